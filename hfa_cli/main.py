@@ -76,7 +76,10 @@ GROUPS = {
 COMMANDS = {name: about for _, commands in GROUPS.values() for name, about in commands.items()}
 
 #: Commands that take a user's own aircraft.
-WITH_AIRCRAFT = ("trim", "linearize", "sweep", "solve", "learn", "verify")
+WITH_AIRCRAFT = (
+    *("trim", "linearize", "sweep", "solve", "learn", "verify"),
+    *("fly", "schedule", "map", "monte-carlo", "export"),
+)
 
 #: Former commands, for one release -> the study that took their place.
 MOVED = {"reproduce": "section5", "study": "update_law", "servo": "servo"}

@@ -60,6 +60,23 @@ def check_in_range(x: State) -> None:
         raise BadInputError(f"dihedral is {np.degrees(x.dihedral):g} deg; it must be above -90 and below 90 deg")
 
 
+def flight_limits(x: State, p: Parameters) -> dict[str, tuple[float, float]]:
+    """Where the equations are meant to hold about a trim, beside the limits of alpha, pitch and dihedral.
+
+    Speed: half to double the trimmed one. Altitude: within 1000 ft. Pitch rate: V tan(α_max)/l_b, at which the tail, a
+    boom behind, meets the air at the largest α. Dihedral rate: V tan(α_max)/(s/3), at which the hinges do. The
+    equations leave out both angles or grow by them, so that beyond these rates they mean little.
+    """
+    steepest = x.speed * math.tan(STATE_SIGNALS.alpha.max)
+    pitch_rate, dihedral_rate = steepest / p.boom_length, steepest / (p.panel_span / 3)
+    return {
+        "speed": (0.5 * x.speed, 2.0 * x.speed),
+        "altitude": (x.altitude - 1000.0, x.altitude + 1000.0),
+        "pitch_rate": (-pitch_rate, pitch_rate),
+        "dihedral_rate": (-dihedral_rate, dihedral_rate),
+    }
+
+
 #: Typical size of an output, by its unit.
 _TYPICAL = {"ft/s^2": 10.0, "rad": 0.1, "ft/s": 10.0, "ft lbf": 1000.0, "lbf": 100.0, "lbf/ft^2": 1.0}
 _PAPER = published_data()["trim"]
@@ -95,6 +112,7 @@ HFA = Model(
     },
     replaced={"pitch": "gamma"},
     # The paper calls its linear model applicable up to this dihedral angle (Section 5.1).
+    envelope=flight_limits,
     check=check_in_range,
     range={"dihedral": (math.radians(15.0), "the paper's range")},
 )

@@ -86,6 +86,8 @@ class Model:
     parameter that sweeps, gain tables and proofs run over. modes: name of a mode -> the states that take part most.
     replaced: state -> output, affine in it, that people name in its place in a trim: pitch -> gamma.
     range: state -> (largest absolute value, whose): beyond it models come with a warning.
+    envelope: (x, p) of a trim, by name -> limits of the states that a flight about it keeps where they are not min and
+    max: state -> (lowest, highest).
     check: raises BadInputError for a state, by name, where the equations mean nothing whatever the limits.
     called: how reports name it; its name unless given. source: the file and name that it was loaded from, and a hash.
     BadInputError when a name is not an identifier, is declared twice or is unknown, or when a number cannot be.
@@ -105,6 +107,7 @@ class Model:
     modes: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     replaced: Mapping[str, str] = field(default_factory=dict)
     range: Mapping[str, tuple[float, str]] = field(default_factory=dict)
+    envelope: Callable[[Any, Any], Mapping[str, tuple[float, float]]] | None = None
     check: Callable[[Any], None] | None = None
     called: str = ""
     source: tuple[str, str] = ("", "")

@@ -1,95 +1,88 @@
-"""The aircraft as a pair of C files: equations, level flights, linear models, one trim and the policy about it."""
+"""An aircraft as a pair of C files: its equations, a trim, the linear model and the policy about it, and a loop."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
 from importlib.resources import files
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
-from hfa_model.aircraft import HFA, Aircraft, Equations
-from hfa_model.dynamics import state_rates, symbols
-from hfa_model.parameters import FIELDS, Parameters
-from hfa_model.variants import Variant
-from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_ROWS, LINEAR_STATES, STATE_UNITS, STATES
+from controller.flight.plants import UPDRAFT
+from hfa_model.aircraft import Aircraft
+from hfa_support.model import Model, components
 from hfa_support.native.c_code import c_function
 from trim.linear.linear_model import LinearModel
-from trim.point.condition import LEVEL_FLIGHT, LIMITS
-from trim.point.operating_point import BALANCE
-from trim.sweeps.points import first_guess, newton_functions
 
-#: What a level flight is given by, in order.
-_GIVEN = ("dihedral", "speed", "altitude", "alpha", "gamma")
 HEADER, SOURCE, EXAMPLE = "hfa_aircraft.h", "hfa_aircraft.c", "loop_100hz.c"
 
 
-@dataclass(frozen=True, eq=False)
-class CModel:
-    """What is written: an aircraft, its linear model at a trim, and a gain K (5, 6), u = -K x; None for none.
+def c_model_texts(
+    aircraft: Aircraft | Model, linear: LinearModel, gain: np.ndarray | None, origin: str
+) -> dict[str, str]:
+    """File -> its text: header, source and, with a gain K (m, k) of u = -K x, a loop of 100 Hz that uses them.
 
-    origin: where it comes from, lines of text.
+    linear: the model at a trim. origin: where it comes from, lines of text. BadInputError for what C cannot express.
     """
-
-    aircraft: Aircraft
-    model: LinearModel
-    gain: np.ndarray | None
-    origin: str
-
-    def header(self) -> str:
-        """The text of `HEADER`: what is there, with names and units."""
-        return filled(
+    model, point = aircraft.model, linear.point
+    said = {"origin": comment_lines(origin), "title": comment_lines(model.title)}
+    K = np.zeros(linear.B.T.shape) if gain is None else gain
+    named = {"state": model.states, "input": model.inputs}
+    tables = [
+        c_table("const double hfa_x0", point.states),
+        c_table("const double hfa_u0", point.inputs),
+        c_table("const double hfa_A", linear.A),
+        c_table("const double hfa_B", linear.B),
+        c_table("const double hfa_K", K),
+        c_table("const int hfa_linear_state", [list(model.states).index(name) for name in model.linear]),
+        *(
+            c_table(f"const char *const hfa_{kind}_name", [f'"{name}"' for name in all_])
+            for kind, all_ in named.items()
+        ),
+        *(
+            c_table(f"const char *const hfa_{kind}_unit", [f'"{unit}"' for unit in model.units(tuple(all_))])
+            for kind, all_ in named.items()
+        ),
+    ]
+    numbers = [(each.start, name, each.unit) for name, each in model.parameters.items()] or [(0.0, "none", "1")]
+    values = "\n".join(f"    {value!r}, /* {name}, {unit} */" for value, name, unit in numbers)
+    texts = {
+        HEADER: filled(
             "hfa_aircraft.h.in",
-            origin=comment_lines(self.origin),
-            states=c_positions(STATES, STATE_UNITS),
-            inputs=c_positions(INPUTS, INPUT_UNITS),
-            linear_states=", ".join(LINEAR_STATES),
-            balance=BALANCE,
-        )
-
-    def source(self) -> str:
-        """The text of `SOURCE`."""
-        variant = self.aircraft.variant
-        parameters = zip(self.aircraft.parameters, Parameters._fields, FIELDS, strict=True)
-        limits = [[LIMITS[name][side] for name in (*STATES, *INPUTS)] for side in (0, 1)]
-        gain = np.zeros((len(INPUTS), len(LINEAR_STATES))) if self.gain is None else self.gain
-        tables = [
-            c_table("const double hfa_x0", self.model.point.states),
-            c_table("const double hfa_u0", self.model.point.inputs),
-            c_table("const double hfa_A", self.model.A),
-            c_table("const double hfa_B", self.model.B),
-            c_table("const double hfa_K", gain),
-            c_table("const int hfa_linear_state", LINEAR_ROWS),
-            c_table("static const double start", first_guess(HFA, LEVEL_FLIGHT.free, {})),
-            c_table("static const double lowest", limits[0]),
-            c_table("static const double highest", limits[1]),
-        ]
-        for name, words in (
-            ("state_name", STATES),
-            ("state_unit", STATE_UNITS),
-            ("input_name", INPUTS),
-            ("input_unit", INPUT_UNITS),
-        ):
-            tables.append(c_table(f"const char *const hfa_{name}", [f'"{word}"' for word in words]))
-        values = "\n".join(f"    {value!r}, /* {name}, {field.unit} */" for value, name, field in parameters)
-        return filled(
+            **said,
+            states=c_positions(tuple(model.states), model.units(tuple(model.states))),
+            inputs=c_positions(tuple(model.inputs), model.units(tuple(model.inputs))),
+            linear_states=", ".join(model.linear),
+            linear_count=len(model.linear),
+        ),
+        SOURCE: filled(
             "hfa_aircraft.c.in",
-            origin=comment_lines(self.origin),
-            parameters=f"static const double parameters[{len(FIELDS)}] = {{\n{values}\n}};",
+            **said,
+            parameters=f"static const double parameters[{len(numbers)}] = {{\n{values}\n}};",
             tables="\n".join(tables),
-            functions="\n".join(_functions(variant)),
-            balance=BALANCE,
-        )
-
-
-def c_model_texts(what: CModel) -> dict[str, str]:
-    """File -> its text: header, source and, with a gain, a loop of 100 Hz that uses them."""
-    texts = {HEADER: what.header(), SOURCE: what.source()}
-    if what.gain is not None:
-        texts[EXAMPLE] = files(__package__).joinpath(EXAMPLE).read_text("utf-8")
+            function=c_function(_rates(model), "rates", ("x", "u", UPDRAFT, "p"), ("dx",)),
+        ),
+    }
+    if gain is not None:
+        state, amount = displaced(model)
+        texts[EXAMPLE] = filled(f"{EXAMPLE}.in", state=state.upper(), amount=amount, unit=model.unit(state))
     return texts
+
+
+def displaced(model: Model) -> tuple[str, float]:
+    """What an example starts off trim: 1 ft/s too fast, or the first state of the linear model by 1 % of its size."""
+    name = "speed" if "speed" in model.states else model.linear[0]
+    return name, 1.0 if name == "speed" else model.states[name].nominal / 100
+
+
+def _rates(model: Model) -> ca.Function:
+    """(x, u, updraft, p) -> dx; a model without that disturbance does not depend on it."""
+    x, u, p = model.layout.symbols("x", "u", "p")
+    w = ca.SX.sym("w")
+    air = [w if name == UPDRAFT else 0.0 for name in model.disturbances]
+    f, _ = model.layout.expressions(tuple(map(components, (x, u, p))), (), air)
+    return ca.Function("rates", [x, u, w, p], [f])
 
 
 def filled(template: str, **values: object) -> str:
@@ -100,23 +93,6 @@ def filled(template: str, **values: object) -> str:
 def comment_lines(text: str) -> str:
     """Text for the inside of a comment of C."""
     return "\n   ".join(text.replace("*/", "* /").splitlines())
-
-
-def _functions(variant: Variant) -> list[str]:
-    (x, u, p), w = symbols(), ca.SX.sym("w")
-    f = state_rates(x, u, p, variant, w)
-    still = state_rates(x, u, p, variant)
-    by_rows = [ca.vec(ca.densify(ca.jacobian(still, by)).T) for by in (x, u)]
-    rates = tuple((name, 0.0, HFA.rate_scale(name)) for name in HFA.steady)
-    functions = newton_functions(replace(HFA, equations=Equations(variant)).layout, _GIVEN, LEVEL_FLIGHT.free, rates)
-    assert functions is not None
-    newton, at = functions
-    return [
-        c_function(ca.Function("rates", [x, u, w, p], [ca.densify(f)]), "rates", ("x", "u", "updraft", "p"), ("dx",)),
-        c_function(ca.Function("jacobians", [x, u, p], by_rows), "jacobians", ("x", "u", "p"), ("A", "B")),
-        c_function(newton, "newton", ("condition", "v", "p"), ("after", "residual")),
-        c_function(at, "level_flight", ("condition", "v", "p"), ("x", "u", "A", "B", "dx")),
-    ]
 
 
 def c_positions(names: Sequence[str], units: Iterable[str], prefix: str = "") -> str:

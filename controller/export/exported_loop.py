@@ -15,24 +15,15 @@ import numpy as np
 
 from controller.design.design import COMMAND_FILTER, signal_unit
 from controller.design.scheduled_controller import COMMAND_SIGNALS, ScheduledController
-from controller.export.c_model import c_positions, c_table, comment_lines, filled
+from controller.export.c_model import c_positions, c_table, comment_lines, displaced, filled
 from controller.flight.actuators import Actuators
 from controller.flight.closed_loop import ClosedLoop
-from controller.flight.plants import NonlinearPlant
+from controller.flight.plants import UPDRAFT, NonlinearPlant
 from controller.policy.policies import GainPolicy, Memoryless, Policy, Seen, Unvaried, gain_constants
 from controller.policy.servo_policy import ServoPolicy, servo_law
 from controller.policy.signals import CommandSteps
 from hfa_model.aircraft import Aircraft
-from hfa_model.vectors import (
-    INPUT_SCALES,
-    INPUT_UNITS,
-    INPUTS,
-    LINEAR_STATES,
-    RATE_UNITS,
-    STATE_SCALES,
-    STATE_UNITS,
-    STATES,
-)
+from hfa_support.model import Model
 from hfa_support.native.c_code import c_function
 from trim.point.operating_point import OperatingPoint
 
@@ -85,14 +76,17 @@ def controller_function(policy: ServoPolicy) -> ca.Function:
     memory = [controller; r; r'], command: what r is on its way to. Deviations from trim; the dihedral absolute, rad.
     """
     made, names = policy.controller, commandable(policy.controller)
-    sizes = {"measured": len(made.measurements), "memory": len(made.states) + 2 * len(names)}
+    model, sizes = (
+        policy.regulated.model,
+        {"measured": len(made.measurements), "memory": len(made.states) + 2 * len(names)},
+    )
     dihedral, command = ca.SX.sym("dihedral"), ca.SX.sym("command", len(names))
-    lowest, highest = (ca.SX.sym(name, len(INPUTS)) for name in ("lowest", "highest"))
+    lowest, highest = (ca.SX.sym(name, len(model.inputs)) for name in ("lowest", "highest"))
     measured, memory = (ca.SX.sym(name, size) for name, size in sizes.items())
     own, r, slope = ca.vertsplit(memory, [0, *np.cumsum([len(made.states), len(names), len(names)]).tolist()])
     told = replace(policy, commands=Given(r, slope, command, names), outputs=Given(measured))
-    states = ca.SX(len(LINEAR_STATES), 1)
-    states[LINEAR_STATES.index("dihedral")] = dihedral - policy.dihedral
+    states = ca.SX(len(model.linear), 1)
+    states[model.linear.index(model.schedule)] = dihedral - policy.dihedral
     nothing = ca.SX(0, 1)
     seen, t = Seen(states, states, nothing, nothing), ca.SX.sym("t")
     u = ca.fmin(ca.fmax(told.control(t, seen, own, nothing), lowest), highest)
@@ -101,7 +95,7 @@ def controller_function(policy: ServoPolicy) -> ca.Function:
     return ca.Function("controller", arguments, [ca.densify(u), ca.densify(rate)], {"cse": True})
 
 
-def trimmed_policy(controller: ScheduledController, aircraft: Aircraft, point: OperatingPoint) -> ServoPolicy:
+def trimmed_policy(controller: ScheduledController, aircraft: Aircraft | Model, point: OperatingPoint) -> ServoPolicy:
     """The controller about a trim, without commands.
 
     BadInputError when it was made for another aircraft or other angles.
@@ -117,7 +111,7 @@ def longest_step(controller: ScheduledController) -> float:
 
 
 def c_controller_texts(
-    controller: ScheduledController, aircraft: Aircraft, point: OperatingPoint, origin: str
+    controller: ScheduledController, aircraft: Aircraft | Model, point: OperatingPoint, origin: str
 ) -> dict[str, str]:
     """File -> its text: header and source. origin: where it comes from, lines of text.
 
@@ -146,7 +140,7 @@ def c_controller_texts(
             memory=c_positions(memory, [""] * len(memory), "MEMORY_"),
             measured=c_positions(*names_and_units["measured"], "MEASURED_"),
             command=c_positions(*names_and_units["command"], "COMMAND_"),
-            inputs=len(INPUTS),
+            inputs=len(point.inputs),
             longest=longest,
         ),
         SOURCE: filled(
@@ -173,43 +167,48 @@ class Channel(NamedTuple):
 class ExportedLoop:
     """y' = f(y, v), and the inputs u = g(y, v) of the aircraft where something sets them; absolute values.
 
-    function: (y, v) -> (f, g), g empty where u are among v. longest_step: s, that Runge-Kutta 4 may take.
+    function: (y, v) -> (f, g), g empty where u are among v. flown: how many of the states, the first, are those of the
+    aircraft. longest_step: s, that Runge-Kutta 4 may take.
     """
 
     function: ca.Function
     states: tuple[Channel, ...]
     outputs: tuple[Channel, ...]
     inputs: tuple[Channel, ...]
+    flown: int
     longest_step: float = 1e-3
 
 
-def aircraft_loop(aircraft: Aircraft, point: OperatingPoint) -> ExportedLoop:
-    """X' = f(X, U, w): v = [U; w]."""
-    X, U, w = ca.SX.sym("X", len(STATES)), ca.SX.sym("U", len(INPUTS)), ca.SX.sym("w")
+def aircraft_loop(aircraft: Aircraft | Model, point: OperatingPoint) -> ExportedLoop:
+    """X' = f(X, U, w): v = [U; w], w the updraft of a model that has one."""
+    model, w = aircraft.model, _updraft(aircraft)
+    X, U = ca.SX.sym("X", len(model.states)), ca.SX.sym("U", len(model.inputs))
     x, u = X - ca.DM(np.array(point.states)), U - ca.DM(np.array(point.inputs))
-    rate = NonlinearPlant(aircraft, point).rate(x, u, ca.DM.zeros(len(LINEAR_STATES)), w)
+    winds = {UPDRAFT: w} if w.numel() else {}
+    rate = NonlinearPlant(aircraft, point).rate(x, u, ca.DM.zeros(len(model.linear)), winds)
     function = ca.Function("loop", [X, ca.vertcat(U, w)], [ca.densify(rate), ca.DM(0, 1)])
-    return ExportedLoop(function, _states(point), (), (*_inputs(point), _UPDRAFT))
+    return ExportedLoop(function, _states(point), (), (*_inputs(point), *_air(model)), len(model.states))
 
 
-def gain_loop(aircraft: Aircraft, point: OperatingPoint, gain: np.ndarray) -> ExportedLoop:
-    """U = U0 - K (x - X0 - reference): v = [w; reference (6,)]."""
-    reference, w = ca.SX.sym("reference", len(LINEAR_STATES)), ca.SX.sym("w")
-    X, rate, U = _closed(aircraft, point, GainPolicy(), w, constants=gain_constants(gain), reference=reference)
-    told = tuple(Channel(f"reference_{name}", getattr(STATE_UNITS, name)) for name in LINEAR_STATES)
+def gain_loop(aircraft: Aircraft | Model, point: OperatingPoint, gain: np.ndarray) -> ExportedLoop:
+    """U = U0 - K (x - X0 - reference): v = [w; reference (k,)]."""
+    model, w = aircraft.model, _updraft(aircraft)
+    reference, policy = ca.SX.sym("reference", len(model.linear)), GainPolicy(*gain.shape)
+    X, rate, U = _closed(aircraft, point, policy, w, constants=gain_constants(gain), reference=reference)
+    told = tuple(Channel(f"reference_{name}", model.unit(name)) for name in model.linear)
     function = ca.Function("loop", [X, ca.vertcat(w, reference)], [rate, U])
-    return ExportedLoop(function, _states(point), _inputs(point), (_UPDRAFT, *told))
+    return ExportedLoop(function, _states(point), _inputs(point), (*_air(model), *told), len(model.states))
 
 
 def controller_loop(
-    aircraft: Aircraft, point: OperatingPoint, controller: ScheduledController, actuators: Actuators
+    aircraft: Aircraft | Model, point: OperatingPoint, controller: ScheduledController, actuators: Actuators
 ) -> ExportedLoop:
     """The loop that `fly` integrates, with the command filter as states: v = [w; commanded values].
 
     y = [X; actuators; controller; r; r']: actuators and commands as deviations from trim. BadInputError when the
     controller was made for another aircraft or other angles, or an actuator cannot hold the trim.
     """
-    names, w = commandable(controller), ca.SX.sym("w")
+    names, w = commandable(controller), _updraft(aircraft)
     r, slope, goal = (ca.SX.sym(name, len(names)) for name in ("r", "slope", "goal"))
     policy = replace(trimmed_policy(controller, aircraft, point), commands=Given(r, slope, goal, names))
     Y, rate, U = _closed(aircraft, point, policy, w, actuators=actuators)
@@ -220,34 +219,40 @@ def controller_loop(
     units = [signal_unit(name) for name in names]
     states = (
         *_states(point),
-        *_actuator_states(actuators),
+        *_actuator_states(actuators, point.model),
         *(Channel(f"controller_{name}", None) for name in controller.states),
         *(Channel(f"command_{name}_filtered", unit) for name, unit in zip(names, units, strict=True)),
         *(Channel(f"command_{name}_filtered_rate", None) for name in names),
     )
     inputs = tuple(Channel(f"command_{name}", unit) for name, unit in zip(names, units, strict=True))
-    return ExportedLoop(function, states, _inputs(point), (_UPDRAFT, *inputs), longest_step(controller))
+    told = (*_air(aircraft.model), *inputs)
+    return ExportedLoop(function, states, _inputs(point), told, len(point.states), longest_step(controller))
 
 
 def held_loop(
-    aircraft: Aircraft, point: OperatingPoint, controller: ScheduledController, actuators: Actuators
+    aircraft: Aircraft | Model, point: OperatingPoint, controller: ScheduledController, actuators: Actuators
 ) -> tuple[ca.Function, tuple[Channel, ...]]:
-    """(y, u) -> (y', dihedral, measured) of the inputs u (5,) that a computer holds, y = [X; actuators], and y.
+    """(y, u) -> (y', dihedral, measured) of the inputs u (m,) that a computer holds, y = [X; actuators], and y.
 
     u, actuators and measured as deviations from trim. BadInputError as in `controller_loop`, and when the controller
     measures what these actuators do not have.
     """
-    policy, u = trimmed_policy(controller, aircraft, point), ca.SX.sym("u", len(INPUTS))
-    Y, rate, _ = _closed(aircraft, point, Given(u), ca.SX(0), actuators=actuators)
-    X, moved = Y[: len(STATES)], Y[len(STATES) :]
+    policy, u = trimmed_policy(controller, aircraft, point), ca.SX.sym("u", len(point.inputs))
+    Y, rate, _ = _closed(aircraft, point, Given(u), ca.SX(0, 1), actuators=actuators)
+    n = len(point.states)
+    X, moved = Y[:n], Y[n:]
     x = NonlinearPlant(aircraft, point).seen(X - ca.DM(np.array(point.states)))
     seen = Seen(x, x, actuators.position(moved, np.array(point.inputs)), actuators.rates(moved))
-    sensed = [X[STATES.index("dihedral")], ca.densify(policy.outputs.at(seen))]
-    return ca.Function("loop", [Y, u], [rate, *sensed], {"cse": True}), (*_states(point), *_actuator_states(actuators))
+    scheduled = list(point.model.states).index(point.model.schedule)
+    sensed = [X[scheduled], ca.densify(policy.outputs.at(seen))]
+    return ca.Function("loop", [Y, u], [rate, *sensed], {"cse": True}), (
+        *_states(point),
+        *_actuator_states(actuators, point.model),
+    )
 
 
 def _closed(
-    aircraft: Aircraft,
+    aircraft: Aircraft | Model,
     point: OperatingPoint,
     policy: Policy,
     w: ca.SX,
@@ -258,42 +263,58 @@ def _closed(
 ) -> tuple[ca.SX, ca.SX, ca.SX]:
     """Y = [X; actuators; memory], its rate, and U."""
     told: dict[str, Any] = {} if reference is None else {"reference": Given(reference)}
-    trim = np.array(point.inputs)
-    loop = ClosedLoop(NonlinearPlant(aircraft, point), policy, gust=Given(w), actuators=actuators, trim=trim, **told)
+    trim, gust = np.array(point.inputs), Given(w) if w.numel() else None
+    loop = ClosedLoop(NonlinearPlant(aircraft, point), policy, gust=gust, actuators=actuators, trim=trim, **told)
     t, Y, _ = loop.symbols()
     offsets = np.zeros(Y.numel())
-    offsets[: len(STATES)] = point.states
+    offsets[: len(point.states)] = point.states
     now = loop.at(t, Y - ca.DM(offsets), ca.SX(ca.DM(np.zeros(0) if constants is None else constants)))
     return Y, ca.densify(now.rate), ca.densify(now.inputs + ca.DM(trim))
 
 
-_UPDRAFT = Channel("updraft", "ft/s")
+def _updraft(aircraft: Aircraft | Model) -> ca.SX:
+    """The updraft of a model that has one, else (0, 1)."""
+    return ca.SX.sym("w", int(UPDRAFT in aircraft.model.disturbances))
+
+
+def _air(model: Model) -> tuple[Channel, ...]:
+    return (Channel(UPDRAFT, model.unit(UPDRAFT)),) if UPDRAFT in model.disturbances else ()
 
 
 def _states(point: OperatingPoint) -> tuple[Channel, ...]:
-    return tuple(map(Channel, STATES, STATE_UNITS, point.states, STATE_SCALES, RATE_UNITS))
+    model = point.model
+    return tuple(
+        Channel(name, each.unit, getattr(point.states, name), each.nominal, model.rate_unit(name))
+        for name, each in model.states.items()
+    )
 
 
 def _inputs(point: OperatingPoint) -> tuple[Channel, ...]:
-    return tuple(map(Channel, INPUTS, INPUT_UNITS, point.inputs, INPUT_SCALES))
+    given = point.model.inputs.items()
+    return tuple(Channel(name, each.unit, getattr(point.inputs, name), each.nominal) for name, each in given)
 
 
-def _actuator_states(actuators: Actuators) -> list[Channel]:
+def _actuator_states(actuators: Actuators, model: Model) -> list[Channel]:
     """Deviations from trim, and with order 2 their rates."""
     suffixes = ("actuator", "actuator_rate")[: actuators.order]
     return [
-        Channel(f"{name}_{suffix}", unit if suffix == "actuator" else None, size=size)
+        Channel(f"{name}_{suffix}", each.unit if suffix == "actuator" else None, size=each.nominal)
         for suffix in suffixes
-        for name, unit, size in zip(INPUTS, INPUT_UNITS, INPUT_SCALES, strict=True)
+        for name, each in model.inputs.items()
     ]
 
 
 def controller_example(
-    controller: ScheduledController, aircraft: Aircraft, point: OperatingPoint, actuators: Actuators, origin: str
+    controller: ScheduledController,
+    aircraft: Aircraft | Model,
+    point: OperatingPoint,
+    actuators: Actuators,
+    origin: str,
 ) -> str:
     """The text of `EXAMPLE`; it needs `hfa_controller.h` and `.c`. BadInputError as in `held_loop`."""
     function, states = held_loop(aircraft, point, controller, actuators)
     names, trim = commandable(controller), np.array(point.inputs)
+    model, (state, amount) = point.model, displaced(point.model)
     commanded = f"{COMMANDED:g} {signal_unit(names[0])} of {names[0]}" if names else "nothing"
     return filled(
         f"{EXAMPLE}.in",
@@ -302,7 +323,10 @@ def controller_example(
         commanded=COMMANDED if names else 0.0,
         seconds=SECONDS,
         states=len(states),
-        dihedral=STATES.index("dihedral"),
+        displaced=list(model.states).index(state),
+        amount=amount,
+        unit=model.unit(state),
+        dihedral=list(model.states).index(model.schedule),
         tables="\n".join(
             [
                 c_table("static const char *const name", [f'"{each.name}"' for each in states]),

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 import subprocess
 import sys
 import zipfile
@@ -20,7 +21,6 @@ import casadi as ca
 from controller.export.c_model import comment_lines
 from controller.export.exported_loop import ExportedLoop
 from hfa_model.provenance import Provenance
-from hfa_model.vectors import STATES
 from hfa_support.errors import NoSolutionError
 from hfa_support.files import temporary_folder, written_whole
 from hfa_support.jsonable import json_text
@@ -34,6 +34,7 @@ _FOLDERS = {"linux": ("linux64", "so"), "darwin": ("darwin64", "dylib"), "win32"
 #: Unit -> exponents of base units, factor.
 _BASE = {
     "1": {},
+    "deg": {"rad": "1", "factor": repr(math.pi / 180)},
     "rad": {"rad": "1"},
     "rad/s": {"rad": "1", "s": "-1"},
     "rad/s^2": {"rad": "1", "s": "-2"},
@@ -57,7 +58,7 @@ class ScalarVariable:
 
 def variables(loop: ExportedLoop) -> list[ScalarVariable]:
     """States, their rates, the inputs of the aircraft where something sets them, the inputs of the loop."""
-    n, flown = len(loop.states), len(STATES)
+    n, flown = len(loop.states), loop.flown
     listed: list[tuple[str, str | None, str, float | None]] = [
         *((one.name, one.unit, "output" if k < flown else "local", one.start) for k, one in enumerate(loop.states)),
         *((f"der({one.name})", one.rate_unit, "local", None) for one in loop.states),
@@ -146,7 +147,8 @@ def description(loop: ExportedLoop, origin: Provenance, guid: str) -> str:
     units = xml.SubElement(root, "UnitDefinitions")
     for unit in dict.fromkeys(each.unit for each in known if each.unit is not None):
         defined = xml.SubElement(units, "Unit", name=unit)
-        xml.SubElement(defined, "BaseUnit", _BASE[unit])
+        if unit in _BASE:
+            xml.SubElement(defined, "BaseUnit", _BASE[unit])
     xml.SubElement(root, "DefaultExperiment", startTime="0", stopTime="60", stepSize="0.01")
     listed = xml.SubElement(root, "ModelVariables")
     for each in known:

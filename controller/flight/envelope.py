@@ -2,193 +2,210 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
 
-from hfa_model.kinematics import angle_of_attack
-from hfa_model.parameters import Parameters
-from hfa_model.vectors import INPUTS, STATE_UNITS, STATES, UNITS, State
+from hfa_model.aircraft import Aircraft
 from hfa_support.errors import BadInputError, pair_of, refuse_unknown
+from hfa_support.model import Model, components, record
 from hfa_support.native.bound import RowsFunction, cached_per_thread
 from hfa_support.reporting.text import degrees, short_number, shown_unit
-from trim.point.condition import CONTROL_LIMITS, STATE_LIMITS, describe
 from trim.point.operating_point import OperatingPoint
 
-#: Altitude that a flight may gain or lose, ft.
-ALTITUDE_BAND = 1000.0
-#: Slowest and fastest flight, as fractions of the trimmed speed.
-SLOWEST, FASTEST = 0.5, 2.0
-
-
-#: What the limits of alpha count on where the air moves: alpha through the air, not over ground.
-ANGLE_OF_ATTACK = "angle_of_attack"
+#: The state whose limits count on this output where the air moves: alpha through the air, not over ground.
+ALPHA, ANGLE_OF_ATTACK = "alpha", "angle_of_attack"
 #: Said where the air moves.
 OVER_GROUND = f"alpha is over ground; the envelope limits {ANGLE_OF_ATTACK}, which is through the air"
 
+#: Disturbance -> its values, (N,): the air in which rows of states are; none in still air.
+WindRows = Mapping[str, np.ndarray]
+
 
 class Departure(NamedTuple):
-    """What left the envelope first: its name (`limited_names`), the time in s, its value and the limit it passed."""
+    """What left the envelope first: its name (`limited_names`), the time in s, its value, the limit it passed, unit."""
 
     state: str
     time: float
     value: float
     limit: float
+    unit: str
 
     def text(self) -> str:
         """In degrees for angles."""
-        unit = UNITS[self.state]
-        value, limit = short_number(self.value, unit), short_number(self.limit, unit)
-        return f"left the envelope: {self.state} first, at {self.time:.4g} s, {value} {shown_unit(unit)} beyond {limit}"
+        value, limit = short_number(self.value, self.unit), short_number(self.limit, self.unit)
+        unit = "" if self.unit == "1" else f" {shown_unit(self.unit)}"
+        return f"left the envelope: {self.state} first, at {self.time:.4g} s, {value}{unit} beyond {limit}"
 
 
 class ControlExcess(NamedTuple):
-    """An input that went beyond one of `CONTROL_LIMITS`: its farthest value and that limit."""
+    """An input that went beyond one of its control limits: its farthest value and that limit."""
 
     input: str
     value: float
     limit: float
-
-    @property
-    def share(self) -> float:
-        """How far beyond, as a share of the range between the two limits."""
-        lowest, highest = getattr(CONTROL_LIMITS, self.input)
-        return float(abs(self.value - self.limit) / (highest - lowest))
+    unit: str
 
     def text(self) -> str:
         """In degrees for angles."""
-        unit = UNITS[self.input]
-        return (
-            f"{self.input} {short_number(self.value, unit)} {shown_unit(unit)} beyond {short_number(self.limit, unit)}"
-        )
+        unit = "" if self.unit == "1" else f" {shown_unit(self.unit)}"
+        return f"{self.input} {short_number(self.value, self.unit)}{unit} beyond {short_number(self.limit, self.unit)}"
 
 
-def control_excesses(lowest: np.ndarray, highest: np.ndarray) -> tuple[ControlExcess, ...]:
-    """Inputs beyond their limits, the farthest first; lowest, highest: of each input in a flight, (5,), absolute."""
-    low, high = np.array(CONTROL_LIMITS).T
+def control_limits(model: Model) -> np.ndarray:
+    """Lowest and highest value of each input, (2, m)."""
+    return np.array([(each.min, each.max) for each in model.inputs.values()]).T
+
+
+def control_excesses(model: Model, lowest: np.ndarray, highest: np.ndarray) -> tuple[ControlExcess, ...]:
+    """Inputs beyond their limits, the farthest first as a share of the range between both; lowest, highest: of each
+    input in a flight, (m,), absolute."""
+    low, high = control_limits(model)
     below = low - lowest > highest - high  # the side on which an input is farther beyond
     values, limits = np.where(below, lowest, highest), np.where(below, low, high)
-    beyond = beyond_control_limits(values)
-    found = [ControlExcess(INPUTS[i], float(values[i]), float(limits[i])) for i in np.flatnonzero(beyond)]
-    return tuple(sorted(found, key=lambda each: -each.share))
+    with np.errstate(invalid="ignore"):  # of inputs without limits, which are never beyond them
+        share = np.abs(values - limits) / (high - low)
+    found = sorted(np.flatnonzero(beyond_control_limits(model, values)), key=lambda i: -share[i])
+    names = tuple(model.inputs)
+    return tuple(ControlExcess(names[i], float(values[i]), float(limits[i]), model.unit(names[i])) for i in found)
 
 
-def beyond_control_limits(inputs: np.ndarray) -> np.ndarray:
-    """Whether each of inputs (.., 5), absolute, lies beyond `CONTROL_LIMITS`, by more than rounding."""
-    low, high = np.array(CONTROL_LIMITS).T
+def beyond_control_limits(model: Model, inputs: np.ndarray) -> np.ndarray:
+    """Whether each of inputs (.., m), absolute, lies beyond its limits, by more than rounding."""
+    low, high = control_limits(model)
     return np.asarray((inputs < low - 1e-9 * (1 + np.abs(low))) | (inputs > high + 1e-9 * (1 + np.abs(high))))
 
 
-def limited_names(moving_air: bool) -> tuple[str, ...]:
-    """What each of the seven limits counts on: the states, alpha replaced by `ANGLE_OF_ATTACK` where the air moves."""
-    return tuple(ANGLE_OF_ATTACK if moving_air and name == "alpha" else name for name in STATES)
+def flown_through_air(model: Model) -> bool:
+    """Whether a model has an alpha over ground and one through the air."""
+    return ALPHA in model.states and ANGLE_OF_ATTACK in model.outputs
 
 
-def angles_of_attack(states: np.ndarray, updrafts: np.ndarray | None) -> np.ndarray:
-    """Alpha through the air, (N,), rad, of absolute states (N, 7) in updrafts (N,), ft/s; None: still air."""
-    if updrafts is None:
-        return np.asarray(states[:, STATES.index("alpha")])
-    return _angle_of_attack()(len(states), states, updrafts[:, None])[0].ravel()
+def limited_names(model: Model, moving_air: bool) -> tuple[str, ...]:
+    """What each limit counts on: the states, alpha replaced by `ANGLE_OF_ATTACK` where the air moves."""
+    instead = {ALPHA: ANGLE_OF_ATTACK} if moving_air and flown_through_air(model) else {}
+    return tuple(instead.get(name, name) for name in model.states)
 
 
-@cached_per_thread(1)
-def _angle_of_attack() -> RowsFunction:
-    """(x (7,), w) -> alpha through the air: asked at every tick of a flight, so that it is built once."""
-    x, w = ca.SX.sym("x", len(STATES)), ca.SX.sym("w")
-    return RowsFunction(ca.Function("angle_of_attack", [x, w], [angle_of_attack(State(*ca.vertsplit(x)), w)]))
+def through_air(model: Model, x: Any, winds: Mapping[str, Any]) -> ca.SX:
+    """`ANGLE_OF_ATTACK` of a model at states, a list of n expressions, in winds.
+
+    BadInputError where it depends on an input: then it is no angle of the flow alone.
+    """
+    u = ca.SX.sym("u", len(model.inputs))
+    w = [winds.get(name, 0.0) for name in model.disturbances]
+    angle = model.layout.expressions((x, components(u), model.p.tolist()), (ANGLE_OF_ATTACK,), w)[1]
+    if ca.depends_on(angle, u):
+        raise BadInputError(f"{model.name}: {ANGLE_OF_ATTACK} depends on an input; rename that output")
+    return angle
+
+
+def angles_of_attack(model: Model, states: np.ndarray, winds: WindRows | None) -> np.ndarray:
+    """Alpha through the air, (N,), rad, of absolute states (N, n); winds: None in still air."""
+    if not winds:
+        return np.asarray(states[:, list(model.states).index(ALPHA)])
+    rows = np.column_stack(list(winds.values()))
+    return np.asarray(_angle_of_attack(model, tuple(winds))(len(states), states, rows)[0].ravel())
+
+
+@cached_per_thread(4)
+def _angle_of_attack(model: Model, names: tuple[str, ...]) -> RowsFunction:
+    """(x (n,), w (k,)) -> alpha through the air: asked at every tick of a flight, so that it is built once."""
+    (x,), w = model.layout.symbols("x"), ca.SX.sym("w", len(names))
+    angle = through_air(model, components(x), dict(zip(names, components(w), strict=True)))
+    return RowsFunction(ca.Function("angle_of_attack", [x, w], [angle]))
 
 
 @dataclass(frozen=True)
 class Envelope:
-    """lowest, highest: absolute limits of every state, in the units of `STATES`; of alpha: through the air.
+    """lowest, highest: absolute limits of every state of a model, by name; of alpha: through the air.
 
-    Its methods take updrafts, in which the states are, ft/s, as `angles_of_attack` does; None: still air, where alpha
-    over ground is alpha through the air.
+    Its methods take the winds in which the states are; None: still air, where alpha over ground is alpha through the
+    air.
     """
 
-    lowest: State
-    highest: State
+    lowest: Any
+    highest: Any
+    model: Model
 
     def to_dict(self, moving_air: bool = False) -> dict[str, list[float]]:
         """Name of `limited_names` -> [lowest, highest]."""
-        pairs = zip(limited_names(moving_air), self.lowest, self.highest, strict=True)
+        pairs = zip(limited_names(self.model, moving_air), self.lowest, self.highest, strict=True)
         return {name: [float(low), float(high)] for name, low, high in pairs}
 
     def limits_text(self, index: int) -> str:
         """The limits of a state, degrees for angles."""
-        unit = STATE_UNITS[index]
+        unit = self.model.unit(tuple(self.model.states)[index])
+        if np.isinf([self.lowest[index], self.highest[index]]).all():
+            return "none"
         return f"{short_number(self.lowest[index], unit)} to {short_number(self.highest[index], unit)}"
 
-    def inside(self, states: np.ndarray, updrafts: np.ndarray | None = None) -> np.ndarray:
-        """Which rows of (N, 7) absolute states are within all limits; a number that is not finite is not."""
-        limited = _limited(states, updrafts)
-        return np.asarray(((limited >= np.array(self.lowest)) & (limited <= np.array(self.highest))).all(axis=-1))
+    def inside(self, states: np.ndarray, winds: WindRows | None = None) -> np.ndarray:
+        """Which rows of (N, n) absolute states are within all limits; a number that is not finite is not."""
+        limited = self._limited(states, winds)
+        within = (limited >= np.array(self.lowest)) & (limited <= np.array(self.highest)) & np.isfinite(limited)
+        return np.asarray(within.all(axis=-1))
 
-    def refuse_start(self, states: np.ndarray, updrafts: np.ndarray | None = None) -> None:
-        """BadInputError when a flight from these absolute states, (7,), in updrafts of one row, begins outside."""
-        found = self.departure(np.zeros(1), states[None], updrafts)
+    def refuse_start(self, states: np.ndarray, winds: WindRows | None = None) -> None:
+        """BadInputError when a flight from these absolute states, (n,), in winds of one row, begins outside."""
+        found = self.departure(np.zeros(1), states[None], winds)
         if found is not None:
-            (value, unit), (limit, _) = (degrees(x, UNITS[found.state]) for x in (found.value, found.limit))
+            (value, unit), (limit, _) = (degrees(x, found.unit) for x in (found.value, found.limit))
             raise BadInputError(
                 f"the flight begins with {found.state} {float(value):.6g}, beyond the limit of {float(limit):.6g} "
                 f"{unit}; begin inside the envelope, or widen it"
             )
 
-    def departure(self, times: np.ndarray, states: np.ndarray, updrafts: np.ndarray | None = None) -> Departure | None:
-        """The first row of (N, 7) absolute states outside, and its state with the largest excess in half-widths."""
-        outside = ~self.inside(states, updrafts)
+    def departure(self, times: np.ndarray, states: np.ndarray, winds: WindRows | None = None) -> Departure | None:
+        """The first row of (N, n) absolute states outside, and its state with the largest excess in half-widths."""
+        outside = ~self.inside(states, winds)
         if not outside.any():
             return None
         row = int(np.argmax(outside))
-        limited = _limited(states, updrafts)[row]
+        limited = self._limited(states, winds)[row]
         lowest, highest = np.array(self.lowest), np.array(self.highest)
-        excess = np.maximum(limited - highest, lowest - limited) / (highest - lowest)
-        index = int(np.argmax(np.where(np.isfinite(excess), excess, np.inf)))
+        width = np.where(np.isfinite(highest - lowest), highest - lowest, 1.0)
+        excess = np.maximum(limited - highest, lowest - limited) / width
+        index = int(np.argmax(np.where(np.isfinite(limited), excess, np.inf)))
         value = float(limited[index])
         limit = lowest[index] if value < lowest[index] else highest[index]
-        return Departure(limited_names(updrafts is not None)[index], float(times[row]), value, float(limit))
+        unit, name = self.model.unit(tuple(self.model.states)[index]), limited_names(self.model, bool(winds))[index]
+        return Departure(name, float(times[row]), value, float(limit), unit)
 
-
-def _limited(states: np.ndarray, updrafts: np.ndarray | None) -> np.ndarray:
-    """What the limits count on, (N, 7)."""
-    if updrafts is None:
-        return states
-    limited = states.copy()
-    limited[:, STATES.index("alpha")] = angles_of_attack(states, updrafts)
-    return limited
+    def _limited(self, states: np.ndarray, winds: WindRows | None) -> np.ndarray:
+        """What the limits count on, (N, n)."""
+        if not winds or not flown_through_air(self.model):
+            return states
+        limited = states.copy()
+        limited[:, list(self.model.states).index(ALPHA)] = angles_of_attack(self.model, states, winds)
+        return limited
 
 
 def flight_envelope(
-    parameters: Parameters, point: OperatingPoint, changes: Mapping[str, tuple[float, float]] | None = None
+    aircraft: Aircraft | Model, point: OperatingPoint, changes: Mapping[str, tuple[float, float]] | None = None
 ) -> Envelope:
-    """Where the equations are meant to hold, about a trim.
+    """Where the equations of an aircraft are meant to hold, about a trim: min and max of its states, and what its model
+    limits about a trim (`Model.envelope`).
 
-    Speed: half to double the trimmed one. Altitude: within `ALTITUDE_BAND`. Alpha, pitch, dihedral: `STATE_LIMITS`
-    of the trim. Pitch rate: V tan(α_max)/l_b, at which the tail, a boom behind, meets the air at the largest α.
-    Dihedral rate: V tan(α_max)/(s/3), at which the hinges do. The equations leave out both angles or grow by them,
-    so that beyond these rates they mean little. changes: state -> (lowest, highest), absolute, replaces a pair;
-    `ANGLE_OF_ATTACK` is another name of alpha's.
+    changes: state -> (lowest, highest), absolute, replaces a pair; `ANGLE_OF_ATTACK` is another name of alpha's.
     BadInputError for a name that is no state, or when the trim lies outside.
     """
-    at = point.states
-    steepest = at.speed * math.tan(STATE_LIMITS.alpha[1])
-    pitch_rate, dihedral_rate = steepest / parameters.boom_length, steepest / (parameters.panel_span / 3)
-    pairs = STATE_LIMITS._asdict() | {
-        "speed": (SLOWEST * at.speed, FASTEST * at.speed),
-        "altitude": (at.altitude - ALTITUDE_BAND, at.altitude + ALTITUDE_BAND),
-        "pitch_rate": (-pitch_rate, pitch_rate),
-        "dihedral_rate": (-dihedral_rate, dihedral_rate),
-    }
+    model = aircraft.model
+    pairs = {name: (each.min, each.max) for name, each in model.states.items()}
+    if model.envelope is not None:
+        pairs |= model.envelope(point.states, model.layout.record("p", model.p.tolist()))
     for given, pair in (changes or {}).items():
-        name = "alpha" if given == ANGLE_OF_ATTACK else given
-        refuse_unknown("the envelope has no state", name, STATES)
+        name = ALPHA if given == ANGLE_OF_ATTACK else given
+        refuse_unknown("the envelope has no state", name, tuple(model.states))
         pairs[name] = pair_of(f"the envelope of {given}", pair)
     for name, (lowest, highest) in pairs.items():
-        if not lowest <= getattr(at, name) <= highest:
-            found, low, high = (describe(name, value) for value in (getattr(at, name), lowest, highest))
+        at = getattr(point.states, name)
+        if not lowest <= at <= highest:
+            found, low, high = (model.describe(name, value) for value in (at, lowest, highest))
             raise BadInputError(f"the trim has {name} {found}, outside the envelope's {low} to {high}")
-    return Envelope(*(State(**{name: pair[side] for name, pair in pairs.items()}) for side in (0, 1)))
+    values = record(tuple(model.states))
+    lowest, highest = (values(**{name: pair[side] for name, pair in pairs.items()}) for side in (0, 1))
+    return Envelope(lowest, highest, model)

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol
+from typing import Any, Protocol
 
 import casadi as ca
 import numpy as np
 
 from controller.policy.policies import Memoryless, Unvaried
-from hfa_model.vectors import Quantity
 from hfa_support.errors import BadInputError, refuse_unless_positive
 
 #: Time scales of turbulence, in ticks: shorter ones a noise that is held for a tick cannot make, longer ones leave
@@ -32,10 +31,10 @@ class Gust(Protocol):
     def constants_size(self) -> int:
         """Length of p."""
 
-    def updraft(self, t: Quantity, memory: ca.SX, p: ca.SX) -> Quantity:
+    def updraft(self, t: Any, memory: ca.SX, p: ca.SX) -> Any:
         """w(t)."""
 
-    def memory_rate(self, t: Quantity, memory: ca.SX, p: ca.SX) -> ca.SX:
+    def memory_rate(self, t: Any, memory: ca.SX, p: ca.SX) -> ca.SX:
         """d(memory)/dt, (memory_size,)."""
 
     def start(self) -> np.ndarray:
@@ -67,7 +66,7 @@ class OneMinusCosine(Memoryless, Unvaried):
         if not np.isfinite([self.peak, self.begin]).all():
             raise BadInputError(f"the gust's peak is {self.peak} and its begin {self.begin}; give finite numbers")
 
-    def updraft(self, t: Quantity, memory: ca.SX, p: ca.SX) -> Quantity:
+    def updraft(self, t: Any, memory: ca.SX, p: ca.SX) -> Any:
         """The gust at t; expressions or numbers."""
         phase = 2 * np.pi * self.speed * (t - self.begin) / self.length
         return self.peak / 2 * (1 - ca.cos(ca.fmin(ca.fmax(phase, 0.0), 2 * np.pi)))
@@ -110,11 +109,11 @@ class Dryden:
         if self.seed < 0:
             raise BadInputError(f"the gust's seed is {self.seed}; give a whole number from 0")
 
-    def updraft(self, t: Quantity, memory: ca.SX, p: ca.SX) -> Quantity:
+    def updraft(self, t: Any, memory: ca.SX, p: ca.SX) -> Any:
         """sigma sqrt(τ) (x1 + √3 τ x2) in the states of `memory_rate`."""
         return self.intensity * (self._output[0] * memory[0] + self._output[1] * memory[1])
 
-    def memory_rate(self, t: Quantity, memory: ca.SX, p: ca.SX) -> ca.SX:
+    def memory_rate(self, t: Any, memory: ca.SX, p: ca.SX) -> ca.SX:
         """x1' = x2,  x2' = -x1/τ² - 2 x2/τ + n/τ²: x1 = n / (1 + τ s)²."""
         A, b = self._filter
         return ca.mtimes(ca.DM(A), memory) + ca.DM(b) * p

@@ -14,28 +14,26 @@ import numpy as np
 
 from controller.flight.actuators import LONGEST_STEP
 from controller.flight.closed_loop import ClosedLoop
-from controller.flight.envelope import ANGLE_OF_ATTACK, OVER_GROUND, Envelope, beyond_control_limits, limited_names
+from controller.flight.envelope import (
+    ANGLE_OF_ATTACK,
+    OVER_GROUND,
+    Envelope,
+    beyond_control_limits,
+    flown_through_air,
+    limited_names,
+)
 from controller.flight.integrator import COMPILE_FROM_STEPS
-from controller.flight.plants import UncertainAircraft
+from controller.flight.nonlinear_flight import names_and_units
+from controller.flight.plants import NonlinearPlant
 from controller.flight.scenario import Scenario, Uncertainty, loop_of
 from controller.flight.simulation import Summary, SummedLoop
 from controller.policy.policies import FlownLaw
 from controller.policy.signals import CommandedStates, Signal
-from hfa_model.parameters import Parameters
-from hfa_model.variants import variant_named
-from hfa_model.vectors import (
-    INPUT_UNITS,
-    INPUTS,
-    LINEAR_STATES,
-    LINEAR_UNITS,
-    NAMES_AND_UNITS,
-    STATE_UNITS,
-    STATES,
-    UNITS,
-)
+from hfa_model.aircraft import Aircraft
 from hfa_support.errors import BadInputError
 from hfa_support.jobs.store import Array, Layout, Store, described
 from hfa_support.jobs.stream import stream
+from hfa_support.model import Model
 from hfa_support.native.bound import cached_per_thread
 from hfa_support.reporting.fields import Shown
 from hfa_support.reporting.report import Report, Reported
@@ -47,23 +45,21 @@ STORE_SCHEMA, SUMMARY_SCHEMA = "hfa.monte-carlo-store/1", "hfa.monte-carlo-summa
 CHUNK_STEPS = 1_000_000
 #: Shares of the members inside their envelope up to which a quantity stays below its quantile.
 QUANTILES = (0.05, 0.5, 0.95, 1.0)
-_SHOWN = (("rms_error", LINEAR_STATES), ("peak_error", LINEAR_STATES), ("effort", INPUTS))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class MonteCarlo(Shown):
     """N members, each a draw of one scenario: a job of `stream`. Two plans are equal when they give the same results.
 
-    parameters, dynamics: the nominal aircraft, trimmed at `point`. seed: with the
-    number of a member it decides all that is random in it, so that members can be simulated anywhere in any order. A
-    member's flight ends at the first step outside the envelope. BadInputError when a number is wrong, the flight does
-    not begin inside its envelope, an error belongs to a parameter that is zero, or a signal has no formula.
+    aircraft: the nominal one, trimmed at `point`. seed: with the number of a member it decides all that is random in
+    it, so that members can be simulated anywhere in any order. A member's flight ends at the first step outside the
+    envelope. BadInputError when a number is wrong, the flight does not begin inside its envelope, an error belongs to a
+    parameter that is zero, or a signal has no formula.
     """
 
     members: int
     seed: int
-    parameters: Parameters
-    dynamics: str
+    aircraft: Aircraft | Model
     point: OperatingPoint
     law: FlownLaw
     scenario: Scenario
@@ -73,7 +69,8 @@ class MonteCarlo(Shown):
         """Name what is wrong before the simulation."""
         if not (self.members >= 1 and self.seed >= 0):
             raise BadInputError(f"members is {self.members} and seed {self.seed}; give at least 1 and 0")
-        self.point.refuse_other(variant_named(self.dynamics))
+        object.__setattr__(self, "scenario", self.scenario.on(self.model))
+        NonlinearPlant(self.aircraft, self.point)  # refuses the trim of another model
         for name in ("reference", "disturbance", "noise"):
             if not isinstance(getattr(self.scenario, name), (Signal, CommandedStates)):
                 raise BadInputError(f"the {name} of a Monte Carlo must be a Signal, whose formula says what it is")
@@ -86,31 +83,36 @@ class MonteCarlo(Shown):
             )
         self.envelope.refuse_start(np.array(self.point.states) + self.scenario.initial)
         for name in self.scenario.uncertainty.errors:
-            if getattr(self.parameters, name) == 0.0:
+            if self.model.parameters[name].start == 0.0:
                 raise BadInputError(f"{name} is 0, so that a relative error does nothing; leave it out")
         self.member(0)  # turbulence that cannot be made is refused here rather than in a worker
 
+    @property
+    def model(self) -> Model:
+        """Whose equations fly."""
+        return self.aircraft.model
+
     def member(self, number: int) -> Scenario:
         """What happens in one member; turbulence is met at the trimmed speed."""
-        return self.scenario.drawn(self.seed, number, self.point.states.speed)
+        return self.scenario.drawn(self.seed, number, self.point)
 
     def loop(self, scenario: Scenario) -> ClosedLoop:
         """The loop of a member."""
-        return loop_of(
-            UncertainAircraft(variant_named(self.dynamics), self.point), self.law.policy, scenario, self.point
-        )
+        plant = NonlinearPlant(self.aircraft, self.point, uncertain=True)
+        return loop_of(plant, self.law.policy, scenario, self.point)
 
     def parameters_of(self, member: Scenario) -> np.ndarray:
-        """The parameters of a member, (18,)."""
-        return np.array([value * member.errors.get(name, 1.0) for name, value in self.parameters._asdict().items()])
+        """The parameters of a member, (l,)."""
+        return np.array([each.start * member.errors.get(name, 1.0) for name, each in self.model.parameters.items()])
 
     def to_dict(self) -> dict[str, Any]:
         """JSON data that decides the results."""
         data = {
             "members": self.members,
             "seed": self.seed,
-            "parameters": self.parameters._asdict(),
-            "dynamics": self.dynamics,
+            "parameters": {name: each.start for name, each in self.model.parameters.items()},
+            "dynamics": self.model.name,
+            **({"model": self.model.source} if self.model.source[0] else {}),
             "states": self.point.states._asdict(),
             "inputs": self.point.inputs._asdict(),
             "law": {"name": self.law.name, **self.law.identity},
@@ -128,13 +130,14 @@ class MonteCarlo(Shown):
     @property
     def layout(self) -> Layout:
         """One row a member: the fields of `Summary` and the factors drawn."""
+        model = self.model
         axes = {
             "error": tuple(self.scenario.uncertainty.errors),
-            "error_state": LINEAR_STATES,
-            "state": STATES,
-            "input": INPUTS,
+            "error_state": model.linear,
+            "state": tuple(model.states),
+            "input": tuple(model.inputs),
         }
-        units = {"error_state": LINEAR_UNITS, "state": STATE_UNITS, "input": INPUT_UNITS}
+        units = {axis: model.units(names) for axis, names in axes.items() if axis != "error"}
         sizes = {axis: len(names) for axis, names in axes.items()} | {"memory_state": len(self.law.memory)}
 
         def numbers(meaning: str, axis: str) -> Array:
@@ -162,10 +165,10 @@ class MonteCarlo(Shown):
         attributes = {
             "coordinates": " ".join(f"{axis}_unit" for axis in units),
             "errors": list(axes["error"]),
-            "left": list(limited_names(self.scenario.moving_air)),
-            "error_states": list(LINEAR_STATES),
-            "error_units": list(LINEAR_UNITS),
-            **NAMES_AND_UNITS,
+            "left": list(limited_names(model, self.scenario.moving_air)),
+            "error_states": list(model.linear),
+            "error_units": list(model.units(model.linear)),
+            **names_and_units(model),
         }
         chunk = -(-CHUNK_STEPS // (self.scenario.ticks * self.scenario.steps_per_tick))
         identity = self.to_dict(), self.identity
@@ -251,18 +254,21 @@ class MonteCarloResult(Reported):
     def of(cls, plan: MonteCarlo, store: Store, where: str = "") -> MonteCarloResult:
         """From the members in a store. where: what the report says about where they are."""
         left, flown, factors = store.read("left"), store.read("flown"), store.read("factors")
-        inside, moving_air = left < 0, plan.scenario.moving_air
-        beyond = beyond_control_limits(store.read("lowest_input")) | beyond_control_limits(store.read("highest_input"))
+        inside, model = left < 0, plan.model
+        beyond = np.any([beyond_control_limits(model, store.read(f"{end}_input")) for end in ("lowest", "highest")], 0)
+        shown = {"rms_error": model.linear, "peak_error": model.linear, "effort": tuple(model.inputs)}
+        peak = store.read("peak_angle_of_attack")[inside, None]
+        names = limited_names(model, plan.scenario.moving_air)
         return cls(
             plan,
             inside=int(inside.sum()),
             within_limits=int((inside & ~beyond.any(axis=1)).sum()),
-            left={name: int((left == index).sum()) for index, name in enumerate(limited_names(moving_air))},
+            left={name: int((left == index).sum()) for index, name in enumerate(names)},
             first_left=None if inside.all() else float(flown[~inside].min()),
-            exceeded=dict(zip(INPUTS, beyond.sum(axis=0).tolist(), strict=True)),
+            exceeded=dict(zip(model.inputs, beyond.sum(axis=0).tolist(), strict=True)),
             quantiles={
-                **{name: _quantiles(store.read(name)[inside], of) for name, of in _SHOWN},
-                "peak_deviation": _quantiles(store.read("peak_angle_of_attack")[inside, None], (ANGLE_OF_ATTACK,)),
+                **{name: _quantiles(store.read(name)[inside], of) for name, of in shown.items()},
+                **({"peak_deviation": _quantiles(peak, (ANGLE_OF_ATTACK,))} if flown_through_air(model) else {}),
             },
             errors={
                 name: {
@@ -278,9 +284,9 @@ class MonteCarloResult(Reported):
     def report(self) -> Report:
         """Angles in degrees for people; data in English units and radians, None where no member counts."""
         plan, duration = self.plan, self.plan.scenario.duration
-        moving_air = plan.scenario.moving_air
+        moving_air = plan.scenario.moving_air and flown_through_air(plan.model)
         title = (
-            f"Monte Carlo, {plan.dynamics} dynamics, nonlinear aircraft, law {plan.law.name}: "
+            f"Monte Carlo, {plan.point.called}, nonlinear aircraft, law {plan.law.name}: "
             f"{plan.members} members of {duration:g} s, seed {plan.seed}" + (f", {self.where}" if self.where else "")
         )
         outcome = [f"stayed within limits: {self.within_limits} of {plan.members}"]
@@ -291,9 +297,8 @@ class MonteCarloResult(Reported):
             outcome.append(f"exceeded control limits: {_counted(self.exceeded)}")
         parts: list[str | Table] = ["\n".join(outcome)]
         if self.inside:
-            parts.append(
-                _quantile_table({k: v for k, v in self.quantiles.items() if moving_air or k != "peak_deviation"})
-            )
+            shown = {k: v for k, v in self.quantiles.items() if moving_air or k != "peak_deviation"}
+            parts.append(_quantile_table(shown, plan.model))
             parts += [OVER_GROUND] if moving_air else []
         if self.errors:
             rows = [
@@ -303,7 +308,7 @@ class MonteCarloResult(Reported):
             parts.append(Table(("parameter", "relative deviation", "drawn mean", "drawn deviation"), rows))
         data = {
             "schema": SUMMARY_SCHEMA,
-            "dynamics": plan.dynamics,
+            "dynamics": plan.model.name,
             "plant": "nonlinear",
             "law": plan.law.name,
             "members": plan.members,
@@ -333,15 +338,12 @@ def _quantiles(values: np.ndarray, names: tuple[str, ...]) -> Mapping[str, list[
     return dict(zip(names, np.quantile(values, QUANTILES, axis=0).T.tolist(), strict=True))
 
 
-def _quantile_table(quantiles: Mapping[str, Mapping[str, list[float] | None]]) -> Table:
-    rows = [
-        (
-            f"{quantity.replace('_', ' ')} {name}",
-            *(short_number(value, UNITS[name]) for value in values or ()),
-            shown_unit(UNITS[name]),
-        )
-        for quantity, found in quantiles.items()
-        for name, values in found.items()
-    ]
+def _quantile_table(quantiles: Mapping[str, Mapping[str, list[float] | None]], model: Model) -> Table:
+    rows = []
+    for quantity, found in quantiles.items():
+        for name, values in found.items():
+            unit = model.unit(name)
+            shown = (short_number(value, unit) for value in values or ())
+            rows.append((f"{quantity.replace('_', ' ')} {name}", *shown, shown_unit(unit)))
     shares = ["largest" if share == 1.0 else f"{100 * share:g} %" for share in QUANTILES]
     return Table(("of those inside the envelope", *shares, "unit"), rows)

@@ -1,4 +1,4 @@
-"""One flight of the nonlinear aircraft under a policy, beside what the linear model predicts, and its report."""
+"""One flight of a nonlinear aircraft under a policy, beside what the linear model predicts, and its report."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from controller.design.design import SHORT_PERIOD
 from controller.flight.actuators import LONGEST_STEP
 from controller.flight.closed_loop import ClosedLoop
 from controller.flight.envelope import (
+    ALPHA,
     ANGLE_OF_ATTACK,
     OVER_GROUND,
     ControlExcess,
@@ -19,31 +20,22 @@ from controller.flight.envelope import (
     angles_of_attack,
     beyond_control_limits,
     control_excesses,
+    flown_through_air,
 )
-from controller.flight.plants import LinearizedAircraft, NonlinearPlant
+from controller.flight.limit_cycle import LimitCycle, limit_cycle
+from controller.flight.plants import UPDRAFT, LinearizedAircraft, NonlinearPlant
 from controller.flight.scenario import Scenario, Uncertainty, loop_of, with_errors
 from controller.flight.simulation import CompiledLoop, Flight
-from controller.policy.policies import FlownLaw
+from controller.policy.policies import FlownLaw, OpenLoop
 from controller.policy.servo_policy import MeasuredOutputs, ServoPolicy
 from controller.policy.signals import CommandSteps
 from hfa_model.aircraft import Aircraft
-from hfa_model.outputs import unit_of
-from hfa_model.vectors import (
-    INPUT_UNITS,
-    INPUTS,
-    LINEAR_ROWS,
-    LINEAR_STATES,
-    LINEAR_UNITS,
-    NAMES_AND_UNITS,
-    STATE_UNITS,
-    STATES,
-    UNITS,
-)
 from hfa_support.errors import BadInputError
+from hfa_support.model import Model
 from hfa_support.progress import Progress
 from hfa_support.reporting.report import Part, Report, Reported
-from hfa_support.reporting.text import Table, in_degrees, short_number, shown_unit
-from trim.point.operating_point import OperatingPoint
+from hfa_support.reporting.text import Table, short_number, shown_unit
+from trim.point.operating_point import OperatingPoint, at_scheduled
 
 FLIGHT_SCHEMA = "hfa.flight/1"
 
@@ -55,7 +47,7 @@ _STILL = 1e-6
 
 
 def fly(
-    aircraft: Aircraft,
+    aircraft: Aircraft | Model,
     point: OperatingPoint,
     law: FlownLaw,
     scenario: Scenario,
@@ -63,14 +55,15 @@ def fly(
     *,
     progress: Progress | None = None,
 ) -> NonlinearFlight:
-    """X' = f(X, U, w) + d with U = U0 + u of the law, and its linear prediction x' = A x + B u + b w + d.
+    """X' = f(X, U, w) + d with U = U0 + u of the law, and its linear prediction x' = A x + B u + E w + d.
 
     The prediction is of the aircraft as designed: without the parameter errors. Both end at the first tick in
     which the nonlinear flight leaves the envelope.
     """
+    scenario = scenario.on(aircraft.model)
     result = fly_law(NonlinearPlant(with_errors(aircraft, scenario), point), law, scenario, envelope, progress=progress)
     ticks = (len(result.flight.times) - 1) // scenario.steps_per_tick
-    model = LinearizedAircraft.at(aircraft, point)
+    model = LinearizedAircraft.at(aircraft, point, result.loop.wind_names)
     predicted = CompiledLoop(loop_of(model, law.policy, scenario, point))
     return replace(result, predicted=_flown(predicted, law, scenario, ticks))
 
@@ -88,22 +81,23 @@ def fly_law(
     BadInputError when it does not begin inside the envelope, or part of the scenario is still to be drawn.
     """
     if scenario.uncertainty != Uncertainty():
-        raise BadInputError("part of the scenario is still to be drawn; simulate scenario.drawn(seed, member, speed)")
-    offsets = np.array(plant.point.states)
+        raise BadInputError("part of the scenario is still to be drawn; simulate scenario.drawn(seed, member, point)")
+    scenario, offsets = scenario.on(plant.model), np.array(plant.point.states)
     loop = loop_of(plant, law.policy, scenario, plant.point)
     compiled = CompiledLoop(loop)
     start = loop.start(scenario.initial, law.memory)
-    air = compiled.updrafts(np.zeros(1), start[None], loop.constants(law.constants)(0))
+    air = compiled.winds(np.zeros(1), start[None], loop.constants(law.constants)(0))
     envelope.refuse_start(scenario.initial + offsets, air)
 
     def left(rows: np.ndarray, p: np.ndarray) -> bool:
         times, y = rows[:, 0], rows[:, 1:]
-        return not bool(envelope.inside(loop.parts(y)[0] + offsets, compiled.updrafts(times, y, p)).all())
+        return not bool(envelope.inside(loop.parts(y)[0] + offsets, compiled.winds(times, y, p)).all())
 
     flight = _flown(compiled, law, scenario, scenario.ticks, progress=progress, stop=left)
-    updrafts = flight.updrafts if scenario.moving_air else None
-    departure = envelope.departure(flight.times, flight.states + offsets, updrafts)
-    return NonlinearFlight(scenario, plant.point, envelope, loop, flight, None, departure)
+    departure = envelope.departure(flight.times, flight.states + offsets, flight.winds)
+    loose = departure is not None or isinstance(law.policy, OpenLoop)
+    cycle = None if loose else limit_cycle(plant.model, scenario, flight)
+    return NonlinearFlight(scenario, plant.point, envelope, loop, flight, None, departure, cycle)
 
 
 def _flown(compiled: CompiledLoop, law: FlownLaw, scenario: Scenario, ticks: int, **options: Any) -> Flight:
@@ -125,7 +119,8 @@ class NonlinearFlight(Reported):
     """A flight, up to the first tick that left the envelope.
 
     loop: what was flown. flight: of the nonlinear aircraft, deviations from `point`. predicted: the same of its linear
-    model, None when none was asked for. departure: which state left the envelope first, None when none did.
+    model, None when none was asked for. departure: which state left the envelope first, None when none did. cycle: what
+    still oscillates at the end, None when nothing does.
     """
 
     scenario: Scenario
@@ -135,20 +130,21 @@ class NonlinearFlight(Reported):
     flight: Flight
     predicted: Flight | None
     departure: Departure | None
+    cycle: LimitCycle | None = None
 
     @property
     def states(self) -> np.ndarray:
-        """X, absolute, (N, 7)."""
+        """X, absolute, (N, n)."""
         return self.flight.states + np.array(self.point.states)
 
     @property
     def angles_of_attack(self) -> np.ndarray:
         """Alpha of the center of mass through the air, absolute, (N,), rad; alpha itself in still air."""
-        return angles_of_attack(self.states, self.flight.updrafts if self.scenario.moving_air else None)
+        return angles_of_attack(self.point.model, self.states, self.flight.winds)
 
     @property
     def inputs(self) -> np.ndarray:
-        """U, absolute, (N, 5)."""
+        """U, absolute, (N, m)."""
         return self.flight.inputs + np.array(self.point.inputs)
 
     @property
@@ -156,27 +152,27 @@ class NonlinearFlight(Reported):
         """The inputs that went beyond their control limits before the envelope was left, the farthest first."""
         until = np.inf if self.departure is None else self.departure.time
         inside = self.inputs[self.flight.times <= until]
-        return control_excesses(inside.min(axis=0), inside.max(axis=0))
+        return control_excesses(self.point.model, inside.min(axis=0), inside.max(axis=0))
 
     @property
     def within_limits(self) -> bool:
-        """Whether every state stayed inside the envelope and every input within its control limits."""
-        return self.departure is None and not self.exceeded
+        """Whether every state stayed inside the envelope, every input within its limits, and no limit cycle is left."""
+        return self.departure is None and not self.exceeded and self.cycle is None
 
     @property
     def rms_errors(self) -> np.ndarray:
-        """Root mean square of the tracking error z over the second half of the flight, (6,)."""
+        """Root mean square of the tracking error z over the second half of the flight, (k,)."""
         late = self.flight.errors[len(self.flight.errors) // 2 :]
         return np.asarray(np.sqrt(np.mean(late**2, axis=0)))
 
     @property
     def beyond_limits(self) -> np.ndarray:
-        """Share of the flight in which each input lay beyond `CONTROL_LIMITS`, (5,)."""
-        return np.asarray(beyond_control_limits(self.inputs).mean(axis=0))
+        """Share of the flight in which each input lay beyond its limits, (m,)."""
+        return np.asarray(beyond_control_limits(self.point.model, self.inputs).mean(axis=0))
 
     @property
     def differences(self) -> np.ndarray | None:
-        """Largest |nonlinear - linear| of each state, (7,); None without a prediction."""
+        """Largest |nonlinear - linear| of each state, (n,); None without a prediction."""
         if self.predicted is None:
             return None
         count = min(len(self.flight.times), len(self.predicted.times))
@@ -184,10 +180,13 @@ class NonlinearFlight(Reported):
 
     def title(self, law: str) -> str:
         """Which flight, and whether it stayed within its limits."""
-        flight = f"Flight, {self.point.dynamics} dynamics, dihedral {in_degrees(self.point.states.dihedral):g} deg{law}"
+        at = at_scheduled(self.point).removeprefix("at ")
+        flight = f"Flight, {self.point.called}" + (f", {at}" if at else "") + law
         time, lines = f"{self.flight.times[-1]:g} s", []
         if self.departure is not None:
             lines.append(self.departure.text())
+        elif self.cycle is not None:
+            lines.append(self.cycle.text())
         elif self.exceeded:
             lines.append(f"inside the envelope for {time}, but not within the control limits")
         else:
@@ -203,7 +202,7 @@ class NonlinearFlight(Reported):
         """
         kind = "" if law is None or not len(law.gains) else ", frozen"
         words = "" if law is None else f", law {law.name}{kind}"
-        parts: list[Part] = [_states(self), *([OVER_GROUND] if self.scenario.moving_air else []), _inputs(self)]
+        parts: list[Part] = [_states(self), *([OVER_GROUND] if _through_air(self) else []), _inputs(self)]
         commanded = _tracked(self, law)
         if commanded:
             parts.insert(0, tracking_table(commanded))
@@ -214,8 +213,19 @@ class NonlinearFlight(Reported):
         """Once a tick: times (N,), states (N, 7), inputs (N, 5), angles of attack, all absolute; errors, updrafts."""
         every = slice(None, None, self.scenario.steps_per_tick)
         of_flight = {name: getattr(self.flight, name)[every] for name in ("times", "errors", "updrafts")}
-        absolute = {name: getattr(self, name)[every] for name in ("states", "inputs", "angles_of_attack")}
+        names = ("states", "inputs", *(("angles_of_attack",) if flown_through_air(self.point.model) else ()))
+        absolute = {name: getattr(self, name)[every] for name in names}
         return {"history": of_flight | absolute}
+
+
+def names_and_units(model: Model) -> dict[str, list[str]]:
+    """What data about all states and inputs says of them."""
+    return {
+        "states": list(model.states),
+        "state_units": list(model.units(tuple(model.states))),
+        "inputs": list(model.inputs),
+        "input_units": list(model.units(tuple(model.inputs))),
+    }
 
 
 class Tracked(NamedTuple):
@@ -227,11 +237,7 @@ class Tracked(NamedTuple):
     name: str
     output: np.ndarray
     command: np.ndarray
-
-    @property
-    def unit(self) -> str:
-        """Of the output and its command."""
-        return unit_of(self.name.removesuffix(SHORT_PERIOD))
+    unit: str
 
     @property
     def rms(self) -> float:
@@ -246,9 +252,22 @@ class Tracked(NamedTuple):
 
 def tracked(flight: Flight, outputs: MeasuredOutputs, commands: CommandSteps) -> tuple[Tracked, ...]:
     """Each commanded output of a flight beside its command, without the noise of the sensors."""
-    z = flight.states[:, LINEAR_ROWS] @ outputs.C.T + flight.inputs @ outputs.D.T
-    z += flight.updrafts[:, None] @ outputs.F.T
-    return tuple(map(Tracked, commands.names, z.T, commands.sampled(flight.times).T))
+    model = outputs.model
+    z = flight.states[:, _rows(model)] @ outputs.C.T + flight.inputs @ outputs.D.T
+    if outputs.F.size:
+        z += flight.updrafts[:, None] @ outputs.F.T
+    units = model.units([name.removesuffix(SHORT_PERIOD) for name in commands.names])
+    return tuple(map(Tracked, commands.names, z.T, commands.sampled(flight.times).T, units))
+
+
+def _rows(model: Model) -> list[int]:
+    """Where the states of the linear model stand among all."""
+    return [list(model.states).index(name) for name in model.linear]
+
+
+def _through_air(result: NonlinearFlight) -> bool:
+    """Whether alpha through the air is another number than alpha."""
+    return bool(result.flight.winds) and flown_through_air(result.point.model)
 
 
 def tracking_table(followed: tuple[Tracked, ...]) -> Table:
@@ -268,14 +287,16 @@ def _tracked(result: NonlinearFlight, law: FlownLaw | None) -> tuple[Tracked, ..
 
 def _states(result: NonlinearFlight) -> Table:
     final, largest, differences = result.flight.states[-1], np.abs(result.flight.states).max(axis=0), result.differences
-    rows = []
-    for index, (name, unit) in enumerate(zip(STATES, STATE_UNITS, strict=True)):
+    rows: list[tuple[str, ...]] = []
+    model = result.point.model
+    for index, name in enumerate(model.states):
+        unit = model.unit(name)
         cells = [name, shown_unit(unit), short_number(largest[index], unit), short_number(final[index], unit)]
-        cells += [short_number(result.rms_errors[LINEAR_ROWS.index(index)], unit) if index in LINEAR_ROWS else ""]
+        cells += [short_number(result.rms_errors[model.linear.index(name)], unit) if name in model.linear else ""]
         cells += [result.envelope.limits_text(index)]
         cells += [] if differences is None else [short_number(differences[index], unit)]
         rows.append(tuple(cells))
-        if name == "alpha" and result.scenario.moving_air:
+        if name == ALPHA and _through_air(result):
             deviations = result.angles_of_attack - result.point.states.alpha
             shown = (short_number(value, unit) for value in (np.abs(deviations).max(), deviations[-1]))
             limited = (ANGLE_OF_ATTACK, shown_unit(unit), *shown, "", result.envelope.limits_text(index), "")
@@ -288,43 +309,48 @@ def _states(result: NonlinearFlight) -> Table:
 
 def _inputs(result: NonlinearFlight) -> Table:
     low, high, beyond = result.inputs.min(axis=0), result.inputs.max(axis=0), result.beyond_limits
+    names = tuple(result.point.model.inputs)
     rows = [
         (name, shown_unit(unit), short_number(low[i], unit), short_number(high[i], unit), f"{100 * beyond[i]:.3g} %")
-        for i, (name, unit) in enumerate(zip(INPUTS, INPUT_UNITS, strict=True))
+        for i, (name, unit) in enumerate(zip(names, result.point.model.units(names), strict=True))
     ]
     return Table(("input", "unit", "lowest", "highest", "time beyond control limits"), rows)
 
 
 def _data(result: NonlinearFlight, law: FlownLaw | None) -> dict[str, Any]:
-    """English units and radians. held: whether the envelope was not left."""
-    departure = result.departure
-    angles = result.angles_of_attack
-    final = dict(zip(STATES, result.states[-1].tolist(), strict=True))
-    largest = dict(zip(STATES, np.abs(result.flight.states).max(axis=0).tolist(), strict=True))
+    """Units of the model, radians. held: whether the envelope was not left, and no limit cycle is left over."""
+    departure, model = result.departure, result.point.model
+    final = dict(zip(model.states, result.states[-1].tolist(), strict=True))
+    largest = dict(zip(model.states, np.abs(result.flight.states).max(axis=0).tolist(), strict=True))
+    if flown_through_air(model):
+        angles = result.angles_of_attack
+        final[ANGLE_OF_ATTACK] = float(angles[-1])
+        largest[ANGLE_OF_ATTACK] = float(np.abs(angles - getattr(result.point.states, ALPHA)).max())
     data: dict[str, Any] = {
         "schema": FLIGHT_SCHEMA,
         "dynamics": result.point.dynamics,
-        **NAMES_AND_UNITS,
+        **names_and_units(model),
         "operating_point": result.point.to_dict(),
         "scenario": result.scenario.to_dict(),
-        "envelope": result.envelope.to_dict(result.scenario.moving_air),
+        "envelope": result.envelope.to_dict(bool(result.flight.winds)),
         "within_limits": result.within_limits,
-        "held": departure is None,
-        "departure": None if departure is None else {**departure._asdict(), "unit": UNITS[departure.state]},
-        "exceeded": [{**each._asdict(), "unit": UNITS[each.input]} for each in result.exceeded],
+        "held": departure is None and result.cycle is None,
+        "departure": None if departure is None else departure._asdict(),
+        "limit_cycle": None if result.cycle is None else result.cycle._asdict(),
+        "exceeded": [each._asdict() for each in result.exceeded],
         "flown": float(result.flight.times[-1]),
-        "final": final | {ANGLE_OF_ATTACK: float(angles[-1])},
-        "largest_deviation": largest | {ANGLE_OF_ATTACK: float(np.abs(angles - result.point.states.alpha).max())},
-        "rms_error": dict(zip(LINEAR_STATES, result.rms_errors.tolist(), strict=True)),
-        "share_beyond_control_limits": dict(zip(INPUTS, result.beyond_limits.tolist(), strict=True)),
+        "final": final,
+        "largest_deviation": largest,
+        "rms_error": dict(zip(model.linear, result.rms_errors.tolist(), strict=True)),
+        "share_beyond_control_limits": dict(zip(model.inputs, result.beyond_limits.tolist(), strict=True)),
         "checks": [],
     }
     if result.differences is not None:
-        data["largest_difference_from_linear"] = dict(zip(STATES, result.differences.tolist(), strict=True))
+        data["largest_difference_from_linear"] = dict(zip(model.states, result.differences.tolist(), strict=True))
     if law is not None:
         data["policy"] = {"law": law.name}
         if len(law.gains):
-            data["policy"] |= {"state_units": list(LINEAR_UNITS), "K": law.gains[-1]}
+            data["policy"] |= {"state_units": list(model.units(model.linear)), "K": law.gains[-1]}
         if isinstance(law.policy, ServoPolicy):
             data["commanded"] = {
                 each.name: {"rms_error": each.rms, "largest_error": each.largest, "unit": each.unit}
@@ -335,8 +361,14 @@ def _data(result: NonlinearFlight, law: FlownLaw | None) -> dict[str, Any]:
 
 def _records(result: NonlinearFlight) -> Table:
     """One row a tick: time, states, inputs and the air, each with its unit; an array, because a flight may be long."""
-    flown = result.history()["history"]
-    rows: Any = np.column_stack([flown[k] for k in ("times", "states", "inputs", "updrafts", "angles_of_attack")])
-    air = {"updraft": "ft/s", ANGLE_OF_ATTACK: STATE_UNITS.alpha}
-    units = {"time": "s"} | STATE_UNITS._asdict() | INPUT_UNITS._asdict() | air
+    flown, model = result.history()["history"], result.point.model
+    units = {"time": "s"} | {name: model.unit(name) for name in (*model.states, *model.inputs)}
+    columns = [flown[name] for name in ("times", "states", "inputs")]
+    if UPDRAFT in model.disturbances:
+        units[UPDRAFT] = model.unit(UPDRAFT)
+        columns.append(flown["updrafts"])
+    if flown_through_air(model):
+        units[ANGLE_OF_ATTACK] = model.unit(ALPHA)
+        columns.append(flown["angles_of_attack"])
+    rows: Any = np.column_stack(columns)
     return Table(tuple(f"{name} [{unit}]" for name, unit in units.items()), rows)

@@ -1,8 +1,9 @@
-"""What is flown, as deviations from one operating point: the linear model or the nonlinear aircraft, whose parameters
-are numbers or an input of the loop."""
+"""What is flown, as deviations from one operating point: a linear model or the equations of any `Model`, whose
+parameters are numbers or an input of the loop."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol
 
@@ -11,63 +12,66 @@ import numpy as np
 
 from controller.policy.policies import Unvaried
 from hfa_model.aircraft import Aircraft
-from hfa_model.dynamics import rates
-from hfa_model.parameters import Parameters
-from hfa_model.variants import Variant
-from hfa_model.vectors import INPUTS, LINEAR_STATES, STATES, Input, Quantity, State
 from hfa_support.errors import BadInputError
+from hfa_support.model import Model, components
 from trim.point.operating_point import OperatingPoint
+
+#: The disturbance of a model that a gust is.
+UPDRAFT = "updraft"
+#: Disturbance of the model -> its value; those that are not there are 0.
+Winds = Mapping[str, Any]
+
+
+class Sizes(NamedTuple):
+    """How many numbers: x, the states of the linear model among them, u."""
+
+    states: int
+    seen: int
+    inputs: int
 
 
 class Plant(Protocol):
     """A plant in deviations from its operating point, as CasADi expressions.
 
-    states: names. rate: x' of the deviation x, for an input deviation u (5,), a disturbance d (6,) that adds to
-    the rates of the six states of the linear model, and an updraft of the air, ft/s. seen: those six deviations.
+    rate: x' of the deviation x (n,), for an input deviation u (m,), a disturbance d (k,) that adds to the rates of the
+    states of the linear model, and disturbances of the model. seen: the deviations of those states, (k,).
     p: what differs from flight to flight (the parameters of the aircraft, say); mostly nothing.
     """
 
     @property
-    def states(self) -> tuple[str, ...]:
-        """Names of the states, in order."""
+    def sizes(self) -> Sizes:
+        """n, k, m."""
 
     @property
     def constants_size(self) -> int:
         """Length of p."""
 
-    def rate(self, x: ca.SX, u: ca.SX, d: Quantity, updraft: Quantity = 0.0, p: ca.SX | None = None) -> ca.SX:
+    def rate(self, x: ca.SX, u: ca.SX, d: Any, winds: Winds | None = None, p: ca.SX | None = None) -> ca.SX:
         """dx/dt."""
 
     def seen(self, x: ca.SX) -> ca.SX:
-        """The deviations of `LINEAR_STATES`, (6,)."""
-
-
-class SevenStates:
-    """A plant with all states of the aircraft."""
-
-    states = STATES
-
-    def seen(self, x: ca.SX) -> ca.SX:
-        """The six states of the linear model."""
-        return ca.mtimes(ca.DM(spread().T), x)
+        """The deviations of the states of the linear model, (k,)."""
 
 
 @dataclass(frozen=True, eq=False)
 class LinearPlant(Unvaried):
-    """x' = A x + B u + d (paper Eq. 12). A: (6, 6), B: (6, 5).
+    """x' = A x + B u + d (paper Eq. 12). A: (n, n), B: (n, m).
 
     It knows nothing of moving air: BadInputError when it is simulated in a gust (`LinearizedAircraft` can be).
     """
 
-    states = LINEAR_STATES
-
     A: np.ndarray
     B: np.ndarray
 
-    def rate(self, x: ca.SX, u: ca.SX, d: Quantity, updraft: Quantity = 0.0, p: ca.SX | None = None) -> ca.SX:
+    @property
+    def sizes(self) -> Sizes:
+        """All states are seen."""
+        return Sizes(len(self.A), *np.shape(self.B))
+
+    def rate(self, x: ca.SX, u: ca.SX, d: Any, winds: Winds | None = None, p: ca.SX | None = None) -> ca.SX:
         """A x + B u + d."""
-        if not (isinstance(updraft, float) and updraft == 0.0):
-            raise BadInputError("the six-state linear model has no gust input: use the linearized or nonlinear one")
+        if winds:
+            raise BadInputError("a linear model of A and B has no gust input: use the linearized or nonlinear aircraft")
         return ca.mtimes(ca.DM(self.A), x) + ca.mtimes(ca.DM(self.B), u) + d
 
     def seen(self, x: ca.SX) -> ca.SX:
@@ -75,77 +79,89 @@ class LinearPlant(Unvaried):
         return x
 
 
-class Equations(NamedTuple):
-    """A variant of the equations with its parameters, which may be CasADi symbols (an `Aircraft` has numbers)."""
+class ModelPlant:
+    """A plant with all states of a model."""
 
-    parameters: Parameters
-    variant: Variant
+    model: Model
+
+    @property
+    def sizes(self) -> Sizes:
+        """Of the model."""
+        return Sizes(len(self.model.states), len(self.model.linear), len(self.model.inputs))
+
+    def seen(self, x: ca.SX) -> ca.SX:
+        """The states of the linear model."""
+        return ca.mtimes(ca.DM(spread(self.model).T), x)
+
+    def disturbed(self, rate: ca.SX, d: Any) -> ca.SX:
+        """The rate with d in those of the states of the linear model."""
+        return rate + ca.mtimes(ca.DM(spread(self.model)), d)
 
 
 @dataclass(frozen=True, eq=False)
-class NonlinearPlant(SevenStates, Unvaried):
-    """X' = f(X, U, w) + d with X = X0 + x, U = U0 + u: the seven-state aircraft about an operating point.
+class NonlinearPlant(ModelPlant):
+    """X' = f(X, U, p, w) + d with X = X0 + x, U = U0 + u: the equations of an aircraft about an operating point.
 
-    d adds to the rates of the six states of the linear model; the altitude rate is kinematic and has none.
+    d adds to the rates of the states of the linear model. uncertain: the parameters of the model are an input, p.
+    BadInputError when the point was trimmed with another model.
     """
 
-    aircraft: Aircraft | Equations
+    aircraft: Aircraft | Model
     point: OperatingPoint
+    uncertain: bool = False
 
     def __post_init__(self) -> None:
         """A trim of other dynamics is none of this aircraft."""
-        self.point.refuse_other(self.aircraft.variant)
+        self.point.refuse_other(self.model)
 
-    def rate(self, x: ca.SX, u: ca.SX, d: Quantity, updraft: Quantity = 0.0, p: ca.SX | None = None) -> ca.SX:
-        """f(X0 + x, U0 + u, w), disturbed."""
-        X = State(*ca.vertsplit(ca.DM(np.array(self.point.states)) + x))
-        U = Input(*ca.vertsplit(ca.DM(np.array(self.point.inputs)) + u))
-        rate = ca.vertcat(*rates(X, U, self.aircraft.parameters, self.aircraft.variant, updraft))
-        return rate + ca.mtimes(ca.DM(spread()), d)
+    @property
+    def model(self) -> Model:  # type: ignore[override]
+        """Whose equations these are."""
+        return self.aircraft.model
+
+    @property
+    def constants_size(self) -> int:
+        """The parameters where they are an input."""
+        return len(self.model.parameters) if self.uncertain else 0
+
+    def rate(self, x: ca.SX, u: ca.SX, d: Any, winds: Winds | None = None, p: ca.SX | None = None) -> ca.SX:
+        """f(X0 + x, U0 + u, p, w), disturbed."""
+        model = self.model
+        X = components(ca.DM(np.array(self.point.states)) + x)
+        U = components(ca.DM(np.array(self.point.inputs)) + u)
+        parameters = components(p) if self.uncertain and p is not None else model.p.tolist()
+        w = [(winds or {}).get(name, 0.0) for name in model.disturbances]
+        return self.disturbed(model.layout.expressions((X, U, parameters), (), w)[0], d)
 
 
 @dataclass(frozen=True, eq=False)
-class LinearizedAircraft(SevenStates, Unvaried):
-    """x' = A x + B u + d + b w with A = ∂f/∂X, B = ∂f/∂U, b = ∂f/∂w at (X0, U0, 0): what `NonlinearPlant` is to first
-    order, altitude included.
+class LinearizedAircraft(ModelPlant, Unvaried):
+    """x' = A x + B u + d + E w with A = ∂f/∂X, B = ∂f/∂U, E = ∂f/∂w at (X0, U0, 0): what `NonlinearPlant` is to first
+    order, in all states.
 
-    A: (7, 7), B: (7, 5), gust: b, (7,).
+    A: (n, n), B: (n, m), E: disturbance -> (n,).
     """
 
+    model: Model
     A: np.ndarray
     B: np.ndarray
-    gust: np.ndarray
+    E: Mapping[str, np.ndarray]
 
     @classmethod
-    def at(cls, aircraft: Aircraft, point: OperatingPoint) -> LinearizedAircraft:
-        """The exact derivatives at an operating point of the aircraft."""
-        x, u, w = ca.SX.sym("x", len(STATES)), ca.SX.sym("u", len(INPUTS)), ca.SX.sym("w")
-        rate = NonlinearPlant(aircraft, point).rate(x, u, ca.DM.zeros(len(LINEAR_STATES)), w)
-        derivatives = ca.Function("derivatives", [x, u, w], [ca.jacobian(rate, part) for part in (x, u, w)])
-        A, B, gust = (np.array(ca.DM(part)) for part in derivatives(0, 0, 0))
-        return cls(A, B, gust.ravel())
+    def at(cls, aircraft: Aircraft | Model, point: OperatingPoint, winds: Sequence[str] = ()) -> LinearizedAircraft:
+        """The exact derivatives at an operating point of the aircraft, those by these disturbances among them."""
+        model = aircraft.model
+        found = model.at(point.states, point.inputs, disturbances=winds)
+        return cls(model, found.A, found.B, dict(zip(winds, found.E.T, strict=True)))
 
-    def rate(self, x: ca.SX, u: ca.SX, d: Quantity, updraft: Quantity = 0.0, p: ca.SX | None = None) -> ca.SX:
-        """A x + B u + b w, disturbed."""
-        rate = ca.mtimes(ca.DM(self.A), x) + ca.mtimes(ca.DM(self.B), u) + ca.DM(self.gust) * updraft
-        return rate + ca.mtimes(ca.DM(spread()), d)
-
-
-def spread() -> np.ndarray:
-    """(7, 6): the six states of the linear model among the seven."""
-    return np.array([[float(name == other) for other in LINEAR_STATES] for name in STATES])
+    def rate(self, x: ca.SX, u: ca.SX, d: Any, winds: Winds | None = None, p: ca.SX | None = None) -> ca.SX:
+        """A x + B u + E w, disturbed."""
+        rate = ca.mtimes(ca.DM(self.A), x) + ca.mtimes(ca.DM(self.B), u)
+        for name, w in (winds or {}).items():
+            rate = rate + ca.DM(self.E[name]) * w
+        return self.disturbed(rate, d)
 
 
-@dataclass(frozen=True, eq=False)
-class UncertainAircraft(SevenStates):
-    """X' = f(X0 + x, U0 + u, w; θ) + d: `NonlinearPlant` with the parameters θ as an input, p = θ (18,)."""
-
-    constants_size = len(Parameters._fields)
-
-    variant: Variant
-    point: OperatingPoint
-
-    def rate(self, x: Any, u: Any, d: Any, updraft: Any = 0.0, p: Any = None) -> Any:
-        """f(X0 + x, U0 + u, w; p), disturbed."""
-        flown = Equations(Parameters(*ca.vertsplit(p)), self.variant)
-        return NonlinearPlant(flown, self.point).rate(x, u, d, updraft)
+def spread(model: Model) -> np.ndarray:
+    """(n, k): the states of the linear model among all."""
+    return np.array([[float(name == other) for other in model.linear] for name in model.states])

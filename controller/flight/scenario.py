@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any
@@ -11,17 +12,15 @@ import numpy as np
 from controller.flight.actuators import Actuators
 from controller.flight.closed_loop import ClosedLoop
 from controller.flight.gusts import Dryden, Gust
-from controller.flight.plants import Equations, Plant
+from controller.flight.plants import UPDRAFT, Plant
 from controller.policy.policies import Policy
 from controller.policy.signals import CommandedStates, Signal, TimeVector, zero
 from hfa_model.aircraft import Aircraft
-from hfa_model.parameters import Parameters
-from hfa_model.vectors import LINEAR_STATES, STATES
 from hfa_support.errors import BadInputError, is_finite, refuse_unknown, refuse_unless_positive, shown
+from hfa_support.model import Model
 from hfa_support.reporting.fields import Shown
 from trim.point.operating_point import OperatingPoint
 
-_N = len(LINEAR_STATES)
 #: Streams of random numbers of a member.
 _ERRORS, _NOISE, _AIR = range(3)
 
@@ -36,7 +35,7 @@ class Uncertainty:
     errors: parameter -> relative standard deviation of the flown aircraft's about the nominal value. noise: state of
     the linear model -> standard deviation of what its sensor adds, drawn anew every tick and held. turbulence:
     (intensity, ft/s, scale, ft) of Dryden turbulence, or None. BadInputError when a
-    name or a number is wrong.
+    number is wrong; `Scenario.refuse_other` looks at the names.
 
     The draws of member k = 0, 1, ... are three independent streams from (seed, k), NumPy's `SeedSequence`: one kind of
     randomness more or less leaves the draws of the others as they are.
@@ -48,12 +47,8 @@ class Uncertainty:
 
     def __post_init__(self) -> None:
         """Name what is wrong before the simulation."""
-        for what, given, names in (
-            ("parameter", self.errors, Parameters._fields),
-            ("noise of state", self.noise, LINEAR_STATES),
-        ):
+        for given in (self.errors, self.noise):
             for name, value in given.items():
-                refuse_unknown(f"unknown {what}", name, names)
                 if not (is_finite(value) and value >= 0.0):
                     raise BadInputError(
                         f"the standard deviation of {name} is {shown(value)}; it must be a number that is not negative"
@@ -71,19 +66,18 @@ class Uncertainty:
         drawn: np.ndarray = np.exp(sigma * _stream(seed, member, _ERRORS).standard_normal(len(sigma)) - sigma**2 / 2)
         return drawn
 
-    def samples(self, seed: int, member: int, ticks: int) -> np.ndarray | None:
-        """Noise N(0, s²) of each tick, (ticks, 6); None without any."""
-        levels = np.array([self.noise.get(name, 0.0) for name in LINEAR_STATES])
+    def samples(self, seed: int, member: int, ticks: int, names: tuple[str, ...]) -> np.ndarray | None:
+        """Noise N(0, s²) of each tick, (ticks, k), on the states `names`; None without any."""
+        levels = np.array([self.noise.get(name, 0.0) for name in names])
         if not levels.any():
             return None
         return levels * _stream(seed, member, _NOISE).standard_normal((ticks, len(levels)))
 
-    def air(self, seed: int, member: int, speed: float, tick: float, ticks: int) -> Dryden | None:
-        """The turbulence of a member, met at `speed`, ft/s; None when the air is calm."""
-        if self.turbulence is None:
-            return None
+    def air(self, seed: int, member: int, scenario: Scenario, speed: float) -> Dryden:
+        """The turbulence of a member, met at `speed`, ft/s."""
+        assert self.turbulence is not None
         own_seed = int(_sequence(seed, member, _AIR).generate_state(1, np.uint64)[0])
-        return Dryden(*self.turbulence, speed, tick, ticks, own_seed)
+        return Dryden(*self.turbulence, speed, scenario.tick, scenario.ticks, own_seed)
 
 
 def _stream(seed: int, member: int, kind: int) -> np.random.Generator:
@@ -99,24 +93,27 @@ class Scenario(Shown):
     """Everything that happens in a flight. All is off unless given.
 
     duration, step, tick: s; gains, noise samples and turbulence change once a tick, which holds a whole number of
-    steps. initial: (7,), deviation from trim. reference, disturbance, noise: (6,) each. errors: parameter -> factor on
-    the flown aircraft, which the design does not know. actuators, gust: stages of the loop. uncertainty: what is still
-    to be drawn (`drawn`). samples: (ticks, 6), drawn noise, held in each tick. BadInputError when the times do not fit
-    each other or the actuators, are too long, an error names no parameter, or there are two gusts.
+    steps. initial: (n,), deviation from trim, () for none. reference, disturbance, noise: (k,) each, of
+    the states of the linear model; None is 0. errors: parameter -> factor on the flown aircraft, which the design does
+    not know. actuators, gust: stages of the loop. air: disturbance of the model -> its signal, (1,). delay: s, whole ticks, by which every
+    command comes late. uncertainty: what is still to be drawn (`drawn`). samples: (ticks, k), drawn noise, held in each
+    tick. BadInputError when the times do not fit each other or the actuators, are too long, or there are two gusts.
     """
 
     duration: float = 20.0
     step: float = 0.001
     tick: float = 0.01
-    initial: np.ndarray = field(default_factory=lambda: np.zeros(len(STATES)))
-    reference: TimeVector = field(default_factory=lambda: zero(_N))
-    disturbance: TimeVector = field(default_factory=lambda: zero(_N))
-    noise: TimeVector = field(default_factory=lambda: zero(_N))
+    initial: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    reference: TimeVector | None = None
+    disturbance: TimeVector | None = None
+    noise: TimeVector | None = None
     errors: Mapping[str, float] = field(default_factory=dict)
     actuators: Actuators | None = None
     gust: Gust | None = None
     uncertainty: Uncertainty = field(default_factory=Uncertainty)
     samples: np.ndarray | None = None
+    air: Mapping[str, Signal] = field(default_factory=dict)
+    delay: float = 0.0
 
     def __post_init__(self) -> None:
         """Refuse times that do not fit and errors of nothing."""
@@ -124,8 +121,9 @@ class Scenario(Shown):
         if self.actuators is not None:
             self.actuators.refuse_step(self.step)
         for name, factor in self.errors.items():
-            refuse_unknown("unknown parameter", name, Parameters._fields)
             refuse_unless_positive(f"the factor on {name}", factor)
+        if not (0.0 <= self.delay < math.inf and abs(self.delay / self.tick - self.delayed_ticks) < 1e-6):
+            raise BadInputError(f"delay is {self.delay:g} s; make it a whole number of ticks of {self.tick:g} s")
         if self.gust is not None and self.uncertainty.turbulence is not None:
             raise BadInputError("the scenario has a gust and turbulence to be drawn; give one of them")
 
@@ -135,30 +133,57 @@ class Scenario(Shown):
         return round(self.tick / self.step)
 
     @property
+    def delayed_ticks(self) -> int:
+        """Ticks of the delay."""
+        return round(self.delay / self.tick)
+
+    @property
     def moving_air(self) -> bool:
-        """Whether the air moves: a gust, or turbulence that is still to be drawn."""
-        return self.gust is not None or self.uncertainty.turbulence is not None
+        """Whether the air moves: a gust, another disturbance of the model, or turbulence that is still to be drawn."""
+        return self.gust is not None or self.uncertainty.turbulence is not None or bool(self.air)
+
+    def on(self, model: Model) -> Scenario:
+        """The same with a start and signals of the sizes of a model.
+
+        BadInputError, in one line, for what the model does not have: states, parameters, a disturbance `updraft`.
+        """
+        for what, given, names in (
+            ("unknown parameter", (*self.errors, *self.uncertainty.errors), tuple(model.parameters)),
+            ("unknown noise of state", self.uncertainty.noise, model.linear),
+            ("unknown disturbance", self.air, tuple(model.disturbances)),
+        ):
+            for name in given:
+                refuse_unknown(what, name, names)
+        if (self.gust or self.uncertainty.turbulence) and UPDRAFT not in model.disturbances:
+            raise BadInputError(f"{model.name} declares no disturbance {UPDRAFT}, which a gust is; declare it")
+        n, k = len(model.states), len(model.linear)
+        initial = self.initial if np.size(self.initial) else np.zeros(n)
+        if np.shape(initial) != (n,):
+            raise BadInputError(f"initial has shape {np.shape(initial)}; {model.name} has {n} states")
+        reference, disturbance, noise = (each or zero(k) for each in (self.reference, self.disturbance, self.noise))
+        return replace(self, initial=initial, reference=reference, disturbance=disturbance, noise=noise)
 
     @property
     def ticks(self) -> int:
         """Ticks in the flight."""
         return round(self.duration / self.tick)
 
-    def drawn(self, seed: int, member: int, speed: float) -> Scenario:
-        """One draw of what is uncertain, decided by seed and member alone. speed: at which gusts are met, ft/s."""
+    def drawn(self, seed: int, member: int, point: OperatingPoint) -> Scenario:
+        """One draw of what is uncertain, decided by seed and member alone. point: whose speed gusts are met at."""
         uncertain = self.uncertainty
         factors = zip(uncertain.errors, uncertain.factors(seed, member).tolist(), strict=True)
         return replace(
             self,
             errors={**self.errors, **{name: self.errors.get(name, 1.0) * factor for name, factor in factors}},
-            gust=uncertain.air(seed, member, speed, self.tick, self.ticks) or self.gust,
+            gust=self.gust if uncertain.turbulence is None else uncertain.air(seed, member, self, met_at(point)),
             uncertainty=Uncertainty(),
-            samples=uncertain.samples(seed, member, self.ticks),
+            samples=uncertain.samples(seed, member, self.ticks, point.model.linear),
         )
 
     def to_dict(self) -> dict[str, Any]:
         """What is known before anything is drawn, for JSON; a signal without a formula is named by its kind."""
         signals = {name: getattr(self, name) for name in ("reference", "disturbance", "noise")}
+        gust: Any = self.gust
         formulas = {
             name: each.to_dict() if isinstance(each, (Signal, CommandedStates)) else type(each).__name__
             for name, each in signals.items()
@@ -171,25 +196,45 @@ class Scenario(Shown):
             "errors": dict(self.errors),
             **formulas,
             "actuators": None if self.actuators is None else asdict(self.actuators),
-            "gust": _gust_data(self.gust),
+            "gust": None if gust is None else {"kind": type(gust).__name__, **asdict(gust)},
+            **({"air": {name: each.to_dict() for name, each in self.air.items()}} if self.air else {}),
+            **({"delay": self.delay} if self.delay else {}),
         }
 
 
-def _gust_data(gust: Any) -> dict[str, Any] | None:
-    return None if gust is None else {"kind": type(gust).__name__, **asdict(gust)}
+def met_at(point: OperatingPoint) -> float:
+    """Speed at which a trimmed aircraft meets gusts: state or output `speed`. BadInputError for a model without it."""
+    model = point.model
+    if "speed" not in (*model.states, *model.outputs):
+        raise BadInputError(f"{model.name} has no state or output speed, at which a gust is met; declare one")
+    if "speed" in point.values:
+        return point.values["speed"]
+    return model.outputs_at(point.states, point.inputs, ["speed"])["speed"]
 
 
-def with_errors(aircraft: Aircraft, scenario: Scenario) -> Equations:
-    """The aircraft that is flown: its parameters times the errors of the scenario."""
-    wrong = {name: getattr(aircraft.parameters, name) * factor for name, factor in scenario.errors.items()}
-    return Equations(aircraft.parameters._replace(**wrong), aircraft.variant)
+def with_errors(aircraft: Aircraft | Model, scenario: Scenario) -> Model:
+    """The model that is flown: its parameters times the errors of the scenario."""
+    model = aircraft.model
+    wrong = {name: model.parameters[name].start * factor for name, factor in scenario.errors.items()}
+    return model.with_parameters(**wrong) if wrong else model
 
 
 def loop_of(plant: Plant, policy: Policy, scenario: Scenario, point: OperatingPoint) -> ClosedLoop:
     """The loop of a plant about a point, under a policy, with everything that happens in the scenario."""
-    signals = scenario.reference, scenario.disturbance, scenario.noise
-    trim = np.array(point.inputs)
-    return ClosedLoop(plant, policy, *signals, scenario.gust, scenario.samples, scenario.actuators, trim, scenario.tick)
+    return ClosedLoop(
+        plant,
+        policy,
+        scenario.reference,
+        scenario.disturbance,
+        scenario.noise,
+        scenario.gust,
+        scenario.samples,
+        scenario.actuators,
+        np.array(point.inputs),
+        scenario.tick,
+        scenario.air,
+        scenario.delayed_ticks,
+    )
 
 
 def _check_times(duration: float, step: float, tick: float) -> None:

@@ -9,8 +9,8 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from controller.flight.closed_loop import ClosedLoop
-from controller.flight.envelope import Envelope, limited_names
+from controller.flight.closed_loop import ClosedLoop, Delayed
+from controller.flight.envelope import ALPHA, Envelope, WindRows, flown_through_air, limited_names, through_air
 from controller.flight.integrator import (
     COMPILE_FROM_STEPS,
     BackwardDifferentiation,
@@ -20,14 +20,12 @@ from controller.flight.integrator import (
     Stop,
     integrate,
 )
-from hfa_model.kinematics import angle_of_attack
-from hfa_model.vectors import INPUTS, LINEAR_STATES, STATES, Quantity, State
+from controller.flight.plants import UPDRAFT, Sizes
 from hfa_support.native.bound import RowsFunction
 from hfa_support.progress import Progress
 from hfa_support.reporting.fields import Shown
 from trim.point.operating_point import OperatingPoint
 
-_X, _Z, _U = len(STATES), len(LINEAR_STATES), len(INPUTS)
 #: Steps whose outputs are computed in one go: one map of all steps takes a gigabyte.
 _BLOCK = 10_000
 
@@ -36,8 +34,9 @@ _BLOCK = 10_000
 class Flight(Shown):
     """What was flown, one row a step.
 
-    times: (N,), s. states: (N, n) of the plant, deviations. errors: (N, 6), z = x - x_d, without noise.
-    inputs: (N, 5), deviations. disturbances: (N, 6). memory: (N, k), the policy's own states. updrafts: (N,), ft/s.
+    times: (N,), s. states: (N, n) of the plant, deviations. errors: (N, k), z = x - x_d, without noise.
+    inputs: (N, m), deviations. disturbances: (N, k). memory: (N, l), the policy's own states. winds: disturbance of the
+    model that is not 0 -> (N,).
     """
 
     times: np.ndarray
@@ -46,7 +45,12 @@ class Flight(Shown):
     inputs: np.ndarray
     disturbances: np.ndarray
     memory: np.ndarray
-    updrafts: np.ndarray
+    winds: WindRows
+
+    @property
+    def updrafts(self) -> np.ndarray:
+        """The updraft of the air, (N,)."""
+        return self.winds.get(UPDRAFT, np.zeros(len(self.times)))
 
 
 class CompiledLoop:
@@ -57,9 +61,10 @@ class CompiledLoop:
         arguments = loop.symbols()
         now = loop.at(*arguments)
         self.rate = ca.Function("loop_rate", [*arguments], [ca.densify(now.rate)], {"cse": True})
-        seen = [ca.densify(part) for part in (now.error, now.inputs, now.disturbance, now.updraft)]
+        seen = [ca.densify(part) for part in (now.error, now.inputs, now.disturbance, now.winds)]
         self._seen = RowsFunction(ca.Function("loop_seen", [*arguments], seen))
-        self._updraft = RowsFunction(ca.Function("loop_updraft", [*arguments], [ca.densify(now.updraft)]))
+        self._winds = RowsFunction(ca.Function("loop_winds", [*arguments], [ca.densify(now.winds)]))
+        self._command = ca.Function("command", [*arguments], [ca.densify(now.command)]) if loop.delay else None
         self._methods: dict[tuple[float, int, bool, bool], Method] = {}
 
     def fly(
@@ -81,25 +86,36 @@ class CompiledLoop:
         """
         start, every = self.loop.start(initial, memory), self.loop.constants(constants)
         method = self._method(step, steps_per_tick, stiff, steps_per_tick * ticks >= COMPILE_FROM_STEPS)
-        path = integrate(method, start, every, ticks, stop=stop, progress=progress)
+        late = self.delayed(method)
+        path = integrate(late or method, start, every, ticks, stop=stop, progress=progress)
         times, y = step * np.arange(len(path)), path[:, 1:]
         # Row i of a tick's constants belongs to the steps that begin in that tick; the last row to the last tick.
         last = (len(path) - 1) // steps_per_tick - 1
         rows = np.minimum(np.arange(len(path)) // steps_per_tick, last)
-        table = np.array([every(tick).copy() for tick in range(last + 1)]).reshape(last + 1, -1)[rows]
-        blocks = []
+        by_tick = np.array([every(tick).copy() for tick in range(last + 1)]).reshape(last + 1, -1)
+        if late is not None:
+            by_tick[:, -late.handed[0].size :] = late.handed[: last + 1]
+        table, blocks = by_tick[rows], []
         for begin in range(0, len(path), _BLOCK):
             part = slice(begin, begin + _BLOCK)
             blocks.append(self._seen(len(times[part]), times[part, None], y[part], table[part]))
-        errors, inputs, disturbances, updrafts = (np.vstack(parts) for parts in zip(*blocks, strict=True))
+        errors, inputs, disturbances, winds = (np.vstack(parts) for parts in zip(*blocks, strict=True))
         states, own = self.loop.parts(y)
-        return Flight(times, states, errors, inputs, disturbances, own, updrafts.ravel())
+        air = dict(zip(self.loop.wind_names, winds.T, strict=True))
+        return Flight(times, states, errors, inputs, disturbances, own, air)
 
-    def updrafts(self, times: np.ndarray, y: np.ndarray, p: np.ndarray) -> np.ndarray | None:
-        """w at times (N,) and rows y (N, n) under the constants p of one tick, as in `Flight`; None in still air."""
-        if self.loop.gust is None:
+    def delayed(self, method: Method) -> Delayed | None:
+        """The method for one flight of a loop with a delay; None for a loop without."""
+        if self._command is None:
             return None
-        return self._updraft(len(times), times[:, None], y, p)[0].ravel()
+        return Delayed(method, self.loop.delay, self._command, self._command.numel_in(1))
+
+    def winds(self, times: np.ndarray, y: np.ndarray, p: np.ndarray) -> WindRows | None:
+        """Winds at times (N,) and rows y (N, n) under the constants p of one tick; None in still air."""
+        if not self.loop.wind_names:
+            return None
+        found = self._winds(len(times), times[:, None], y, p)[0]
+        return dict(zip(self.loop.wind_names, found.T, strict=True))
 
     def _method(self, step: float, steps_per_tick: int, stiff: bool, compile_code: bool) -> Method:
         key = step, steps_per_tick, stiff, compile_code
@@ -113,13 +129,14 @@ class CompiledLoop:
 
 
 class Summary(NamedTuple):
-    """What is kept of a flight of T seconds.
+    """What is kept of a flight of T seconds, n states, k of the linear model, m inputs.
 
-    left: index into `STATES` of the state that left the envelope first, -1 when none did; of alpha, through the air.
-    flown: T, s, up to the first step outside. rms_error: sqrt(1/T ∫ z² dt), (6,), of the true error, without noise.
-    peak_error: max |z|, (6,), over ground. peak_angle_of_attack: max |α_a - α0|, rad, through the air, from trim.
-    effort: sqrt(1/T ∫ u² dt), (5,), of each input's deviation from trim. lowest_input, highest_input: min U and max U,
-    (5,), absolute. final: x at the end, (7,), a deviation from trim. memory: the policy's own states at the end.
+    left: index of the state that left the envelope first, -1 when none did; of alpha, through the air.
+    flown: T, s, up to the first step outside. rms_error: sqrt(1/T ∫ z² dt), (k,), of the true error, without noise.
+    peak_error: max |z|, (k,), over ground. peak_angle_of_attack: max |α_a - α0|, rad, through the air, from trim; 0 of
+    a model without alpha. effort: sqrt(1/T ∫ u² dt), (m,), of each input's deviation from trim. lowest_input,
+    highest_input: min U and max U, (m,), absolute. final: x at the end, (n,), a deviation from trim. memory: the
+    policy's own states at the end.
     """
 
     left: int
@@ -135,7 +152,7 @@ class Summary(NamedTuple):
 
 
 class SummedLoop:
-    """A seven-state loop about a trim whose flights keep no history: sums and peaks are made in the compiled loop.
+    """A loop about a trim whose flights keep no history: sums and peaks are made in the compiled loop.
 
     stops: whether a flight ends at the first step outside the envelope; else it goes on, and only its sums end there.
     """
@@ -170,33 +187,36 @@ class SummedLoop:
     ) -> Summary:
         """A flight of `seconds`, a whole number of ticks, from y(0) = `start` with p = constants(tick).
 
-        lost: asked after each tick with x, (7,), of a loop that does not stop; the flight ends when it says yes.
+        lost: asked after each tick with x, (n,), of a loop that does not stop; the flight ends when it says yes.
         """
-        n, method = len(start), self._method
-        extremes = np.repeat([np.inf, -np.inf], _U)
-        kept = np.concatenate([start, [0.0], start, np.zeros(2 * _Z + _U + 1), extremes])
+        n, method, sizes = len(start), self._method, self._compiled.loop.plant.sizes
+        extremes = np.repeat([np.inf, -np.inf], sizes.inputs)
+        kept = np.concatenate([start, [0.0], start, np.zeros(2 * sizes.seen + sizes.inputs + 1), extremes])
 
         def stop(rows: np.ndarray, p: np.ndarray) -> bool:
             if self._stops:
                 return bool(rows[-1, 1 + n] < rows[-1, 0])
-            return lost is not None and lost(rows[-1, 1 : 1 + _X])
+            return lost is not None and lost(rows[-1, 1 : 1 + sizes.states])
 
         ticks = round(seconds / (method.step * method.steps_per_tick))
-        end = integrate(method, kept, constants, ticks, stop=stop)[-1]
+        end = integrate(self._compiled.delayed(method) or method, kept, constants, ticks, stop=stop)[-1]
         last = min(round(end[1 + n] / method.step) // method.steps_per_tick, ticks - 1)
-        return self._summary(end, n, seconds, constants(last))
+        return self._summary(end, n, seconds, constants(last), sizes)
 
-    def _summary(self, end: np.ndarray, n: int, seconds: float, p: np.ndarray) -> Summary:
-        sizes = [1 + n, 1 + n, _Z, _Z, _U, 1, _U]
-        now, kept, squares, peak, efforts, angle, lowest, highest = np.split(end, np.cumsum(sizes))
+    def _summary(self, end: np.ndarray, n: int, seconds: float, p: np.ndarray, sizes: Sizes) -> Summary:
+        _, k, m = sizes
+        now, kept, squares, peak, efforts, angle, lowest, highest = np.split(
+            end, np.cumsum([1 + n, 1 + n, k, k, m, 1, m])
+        )
         loop = self._compiled.loop
         x, memory = loop.parts(kept[1:] if self._stops else now[1:])
-        updrafts = self._compiled.updrafts(kept[:1], kept[None, 1:], p)
-        departure = self._envelope.departure(kept[:1], loop.parts(kept[1:])[0][None] + self._trim, updrafts)
+        winds = self._compiled.winds(kept[:1], kept[None, 1:], p)
+        departure = self._envelope.departure(kept[:1], loop.parts(kept[1:])[0][None] + self._trim, winds)
         if departure is None:
             left, flown = -1, seconds
         else:
-            left, flown = limited_names(updrafts is not None).index(departure.state), departure.time
+            left = limited_names(self._envelope.model, winds is not None).index(departure.state)
+            flown = departure.time
         lasted = flown or 1.0  # turbulence may be outside at the start: the sums are 0
         rms, effort = np.sqrt(squares / lasted), np.sqrt(efforts / lasted)
         inputs = lowest + self._trimmed_inputs, highest + self._trimmed_inputs
@@ -211,17 +231,21 @@ def _summed(loop: ClosedLoop, trim: np.ndarray, envelope: Envelope, step: float)
     each step, where the Runge-Kutta step has them anyway.
     """
     t, y, p = loop.symbols()
-    n = 1 + y.numel()
-    moved, kept = ca.SX.sym("moved", n), ca.SX.sym("kept", n + 2 * _Z + _U + 1 + 2 * _U)
-    ends = np.cumsum([0, _Z, _Z, _U, 1, _U, _U]).tolist()
+    states, k, m = loop.plant.sizes
+    model, n = envelope.model, 1 + y.numel()
+    moved, kept = ca.SX.sym("moved", n), ca.SX.sym("kept", n + 2 * k + m + 1 + 2 * m)
+    ends = np.cumsum([0, k, k, m, 1, m, m]).tolist()
     squares, peak, efforts, angle, lowest, highest = ca.vertsplit(kept[n:], ends)
     now = loop.at(t, y, p)
+    alpha = list(model.states).index(ALPHA) if ALPHA in model.states else None
 
-    def limited(t: ca.SX, y: ca.SX) -> State[Quantity]:
-        X: State[Quantity] = State(*ca.vertsplit(y[:_X] + ca.DM(trim)))
-        return X._replace(alpha=angle_of_attack(X, loop.updraft(t, y, p)))
+    def limited(t: ca.SX, y: ca.SX) -> list[ca.SX]:
+        X = ca.vertsplit(y[:states] + ca.DM(trim))
+        if alpha is not None and loop.wind_names and flown_through_air(model):
+            X[alpha] = through_air(model, list(X), loop.winds(t, y, p))
+        return list(X)
 
-    deviation = ca.fabs(limited(t, y).alpha - trim[STATES.index("alpha")])
+    deviation = ca.SX(0) if alpha is None else ca.fabs(limited(t, y)[alpha] - trim[alpha])
     sums = (
         squares + step * now.error**2,
         ca.fmax(peak, ca.fabs(now.error)),

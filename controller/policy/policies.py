@@ -3,6 +3,7 @@ ready to fly: a policy, its constants tick by tick, and its memory at the start.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple, Protocol
@@ -10,17 +11,15 @@ from typing import NamedTuple, Protocol
 import casadi as ca
 import numpy as np
 
-from hfa_model.vectors import INPUTS, LINEAR_STATES
-from hfa_support.errors import BadInputError, numbers_in
+from controller.policy.signals import CommandSteps
+from hfa_support.errors import BadInputError, numbers_in, refuse_unknown
 from hfa_support.reporting.fields import Shown
-
-_N, _M = len(LINEAR_STATES), len(INPUTS)
 
 
 class Seen(NamedTuple):
     """What a policy is told of the flight, as deviations from trim, noise of the sensors included.
 
-    error: x - x_d (6,), of the states of the linear model. states: x (6,). positions, rates: of the actuators, (5,)
+    error: x - x_d (k,), of the states of the linear model. states: x (k,). positions, rates: of the actuators, (m,)
     each; empty where there are none. updraft: of the air, ft/s;
     empty in still air. A policy does not know it: what it measures of loads and angles through the air is made of it.
     """
@@ -48,7 +47,7 @@ class Policy(Protocol):
         """Length of p."""
 
     def control(self, t: ca.SX, seen: Seen, memory: ca.SX, p: ca.SX) -> ca.SX:
-        """Commanded input deviation, (5,)."""
+        """Commanded input deviation, (m,)."""
 
     def memory_rate(self, t: ca.SX, seen: Seen, memory: ca.SX, p: ca.SX, applied: ca.SX) -> ca.SX:
         """d(memory)/dt, (memory_size,)."""
@@ -78,18 +77,49 @@ class Unvaried:
         return np.zeros(0)
 
 
+@dataclass(frozen=True)
 class GainPolicy(Memoryless):
-    """u = -K z, K from p, column by column (`gain_constants`)."""
+    """u = -K z, K (inputs, states) from p, column by column (`gain_constants`)."""
 
-    constants_size = _M * _N
+    inputs: int
+    states: int
+
+    @property
+    def constants_size(self) -> int:
+        """Entries of K."""
+        return self.inputs * self.states
 
     def control(self, t: ca.SX, seen: Seen, memory: ca.SX, p: ca.SX) -> ca.SX:
         """-K z."""
-        return -ca.mtimes(ca.reshape(p, _M, _N), seen.error)
+        return -ca.mtimes(ca.reshape(p, self.inputs, self.states), seen.error)
+
+
+@dataclass(frozen=True)
+class OpenLoop(Memoryless):
+    """u = p: inputs (m,) held in each tick, whatever is seen."""
+
+    constants_size: int
+
+    def control(self, t: ca.SX, seen: Seen, memory: ca.SX, p: ca.SX) -> ca.SX:
+        """p."""
+        return p
+
+
+def open_loop(commands: CommandSteps, inputs: tuple[str, ...], tick: float, ticks: int) -> FlownLaw:
+    """No law: steps of inputs off trim, as they are, from the first tick at or after each time.
+
+    BadInputError for a name that is no input.
+    """
+    for name in commands.names:
+        refuse_unknown("there is no law, and no input", name, inputs)
+    table = np.zeros((ticks, len(inputs)))
+    for row, time in zip(commands.values, commands.times, strict=True):
+        table[math.ceil(time / tick - 1e-9) :, [inputs.index(name) for name in commands.names]] = row
+    return FlownLaw("none", OpenLoop(len(inputs)), table, identity={"u": table})
 
 
 def gain_constants(K: np.ndarray) -> np.ndarray:
-    """The p of `GainPolicy` for a gain K (5, 6)."""
+    """The p of `GainPolicy` for a gain K (m, k)."""
     return np.asarray(K, dtype=float).ravel(order="F")
 
 
@@ -115,16 +145,16 @@ class FlownLaw(Shown):
 
     @property
     def gains(self) -> np.ndarray:
-        """K in each tick, (N, 5, 6), of a `GainPolicy`; (0, 5, 6) of another."""
+        """K in each tick, (N, m, k), of a `GainPolicy`; none, (0, 0, 0), of another."""
         if not isinstance(self.policy, GainPolicy):
-            return np.zeros((0, _M, _N))
-        return self.table.reshape(-1, _N, _M).transpose(0, 2, 1)
+            return np.zeros((0, 0, 0))
+        return self.table.reshape(-1, self.policy.states, self.policy.inputs).transpose(0, 2, 1)
 
 
 def gain_law(name: str, gains: np.ndarray) -> FlownLaw:
-    """u = -K z. gains: K (5, 6), or that of each tick (N, 5, 6); else BadInputError."""
+    """u = -K z. gains: K (m, k), or that of each tick (N, m, k); else BadInputError."""
     K = numbers_in("the gain", gains)
-    if K.ndim not in (2, 3) or K.shape[-2:] != (_M, _N) or not np.all(np.isfinite(K)):
-        raise BadInputError(f"the gain has shape {np.shape(gains)}; give {_M} x {_N} finite numbers")
-    table = np.array([gain_constants(each) for each in K.reshape(-1, _M, _N)])
-    return FlownLaw(name, GainPolicy(), table, identity={"K": K})
+    if K.ndim not in (2, 3) or not K.size or not np.all(np.isfinite(K)):
+        raise BadInputError(f"the gain has shape {np.shape(gains)}; give inputs x states finite numbers")
+    table = np.array([gain_constants(each) for each in K.reshape(-1, *K.shape[-2:])])
+    return FlownLaw(name, GainPolicy(*K.shape[-2:]), table, identity={"K": K})

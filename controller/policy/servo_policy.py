@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol
+from typing import Any, Protocol
 
 import casadi as ca
 import numpy as np
@@ -15,14 +15,12 @@ from controller.design.scheduled_controller import COMMAND_SIGNALS, ScheduledCon
 from controller.policy.policies import FlownLaw, Seen, Unvaried
 from controller.policy.signals import CommandSteps
 from hfa_model.aircraft import Aircraft
-from hfa_model.vectors import INPUTS, LINEAR_STATES, Quantity
 from hfa_support.errors import BadInputError, refuse_unknown
 from hfa_support.linear_table import LinearTable
+from hfa_support.model import Model
 from trim.point.operating_point import OperatingPoint
 
-_DIHEDRAL = LINEAR_STATES.index("dihedral")
-_M, _N = len(INPUTS), len(LINEAR_STATES)
-_AIR = ("updraft",)
+_UPDRAFT = "updraft"
 
 
 class DihedralTable:
@@ -56,32 +54,33 @@ class Commands(Protocol):
     def names(self) -> tuple[str, ...]:
         """Outputs that are commanded."""
 
-    def at(self, t: Quantity) -> ca.SX:
+    def at(self, t: Any) -> ca.SX:
         """The value r, (k,)."""
 
-    def rate(self, t: Quantity) -> ca.SX:
+    def rate(self, t: Any) -> ca.SX:
         """Its rate, (k,)."""
 
-    def end(self, t: Quantity) -> ca.SX:
+    def end(self, t: Any) -> ca.SX:
         """What r is on its way to."""
 
 
 class MeasuredOutputs:
     """y - Y0 = C x + D a + F w of named outputs of the linear model at a trim, x and a as deviations from it.
 
-    w: updraft, ft/s: an accelerometer feels alpha through the air. Behind a name
+    w: the updraft, of a model that has one: an accelerometer feels alpha through the air. Behind a name
     `_short_period` only the dependence on alpha, the inputs and w counts. INPUT_position and INPUT_rate are
     those of the actuators.
     """
 
-    def __init__(self, aircraft: Aircraft, point: OperatingPoint, names: tuple[str, ...]) -> None:
-        self.names = names
-        self.C, self.D, self.F, _ = watched_outputs(aircraft, point, names, disturbances=_AIR)
+    def __init__(self, aircraft: Aircraft | Model, point: OperatingPoint, names: tuple[str, ...]) -> None:
+        self.names, self.model = names, point.model
+        inputs, air = tuple(self.model.inputs), (_UPDRAFT,) * (_UPDRAFT in self.model.disturbances)
+        self.C, self.D, self.F, _ = watched_outputs(aircraft, point, names, disturbances=air)  # type: ignore[arg-type]
         self.rates = np.zeros_like(self.D)
         for row, name in enumerate(names):
             of, _, what = name.rpartition("_")
-            if of in INPUTS:
-                (self.D if what == "position" else self.rates)[row, INPUTS.index(of)] = 1.0
+            if of in inputs:
+                (self.D if what == "position" else self.rates)[row, inputs.index(of)] = 1.0
 
     def at(self, seen: Seen) -> ca.SX:
         """y - Y0, (k,)."""
@@ -99,9 +98,9 @@ class MeasuredOutputs:
 
 @dataclass(frozen=True, eq=False)
 class ServoPolicy(Unvaried):
-    """x' = A(η) x + B(η) y + W(η) (u_applied - u),  u = C(η) x + D(η) y,  η the measured dihedral.
+    """x' = A(η) x + B(η) y + W(η) (u_applied - u),  u = C(η) x + D(η) y,  η the measured scheduling state.
 
-    outputs: what it measures. regulated: what is commanded. dihedral: of the trim in which the flight begins, rad.
+    outputs: what it measures. regulated: what is commanded. dihedral: η of the trim in which the flight begins.
     """
 
     controller: ScheduledController
@@ -142,13 +141,16 @@ class ServoPolicy(Unvaried):
         return ca.vertcat(self.outputs.at(seen), *rows)
 
     def _at(self, seen: Seen) -> tuple[ca.SX, ...]:
-        """A, B, C, D, W at the measured dihedral."""
-        return self._table.at(self.dihedral + seen.states[_DIHEDRAL])
+        """A, B, C, D, W at the measured η."""
+        model = self.regulated.model
+        return self._table.at(self.dihedral + seen.states[model.linear.index(model.schedule)])
 
     @property
     def _chosen(self) -> np.ndarray:
-        """(5, m): the controller's inputs among all."""
-        return np.array([[float(name == one) for one in self.controller.inputs] for name in INPUTS])
+        """(m, l): the controller's inputs among all."""
+        return np.array(
+            [[float(name == one) for one in self.controller.inputs] for name in self.regulated.model.inputs]
+        )
 
     @cached_property
     def _table(self) -> DihedralTable:
@@ -157,7 +159,7 @@ class ServoPolicy(Unvaried):
 
 
 def servo_law(
-    controller: ScheduledController, commands: CommandSteps, aircraft: Aircraft, point: OperatingPoint
+    controller: ScheduledController, commands: CommandSteps, aircraft: Aircraft | Model, point: OperatingPoint
 ) -> FlownLaw:
     """The controller about a trim of the aircraft that it was made for, following commands.
 
@@ -168,11 +170,14 @@ def servo_law(
     told = [name.removesuffix(COMMAND_SIGNALS[0]) for name in controller.commands]
     for name in commands.names:
         refuse_unknown(f"controller {controller.name} follows no command of", name, told)
-    at = point.states.dihedral
-    reached = np.append(at + commands.values[:, np.array(commands.names) == "dihedral"], at)
+    schedule = point.model.schedule
+    if schedule not in point.model.linear:
+        raise BadInputError(f"{point.model.name} has no state of its linear model as schedule; declare one")
+    at = point.values[schedule]
+    reached = np.append(at + commands.values[:, np.array(commands.names) == schedule], at)
     if len(controller.dihedrals) == 1:  # not scheduled: flown as it is at any angle
         reached = controller.dihedrals
-    controller.refuse_other(aircraft, float(reached.min()), float(reached.max()))
+    controller.refuse_other(aircraft, float(reached.min()), float(reached.max()))  # type: ignore[arg-type]
     outputs, regulated = (
         MeasuredOutputs(aircraft, point, names) for names in (controller.measurements, commands.names)
     )

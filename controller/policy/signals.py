@@ -11,7 +11,6 @@ import casadi as ca
 import numpy as np
 
 from controller.design.design import COMMAND_FILTER
-from hfa_model.vectors import LINEAR_STATES, Quantity
 from hfa_support.errors import BadInputError, refuse_unless_positive
 from hfa_support.reporting.fields import Shown
 
@@ -122,15 +121,15 @@ class CommandSteps(Shown):
         for name in ("bandwidth", "damping"):
             refuse_unless_positive(f"the {name} of the command filter", getattr(self, name))
 
-    def at(self, t: Quantity) -> ca.SX:
+    def at(self, t: Any) -> ca.SX:
         """r(t), (k,), at a CasADi expression."""
         return self._summed(t, self._response)
 
-    def rate(self, t: Quantity) -> ca.SX:
+    def rate(self, t: Any) -> ca.SX:
         """r'(t), (k,)."""
         return self._summed(t, self._response_rate)
 
-    def end(self, t: Quantity) -> ca.SX:
+    def end(self, t: Any) -> ca.SX:
         """r_step(t), (k,): what the filter is on its way to."""
         return self._summed(t, lambda late: late >= 0.0)
 
@@ -140,7 +139,7 @@ class CommandSteps(Shown):
         function = ca.Function("commands", [t], [self.at(t)]).map(len(times))
         return np.array(function(times[None])).T.reshape(len(times), len(self.names))
 
-    def _summed(self, t: Quantity, response: Callable[[Quantity], Quantity]) -> ca.SX:
+    def _summed(self, t: Any, response: Callable[[Any], Any]) -> ca.SX:
         """Σ_i (R_i - R_i-1) response(t - t_i), (k,); the response to a step that is still to come is 0."""
         total = ca.SX.zeros(len(self.names))
         jumps = np.diff(self.values, axis=0, prepend=np.zeros((1, len(self.names))))
@@ -148,7 +147,7 @@ class CommandSteps(Shown):
             total = total + ca.DM(jump) * response(t - begin)
         return total
 
-    def _decay(self, late: Quantity) -> tuple[Quantity, Quantity]:
+    def _decay(self, late: Any) -> tuple[Any, Any]:
         """exp(-ζωτ) cosh(vτ) and exp(-ζωτ) sinh(vτ)/v of the late time τ >= 0, v² = ω² (ζ² - 1)."""
         middle, tau = self.damping * self.bandwidth, ca.fmax(late, 0.0)
         v = self.bandwidth * math.sqrt(abs(self.damping**2 - 1))
@@ -158,28 +157,37 @@ class CommandSteps(Shown):
         decay = ca.exp(-middle * tau)
         return decay * ca.cos(v * tau), decay * (ca.sin(v * tau) / v if v else tau)
 
-    def _response(self, late: Quantity) -> Quantity:
+    def _response(self, late: Any) -> Any:
         cosh, sinh = self._decay(late)
         return 1 - cosh - self.damping * self.bandwidth * sinh
 
-    def _response_rate(self, late: Quantity) -> Quantity:
+    def _response_rate(self, late: Any) -> Any:
         return self.bandwidth**2 * self._decay(late)[1]
 
 
 @dataclass(frozen=True, eq=False)
 class CommandedStates:
-    """x_d(t), (6,): the commands of states of the linear model, 0 for the others; the reference of a flight."""
+    """x_d(t), (k,): the commands of these states, 0 for the others; the reference of a flight.
 
-    size = len(LINEAR_STATES)
+    filtered: whether they go through the command filter; else they are steps.
+    """
 
     commands: CommandSteps
+    states: tuple[str, ...]
+    filtered: bool = True
+
+    @property
+    def size(self) -> int:
+        """Number of states."""
+        return len(self.states)
 
     def to_dict(self) -> dict[str, Any]:
         """The steps as data for JSON."""
         return asdict(self.commands)
 
-    def at(self, t: Quantity) -> ca.SX:
+    def at(self, t: Any) -> ca.SX:
         """x_d(t)."""
         names = self.commands.names
-        chosen = np.array([[float(name == state) for name in names] for state in LINEAR_STATES])
-        return ca.mtimes(ca.DM(chosen.reshape(len(LINEAR_STATES), len(names))), self.commands.at(t))
+        chosen = np.array([[float(name == state) for name in names] for state in self.states])
+        value = self.commands.at(t) if self.filtered else self.commands.end(t)
+        return ca.mtimes(ca.DM(chosen.reshape(self.size, len(names))), value)

@@ -1,7 +1,7 @@
 """The aircraft for other tools; the suffix of -o says which.
 
-FOLDER: C source that needs no library: equations of motion, level flights with their linear models, the trim at
---dihedral, its A and B, and the gain of a policy, with an example of a 100 Hz loop. FILE.fmu: the nonlinear aircraft
+FOLDER: C source that needs no library: equations of motion, the trim at --dihedral, its A and B, and the gain of a
+policy, with an example of a 100 Hz loop. FILE.fmu: the nonlinear aircraft
 trimmed at --dihedral as an FMU 2.0 for model exchange and co-simulation; with --law, its policy flies. Needs a C
 compiler. --controller FILE: in both, a scheduled controller with its states in place of the policy; in the FMU behind
 --actuators, with which the C files have an example of a 100 Hz loop too. FILE.m: a function of MATLAB and Octave that
@@ -18,8 +18,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from hfa_cli.options import games, shared_options as options
-from hfa_cli.options.argument_types import folder_or_file, input_file, whole
-from hfa_cli.options.flight_options import LAWS, actuators_of, add_actuators, check_policy, flown_law_of
+from hfa_cli.options.argument_types import OWN, folder_or_file, input_file, whole
+from hfa_cli.options.flight_options import (
+    LAWS,
+    actuators_of,
+    add_actuators,
+    add_aircraft,
+    aircraft_of,
+    check_policy,
+    flown_law_of,
+)
 from hfa_cli.options.learning_options import add_settings
 from hfa_cli.options.parser import add_value
 from hfa_cli.origin import origin_lines, provenance
@@ -33,6 +41,7 @@ from trim.linear.linear_model import linearize
 
 if TYPE_CHECKING:
     from hfa_model.aircraft import Aircraft
+    from hfa_support.model import Model
     from trim.point.operating_point import OperatingPoint
 
 SCHEMA = "hfa.export/1"
@@ -41,8 +50,9 @@ SCHEMA = "hfa.export/1"
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `hfa export`."""
     options.add_condition(parser, dihedral_required=False)
-    parser.set_defaults(dihedral=math.radians(15.0))
-    options.add_aircraft(parser)
+    if OWN.get() is None:
+        parser.set_defaults(dihedral=math.radians(15.0))
+    add_aircraft(parser)
     about = "a folder for C source, or a file .fmu (FMU) or .m (the function that reads .mat files of models)"
     kind = folder_or_file(".fmu", ".m")
     parser.add_argument("-o", "--output", type=kind, metavar="PLACE", required=True, help=about)
@@ -70,7 +80,7 @@ def run(arguments: argparse.Namespace) -> int:
         show(_report([place]), arguments, target=None)
         return 0
     _check(arguments)
-    aircraft = options.aircraft_of(arguments)
+    aircraft = aircraft_of(arguments)
     point = options.operating_point_of(arguments, aircraft)
     write = _write_gain if arguments.controller is None else _write_controller
     show(_report(write(arguments, aircraft, point)), arguments, target=None)
@@ -88,9 +98,9 @@ def _check(arguments: argparse.Namespace) -> None:
         raise BadInputError("--controller flies behind actuators in an FMU; add --actuators LAG:RATE")
 
 
-def _write_gain(arguments: argparse.Namespace, aircraft: Aircraft, point: OperatingPoint) -> list[Path]:
+def _write_gain(arguments: argparse.Namespace, aircraft: Aircraft | Model, point: OperatingPoint) -> list[Path]:
     """The aircraft, with the gain of a law where one is asked for; C has the exact one unless another is."""
-    from controller.export.c_model import CModel, c_model_texts
+    from controller.export.c_model import c_model_texts
     from controller.export.exported_loop import aircraft_loop, gain_loop
     from controller.export.fmu import write_fmu
 
@@ -101,15 +111,15 @@ def _write_gain(arguments: argparse.Namespace, aircraft: Aircraft, point: Operat
     model, place = linearize(aircraft, point), arguments.output
     gain = flown_law_of(arguments, model).gains[0]
     if not place.suffix:
-        return write_texts(place, c_model_texts(CModel(aircraft, model, gain, origin_lines())))
+        return write_texts(place, c_model_texts(aircraft, model, gain, origin_lines()))
     write_fmu(aircraft_loop(aircraft, point) if alone else gain_loop(aircraft, point, gain), place, provenance())
     return [place]
 
 
-def _write_controller(arguments: argparse.Namespace, aircraft: Aircraft, point: OperatingPoint) -> list[Path]:
+def _write_controller(arguments: argparse.Namespace, aircraft: Aircraft | Model, point: OperatingPoint) -> list[Path]:
     """The aircraft under a scheduled controller behind actuators; in C both beside each other."""
     from controller.design.scheduled_controller import load_controller
-    from controller.export.c_model import CModel, c_model_texts
+    from controller.export.c_model import c_model_texts
     from controller.export.exported_loop import EXAMPLE, c_controller_texts, controller_example, controller_loop
     from controller.export.fmu import write_fmu
 
@@ -118,8 +128,8 @@ def _write_controller(arguments: argparse.Namespace, aircraft: Aircraft, point: 
     if place.suffix and actuators is not None:
         write_fmu(controller_loop(aircraft, point, controller, actuators), place, provenance())
         return [place]
-    without = CModel(aircraft, linearize(aircraft, point), None, origin_lines())
-    texts = c_model_texts(without) | c_controller_texts(controller, aircraft, point, origin_lines())
+    without = c_model_texts(aircraft, linearize(aircraft, point), None, origin_lines())
+    texts = without | c_controller_texts(controller, aircraft, point, origin_lines())
     if actuators is not None:
         texts[EXAMPLE] = controller_example(controller, aircraft, point, actuators, origin_lines())
     return write_texts(place, texts)

@@ -14,15 +14,16 @@ from typing import TYPE_CHECKING
 from hfa_cli.options import shared_options as options
 from hfa_cli.options.argument_types import check_target, whole
 from hfa_cli.options.flight_options import (
-    add_controller,
+    NONE,
+    add_aircraft,
+    add_commands,
     add_law,
     add_scenario,
-    add_signal,
     add_stored,
+    aircraft_of,
     check_policy,
-    controlled,
     envelope_of,
-    flown_law_of,
+    policy_of,
     scenario_of,
     seed_of,
 )
@@ -32,7 +33,6 @@ from hfa_cli.output import tell
 from hfa_cli.progress import ProgressLine
 from hfa_support.errors import BadInputError
 from hfa_support.files import temporary_folder
-from trim.linear.linear_model import linearize
 
 if TYPE_CHECKING:
     from controller.flight.monte_carlo import MonteCarlo
@@ -44,15 +44,13 @@ _MOST_MEMBERS = 10_000_000
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `hfa monte-carlo`."""
     options.add_condition(parser)
-    options.add_aircraft(parser)
-    add_law(parser)
+    add_aircraft(parser)
+    add_law(parser, NONE)
     add_stored(parser)
-    add_value(
-        parser, "--members", whole(1, _MOST_MEMBERS), "N", f"default {_DEFAULT_MEMBERS}", default=_DEFAULT_MEMBERS
-    )
+    about = f"members, default {_DEFAULT_MEMBERS}"
+    add_value(parser, "--samples", whole(1, _MOST_MEMBERS), "N", about, default=_DEFAULT_MEMBERS)
     add_scenario(parser, members=True)
-    add_controller(parser)
-    add_signal(parser, "--reference", "what a state shall follow")
+    add_commands(parser)
     options.add_workers(parser, "run of the same options")
     options.add_json(parser)
     parser.add_argument("-o", "--output", metavar="FILE", help="keep every member in this store (.zarr)")
@@ -86,16 +84,8 @@ def _plan(arguments: argparse.Namespace) -> MonteCarlo:
     from controller.flight.monte_carlo import MonteCarlo
 
     check_policy(arguments)
-    aircraft = options.aircraft_of(arguments)
+    aircraft = aircraft_of(arguments)
     point = options.operating_point_of(arguments, aircraft)
-    law, scenario = controlled(arguments, aircraft, point, scenario_of(arguments, point))
-    return MonteCarlo(
-        members=arguments.members,
-        seed=seed_of(arguments),
-        parameters=aircraft.parameters,
-        dynamics=arguments.dynamics,
-        point=point,
-        law=law or flown_law_of(arguments, linearize(aircraft, point)),
-        scenario=scenario,
-        envelope=envelope_of(arguments, aircraft, point),
-    )
+    law, scenario = policy_of(arguments, aircraft, point, scenario_of(arguments, point))
+    envelope = envelope_of(arguments, aircraft, point)
+    return MonteCarlo(arguments.samples, seed_of(arguments), aircraft, point, law, scenario, envelope)

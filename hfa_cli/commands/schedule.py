@@ -1,45 +1,47 @@
 """Simulate the nonlinear aircraft through a slow change of dihedral under a schedule of gains.
 
-At every point of a grid of dihedrals there is a level trim and a gain, linear in between: certified, or from a file as
-it is. Exit code 0 when every state stays inside its envelope and every input within its control limits; else 1, and the
-report names the state that left first and the inputs that exceeded their limits.
+At every point of a grid of dihedrals there is a trim and a gain, linear in between: certified, or from a file as it is.
+With --aircraft the change is one of the scheduling variable of the model. Exit code as of `hfa fly`.
 """
 
 from __future__ import annotations
 
 import argparse
+from functools import partial
 
 from hfa_cli.options import games, shared_options as options
-from hfa_cli.options.argument_types import angle, input_file, number, whole
+from hfa_cli.options.argument_types import OWN, in_unit, input_file, number, whole
 from hfa_cli.options.flight_options import (
+    add_aircraft,
     add_law,
     add_scenario,
+    aircraft_of,
     check_policy,
     envelope_of,
     law_of,
     scenario_of,
     seed_of,
+    tell_flight,
 )
 from hfa_cli.options.games import MATRIX_FILES
 from hfa_cli.options.learning_options import law_settings
 from hfa_cli.options.parser import add_value
-from hfa_cli.output import draw, tell
 from hfa_cli.progress import ProgressLine
+from hfa_model.aircraft import HFA
 from hfa_support.errors import BadInputError
-from trim.point.condition import level_flight
 from trim.point.solve import find_operating_point
 
 #: Of the schedule; half a second or so each.
 _MOST_POINTS = 1000
+_TO = "VALUE[:S[:POINTS]]"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `hfa schedule`."""
-    add_value(parser, "--dihedral", angle, "DEG", "dihedral at the start, degrees", required=True)
-    add_value(parser, "--to", angle, "DEG", "dihedral at the end", required=True)
-    add_value(parser, "--over", number, "S", "time of the change, default 60", default=60.0)
-    add_value(parser, "--points", whole(2, _MOST_POINTS), "N", "grid points of the schedule, default 11", default=11)
-    options.add_aircraft(parser)
+    options.add_condition(parser)
+    about = "the dihedral at the end, degrees; time of the change, default 60; points of the schedule, default 11"
+    add_value(parser, "--to", _to, _TO, about, required=True)
+    add_aircraft(parser)
     add_law(parser)
     about = "use these gains instead of a law: K, or dihedral_deg and K at each of its angles"
     add_value(parser, "--weights", input_file(*MATRIX_FILES), "FILE", f"{about} ({' '.join(MATRIX_FILES)})")
@@ -51,7 +53,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Fly and report; exit 1 when a limit was exceeded."""
     from controller.policy.gain_table import load_gains
-    from verification.flights.flight_figures import flight_figure
     from verification.flights.scheduling import (
         LEAD,
         REST,
@@ -63,30 +64,43 @@ def run(arguments: argparse.Namespace) -> int:
     )
 
     check_policy(arguments)
+    aircraft, (end, over, points) = aircraft_of(arguments), arguments.to
+    model, flights = aircraft.model, options.flight_of(arguments)
+    if arguments.weights is not None and OWN.get() is not None:
+        raise BadInputError("--weights holds gains over the dihedral; leave it out with --aircraft")
     gains = None if arguments.weights is None else load_gains(arguments.weights)
-    aircraft = options.aircraft_of(arguments)
-    start, end, over = arguments.dihedral, arguments.to, arguments.over
-    change = change_over(start, end, over)
-    scenario = scenario_of(arguments, find_operating_point(aircraft, level_flight(start)), LEAD + over + REST)
+    begin = find_operating_point(aircraft, options.condition_of(arguments), arguments.start)
+    change = change_over(model, begin.values.get(model.schedule, end), end, over)
+    scenario = scenario_of(arguments, begin, LEAD + over + REST)
     if scenario.duration < LEAD + over:
         raise BadInputError(
-            f"--duration is {scenario.duration:g} s and the change of dihedral ends at {LEAD + over:g} s; extend it"
+            f"--duration is {scenario.duration:g} s and the change ends at {LEAD + over:g} s; extend it"
         )
-    grid = grid_of(change, arguments.points)
+    grid, law = grid_of(change, points), law_of(arguments)
     certified = certified_schedule(
         aircraft,
         grid if gains is None else gains.grid(grid),
-        law=law_of(arguments),
+        law=law,
         seed=seed_of(arguments),
-        game=games.weights_of(arguments),
-        settings={} if law_of(arguments) == "exact" else law_settings(arguments),
+        game=partial(games.game_on, arguments),
+        settings={} if law == "exact" else law_settings(arguments),
         gains=gains,
+        condition=flights.at,
         progress=ProgressLine("certify"),
     )
-    envelope = envelope_of(arguments, aircraft, certified.at(start).point)
+    ends = [certified.at(each).point for each in (change.start, end)]
+    envelope = envelope_of(arguments, aircraft, ends[0])
     result = fly_schedule(aircraft, certified, change, scenario, envelope, progress=ProgressLine("simulate"))
-    law = law_of(arguments) if gains is None else f"gain of {arguments.weights}"
-    report = schedule_report(result, certified, change, law)
-    draw(arguments.picture, lambda: flight_figure(result, report.title))
-    tell(report, [certified.at(start).point, certified.at(end).point], arguments, arguments.output, result.history())
-    return 0 if result.within_limits else 1
+    law = law if gains is None else f"gain of {arguments.weights}"
+    return tell_flight(result, schedule_report(result, certified, change, law), ends, arguments)
+
+
+def _to(text: str) -> tuple[float, float, int]:
+    """The type of --to."""
+    parts = text.split(":")
+    if len(parts) > 3:
+        raise argparse.ArgumentTypeError(f"is {text!r}; give {_TO}")
+    model = OWN.get() or HFA
+    unit = model.unit(model.schedule) if model.schedule else "1"
+    over, points = (*parts[1:], *("60", "11")[len(parts) - 1 :])
+    return in_unit(unit, parts[0]), number(over), whole(2, _MOST_POINTS)(points)

@@ -4,59 +4,77 @@ from __future__ import annotations
 
 import argparse
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from controller.flight.actuators import ActuatorFault, Actuators
-from controller.flight.envelope import Envelope, flight_envelope
+from controller.flight.envelope import Envelope, control_limits, flight_envelope
 from controller.flight.gusts import Dryden, Gust, OneMinusCosine
-from controller.flight.scenario import Scenario, Uncertainty
+from controller.flight.scenario import Scenario, Uncertainty, met_at
 from controller.game.array_file import PlantNames
-from controller.game.zero_sum import Game, published_game
+from controller.game.zero_sum import Game
 from controller.policy import paper_flight
-from controller.policy.signals import Harmonic, Signal
+from controller.policy.signals import CommandedStates, CommandSteps, Harmonic, Signal
 from hfa_cli.options import games, shared_options as options
-from hfa_cli.options.argument_types import input_file, number, numbers, parsed, quantity, span, whole
+from hfa_cli.options.argument_types import OWN, in_unit, input_file, number, numbers, parsed, span, whole
 from hfa_cli.options.games import MATRIX_FILES
 from hfa_cli.options.learning_options import DEFAULT_LAW, add_settings, law_settings, shown_learning
 from hfa_cli.options.parser import add_named, add_value
-from hfa_model.aircraft import Aircraft
-from hfa_model.outputs import OUTPUTS
-from hfa_model.vectors import LINEAR_ROWS, LINEAR_STATES, STATES, Input
+from hfa_model.aircraft import HFA, Aircraft
 from hfa_support.errors import BadInputError, refuse_unknown, said_of
-from hfa_support.reporting.unit_system import typed
+from hfa_support.model import Model, record
 from trim.linear.linear_model import LinearModel
-from trim.point.condition import CONTROL_LIMITS
 from trim.point.operating_point import OperatingPoint
 
 if TYPE_CHECKING:
+    from controller.flight.nonlinear_flight import NonlinearFlight
     from controller.policy.policies import FlownLaw
-    from controller.policy.signals import CommandSteps
+    from hfa_support.reporting.report import Report
 
-#: Laws of a simulation: the exact gain, or a learned one that comes with certificates.
+#: Laws of a simulation: the exact gain, or a learned one that comes with certificates; or none.
 LAWS = ("exact", "certified", "irl")
+NONE = "none"
 #: How help shows the values of options.
-_STEPS = "NAME=TIME:VALUE[,TIME:VALUE...]"
+_COMMAND = "NAME=TIME:VALUE[,TIME:VALUE...]"
+_WAVE = "NAME=CONSTANT[:AMPLITUDE:RAD/S]"
 _GUST, _TURBULENCE = "LENGTH:PEAK[:BEGIN]", "SIGMA:SCALE"
 _ACTUATORS, _FAULT = "LAG:RATE[:ORDER]", "EFFECTIVENESS:BANDWIDTH[:BEGIN]"
 _TICK = 0.01
 #: In place of NAME=...: what the paper simulates in Section 5 (`controller/policy/paper_flight.py`).
 PAPER = "paper"
 #: What flies in place of a law -> options that then would change nothing.
-_IN_PLACE = {
-    "controller": ("law", "set", "reference", "weights", "delta", "Q", "R"),
-    "weights": ("law", "set", "delta", "Q"),
-}
+_IN_PLACE = {"controller": ("law", "set", "weights", "delta", "Q", "R"), "weights": ("law", "set", "delta", "Q")}
+
+
+def add_aircraft(parser: argparse.ArgumentParser) -> None:
+    """--aircraft, --dynamics, --parameters."""
+    options.add_own(parser)
+    options.add_aircraft(parser)
+
+
+def aircraft_of(arguments: argparse.Namespace) -> Aircraft | Model:
+    """The user's own aircraft, or the HFA that the options name."""
+    own = options.own_of(arguments)
+    if own is not None and getattr(arguments, "units", None) == "si":
+        raise BadInputError("--units si does not go with --aircraft here: a flight is in the units of its model")
+    return own or options.aircraft_of(arguments)
+
+
+def _model() -> Model:
+    """Whose names and units options have."""
+    return OWN.get() or HFA
+
 
 # The policy.
 
 
-def add_law(parser: argparse.ArgumentParser) -> None:
+def add_law(parser: argparse.ArgumentParser, *more: str) -> None:
     """--law, --set, --seed, --delta, --Q, --R."""
-    add_value(parser, "--law", str, "NAME", f"{', '.join(LAWS)}; default {DEFAULT_LAW}")
+    add_value(parser, "--law", str, "NAME", f"{', '.join((*LAWS, *more))}; default {DEFAULT_LAW}")
     add_settings(parser)
     add_value(parser, "--seed", whole(0), "N", "seed of the recorded data and of what is random in flight; default 0")
     games.add_weights(parser)
@@ -68,19 +86,19 @@ def add_stored(parser: argparse.ArgumentParser) -> None:
     add_value(parser, "--weights", input_file(*MATRIX_FILES), "FILE", about)
 
 
-def add_controller(parser: argparse.ArgumentParser) -> None:
+def add_commands(parser: argparse.ArgumentParser) -> None:
     """--controller, --command."""
-    group = parser.add_argument_group("a controller instead of a law")
-    about = "fly this scheduled controller (.npz) behind --actuators"
-    add_value(group, "--controller", input_file(".npz"), "FILE", about)
-    about = "steps off trim, s and degrees, through the command filter; repeatable"
-    add_named(group, "--command", _steps, _STEPS, about)
+    add_value(parser, "--controller", input_file(".npz"), "FILE", "fly this scheduled controller behind --actuators")
+    about = (
+        f"what shall be followed, s and degrees off trim: steps, or {_WAVE}, or `{PAPER}`; with --law {NONE} steps of"
+    )
+    add_named(parser, "--command", _command, _COMMAND, f"{about} inputs; repeatable", alone=PAPER)
 
 
 def law_of(arguments: argparse.Namespace) -> str:
-    """The law that the options name, one of `LAWS`."""
+    """The law that the options name."""
     law = DEFAULT_LAW if arguments.law is None else str(arguments.law)
-    refuse_unknown("unknown law", law, LAWS)
+    refuse_unknown("unknown law", law, (*LAWS, *((NONE,) if hasattr(arguments, "command") else ())))
     return law
 
 
@@ -91,31 +109,33 @@ def seed_of(arguments: argparse.Namespace) -> int:
 
 def check_policy(arguments: argparse.Namespace) -> None:
     """BadInputError for an unknown law, and for options that have no effect on the policy."""
-    known, learned = vars(arguments), law_of(arguments) != "exact"
+    known, law = vars(arguments), law_of(arguments)
+    learned = law not in ("exact", NONE)
     for name, others in _IN_PLACE.items():
         if known.get(name) is not None:
             learned, unused = False, tuple(other for other in others if other in known)
             options.refuse(arguments, unused, f"changes nothing beside --{name}; leave it out")
+    if law == NONE:
+        options.refuse(arguments, ("delta", "Q", "R"), f"belongs to a law; leave it out with --law {NONE}")
     if not learned:
-        options.refuse(arguments, ("set",), "belongs to a learning law; with --law exact there is nothing to learn")
-        random = "members" in known or known.get("turbulence") is not None
+        options.refuse(arguments, ("set",), f"belongs to a learning law; with --law {law} there is nothing to learn")
+        random = "samples" in known or known.get("turbulence") is not None
         if arguments.seed is not None and not random:
             raise BadInputError("--seed belongs to a learning law or to --turbulence; here nothing is random")
 
 
 def flown_law_of(arguments: argparse.Namespace, model: LinearModel) -> FlownLaw:
-    """The gain that is used: exact, or learned on the linear model and frozen."""
+    """The gain that is used: of a file, exact, or learned on the linear model."""
     from controller.policy.learned_gain import learned_value
     from controller.policy.policies import gain_law
     from controller.riccati.gare import solve_game
 
-    game, law = published_game(model.A, model.B, **games.weights_of(arguments)), law_of(arguments)
+    game, law = games.game_on(arguments, model), law_of(arguments)
     if getattr(arguments, "weights", None) is not None:
         return _stored_law(arguments, game, PlantNames(model.states, model.inputs, model.state_units))
     if law == "exact":
         return gain_law("exact", solve_game(game).K)
-    learned = learned_value(game, law, seed_of(arguments), shown_learning(), **law_settings(arguments))
-    return gain_law(law, learned.K)
+    return gain_law(law, learned_value(game, law, seed_of(arguments), shown_learning(), **law_settings(arguments)).K)
 
 
 def _stored_law(arguments: argparse.Namespace, game: Game, plant: PlantNames) -> FlownLaw:
@@ -136,47 +156,63 @@ def _stored_law(arguments: argparse.Namespace, game: Game, plant: PlantNames) ->
     return gain_law(f"{'weights' if stored.K is None else 'gain'} of {path}", K)
 
 
-def controlled(
-    arguments: argparse.Namespace, aircraft: Aircraft, point: OperatingPoint, scenario: Scenario
-) -> tuple[FlownLaw | None, Scenario]:
-    """The law of --controller, None without one, and the scenario with its commands as reference."""
+def policy_of(
+    arguments: argparse.Namespace, aircraft: Aircraft | Model, point: OperatingPoint, scenario: Scenario
+) -> tuple[FlownLaw, Scenario]:
+    """What flies: --controller, no law, or a gain; and the scenario with what is commanded as reference."""
     from controller.design.scheduled_controller import load_controller
+    from controller.policy.policies import open_loop
     from controller.policy.servo_policy import servo_law
-    from controller.policy.signals import CommandedStates
+    from trim.linear.linear_model import linearize
 
-    if arguments.controller is None:
-        if arguments.command:
-            raise BadInputError("--command belongs to --controller; give both")
-        return None, scenario
-    if arguments.actuators is None:
-        raise BadInputError("--controller flies behind actuators; add --actuators LAG:RATE")
-    controller = load_controller(arguments.controller)
-    commands = _commands_of(arguments, controller.command_filter)
-    return servo_law(controller, commands, aircraft, point), replace(scenario, reference=CommandedStates(commands))
+    given = arguments.command or {}
+    steps = CommandSteps((), np.zeros(0), np.zeros((0, 0)))
+    if isinstance(given, dict) and any(isinstance(each, list) for each in given.values()):
+        waves = [name for name, each in given.items() if not isinstance(each, list)]
+        if waves:
+            raise BadInputError(f"--command {waves[0]} is no step, but others are; give {_COMMAND} for each")
+        steps = _steps_of(given)
+    elif given and (arguments.controller is not None or law_of(arguments) == NONE):
+        raise BadInputError(f"--command with --controller or --law {NONE} takes steps; give {_COMMAND}")
+    if arguments.controller is not None:
+        if arguments.actuators is None:
+            raise BadInputError("--controller flies behind actuators; add --actuators LAG:RATE")
+        controller = load_controller(arguments.controller)
+        steps = CommandSteps(steps.names, steps.times, steps.values, *controller.command_filter)
+        follow = CommandedStates(steps, point.model.linear)
+        return servo_law(controller, steps, aircraft, point), replace(scenario, reference=follow)
+    if law_of(arguments) == NONE:
+        return open_loop(steps, tuple(point.model.inputs), scenario.tick, scenario.ticks), scenario
+    if steps.names:
+        for name in steps.names:
+            refuse_unknown("a gain follows no command of", name, point.model.linear)
+        scenario = replace(scenario, reference=CommandedStates(steps, point.model.linear, filtered=False))
+    elif given:
+        scenario = replace(scenario, reference=_signal_of("reference", given, point.model.linear))
+    return flown_law_of(arguments, linearize(aircraft, point)), scenario
 
 
-def _commands_of(arguments: argparse.Namespace, command_filter: tuple[float, ...]) -> CommandSteps:
-    """What --command says, on the times of all names."""
-    from controller.policy.signals import CommandSteps
-
-    given: dict[str, list[tuple[float, float]]] = arguments.command or {}
+def _steps_of(given: dict[str, list[tuple[float, float]]]) -> CommandSteps:
+    """The steps of --command on the times of all names."""
     times = sorted({time for steps in given.values() for time, _ in steps})
     values = np.zeros((len(times), len(given)))
     for column, steps in enumerate(given.values()):
         for time, value in steps:
             values[times.index(time) :, column] = value
-    return CommandSteps(tuple(given), np.array(times), values, *command_filter)
+    return CommandSteps(tuple(given), np.array(times), values)
 
 
-def _steps(name: str, text: str) -> list[tuple[float, float]]:
-    """The type of --command: (time, value) pairs, increasing."""
+def _command(name: str, text: str) -> list[tuple[float, float]] | tuple[float, ...]:
+    """The type of --command: (time, value) pairs, increasing; or a constant or a wave."""
+    if "," not in text and text.count(":") != 1:
+        return _constant_or_wave(_model().linear)(name, text)
     found = []
     for part in text.split(","):
         time, colon, value = part.partition(":")
         if not colon:
-            raise argparse.ArgumentTypeError(f"is {text!r}; give {_STEPS}")
-        unit = OUTPUTS[name].unit if name in OUTPUTS else "1"
-        found.append((number(time), quantity(name, value) if name in STATES else typed(number(value), unit)))
+            raise argparse.ArgumentTypeError(f"is {text!r}; give {_COMMAND}")
+        unit = _model().unit(name) if name in _model().signals else "1"
+        found.append((number(time), in_unit(unit, value)))
     if found[0][0] < 0.0 or any(late <= early for (early, _), (late, _) in pairwise(found)):
         raise argparse.ArgumentTypeError(f"is {text!r}; the times must increase, from 0 on")
     return found
@@ -193,22 +229,24 @@ def add_scenario(parser: argparse.ArgumentParser, duration: str = "20", *, membe
     add_value(parser, "--duration", number, "S", f"default {duration}")
     add_value(parser, "--step", number, "S", "fixed step of the integration, default 0.001", default=0.001)
     about = "a state off trim at the start, degrees; or `paper`"
-    add_named(parser, "--initial", _initial, "NAME=VALUE", about, alone=PAPER)
-    add_signal(parser, "--disturbance", "added to the rate of a state")
+    add_named(parser, "--initial", _of(tuple(_model().states)), "NAME=VALUE", about, alone=PAPER)
+    air = (*_model().linear, *_model().disturbances)
+    _add_signal(parser, "--disturbance", "added to the rate of a state, or a disturbance of the model", air)
     add_actuators(parser)
     about = "actuators of the surfaces from BEGIN on: share of the command that arrives, bandwidth in rad/s"
     add_value(parser, "--fault", parsed(_fault), _FAULT, about)
+    add_value(parser, "--delay", number, "S", "time by which every command of the policy comes late")
     about = "Dryden turbulence, ft/s and ft, from --seed"
     add_value(parser, "--turbulence", numbers(_TURBULENCE, 2, "ft/s", "ft"), _TURBULENCE, about)
     if members:
         about = "relative standard deviation of a parameter"
         add_named(parser, "--error", lambda _, text: number(text), "NAME=DEVIATION", about)
         about = "standard deviation of a sensor, degrees for angles"
-        add_named(parser, "--noise", quantity, "NAME=DEVIATION", about)
+        add_named(parser, "--noise", _of(_model().linear), "NAME=DEVIATION", about)
     else:
         about = "factor on a parameter of the simulated aircraft, unknown to the design"
         add_named(parser, "--error", lambda _, text: number(text), "NAME=FACTOR", about)
-        add_signal(parser, "--noise", "added to what a sensor says")
+        _add_signal(parser, "--noise", "added to what a sensor says", _model().linear)
         about = "1-cosine updraft, ft, ft/s and s"
         add_value(parser, "--gust", numbers(_GUST, 2, "ft", "ft/s", "s"), _GUST, about)
     add_envelope(parser)
@@ -226,99 +264,126 @@ def scenario_of(arguments: argparse.Namespace, point: OperatingPoint, duration: 
     duration: unless given, s.
     """
     duration = duration if arguments.duration is None else arguments.duration
+    model, disturbed = point.model, arguments.disturbance or {}
+    air: dict[str, Signal] = {}
+    if isinstance(disturbed, dict):
+        winds = {name: value for name, value in disturbed.items() if name in model.disturbances}
+        disturbed = {name: value for name, value in disturbed.items() if name not in winds}
+        air = {name: _signal_of("", {name: value}, (name,)) for name, value in winds.items()}
     common = Scenario(
         duration=duration,
         step=arguments.step,
-        tick=_TICK,
-        initial=_initial_of(arguments.initial),
-        reference=_signal_of("reference", getattr(arguments, "reference", None)),
-        disturbance=_signal_of("disturbance", arguments.disturbance),
+        tick=_tick_of(arguments),
+        initial=_initial_of(arguments.initial, model),
+        disturbance=_signal_of("disturbance", disturbed, model.linear),
         actuators=actuators_of(arguments),
+        delay=arguments.delay or 0.0,
+        air=air,
     )
-    if hasattr(arguments, "members"):
+    if hasattr(arguments, "samples"):
         drawn = Uncertainty(arguments.error or {}, arguments.noise or {}, arguments.turbulence)
-        return replace(common, uncertainty=drawn)
-    noise = _signal_of("noise", arguments.noise)
-    return replace(common, noise=noise, errors=arguments.error or {}, gust=_gust(arguments, point, duration))
+        return replace(common, uncertainty=drawn).on(model)
+    noise = _signal_of("noise", arguments.noise or {}, model.linear)
+    found = replace(common, noise=noise, errors=arguments.error or {}, gust=_gust(arguments, point, common))
+    return found.on(model)
 
 
-def envelope_of(arguments: argparse.Namespace, aircraft: Aircraft, point: OperatingPoint) -> Envelope:
+def _tick_of(arguments: argparse.Namespace) -> float:
+    """0.01 s, or the longest shorter tick of whole steps that the delay holds a whole number of."""
+    delay = arguments.delay or 0.0
+    if delay < 0.0:
+        raise BadInputError(f"--delay is {delay:g} s; it must not be negative")
+    for count in range(math.ceil(delay / _TICK - 1e-9), round(delay / arguments.step) + 1 if delay else 0):
+        if abs((delay / count) / arguments.step - round(delay / count / arguments.step)) < 1e-6:
+            return float(delay / count)
+    if delay:
+        raise BadInputError(f"--delay is {delay:g} s; make it a whole number of steps of {arguments.step:g} s")
+    return _TICK
+
+
+def envelope_of(arguments: argparse.Namespace, aircraft: Aircraft | Model, point: OperatingPoint) -> Envelope:
     """The envelope about a trim, with the limits that the options name."""
-    return flight_envelope(aircraft.parameters, point, arguments.envelope)
+    return flight_envelope(aircraft, point, arguments.envelope)
 
 
-def _gust(arguments: argparse.Namespace, point: OperatingPoint, duration: float) -> Gust | None:
+def _gust(arguments: argparse.Namespace, point: OperatingPoint, scenario: Scenario) -> Gust | None:
     if arguments.gust is not None and arguments.turbulence is not None:
         raise BadInputError("--gust and --turbulence do not go together; give one of them")
-    speed = point.states.speed
     if arguments.gust is not None:
         length, peak, begin = (*arguments.gust, 0.0)[:3]
-        if not 0 <= begin < duration:
-            raise BadInputError(f"--gust begins at {begin:g} s; the flight lasts from 0 to {duration:g} s")
-        return OneMinusCosine(length, peak, speed, begin)
+        if not 0 <= begin < scenario.duration:
+            raise BadInputError(f"--gust begins at {begin:g} s; the flight lasts from 0 to {scenario.duration:g} s")
+        return OneMinusCosine(length, peak, met_at(point), begin)
     if arguments.turbulence is not None:
         intensity, scale = arguments.turbulence
-        return Dryden(intensity, scale, speed, _TICK, round(duration / _TICK), seed_of(arguments))
+        return Dryden(intensity, scale, met_at(point), scenario.tick, scenario.ticks, seed_of(arguments))
     return None
 
 
-def add_signal(parser: argparse._ActionsContainer, option: str, about: str) -> None:
-    """An option of a signal: constants, and a sine for some states."""
-    form = "NAME=CONSTANT[:AMPLITUDE:RAD/S]"
-    add_named(parser, option, _constant_or_wave, form, f"{about}; or `{PAPER}`", alone=PAPER)
+def _add_signal(parser: argparse._ActionsContainer, option: str, about: str, names: tuple[str, ...]) -> None:
+    """An option of a signal: constants, and a sine for some of these names."""
+    add_named(parser, option, _constant_or_wave(names), _WAVE, f"{about}; or `{PAPER}`", alone=PAPER)
 
 
-def _initial_of(given: dict[str, float] | str | None) -> np.ndarray:
-    """What --initial says as a deviation from trim, (7,)."""
-    start = np.zeros(len(STATES))
+def _refuse_paper(model: Model) -> None:
+    if OWN.get() is not None:
+        raise BadInputError(f"`{PAPER}` stands for signals of the HFA; name those of {model.name}")
+
+
+def _initial_of(given: dict[str, float] | str | None, model: Model) -> np.ndarray:
+    """What --initial says as a deviation from trim, (n,)."""
+    start = dict.fromkeys(model.states, 0.0)
     if isinstance(given, str):
-        start[LINEAR_ROWS] = paper_flight.INITIAL
-        return start
-    for name, value in (given or {}).items():
-        start[STATES.index(name)] = value
-    return start
+        _refuse_paper(model)
+        given = dict(zip(model.linear, paper_flight.INITIAL.tolist(), strict=True))
+    return np.array(list((start | (given or {})).values()))
 
 
-def _signal_of(name: str, given: dict[str, tuple[float, ...]] | str | None) -> Signal:
-    """What the option of a signal says, (6,): constants, and a sine with its frequency for some."""
+def _signal_of(what: str, given: dict[str, tuple[float, ...]] | str, names: tuple[str, ...]) -> Signal:
+    """What the option of a signal says of these names: constants, and a sine with its frequency for some."""
     if isinstance(given, str):
+        _refuse_paper(_model())
         paper = {"reference": paper_flight.REFERENCE, "disturbance": paper_flight.DISTURBANCE}
-        return paper.get(name, paper_flight.NOISE)
-    constant, harmonics = np.zeros(len(LINEAR_STATES)), []
-    for state, (value, *wave) in (given or {}).items():
-        index = LINEAR_STATES.index(state)
+        return paper.get(what, paper_flight.NOISE)
+    constant, harmonics = np.zeros(len(names)), []
+    for name, (value, *wave) in given.items():
+        index = names.index(name)
         constant[index] = value
         if wave:
-            sine = np.zeros(len(LINEAR_STATES))
+            sine = np.zeros(len(names))
             sine[index], frequency = wave
             harmonics.append(Harmonic(frequency, sine, np.zeros(len(sine))))
-    return Signal(constant, np.zeros(len(LINEAR_STATES)), tuple(harmonics))
+    return Signal(constant, np.zeros(len(names)), tuple(harmonics))
 
 
-def _initial(name: str, text: str) -> float:
-    """The type of --initial."""
-    _check_state(name, STATES)
-    return quantity(name, text)
+def _of(names: tuple[str, ...]) -> Callable[[str, str], float]:
+    """The type of one value of one of these names."""
+
+    def kind(name: str, text: str) -> float:
+        if name not in names:
+            raise argparse.ArgumentTypeError(f"is not among the states {', '.join(names)}")
+        return in_unit(_model().unit(name), text)
+
+    return kind
 
 
-def _constant_or_wave(name: str, text: str) -> tuple[float, ...]:
-    """The type of a signal: (constant,) or (constant, amplitude, rad/s)."""
-    _check_state(name, LINEAR_STATES)
-    parts = text.split(":")
-    if len(parts) not in (1, 3):
-        raise argparse.ArgumentTypeError(f"is {text!r}; give {name}=CONSTANT or {name}=CONSTANT:AMPLITUDE:RAD/S")
-    values = tuple(quantity(name, part) for part in parts[:2])
-    if len(parts) == 1:
-        return values
-    frequency = number(parts[2])
-    if frequency <= 0:
-        raise argparse.ArgumentTypeError(f"frequency is {frequency:g} rad/s; it must be positive")
-    return (*values, frequency)
+def _constant_or_wave(names: tuple[str, ...]) -> Callable[[str, str], tuple[float, ...]]:
+    """The type of a signal of these names: (constant,) or (constant, amplitude, rad/s)."""
+    value = _of(names)
 
+    def kind(name: str, text: str) -> tuple[float, ...]:
+        parts = text.split(":")
+        values = tuple(value(name, part) for part in parts[:2])
+        if len(parts) not in (1, 3):
+            raise argparse.ArgumentTypeError(f"is {text!r}; give {name}=CONSTANT or {name}=CONSTANT:AMPLITUDE:RAD/S")
+        if len(parts) == 1:
+            return values
+        frequency = number(parts[2])
+        if frequency <= 0:
+            raise argparse.ArgumentTypeError(f"frequency is {frequency:g} rad/s; it must be positive")
+        return (*values, frequency)
 
-def _check_state(name: str, names: tuple[str, ...]) -> None:
-    if name not in names:
-        raise argparse.ArgumentTypeError(f"is not among the states {', '.join(names)}")
+    return kind
 
 
 def add_actuators(parser: argparse._ActionsContainer) -> None:
@@ -328,7 +393,7 @@ def add_actuators(parser: argparse._ActionsContainer) -> None:
 
 
 def actuators_of(arguments: argparse.Namespace) -> Actuators | None:
-    """The actuators that the options name, None without them."""
+    """The actuators that the options name, None without them: of the surfaces, inputs in rad or deg, with that rate."""
     fault = getattr(arguments, "fault", None)
     if arguments.actuators is None:
         if fault is not None:
@@ -337,15 +402,18 @@ def actuators_of(arguments: argparse.Namespace) -> Actuators | None:
     lag, degrees_per_second, *order = arguments.actuators
     if degrees_per_second <= 0:
         raise BadInputError(f"--actuators rate is {degrees_per_second:g} deg/s; it must be positive")
-    rate = math.radians(degrees_per_second)
-    lowest, highest = (Input(*(pair[side] for pair in CONTROL_LIMITS)) for side in (0, 1))
+    model = _model()
+    rates = {"rad": math.radians(degrees_per_second), "deg": degrees_per_second}
+    surfaces = tuple(name for name, each in model.inputs.items() if each.unit in rates)
+    values: Any = record(tuple(model.inputs))
+    lowest, highest = (values(*ends.tolist()) for ends in control_limits(model))
     return Actuators(
-        Input(*[lag] * len(lowest)),
+        values(*[lag] * len(model.inputs)),
         lowest,
         highest,
-        Input(np.inf, *[rate] * (len(lowest) - 1)),
+        values(*(rates.get(each.unit, math.inf) for each in model.inputs.values())),
         order=int(order[0]) if order else 1,
-        faults=() if fault is None else (fault,),
+        faults=() if fault is None else (replace(fault, inputs=surfaces),),
     )
 
 
@@ -356,3 +424,15 @@ def _fault(text: str) -> ActuatorFault:
         raise argparse.ArgumentTypeError(f"is {text!r}; give {_FAULT}")
     effectiveness, bandwidth, *begin = map(number, parts)
     return ActuatorFault(begin[0] if begin else 0.0, effectiveness, bandwidth)
+
+
+def tell_flight(
+    result: NonlinearFlight, report: Report, points: list[OperatingPoint], arguments: argparse.Namespace
+) -> int:
+    """Draw, print and write a flight; the exit code, 1 when it did not stay within its limits."""
+    from hfa_cli.output import draw, tell
+    from verification.flights.flight_figures import flight_figure
+
+    draw(arguments.picture, lambda: flight_figure(result, report.title))
+    tell(report, points, arguments, arguments.output, result.history())
+    return 0 if result.within_limits else 1

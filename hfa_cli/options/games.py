@@ -23,7 +23,7 @@ from hfa_model.vectors import LINEAR_UNITS
 from hfa_support.errors import BadInputError, said_of
 from hfa_support.reporting.text import numbered
 from hfa_support.reporting.unit_system import entries_in_force
-from trim.linear.linear_model import linearize
+from trim.linear.linear_model import LinearModel, linearize
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,20 +131,25 @@ def _game_of_own(arguments: argparse.Namespace) -> NamedGame:
     assert own is not None
     model = linearize(own, options.operating_point_of(arguments, own))
     units, warnings = (model.state_units, model.input_units), (*model.point.warnings, *model.kinks)
-    asked = weights_of(arguments, model.state_units)
     if arguments.aircraft is None:
-        game = published_game(model, **asked)
         origin = f"the aircraft at dihedral {math.degrees(model.point.states.dihedral):g} deg, {own.title}"
-        return NamedGame(game, model.states, model.inputs, *units, origin, warnings)
-    weights = {
-        name: np.diag([own.signals[each].nominal ** -2.0 for each in names])
-        for name, names in (("Q", model.states), ("R", model.inputs))
-    }
-    usual: dict[str, Any] = {**weights, "delta": math.inf}
-    missing = [name for name in usual if name not in asked]
+        return NamedGame(game_on(arguments, model), model.states, model.inputs, *units, origin, warnings)
+    missing = [name for name in ("Q", "R", "delta") if name not in weights_of(arguments, model.state_units)]
     note = f"{' and '.join(missing)} not given: Q, R are 1/nominal^2 on the diagonal, delta is inf (no disturbance)"
-    game = Game(model.A, model.B, np.eye(len(model.A)), **(usual | asked))
-    return NamedGame(game, model.states, model.inputs, *units, own.name, (*warnings, *[note] * bool(missing)))
+    notes = (*warnings, *[note] * bool(missing))
+    return NamedGame(game_on(arguments, model), model.states, model.inputs, *units, own.name, notes)
+
+
+def game_on(arguments: argparse.Namespace, model: LinearModel) -> Game:
+    """The game on a linear model with the weights that the options change: the paper's on the HFA; of the user's own
+    aircraft Q and R are 1/nominal^2 on the diagonal and delta is inf."""
+    asked = weights_of(arguments, model.state_units)
+    if getattr(arguments, "aircraft", None) is None:
+        return published_game(model, **asked)
+    of = model.point.model
+    Q, R = (np.diag([of.signals[each].nominal ** -2.0 for each in names]) for names in (model.states, model.inputs))
+    weights: dict[str, Any] = {"Q": Q, "R": R, "delta": math.inf} | asked
+    return Game(model.A, model.B, np.eye(len(model.A)), **weights)
 
 
 def _designed(built: DesignModel, origin: str, changes: dict[str, Any]) -> NamedGame:

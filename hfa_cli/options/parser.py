@@ -16,6 +16,8 @@ from hfa_support.errors import BadInputError, shortened
 FORMER = {
     **{f"--{name}": ("--hold", f"{name}=") for name in ("speed", "altitude", "alpha", "gamma")},
     "--vary": ("--hold", ""),
+    "--reference": ("--command", ""),
+    "--members": ("--samples", ""),
     "--scheduler": ("--workers", ""),
     "--table": ("--weights", ""),
     "--tolerance": ("--limit-error", ""),

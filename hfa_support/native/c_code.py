@@ -35,7 +35,17 @@ _OPERATIONS = {
     ca.OP_FMAX: "fmax({0}, {1})",
     ca.OP_LT: "(double)({0} < {1})",
     ca.OP_LE: "(double)({0} <= {1})",
+    ca.OP_EQ: "(double)({0} == {1})",
+    ca.OP_NE: "(double)({0} != {1})",
     ca.OP_NOT: "(double)(!{0})",
+    ca.OP_AND: "(double)({0} && {1})",
+    ca.OP_OR: "(double)({0} || {1})",
+    ca.OP_SIGN: "(double)(({0} > 0.0) - ({0} < 0.0))",
+    ca.OP_FLOOR: "floor({0})",
+    ca.OP_CEIL: "ceil({0})",
+    ca.OP_LOG: "log({0})",
+    ca.OP_ACOS: "acos({0})",
+    ca.OP_TANH: "tanh({0})",
     ca.OP_IF_ELSE_ZERO: "{0} != 0.0 ? {1} : 0.0",
 }
 

@@ -199,7 +199,7 @@ def fly_case(
     commands = commands or simvfa_commands()
     scenario = scenario_of(case, commands, duration)
     point = find_operating_point(aircraft, level_flight(float(np.radians(TRIM_DEG))))
-    envelope = flight_envelope(aircraft.parameters, point)
+    envelope = flight_envelope(aircraft, point)
     outputs = MeasuredOutputs(aircraft, point, commands.names)
     for law, make in laws_of(case.order, controllers, only).items():
         result = fly_law(NonlinearPlant(aircraft, point), make(Start(aircraft, point, commands)), scenario, envelope)

@@ -91,7 +91,7 @@ def gust_share(aircraft: Aircraft, model: LinearModel, controller: ScheduledCont
         actuators=flown_actuators(gust.actuator),
         gust=OneMinusCosine(gust.length, gust.peak, point.states.speed),
     )
-    envelope = flight_envelope(aircraft.parameters, point)
+    envelope = flight_envelope(aircraft, point)
     law = servo_law(controller, still, aircraft, point)
     flown = fly_law(NonlinearPlant(aircraft, point), law, scenario, envelope)
     if flown.departure is not None:
@@ -287,7 +287,7 @@ def gust_limits(aircraft: Aircraft, controller: ScheduledController) -> Report:
     controller.refuse_other(aircraft, ends[0], ends[-1])
     for model, sign in itertools.product([level_model(aircraft, dihedral) for dihedral in ends], (1.0, -1.0)):
         plant, dihedral = NonlinearPlant(aircraft, model.point), model.point.states.dihedral
-        envelope = flight_envelope(aircraft.parameters, model.point)
+        envelope = flight_envelope(aircraft, model.point)
         held = gust_held(aircraft, model, controller, InGust(dihedral, actuator, LENGTH, sign))
         try:
             best = best_inputs(plant, envelope, controller.inputs, LENGTH, sign, actuator.bandwidth).peak

@@ -6,41 +6,43 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from controller.flight.envelope import ANGLE_OF_ATTACK
+from controller.flight.envelope import ALPHA, ANGLE_OF_ATTACK, flown_through_air
 from controller.flight.nonlinear_flight import NonlinearFlight
-from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, STATE_UNITS, STATES
+from controller.flight.plants import UPDRAFT
 from hfa_support.reporting.figure import enlarge_first_second, new_figure
 from hfa_support.reporting.text import shown_unit, shown_values
-from trim.point.condition import CONTROL_LIMITS
+from trim.point.operating_point import at_scheduled
 from verification.flights.recoverable_map import RecoverableMap
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-#: One color a state, the same in every map.
-COLORS = dict(zip(STATES, ("C0", "C1", "C7", "C4", "C3", "C2", "C5"), strict=True))
+#: One color a state, in the order of the states of the HFA, the same in every map.
+_COLORS = ("C0", "C1", "C7", "C4", "C3", "C2", "C5", "C6", "C8", "C9")
 _PALE = 0.3
 #: One gray an input that exceeds its limits.
 _GRAYS = ("0.95", "0.5", "0.65", "0.78", "0.9")
 #: A legend beside no curve: on the upper edge of its axes.
 _ABOVE: dict[str, Any] = {"bbox_to_anchor": (0.0, 1.0), "frameon": False, "borderaxespad": 0.0}
 _SMALL: dict[str, Any] = {"loc": "right", "fontsize": 6, "pad": 2}
-_DIHEDRAL = STATES.index("dihedral")
 
 
 def flight_figure(result: NonlinearFlight, title: str) -> Figure:
-    """The seven states, absolute: nonlinear, linear prediction, reference; the inputs; the updraft if there is one.
+    """Every state, absolute: nonlinear, linear prediction, reference; the inputs, a panel a unit; the updraft if there
+    is one.
 
     Where the air moves, alpha through it besides.
     """
-    figure = new_figure(10.0, 10.5)
-    panels = figure.subplots(5, 2, sharex=True).ravel()
-    times = result.flight.times
-    for index, (name, axes) in enumerate(zip(STATES, panels, strict=False)):
-        unit = getattr(STATE_UNITS, name)
-        if name in LINEAR_STATES:
-            row = LINEAR_STATES.index(name)
+    model, times = result.point.model, result.flight.times
+    kinds = list(dict.fromkeys(each.unit for each in model.inputs.values()))
+    rows = -(-(len(model.states) + len(kinds) + 1) // 2)
+    figure = new_figure(10.0, 2.1 * rows)
+    panels = figure.subplots(rows, 2, sharex=True).ravel()
+    for index, (name, axes) in enumerate(zip(model.states, panels, strict=False)):
+        unit = model.unit(name)
+        if name in model.linear:
+            row = model.linear.index(name)
             reference = result.states[:, index] - result.flight.errors[:, row]
             axes.plot(times, shown_values(reference, unit), ":", color="black", linewidth=1.0, label="reference")
         if result.predicted is not None:
@@ -48,7 +50,7 @@ def flight_figure(result: NonlinearFlight, title: str) -> Figure:
             axes.plot(result.predicted.times, shown_values(predicted, unit), "--", color="C1", label="linear")
         axes.plot(times, shown_values(result.states[:, index], unit), color="C0", linewidth=1.2, label="nonlinear")
         limited, what = result.states[:, index], name
-        if name == "alpha" and result.scenario.moving_air:
+        if name == ALPHA and result.flight.winds and flown_through_air(model):
             limited, what = result.angles_of_attack, "alpha over ground"
             axes.plot(times, shown_values(limited, unit), color="C2", linewidth=1.2, label=ANGLE_OF_ATTACK)
             axes.legend([axes.lines[-1]], [ANGLE_OF_ATTACK], fontsize=6, loc="lower left", **_ABOVE)
@@ -57,25 +59,31 @@ def flight_figure(result: NonlinearFlight, title: str) -> Figure:
         axes.set_title(_limits_text("envelope", *limits, unit), **_SMALL)
         enlarge_first_second(axes)
         _finish(axes, f"{what}, {shown_unit(unit)}")
-    throttle, surfaces, air = panels[len(STATES) :]
-    for index, name in enumerate(INPUTS):
-        axes, unit, limits = throttle if name == "throttle" else surfaces, INPUT_UNITS[index], CONTROL_LIMITS[index]
+    inputs, (air, *unused) = panels[len(model.states) :][: len(kinds)], panels[len(model.states) + len(kinds) :]
+    for index, (name, signal) in enumerate(model.inputs.items()):
+        axes, unit, limits = inputs[kinds.index(signal.unit)], signal.unit, (signal.min, signal.max)
         label = _limits_text(name, limits[0], limits[1], unit)
         axes.plot(times, shown_values(result.inputs[:, index], unit), label=label, linewidth=1.0)
         _limit_lines(axes, result.inputs[:, index], limits, unit)
-    for axes, label in ((throttle, "throttle"), (surfaces, "deflections, deg")):
+    for axes, unit in zip(inputs, kinds, strict=True):
+        names = [name for name, signal in model.inputs.items() if signal.unit == unit]
+        label = names[0] if len(names) == 1 else "deflections" if unit == "rad" else "inputs"
+        label += "" if unit == "1" else f", {shown_unit(unit)}"
         axes.legend(loc="lower left", fontsize=6, ncols=2, **_ABOVE)
         enlarge_first_second(axes)
         _finish(axes, label)
     handles, labels = panels[0].get_legend_handles_labels()
     if np.any(result.flight.updrafts):
-        air.plot(times, shown_values(result.flight.updrafts, "ft/s"), color="C2")
-        _finish(air, f"updraft, {shown_unit('ft/s')}")
+        unit = model.unit(UPDRAFT)
+        air.plot(times, shown_values(result.flight.updrafts, unit), color="C2")
+        _finish(air, f"updraft, {shown_unit(unit)}")
         figure.legend(handles, labels, loc="outside upper center", ncols=len(labels), fontsize=8, title=title)
     else:  # the legend takes the place of the updraft
         figure.suptitle(title, fontsize=10)
         air.set_axis_off()
         air.legend(handles, labels, loc="center", fontsize=9, title="still air")
+    for axes in unused:
+        axes.set_axis_off()
     for axes in panels[-2:]:
         axes.set_xlabel("time, s", fontsize=8)
     return figure
@@ -117,7 +125,8 @@ def _start_map(axes: Axes, each: RecoverableMap) -> dict[str, Any]:
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
-    found = each.starts["nonlinear"].of_starts()
+    found, model = each.starts["nonlinear"].of_starts(), each.envelope.model
+    states, inputs = tuple(model.states), tuple(model.inputs)
     inside, returned, left, exceeded = (found[name] for name in ("held", "returned", "left_first", "exceeded"))
     picture = np.ones((*inside.shape, 3))
     handles: dict[str, Any] = {}
@@ -128,37 +137,39 @@ def _start_map(axes: Axes, each: RecoverableMap) -> dict[str, Any]:
 
     fill(found["within_limits"], "white", "stayed within limits")
     for index in np.unique(exceeded[inside & (exceeded >= 0)]).tolist():
-        label = f"{INPUTS[index]} exceeded its limits, inside the envelope"
-        fill(inside & (exceeded == index), _GRAYS[index], label)
+        label = f"{inputs[index]} exceeded its limits, inside the envelope"
+        fill(inside & (exceeded == index), _GRAYS[index % len(_GRAYS)], label)
     for index, back in sorted(set(zip(left[~inside].tolist(), returned[~inside].tolist(), strict=True))):
-        name = (*STATES, "no state")[index]
+        name = (*states, "no state")[index]
         label = f"came back, {name} had left" if back else f"lost, {name} left first"
-        color = np.array(to_rgb(COLORS.get(name, "0.6")))
+        color = np.array(to_rgb(_color(index)))
         fill(~inside & (left == index) & (returned == back), _PALE * color + 1 - _PALE if back else color, label)
-    speeds, dihedrals = shown_values(each.speeds, "ft/s"), np.degrees(each.dihedrals)
-    axes.pcolormesh(speeds, dihedrals, picture, shading="nearest")
+    across, down = (shown_values(values, model.unit(name)) for name, values in each.axes.items())
+    axes.pcolormesh(across, down, picture, shading="nearest")
     linear = each.starts["linear"].of_starts()["held"].astype(float)
     if min(linear.shape) > 1 and 0.0 < linear.mean() < 1.0:
-        axes.contour(speeds, dihedrals, linear, levels=[0.5], colors="black", linestyles="--", linewidths=1.2)
+        axes.contour(across, down, linear, levels=[0.5], colors="black", linestyles="--", linewidths=1.2)
     label = "linear model inside the envelope"
     handles[label] = Line2D([], [], color="black", linestyle="--", label=label)
     axes.plot(0, 0, "+", color="black")
-    axes.set_xlabel(f"initial speed off trim, {shown_unit('ft/s')}")
-    axes.set_ylabel("initial dihedral off trim, deg")
-    trimmed = np.degrees(each.point.states.dihedral)
-    axes.set_title(f"{each.dynamics} dynamics, trim at {trimmed:.4g} deg", fontsize=10)
+    along, up = (f"initial {name} off trim, {shown_unit(model.unit(name))}" for name in each.axes)
+    axes.set_xlabel(along)
+    axes.set_ylabel(up)
+    axes.set_title(f"{each.point.called}, trim {at_scheduled(each.point)}", fontsize=10)
     return handles
 
 
 def _command_map(axes: Axes, each: RecoverableMap) -> None:
-    asked = np.degrees(each.commands)
+    ((state, steps),), model = each.commands.items(), each.envelope.model
+    unit, column = model.unit(state), list(model.states).index(state)
+    asked = np.asarray(shown_values(steps, unit))
     linear, flights = each.commanded["linear"], each.commanded["nonlinear"]
-    offset = np.degrees(linear.final[:, _DIHEDRAL]) - asked
+    offset = shown_values(linear.final[:, column], unit) - asked
     if not linear.inside.all():
         axes.plot(asked, offset, "--", color="black", linewidth=1.0, label="linear model")
     axes.plot(asked[linear.inside], offset[linear.inside], color="black", linewidth=2.0, label="linear, in envelope")
-    missed = np.degrees(flights.final[:, _DIHEDRAL]) - asked
-    arrived = flights.arrived(each.commands)
+    missed = shown_values(flights.final[:, column], unit) - asked
+    arrived = flights.arrived(state, steps)
     for chosen, color, fill, label in (
         (arrived & flights.within_limits, "C0", "full", "within limits"),
         (arrived & flights.inside & ~flights.within_limits, "0.5", "full", "exceeded control limits"),
@@ -168,13 +179,17 @@ def _command_map(axes: Axes, each: RecoverableMap) -> None:
             axes.plot(asked[chosen], missed[chosen], "o", color=color, markersize=4, fillstyle=fill, label=label)
     for index in np.unique(flights.left[~arrived]).tolist():
         rows = ~arrived & (flights.left == index)
-        name = (*STATES, "no state")[index]
+        name = (*model.states, "no state")[index]
         label = f"lost, {name} left first"
-        axes.plot(asked[rows], offset[rows], "x", color=COLORS.get(name, "black"), markersize=5, label=label)
-    axes.set_xlabel("commanded dihedral off trim, deg")
-    axes.set_ylabel("reached minus commanded, deg")
+        axes.plot(asked[rows], offset[rows], "x", color=_color(index), markersize=5, label=label)
+    axes.set_xlabel(f"commanded {state} off trim, {shown_unit(unit)}")
+    axes.set_ylabel(f"reached minus commanded, {shown_unit(unit)}")
     axes.grid(alpha=0.3)
     axes.legend(fontsize=7, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2, frameon=False)
+
+
+def _color(index: int) -> str:
+    return "0.6" if index < 0 else _COLORS[index % len(_COLORS)]
 
 
 def _finish(axes: Axes, label: str) -> None:

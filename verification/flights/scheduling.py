@@ -1,4 +1,5 @@
-"""A schedule of certified gains over the dihedral, a flight through a slow change of dihedral, and the report."""
+"""A schedule of certified gains over the scheduling variable η of a model, the dihedral angle of the HFA; a flight
+through a slow change of it, and the report."""
 
 from __future__ import annotations
 
@@ -13,19 +14,19 @@ from controller.flight.envelope import Envelope
 from controller.flight.nonlinear_flight import NonlinearFlight, fly_law
 from controller.flight.plants import NonlinearPlant
 from controller.flight.scenario import Scenario, with_errors
-from controller.game.zero_sum import published_game
+from controller.game.zero_sum import Game, published_game
 from controller.policy.gain_table import GainTable
 from controller.policy.learned_gain import learned_value
 from controller.policy.policies import FlownLaw, Memoryless, Seen, Unvaried
 from controller.riccati.balancing import spectrum
 from controller.riccati.gare import solve_game
 from hfa_model.aircraft import Aircraft
-from hfa_model.vectors import INPUTS, LINEAR_ROWS, LINEAR_STATES, UNITS, Quantity
 from hfa_support.errors import BadInputError, refuse_unless_positive
 from hfa_support.linear_table import LinearTable
+from hfa_support.model import Model
 from hfa_support.progress import Progress, told
 from hfa_support.reporting.report import Part, Report, Reported
-from hfa_support.reporting.text import Table, in_degrees
+from hfa_support.reporting.text import Table, degrees, shown_unit
 from trim.linear.linear_model import LinearModel, linearize
 from trim.point.condition import TrimCondition, level_flight
 from trim.point.operating_point import OperatingPoint
@@ -33,13 +34,11 @@ from trim.point.solve import find_operating_point
 
 #: Flight before and after a change of dihedral, s.
 LEAD, REST = 5.0, 15.0
-_N, _M = len(LINEAR_STATES), len(INPUTS)
-_DIHEDRAL, _DIHEDRAL_RATE = LINEAR_STATES.index("dihedral"), LINEAR_STATES.index("dihedral_rate")
 
 
 @dataclass(frozen=True)
-class DihedralChange:
-    """η_d(t) = start + (end - start) (10 τ³ - 15 τ⁴ + 6 τ⁵), τ = (t - begin)/duration held in [0, 1]; rad, s.
+class ScheduledChange:
+    """η_d(t) = start + (end - start) (10 τ³ - 15 τ⁴ + 6 τ⁵), τ = (t - begin)/duration held in [0, 1]; s.
 
     Rate and acceleration are continuous and 0 at both ends. BadInputError when the duration is not positive.
     """
@@ -51,25 +50,25 @@ class DihedralChange:
 
     def __post_init__(self) -> None:
         """A change takes time."""
-        refuse_unless_positive("the time of the change of dihedral", self.duration, " s")
+        refuse_unless_positive("the time of the change", self.duration, " s")
 
-    def at(self, t: Quantity) -> ca.SX:
+    def at(self, t: Any) -> ca.SX:
         """η_d(t)."""
         tau = self._progress(t)
         return self.start + (self.end - self.start) * tau**3 * (10 - 15 * tau + 6 * tau**2)
 
-    def rate(self, t: Quantity) -> ca.SX:
+    def rate(self, t: Any) -> ca.SX:
         """η_d'(t)."""
         tau = self._progress(t)
         return (self.end - self.start) / self.duration * 30 * tau**2 * (1 - tau) ** 2
 
-    def _progress(self, t: Quantity) -> ca.SX:
+    def _progress(self, t: Any) -> ca.SX:
         return ca.fmin(ca.fmax((t - self.begin) / self.duration, 0.0), 1.0)
 
 
 @dataclass(frozen=True, eq=False)
 class GridPoint:
-    """One gain: where, K (5, 6), the abscissa of A - B K, 1/s; of a law also its relative distance from the exact one,
+    """One gain: where, K (m, k), the abscissa of A - B K, 1/s; of a law also its relative distance from the exact one,
     the abscissa of A - S P, 1/s, and how many certificates hold."""
 
     point: OperatingPoint
@@ -84,7 +83,7 @@ class GridPoint:
 class Schedule(Reported):
     """Trims X0(η), U0(η) and gains K(η), linear between the points of the grid and constant beyond its ends.
 
-    grid: two points or more, the dihedral increasing, certified unless the gains came from a file. between: the largest
+    grid: two points or more, η increasing, certified unless the gains came from a file. between: the largest
     abscissa of A - B K halfway between them, with the interpolated K, 1/s.
     """
 
@@ -93,22 +92,27 @@ class Schedule(Reported):
 
     @property
     def dihedrals(self) -> np.ndarray:
-        """η of the grid, (G,), rad."""
-        return np.array([row.point.states.dihedral for row in self.grid])
+        """η of the grid, (G,)."""
+        return np.array([row.point.values[self.model.schedule] for row in self.grid])
+
+    @property
+    def model(self) -> Model:
+        """Whose trims these are."""
+        return self.grid[0].point.model
 
     @property
     def states(self) -> LinearTable:
-        """X0(η), (7,)."""
+        """X0(η), (n,)."""
         return LinearTable(self.dihedrals, np.array([row.point.states for row in self.grid]))
 
     @property
     def inputs(self) -> LinearTable:
-        """U0(η), (5,)."""
+        """U0(η), (m,)."""
         return LinearTable(self.dihedrals, np.array([row.point.inputs for row in self.grid]))
 
     @property
     def gains(self) -> LinearTable:
-        """K(η), (5, 6)."""
+        """K(η), (m, k)."""
         return LinearTable(self.dihedrals, np.array([row.gain for row in self.grid]))
 
     def report(self) -> Report:
@@ -117,68 +121,82 @@ class Schedule(Reported):
 
     def block(self) -> Part:
         """One row a grid point, and what holds between them."""
+        name, unit = self.model.schedule, self.model.unit(self.model.schedule)
         rows = [
             (
-                f"{in_degrees(row.point.states.dihedral):g}",
+                f"{float(degrees(at, unit)[0]):g}",
                 f"{row.control_abscissa:.4f}",
                 "-" if row.game_abscissa is None else f"{row.game_abscissa:.4f}",
                 "-" if row.distance is None else f"{row.distance:.1e}" if row.distance else "0",
                 "-" if row.certificates is None else f"{row.certificates} hold",
             )
-            for row in self.grid
+            for row, at in zip(self.grid, self.dihedrals.tolist(), strict=True)
         ]
-        header = ("dihedral deg", "abscissa A-BK 1/s", "abscissa A-SP 1/s", "K off the exact", "certificates")
+        header = (
+            f"{name} {shown_unit(unit)}",
+            "abscissa A-BK 1/s",
+            "abscissa A-SP 1/s",
+            "K off the exact",
+            "certificates",
+        )
         between = f"halfway between the points, interpolated gain: largest abscissa of A-BK {self.between:.4f} 1/s"
         return (Table(header, rows), between)
 
     def at(self, dihedral: float) -> GridPoint:
-        """The grid point at a dihedral, rad; BadInputError when there is none."""
-        for row in self.grid:
-            if abs(row.point.states.dihedral - dihedral) <= 1e-9:
+        """The grid point at η; BadInputError when there is none."""
+        for row, at in zip(self.grid, self.dihedrals.tolist(), strict=True):
+            if abs(at - dihedral) <= 1e-9 * self.model.signals[self.model.schedule].nominal * 10:
                 return row
-        raise BadInputError(f"the schedule has no grid point at {np.degrees(dihedral):g} deg; begin at one that it has")
+        where = self.model.describe(self.model.schedule, dihedral)
+        raise BadInputError(f"the schedule has no grid point at {where}; begin at one that it has")
 
 
 @dataclass(frozen=True, eq=False)
 class ScheduledPolicy(Memoryless, Unvaried):
-    """u = U0(η_d(t)) - U_base - K(η) z, with η = η_base + x_d,η + z_η the measured dihedral; also its own reference
-    x_d(t) = X0(η_d(t)) - X_base with η' = η_d'(t), (6,).
+    """u = U0(η_d(t)) - U_base - K(η) z, with η = η_base + x_d,η + z_η the measured one; also its own reference
+    x_d(t) = X0(η_d(t)) - X_base, (k,), with η' = η_d'(t) where the model has that rate as a state, `NAME_rate`.
 
-    The trims follow the commanded dihedral and the gain the measured one. So, linearized about a trim, the policy
-    is u = -K z with the K of that trim: U0 of the measured dihedral would add the gain ∂U0/∂η, and z is 0 at a
+    The trims follow the commanded η and the gain the measured one. So, linearized about a trim, the policy
+    is u = -K z with the K of that trim: U0 of the measured η would add the gain ∂U0/∂η, and z is 0 at a
     trim, so that ∂K/∂η adds nothing.
     """
 
-    size = _N
-
     schedule: Schedule
-    change: DihedralChange
+    change: ScheduledChange
     base: OperatingPoint
 
-    def at(self, t: Quantity) -> ca.SX:
+    @property
+    def size(self) -> int:
+        """States of the linear model."""
+        return len(self.schedule.model.linear)
+
+    def at(self, t: Any) -> ca.SX:
         """x_d(t); a CasADi column."""
         deviation = self.schedule.states.expression(self.change.at(t)) - ca.DM(np.array(self.base.states))
-        rows = [deviation[row] for row in LINEAR_ROWS]
-        rows[_DIHEDRAL_RATE] = self.change.rate(t)
-        return ca.vertcat(*rows)
+        model = self.schedule.model
+        rows = {name: deviation[row] for row, name in enumerate(model.states) if name in model.linear}
+        rate = f"{model.schedule}_rate"
+        return ca.vertcat(*(rows | ({rate: self.change.rate(t)} if rate in rows else {})).values())
 
     def control(self, t: ca.SX, seen: Seen, memory: ca.SX, p: ca.SX) -> ca.SX:
         """U0 - U_base - K z."""
-        measured = self.base.states.dihedral + self.at(t)[_DIHEDRAL] + seen.error[_DIHEDRAL]
+        model = self.schedule.model
+        row = model.linear.index(model.schedule)
+        measured = self.base.values[model.schedule] + self.at(t)[row] + seen.error[row]
         trimmed = self.schedule.inputs.expression(self.change.at(t)) - ca.DM(np.array(self.base.inputs))
-        K = ca.reshape(self.schedule.gains.expression(measured), _N, _M).T
+        K = ca.reshape(self.schedule.gains.expression(measured), self.size, len(model.inputs)).T
         return trimmed - ca.mtimes(K, seen.error)
 
 
-def schedule_report(result: NonlinearFlight, certified: Schedule, change: DihedralChange, law: str) -> Report:
+def schedule_report(result: NonlinearFlight, certified: Schedule, change: ScheduledChange, law: str) -> Report:
     """The report of the flight with that of the schedule, whose gains `law` has made."""
-    flown = result.report()
-    words = f", to {in_degrees(change.end):g} deg over {change.duration:g} s, law {law}, scheduled"
+    flown, model = result.report(), certified.model
+    words = f", to {model.describe(model.schedule, change.end)} over {change.duration:g} s, law {law}, scheduled"
     grid = {
         "law": law,
         "dihedrals": certified.dihedrals,
         "gains": certified.gains.values,
-        "state_units": [UNITS[name] for name in LINEAR_STATES],
+        "state_units": list(model.units(model.linear)),
         "control_abscissae": [row.control_abscissa for row in certified.grid],
         "game_abscissae": [row.game_abscissa for row in certified.grid],
         "distances_from_exact": [row.distance for row in certified.grid],
@@ -192,43 +210,49 @@ def schedule_report(result: NonlinearFlight, certified: Schedule, change: Dihedr
     )
 
 
-def change_over(start: float, end: float, duration: float) -> DihedralChange:
-    """A change from start to end, rad, that begins after `LEAD` seconds. BadInputError when there is none."""
+def change_over(model: Model, start: float, end: float, duration: float) -> ScheduledChange:
+    """A change from start to end that begins after `LEAD` seconds. BadInputError when there is none, or when the
+    scheduling variable is no state of the linear model, so that it cannot be measured and followed."""
+    name = model.schedule
+    if name not in model.linear:
+        raise BadInputError(f"{model.name} is scheduled over {name or 'nothing'}; a schedule needs a state of linear")
     if start == end:
-        raise BadInputError(f"the dihedral begins and ends at {np.degrees(start):g} deg; give two different ones")
-    return DihedralChange(start, end, LEAD, duration)
+        raise BadInputError(f"the {name} begins and ends at {model.describe(name, start)}; give two different ones")
+    return ScheduledChange(start, end, LEAD, duration)
 
 
-def grid_of(change: DihedralChange, points: int) -> np.ndarray:
-    """Equally spaced dihedrals that the change passes, both ends included, increasing, rad."""
+def grid_of(change: ScheduledChange, points: int) -> np.ndarray:
+    """Equally spaced values that the change passes, both ends included, increasing."""
     return np.linspace(min(change.start, change.end), max(change.start, change.end), points)
 
 
 def certified_schedule(
-    aircraft: Aircraft,
+    aircraft: Aircraft | Model,
     dihedrals: np.ndarray,
     *,
     law: str = "exact",
     seed: int = 0,
-    game: Mapping[str, Any] | None = None,
+    game: Mapping[str, Any] | Callable[[LinearModel], Game] | None = None,
     settings: Mapping[str, Any] | None = None,
     gains: GainTable | None = None,
     condition: Callable[[float], TrimCondition] = level_flight,
     progress: Progress | None = None,
 ) -> Schedule:
-    """Trim, linearize and solve or learn at every dihedral, rad; every gain must be certified.
+    """Trim, linearize and solve or learn at every value of η (the dihedral, rad); every gain must be certified.
 
-    law: "exact", or a learning law. game: changes of the published game (Q, R, delta). settings: of the law.
-    gains: in place of a law, as they are, certified or not. condition: dihedral -> trim.
-    Raises NoSolutionError at the first dihedral without a trim or without a certified gain.
+    law: "exact", or a learning law. game: changes of the published game (Q, R, delta), or model -> game. settings: of
+    the law. gains: in place of a law, as they are, certified or not. condition: η -> trim.
+    Raises NoSolutionError at the first value without a trim or without a certified gain.
     """
     if np.ndim(dihedrals) != 1 or len(dihedrals) < 2 or np.any(np.diff(dihedrals) <= 0.0):
-        raise BadInputError("a schedule needs at least two dihedrals, in increasing order")
+        raise BadInputError("a schedule needs at least two values, in increasing order")
+    changes = game if not callable(game) else {}
+    game_on = game if callable(game) else lambda model: published_game(model.A, model.B, **(changes or {}))
     grid = []
     for dihedral in told(dihedrals.tolist(), progress):
         model = linearize(aircraft, find_operating_point(aircraft, condition(dihedral)))
         if gains is None:
-            grid.append(_certified(model, law, seed, game or {}, settings or {}))
+            grid.append(_certified(model, game_on(model), law, seed, settings or {}))
         else:
             gain = gains.at(dihedral)
             grid.append(GridPoint(model.point, gain, spectrum(model.A - model.B @ gain).abscissa))
@@ -239,10 +263,7 @@ def certified_schedule(
     return Schedule(tuple(grid), worst)
 
 
-def _certified(
-    model: LinearModel, law: str, seed: int, changes: Mapping[str, Any], settings: Mapping[str, Any]
-) -> GridPoint:
-    game = published_game(model.A, model.B, **changes)
+def _certified(model: LinearModel, game: Game, law: str, seed: int, settings: Mapping[str, Any]) -> GridPoint:
     exact = solve_game(game)
     P, gain, certificates = exact.P, exact.K, len(exact.certificate.checks)
     if law != "exact":
@@ -259,15 +280,15 @@ def _certified(
 
 
 def fly_schedule(
-    aircraft: Aircraft,
+    aircraft: Aircraft | Model,
     certified: Schedule,
-    change: DihedralChange,
+    change: ScheduledChange,
     scenario: Scenario,
     envelope: Envelope,
     *,
     progress: Progress | None = None,
 ) -> NonlinearFlight:
-    """The nonlinear aircraft along the trims of a change of dihedral; the scenario's own reference is replaced.
+    """The nonlinear aircraft along the trims of a change of η; the scenario's own reference is replaced.
 
     The change begins at a grid point, whose trim is the one that deviations count from.
     """

@@ -53,7 +53,7 @@ def flown(weights: str, lag: float, seconds: float) -> NonlinearFlight:
     actuators = Actuators(Input(*[lag] * 5), lowest, highest, Input(np.inf, *[float(np.radians(60.0))] * 4))
     command = np.array([np.radians(1.0) if name == "dihedral" else 0.0 for name in LINEAR_STATES])
     scenario = Scenario(duration=seconds, reference=Signal(command, np.zeros(len(command))), actuators=actuators)
-    envelope = flight_envelope(aircraft.parameters, point)
+    envelope = flight_envelope(aircraft, point)
     return fly(aircraft, point, gain_law("exact", gain(weights)), scenario, envelope)
 
 

@@ -66,7 +66,7 @@ def test_the_envelope_limits_the_angle_through_the_air_and_not_the_one_over_grou
     gust, alpha = Scenario(duration=6.0, gust=OneMinusCosine(400.0, 5.0, 68.0)), STATES.index("alpha")
     for lowest, held in ((2.0, True), (2.7, False)):
         limits = {"alpha": (float(np.radians(lowest)), 0.2)}
-        narrow = replace(newton, envelope=flight_envelope(newton.aircraft.parameters, newton.point, limits))
+        narrow = replace(newton, envelope=flight_envelope(newton.aircraft, newton.point, limits))
         result = flown(narrow, gust)
         degrees = np.degrees(result.angles_of_attack)
         assert (result.departure is None) == held

@@ -40,7 +40,7 @@ def flown(
     follow = commands(0.01)
     law = servo_law(controller, follow, aircraft, point)
     given = {"duration": 12.0, "step": 0.01, "reference": CommandedStates(follow), "actuators": FREE} | changes
-    return fly(aircraft, point, law, Scenario(**given), flight_envelope(aircraft.parameters, point))  # type: ignore[arg-type]
+    return fly(aircraft, point, law, Scenario(**given), flight_envelope(aircraft, point))  # type: ignore[arg-type]
 
 
 def test_outputs_are_those_of_the_linear_model(published_aircraft: Aircraft, point: OperatingPoint) -> None:

@@ -193,6 +193,6 @@ def test_servo_stands_turbulence_because_its_accelerometer_feels_the_air(
     air = Dryden(6.0, 1750.0, point.states.speed, 0.05, 2000, 0, 20.0)
     scenario = comparison.scenario_of(CASES["order-1"], commands, 100.0)
     scenario = replace(scenario, step=0.001, tick=0.05, gust=air)
-    envelope = flight_envelope(published_aircraft.parameters, point)
+    envelope = flight_envelope(published_aircraft, point)
     result = fly_law(NonlinearPlant(published_aircraft, point), law, scenario, envelope)
     assert (result.departure is None) == feels_the_air

@@ -97,7 +97,7 @@ def flown(peak: float) -> NonlinearFlight:
         gust=OneMinusCosine(LENGTH, peak, point.states.speed),
     )
     law = servo_law(_table(), CommandSteps(("dihedral",), np.zeros(0), np.zeros((0, 1))), aircraft, point)
-    return fly_law(NonlinearPlant(aircraft, point), law, scenario, flight_envelope(aircraft.parameters, point))
+    return fly_law(NonlinearPlant(aircraft, point), law, scenario, flight_envelope(aircraft, point))
 
 
 @pytest.mark.parametrize("peak", [16.0, -16.0])
@@ -166,7 +166,7 @@ def test_a_shorter_look_is_the_same_problem(published_aircraft: Aircraft, monkey
     monkeypatch.setattr(flights, "BEST_SECONDS", 10.0)
     point = model_at(11.0).point
     plant = NonlinearPlant(published_aircraft, point)
-    envelope = flight_envelope(published_aircraft.parameters, point)
+    envelope = flight_envelope(published_aircraft, point)
     found = best_inputs(plant, envelope, NAMES, LENGTH, -1.0, BANDWIDTH)
     assert found.peak < -20.0
     assert np.abs(np.degrees(found.commands[:, 0])).max() < 20.0

@@ -122,7 +122,7 @@ def test_a_point_without_certificate_stops_the_schedule(published_aircraft: Airc
 
 def through_the_change(aircraft: Aircraft, certified: Schedule, start: float, end: float) -> NonlinearFlight:
     change = change_over(float(np.radians(start)), float(np.radians(end)), 60.0)
-    envelope = flight_envelope(aircraft.parameters, certified.at(change.start).point)
+    envelope = flight_envelope(aircraft, certified.at(change.start).point)
     return fly_schedule(aircraft, certified, change, Scenario(duration=80.0, step=0.002), envelope)
 
 
