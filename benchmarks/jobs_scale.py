@@ -28,7 +28,7 @@ from controller.game.zero_sum import published_game
 from controller.policy.policies import FlownLaw, gain_law
 from controller.policy.signals import zero
 from controller.riccati.gare import solve_game
-from hfa_model.aircraft import Aircraft
+from hfa_model.aircraft import HFA, Aircraft
 from hfa_model.parameters import default_parameters
 from hfa_model.vectors import State
 from hfa_support.jobs.store import Layout
@@ -55,7 +55,7 @@ _UNCERTAIN = Uncertainty(
     noise={"alpha": 0.001, "pitch_rate": 0.001},
     turbulence=(1.0, 1750.0),
 )
-_EVERYWHERE = Envelope(State(*[-1e9] * 7), State(*[1e9] * 7))
+_EVERYWHERE = Envelope(State(*[-1e9] * 7), State(*[1e9] * 7), HFA)
 #: Monitors that wake each worker 150 times a second by default and so take 2 % of its core (docs/scaling.md).
 _QUIET = {
     "distributed.worker.profile.enabled": False,
@@ -95,13 +95,13 @@ def gain_plan(members: int, duration: float = 20.0) -> MonteCarlo:
     model = level_model(aircraft, float(np.radians(15.0)))
     law = gain_law("exact", solve_game(published_game(model.A, model.B)).K)
     scenario = Scenario(duration, uncertainty=_UNCERTAIN)
-    return _plan(members, 15.0, law, scenario, flight_envelope(aircraft.parameters, model.point))
+    return _plan(members, 15.0, law, scenario, flight_envelope(aircraft, model.point))
 
 
 def _plan(members: int, degrees: float, law: FlownLaw, scenario: Scenario, envelope: Envelope) -> MonteCarlo:
     aircraft = Aircraft(default_parameters().values)
     point = find_operating_point(aircraft, level_flight(float(np.radians(degrees))))
-    return MonteCarlo(members, 0, aircraft.parameters, "published", point, law, scenario, envelope)
+    return MonteCarlo(members, 0, aircraft, point, law, scenario, envelope)
 
 
 def _monte_carlo(quick: bool) -> Row:

@@ -85,7 +85,7 @@ class MonteCarlo(Shown):
         for name in self.scenario.uncertainty.errors:
             if self.model.parameters[name].start == 0.0:
                 raise BadInputError(f"{name} is 0, so that a relative error does nothing; leave it out")
-        self.member(0)  # turbulence that cannot be made is refused here rather than in a worker
+        self.loop(self.member(0))  # turbulence and gains that cannot be flown are refused here rather than in a worker
 
     @property
     def model(self) -> Model:

@@ -13,7 +13,7 @@ from controller.flight.actuators import Actuators
 from controller.flight.closed_loop import ClosedLoop
 from controller.flight.gusts import Dryden, Gust
 from controller.flight.plants import UPDRAFT, Plant
-from controller.policy.policies import Policy
+from controller.policy.policies import GainPolicy, Policy
 from controller.policy.signals import CommandedStates, Signal, TimeVector, zero
 from hfa_model.aircraft import Aircraft
 from hfa_support.errors import BadInputError, is_finite, refuse_unknown, refuse_unless_positive, shown
@@ -95,9 +95,10 @@ class Scenario(Shown):
     duration, step, tick: s; gains, noise samples and turbulence change once a tick, which holds a whole number of
     steps. initial: (n,), deviation from trim, () for none. reference, disturbance, noise: (k,) each, of
     the states of the linear model; None is 0. errors: parameter -> factor on the flown aircraft, which the design does
-    not know. actuators, gust: stages of the loop. air: disturbance of the model -> its signal, (1,). delay: s, whole ticks, by which every
-    command comes late. uncertainty: what is still to be drawn (`drawn`). samples: (ticks, k), drawn noise, held in each
-    tick. BadInputError when the times do not fit each other or the actuators, are too long, or there are two gusts.
+    not know. actuators, gust: stages of the loop. air: disturbance of the model -> its signal, (1,). delay: s, whole
+    ticks, by which every command comes late. uncertainty: what is still to be drawn (`drawn`). samples: (ticks, k),
+    drawn noise, held in each tick. BadInputError when the times do not fit each other or the actuators, are too long,
+    or there are two gusts.
     """
 
     duration: float = 20.0
@@ -220,7 +221,15 @@ def with_errors(aircraft: Aircraft | Model, scenario: Scenario) -> Model:
 
 
 def loop_of(plant: Plant, policy: Policy, scenario: Scenario, point: OperatingPoint) -> ClosedLoop:
-    """The loop of a plant about a point, under a policy, with everything that happens in the scenario."""
+    """The loop of a plant about a point, under a policy, with everything that happens in the scenario.
+
+    BadInputError for a gain of another shape than the plant's.
+    """
+    k, m = plant.sizes[1:]
+    if isinstance(policy, GainPolicy) and (policy.inputs, policy.states) != (m, k):
+        raise BadInputError(
+            f"the gain has shape {policy.inputs, policy.states}; this aircraft takes {m} x {k}, inputs by states"
+        )
     return ClosedLoop(
         plant,
         policy,

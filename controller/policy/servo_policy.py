@@ -171,13 +171,13 @@ def servo_law(
     for name in commands.names:
         refuse_unknown(f"controller {controller.name} follows no command of", name, told)
     schedule = point.model.schedule
-    if schedule not in point.model.linear:
-        raise BadInputError(f"{point.model.name} has no state of its linear model as schedule; declare one")
+    if isinstance(aircraft, Model):
+        raise BadInputError(f"controller {controller.name} was designed for the HFA, not for {aircraft.name}")
     at = point.values[schedule]
     reached = np.append(at + commands.values[:, np.array(commands.names) == schedule], at)
     if len(controller.dihedrals) == 1:  # not scheduled: flown as it is at any angle
         reached = controller.dihedrals
-    controller.refuse_other(aircraft, float(reached.min()), float(reached.max()))  # type: ignore[arg-type]
+    controller.refuse_other(aircraft, float(reached.min()), float(reached.max()))
     outputs, regulated = (
         MeasuredOutputs(aircraft, point, names) for names in (controller.measurements, commands.names)
     )

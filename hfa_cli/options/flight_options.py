@@ -204,7 +204,7 @@ def _steps_of(given: dict[str, list[tuple[float, float]]]) -> CommandSteps:
 
 def _command(name: str, text: str) -> list[tuple[float, float]] | tuple[float, ...]:
     """The type of --command: (time, value) pairs, increasing; or a constant or a wave."""
-    if "," not in text and text.count(":") != 1:
+    if "," not in text and text.count(":") != 1 and name in _model().linear:
         return _constant_or_wave(_model().linear)(name, text)
     found = []
     for part in text.split(","):

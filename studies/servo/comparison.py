@@ -29,7 +29,7 @@ from controller.flight.plants import NonlinearPlant
 from controller.policy.learned_gain import learned_value
 from controller.policy.servo_policy import MeasuredOutputs, servo_law
 from controller.policy.signals import CommandedStates
-from hfa_model import Aircraft
+from hfa_model import INPUTS, LINEAR_STATES, Aircraft
 from hfa_model.provenance import Provenance
 from hfa_support import BadInputError, Report
 from hfa_support.errors import refuse_unknown
@@ -74,9 +74,9 @@ class Case(NamedTuple):
 
 CASES: dict[str, Case] = {
     "order-1": Case(1, ()),
-    "order-1-fault": Case(1, (ActuatorFault(0.0, 0.2, 0.5),)),
+    "order-1-fault": Case(1, (ActuatorFault(0.0, 0.2, 0.5, inputs=INPUTS[1:]),)),
     "order-2": Case(2, ()),
-    "order-2-fault": Case(2, (ActuatorFault(0.0, 0.2, 0.5, 0.8),)),
+    "order-2-fault": Case(2, (ActuatorFault(0.0, 0.2, 0.5, 0.8, inputs=INPUTS[1:]),)),
 }
 
 
@@ -91,7 +91,9 @@ def scenario_of(case: Case, commands: CommandSteps, duration: float = DURATION) 
     if duration > DURATION:
         raise BadInputError(f"duration is {duration:g} s; the commands of a case end after {DURATION:g} s")
     actuators = flown_actuators(Actuator(case.order, BANDWIDTH, DAMPING), case.faults)
-    return Scenario(duration=duration, step=STEP, tick=STEP, reference=CommandedStates(commands), actuators=actuators)
+    return Scenario(
+        duration=duration, step=STEP, tick=STEP, reference=CommandedStates(commands, LINEAR_STATES), actuators=actuators
+    )
 
 
 class Start(NamedTuple):

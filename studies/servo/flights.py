@@ -128,7 +128,7 @@ def flown_actuators(acting: Actuator, faults: tuple[ActuatorFault, ...] = ()) ->
     lowest, highest = (Input(*(pair[side] for pair in CONTROL_LIMITS)) for side in (0, 1))
     lag, rate = (Input(*[each] * len(lowest)) for each in (1.0 / acting.bandwidth, np.inf))
     if acting.effectiveness != 1.0:
-        faults = (ActuatorFault(0.0, acting.effectiveness), *faults)
+        faults = (ActuatorFault(0.0, acting.effectiveness, inputs=INPUTS[1:]), *faults)
     return Actuators(lag, lowest, highest, rate, acting.order, acting.damping, faults)
 
 
@@ -210,7 +210,8 @@ def best_inputs(
     u = ca.SX.zeros(len(INPUTS))
     u[rows] = x[len(STATES) :]
     moved = ca.vertcat(
-        plant.rate(x[: len(STATES)], u, ca.SX.zeros(len(LINEAR_STATES)), w), bandwidth * (c - x[len(STATES) :])
+        plant.rate(x[: len(STATES)], u, ca.SX.zeros(len(LINEAR_STATES)), {"updraft": w}),
+        bandwidth * (c - x[len(STATES) :]),
     )
     rate = ca.Function("rate", [x, c, w], [moved])
     through_air = angle_of_attack(State(*ca.vertsplit(x[: len(STATES)] + ca.DM(X0))), w)

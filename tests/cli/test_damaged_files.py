@@ -15,7 +15,7 @@ from hostile import damaged, said_wrongly
 
 #: Warnings are what the command makes of them, as they are for its users.
 pytestmark = pytest.mark.filterwarnings("default")
-STORED = ("monte-carlo", "--dihedral", "15", "--law", "exact", "--members", "5", "--duration", "0.1")
+STORED = ("monte-carlo", "--dihedral", "15", "--law", "exact", "--samples", "5", "--duration", "0.1")
 
 
 def _numbers(result: Result) -> dict[str, Any]:

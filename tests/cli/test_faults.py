@@ -78,7 +78,7 @@ NO_HOME = {
 
 
 PICTURE = "trim --dihedral 15 --picture a.png"
-MACHINE_CODE = "monte-carlo --dihedral 15 --law exact --members 3 --duration 0.1 -o a.zarr"
+MACHINE_CODE = "monte-carlo --dihedral 15 --law exact --samples 3 --duration 0.1 -o a.zarr"
 
 
 @pytest.mark.parametrize(

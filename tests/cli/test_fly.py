@@ -46,7 +46,7 @@ def test_the_command_says_that_a_flight_held_and_writes_it(tmp_path: Path, monke
 
 def test_the_command_says_what_left_first_and_exits_with_1() -> None:
     result = hfa(
-        *FLY, "--initial", "paper", "--reference", "paper", "--disturbance", "paper", "--noise", "paper", "--json"
+        *FLY, "--initial", "paper", "--command", "paper", "--disturbance", "paper", "--noise", "paper", "--json"
     )
     assert (result.code, result.err) == (1, "")
     data = json.loads(result.out)

@@ -56,7 +56,7 @@ def test_a_controller_flies_its_commands_and_says_what_it_missed() -> None:
         (("--command", "vertical_acceleration_short_period=1"), "give NAME=TIME:VALUE"),
         (("--command", "vertical_acceleration_short_period=2:1,1:0"), "the times must increase"),
         (("--law", "exact"), "--law changes nothing beside --controller"),
-        (("--reference", "dihedral=1"), "--reference changes nothing beside --controller"),
+        (("--command", "dihedral=1"), "takes steps; give NAME=TIME:VALUE"),
     ],
 )
 def test_controllers_that_do_not_fit_are_refused(words: tuple[str, ...], named: str) -> None:
@@ -72,7 +72,7 @@ def test_members_follow_commands_behind_failing_actuators() -> None:
         "0.5:60",
         "--duration",
         "2",
-        "--members",
+        "--samples",
         "3",
         "--step",
         "0.01",

@@ -31,7 +31,7 @@ TABLES = {
     "fly --dihedral 10 --duration 0.1": (),
 }
 SLOW_TABLES = {
-    "schedule --dihedral 5 --to 5.1 --over 0.1 --points 2 --duration 5.2": (),
+    "schedule --dihedral 5 --to 5.1:0.1:2 --duration 5.2": (),
     "map --dihedral 10 --initial speed=-1:1:1 --initial dihedral=0 --command dihedral=0,1": ("held", "returned"),
     "lpv --dihedral 10:11": (),
     "identify": _ENTRIES,

@@ -17,7 +17,7 @@ from hfa_cli.main import DONE, FAILED
 
 pytest.importorskip("distributed")
 #: Four chunks.
-WORDS = ("monte-carlo", "--dihedral", "15", "--law", "exact", "--members", "4000", "--duration", "1", "-o", "a.zarr")
+WORDS = ("monte-carlo", "--dihedral", "15", "--law", "exact", "--samples", "4000", "--duration", "1", "-o", "a.zarr")
 
 
 @contextmanager

@@ -20,7 +20,7 @@ BASE = (*NAMED, "--duration", "0.1")
 
 def test_the_command_flies_and_sums_up(tmp_path: Path) -> None:
     store = str(tmp_path / "a.zarr")
-    words = (*BASE, "--members", "8", "--error", "panel_mass=0.05", "--noise", "alpha=0.1", "--turbulence", "3:1750")
+    words = (*BASE, "--samples", "8", "--error", "panel_mass=0.05", "--noise", "alpha=0.1", "--turbulence", "3:1750")
     result = hfa(*words, "--json", "-o", store)
     assert (result.code, result.err) == (0, "")
     data = json.loads(result.out)
@@ -41,7 +41,7 @@ def test_the_command_flies_and_sums_up(tmp_path: Path) -> None:
 def test_the_command_flies_a_gain_of_the_user(tmp_path: Path, gain: np.ndarray) -> None:
     file = tmp_path / "gain.npz"
     np.savez(file, K=-gain)
-    away = hfa("monte-carlo", "--dihedral", "15", "--members", "2", "--weights", str(file), "--initial", "alpha=1")
+    away = hfa("monte-carlo", "--dihedral", "15", "--samples", "2", "--weights", str(file), "--initial", "alpha=1")
     assert away.code == 1
     assert "stayed within limits: 0 of 2" in away.out
     assert "left the envelope, by the state that left first: " in away.out

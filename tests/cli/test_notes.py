@@ -20,7 +20,7 @@ COMMANDS = {
     "verify": ("verify", "--set", "predefined_time=2"),
     "fly": ("fly", *SHORT),
     "map": ("map", "--law", "exact", "--initial", "speed=1", "--initial", "dihedral=0", "--command", "dihedral=1"),
-    "monte-carlo": ("monte-carlo", *SHORT, "--members", "2"),
+    "monte-carlo": ("monte-carlo", *SHORT, "--samples", "2"),
 }
 
 

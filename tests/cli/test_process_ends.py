@@ -19,7 +19,7 @@ from hfa_cli.entry import INTERRUPTED, TERMINATED
 
 LONG = {
     "sweep": ("sweep", "--dihedral", "0:20:1", "--hold", "panel_mass=0.1:2:0.00002", "--workers", "2", "-o", "a.zarr"),
-    "monte-carlo": ("monte-carlo", "--dihedral", "15", "--law", "exact", "--members", "100000", "--workers", "2"),
+    "monte-carlo": ("monte-carlo", "--dihedral", "15", "--law", "exact", "--samples", "100000", "--workers", "2"),
 }
 proc = pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="processes are looked up in /proc")
 

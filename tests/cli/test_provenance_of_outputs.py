@@ -105,7 +105,7 @@ def test_a_store_has_it(command: str, heavy: Path, tmp_path: Path) -> None:
     path = tmp_path / "out.zarr"
     words = {
         "sweep": ("--dihedral", "0:10:5"),
-        "monte-carlo": ("--dihedral", "12", "--members", "2", "--duration", "0.1"),
+        "monte-carlo": ("--dihedral", "12", "--samples", "2", "--duration", "0.1"),
     }
     assert hfa(command, *words[command], "--parameters", str(heavy), "-o", str(path)).code == 0
     assert zarr.open_group(str(path), mode="r").attrs["provenance"]["parameter_hash"] == hash_of(heavy)

@@ -126,10 +126,10 @@ REFUSED = {
         ("--dihedral 15 --law exact --gust 50:5:30", "--gust begins at 30 s"),
         ("--dihedral 15 --gust 400:10 --turbulence 5:1750", "do not go together"),
         ("--dihedral 15 --turbulence 5", "--turbulence is '5'; give SIGMA:SCALE"),
-        ("--dihedral 15 --law exact --reference speed=1:2:0", "--reference speed frequency is 0 rad/s"),
+        ("--dihedral 15 --law exact --command speed=1:2:0", "--command speed frequency is 0 rad/s"),
         ("--dihedral 15 --law exact --actuators 0.05:-3", "--actuators rate is -3 deg/s"),
         ("--dihedral 15 --fault 0.2:0.5", "--fault belongs to --actuators"),
-        ("--dihedral 15 --command dihedral=1:1", "--command belongs to --controller"),
+        ("--dihedral 15 --command gamma=1:1", "a gain follows no command of 'gamma'"),
         ("--dihedral 15 --duration 1e8", "duration is 1e+08 s; with a step of 0.001 s it must not exceed 10000 s"),
         ("--dihedral 15 --initial paper --initial speed=1", "--initial paper goes alone"),
         ("--dihedral 15 --error span=0.9", "unknown parameter 'span'"),
@@ -137,7 +137,7 @@ REFUSED = {
     ],
     "schedule": [
         ("--dihedral 15 --to 15", "two different ones"),
-        ("--dihedral 15 --to 16 --over 5 --duration 1", "ends at 10 s"),
+        ("--dihedral 15 --to 16:5 --duration 1", "ends at 10 s"),
         ("--dihedral 15 --to 20 --weights given.npz", "there is no K of 5 x 6"),
     ],
     "map": [
@@ -145,7 +145,7 @@ REFUSED = {
         ("--dihedral 15 --initial alpha=1", "--initial alpha is not among speed, dihedral"),
     ],
     "monte-carlo": [
-        ("--dihedral 15 --members 1e9", "give a whole number from 1 to 1e+07"),
+        ("--dihedral 15 --samples 1e9", "give a whole number from 1 to 1e+07"),
         ("--dihedral 15 --workers tcp://a:b", "no Dask scheduler answers at tcp://a:b"),
         ("--dihedral 15 --error panel_mass=-0.1", "-0.1"),
         ("--dihedral 15 --resume", "-o FILE.zarr"),

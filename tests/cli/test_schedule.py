@@ -9,7 +9,7 @@ import numpy as np
 from cli import hfa
 from scipy.io import savemat
 
-SCHEDULE = ("schedule", "--dihedral", "5", "--to", "15", "--over", "20", "--points", "3", "--law", "exact")
+SCHEDULE = ("schedule", "--dihedral", "5", "--to", "15:20:3", "--law", "exact")
 
 
 def test_the_command_flies_a_schedule_and_writes_it(tmp_path: Path) -> None:

@@ -27,7 +27,7 @@ RUNS: dict[str, tuple[str, ...]] = {
     "learn": AT,
     "verify": AT,
     "design": ("--design", "servo", "--dihedral", "5,10"),
-    "fly": (*AT, *FLIGHT, "--gust", "200ft:5ft", "--reference", "speed=0.01ft"),
+    "fly": (*AT, *FLIGHT, "--gust", "200ft:5ft", "--command", "speed=0.01ft"),
     "schedule": ("--dihedral", "5", "--to", "6", "--over", "1", "--points", "2", "--law", "exact", "--duration", "7"),
     "map": (
         *AT,
@@ -40,7 +40,7 @@ RUNS: dict[str, tuple[str, ...]] = {
         "--command",
         "dihedral=0",
     ),
-    "monte-carlo": (*AT, *FLIGHT, "--members", "2", "--turbulence", "3ft:200ft"),
+    "monte-carlo": (*AT, *FLIGHT, "--samples", "2", "--turbulence", "3ft:200ft"),
     "identify": (),
     "report": (*AT, "--sweep", "10,12"),
 }

@@ -31,8 +31,8 @@ class FlownCase:
 
 def case_at(parameters: Parameters, dynamics: str, degrees: float) -> FlownCase:
     point, law = model_at(degrees, dynamics).point, gain_law("exact", exact_gain(degrees, dynamics))
-    aircraft, envelope = Aircraft(parameters, dynamics), flight_envelope(parameters, point)
-    return FlownCase(aircraft, point, game_at(degrees, dynamics), law, envelope)
+    aircraft = Aircraft(parameters, dynamics)
+    return FlownCase(aircraft, point, game_at(degrees, dynamics), law, flight_envelope(aircraft, point))
 
 
 def flown(on: FlownCase, scenario: Scenario) -> NonlinearFlight:

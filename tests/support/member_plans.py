@@ -9,7 +9,7 @@ import numpy as np
 
 from controller import Game, MonteCarlo, Scenario, Signal, Uncertainty, flight_envelope, gain_law
 from controller.policy.signals import Harmonic, zero
-from hfa_model import default_parameters
+from hfa_model import Aircraft, default_parameters
 from studies.section5.critic_policy import CriticPolicy, forcing
 from studies.update_law.published_law import PublishedSettings, published_law
 from trim import OperatingPoint
@@ -32,8 +32,9 @@ def everything_plan(point: OperatingPoint, gain: np.ndarray) -> MonteCarlo:
         disturbance=Signal(np.zeros(6), np.zeros(6), (wave,)),
         uncertainty=EVERYTHING,
     )
-    law, envelope = gain_law("exact", gain), flight_envelope(PARAMETERS, point)
-    return MonteCarlo(12, 7, PARAMETERS, "published", point, law, scenario, envelope)
+    aircraft = Aircraft(PARAMETERS)
+    law, envelope = gain_law("exact", gain), flight_envelope(aircraft, point)
+    return MonteCarlo(12, 7, aircraft, point, law, scenario, envelope)
 
 
 def with_scenario(plan: MonteCarlo, **changes: Any) -> MonteCarlo:

@@ -17,7 +17,7 @@ from controller.flight.scenario import loop_of
 from controller.flight.simulation import CompiledLoop
 from controller.policy.servo_policy import servo_law
 from controller.policy.signals import CommandedStates
-from hfa_model import STATES, Aircraft, Input
+from hfa_model import LINEAR_STATES, STATES, Aircraft, Input
 from hfa_support.files import write_texts
 from trim import OperatingPoint
 
@@ -45,7 +45,9 @@ def flown(controller: ScheduledController, aircraft: Aircraft, point: OperatingP
         commands = CommandSteps(("dihedral",), np.zeros(1), np.array([[COMMANDED]]))
     law = servo_law(controller, commands, aircraft, point)
     initial = np.eye(len(STATES))[0]
-    scenario = Scenario(float(SECONDS), 0.01, 0.1, initial, CommandedStates(commands), actuators=actuators(2))
+    scenario = Scenario(
+        float(SECONDS), 0.01, 0.1, initial, CommandedStates(commands, LINEAR_STATES), actuators=actuators(2)
+    )
     loop = CompiledLoop(loop_of(NonlinearPlant(aircraft, point), law.policy, scenario, point))
     flight = loop.fly(initial, law.constants, step=0.01, steps_per_tick=10, ticks=10 * SECONDS, memory=law.memory)
     return np.asarray(flight.states[-1] + np.array(point.states))

@@ -73,7 +73,7 @@ def made(
     controller = integrating_controller(aircraft, W=np.full((3, 1, 1), 0.1))
     commands = CommandSteps(("dihedral",), np.zeros(1), np.array([[0.02]]))
     law = servo_law(controller, commands, aircraft, point)
-    scenario = scenario_of(point, reference=CommandedStates(commands), actuators=ACTUATORS)
+    scenario = scenario_of(point, reference=CommandedStates(commands, LINEAR_STATES), actuators=ACTUATORS)
     loop = CompiledLoop(loop_of(NonlinearPlant(aircraft, point), law.policy, scenario, point))
     known = absolute(loop, point, scenario, law.constants, memory=law.memory)
     return controller_loop(aircraft, point, controller, ACTUATORS), {"command_dihedral": 0.02}, known
@@ -82,7 +82,7 @@ def made(
 def flown(aircraft: Aircraft, point: OperatingPoint, gain: np.ndarray, follow: Signal) -> np.ndarray:
     scenario = scenario_of(point, reference=follow)
     loop = CompiledLoop(
-        loop_of(NonlinearPlant(aircraft, point), GainPolicy(), scenario, point),
+        loop_of(NonlinearPlant(aircraft, point), GainPolicy(5, 6), scenario, point),
     )
     constants = gain_constants(gain)
     return absolute(loop, point, scenario, lambda _: constants)

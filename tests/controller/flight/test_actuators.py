@@ -46,7 +46,7 @@ def flown(
     model = published_models()[0]
     at = np.zeros(M) if trim is None else trim
     plant = LinearPlant(model.A, model.B)
-    loop = CompiledLoop(ClosedLoop(plant, Commanded(command), actuators=actuators, trim=at, tick=0.1))
+    loop = CompiledLoop(ClosedLoop(plant, Commanded(M, N, command), actuators=actuators, trim=at, tick=0.1))
     initial = np.zeros(N) if start is None else start
     return loop.fly(initial, lambda _: gain_constants(gain), step=0.001, steps_per_tick=100, ticks=20)
 
@@ -133,7 +133,7 @@ def test_a_fault_changes_the_actuators_that_it_names_from_its_time_on() -> None:
         (lambda: ActuatorFault(effectiveness=0.0), "effectiveness after a fault is 0"),
         (lambda: ActuatorFault(damping=np.nan), "damping after a fault is nan"),
         (lambda: ActuatorFault(begin=-1.0), "begins at -1 s"),
-        (lambda: ActuatorFault(inputs=("flap",)), "no input 'flap'"),
+        (lambda: replace(FREE, faults=(ActuatorFault(inputs=("flap",)),)), "no input 'flap'"),
     ],
 )
 def test_what_cannot_move_is_refused(make: Callable[[], object], said: str) -> None:

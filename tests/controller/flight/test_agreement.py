@@ -139,7 +139,7 @@ def test_the_same_flight_twice_gives_the_same_bits(newton: FlownCase) -> None:
     [
         (("fly", "--initial", "speed=-70"), "begins with speed -2, beyond the limit of 34 ft/s"),
         (
-            ("schedule", "--to", "16", "--over", "1", "--initial", "dihedral=-90"),
+            ("schedule", "--to", "16:1", "--initial", "dihedral=-90"),
             "begins with dihedral -75, beyond the limit of -60 deg",
         ),
     ],

@@ -37,7 +37,7 @@ RateOf = Callable[[MonteCarlo, Scenario], Rate]
 def nonlinear_rate(plan: MonteCarlo, member: Scenario) -> Rate:
     """x' by the equations of motion in plain numbers, without any compiled function."""
     X0, U0 = np.array(plan.point.states), np.array(plan.point.inputs)
-    p, variant = Parameters(*plan.parameters_of(member).tolist()), variant_named(plan.dynamics)
+    p, variant = Parameters(*plan.parameters_of(member).tolist()), variant_named(plan.model.name)
 
     def rate(x: np.ndarray, u: np.ndarray, d: np.ndarray, w: float) -> np.ndarray:
         value = np.array([float(row) for row in rates(State(*(X0 + x)), Input(*(U0 + u)), p, variant, w)])
@@ -112,8 +112,9 @@ def assert_same_flight(plan: MonteCarlo, member: int, rate_of: RateOf) -> None:
 
 @pytest.mark.parametrize("dynamics", ["published", "newton"])
 def test_a_member_is_its_flight_step_by_step(plan: MonteCarlo, dynamics: str) -> None:
-    point = find_operating_point(Aircraft(PARAMETERS, dynamics), level_flight(plan.point.states.dihedral))
-    flown = replace(plan, dynamics=dynamics, point=point)
+    aircraft = Aircraft(PARAMETERS, dynamics)
+    point = find_operating_point(aircraft, level_flight(plan.point.states.dihedral))
+    flown = replace(plan, aircraft=aircraft, point=point)
     assert_same_flight(with_scenario(flown, duration=0.05), 3, nonlinear_rate)
 
 
@@ -137,7 +138,7 @@ def test_a_member_that_leaves_its_envelope_ends_there(plan: MonteCarlo) -> None:
 def test_the_envelope_counts_on_the_angle_through_the_air(plan: MonteCarlo) -> None:
     """A sharp gust turns the air before it turns the path; turbulence may do so at the start already."""
     alpha, near = plan.point.states.alpha, np.radians(0.5)
-    narrow = flight_envelope(PARAMETERS, plan.point, {"alpha": (alpha - near, alpha + near)})
+    narrow = flight_envelope(plan.aircraft, plan.point, {"alpha": (alpha - near, alpha + near)})
     plan = with_scenario(replace(plan, envelope=narrow), duration=0.05, initial=np.zeros(7))
     gust = OneMinusCosine(10.0, 3.0, plan.point.states.speed)
     tight = with_scenario(plan, gust=gust, uncertainty=replace(plan.scenario.uncertainty, turbulence=None))
@@ -221,7 +222,7 @@ def test_plans_are_equal_when_they_give_the_same_results(plan: MonteCarlo, gain:
         with_scenario(plan, step=0.0005),
         with_scenario(plan, reference=zero(6)),
         with_scenario(plan, gust=OneMinusCosine(100.0, 1.0, 68.0), uncertainty=replace(EVERYTHING, turbulence=None)),
-        replace(plan, envelope=flight_envelope(PARAMETERS, plan.point, {"alpha": (-0.1, 0.2)})),
+        replace(plan, envelope=flight_envelope(plan.aircraft, plan.point, {"alpha": (-0.1, 0.2)})),
     ]
     assert len({plan, *others}) == 1 + len(others)
 
@@ -229,9 +230,11 @@ def test_plans_are_equal_when_they_give_the_same_results(plan: MonteCarlo, gain:
 def test_an_error_of_nothing_is_refused(plan: MonteCarlo, gain: np.ndarray) -> None:
     no_moment = PARAMETERS._replace(zero_lift_moment=0.0)
     with pytest.raises(BadInputError, match="does nothing"):
-        replace(with_scenario(plan, uncertainty=Uncertainty({"zero_lift_moment": 1.0})), parameters=no_moment)
-    with pytest.raises(BadInputError, match="5 x 6"):
-        gain_law("wide", np.zeros((6, 5)))
+        replace(with_scenario(plan, uncertainty=Uncertainty({"zero_lift_moment": 1.0})), aircraft=Aircraft(no_moment))
+    with pytest.raises(BadInputError, match="unknown parameter 'span'"):
+        with_scenario(plan, uncertainty=Uncertainty({"span": 0.1}))
+    with pytest.raises(BadInputError, match=r"the gain has shape \(6, 5\); .* takes 5 x 6"):
+        replace(plan, law=gain_law("wide", np.zeros((6, 5))))
 
 
 def test_what_a_monte_carlo_cannot_repeat_is_refused(plan: MonteCarlo) -> None:

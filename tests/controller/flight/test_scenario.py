@@ -104,7 +104,6 @@ def test_noise_and_air_are_as_strong_as_asked_for(plan: MonteCarlo) -> None:
         ),
         ({"errors": {"lift_slope": np.nan}}, "the standard deviation of lift_slope is nan"),
         ({"noise": {"alpha": np.inf}}, "the standard deviation of alpha is inf"),
-        ({"noise": {"altitude": 0.1}}, "unknown noise of state 'altitude'; choose from speed"),
         ({"turbulence": (3.0, 0.0)}, "the turbulence has 0.0; intensity and scale must be positive numbers"),
     ],
 )

@@ -10,32 +10,33 @@ import pytest
 
 from controller import Envelope
 from controller.flight.closed_loop import ClosedLoop
-from controller.flight.plants import SevenStates
+from controller.flight.plants import ModelPlant
 from controller.flight.simulation import Summary, SummedLoop
 from controller.policy.policies import GainPolicy
 from hfa_model import STATES, State
+from hfa_model.aircraft import HFA
 from trim import OperatingPoint
 
 SPEED, ALPHA = STATES.index("speed"), STATES.index("alpha")
 
 
-class Falling(SevenStates):
+class Falling(ModelPlant):
     """speed' = -1, alpha' = sqrt(0.0105 + speed): not a number from the step on that passes 0.0105 s."""
 
-    constants_size = 0
+    constants_size, model = 0, HFA
 
-    def rate(self, x: Any, u: Any, d: Any, updraft: Any = 0.0, p: Any = None) -> Any:
+    def rate(self, x: Any, u: Any, d: Any, winds: Any = None, p: Any = None) -> Any:
         return ca.vertcat(-1.0, ca.sqrt(0.0105 + x[SPEED]), ca.SX.zeros(5))
 
 
 def flown(point: OperatingPoint, *, stops: bool, slowest: float = -1e9) -> Summary:
     """0.05 s in steps of 1 ms and ticks of 10."""
     lowest = State(*[-1e9] * 7)._replace(speed=point.states.speed + slowest)
-    loop = ClosedLoop(Falling(), GainPolicy())
+    loop = ClosedLoop(Falling(), GainPolicy(5, 6))
     summed = SummedLoop(
         loop,
         point,
-        Envelope(lowest, State(*[1e9] * 7)),
+        Envelope(lowest, State(*[1e9] * 7), HFA),
         step=0.001,
         steps_per_tick=10,
         stops=stops,

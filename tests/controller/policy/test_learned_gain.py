@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from flight_cases import FlownCase
 
-from controller import gain_law
+from controller import Scenario, fly, gain_law
 from controller.policy.learned_gain import learned_value
 from hfa_support import BadInputError, NoSolutionError
 
@@ -34,7 +34,9 @@ def test_one_gain_stays_and_several_follow_each_other_and_the_last_stays() -> No
     assert one.memory.size == 0
 
 
-@pytest.mark.parametrize("gains", [GAINS[0].T, GAINS[0, 0], GAINS[None], np.full((5, 6), np.nan)])
-def test_another_shape_is_refused(gains: np.ndarray) -> None:
-    with pytest.raises(BadInputError, match=r"the gain has shape .*; give 5 x 6 finite numbers"):
+@pytest.mark.parametrize("gains", [GAINS[0, 0], GAINS[None], np.full((5, 6), np.nan)])
+def test_another_shape_is_refused(newton: FlownCase, gains: np.ndarray) -> None:
+    with pytest.raises(BadInputError, match=r"the gain has shape .*; give inputs x states finite numbers"):
         gain_law("bad", gains)
+    with pytest.raises(BadInputError, match=r"shape \(6, 5\); this aircraft takes 5 x 6"):
+        fly(newton.aircraft, newton.point, gain_law("bad", GAINS[0].T), Scenario(duration=0.1), newton.envelope)

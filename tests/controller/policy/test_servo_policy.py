@@ -39,7 +39,12 @@ def flown(
 ) -> NonlinearFlight:
     follow = commands(0.01)
     law = servo_law(controller, follow, aircraft, point)
-    given = {"duration": 12.0, "step": 0.01, "reference": CommandedStates(follow), "actuators": FREE} | changes
+    given = {
+        "duration": 12.0,
+        "step": 0.01,
+        "reference": CommandedStates(follow, LINEAR_STATES),
+        "actuators": FREE,
+    } | changes
     return fly(aircraft, point, law, Scenario(**given), flight_envelope(aircraft, point))  # type: ignore[arg-type]
 
 

@@ -54,7 +54,7 @@ def test_what_the_filter_goes_to_is_the_step_that_holds() -> None:
 
 
 def test_the_reference_of_a_flight_has_the_commanded_states_alone() -> None:
-    x_d = np.array(ca.DM(CommandedStates(steps()).at(ca.SX(6.0)))).ravel()
+    x_d = np.array(ca.DM(CommandedStates(steps(), LINEAR_STATES).at(ca.SX(6.0)))).ravel()
     r = steps().sampled(np.array([6.0]))[0]
     np.testing.assert_allclose(x_d, [r[0] if name == "dihedral" else 0.0 for name in LINEAR_STATES])
 

@@ -44,12 +44,12 @@ def test_a_sweep(compile_code: bool) -> None:
 def test_a_monte_carlo() -> None:
     point, law = model_at(15.0).point, gain_law("exact", exact_gain(15.0))
     scenario = Scenario(0.2, uncertainty=Uncertainty({"panel_mass": 0.1}))
-    everywhere = Envelope(State(*[-1e9] * 7), State(*[1e9] * 7))
+    aircraft = Aircraft(PARAMETERS)
+    everywhere = Envelope(State(*[-1e9] * 7), State(*[1e9] * 7), aircraft.model)
     plan = MonteCarlo(
         40,
         0,
-        PARAMETERS,
-        "published",
+        aircraft,
         point,
         law,
         scenario,

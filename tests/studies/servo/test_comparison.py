@@ -20,7 +20,7 @@ from controller.design.design import Actuator
 from controller.flight.nonlinear_flight import fly_law
 from controller.flight.plants import NonlinearPlant
 from controller.policy.servo_policy import ServoPolicy
-from hfa_model import Aircraft
+from hfa_model import INPUTS, Aircraft
 from hfa_support import BadInputError
 from studies.servo import comparison
 from studies.servo.comparison import CASES, REGULATED, ServoFlight, fly_case, laws_of, rows_of
@@ -144,7 +144,7 @@ def test_steps_and_faults_that_no_one_has_tuned_on(
     times = 1.0 + np.concatenate([[0.0], np.cumsum(rng.uniform(50.0, 90.0, 15))])[:15]
     ends = np.column_stack([np.radians(rng.uniform(-2.0, 2.0, 15)), rng.uniform(-2.0, 2.0, 15)])
     ends[-1] = 0.0
-    case = CASES["order-1"]._replace(faults=(ActuatorFault(0.0, effectiveness, bandwidth),))
+    case = CASES["order-1"]._replace(faults=(ActuatorFault(0.0, effectiveness, bandwidth, inputs=INPUTS[1:]),))
     laws = ("simvfa-1", "simvfa-1 adaptive", "servo", "servo-gusts")
     flights = list(fly_case(published_aircraft, case, {}, 1000.0, laws, CommandSteps(REGULATED, times, ends)))
     assert all(flight.lost_at is None for flight in flights)

@@ -93,7 +93,7 @@ def flown(peak: float) -> NonlinearFlight:
         duration=30.0,
         step=0.005,
         tick=0.5,
-        actuators=Actuators(lag, lowest, highest, rate, faults=(ActuatorFault(0.0, 0.8),)),
+        actuators=Actuators(lag, lowest, highest, rate, faults=(ActuatorFault(0.0, 0.8, inputs=INPUTS[1:]),)),
         gust=OneMinusCosine(LENGTH, peak, point.states.speed),
     )
     law = servo_law(_table(), CommandSteps(("dihedral",), np.zeros(0), np.zeros((0, 1))), aircraft, point)
@@ -150,7 +150,9 @@ def flown_again(plant: NonlinearPlant, peak: float, commands: np.ndarray) -> np.
     u = ca.SX.zeros(5)
     u[rows] = x[7:]
     w = gust.updraft(t, None, None)
-    f = ca.Function("f", [x, c, t], [ca.vertcat(plant.rate(x[:7], u, ca.SX.zeros(6), w), BANDWIDTH * (c - x[7:]))])
+    f = ca.Function(
+        "f", [x, c, t], [ca.vertcat(plant.rate(x[:7], u, ca.SX.zeros(6), {"updraft": w}), BANDWIDTH * (c - x[7:]))]
+    )
     h, path = HELD / FINER, [np.zeros(9)]
     for k in range(FINER * len(commands)):
         held, now = commands[k // FINER] - trim, path[-1]

@@ -13,6 +13,7 @@ from flight_cases import FlownCase, flown, signal
 from controller import Scenario
 from controller.flight.plants import NonlinearPlant
 from hfa_model import INPUTS, LINEAR_STATES, STATES
+from hfa_model.aircraft import HFA
 from hfa_support import BadInputError
 from verification import recoverable_map
 from verification.flights.recoverable_map import ManyFlights, RecoverableMap, _edge
@@ -27,9 +28,8 @@ def recoverable(newton: FlownCase) -> RecoverableMap:
         newton.point,
         newton.law.gains[0],
         newton.envelope,
-        speeds=np.array([-2.0, 0.3, 2.0]),
-        dihedrals=np.radians([-10.0, 10.0]),
-        commands=np.radians([-30.0, -5.0, 0.0, 5.0]),
+        starts={"speed": np.array([-2.0, 0.3, 2.0]), "dihedral": np.radians([-10.0, 10.0])},
+        commands={"dihedral": np.radians([-30.0, -5.0, 0.0, 5.0])},
     )
 
 
@@ -37,8 +37,8 @@ def test_the_map_is_what_single_flights_say(newton: FlownCase, recoverable: Reco
     """The compiled flights, at their longer step, against `fly`: who leaves, what leaves, and when."""
     found = recoverable.starts["nonlinear"].of_starts()
     left, held = found["left_first"], found["held"]
-    for i, dihedral in enumerate(recoverable.dihedrals):
-        for j, speed in enumerate(recoverable.speeds):
+    for i, dihedral in enumerate(recoverable.axes["dihedral"]):
+        for j, speed in enumerate(recoverable.axes["speed"]):
             start = np.zeros(len(STATES))
             start[STATES.index("speed")], start[STATES.index("dihedral")] = speed, dihedral
             departure = flown(newton, Scenario(duration=3.0, initial=start)).departure
@@ -105,11 +105,9 @@ def test_control_limits_are_those_of_the_flight_itself(newton: FlownCase, recove
 
 
 def test_machine_code_says_what_the_virtual_machine_says(newton: FlownCase, monkeypatch: pytest.MonkeyPatch) -> None:
-    plant, starts, found = NonlinearPlant(newton.aircraft, newton.point), np.zeros((3, len(STATES))), []
-    starts[:, 0] = (0.3, 1.0, -3.0)
+    plant, starts, found = NonlinearPlant(newton.aircraft, newton.point), {"speed": np.array([0.3, 1.0, -3.0])}, []
     for _ in range(2):
-        flights = ManyFlights(plant, newton.point, newton.envelope)
-        found.append(flights.fly(newton.law.gains[0], starts, np.zeros((3, N)), 2.0))
+        found.append(ManyFlights(plant, newton.point, newton.envelope, newton.law.gains[0]).fly(2.0, starts))
         monkeypatch.setattr("controller.flight.integrator.machine_code", lambda function: function)
     one, other = found
     assert one.left.tolist() == other.left.tolist() == [-1, *[STATES.index("pitch_rate")] * 2]
@@ -118,13 +116,13 @@ def test_machine_code_says_what_the_virtual_machine_says(newton: FlownCase, monk
 
 
 def test_commands_arrive_or_not(recoverable: RecoverableMap) -> None:
-    flights = recoverable.commanded["nonlinear"]
-    assert flights.arrived(recoverable.commands).tolist() == [False, True, True, True]
+    flights, (asked,) = recoverable.commanded["nonlinear"], recoverable.commands.items()
+    assert flights.arrived(*asked).tolist() == [False, True, True, True]
     assert flights.inside.tolist() == [False, True, True, True]
     # At rest elsewhere is not arrived: a planted end on the other side of trim.
     final = flights.final.copy()
     final[1, STATES.index("dihedral")] *= -1
-    assert replace(flights, final=final).arrived(recoverable.commands).tolist() == [False, False, True, True]
+    assert replace(flights, final=final).arrived(*asked).tolist() == [False, False, True, True]
 
 
 @pytest.mark.parametrize("sign", [-1, 1])
@@ -141,21 +139,20 @@ def test_an_edge_is_between_the_last_good_and_the_first_bad_start(sign: int) -> 
             returned=lambda: size < 2.2,
         )
 
-    found = _edge("speed", sign, "linear", fly, 10.0)
+    found = _edge(HFA, "speed", False, sign, "linear", fly, 10.0)
     assert (found.inside, found.within_limits, found.returned) == pytest.approx((3.7, 1.3, 2.2), rel=0.02)
     assert (found.state, found.time, found.control, found.reach) == (STATES[2], 1.5, INPUTS[3], 10.0)
 
 
 def test_maps_without_points_and_gains_that_do_not_stabilize_are_refused(newton: FlownCase) -> None:
-    ranges = {"speeds": np.zeros(1), "dihedrals": np.zeros(1), "commands": np.zeros(1)}
-
     def build(gain: np.ndarray, **changes: np.ndarray) -> RecoverableMap:
-        given: dict[str, Any] = ranges | changes
-        return recoverable_map(newton.aircraft, newton.point, gain, newton.envelope, **given)
+        starts = {"speed": np.zeros(1), "dihedral": np.zeros(1)} | changes
+        commands = {"dihedral": np.zeros(1)}
+        return recoverable_map(newton.aircraft, newton.point, gain, newton.envelope, starts=starts, commands=commands)
 
-    with pytest.raises(BadInputError, match="speeds are empty"):
-        build(newton.law.gains[0], speeds=np.zeros(0))
+    with pytest.raises(BadInputError, match="speed are empty"):
+        build(newton.law.gains[0], speed=np.zeros(0))
     with pytest.raises(BadInputError, match="at most 50000"):
-        build(newton.law.gains[0], speeds=np.zeros(1000), dihedrals=np.zeros(1000))
+        build(newton.law.gains[0], speed=np.zeros(1000), dihedral=np.zeros(1000))
     with pytest.raises(BadInputError, match="abscissa"):
         build(-newton.law.gains[0])

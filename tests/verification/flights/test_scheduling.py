@@ -18,9 +18,9 @@ from hfa_support import BadInputError, NoSolutionError
 from hfa_support.reporting.text import Table
 from trim import OperatingPoint
 from verification.flights.scheduling import (
-    DihedralChange,
     GridPoint,
     Schedule,
+    ScheduledChange,
     ScheduledPolicy,
     certified_schedule,
     change_over,
@@ -52,7 +52,7 @@ def test_tables_are_linear_between_the_points_and_constant_beyond(certified: Sch
 
 
 def test_a_change_is_smooth_and_ends_where_it_should() -> None:
-    change = DihedralChange(0.1, 0.3, begin=2.0, duration=10.0)
+    change = ScheduledChange(0.1, 0.3, begin=2.0, duration=10.0)
     times = np.linspace(0.0, 15.0, 3001)
     values, rates = (np.array([float(f(t)) for t in times]) for f in (change.at, change.rate))
     assert np.all(values[times <= 2.0] == 0.1)
@@ -69,7 +69,7 @@ def slope_at_trim(certified: Schedule, index: int, policy_of: type[ScheduledPoli
     """∂u/∂z of the policy where the command rests at a grid point, (5, 6), and u itself."""
     grid = certified.grid
     dihedral = grid[index].point.states.dihedral
-    resting = DihedralChange(dihedral, dihedral, 0.0, 1.0)
+    resting = ScheduledChange(dihedral, dihedral, 0.0, 1.0)
     z = ca.SX.sym("z", N)
     u = policy_of(certified, resting, grid[0].point).control(5.0, seen(z), ca.SX(0, 1), ca.SX(0, 1))
     found = ca.Function("policy", [z], [u, ca.jacobian(u, z)])(ca.DM.zeros(N))
@@ -121,7 +121,7 @@ def test_a_point_without_certificate_stops_the_schedule(published_aircraft: Airc
 
 
 def through_the_change(aircraft: Aircraft, certified: Schedule, start: float, end: float) -> NonlinearFlight:
-    change = change_over(float(np.radians(start)), float(np.radians(end)), 60.0)
+    change = change_over(aircraft.model, float(np.radians(start)), float(np.radians(end)), 60.0)
     envelope = flight_envelope(aircraft, certified.at(change.start).point)
     return fly_schedule(aircraft, certified, change, Scenario(duration=80.0, step=0.002), envelope)
 
@@ -159,9 +159,9 @@ def test_schedules_that_are_none_are_refused(published_aircraft: Aircraft, certi
     with pytest.raises(BadInputError, match="increasing order"):
         certified_schedule(published_aircraft, radians(15.0, 5.0))
     with pytest.raises(BadInputError, match=r"is 0\.0 s"):
-        DihedralChange(0.1, 0.2, 0.0, 0.0)
+        ScheduledChange(0.1, 0.2, 0.0, 0.0)
     with pytest.raises(BadInputError, match="two different ones"):
-        change_over(0.1, 0.1, 60.0)
+        change_over(published_aircraft.model, 0.1, 0.1, 60.0)
     with pytest.raises(BadInputError, match="no grid point at 7 deg"):
         certified.at(float(np.radians(7.0)))
 
