@@ -26,8 +26,8 @@ FORMER = {
 
 #: Options that `--help` lists by name only; `--help more` explains them.
 RARE = (
-    "Q R activation basis condition corners disturbance disturbances envelope error fault features free inputs limit "
-    "network network-output noise parameters predefined-time quiet reference resume samples scale seed set start step "
+    "Q R activation basis condition corners delay disturbance disturbances envelope error fault features free inputs "
+    "limit network network-output noise parameters predefined-time quiet resume samples scale seed set start step "
     "turbulence units workers"
 )
 

@@ -1,4 +1,4 @@
-"""The C files: compiled without a warning, and the same numbers as ours."""
+"""The C files: compiled without a warning, and the same numbers as ours, of the HFA and of other aircraft."""
 
 from __future__ import annotations
 
@@ -11,24 +11,27 @@ import pytest
 from c_files import called, compiled, footprint, needs_gcc, ran
 from known_models import model_at
 
-from controller.export.c_model import EXAMPLE, HEADER, SOURCE, CModel, c_model_texts, comment_lines
-from hfa_model import STATES, Aircraft
+from controller.export.c_model import EXAMPLE, HEADER, SOURCE, c_model_texts, comment_lines
+from hfa_model import Aircraft
 from hfa_model.dynamics import state_rates, symbols
 from hfa_model.vectors import INPUT_SCALES, STATE_SCALES
 from hfa_support import BadInputError
 from hfa_support.files import write_texts
+from hfa_support.model import load_model
 from hfa_support.native.c_code import c_function
-from trim import OperatingPoint, trim_points
+from trim import OperatingPoint, find_operating_point, linearize
+from trim.point.condition import usual_condition
 
 pytestmark = needs_gcc
 POINTS = 1000
+EXAMPLES = Path(__file__).parents[3] / "examples"
 
 
 @pytest.fixture(scope="module")
 def folder(aircraft: Aircraft, tmp_path_factory: pytest.TempPathFactory) -> Path:
     made = tmp_path_factory.mktemp("c")
     gain = np.arange(30.0).reshape(5, 6) / 100
-    write_texts(made, c_model_texts(CModel(aircraft, model_at(15.0, aircraft.variant.name), gain, "from */ here")))
+    write_texts(made, c_model_texts(aircraft, model_at(15.0, aircraft.variant.name), gain, "from */ here"))
     compiled(made, "-shared", "-fPIC", SOURCE, "-o", "hfa.so")
     return made
 
@@ -38,53 +41,17 @@ def library(folder: Path) -> ctypes.CDLL:
     return ctypes.CDLL(str(folder / "hfa.so"))
 
 
-def states_and_inputs(point: OperatingPoint) -> tuple[np.ndarray, np.ndarray]:
-    random = np.random.default_rng(5)
-    x = np.array(point.states) + 0.5 * np.array(STATE_SCALES) * random.uniform(-1, 1, (POINTS, 7))
-    return x, np.array(point.inputs) + 0.5 * np.array(INPUT_SCALES) * random.uniform(-1, 1, (POINTS, 5))
-
-
-def test_rates_and_jacobians_are_ours(library: ctypes.CDLL, aircraft: Aircraft, point: OperatingPoint) -> None:
+def test_rates_are_ours(library: ctypes.CDLL, aircraft: Aircraft, point: OperatingPoint) -> None:
     (x, u, p), w = symbols(), ca.SX.sym("w")
     ours = ca.Function("ours", [x, u, p, w], [state_rates(x, u, p, aircraft.variant, w)])
-    dx, A, B = np.empty(7), np.empty((7, 7)), np.empty((7, 5))
-    for row, (state, control) in enumerate(zip(*states_and_inputs(point), strict=True)):
+    random, dx = np.random.default_rng(5), np.empty(7)
+    for row in range(POINTS):
+        state = np.array(point.states) + 0.5 * np.array(STATE_SCALES) * random.uniform(-1, 1, 7)
+        control = np.array(point.inputs) + 0.5 * np.array(INPUT_SCALES) * random.uniform(-1, 1, 5)
         updraft = float(row % 5 - 2)
         called(library, "hfa_rates", state, control, updraft, dx)
         known = np.array(ours(state, control, np.array(aircraft.parameters), updraft)).ravel()
         np.testing.assert_allclose(dx, known, rtol=1e-14, atol=0)
-        called(library, "hfa_linearize", state, control, A, B)
-        _, known_A, known_B = aircraft.jacobians(state, control)
-        for found, known in ((A, known_A), (B, known_B)):
-            assert np.linalg.norm(found - known) <= 1e-14 * np.linalg.norm(known)
-
-
-def test_level_flights_are_ours(library: ctypes.CDLL, aircraft: Aircraft) -> None:
-    dihedral = np.radians(np.linspace(0, 20, POINTS))
-    known = trim_points(aircraft, ("dihedral",), dihedral[:, None])
-    x, u, A, B = np.empty(7), np.empty(5), np.empty((7, 7)), np.empty((7, 5))
-    for row, angle in enumerate(dihedral.tolist()):
-        at = (angle, 68.0, 40000.0, np.radians(2.8), 0.0)
-        assert called(library, "hfa_level_flight", *at, x, u, A, B) == 0
-        for found, table in ((x, known.states), (u, known.inputs), (A, known.A), (B, known.B)):
-            assert np.linalg.norm(found - table[row]) <= 1e-14 * np.linalg.norm(table[row])
-
-
-def test_a_climb_balances_though_its_altitude_changes(library: ctypes.CDLL, aircraft: Aircraft) -> None:
-    x, u, A, B = np.empty(7), np.empty(5), np.empty((7, 7)), np.empty((7, 5))
-    assert called(library, "hfa_level_flight", 0.2, 68.0, 40000.0, 0.0489, 0.02, x, u, A, B) == 0
-    rates = np.array(aircraft.rates(x, u))
-    assert rates[STATES.index("altitude")] == pytest.approx(68.0 * np.sin(0.02))
-    assert np.abs(np.delete(rates, STATES.index("altitude"))).max() < 1e-8
-
-
-@pytest.mark.parametrize(
-    ("changed", "code"), [({"alpha": 0.12}, 1), ({"altitude": 66000.0}, 1), ({"speed": float("nan")}, 2)]
-)
-def test_what_is_no_level_flight_is_said(library: ctypes.CDLL, changed: dict[str, float], code: int) -> None:
-    condition = {"dihedral": 0.2, "speed": 68.0, "altitude": 40000.0, "alpha": 0.0489, "gamma": 0.0} | changed
-    arrays = np.empty(7), np.empty(5), np.empty((7, 7)), np.empty((7, 5))
-    assert called(library, "hfa_level_flight", *condition.values(), *arrays) == code
 
 
 def test_the_policy_and_the_constants(library: ctypes.CDLL, folder: Path, aircraft: Aircraft) -> None:
@@ -110,6 +77,26 @@ def test_the_loop_of_100_hz_flies_and_has_a_static_footprint(folder: Path) -> No
     }
     assert text < 64_000
     assert (data, bss) <= (512, 0)
+
+
+@pytest.mark.parametrize("name", ["navion.py:NAVION", "f16.py:F16"])
+def test_another_aircraft_is_ours_too_and_flies(name: str, tmp_path: Path) -> None:
+    """Tables, parameters or none, another number of states; the rates of both at random states."""
+    model = load_model(str(EXAMPLES / name))
+    point = find_operating_point(model, usual_condition(model))
+    linear, gain = linearize(model, point), np.zeros((len(model.inputs), len(model.linear)))
+    write_texts(tmp_path, c_model_texts(model, linear, gain, "here"))
+    compiled(tmp_path, "-shared", "-fPIC", SOURCE, "-o", "own.so")
+    library, random = ctypes.CDLL(str(tmp_path / "own.so")), np.random.default_rng(5)
+    dx = np.empty(len(model.states))
+    for _ in range(50):
+        x, u = (
+            np.array(at) + 0.1 * np.array([each.nominal for each in of.values()]) * random.uniform(-1, 1, len(of))
+            for at, of in ((point.states, model.states), (point.inputs, model.inputs))
+        )
+        called(library, "hfa_rates", x, u, 0.0, dx)
+        np.testing.assert_allclose(dx, model.at(x, u).f, rtol=1e-12, atol=1e-12)
+    assert list(ran(tmp_path, EXAMPLE, SOURCE)) == list(model.states)
 
 
 def test_an_operation_that_c_does_not_have_is_named() -> None:
