@@ -25,7 +25,6 @@ from hfa_cli.options.games import MATRIX_FILES
 from hfa_cli.options.learning_options import DEFAULT_LAW, add_settings, law_settings, shown_learning
 from hfa_cli.options.parser import add_named, add_value
 from hfa_model.aircraft import HFA, Aircraft
-from hfa_model.unsteady import GAME_STATES, UNSTEADY
 from hfa_support.errors import BadInputError, refuse_unknown, said_of
 from hfa_support.model import Model, record
 from trim.linear.linear_model import LinearModel
@@ -62,15 +61,12 @@ def aircraft_of(arguments: argparse.Namespace) -> Aircraft | Model:
     own = options.own_of(arguments)
     if own is not None and getattr(arguments, "units", None) == "si":
         raise BadInputError("--units si does not go with --aircraft here: a flight is in the units of its model")
-    if own is not None and arguments.aircraft is None:
-        return replace(own, linear=GAME_STATES)
     return own or options.aircraft_of(arguments)
 
 
 def _model() -> Model:
     """Whose names and units options have."""
-    own = OWN.get()
-    return HFA if own is None else replace(own, linear=GAME_STATES) if own is UNSTEADY else own
+    return OWN.get() or HFA
 
 
 # The policy.

@@ -257,7 +257,7 @@ def _flown(
     if np.all(sound):
         return flight, np.inf
     lost = int(np.argmin(sound))
-    parts = {name: value[: max(1, lost)] for name, value in vars(flight).items()}
+    parts = {name: value[: max(1, lost)] for name, value in vars(flight).items() if name != "winds"}
     return replace(flight, **parts), float(flight.times[lost])
 
 
