@@ -49,10 +49,20 @@ def provenance() -> Provenance:
         dynamics=getattr(arguments, "dynamics", "both"),
         parameters=chosen.name,
         parameter_hash=parameter_hash(chosen.values),
-        changed=changed_parameters(chosen),
+        changed={**changed_parameters(chosen), **_held(arguments)},
         condition=_condition(arguments, flight),
         flight="" if flight is None else flight.in_words(),
     )
+
+
+def _held(arguments: argparse.Namespace) -> dict[str, tuple[float, float]]:
+    """The parameters of the unsteady dynamics that --hold changes -> their value, and the identified or usual one."""
+    if getattr(arguments, "dynamics", "") != "unsteady":
+        return {}
+    from hfa_model.unsteady import UNSTEADY
+
+    held = {name: value for name, value in (getattr(arguments, "hold", None) or {}).items() if isinstance(value, float)}
+    return {name: (held[name], each.start) for name, each in UNSTEADY.parameters.items() if name in held}
 
 
 def _own(arguments: argparse.Namespace) -> dict[str, object]:

@@ -76,7 +76,7 @@ class Provenance:
         """The parameters that differ, the relatively largest differences first; of many their number and the first."""
         sizes = {name: abs(value - known) / (abs(known) or 1.0) for name, (value, known) in self.changed.items()}
         told = [
-            f"{name} {self.changed[name][0]:.6g} {getattr(FIELDS, name).unit} (identified: {self.changed[name][1]:.6g})"
+            f"{name} {self.changed[name][0]:.6g}{_unit(name)} (identified: {self.changed[name][1]:.6g})"
             for name in sorted(sizes, key=lambda name: -sizes[name])[:_MOST_TOLD]
         ]
         return [f"{len(sizes)} parameters differ, most", *told] if len(sizes) > _MOST_TOLD else told
@@ -94,6 +94,10 @@ class Provenance:
         if self.flight:
             lines.append(f"not the paper's level flight: {self.flight}")
         return "\n".join(lines)
+
+
+def _unit(name: str) -> str:
+    return f" {getattr(FIELDS, name).unit}" if name in FIELDS._fields else ""
 
 
 def parameter_hash(values: Parameters) -> str:
