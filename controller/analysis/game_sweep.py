@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,6 @@ from controller.game.zero_sum import published_game
 from controller.riccati.frequency_response import disk_margin
 from controller.riccati.gare import solve_game
 from controller.riccati.smallest_delta import minimum_delta
-from hfa_model.vectors import INPUTS, UNITS
 from hfa_support.errors import NoSolutionError
 from hfa_support.jsonable import finite_or_none
 from hfa_support.progress import Progress, told
@@ -56,7 +56,8 @@ def sweep_games(found: Sweep, progress: Progress | None = None, **changes: Any) 
     progress is called with (points done, points in all).
     """
     trimmed = np.flatnonzero(found.trimmed)
-    games = [published_game(found.A[i], found.B[i], **changes) for i in trimmed]
+    models = [SimpleNamespace(A=found.A[i], B=found.B[i], states=found.model_states) for i in trimmed]
+    games = [published_game(model, **changes) for model in models]  # type: ignore[arg-type]
     n, m = found.B.shape[1:]
     K = np.full((len(found.reasons), m, n), np.nan)
     delta_min, disk, gain, phase = np.full((4, len(found.reasons)), np.nan)
@@ -80,8 +81,9 @@ def with_games(report: Report, found: Sweep, games: GameSweep) -> Report:
     )
     records = report.records
     if records is not None:
-        pairs = [(row, column) for row in INPUTS for column in found.model_states]
-        entries = [f"K({row}, {column}) [{gain_unit(UNITS[row], UNITS[column])}]" for row, column in pairs]
+        unit = found.model.unit
+        pairs = [(row, column) for row in found.model.inputs for column in found.model_states]
+        entries = [f"K({row}, {column}) [{gain_unit(unit(row), unit(column))}]" for row, column in pairs]
         header = ("delta_min", "disk_margin", "gain_margin", "phase_margin [deg]", "game_reason", *entries)
         numbers = zip(games.delta_min, games.disk, games.gain, games.phase, games.reasons, strict=True)
         rows = [(*row, *number, *K.ravel()) for row, number, K in zip(records.rows, numbers, games.K, strict=True)]

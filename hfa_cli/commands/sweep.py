@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from hfa_cli.options import shared_options as options
-from hfa_cli.options.argument_types import OWN, whole
+from hfa_cli.options.argument_types import whole
 from hfa_cli.options.games import add_weights, weights_of
 from hfa_cli.options.parser import add_value
 from hfa_cli.options.ranges import Range, Span, array_of, grid_values, listed_conditions, sample_limits, value_range
@@ -132,7 +132,13 @@ def _in_memory(plan: SweepPlan, arguments: argparse.Namespace) -> tuple[Report, 
     if arguments.game:
         from controller.analysis.game_sweep import sweep_games, with_games
 
-        report = with_games(report, result, sweep_games(result, ProgressLine("games"), **weights_of(arguments)))
+        report = with_games(
+            report,
+            result,
+            sweep_games(
+                result, ProgressLine("games"), **weights_of(arguments, result.model.units(result.model_states))
+            ),
+        )
     return report, bool(result.trimmed.any())
 
 
@@ -150,8 +156,6 @@ def _ranges(arguments: argparse.Namespace, listing: Path | None) -> dict[str, Ra
     """Variable or parameter -> its range, of --dihedral and of --hold; none are needed beside a list of points."""
     if arguments.aircraft is not None:
         options.refuse(arguments, ("dihedral", "game", *OF_A_GAME), "belongs to the HFA; leave it out with --aircraft")
-    elif OWN.get() is not None:
-        options.refuse(arguments, ("game",), "is of six states; hfa solve has the game of --dynamics unsteady")
     ranges = {} if arguments.dihedral is None else {"dihedral": arguments.dihedral}
     held = arguments.hold or {}
     ranges |= {name: values for name, values in held.items() if not options.is_constant(name, values)}
