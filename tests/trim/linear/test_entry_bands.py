@@ -83,14 +83,3 @@ def test_the_report_says_what_the_bands_cover_and_how_far_the_other_dynamics_are
     for name in ("A", "B"):
         expected = np.subtract(newton[name], published[name])
         np.testing.assert_allclose(published[f"{name}_difference"], expected, atol=1e-12)
-
-
-def test_a_truncated_model_says_so() -> None:
-    """The short period of two states beside that of all six."""
-    words = ("linearize", "--dihedral", "15", "--states", "alpha,pitch_rate")
-    data, whole = (json.loads(hfa(*each, "--json").out) for each in (words, words[:3]))
-    (note,) = data["warnings"]
-    near, exact = (complex(*each["modes"][0]["eigenvalue"]) for each in (data, whole))
-    assert f"eigenvalues lie up to {100 * abs(near - exact) / abs(exact):.2g} % from those of all 6 states" in note
-    assert note in " ".join(hfa(*words).out.split())
-    assert whole["warnings"] == []

@@ -1,80 +1,28 @@
-"""Linear models: names that travel, and the printed matrices regenerated."""
+"""The printed matrices regenerated, and `hfa linearize` with the print beside the model at their conditions alone."""
 
 from __future__ import annotations
 
-import control
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from known_models import model_at
 
-from hfa_model import INPUTS, STATES, Aircraft, Parameters, published_models
+from hfa_model import Aircraft, Parameters, published_models
 from hfa_model.printed_matrices import PublishedModel
-from hfa_support import BadInputError
-from trim import LinearModel, compare, find_operating_point, level_flight, linearize, regenerate
+from trim import LinearModel, OperatingPoint, compare, regenerate
 from trim.identification.identification_result import IDENTIFIED
-from trim.linear.compare import eigenvalue_errors
+from trim.linear.compare import (
+    EntryRow,
+    eigenvalue_errors,
+    entries_records,
+    entries_table,
+    matrices_beside_the_print,
+    printed_at,
+)
 
-
-@pytest.fixture(scope="module")
-def model(published_aircraft: Aircraft) -> LinearModel:
-    return linearize(
-        published_aircraft, find_operating_point(published_aircraft, level_flight(float(np.radians(15.0)))), full=True
-    )
-
-
-def test_select_takes_rows_and_columns_by_name(model: LinearModel) -> None:
-    part = model.select(("pitch_rate", "speed"))
-    q, speed = STATES.index("pitch_rate"), STATES.index("speed")
-    expected = np.array([[model.A[q, q], model.A[q, speed]], [model.A[speed, q], model.A[speed, speed]]])
-    np.testing.assert_array_equal(part.A, expected)
-    np.testing.assert_array_equal(part.B, model.B[[q, speed]])
-    assert part.states == ("pitch_rate", "speed")
-    assert part.state_units == ("rad/s", "ft/s")
-    np.testing.assert_array_equal(part.state_offsets, [0.0, 68.0])
-    with pytest.raises(BadInputError, match="unknown state 'yaw'"):
-        model.select(("speed", "yaw"))
-
-
-def test_to_control_keeps_names_and_numbers(model: LinearModel) -> None:
-    system = model.to_control()
-    assert isinstance(system, control.StateSpace)
-    assert tuple(system.state_labels) == tuple(system.output_labels) == STATES
-    assert tuple(system.input_labels) == INPUTS
-    for there, here in ((system.A, model.A), (system.B, model.B), (system.C, np.eye(7)), (system.D, np.zeros((7, 5)))):
-        np.testing.assert_array_equal(there, here)
-
-
-def test_outputs_go_with_the_model(model: LinearModel, published_aircraft: Aircraft) -> None:
-    names = ("load_factor", "speed")
-    watched = linearize(published_aircraft, model.point, outputs=names)
-    assert (watched.outputs, watched.output_units, watched.C.shape, watched.D.shape) == (
-        names,
-        ("1", "ft/s"),
-        (2, 6),
-        (2, 5),
-    )
-    part = watched.select(("alpha", "speed"), ("throttle",))
-    np.testing.assert_array_equal(part.C, watched.C[:, [1, 0]])
-    np.testing.assert_array_equal(part.D, watched.D[:, [0]])
-    np.testing.assert_array_equal(part.C[1], [0.0, 1.0])
-    system = part.to_control()
-    assert (tuple(system.output_labels), tuple(system.input_labels)) == (names, ("throttle",))
-    np.testing.assert_array_equal(system.C, part.C)
-    np.testing.assert_array_equal(system.D, part.D)
-    assert part == linearize(published_aircraft, model.point, outputs=names).select(("alpha", "speed"), ("throttle",))
-    with pytest.raises(BadInputError, match="unknown output 'lift'; choose from speed"):
-        linearize(published_aircraft, model.point, outputs=("lift",))
-    with pytest.raises(BadInputError, match="unknown input 'flaps'"):
-        model.select(inputs=("flaps",))
-    with pytest.raises(BadInputError, match="state speed is named twice"):
-        model.select(("speed", "speed"))
-
-
-def test_a_point_of_other_dynamics_is_refused(model: LinearModel, parameters: Parameters) -> None:
-    with pytest.raises(BadInputError, match="trimmed with 'published' dynamics, the aircraft has 'newton'"):
-        linearize(Aircraft(parameters, "newton"), model.point)
-
-
-# The printed matrices.
+MODELS = published_models()
+PRINTED = pytest.mark.parametrize("published", MODELS, ids=lambda published: f"{published.dihedral_deg:g}deg")
 
 
 def half_units(model: LinearModel, published: PublishedModel) -> float:
@@ -84,7 +32,7 @@ def half_units(model: LinearModel, published: PublishedModel) -> float:
     return float(max(A.max(), B.max()))
 
 
-@pytest.mark.parametrize("published", published_models(), ids=lambda published: f"{published.dihedral_deg:g}deg")
+@PRINTED
 def test_every_printed_entry_is_regenerated(published_aircraft: Aircraft, published: PublishedModel) -> None:
     computed = regenerate(published_aircraft, published)
     assert half_units(computed, published) <= 3.0
@@ -93,29 +41,20 @@ def test_every_printed_entry_is_regenerated(published_aircraft: Aircraft, publis
     assert max(abs(row.half_units) for row in rows) == pytest.approx(half_units(computed, published), rel=1e-12)
 
 
-@pytest.mark.parametrize("published", published_models(), ids=lambda published: f"{published.dihedral_deg:g}deg")
+@PRINTED
 @pytest.mark.parametrize("name", IDENTIFIED)
 def test_a_parameter_one_percent_off_is_seen(parameters: Parameters, published: PublishedModel, name: str) -> None:
     wrong = Aircraft(parameters._replace(**{name: getattr(parameters, name) * 1.01}))
     assert half_units(regenerate(wrong, published), published) > 3.0
 
 
-@pytest.mark.parametrize("published", published_models(), ids=lambda published: f"{published.dihedral_deg:g}deg")
+@PRINTED
 def test_eigenvalues_of_the_print_are_regenerated(published_aircraft: Aircraft, published: PublishedModel) -> None:
     printed = np.linalg.eigvals(published.A)
     computed = np.linalg.eigvals(regenerate(published_aircraft, published).A)
     allowed = np.where(np.abs(printed) < 0.5, 5e-4, 2e-3 * np.abs(printed))
     errors = eigenvalue_errors(computed, printed)
     assert np.all(errors <= allowed), errors / allowed
-
-
-def test_the_phugoid_is_unstable_at_15_degrees_and_stable_at_5(published_aircraft: Aircraft) -> None:
-    """So it is in the print, and so it must be after regeneration."""
-    for published, unstable in zip(published_models(), (True, False), strict=True):
-        for A in (published.A, regenerate(published_aircraft, published).A):
-            slow = [value for value in np.linalg.eigvals(A) if 0.5 < abs(value) < 1.0]
-            assert len(slow) == 2
-            assert [value.real > 0 for value in slow] == [unstable, unstable]
 
 
 def test_quoted_eigenvalues_at_5_degrees(published_aircraft: Aircraft) -> None:
@@ -128,3 +67,49 @@ def test_quoted_eigenvalues_at_5_degrees(published_aircraft: Aircraft) -> None:
     allowed = np.array([0.01, 0.001, np.hypot(0.01, 0.01), np.hypot(0.01, 0.01)])
     errors = eigenvalue_errors(found, quoted)
     assert np.all(errors <= allowed), errors
+
+
+# Beside the print.
+
+
+@pytest.mark.parametrize("degrees", [model.dihedral_deg for model in published_models()])
+def test_at_a_printed_angle_it_is_that_print(aircraft: Aircraft, degrees: float) -> None:
+    printed = printed_at(model_at(degrees, aircraft.variant.name).point)
+    assert printed is not None
+    assert printed.dihedral_deg == degrees
+
+
+@pytest.mark.parametrize("name", ["speed", "alpha", "altitude", "pitch", "pitch_rate", "dihedral", "dihedral_rate"])
+def test_one_state_aside_there_is_no_print(point: OperatingPoint, name: str) -> None:
+    """Each state but the rest as printed; a rounding error still counts as printed."""
+    value = getattr(point.states, name)
+    assert printed_at(replace(point, states=point.states._replace(**{name: value + 1e-4 * (1 + abs(value))}))) is None
+    assert printed_at(replace(point, states=point.states._replace(**{name: value * (1 + 1e-14)}))) is not None
+
+
+def test_a_planted_error_changes_the_tone_of_its_entry_and_of_no_other() -> None:
+    published = published_models()[0]
+    model = regenerate(Aircraft(), published)
+    tables = matrices_beside_the_print(model, published)
+    tones = {tone_of(cell) for table in tables for row in table.rows for cell in row[1:]}
+    assert tones == {"", "good", "near"}  # the worst is off by 1.21 half units
+    for half_units, tone in ((0.9, "good"), (1.9, "near"), (-2.9, "far"), (3.1, "bad")):
+        A = model.A.copy()
+        A[3, 1] = published.A[3, 1] + half_units * published.half_unit_A[3, 1]
+        (planted, _) = matrices_beside_the_print(replace(model, A=A), published)
+        assert (planted.rows[6][0], planted.rows[7][0]) == ("pitch_rate", "printed")
+        assert tone_of(planted.rows[6][2]) == tone
+        others = [tone_of(cell) for i, row in enumerate(planted.rows) for cell in row[1:] if i != 6]
+        assert others == [tone_of(cell) for i, row in enumerate(tables[0].rows) for cell in row[1:] if i != 6]
+
+
+def tone_of(cell: str) -> str:
+    return getattr(cell, "tone", "")
+
+
+def test_the_tables_leave_out_what_is_zero_in_both_and_nothing_else() -> None:
+    off, zero = EntryRow("A", "speed", "alpha", -2.0, -2.0001, 5e-5), EntryRow("A", "speed", "dihedral", 0.0, 0.0, 5e-5)
+    small = EntryRow("B", "alpha", "throttle", 0.0, -2.6e-5, 5e-5)
+    rows = entries_table("at 15 deg", {"first ": [off, zero, small]}).rows
+    assert [row[0] for row in rows] == ["first A(speed, alpha)", "first B(alpha, throttle)"]
+    assert [each[:2] for each in entries_records({15.0: [off, zero]}).rows][1] == (15.0, "A(speed, dihedral)")

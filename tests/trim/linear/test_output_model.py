@@ -1,4 +1,4 @@
-"""Columns of the winds: panel by panel, beside the released simulation, and by name."""
+"""What a linear model watches and is blown by: names that travel, winds by panel and beside the released simulation."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ import pytest
 from known_models import released_simulation
 
 from controller.flight.plants import LinearizedAircraft
-from hfa_model import LINEAR_STATES, STATES, Aircraft
+from hfa_model import LINEAR_STATES, STATES, Aircraft, Parameters
 from hfa_model.winds import DISTURBANCES
 from hfa_support import BadInputError
-from trim import OperatingPoint, find_operating_point, level_flight, linearize
+from trim import LinearModel, OperatingPoint, find_operating_point, level_flight, linearize
 
 NAMES = tuple(DISTURBANCES)
 #: Entries of the wind columns of SimVFA (B. Thomsen, 2018, data/VFA_trimData.mat) at 68 ft/s and 11 deg.
@@ -26,6 +26,52 @@ PEER: dict[str, dict[str, float]] = {
 
 def point_of(aircraft: Aircraft, degrees: float = 11.0, **given: float) -> OperatingPoint:
     return find_operating_point(aircraft, level_flight(math.radians(degrees), **given))
+
+
+@pytest.fixture(scope="module")
+def model(published_aircraft: Aircraft) -> LinearModel:
+    return linearize(published_aircraft, point_of(published_aircraft, 15.0), full=True)
+
+
+def test_select_takes_rows_and_columns_by_name(model: LinearModel) -> None:
+    part = model.select(("pitch_rate", "speed"))
+    q, speed = STATES.index("pitch_rate"), STATES.index("speed")
+    expected = np.array([[model.A[q, q], model.A[q, speed]], [model.A[speed, q], model.A[speed, speed]]])
+    np.testing.assert_array_equal(part.A, expected)
+    np.testing.assert_array_equal(part.B, model.B[[q, speed]])
+    assert part.states == ("pitch_rate", "speed")
+    assert part.state_units == ("rad/s", "ft/s")
+    np.testing.assert_array_equal(part.state_offsets, [0.0, 68.0])
+    with pytest.raises(BadInputError, match="unknown state 'yaw'"):
+        model.select(("speed", "yaw"))
+
+
+def test_outputs_go_with_the_model(model: LinearModel, published_aircraft: Aircraft) -> None:
+    names = ("load_factor", "speed")
+    watched = linearize(published_aircraft, model.point, outputs=names)
+    assert (watched.outputs, watched.output_units) == (names, ("1", "ft/s"))
+    assert (watched.C.shape, watched.D.shape) == ((2, 6), (2, 5))
+    part = watched.select(("alpha", "speed"), ("throttle",))
+    np.testing.assert_array_equal(part.C, watched.C[:, [1, 0]])
+    np.testing.assert_array_equal(part.D, watched.D[:, [0]])
+    np.testing.assert_array_equal(part.C[1], [0.0, 1.0])
+    system = part.to_control()
+    assert (tuple(system.output_labels), tuple(system.input_labels)) == (names, ("throttle",))
+    for name in "ABCD":
+        np.testing.assert_array_equal(getattr(system, name), getattr(part, name))
+    assert (model.C.tolist(), model.D.any()) == (np.eye(7).tolist(), False)
+    assert part == linearize(published_aircraft, model.point, outputs=names).select(("alpha", "speed"), ("throttle",))
+    with pytest.raises(BadInputError, match="unknown output 'lift'; choose from speed"):
+        linearize(published_aircraft, model.point, outputs=("lift",))
+    with pytest.raises(BadInputError, match="unknown input 'flaps'"):
+        model.select(inputs=("flaps",))
+    with pytest.raises(BadInputError, match="state speed is named twice"):
+        model.select(("speed", "speed"))
+
+
+def test_a_point_of_other_dynamics_is_refused(model: LinearModel, parameters: Parameters) -> None:
+    with pytest.raises(BadInputError, match="trimmed with 'published' dynamics, the aircraft has 'newton'"):
+        linearize(Aircraft(parameters, "newton"), model.point)
 
 
 def test_panels_add_up_to_the_uniform_wind(aircraft: Aircraft) -> None:
