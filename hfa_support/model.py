@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections import namedtuple
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -263,6 +264,8 @@ class Model:
         """Which rate is not a number, and where."""
         wrong = [name for name, rate in zip(names, rates, strict=True) if not math.isfinite(rate)]
         what = f"the rate of {wrong[0]}" if wrong else "a derivative"
+        if self.layout.has_nan:
+            return f"{self.name}: {what} contains a number that is none; use CasADi's functions (ca.sin), not math's"
         where = ", ".join(self.describe(name, value) + f" {name}" for name, value in values.items())
         return f"{self.name}: {what} is not a number at {where}; correct the equations or narrow min and max"
 
@@ -289,6 +292,13 @@ class Model:
         return control.nlsys(update, None, name=called, states=states, inputs=inputs, outputs=states, params=values)
 
 
+#: What equations raise that do not take expressions.
+_FAILURES = (
+    *(AttributeError, TypeError, ValueError, LookupError, NameError, ArithmeticError),
+    *(RuntimeError, NotImplementedError, AssertionError),
+)
+
+
 class Layout(NamedTuple):
     """What a model's Functions depend on: equations and names."""
 
@@ -302,6 +312,23 @@ class Layout(NamedTuple):
         """What a trim imposes or finds."""
         instead = dict(self.replaced)
         return (*(instead.get(name, name) for name in self.names[0]), *self.names[1])
+
+    @property
+    def has_nan(self) -> bool:
+        """Whether a constant of the equations is not a number: math.sin makes one of a symbol."""
+        vectors = self.symbols("x", "u", "p")
+        function = ca.Function("f", vectors, [self.expressions(list(map(components, vectors)), ())[0]])
+        every = range(function.n_instructions())
+        return any(
+            math.isnan(function.instruction_constant(k)) for k in every if function.instruction_id(k) == ca.OP_CONST
+        )
+
+    def refuse_steps(self, jacobian: ca.SX, names: Sequence[str]) -> None:
+        """BadInputError for a variable (column) that acts in steps only: every slope is 0, though equations have it."""
+        felt, moving = ca.DM(jacobian.sparsity(), 1).full(), ca.DM(ca.sparsify(jacobian).sparsity(), 1).full()
+        for name, has, moves in zip(names, felt.any(axis=0), moving.any(axis=0), strict=True):
+            if has and not moves:
+                raise BadInputError(f"{self.name}: {name} is discrete, its slopes are all 0; declare it as a parameter")
 
     def record(self, vector: str, values: Any) -> Any:
         """The values of x, u, p or w by name."""
@@ -317,10 +344,19 @@ class Layout(NamedTuple):
         still = [0.0] * len(self.names[3])
         named = [self.record(*each) for each in zip(VECTORS, (*vectors, still if w is None else w), strict=True)]
         try:
-            rates, found = self.equations(*named)
-        except (AttributeError, TypeError, ValueError, KeyError, IndexError, NameError, NotImplementedError) as error:
-            said = " ".join(str(error).split())[:200]
-            raise BadInputError(f"{self.name}: the equations fail ({type(error).__name__}: {said})") from error
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", FutureWarning)  # CasADi's, of functions of NumPy
+                returned = self.equations(*named)
+        except _FAILURES as error:
+            said = f"{type(error).__name__}: {' '.join(str(error).split())[:200]}"
+            advice = "write ca.if_else for if, and CasADi's functions (ca.sin) for those of other packages"
+            raise BadInputError(f"{self.name}: the equations fail ({said}); {advice}") from error
+        if not (isinstance(returned, tuple) and len(returned) == 2 and all(hasattr(each, "keys") for each in returned)):
+            raise BadInputError(
+                f"{self.name}: the equations return {shown(returned)}; return rates by state and outputs by name, two "
+                "dicts (algebraic residuals are not supported: solve them, or make what they determine a state)"
+            )
+        rates, found = returned
         states = self.names[0]
         for kind, values, names in (("rate", rates, states), ("output", found, self.names[4])):
             for name in (*names, *values):
@@ -365,6 +401,8 @@ def _linearized(layout: Layout, outputs: tuple[str, ...], disturbances: tuple[st
     vectors = list(map(components, (x, u, p)))
     f, y = layout.expressions(vectors, outputs)
     parts = [f, y, *(ca.jacobian(of, by) for of in (f, y) for by in (x, u))]
+    for jacobian, names in zip(parts[2:4], layout.names[:2], strict=True):
+        layout.refuse_steps(jacobian, names)
     if disturbances:
         winds = dict(zip(disturbances, ca.vertsplit(w), strict=True))
         blown = layout.expressions(vectors, outputs, [winds.get(name, 0.0) for name in layout.names[3]])
@@ -417,6 +455,7 @@ def load_model(place: str) -> Model:
         if where.endswith(".py"):
             spec = importlib.util.spec_from_file_location(f"aircraft_{Path(where).stem}", where)
             text = Path(where).read_bytes()
+            _refuse_doubled_names(text)
             module = importlib.util.module_from_spec(spec) if spec else None
             exec(compile(text, where, "exec"), module.__dict__)
         else:
@@ -438,6 +477,17 @@ def load_model(place: str) -> Model:
         what = "has no name" if found is None else f"holds {shown(found)}, not a Model, under"
         raise BadInputError(f"{where}: {what} {name}; " + (f"use {', '.join(known)}" if known else "define a Model"))
     return replace(found, source=(place, hashlib.sha256(text).hexdigest()))
+
+
+def _refuse_doubled_names(text: bytes) -> None:
+    """BadInputError for a name that comes twice in one dict of the file: Python would keep the last one in silence."""
+    import ast
+
+    for each in (node for node in ast.walk(ast.parse(text)) if isinstance(node, ast.Dict)):
+        names = [key.value for key in each.keys if isinstance(key, ast.Constant)]
+        for name in names:
+            if names.count(name) > 1:
+                raise BadInputError(f"line {each.lineno}: {shown(name)} comes twice; rename one of them")
 
 
 def _reloaded(source: tuple[str, str], parameters: dict[str, float]) -> Model:

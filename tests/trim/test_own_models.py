@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -13,8 +14,9 @@ import pytest
 from cli import assert_refused, hfa
 from own_models import F16, GTM, NAVION, navion, trimmed
 
+from hfa_model import Aircraft
 from hfa_support import BadInputError, Model, Signal
-from trim import TrimError, find_operating_point, linearize, release
+from trim import TrimError, find_operating_point, level_flight, linearize, release, sweep
 from trim.linear.linear_model import LinearModel
 from trim.point.condition import usual_condition
 from trim.point.operating_point import OperatingPoint
@@ -29,6 +31,8 @@ TRIMS = [
     (0.30, {"turn_rate": 0.3}, {}, (0.2485, 4.8e-4, 0.8499, -6.256, 0.09889, -0.4218)),
     (0.30, {}, {"pitch": 0.3}, (0.3006, 4.1e-5, 1.023, -7.082, -6.2e-4, 0.01655)),
 ]
+#: 11 km of geopotential altitude, ft.
+TROPOPAUSE = 11_000.0 / (1 - 11_000.0 / 6_356_766.0) / 0.3048
 #: The same, example 3.7-1 and section 4: modes at 502 ft/s with xcg .3.
 MODES = {
     "short period": -1.2039 + 1.4922j,
@@ -185,6 +189,36 @@ def test_a_kink_is_reported_with_both_slopes() -> None:
     assert model.kinks[0] in model.report().notes
 
 
+def test_kinks_of_a_sweep_are_those_of_its_points() -> None:
+    """At x = 0 alone; there the note says where."""
+    found = sweep(simple(cart), {"x": [-1.0, 0.0, 1.0]})
+    assert found.kinks == {1: linear(simple(cart), trimmed(simple(cart))).kinks}
+    (note,) = found.report().notes
+    assert note.endswith("slopes below and above are -35 and -35 (1 of 3 points, the first at 0)")
+
+
+def test_the_kink_of_the_atmosphere_is_reported(published_aircraft: Aircraft) -> None:
+    """The lapse rate of the temperature ends at 11 km: the HFA there, and nowhere else."""
+    at = [find_operating_point(published_aircraft, level_flight(0.1, altitude=h)) for h in (TROPOPAUSE, 40_000.0)]
+    kinks = [linearize(published_aircraft, point, full=True).kinks for point in at]
+    assert "A(speed, altitude)" in " ".join(kinks[0])
+    assert kinks[1] == ()
+
+
+@pytest.mark.parametrize("factor", [1e3, 1e-3])
+def test_a_wrong_nominal_gives_no_false_result(factor: float) -> None:
+    """One nominal at a time is wrong by a thousand: the trim is the same, and no kink appears or goes."""
+    reference = trimmed(F16)
+    for kind, name in [("states", each) for each in F16.steady] + [("inputs", each) for each in F16.inputs]:
+        signals = getattr(F16, kind)
+        wrong = signals[name]._replace(nominal=signals[name].nominal * factor, rate=None)
+        model = replace(F16, **{kind: {**signals, name: wrong}})
+        point = trimmed(model)
+        np.testing.assert_allclose(np.array(point.states), np.array(reference.states), atol=1e-8, err_msg=name)
+        np.testing.assert_allclose(np.array(point.inputs), np.array(reference.inputs), atol=1e-8, err_msg=name)
+        assert linear(model, point).kinks == linear(F16, reference).kinks
+
+
 def test_a_smooth_model_has_no_kinks() -> None:
     model = F16.with_parameters(xcg=0.3)
     point = trimmed(model, {"speed": 550.0, "altitude": 1000.0})
@@ -198,6 +232,13 @@ def test_a_smooth_model_has_no_kinks() -> None:
         (lambda x, u, p, w: ({"x": x.v, "v": u.u, "q": 0}, {}), "return the undeclared rate 'q'; choose from x, v"),
         (lambda x, u, p, w: ({"x": x.v, "v": u.gas}, {}), "the equations fail (AttributeError: "),
         (lambda x, u, p, w: ({"x": x.v, "v": u.u + ca.sqrt(x.x - 1)}, {}), "the rate of v is not a number at 0 x, "),
+        (lambda x, u, p, w: ({"x": x.v, "v": u.u + math.sin(x.x)}, {}), "use CasADi's functions (ca.sin), not math's"),
+        (lambda x, u, p, w: ({"x": x.v, "v": u.u if x.x > 0 else 0}, {}), "write ca.if_else for if"),
+        (lambda x, u, p, w: ({"x": x.v, "v": np.fft.fft([u.u, x.x])}, {}), "the equations fail ("),
+        (lambda x, u, p, w: ({"x": x.v, "v": ca.floor(u.u) + x.x}, {}), "cart: u is discrete, its slopes are all 0; "),
+        (lambda x, u, p, w: ({"x": ca.if_else(x.v > 1, 1, 0), "v": u.u}, {}), "cart: v is discrete, "),
+        (lambda x, u, p, w: ({"x": x.v, "v": u.u}, {}, {"z": x.x}), "algebraic residuals are not supported"),
+        (lambda x, u, p, w: ([x.v, u.u], {}), "return rates by state and outputs by name, two dicts"),
     ],
 )
 def test_wrong_equations_are_said_in_one_line(equations: object, words: str) -> None:
@@ -208,6 +249,7 @@ def test_wrong_equations_are_said_in_one_line(equations: object, words: str) -> 
 
 
 FAULTS = {
+    "A = {\n'x': 1, 'v': 2, 'x': 3}": "line 1: 'x' comes twice; rename one of them",
     "x = (1": "SyntaxError in line 1: '(' was never closed; correct the file",
     "A = 3": "holds 3, not a Model, under A; define a Model",
     "B = 3": "has no name A; define a Model",

@@ -13,6 +13,7 @@ from hfa_support.reporting.fields import ByValue
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.text import Table, degrees, matrix_table
 from hfa_support.reporting.unit_system import unit_in_force
+from trim.linear.kinks import kinks_of
 from trim.linear.modes import Mode, modes_of, modes_table
 from trim.point.condition import TrimCondition, level_flight
 from trim.point.operating_point import OperatingPoint, at_scheduled, scheduled_data
@@ -332,35 +333,9 @@ def linearize(
         found = found._replace(y=np.array(point.states), C=eye, D=np.zeros_like(found.B), F=found.E)
     names = tuple(own.states), tuple(own.inputs)
     model = LinearModel(found.A, found.B, *names, point, seen, *found[4:], found.y, winds)
-    if isinstance(aircraft, Model):
-        model = replace(model, kinks=kinks_of(own, model))
+    exact = np.hstack([found.A, found.B])
+    model = replace(model, kinks=kinks_of(own, np.array(point.states), np.array(point.inputs), exact))
     return model if full else model.select(own.linear)
-
-
-def kinks_of(own: Model, model: LinearModel) -> tuple[str, ...]:
-    """The entries of A and B whose slope to one side is not the Jacobian's entry, with both slopes.
-
-    Slopes s(h) = (f(z ± h) - f(z)) / ±h by Richardson's 2 s(h/2) - s(h), h = 1e-6 of the nominal value; they differ
-    from J by more than 1e-4 (1 + |J|), in scaled units.
-    """
-    names, n = [*own.states, *own.inputs], len(own.states)
-    z = np.array([*model.point.states, *model.point.inputs])
-    steps = 1e-6 * np.array([own.signals[name].nominal for name in names])
-    function, exact = own.functions(()), np.hstack([model.A, model.B])
-
-    def f(share: float) -> np.ndarray:
-        """The rates a share of each step away, a column a variable."""
-        moved = [z + share * step for step in np.diag(steps)]
-        return np.column_stack([np.array(function(at[:n], at[n:], own.p)[0]).ravel() for at in moved])
-
-    below, above = ((4 * f(side / 2) - 3 * f(0.0) - f(side)) / (side * steps) for side in (-1.0, 1.0))
-    scale = 1e6 * steps / np.array([[own.rate_scale(name)] for name in own.states])
-    off = np.maximum(np.abs(below - exact), np.abs(above - exact)) * scale > 1e-4 * (1 + np.abs(exact) * scale)
-    return tuple(
-        f"kink: {'A' if j < n else 'B'}({names[i]}, {names[j]}) is {exact[i, j] + 0.0:.5g}, but the slopes below and "
-        f"above are {below[i, j]:.5g} and {above[i, j]:.5g}"
-        for j, i in np.argwhere(off.T).tolist()
-    )
 
 
 def level_model(aircraft: Aircraft | Model, dihedral: float) -> LinearModel:

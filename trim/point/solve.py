@@ -44,7 +44,8 @@ def _equations(layout: Layout, outputs: tuple[str, ...]) -> _Equations:
     v, (p,) = ca.SX.sym("v", len(names)), layout.symbols("p")
     parts = layout.in_variables(dict(zip(names, ca.vertsplit(v), strict=True)), p, outputs)
     jacobians = [ca.jacobian(each, v) for each in parts[2:]]
-    felt = np.vstack([ca.DM(each.sparsity(), 1).full() for each in jacobians])
+    layout.refuse_steps(jacobians[0], names)
+    felt = np.vstack([ca.DM(ca.sparsify(each).sparsity(), 1).full() for each in jacobians])
     parts += map(ca.densify, jacobians)
     bound = BoundFunction(ca.Function("trim", [v, p], [ca.vertcat(*map(ca.vec, parts))]))
     split = np.split(bound.results[0], np.cumsum([each.numel() for each in parts])[:-1])

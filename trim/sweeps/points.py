@@ -71,10 +71,7 @@ def trim_points(
     model = aircraft.model
     for name in variables:
         model.refuse_unheld("cannot sweep", name, tuple(model.parameters))
-    constants = np.tile(model.p, (len(values), 1))
-    for column, name in enumerate(variables):
-        if name in model.parameters:
-            constants[:, list(model.parameters).index(name)] = values[:, column]
+    constants = parameters_at(model, variables, values)
     n, m = len(model.states), len(model.inputs)
     flat, watched, balanced = _newton(model, variables, values, constants, condition, start, compile_code)
     excess, width = _excess(model, flat, watched, condition)
@@ -101,6 +98,15 @@ def trim_points(
     limiting[beyond] = (excess[beyond, : n + m] / width[: n + m]).argmax(axis=1)
     A[status != TRIMMED], B[status != TRIMMED] = np.nan, np.nan
     return Points(status, limiting, states, inputs, A, B, failures)
+
+
+def parameters_at(model: Model, variables: tuple[str, ...], values: np.ndarray) -> np.ndarray:
+    """The parameters of each point, (N, number of them): the model's, but for those that vary."""
+    constants = np.tile(model.p, (len(values), 1))
+    for column, name in enumerate(variables):
+        if name in model.parameters:
+            constants[:, list(model.parameters).index(name)] = values[:, column]
+    return constants
 
 
 def _own(model: Model, constants: np.ndarray) -> Model:

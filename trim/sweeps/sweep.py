@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -16,10 +16,11 @@ from hfa_support.reporting.fields import ByValue
 from hfa_support.reporting.figure import new_figure
 from hfa_support.reporting.report import Picture, Report, Reported
 from hfa_support.reporting.text import RowsMade, Table, eigenvalue_text, shown_unit, shown_value, shown_values
+from trim.linear.kinks import kinks_in
 from trim.linear.modes import modes_of, track_modes
 from trim.point.condition import TrimCondition, usual_condition
 from trim.point.operating_point import OperatingPoint, Status
-from trim.sweeps.points import TRIMMED, reasons_of, trim_points
+from trim.sweeps.points import TRIMMED, parameters_at, reasons_of, trim_points
 from trim.sweeps.sweep_plan import SweepPlan, plan_warnings
 
 if TYPE_CHECKING:
@@ -96,6 +97,7 @@ class Sweep(ByValue, Reported):
     plan: what was swept. values: (N, variables), all combinations of its values. reasons: "" where trimmed, else
     why not. states: (N, 7), inputs: (N, 5), A: (N, n, n), B: (N, n, 5), eigenvalues: (N, n), a column following one
     mode through the sweep; nan where the trim failed. mode_names: name of each column at the first trimmed point.
+    kinks: point -> entries of A and B whose one-sided slopes differ, in words.
     Units: the model's, eigenvalues 1/s.
     """
 
@@ -109,6 +111,7 @@ class Sweep(ByValue, Reported):
     eigenvalues: np.ndarray
     model_states: tuple[str, ...]
     mode_names: tuple[str, ...]
+    kinks: dict[int, tuple[str, ...]] = field(default_factory=dict)
 
     @property
     def dynamics(self) -> str:
@@ -159,6 +162,10 @@ class Sweep(ByValue, Reported):
             return *varied(i), *(_mode_text(self.eigenvalues[i, columns]) for columns in members)
 
         count, warnings = len(self.reasons), plan_warnings(self.plan)
+        if self.kinks:
+            first, words = next(iter(self.kinks.items()))
+            where = f"{len(self.kinks)} of {count} points, the first at {', '.join(varied(first))}"
+            warnings.append(f"{words[0]} ({where})")
         header = (
             *(f"{name} {shown_unit(unit)}" for name, unit in zip(self.variables, self.units, strict=True)),
             *(f"{name} 1/s" for name in modes),
@@ -295,7 +302,10 @@ def run_plan(plan: SweepPlan, *, full: bool = False, progress: Progress | None =
         eigenvalues[trimmed] = track_modes(A[trimmed], model_states, _neighbours(plan.sizes, trimmed), model)
         first = int(np.argmax(trimmed))
         mode_names = _column_names(A[first], eigenvalues[first], model_states, model)
-    return Sweep(plan, values, reasons, points.states, points.inputs, A, B, eigenvalues, model_states, mode_names)
+    constants, exact = parameters_at(model, variables, values), np.concatenate([points.A, points.B], axis=2)
+    kinks = kinks_in(model, points.states, points.inputs, constants, exact)
+    found = (points.states, points.inputs, A, B, eigenvalues, model_states, mode_names, kinks)
+    return Sweep(plan, values, reasons, *found)
 
 
 def _neighbours(sizes: list[int], trimmed: np.ndarray) -> np.ndarray:
