@@ -208,6 +208,27 @@ def test_pitch_damping_is_that_of_the_tails_by_hand() -> None:
     assert model.A[q, q] == pytest.approx(-slope / p.inertia_pitch, rel=0.005)
 
 
+def test_apparent_mass_is_that_of_the_textbook() -> None:
+    """Flat wings that turn: mass, coupling and inertia of Theodorsen's plate about its quarter chord, m, m b/2 and
+    3/8 m b² (of a tail about that of the wing), and Glauert's moment of the parabolic camber that a pitch rate is."""
+    model = level_model(unsteady_model(**{each: float(each == "apparent_mass") for each in EFFECTS}), 0.0)
+    p, x, air = default_parameters().values, model.point.states, density(40000.0)
+    forward = x.speed * np.cos(x.alpha)
+    t = (np.arange(2000) + 0.5) * np.pi / 2000
+    slope = np.cos(t) / 2  # of the camber line z, up: dz/dx = -q (x - c/2) / V at q c / V = 1, x = c (1 - cos t) / 2
+    A1, A2 = (2 * np.mean(slope * np.cos(n * t)) for n in (1, 2))
+    mass, moment = np.diag([3 * p.panel_mass, 3 * p.inertia_pitch]), 0.0
+    for chord, area, behind in ((p.chord, p.panel_span * p.chord, 0.0), (2.0, p.tail_area, p.boom_length)):
+        m, b = np.pi * air * area * chord / 4, chord / 2
+        inertia = 3 / 8 * m * b**2 + m * b * behind + m * behind**2
+        mass += 3 * np.array([[m, m * (b / 2 + behind)], [m * (b / 2 + behind), inertia]])
+        moment += 3 * air * forward**2 / 2 * area * chord * np.pi / 4 * (A2 - A1) * chord / forward
+    q, V, alpha = (model.states.index(name) for name in ("pitch_rate", "speed", "alpha"))
+    descent = np.sin(x.alpha) * model.A[V, q] + forward * model.A[alpha, q]
+    found = mass @ [descent, model.A[q, q]]
+    assert_allclose(found, [3 * p.panel_mass * forward, moment], rtol=1e-4)
+
+
 @pytest.mark.parametrize(("across", "share"), [(0.0, 1.71), (2 / 3, 1.52)], ids=["center", "outer"])
 def test_downwash_beside_an_elliptic_lifting_line(across: float, share: float) -> None:
     """2 C_L / (π Λ) is that of the far wake. A tail length behind the wing, in the plane of the wake, Biot and Savart
