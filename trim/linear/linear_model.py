@@ -21,6 +21,7 @@ from trim.point.solve import find_operating_point
 
 if TYPE_CHECKING:
     import control
+    from matplotlib.figure import Figure
 
     from hfa_model.aircraft import Aircraft
     from trim.linear.entry_bands import Bands
@@ -169,6 +170,12 @@ class LinearModel(ByValue, Reported):
         import control
 
         return control.frequency_response(self.to_control(), omega)
+
+    def bode(self) -> Figure:
+        """Its magnitude and phase, a column an output and a line an input."""
+        from trim.linear.frequency import bode_figure
+
+        return bode_figure(self)
 
     def report(self) -> Report:
         """A, B, offsets and modes."""

@@ -15,7 +15,7 @@ from own_models import F16, NAVION, trimmed
 from hfa_model import Aircraft
 from hfa_support import BadInputError
 from trim import LinearModel, level_model, linearize
-from trim.linear.frequency import Transfer, bode_figure, transmission_zeros
+from trim.linear.frequency import Transfer, transmission_zeros
 
 OMEGA = np.logspace(-3, 2, 40)
 
@@ -116,10 +116,10 @@ def test_what_cannot_be_done_is_said() -> None:
     with pytest.raises(BadInputError, match="no state is left in the model"):
         model.select(residualize=model.states)
     with pytest.raises(BadInputError, match="the model has no inputs: there is no Bode plot to draw"):
-        bode_figure(model.select(inputs=()))
+        model.select(inputs=()).bode()
     navion = linearize(NAVION, trimmed(NAVION), outputs=("beta",)).select(inputs=("thrust",))
     with pytest.raises(BadInputError, match="no chosen input reaches a chosen output"):
-        bode_figure(navion)
+        navion.bode()
 
 
 def test_the_command_shows_what_the_model_has(tmp_path: Path) -> None:
