@@ -35,39 +35,47 @@ def random_plant(seed: int, feedthrough: float = 1.0) -> GeneralizedPlant:
     return GeneralizedPlant(**matrices, **through)
 
 
-def of_slycot(plant: GeneralizedPlant) -> float:
-    """The smallest gain that SLICOT's SB10AD finds."""
+def of_slycot(plant: GeneralizedPlant) -> tuple[float, float]:
+    """The smallest gain that SLICOT's SB10AD states, and that of the loop which it returns."""
     slycot = pytest.importorskip("slycot")
     B, C = np.hstack([plant.B1, plant.B2]), np.vstack([plant.C1, plant.C2])
     D = np.block([[plant.D11, plant.D12], [plant.D21, plant.D22]])
     sizes = len(plant.A), B.shape[1], len(C), plant.B2.shape[1], len(plant.C2)
-    return float(slycot.sb10ad(*sizes, 1e4, plant.A, B, C, D, gtol=1e-10)[0])
+    try:
+        found = slycot.sb10ad(*sizes, 1e4, plant.A, B, C, D, gtol=1e-10)
+    except slycot.exceptions.SlycotArithmeticError:  # "a stabilizing controller cannot be found"
+        return math.inf, math.inf
+    return float(found[0]), norm(*found[5:9])
 
 
-def gain_of(plant: GeneralizedPlant, found: Any) -> float:
-    """The gain of the closed loop by SLICOT's AB13DD, which shares nothing with ours."""
+def norm(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray) -> float:
+    """The gain by SLICOT's AB13DD, which shares nothing with ours."""
     slycot = pytest.importorskip("slycot")
-    A, B, C, D = closed_loop(plant, (found.Ak, found.Bk, found.Ck, found.Dk))
     E = np.eye(len(A))
     return float(slycot.ab13dd("C", "I", "N", "D", len(A), B.shape[1], len(C), A, E, B, C, D, tol=1e-10)[0])
 
 
+def gain_of(plant: GeneralizedPlant, found: Any) -> float:
+    loop = closed_loop(plant, (found.Ak, found.Bk, found.Ck, found.Dk))
+    assert np.linalg.eigvals(loop[0]).real.max() < 0.0
+    return norm(*loop)
+
+
 @pytest.mark.parametrize("seed", [3, 8, 22, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(100, 130))])
 def test_the_smallest_gain_is_that_of_slycot_and_the_loop_keeps_it(seed: int) -> None:
-    """Where slycot stops above ours its answer is improved: our loop has the smaller gain, by slycot's own norm."""
+    """Of 30 plants slycot stops too high at some and states a gain that its loop has not at others: none goes below."""
     plant = random_plant(seed, seed % 3)
-    smallest, theirs = minimum_plant_delta(plant), of_slycot(plant)
+    smallest, (stated, reached) = minimum_plant_delta(plant), of_slycot(plant)
     if smallest.value == 0.0:
-        assert theirs < 1e-6
+        assert stated < 1e-6
         return
     assert smallest.refused < smallest.value
-    assert theirs >= smallest.refused * (1.0 - 1e-6)
-    found = solve_plant(plant, 1.001 * smallest.value)
-    assert gain_of(plant, found) < 1.001 * smallest.value
-    if theirs > 1.001 * smallest.value:
-        assert gain_of(plant, found) < theirs
-    else:
-        assert theirs == pytest.approx(smallest.value, rel=1e-6)
+    assert reached >= smallest.refused * (1.0 - 1e-6)
+    ours = gain_of(plant, solve_plant(plant, 1.001 * smallest.value))
+    assert ours < 1.001 * smallest.value
+    if abs(stated - smallest.value) > 1e-6 * smallest.value:
+        assert seed not in (3, 8, 22)
+        assert reached > smallest.value or reached > stated * (1.0 + 1e-6)
 
 
 @pytest.mark.parametrize("seed", [3, 8])
@@ -212,7 +220,7 @@ def test_the_plants_of_public_issues_are_refused_by_name() -> None:
 def test_the_plants_of_public_issues_with_noise_agree_with_slycot_and_octave(system: Any, size: float) -> None:
     plant = with_noise(system(), size)
     smallest = minimum_plant_delta(plant).value
-    assert of_slycot(plant) == pytest.approx(smallest, rel=1e-6)
+    assert of_slycot(plant)[0] == pytest.approx(smallest, rel=1e-6)
     assert gain_of(plant, solve_plant(plant, 1.001 * smallest)) < 1.001 * smallest
     if shutil.which("octave"):
         assert of_octave(plant) == pytest.approx(smallest, rel=1e-4)
