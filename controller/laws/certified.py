@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, fields, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -18,13 +18,13 @@ import numpy as np
 from controller.game.basis import Basis, basis
 from controller.game.learning_result import LearningResult
 from controller.game.zero_sum import Game
-from controller.laws import law_settings
 from controller.laws.certify import conclude, refine
-from controller.laws.run import Run
+from controller.laws.run import Run, run
 from controller.training_data import recording
 from controller.training_data.bellman_equations import GAME, LQ, PartialGame, StackEquations, newton_step
 from controller.training_data.recording import Stack
-from hfa_support.errors import BadInputError, NoSolutionError
+from hfa_support.errors import BadInputError, NoSolutionError, refuse_unknown
+from hfa_support.progress import Progress
 from hfa_support.schema import POSITIVE, Number
 
 
@@ -220,12 +220,43 @@ MOST_SUBSTEPS, STALLED = 50, 0.999
 AT_REST = 1e-13
 
 
+#: Weights beyond this overflow when they are squared twice.
+LARGEST_WEIGHT = 1e60
+#: More recorded samples than this fill the memory, and add nothing.
+MOST_SAMPLES = 100_000
+
+
+def enough_for(weights: int, least: int) -> int:
+    """How many samples are taken for M weights where no number is given: `least`, or half as many again as weights."""
+    return max(least, weights + (weights + 1) // 2)
+
+
+def sample_counts(samples: int | None, pool_samples: int | None, basis: Basis) -> tuple[int, int]:
+    """N_h and the size of the pool that it is chosen from, each as given or enough for the basis: 50 of 500 or more."""
+    chosen = enough_for(basis.size, 50) if samples is None else samples
+    return chosen, max(500, 5 * chosen) if pool_samples is None else pool_samples
+
+
+def initial_weights(value: Any, basis: Basis) -> np.ndarray:
+    """W(0), (M,): a number stands for all weights. Raises BadInputError for another size or too large an entry."""
+    weights = np.asarray(value, dtype=float)
+    if weights.ndim == 0:
+        weights = np.full(basis.size, float(weights))
+    if weights.shape != (basis.size,):
+        raise BadInputError(f"initial weights are {weights.shape}; basis '{basis.name}' has {basis.size} weights")
+    usable = np.abs(weights) <= LARGEST_WEIGHT
+    if not np.all(usable):
+        worst = int(np.argmin(usable))
+        raise BadInputError(f"initial weight {worst} is {weights[worst]}; it must not exceed {LARGEST_WEIGHT:g}")
+    return weights
+
+
 @dataclass(frozen=True)
 class CertifiedSettings:
     """predefined_time T_w, tick: s. eta in (0, 1). theta in (0, 1): the share of each stage's time that is used.
 
     samples: N_h >= M, chosen from a pool of `pool_samples` random states; None stands for 50 of 500, and for more where
-    the basis has more than 33 weights (`law_settings.enough_for`). initial_weights: W(0) in the model's units, a number
+    the basis has more than 33 weights (`enough_for`). initial_weights: W(0) in the model's units, a number
     for all or (M,).
     """
 
@@ -240,9 +271,16 @@ class CertifiedSettings:
 
     def __post_init__(self) -> None:
         """Refuse what cannot run, naming the setting."""
-        share, most = Number(0.0, 1.0, above=True), law_settings.MOST_SAMPLES
+        share = Number(0.0, 1.0, above=True)
         numbers = {"predefined_time": POSITIVE, "tick": POSITIVE, "eta": share, "theta": share}
-        law_settings.checked(self, numbers, {"samples": most, "pool_samples": most})
+        for name, declared in numbers.items():
+            if declared.of(value := getattr(self, name)) is None:
+                raise BadInputError(f"{name} is {value}; give {declared}")
+        for name in ("samples", "pool_samples"):
+            value = getattr(self, name)
+            whole = isinstance(value, (int, np.integer)) and value is not True
+            if value is not None and not (whole and 1 <= value <= MOST_SAMPLES):
+                raise BadInputError(f"{name} is {value}; give a whole number from 1 to {MOST_SAMPLES}")
         if 1.0 in (self.eta, self.theta):
             raise BadInputError(f"{'eta' if self.eta == 1.0 else 'theta'} is 1.0; give a number below 1")
         if self.tick > self.predefined_time:
@@ -295,7 +333,7 @@ class CertifiedLaw:
 
     def start(self) -> Memory:
         """W(0) with the discount that makes it stabilizing."""
-        weights = self.equations.scaled(law_settings.initial_weights(self.settings.initial_weights, self.basis))
+        weights = self.equations.scaled(initial_weights(self.settings.initial_weights, self.basis))
         eigenvalues = self.equations.closed_loop_eigenvalues(weights, LQ)
         abscissa, fastest = float(eigenvalues.real.max()), float(np.abs(eigenvalues).max())
         stabilizing = abscissa < 0.0 and -abscissa >= RELATIVE_MARGIN * fastest
@@ -411,8 +449,46 @@ def certified_law(game: Game, chosen: CertifiedSettings, seed: int, pool: Stack 
     Of the pool the `samples` most different ones are kept. Raises BadInputError when the pool has not rank M.
     """
     functions = basis(chosen.basis, game.A.shape[0])
-    samples, pool_samples = law_settings.sample_counts(chosen.samples, chosen.pool_samples, functions)
+    samples, pool_samples = sample_counts(chosen.samples, chosen.pool_samples, functions)
     recorded = recording.random_pool(game, pool_samples, seed) if pool is None else pool
     fitted, misfit = recorded.linear()
     chosen = replace(chosen, samples=samples, pool_samples=pool_samples)
     return CertifiedLaw(game, recording.choose(fitted, functions, samples), misfit, functions, chosen, seed)
+
+
+def learn(
+    game: Game,
+    law: str = "certified",
+    seed: int = 0,
+    *,
+    pool: Stack | None = None,
+    progress: Progress | None = None,
+    **options: Any,
+) -> LearningResult:
+    """Learn the value z'Pz and the gain K of a game with the certified law (a law of your own: `run`).
+
+    pool: recorded samples (z, F) to learn from; by default states drawn with `seed`. options: `CertifiedSettings`.
+    progress is called with (fraction done, 1, residual).
+
+    The result says "failed: reason" when the law ran to its end and a certificate does not hold. Raises
+    BadInputError for an unknown law or option and for data that cannot determine the weights; NoSolutionError
+    when the law cannot reach its end: no game value at this delta, (A, B) not stabilizable, overflow.
+    """
+    known_law(law)
+    known = [field.name for field in fields(CertifiedSettings)]
+    for name in options:
+        refuse_unknown(f"law '{law}' has no setting", name, known)
+    if not game.Q.any():
+        raise BadInputError("Q is zero: every law measures its residual against z'Qz; give some state a cost")
+    if not isinstance(pool, Stack | None):
+        raise BadInputError(f"pool is {pool!r}; pool must be a Stack of recorded samples")
+    process = certified_law(game, CertifiedSettings(**options), seed, pool)
+    return process.conclude(run(process, progress=progress))
+
+
+def known_law(law: str, choices: tuple[str, ...] = ("certified",)) -> str:
+    """The law, one of the choices; BadInputError says where a former one is."""
+    if law == "irl":
+        raise BadInputError("law 'irl' is a study now, studies/update_law/integral_rl.py; choose certified")
+    refuse_unknown("unknown law", law, choices)
+    return law

@@ -1,4 +1,4 @@
-"""The value that a law has learned on a game, certified; the baseline from which integral learning starts."""
+"""The value that a law has learned on a game, certified; a gentle baseline."""
 
 from __future__ import annotations
 
@@ -6,10 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from controller.game.basis import basis
 from controller.game.learning_result import LearningResult
 from controller.game.zero_sum import Game
-from controller.laws.learn import learn
+from controller.laws.certified import learn
 from hfa_support.errors import NoSolutionError
 from hfa_support.progress import Progress
 
@@ -36,19 +35,11 @@ def baseline_gain(game: Game) -> np.ndarray:
     return game.gain(baseline_value(game)) / BASELINE_EFFORT
 
 
-def baseline_weights(game: Game) -> tuple[float, ...]:
-    """Quadratic weights whose policy is that of `baseline_gain`, (M,)."""
-    weights = basis("quadratic", len(game.A)).weights(baseline_value(game) / BASELINE_EFFORT)
-    return tuple(weights.tolist())
-
-
 def learned_value(game: Game, law: str, seed: int, progress: Progress | None = None, **settings: Any) -> LearningResult:
-    """The learning of a law on a game; the integral law starts from the baseline's policy, which is stabilizing.
+    """The learning of a law on a game; settings: of the law.
 
-    settings: of the law. Raises NoSolutionError, naming the certificate, when what was learned is not certified.
-    """
-    start: dict[str, Any] = {"initial_weights": baseline_weights(game)} if law == "irl" else {}
-    result = learn(game, law, seed, progress=progress, **(start | settings))
+    Raises NoSolutionError, naming the certificate, when what was learned is not certified."""
+    result = learn(game, law, seed, progress=progress, **settings)
     if not result.converged:
         raise NoSolutionError(f"law '{law}' is not certified here ({result.outcome}); choose another law or model")
     return result

@@ -109,45 +109,6 @@ def natural_spread(game: Game) -> np.ndarray:
     return units * np.sqrt(np.where(variances > 0.0, variances, 1.0))
 
 
-#: Sines per channel of a probing flight: m + k channels with three each tell the n(n+1)/2 products of states apart.
-#: Range of their frequencies, rad/s.
-_SINES, _BAND = 3, (0.5, 12.0)
-
-
-def probing_flight(
-    game: Game, seed: int, times: np.ndarray, amplitudes: tuple[float, float]
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """States (N_t, n), inputs (N_t, m) and disturbances (N_t, k) at increasing times, s.
-
-    z' = A z + B u + E d with sines of random phase in every channel of u and d, the largest sums of which are the two
-    amplitudes: one linear system for [z; w], w' = Ω w. z(0) is random in the box of `natural_spread`, which excites the
-    slow modes that the sines leave alone.
-    """
-    from scipy.linalg import expm
-
-    rng, half_widths = np.random.default_rng(seed), natural_spread(game)
-    n, m, k = game.A.shape[0], game.B.shape[1], game.E.shape[1]
-    count = _SINES * (m + k)
-    frequencies = rng.permutation(np.linspace(*_BAND, count)) * rng.uniform(0.97, 1.03, count)
-    phases = rng.uniform(0.0, 2.0 * np.pi, count)
-    pick, waves = np.zeros((m + k, n + 2 * count)), np.arange(count)
-    pick[waves // _SINES, n + 2 * waves] = np.repeat([amplitudes[0]] * m + [amplitudes[1]] * k, _SINES) / _SINES
-    generator = np.zeros((n + 2 * count, n + 2 * count))
-    generator[:n, :n] = game.A
-    generator[:n] += game.B @ pick[:m] + game.E @ pick[m:]
-    generator[n + 2 * waves, n + 2 * waves + 1] = frequencies
-    generator[n + 2 * waves + 1, n + 2 * waves] = -frequencies
-    sines = np.column_stack([np.cos(phases), np.sin(phases)]).reshape(-1)
-    current, rows = np.concatenate([rng.uniform(-half_widths, half_widths), sines]), []
-    steps = np.round(np.diff(times, prepend=0.0), 12)
-    exponentials = {step: expm(generator * step) for step in np.unique(steps)}
-    for step in steps:
-        current = exponentials[step] @ current
-        rows.append(current)
-    flown = np.array(rows)
-    return flown[:, :n], flown @ pick[:m].T, flown @ pick[m:].T
-
-
 def choose(pool: Stack, basis: Basis, samples: int) -> Stack:
     """The `samples` most different rows of a pool: pivoted QR on the unit basis vectors ψ(z_j)/|ψ(z_j)|.
 

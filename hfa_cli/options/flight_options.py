@@ -25,7 +25,7 @@ from hfa_cli.options.games import MATRIX_FILES
 from hfa_cli.options.learning_options import DEFAULT_LAW, add_settings, law_settings, shown_learning
 from hfa_cli.options.parser import add_named, add_value
 from hfa_model.aircraft import HFA, Aircraft
-from hfa_support.errors import BadInputError, refuse_unknown, said_of
+from hfa_support.errors import BadInputError, said_of
 from hfa_support.model import Model, record
 from trim.linear.linear_model import LinearModel
 from trim.point.operating_point import OperatingPoint
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from hfa_support.reporting.report import Report
 
 #: Laws of a simulation: the exact gain, or a learned one that comes with certificates; or none.
-LAWS = ("exact", "certified", "irl")
+LAWS = ("exact", "certified")
 NONE = "none"
 #: How help shows the values of options.
 _COMMAND = "NAME=TIME:VALUE[,TIME:VALUE...]"
@@ -97,9 +97,10 @@ def add_commands(parser: argparse.ArgumentParser) -> None:
 
 def law_of(arguments: argparse.Namespace) -> str:
     """The law that the options name."""
+    from controller.laws.certified import known_law
+
     law = DEFAULT_LAW if arguments.law is None else str(arguments.law)
-    refuse_unknown("unknown law", law, (*LAWS, *((NONE,) if hasattr(arguments, "command") else ())))
-    return law
+    return known_law(law, (*LAWS, *((NONE,) if hasattr(arguments, "command") else ())))
 
 
 def seed_of(arguments: argparse.Namespace) -> int:

@@ -9,7 +9,7 @@ from typing import Any
 
 from controller.game.learning_result import LearningResult
 from controller.game.zero_sum import Game
-from controller.laws.learn import LAWS, learn
+from controller.laws.certified import CertifiedSettings, known_law, learn
 from hfa_cli.options.argument_types import number, whole
 from hfa_cli.options.parser import add_named, add_value
 from hfa_cli.progress import ProgressLine
@@ -20,7 +20,7 @@ DEFAULT_LAW = "certified"
 
 def add_learning(parser: argparse.ArgumentParser) -> None:
     """--law, --seed, --set."""
-    parser.add_argument("--law", metavar="NAME", help=f"{', '.join(LAWS)}; default {DEFAULT_LAW}")
+    parser.add_argument("--law", metavar="NAME", help=f"only {DEFAULT_LAW} (irl: studies/update_law)")
     add_value(parser, "--seed", whole(0), "N", "seed of the recorded data; default 0")
     add_settings(parser)
 
@@ -34,8 +34,7 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
 def law_settings(arguments: argparse.Namespace) -> dict[str, Any]:
     """The --set words, each converted to the kind of value that its setting has."""
     law = law_name(arguments)
-    refuse_unknown("unknown law", law, LAWS)
-    kinds = {field.name: str(field.type) for field in fields(LAWS[law].settings)}  # type: ignore[arg-type]
+    kinds = {field.name: str(field.type) for field in fields(CertifiedSettings)}
     result = {}
     for name, text in (arguments.set or {}).items():
         refuse_unknown(f"law {law!r} has no setting", name, kinds)
@@ -58,15 +57,11 @@ def shown_learning() -> ProgressLine | None:
 
 def law_name(arguments: argparse.Namespace) -> str:
     """The learning law that the options name."""
-    return DEFAULT_LAW if arguments.law is None else str(arguments.law)
+    return known_law(DEFAULT_LAW if arguments.law is None else str(arguments.law))
 
 
 def _converted(text: str, kind: str) -> Any:
     """The value of a setting whose field is annotated with `kind`, for example "float | tuple[float, ...]"."""
-    if kind.startswith("bool"):
-        if text not in ("yes", "no"):
-            raise argparse.ArgumentTypeError(f"is {text!r}; give yes or no")
-        return text == "yes"
     if kind.startswith("str"):
         return text
     if kind.startswith("int"):

@@ -16,7 +16,6 @@ from controller.flight.plants import LinearPlant
 from controller.flight.simulation import CompiledLoop, Flight
 from controller.game.basis import Basis
 from controller.game.learning_result import LearningResult
-from controller.policy.learned_gain import baseline_weights
 from controller.policy.policies import Memoryless, Seen, gain_constants
 from controller.policy.signals import Harmonic, zero
 from controller.riccati.feedforward import exosystem
@@ -26,6 +25,7 @@ from studies.section5.configuration import Configuration
 from studies.section5.critic_policy import CriticPolicy, forcing
 from studies.section5.learning_in_flight import certified_gains
 from studies.section5.metrics import Critic, flight_metrics, learning_metrics, residual_at
+from studies.update_law.integral_rl import baseline_weights, learn_by_integrals
 from studies.update_law.published_law import PublishedSettings, published_law
 from trim.linear.compare import regenerate
 from trim.point.condition import CONTROL_LIMITS
@@ -353,12 +353,12 @@ def _plan(
     configuration, critic = setting.configuration, setting.configuration.critic
     if law == "irl":
         chosen = vars(configuration.irl) | {"initial_weights": baseline_weights(case.game)}
+        learned = learn_by_integrals(case.game, critic.seed, **chosen)
     else:
         chosen = {name: getattr(critic, name) for name in ("theta", "basis", "samples")}
         chosen |= {"predefined_time": predefined_time, "tick": configuration.flight.tick}
         chosen |= {"initial_weights": configuration.published_as_printed.initial_weight}
-        chosen |= {"pool": recorded_pool(setting, case)}
-    learned = learn(case.game, law, critic.seed, **chosen)
+        learned = learn(case.game, law, critic.seed, pool=recorded_pool(setting, case), **chosen)
     return learned, *certified_gains(case.game, learned, configuration.flight.tick)
 
 

@@ -108,7 +108,7 @@ LINES = (
     "sweep --dihedral 0:20 --vary panel_mass=0.5:2 --samples 5 --seed 1 -o a.zarr",
     "solve --dihedral 15 --delta 300 --Q 1,1,1,1,1,1 --R 1,1,1,1,1",
     "solve --dihedral 15 --design simvfa-1 -o a.mat",
-    "verify --dihedral 15 --law irl --seed 3 --limit-error 0.1 --limit-cost 5",
+    "verify --dihedral 15 --law certified --seed 3 --limit-error 0.1 --limit-cost 5",
     "learn --dihedral 15 --law certified --set predefined_time=2 -o a.npz",
     "fly --dihedral 15 --duration 0.02 --initial speed=1 --gust 25:3:0 --turbulence 1:500 --noise alpha=0.1:1:3",
     "fly --dihedral 15 --duration 0.02 --actuators 0.1:60:2 --fault 0.5:1:0 --error panel_mass=1.1",

@@ -33,7 +33,7 @@ class _Shared:
 
 def share(patched: pytest.MonkeyPatch) -> None:
     """`learn`, as commands call it, and the solution of a game with its certificate."""
-    from controller.laws import learn as module
+    from controller.laws import certified as module
     from controller.policy import learned_gain
     from controller.riccati import certificate, gare, smallest_delta
 

@@ -12,7 +12,7 @@ import numpy as np
 from controller.analysis.solution_report import AnalysedGame, analyse_game
 from controller.game.learning_result import LearningResult
 from controller.game.zero_sum import published_game
-from controller.laws.learn import learn
+from controller.laws.certified import learn
 from hfa_model.aircraft import Aircraft
 from hfa_model.parameters import ParameterSet
 from hfa_model.printed_matrices import PublishedModel, published_models

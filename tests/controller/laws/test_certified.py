@@ -30,9 +30,9 @@ from controller.laws.certified import (
     discount_at,
     fraction_to_reach,
 )
-from controller.training_data.recording import probing_flight
 from hfa_model import VARIANTS
 from hfa_support import NoSolutionError
+from studies.update_law.integral_rl import probing_flight
 from verification import solve_game
 
 # The solution.

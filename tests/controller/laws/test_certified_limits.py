@@ -12,8 +12,14 @@ from reference_riccati import reference_solution, relative_error
 
 from controller import Game, basis, learn, random_pool, record
 from controller.laws import certified
-from controller.laws.certified import CertifiedLaw, CertifiedSettings, Point, certified_law, stabilizing_step
-from controller.laws.law_settings import MOST_SAMPLES
+from controller.laws.certified import (
+    MOST_SAMPLES,
+    CertifiedLaw,
+    CertifiedSettings,
+    Point,
+    certified_law,
+    stabilizing_step,
+)
 from controller.training_data.bellman_equations import LQ, PartialGame, StackEquations, newton_step
 from hfa_support import BadInputError, NoSolutionError
 

@@ -16,21 +16,16 @@ from controller.game.basis import BASES
 from controller.game.learning_result import LearningResult
 from controller.laws import run as runner
 from controller.laws.certified import CertifiedSettings, certified_law
-from controller.laws.learn import LAWS
 from hfa_model import INPUTS, LINEAR_STATES
 from hfa_model.vectors import LINEAR_UNITS
 from hfa_support import BadInputError
 
-#: A short run of each law.
-RUNS: dict[str, dict[str, Any]] = {
-    "certified": {"tick": 0.1, "predefined_time": 8.0},
-    "irl": {"iterations": 30},
-}
+SHORT = {"tick": 0.1, "predefined_time": 8.0}
 
 
-def short_run(law: str, **more: Any) -> LearningResult:
+def short_run(**more: Any) -> LearningResult:
     game, _ = published("published-5")
-    return learn(game, law, seed=4, **RUNS[law], **more)
+    return learn(game, seed=4, **SHORT, **more)
 
 
 def assert_same_bits(one: LearningResult, other: LearningResult) -> None:
@@ -39,10 +34,9 @@ def assert_same_bits(one: LearningResult, other: LearningResult) -> None:
     assert one.to_dict() == other.to_dict()
 
 
-@pytest.mark.parametrize("law", LAWS)
-def test_progress_rises_to_one_and_nothing_is_printed(law: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_progress_rises_to_one_and_nothing_is_printed(capsys: pytest.CaptureFixture[str]) -> None:
     seen: list[tuple[float, str]] = []
-    short_run(law, progress=lambda fraction, _, message: seen.append((fraction, message)))
+    short_run(progress=lambda fraction, _, message: seen.append((fraction, message)))
     fractions = [fraction for fraction, _ in seen]
     assert fractions == sorted(fractions)
     assert 5 <= len(fractions) <= 100
@@ -51,29 +45,29 @@ def test_progress_rises_to_one_and_nothing_is_printed(law: str, capsys: pytest.C
     assert capsys.readouterr() == ("", "")
 
 
-@pytest.mark.parametrize("law", LAWS)
-def test_the_seed_decides_every_bit(law: str) -> None:
-    assert_same_bits(short_run(law), short_run(law))
+def test_the_seed_decides_every_bit() -> None:
+    assert_same_bits(short_run(), short_run())
     game, _ = published("published-5")
-    assert learn(game, law, 1, **RUNS[law]).weights.tobytes() != learn(game, law, 2, **RUNS[law]).weights.tobytes()
+    assert learn(game, seed=1, **SHORT).weights.tobytes() != learn(game, seed=2, **SHORT).weights.tobytes()
 
 
-@pytest.mark.parametrize("law", LAWS)
-def test_results_are_plain_json(law: str) -> None:
-    result = short_run(law)
+def test_results_are_plain_json() -> None:
+    result = short_run()
     plain = json.loads(json.dumps(result.to_dict(), allow_nan=False))
-    assert plain["law"] == law
+    assert plain["law"] == "certified"
     assert plain["status"] == result.outcome
     assert np.array_equal(np.array(plain["P"]), result.P)
-    assert plain["settings"]["basis" if law != "irl" else "form"] in ("quadratic", "game")
+    assert plain["settings"]["basis"] == "quadratic"
     assert [row["ok"] for row in plain["certificates"]] == [row.ok for row in result.certificates]
     assert plain["excitation"]["rank"] == 21
 
 
 def test_unknown_laws_and_settings_name_the_choices() -> None:
     game = stable_game()
-    with pytest.raises(BadInputError, match="unknown law 'magic'; choose from certified, irl"):
+    with pytest.raises(BadInputError, match="unknown law 'magic'; choose from certified"):
         learn(game, "magic")
+    with pytest.raises(BadInputError, match="law 'irl' is a study now"):
+        learn(game, "irl")
     with pytest.raises(
         BadInputError, match=r"law 'certified' has no setting 'gamma'; choose from predefined_time, tick"
     ):
@@ -103,11 +97,6 @@ def test_the_samples_taken_by_default_are_enough_for_the_plant() -> None:
     assert (result.settings["samples"], result.settings["pool_samples"]) == (83, 500)
     with pytest.raises(BadInputError, match="54 samples cannot determine 55 weights"):
         learn(game, samples=54)
-
-
-def test_integral_rl_takes_enough_intervals_by_default() -> None:
-    result = learn(ten_states(), "irl", initial_weights=0.0)
-    assert result.settings["intervals"] == result.excitation.samples == 83
 
 
 def test_the_samples_of_the_aircraft_stay_fifty_of_five_hundred() -> None:

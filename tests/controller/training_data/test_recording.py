@@ -12,12 +12,12 @@ from controller.training_data.recording import (
     choose,
     excitation,
     natural_spread,
-    probing_flight,
     rank,
     refuse_poor,
     unit_rows,
 )
 from hfa_support import BadInputError
+from studies.update_law.integral_rl import probing_flight
 
 QUADRATIC = basis("quadratic", 6)
 
@@ -80,24 +80,6 @@ def test_natural_spread_solves_its_equation() -> None:
 def test_a_state_that_nothing_reaches_is_still_recorded_moving() -> None:
     game = Game(A=np.diag([-1.0, -2.0]), B=[[1.0], [0.0]], E=[[1.0], [0.0]], Q=np.eye(2), R=[[1.0]], delta=5.0)
     assert natural_spread(game)[1] == 1.0
-
-
-def test_probing_flight_obeys_the_plant() -> None:
-    """Against an independent integration of z' = A z + B u(t) + E d(t)."""
-    from scipy.integrate import solve_ivp
-
-    game = stable_game()
-    times = np.linspace(0.0, 4.0, 21)
-    z, u, d = probing_flight(game, 7, times, (0.3, 0.2))
-
-    def rate(t: float, state: np.ndarray) -> np.ndarray:
-        _, inputs, disturbances = probing_flight(game, 7, np.array([t]), (0.3, 0.2))
-        return game.A @ state + game.B @ inputs[0] + game.E @ disturbances[0]
-
-    flown = solve_ivp(rate, (0.0, 4.0), z[0], t_eval=times, rtol=1e-10, atol=1e-12).y.T
-    assert np.abs(flown - z).max() < 1e-8
-    assert 0.0 < np.abs(u).max() <= 0.3
-    assert 0.0 < np.abs(d).max() <= 0.2
 
 
 @pytest.mark.parametrize("samples", [21, 30, 60])

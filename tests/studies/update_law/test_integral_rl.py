@@ -10,14 +10,19 @@ import pytest
 from learning_samples import PUBLISHED, QUADRATIC, lq, published, stable_game
 from reference_riccati import relative_error
 
-from controller import basis, learn, random_pool, run
-from controller.laws.integral_rl import IntegralLearning, IrlSettings, integral_learning
-from controller.training_data.recording import probing_flight
+from controller import basis, run
 from hfa_support import BadInputError, NoSolutionError
+from studies.update_law.integral_rl import (
+    IntegralLearning,
+    IrlSettings,
+    baseline_weights,
+    learn_by_integrals,
+    probing_flight,
+)
 
 
 def stable_learning(**changes: Any) -> IntegralLearning:
-    return integral_learning(stable_game(), IrlSettings(intervals=8, **changes), seed=3)
+    return IntegralLearning(stable_game(), basis("quadratic", 2), IrlSettings(intervals=8, **changes), seed=3)
 
 
 def value_of_policies(game: Any, P: np.ndarray) -> np.ndarray:
@@ -59,7 +64,7 @@ def test_each_iteration_is_the_value_of_the_last_policies(form: str) -> None:
 @pytest.mark.parametrize("seed", range(4))
 def test_game_of_the_stable_model_from_nothing(seed: int) -> None:
     game, exact = published("published-5")
-    result = learn(game, "irl", seed)
+    result = learn_by_integrals(game, seed)
     assert result.status == "converged"
     assert relative_error(result.P, exact.P) < 1e-9
     assert relative_error(result.K, exact.K) < 1e-9
@@ -74,29 +79,29 @@ def test_lq_form_ignores_the_disturbance_weight(name: str) -> None:
     game, _ = published(name)
     _, exact = lq(name)
     start = tuple(QUADRATIC.weights(1.5 * exact.P))
-    result = learn(game, "irl", form="lqr", initial_weights=start)
+    result = learn_by_integrals(game, form="lqr", initial_weights=start)
     assert result.status == "converged"
     assert relative_error(result.P, exact.P) < 1e-9
 
 
 def test_an_unstable_plant_needs_a_stabilizing_start() -> None:
     game, exact = published("published-15")
-    from_nothing = learn(game, "irl")
+    from_nothing = learn_by_integrals(game)
     assert from_nothing.outcome.startswith("failed: abscissa of A - S P")
     assert relative_error(from_nothing.P, exact.P) > 0.05
     start = tuple(QUADRATIC.weights(1.5 * lq("published-15")[1].P))
-    assert learn(game, "irl", initial_weights=start).converged
+    assert learn_by_integrals(game, initial_weights=start).converged
 
 
 @pytest.mark.parametrize("form", ["game", "lqr"])
 def test_an_unmeasured_disturbance_biases_it(form: str) -> None:
     game, _ = published("published-5")
     exact = published("published-5")[1] if form == "game" else lq("published-5")[1]
-    assert learn(game, "irl", form=form).converged
-    biased = learn(game, "irl", form=form, disturbance_measured=False)
+    assert learn_by_integrals(game, form=form).converged
+    biased = learn_by_integrals(game, form=form, disturbance_measured=False)
     assert biased.outcome.startswith("failed: ")
     assert relative_error(biased.K, exact.K) > 0.3
-    assert learn(game, "irl", form=form, disturbance_measured=False, disturbance=0.0).converged
+    assert learn_by_integrals(game, form=form, disturbance_measured=False, disturbance=0.0).converged
 
 
 def test_learning_does_not_read_A(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -113,9 +118,9 @@ def test_learning_does_not_read_A(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_too_poor_a_flight_is_refused() -> None:
     game, _ = published("published-5")
     with pytest.raises(BadInputError, match="20 intervals cannot determine 21 weights"):
-        learn(game, "irl", intervals=20)
+        learn_by_integrals(game, intervals=20)
     with pytest.raises(BadInputError, match=r"the flight has rank \d+ of 21"):
-        learn(game, "irl", intervals=21, interval=1e-4)
+        learn_by_integrals(game, intervals=21, interval=1e-4)
 
 
 def test_a_policy_without_value_breaks_down() -> None:
@@ -126,32 +131,32 @@ def test_a_policy_without_value_breaks_down() -> None:
         law.advance(7, memory)
 
 
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"interval": 0.0}, "interval is 0.0"),
-        ({"intervals": 2.5}, "intervals is 2.5"),
-        ({"iterations": 0}, "iterations is 0"),
-        ({"probe": -1.0}, "probe is -1.0"),
-        ({"form": "nash"}, "form is 'nash'; choose from game, lqr"),
-        ({"disturbance": -0.1}, "disturbance is -0.1"),
-        ({"intervals": 10_001}, "intervals is 10001; give a whole number from 1 to 10000"),
-        ({"probe": 1e200}, r"the probing flight of 8 s grows beyond 1e\+100"),
-        ({"disturbance": 1e150}, r"the probing flight of 8 s grows beyond 1e\+100"),
-    ],
-)
-def test_bad_requests_name_the_setting(options: dict[str, Any], message: str) -> None:
-    with pytest.raises(BadInputError, match=message):
-        learn(stable_game(), "irl", **options)
-
-
 def test_a_flight_that_leaves_all_bounds_is_refused() -> None:
     with pytest.raises(BadInputError, match=r"flight of 40000 s grows beyond 1e\+100; make interval"):
-        learn(published("published-15")[0], "irl", interval=1000.0)
+        learn_by_integrals(published("published-15")[0], interval=1000.0)
 
 
-def test_recorded_pools_are_refused() -> None:
+def test_probing_flight_obeys_the_plant() -> None:
+    """Against an independent integration of z' = A z + B u(t) + E d(t)."""
+    from scipy.integrate import solve_ivp
+
     game = stable_game()
-    with pytest.raises(BadInputError, match="'irl' records its own data"):
-        learn(game, "irl", pool=random_pool(game, 30, 0))
-    assert basis("quadratic", 2).size == 3
+    times = np.linspace(0.0, 4.0, 21)
+    z, u, d = probing_flight(game, 7, times, (0.3, 0.2))
+
+    def rate(t: float, state: np.ndarray) -> np.ndarray:
+        _, inputs, disturbances = probing_flight(game, 7, np.array([t]), (0.3, 0.2))
+        return game.A @ state + game.B @ inputs[0] + game.E @ disturbances[0]
+
+    flown = solve_ivp(rate, (0.0, 4.0), z[0], t_eval=times, rtol=1e-10, atol=1e-12).y.T
+    assert np.abs(flown - z).max() < 1e-8
+    assert 0.0 < np.abs(u).max() <= 0.3
+    assert 0.0 < np.abs(d).max() <= 0.2
+
+
+def test_at_15_degrees_it_learns_from_the_baseline() -> None:
+    """The aircraft alone is unstable there: the law starts from the policy that keeps it flying."""
+    game, exact = published("published-15")
+    found = learn_by_integrals(game, initial_weights=baseline_weights(game))
+    assert found.converged
+    assert relative_error(found.K, exact.K) < 1e-5

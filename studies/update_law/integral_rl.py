@@ -1,4 +1,4 @@
-"""Off-policy integral reinforcement learning with known B and E: the baseline of paper Section 5.2."""
+"""Off-policy integral reinforcement learning with known B and E, the baseline of paper Section 5.2, as a user's law."""
 
 from __future__ import annotations
 
@@ -12,19 +12,17 @@ import numpy as np
 from controller.game.basis import Basis, basis
 from controller.game.learning_result import LearningResult
 from controller.game.zero_sum import Game
-from controller.laws import law_settings
+from controller.laws.certified import enough_for, initial_weights
 from controller.laws.certify import conclude
-from controller.laws.run import Run
+from controller.laws.run import Run, run
+from controller.policy.learned_gain import BASELINE_EFFORT, baseline_value
 from controller.training_data import recording
 from controller.training_data.bellman_equations import StackEquations
-from controller.training_data.recording import Stack, record, refuse_poor, unit_rows
-from hfa_support.errors import BadInputError, NoSolutionError, refuse_unknown
-from hfa_support.schema import POSITIVE, Number
+from controller.training_data.recording import Stack, natural_spread, record, refuse_poor, unit_rows
+from hfa_support.errors import BadInputError, NoSolutionError
 
 #: Gauss-Legendre nodes per interval: the integrals of the probing flight are then exact to rounding.
 NODES = 10
-#: Most intervals, each with NODES samples of the flight, and most iterations; a few times M are enough.
-MOST_INTERVALS = 10_000
 #: A flight beyond this overflows when its states are multiplied.
 LARGEST_STATE = 1e100
 
@@ -33,7 +31,7 @@ LARGEST_STATE = 1e100
 class IrlSettings:
     """interval Δ, s; longer ones tell the slow modes apart better. intervals: N >= M of them are simulated, then
     `iterations` policy updates follow, one per Δ; None stands for 40, and for more where the basis has more than 26
-    weights (`law_settings.enough_for`).
+    weights (`enough_for`).
 
     form: "game" (both policies are learned) or "lqr" (1/δ² = 0, the nominal controller). initial_weights: W(0)
     of the first policies, model's units; 0 is u = 0 and needs a stable plant. probe: amplitude of the probing
@@ -48,12 +46,6 @@ class IrlSettings:
     probe: float = 0.05
     disturbance: float = 0.05
     disturbance_measured: bool = True
-
-    def __post_init__(self) -> None:
-        """Refuse what cannot run, naming the setting."""
-        numbers = {"interval": POSITIVE, "probe": POSITIVE, "disturbance": Number(0.0)}
-        law_settings.checked(self, numbers, {"intervals": MOST_INTERVALS, "iterations": MOST_INTERVALS})
-        refuse_unknown("form is", self.form, ("game", "lqr"))
 
 
 #: The scaled weights, and the misfit of the last least squares.
@@ -100,7 +92,7 @@ class IntegralLearning:
     def intervals(self) -> int:
         """N, how many intervals are simulated."""
         given = self.settings.intervals
-        return law_settings.enough_for(self.basis.size, 40) if given is None else given
+        return enough_for(self.basis.size, 40) if given is None else given
 
     @cached_property
     def record(self) -> Record:
@@ -111,7 +103,7 @@ class IntegralLearning:
         begins = s.interval * np.arange(self.intervals)
         times = np.concatenate([[0.0], (begins[:, None] + within).reshape(-1)])
         with np.errstate(over="ignore", invalid="ignore"):  # refused below
-            z, u, d = recording.probing_flight(self.game, self.seed, times, (s.probe, s.disturbance))
+            z, u, d = probing_flight(self.game, self.seed, times, (s.probe, s.disturbance))
             largest = max(float(np.abs(part).max(initial=0.0)) for part in (z, u, d))
         if not largest <= LARGEST_STATE:
             raise BadInputError(
@@ -151,7 +143,7 @@ class IntegralLearning:
 
     def start(self) -> Memory:
         """W(0); raises BadInputError when the flight is too poor for M weights."""
-        weights = law_settings.initial_weights(self.settings.initial_weights, self.basis)
+        weights = initial_weights(self.settings.initial_weights, self.basis)
         scaled = weights * self.basis.scaling(self.record.scales)
         if self.intervals < self.basis.size:
             raise BadInputError(
@@ -210,8 +202,52 @@ class IntegralLearning:
         return conclude("irl", self.target, self.equations, finished.history, richness, chosen, self.seed, diagnostics)
 
 
-def integral_learning(game: Game, chosen: IrlSettings, seed: int, pool: Stack | None = None) -> IntegralLearning:
-    """The baseline on a probing flight of its own, with the quadratic basis; BadInputError for a pool."""
-    if pool is not None:
-        raise BadInputError("law 'irl' records its own data; give no pool")
-    return IntegralLearning(game, basis("quadratic", game.A.shape[0]), chosen, seed)
+def learn_by_integrals(game: Game, seed: int = 0, **options: Any) -> LearningResult:
+    """The result of the law on a probing flight of its own, with the quadratic basis; options: of `IrlSettings`."""
+    law = IntegralLearning(game, basis("quadratic", game.A.shape[0]), IrlSettings(**options), seed)
+    return law.conclude(run(law))
+
+
+#: Sines per channel of a probing flight: m + k channels with three each tell the n(n+1)/2 products of states apart.
+#: Range of their frequencies, rad/s.
+_SINES, _BAND = 3, (0.5, 12.0)
+
+
+def probing_flight(
+    game: Game, seed: int, times: np.ndarray, amplitudes: tuple[float, float]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """States (N_t, n), inputs (N_t, m) and disturbances (N_t, k) at increasing times, s.
+
+    z' = A z + B u + E d with sines of random phase in every channel of u and d, the largest sums of which are the two
+    amplitudes: one linear system for [z; w], w' = Ω w. z(0) is random in the box of `natural_spread`, which excites the
+    slow modes that the sines leave alone.
+    """
+    from scipy.linalg import expm
+
+    rng, half_widths = np.random.default_rng(seed), natural_spread(game)
+    n, m, k = game.A.shape[0], game.B.shape[1], game.E.shape[1]
+    count = _SINES * (m + k)
+    frequencies = rng.permutation(np.linspace(*_BAND, count)) * rng.uniform(0.97, 1.03, count)
+    phases = rng.uniform(0.0, 2.0 * np.pi, count)
+    pick, waves = np.zeros((m + k, n + 2 * count)), np.arange(count)
+    pick[waves // _SINES, n + 2 * waves] = np.repeat([amplitudes[0]] * m + [amplitudes[1]] * k, _SINES) / _SINES
+    generator = np.zeros((n + 2 * count, n + 2 * count))
+    generator[:n, :n] = game.A
+    generator[:n] += game.B @ pick[:m] + game.E @ pick[m:]
+    generator[n + 2 * waves, n + 2 * waves + 1] = frequencies
+    generator[n + 2 * waves + 1, n + 2 * waves] = -frequencies
+    sines = np.column_stack([np.cos(phases), np.sin(phases)]).reshape(-1)
+    current, rows = np.concatenate([rng.uniform(-half_widths, half_widths), sines]), []
+    steps = np.round(np.diff(times, prepend=0.0), 12)
+    exponentials = {step: expm(generator * step) for step in np.unique(steps)}
+    for step in steps:
+        current = exponentials[step] @ current
+        rows.append(current)
+    flown = np.array(rows)
+    return flown[:, :n], flown @ pick[:m].T, flown @ pick[m:].T
+
+
+def baseline_weights(game: Game) -> tuple[float, ...]:
+    """Quadratic weights whose policy is that of `baseline_gain`, (M,)."""
+    weights = basis("quadratic", len(game.A)).weights(baseline_value(game) / BASELINE_EFFORT)
+    return tuple(weights.tolist())
