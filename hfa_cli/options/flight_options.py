@@ -25,7 +25,7 @@ from hfa_cli.options.games import MATRIX_FILES
 from hfa_cli.options.learning_options import DEFAULT_LAW, add_settings, law_settings, shown_learning
 from hfa_cli.options.parser import add_named, add_value
 from hfa_model.aircraft import HFA, Aircraft
-from hfa_support.errors import BadInputError, said_of
+from hfa_support.errors import BadInputError, refuse_unknown, said_of
 from hfa_support.model import Model, record
 from trim.linear.linear_model import LinearModel
 from trim.point.operating_point import OperatingPoint
