@@ -160,6 +160,16 @@ class Model:
         """How reports name it."""
         return self.called or self.name
 
+    @property
+    def schedule_unit(self) -> str:
+        """Unit in which people write the scheduling variable: of an angle degrees."""
+        return "deg" if self.unit(self.schedule) == "rad" else self.unit(self.schedule)
+
+    @property
+    def schedule_key(self) -> str:
+        """What files and data call its values in that unit: dihedral_deg, speed."""
+        return self.schedule + "_deg" * (self.schedule_unit == "deg")
+
     @cached_property
     def signals(self) -> dict[str, Signal]:
         """Everything that has a name."""

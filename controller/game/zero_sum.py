@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from controller.game.array_file import checked_matrix
+from hfa_model.aircraft import HFA
 from hfa_model.printed_matrices import published_data
 from hfa_model.vectors import LINEAR_STATES
 from hfa_support.errors import BadInputError, numbers_in, refuse_unknown, shown
+from hfa_support.model import Model
 from hfa_support.reporting.fields import ByValue, Shown
 
 if TYPE_CHECKING:
@@ -137,6 +140,17 @@ def published_game(A: LinearModel | np.ndarray, B: np.ndarray | None = None, **c
         "delta": settings["delta"],
     }
     return Game(A=A, B=B, **(defaults | changes))
+
+
+def usual_game(model: Model, A: np.ndarray, B: np.ndarray, **changes: Any) -> Game:
+    """The game on (A, B) of a model unless told otherwise: the paper's if it has the HFA's states and inputs; else
+    with 1/nominal² on the diagonals of Q and R, delta inf. `changes` replaces Q, R, delta."""
+    if {*LINEAR_STATES} <= {*model.linear} and model.inputs.keys() == HFA.inputs.keys():
+        own: Any = SimpleNamespace(A=A, B=B, states=model.linear)
+        return published_game(own, **changes)
+    Q, R = (np.diag([model.signals[name].nominal ** -2.0 for name in names]) for names in (model.linear, model.inputs))
+    usual: dict[str, Any] = {"E": np.eye(len(A)), "Q": Q, "R": R, "delta": np.inf}
+    return Game(A, B, **(usual | changes))
 
 
 def _delta_of(delta: float) -> float:

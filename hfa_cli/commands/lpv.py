@@ -37,10 +37,10 @@ def run(arguments: argparse.Namespace) -> int:
     low, high = options.interval_of(arguments, family)
     grid = coarsest_grid(family, low, high, arguments.limit_error, progress=ProgressLine("lpv"))
     if arguments.certificate is not None:
-        certify(grid, family, arguments.certificate, provenance())
+        certify(grid, arguments.certificate, provenance())
     target = arguments.output
     if target is not None and target.suffix.lower() == ".c":
         write_text(target, c_source(grid, origin_lines()))
         target = None
-    show(lpv_report(grid, arguments.limit_error, family.aircraft.variant.name), arguments, target=target)
+    show(lpv_report(grid, arguments.limit_error), arguments, target=target)
     return 0

@@ -1,6 +1,7 @@
 """Statements with a proof in ball arithmetic, for every angle of an interval and not for the points of a grid.
 
-schedule: at every dihedral of LOW:HIGH the trim exists within its limits and the scheduled gain makes the loop Hurwitz.
+schedule: at every dihedral of LOW:HIGH the trim exists within its limits and the scheduled gain makes the loop Hurwitz,
+with --bandwidth through all actuators of intervals, also delayed and of less effect.
 solution: the game has one stabilizing solution within a radius of P, which is its value; with a bracket of delta_min.
 critic FILE: the distance of W, P or K in a file from the exact solution, from below and from above.
 -o FILE.json writes a certificate; --check FILE verifies it, by other means than it was made with.
@@ -19,7 +20,9 @@ import numpy as np
 
 from controller.design.design import load_design
 from controller.design.scheduled_controller import load_controller
-from controller.policy.gain_table import GainTable, load_gains
+from controller.game.zero_sum import Game, usual_game
+from controller.policy.gain_table import load_gains
+from controller.riccati.gare import solve_game
 from hfa_cli.options import shared_options as options
 from hfa_cli.options.argument_types import input_file, number, parsed
 from hfa_cli.options.games import MATRIX_FILES, NamedGame, add_weights, game_of, weights_of
@@ -27,21 +30,26 @@ from hfa_cli.options.parser import add_value
 from hfa_cli.origin import provenance
 from hfa_cli.output import show
 from hfa_cli.progress import ProgressLine
-from hfa_model.vectors import INPUTS, LINEAR_STATES, LINEAR_UNITS
 from hfa_support.errors import BadInputError, said_of
+from hfa_support.model import Model
+from trim.linear.linear_model import linearize
 
 if TYPE_CHECKING:
     from verification.checker.checker import Verified
     from verification.enclosures.trim_branch import Family
+    from verification.proof.scheduled_loop import LoopTable
 
 #: Statement -> options that do not belong to it.
 STATEMENTS = {
-    "schedule": ("start", "basis", "model", "delta", "Q", "R"),
-    "solution": ("design", "basis", "weights", "resume", "rate", "error"),
-    "critic": ("design", "weights", "resume", "rate", "error"),
+    "schedule": ("start", "basis", "model"),
+    "solution": ("design", "basis", "weights", "resume", "rate", "error", "bandwidth", "effectiveness", "delay"),
+    "critic": ("design", "weights", "resume", "rate", "error", "bandwidth", "effectiveness", "delay"),
 }
-#: Angle between two gains of our own table, deg.
+#: Distance between two gains of our own table, in steps of the family: of the dihedral 2 deg.
 _STEP = 2.0
+#: With actuators our own gains are those of the LQR on the plant with its slowest actuators, with R so many times the
+#: usual: the usual weights ask for more bandwidth than such actuators have.
+_SLOWER = 300.0
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -58,6 +66,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--rate", action="store_true", help="of `schedule`: also how fast the dihedral may move")
     about = "of `schedule`: for all parameters within N standard errors; default 0"
     add_value(parser, "--error", _not_negative, "N", about, default=0.0)
+    about = "of `schedule`: through actuators of any bandwidth between, rad/s"
+    add_value(parser, "--bandwidth", _interval, "LOW:HIGH", about)
+    about = "with --bandwidth: share of each command that arrives, changing at any time; default 1"
+    add_value(parser, "--effectiveness", _interval, "LOW:HIGH", about)
+    about = "with --bandwidth: each command is late by up to S seconds, changing at any time; default 0"
+    add_value(parser, "--delay", _not_negative, "S", about)
     parser.add_argument("--resume", action="store_true", help="go on with the unfinished certificate that -o names")
     options.add_flights(parser, "DEG|LOW:HIGH")
     about = "a plant of your own: A, B, optionally E, Q, R"
@@ -89,19 +103,26 @@ def _not_negative(text: str) -> float:
     return value
 
 
+def _interval(text: str) -> tuple[float, float]:
+    ends = options.places(text)
+    if not ends[0] > 0.0:
+        raise ArgumentTypeError(f"is {text}; it must be positive")
+    return ends[0], ends[-1]
+
+
 def _check(arguments: argparse.Namespace) -> int:
     from verification.checker.checker import check_certificate
     from verification.proof.proof_report import checked_report
 
     if arguments.statement is not None:
         raise BadInputError("--check verifies a certificate as it is; leave the statement out")
-    of_certificate = (*options.OF_THE_TRIM, "parameters", "rate", "resume", "basis", "model")
+    of_certificate = (*options.OF_THE_TRIM, "parameters", "rate", "resume", "basis", "model", "bandwidth")
     options.refuse(
         arguments, of_certificate, "does not go with --check: the certificate says which aircraft it is about"
     )
     # The output is not signed with the aircraft of the options.
     del arguments.parameters
-    found = check_certificate(arguments.check, ProgressLine("check"))
+    found = check_certificate(arguments.check, ProgressLine("check"), arguments.aircraft)
     _require_same(found, arguments)
     report = checked_report(found)
     show(report, arguments, target=arguments.output)
@@ -115,22 +136,28 @@ def _require_same(found: Verified, arguments: argparse.Namespace) -> None:
     from controller.game.critic_file import load_critic
     from verification.proof.proof_report import require_same
 
-    if arguments.dihedral is not None:
-        ends = arguments.dihedral * (2 // len(arguments.dihedral))
-        require_same(found.statement, {"dihedral_deg": ends}, "--dihedral")
+    for name in ("dihedral", "at"):
+        if ends := getattr(arguments, name):
+            require_same(found.statement, {"range": ends * (2 // len(ends))}, f"--{name}")
     for name, value in weights_of(arguments).items():
         require_same(found.statement.get("game", {}), {name: value}, f"--{name}")
     if arguments.weights is None:
         return
     claim, own = found.statement, dict[str, Any]()
     if found.kind == "game":
-        plant = PlantNames(LINEAR_STATES, INPUTS, LINEAR_UNITS) if "imposed" in claim else UNNAMED
+        model = found.model
+        plant = PlantNames(model.linear, tuple(model.inputs), model.units(model.linear)) if model else UNNAMED
         stored = load_critic(arguments.weights, plant, basis("quadratic", len(claim["game"]["Q"])))
         own = {key: value for key, value in stored._asdict().items() if value is not None}
         own |= {"W": own["W"][:, None]} if "W" in own else {}
     else:
-        table = _given_table(arguments, claim["imposed"]["speed"])
-        own = {key: getattr(table, key) for key in ("dihedral_deg", *"KMNX"[: 4 if found.kind == "schedule" else 1])}
+        assert found.model is not None
+        table = _given_table(
+            arguments, found.model, claim["imposed"].get("speed", 0.0), _uncertain(claim.get("actuators"))
+        )
+        own = {key: getattr(table, key) for key in ("places", *"KMNX"[: 4 if found.kind == "schedule" else 1])}
+        if table.actuators is not None:
+            require_same(claim["actuators"], vars(table.actuators), f"--weights {arguments.weights}")
     require_same(claim["table"], own, f"--weights {arguments.weights}")
 
 
@@ -205,34 +232,73 @@ def _critic(arguments: argparse.Namespace) -> int:
 
 
 def _game(arguments: argparse.Namespace) -> tuple[NamedGame, Family | None, float | None]:
-    """The game that the options name, with its flights and dihedral (deg) unless it is a plant of a file."""
-    degrees = options.at_one_angle(arguments)
+    """The game that the options name, with its flights and their place unless it is a plant of a file."""
+    place = options.at_one_place(arguments)
     named = game_of(arguments)
-    if arguments.model is not None or degrees is None:
+    if arguments.aircraft is not None:
+        family = options.family_of(arguments)
+        value = {**family.model.trim, **(arguments.hold or {})}
+        place = value.get(family.over, family.model.signals[family.over].start)
+        place = math.degrees(place) if family.unit == "deg" else place
+    elif arguments.model is not None or place is None:
         return named, None, None
-    family = options.family_of(arguments)
-    family.check(degrees, degrees)
-    return named, family, degrees
+    else:
+        family = options.family_of(arguments)
+    family.check(place, place)
+    return named, family, place
 
 
-def _given_table(arguments: argparse.Namespace, speed: float) -> GainTable:
+def _given_table(arguments: argparse.Namespace, model: Model, speed: float, uncertain: dict[str, Any]) -> LoopTable:
     """The gains of --weights; with --design a controller with memory on its actuators. speed: of the trims, ft/s."""
-    from verification.proof.scheduled_loop import servo_table
+    from verification.proof.scheduled_loop import LoopTable, servo_table
 
     if arguments.design is not None:
-        return servo_table(load_controller(arguments.weights), arguments.design.actuators, speed)
-    return load_gains(arguments.weights)
+        return servo_table(load_controller(arguments.weights), arguments.design.actuators, speed, model, **uncertain)
+    table = LoopTable.of(load_gains(arguments.weights, model))
+    return table.through(**uncertain) if uncertain else table
 
 
-def _table(arguments: argparse.Namespace, family: Family, low: float, high: float) -> GainTable:
-    from verification.flights.scheduling import certified_schedule
+def _uncertain(actuators: Any) -> dict[str, Any]:
+    """The intervals of actuators, of the options or of a certificate."""
+    if isinstance(actuators, argparse.Namespace):
+        given = {name: getattr(actuators, name) for name in ("bandwidth", "effectiveness", "delay")}
+        if given["bandwidth"] is None:
+            options.refuse(
+                actuators, ("effectiveness", "delay"), "is of actuators: give --bandwidth LOW:HIGH too, rad/s"
+            )
+        elif actuators.rate:
+            raise BadInputError("--rate does not go with --bandwidth; leave one out")
+        return {name: value for name, value in given.items() if value is not None}
+    return {name: actuators[name] for name in ("bandwidth", "effectiveness", "delay")} if actuators else {}
+
+
+def _table(arguments: argparse.Namespace, family: Family, low: float, high: float) -> LoopTable:
+    from verification.proof.scheduled_loop import LoopTable
 
     if arguments.design is not None and arguments.weights is None:
         raise BadInputError("--design goes with a controller; name its file by --weights FILE.npz")
+    uncertain, changes = _uncertain(arguments), weights_of(arguments, family.model.units(family.model.linear))
     if arguments.weights is not None:
-        return _given_table(arguments, family.condition(low).imposed["speed"])
-    angles = np.linspace(low, high, max(2, math.ceil((high - low) / _STEP) + 1))
-    made = certified_schedule(
-        family.aircraft, np.radians(angles), condition=lambda dihedral: family.condition(math.degrees(dihedral))
-    )
-    return GainTable(angles, made.gains.values)
+        if changes:
+            raise BadInputError("--weights gives the gains; leave --delta, --Q and --R out")
+        speed = family.condition(low).imposed.get("speed", 0.0)
+        return _given_table(arguments, family.model, speed, uncertain)
+    places = np.linspace(low, high, max(2, math.ceil((high - low) / (_STEP * family.step)) + 1))
+    slowest = uncertain["bandwidth"][0] if uncertain else None
+    K = np.array([_gain(family, place, changes, slowest) for place in places.tolist()])
+    table = LoopTable.of_gains(places, K, len(family.model.linear))
+    return table.through(**uncertain) if uncertain else table
+
+
+def _gain(family: Family, place: float, changes: dict[str, Any], bandwidth: float | None) -> np.ndarray:
+    """K of the exact game at a place; with actuators of a bandwidth also from their positions."""
+    point = family.point(place)
+    model = linearize(point.model, point)
+    game = usual_game(family.model, model.A, model.B, **changes)
+    if bandwidth is not None:
+        (n, m), w = model.B.shape, bandwidth
+        A = np.block([[model.A, model.B], [np.zeros((m, n)), -w * np.eye(m)]])
+        B = np.vstack([np.zeros((n, m)), w * np.eye(m)])
+        Q, R = np.pad(game.Q, (0, m)), game.R * (1.0 if "R" in changes else _SLOWER)
+        game = Game(A, B, np.eye(n + m), Q, R, changes.get("delta", np.inf))
+    return solve_game(game).K

@@ -9,13 +9,11 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
-import numpy as np
-
 from controller.design.design import NAMED as DESIGNS, load_design
 from controller.design.design_model import DesignModel, design_model
 from controller.game.array_file import MATRIX_FILES, PlantNames
 from controller.game.model_file import parse_diagonal, stored_game
-from controller.game.zero_sum import Game, published_game
+from controller.game.zero_sum import Game, published_game, usual_game
 from hfa_cli.options import shared_options as options
 from hfa_cli.options.argument_types import OWN, disturbance_weight, input_file, parsed
 from hfa_cli.options.parser import add_value
@@ -141,15 +139,8 @@ def _game_of_own(arguments: argparse.Namespace) -> NamedGame:
 
 
 def game_on(arguments: argparse.Namespace, model: LinearModel) -> Game:
-    """The game on a linear model with the weights that the options change: the paper's on the HFA; of the user's own
-    aircraft Q and R are 1/nominal^2 on the diagonal and delta is inf."""
-    asked = weights_of(arguments, model.state_units)
-    if getattr(arguments, "aircraft", None) is None:
-        return published_game(model, **asked)
-    of = model.point.model
-    Q, R = (np.diag([of.signals[each].nominal ** -2.0 for each in names]) for names in (model.states, model.inputs))
-    weights: dict[str, Any] = {"Q": Q, "R": R, "delta": math.inf} | asked
-    return Game(model.A, model.B, np.eye(len(model.A)), **weights)
+    """The usual game on a linear model, with the weights that the options change."""
+    return usual_game(model.point.model, model.A, model.B, **weights_of(arguments, model.state_units))
 
 
 def _designed(built: DesignModel, origin: str, changes: dict[str, Any]) -> NamedGame:

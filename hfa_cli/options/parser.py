@@ -26,9 +26,9 @@ FORMER = {
 
 #: Options that `--help` lists by name only; `--help more` explains them.
 RARE = (
-    "Q R activation basis condition corners delay disturbance disturbances envelope error fault features free inputs "
-    "limit network network-output noise parameters predefined-time quiet resume samples scale seed set start step "
-    "turbulence units workers"
+    "Q R activation at basis condition corners delay disturbance disturbances effectiveness envelope error fault "
+    "features free inputs limit network network-output noise parameters predefined-time quiet resume samples "
+    "scale seed set start step turbulence units workers"
 )
 
 
@@ -86,6 +86,12 @@ class Parser(argparse.ArgumentParser):
         for action in required:
             action.required = False
         arguments, strays = self.parse_known_args(words)
+        for action in self._get_positional_actions():  # argparse fills all of them before the first option
+            if strays and strays[0][:1] != "-" and getattr(arguments, action.dest) is None:
+                try:
+                    setattr(arguments, action.dest, self._get_values(action, [strays.pop(0)]))
+                except argparse.ArgumentError as error:
+                    self.error(str(error))
         if strays:
             self.error(f"unrecognized arguments: {' '.join(map(shortened, strays))}")
         missing = [action.option_strings[-1] for action in required if getattr(arguments, action.dest) is None]

@@ -313,19 +313,21 @@ def refuse_files(arguments: argparse.Namespace, names: tuple[str, ...], reason: 
             )
 
 
-# Flights over an interval of dihedral, about which something is proved.
+# Flights over an interval of the scheduling variable, about which something is proved.
 
 
 def add_flights(parser: argparse.ArgumentParser, form: str) -> None:
-    """--dihedral in degrees; what a trim imposes and leaves free; the aircraft."""
+    """--dihedral in degrees, as it is written, or --at; what a trim imposes and leaves free; the aircraft."""
     about = "degrees; what is proved holds at every angle between"
-    add_value(parser, "--dihedral", degrees, form, about)
+    add_value(parser, "--dihedral", places, form, about)
+    add_value(parser, "--at", places, "LOW:HIGH", "with --aircraft: of its scheduling variable, an angle in degrees")
     add_flight(parser)
+    add_own(parser)
     add_aircraft(parser)
 
 
-def degrees(text: str) -> tuple[float, ...]:
-    """`LOW:HIGH` or one angle, in degrees: the statement is about the numbers that were written."""
+def places(text: str) -> tuple[float, ...]:
+    """`LOW:HIGH` or one place, as written: the statement is about these numbers."""
     parts = text.split(":")
     if len(parts) > 2:
         raise argparse.ArgumentTypeError(f"is {shortened(text)!r}; give LOW:HIGH")
@@ -336,35 +338,36 @@ def degrees(text: str) -> tuple[float, ...]:
 
 
 def family_of(arguments: argparse.Namespace, errors: float = 0.0) -> Family:
-    """The aircraft and the flights that the options name; the dihedral is left.
+    """The aircraft and the flights that the options name; the scheduling variable is left.
 
     errors: every identified parameter may be off by this many of its standard errors.
     """
     from verification.enclosures.trim_branch import Family
 
-    flights = flight_of(arguments)
-    parameters = parameters_of(arguments)
-    aircraft = Aircraft(parameters.values, arguments.dynamics)
-    if not errors:
-        return Family(aircraft, flights)
-    known = parameters.standard_errors
-    if not known:
+    own, flights = own_of(arguments), flight_of(arguments)
+    if own is None and arguments.at is not None:
+        raise BadInputError("--at goes with --aircraft; of the HFA give --dihedral LOW:HIGH")
+    known = {} if own is not None else parameters_of(arguments).standard_errors
+    if errors and not known:
         raise BadInputError("the parameters have no standard errors; leave --error out")
-    spread = tuple(errors * known.get(name, 0.0) for name in parameters.values._fields)
-    return Family(aircraft, flights, spread)
+    spread = {name: errors * error for name, error in known.items() if errors * error > 0.0}
+    return Family(own or aircraft_of(arguments), flights, spread)
 
 
 def interval_of(arguments: argparse.Namespace, family: Family) -> tuple[float, float]:
-    """LOW:HIGH, deg; refused where no trim can be."""
-    ends: tuple[float, ...] = arguments.dihedral or ()
+    """LOW:HIGH, in places; refused where no trim can be."""
+    option = "--dihedral LOW:HIGH, degrees" if arguments.aircraft is None else "--at LOW:HIGH"
+    ends: tuple[float, ...] = arguments.at or arguments.dihedral or ()
     if len(ends) != 2:
-        raise BadInputError("give the interval of dihedrals as --dihedral LOW:HIGH, degrees")
+        raise BadInputError(f"give the interval of {family.over or 'the scheduling variable'} as {option}")
     family.check(*ends)
     return ends[0], ends[1]
 
 
-def at_one_angle(arguments: argparse.Namespace) -> float | None:
+def at_one_place(arguments: argparse.Namespace) -> float | None:
     """The dihedral, deg, when one is given; the options then name a trim like those of other commands."""
+    if arguments.at is not None:
+        raise BadInputError("a game is at one place; hold the scheduling variable by --hold NAME=VALUE")
     if arguments.dihedral is None:
         return None
     if len(arguments.dihedral) != 1:

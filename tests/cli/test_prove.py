@@ -71,10 +71,8 @@ def test_a_certificate_is_bound_to_ones_own_data(certificates: dict[str, Path], 
     """The same gains, weights and angles pass; others are exit 1, and what it does not state is exit 2."""
     critic, schedule = str(certificates["critic"]), str(certificates["schedule"])
     solved, table = str(certificates["critic"].parent / "solved.json"), tmp_path / "table.npz"
-    gains = {
-        name: np.array(json.loads(Path(schedule).read_text())["statement"]["table"][name])
-        for name in ("dihedral_deg", "K")
-    }
+    stated = json.loads(Path(schedule).read_text())["statement"]["table"]
+    gains = {"dihedral_deg": np.array(stated["places"]), "K": np.array(stated["K"])}
     np.savez(table, **gains)
     same = hfa("prove", "--check", critic, "--weights", solved, "--delta", "200", "--dihedral", "15", "--json")
     data = json.loads(same.out)
@@ -155,7 +153,7 @@ def test_a_finished_certificate_is_resumed_at_once(certificate: Path, tmp_path: 
 def test_a_table_that_is_unstable_between_its_angles_is_refuted(tmp_path: Path) -> None:
     table = unstable_between(15.0, 15.03)
     path = tmp_path / "table.json"
-    path.write_text(json.dumps({"dihedral_deg": table.dihedral_deg.tolist(), "K": table.K.tolist()}))
+    path.write_text(json.dumps({"dihedral_deg": table.places.tolist(), "K": table.K.tolist()}))
     result = hfa("prove", "schedule", "--dihedral", "15.014:15.016", "--weights", str(path))
     assert result.code == 1
     assert result.out.startswith("Refuted")

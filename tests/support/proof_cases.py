@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 from known_models import exact_gain, model_at
 
-from controller import Game
-from controller.policy.gain_table import GainTable
+from controller import Game, published_game
 from hfa_model import Aircraft, default_parameters
 from hfa_model.provenance import Provenance
-from verification import Family
+from verification import Family, solve_game
 from verification.checker.checker import sealed
+from verification.proof.scheduled_loop import LoopTable
 
 #: What the certificates of the tests bear.
 ORIGIN = Provenance("a test", "published")
@@ -25,9 +25,22 @@ def family(dynamics: str = "published") -> Family:
     return Family(Aircraft(default_parameters().values, dynamics))
 
 
-def exact_table(*angles: float, dynamics: str = "published") -> GainTable:
+def exact_table(*angles: float, dynamics: str = "published") -> LoopTable:
     """The exact game's gains at the angles, deg."""
-    return GainTable(np.array(angles), np.array([exact_gain(angle, dynamics) for angle in angles]))
+    return LoopTable.of_gains(np.array(angles), np.array([exact_gain(angle, dynamics) for angle in angles]), 6)
+
+
+def through_actuators(*angles: float, delay: float = 0.02) -> LoopTable:
+    """An LQR on the slowest of actuators from 1.8 to 10 rad/s, of effectiveness 0.5 to 1."""
+    eye, gains = np.eye(5), []
+    for angle in angles:
+        model = model_at(angle)
+        game = published_game(model)
+        A = np.block([[model.A, model.B], [np.zeros((5, 6)), -1.8 * eye]])
+        B = np.vstack([np.zeros((6, 5)), 1.8 * eye])
+        gains.append(solve_game(Game(A, B, np.eye(11), np.pad(game.Q, (0, 5)), 300 * game.R, np.inf)).K)
+    table = LoopTable.of_gains(np.array(angles), np.array(gains), 6)
+    return table.through((1.8, 10.0), effectiveness=(0.5, 1.0), delay=delay)
 
 
 def scalar_game(delta: float) -> Game:
@@ -36,7 +49,7 @@ def scalar_game(delta: float) -> Game:
     return Game(A=-one, B=one, E=one, Q=one, R=one, delta=delta)
 
 
-def unstable_between(low: float, high: float) -> GainTable:
+def unstable_between(low: float, high: float) -> LoopTable:
     """Gains that stabilize at both angles and not halfway, found by trying."""
     models = [model_at(angle) for angle in (low, (low + high) / 2, high)]
     K, random = exact_gain(low), np.random.default_rng(0)
@@ -49,7 +62,7 @@ def unstable_between(low: float, high: float) -> GainTable:
         loops = np.array([model.A - model.B @ gain for model, gain in zip(models, gains, strict=True)])
         abscissae = np.linalg.eigvals(loops).real.max(axis=1)
         if abscissae[0] < -0.1 and abscissae[2] < -0.1 and abscissae[1] > 0.2:
-            return GainTable(np.array([low, high]), np.array([first, last]))
+            return LoopTable.of_gains(np.array([low, high]), np.array([first, last]), 6)
     raise AssertionError("no such table was found")
 
 

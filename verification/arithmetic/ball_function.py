@@ -24,8 +24,8 @@ class BallFunction:
     BadInputError names an operation that is not known here.
     """
 
-    def __init__(self, function: ca.Function) -> None:
-        self._name, self._size = function.name(), function.sz_w()
+    def __init__(self, function: ca.Function, name: str = "") -> None:
+        self._name, self._size = name or function.name(), function.sz_w()
         self._sizes = [function.nnz_out(index) for index in range(function.n_out())]
         self._inputs = [function.nnz_in(index) for index in range(function.n_in())]
         self._steps: list[tuple[int, Any, list[int], list[int]]] = []
@@ -66,9 +66,17 @@ class BallFunction:
 
 def _operation(code: int, name: str) -> Callable[..., Any]:
     if code not in _OPERATIONS:
-        words = [word for word in dir(ca) if word.startswith("OP_") and getattr(ca, word) == code]
-        raise BadInputError(f"{name}: the operation {words[0] if words else code} is not known to ball arithmetic")
+        raise BadInputError(f"{name}: the operation {_NAMES.get(code, code)} is not known to ball arithmetic")
     return _OPERATIONS[code]
+
+
+_NAMES = {getattr(ca, word): word.removeprefix("OP_") for word in dir(ca) if word.startswith("OP_")}
+
+
+def operations(function: ca.Function) -> set[str]:
+    """The names of a Function's operations: MUL, FABS."""
+    codes = {function.instruction_id(index) for index in range(function.n_instructions())}
+    return {_NAMES.get(code, str(code)) for code in codes}
 
 
 def constant_part(value: Any) -> Any:

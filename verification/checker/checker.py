@@ -9,8 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterable, Sequence
-from functools import cache, reduce
+from functools import reduce
 from itertools import chain, pairwise, zip_longest
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -18,21 +17,16 @@ from typing import Any, NamedTuple
 import numpy as np
 from flint import acb, acb_mat, arb, arb_mat, ctx
 
-from hfa_model.aircraft import compiled_dynamics
-from hfa_model.parameters import Parameters
-from hfa_model.variants import variant_named
-from hfa_model.vectors import INPUT_SCALES, INPUTS, LINEAR_STATES, STATES
 from hfa_support.errors import BadInputError, NoSolutionError, on_one_line
 from hfa_support.files import read_json
+from hfa_support.model import Model
 from hfa_support.progress import Progress
-from verification.arithmetic.ball_function import BallFunction
-from verification.arithmetic.balls import matrix, norm, pivots
+from verification.arithmetic.balls import is_positive_definite, matrix, norm, pivots
+from verification.arithmetic.steady_flight import steady_flight
 from verification.arithmetic.taylor_model import TaylorModel
-from verification.checker.structure import Content, check_structure
+from verification.checker.structure import Content, check_structure, model_of
 
-SCHEMA = "hfa.certificate/5"
-_LINEAR = [STATES.index(name) for name in LINEAR_STATES]
-_BALANCED = [STATES.index(name) for name in ("speed", "alpha", "pitch_rate", "dihedral_rate")]
+SCHEMA = "hfa.certificate/6"
 
 
 class Rejected(NoSolutionError):
@@ -40,16 +34,19 @@ class Rejected(NoSolutionError):
 
 
 class Verified(NamedTuple):
-    """A verified statement; covers: list of boxes -> (low, high, unstable modes) of each, deg; rate: of decay, 1/s.
+    """A verified statement; covers: list of boxes -> (low, high, unstable modes) of each; rate: of decay, 1/s.
 
-    written: version, command and date that the file bears, which nothing verifies.
+    parted: places from which on the trims are not proved to be those of the boxes before, in one branch.
+    written: version, command and date that the file bears, which nothing verifies. model: that it is about.
     """
 
     kind: str
     statement: Content
     covers: dict[str, list[tuple[float, float, int]]]
     rate: float
+    parted: list[float]
     written: Content
+    model: Model | None
 
 
 def sealed(head: str, origin: str) -> str:
@@ -61,43 +58,89 @@ def sealed(head: str, origin: str) -> str:
     return f'{whole}, "checksum": "{hashlib.sha256(whole.encode()).hexdigest()}"}}\n'
 
 
-def check_certificate(path: Path, progress: Progress | None = None) -> Verified:
-    """BadInputError when the file is none or was edited; Rejected names what is not understood or not proved."""
+def check_certificate(path: Path, progress: Progress | None = None, model: Model | None = None) -> Verified:
+    """What the file proves. model: that of a certificate about a user's own.
+
+    BadInputError when the file is none or was edited; Rejected names what is not understood or not proved.
+    """
     ctx.prec, where, covers, done = 256, "the statement", {}, 0
     try:
         content, text = read_json(path), path.read_text(encoding="utf-8")
         origin, closing = content["provenance"], ("digest", "provenance", "checksum")
         head = json.dumps({key: value for key, value in content.items() if key not in closing})[:-1]
-        edited = content["schema"] != SCHEMA or text != sealed(head, json.dumps(origin))
+        edited, schema = text != sealed(head, json.dumps(origin)), str(content["schema"])
         written = {key: on_one_line(str(origin[key])) for key in ("version", "command", "date")}
     except (OSError, ValueError, LookupError, AttributeError, TypeError) as error:
         raise BadInputError(f"{path}: is no certificate; `hfa prove schedule -o FILE.json` writes one") from error
+    if schema != SCHEMA:
+        raise BadInputError(f"{path}: is a certificate of another version, {on_one_line(schema)}; prove it again")
     if edited:
         raise BadInputError(f"{path}: refused, the certificate was edited: its digest is that of other content")
     try:
-        check_structure(content)
+        about = None if "A" in content["statement"] else model_of(content["statement"], model)
+        check_structure(content, about)
         kind, claim, boxes = content["kind"], content["statement"], content["boxes"]
-        low, high = claim["dihedral_deg"]
+        (low, high), roots = claim["range"], dict[str, list[Root]]()
         for name, own in boxes.items():
-            covers[name] = [(*box["dihedral_deg"], box["unstable"]) for box in own]
+            covers[name] = [(*box["range"], box["unstable"]) for box in own]
             runs = sorted([*(list(run[:2]) for run in covers[name]), *content.get("open", {}).get(name, ())])
             ends = [low, *chain(*runs), high]
             if ends != sorted(ends) or not (name in ("least", "most") or (runs and ends[::2] == ends[1::2])):
                 raise Rejected("the boxes and what is open do not cover the interval once")
             for box in own:
-                where, done = f"{name} from {box['dihedral_deg'][0]} to {box['dihedral_deg'][1]} deg", done + 1
-                _check_box(claim, name, box)
+                where, done = f"{name} from {box['range'][0]} to {box['range'][1]}", done + 1
+                known = model_on(claim, box, about)
+                _check_box(claim, name, box, known)
+                roots.setdefault(name, []).append(Root(box, known.pop("root", None)))
                 if progress is not None:
                     progress(done, sum(map(len, boxes.values())))
         rate = min((box["rate"] for box in boxes.get("loop", ()) if not box["unstable"]), default=0.0)
     except (NoSolutionError, LookupError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
         raise Rejected(f"{path}: {where} is not proved: {error or type(error).__name__}") from error
-    return Verified(kind, claim, covers, rate, written)
+    return Verified(kind, claim, covers, rate, _parted(roots) if kind == "schedule" else [], written, about)
 
 
-def _check_box(claim: Content, name: str, box: Content) -> None:
+class Root(NamedTuple):
+    """A box, and where about the polynomials of its trims the one root is."""
+
+    box: Content
+    offset: Any
+
+
+def _parted(roots: dict[str, list[Root]]) -> list[float]:
+    """Where a box begins whose trims are not proved to be those of the loop's boxes.
+
+    At a common place the root of one box lies where another box has no other root than its own.
+    """
+
+    def place(root: Root, at: float) -> list[TaylorModel]:
+        low, high = map(arb, root.box["range"])
+        s = (2 * arb(at) - low - high) / (high - low)
+        parts = [list(map(arb, each)) for each in root.box["trim"].values()]
+        return [TaylorModel(c0 + c1 * s + c2 * s * s, *[arb(0)] * 3, *z) for c0, c1, c2, _, *z in parts]
+
+    def same(one: Root, two: Root, at: float) -> bool:
+        apart = [(a - b).range() for a, b in zip(place(one, at), place(two, at), strict=True)]
+        radii = [arb(0, each[3]) for each in two.box["trim"].values()]
+        return all(r.contains_interior(a + e) for r, a, e in zip(radii, apart, one.offset.entries(), strict=True))
+
+    loop = sorted(roots.get("loop", ()), key=lambda root: root.box["range"][0])
+    pairs = [(b, a) for a, b in pairwise(loop)]
+    for name, own in roots.items():
+        for root in own if name != "loop" else ():
+            at = root.box["range"][0]
+            pairs += [(root, other) for other in loop if other.box["range"][0] <= at < other.box["range"][1]][:1]
+    found = set()
+    for root, other in pairs:
+        at = root.box["range"][0]
+        if at > other.box["range"][1] or not (same(root, other, at) or same(other, root, at)):
+            found.add(at)
+    return sorted(found)
+
+
+def _check_box(claim: Content, name: str, box: Content, known: dict[str, TaylorModel]) -> None:
     """What a list states of one box: its trims, A and B, and the modes of A or of the loop, or a solution."""
-    known, ends, table = model_on(claim, box), box["dihedral_deg"], claim.get("table", {})
+    ends, table = box["range"], claim.get("table", {})
     for key in {"A", "B"} & box.keys():
         for row, found in zip(box[key], known[key].range().tolist(), strict=True):
             if not all(arb(a) <= value <= arb(b) for (a, b), value in zip(row, found, strict=True)):
@@ -113,52 +156,60 @@ def _check_box(claim: Content, name: str, box: Content) -> None:
         K, M, N, X = (between(table, key, ends) for key in "KMNX")
         x = matrix(np.eye(A.parts[0].nrows(), M.parts[0].nrows()))
         A = x.transpose() * (A * x - B * K) + N * (A * X - B * K) + M
+    if "pieces" in box:
+        _check_pieces(claim["actuators"], A, ends, table["places"], box["pieces"])
+        return
     H = between(claim["lyapunov"], "P", ends) if name == "motion" else TaylorModel(matrix(box["H"]))
     if name == "motion":
-        motion = H.parts[1] * (2 * arb(claim["dihedral_rate"]) / (arb(ends[1]) - arb(ends[0])))
+        motion = H.parts[1] * (2 * arb(claim["place_rate"]) / (arb(ends[1]) - arb(ends[0])))
     check_modes(A, H, box, motion)
 
 
-def model_on(claim: Content, box: Content) -> dict[str, TaylorModel]:
-    """A, B and the inputs; Rejected unless one trim is proved near the stated polynomial, within the limits."""
-    if "A" in claim:
+def model_on(claim: Content, box: Content, model: Model | None) -> dict[str, Any]:
+    """A, B, the inputs, and where about the stated polynomial the trim is; Rejected unless one is proved to be there,
+    within the limits."""
+    if model is None:
         return {key: TaylorModel(matrix(claim[key])) for key in "AB"}
-    rates, jacobians = _functions(claim["dynamics"])
-    low, high, degree, reading = *map(arb, box["dihedral_deg"]), arb.pi() / 180, 2.0**-51 if box["decimals"] else 0.0
-    at, free, arguments = {}, list(box["trim"]), []
-    for name, x in (claim["imposed"] | {name: claim["parameters"][name] for name in Parameters._fields}).items():
+    low, high, reading = *map(arb, box["range"]), 2.0**-51 if box["decimals"] else 0.0
+    flight, free, n = steady_flight(model, claim["imposed"]), list(box["trim"]), len(model.linear)
+    degree, at, arguments = arb.pi() / 180 if claim["unit"] == "deg" else arb(1), {}, []
+    for name, x in (claim["imposed"] | claim["parameters"]).items():
         errors = [arb(width * (name == other)) for other, width in claim["spread"].items()]
         at[name] = TaylorModel(arb(x, abs(x) * reading), arb(0), arb(0), arb(0), *errors)
-    at["dihedral"] = TaylorModel((low + high) / 2 * degree, (high - low) / 2 * degree)
+    at[model.schedule] = TaylorModel((low + high) / 2 * degree, (high - low) / 2 * degree)
     for size in (0, 1):  # along the polynomials, and all about them
         for name, (c0, c1, c2, radius, *z) in box["trim"].items():
             at[name] = TaylorModel(*map(arb, (c0, c1, c2)), arb(0, size * radius), *map(arb, z))
-        at["pitch"] = at["alpha"] + at["gamma"]
-        arguments.append([[at[name] for name in names] for names in (STATES, INPUTS, Parameters._fields)])
-    (residual,), (_, A, B) = rates(*arguments[0]), jacobians(*arguments[1])
-    columns = {name: (A + B)[len(STATES) * j :][: len(STATES)] for j, name in enumerate(STATES + INPUTS)}
-    found = {key: _stacked(columns, names, _LINEAR) for key, names in (("A", LINEAR_STATES), ("B", INPUTS))}
-    columns |= {"F": residual, "gamma": columns["pitch"]}
-    columns["alpha"] = [a + b for a, b in zip(columns["alpha"], columns["pitch"], strict=True)]
+        arguments.append([[at[name] for name in names] for names in (model.variables, model.parameters)])
+    (residual,), (values, slopes, A, B) = flight.residual(*arguments[0]), flight.full(*arguments[1])
+    wanted = [0 if name in model.states else at[name] for name in flight.equations]
+    residual = [TaylorModel.of(each) - other for each, other in zip(residual, wanted, strict=True)]
+    height, places = len(residual), [model.variables.index(name) for name in free]
+    rows = [[TaylorModel.of(slopes[height * j + i]) for j in places] for i in range(height)]
+    moved = [i for i, row in enumerate(rows) if not _nothing([*row, residual[i]])]
+    if len(moved) != len(free):
+        raise Rejected("there are not as many equations as unknowns")
     radii = [arb(box["trim"][name][3]) for name in free]
-    check_root(_stacked(columns, ["F"], _BALANCED), _stacked(columns, free, _BALANCED), radii)
-    for name in (*INPUTS, *free):
-        if not arb(claim["limits"][name][0]) <= at[name].range() <= arb(claim["limits"][name][1]):
+    root = check_root(_stacked([[residual[i]] for i in moved]), _stacked([rows[i] for i in moved]), radii)
+    found = dict(zip(flight.names, map(TaylorModel.of, values), strict=True)) | at
+    for name, (least, most) in claim["limits"].items():
+        if not arb(least) <= found[name].range() <= arb(most):
             raise Rejected(f"{name} may lie beyond its limits")
-    return found | {"inputs": _stacked({"u": [at[name] for name in INPUTS]}, ["u"], range(len(INPUTS)))}
+    by_rows = {"A": [A[i::n] for i in range(n)], "B": [B[i::n] for i in range(n)]}
+    by_rows["inputs"] = [[found[name]] for name in model.inputs]
+    return {key: _stacked(each) for key, each in by_rows.items()} | {"root": root}
 
 
-@cache
-def _functions(dynamics: str) -> tuple[BallFunction, BallFunction]:
-    functions = compiled_dynamics(variant_named(dynamics))
-    return BallFunction(functions.rates), BallFunction(functions.jacobians)
+def _nothing(values: list[TaylorModel]) -> bool:
+    """Exactly 0, all of them."""
+    return all(part == 0 for value in values for part in value.parts)
 
 
-def _stacked(columns: dict[str, list[Any]], names: Iterable[str], rows: Sequence[int]) -> TaylorModel:
-    """Some rows and columns of scalars as the Taylor model of a matrix."""
-    parts = [TaylorModel.of(columns[name][i]).parts for name in names for i in rows]
+def _stacked(rows: list[list[Any]]) -> TaylorModel:
+    """Rows of scalars as the Taylor model of a matrix."""
+    parts = [TaylorModel.of(entry).parts for row in rows for entry in row]
     together = zip_longest(*parts, fillvalue=arb(0))
-    return TaylorModel(*(arb_mat(len(parts) // len(rows), len(rows), part).transpose() for part in together))
+    return TaylorModel(*(arb_mat(len(rows), len(rows[0]), list(part)) for part in together))
 
 
 def check_root(residual: TaylorModel, derivative: TaylorModel, radii: list[arb]) -> arb_mat:
@@ -202,15 +253,47 @@ def _signs(symmetric: arb_mat) -> list[int]:
     return [1 if pivot > 0 else -1 for pivot in found]
 
 
+def _check_pieces(actuators: Content, A: TaylorModel, ends: list[float], places: list[float], pieces: Any) -> None:
+    """ζ' = A ζ + ω (own ζ + G v), v_i = λ_i(t) u_i(t - τ_i(t)), u = U ζ, is stable for each constant ω of the interval,
+    all λ within theirs and delays up to the one stated.
+
+    V' = 2 ζ'H ζ' < X_1 (d² - q²) + X_2 (e² - z²), summed over the commands, for ζ, d, e that are not all 0: in
+    v = λ_0 (u + d) + e, λ_0 the middle and r the half width of the effectiveness, |e| <= |z|, z = r (u + d); and
+    d = u(t - τ) - u is minus an integral of u' = q / τ, so that the integral of d² is at most that of q². What is
+    required is convex in ω: the ends of a piece decide.
+    """
+    runs = [actuators["bandwidth"][0], *chain(*(piece["bandwidth"] for piece in pieces)), actuators["bandwidth"][1]]
+    if runs != sorted(runs) or runs[::2] != runs[1::2]:
+        raise Rejected("the pieces do not cover the bandwidths once")
+    G, own, U = matrix(actuators["G"]), matrix(actuators["own"]), between(actuators | {"places": places}, "U", ends)
+    (n, a), (least, most), delay = (G.nrows(), G.ncols()), map(arb, actuators["effectiveness"]), arb(actuators["delay"])
+    zeta, d, e = (matrix(np.eye(n + 2 * a)[rows]) for rows in (slice(n), slice(n, n + a), slice(n + a, None)))
+    heard, later = U * zeta + d, zeta.transpose()
+    z, v = heard * ((most - least) / 2), heard * ((least + most) / 2) + e
+    for piece in pieces:
+        H, turn, (X_1, X_2) = matrix(piece["H"]), matrix(piece["turn"]), np.split(np.array(piece["X"]), 2)
+        if min(piece["X"]) < 0.0 or H.transpose() != H or not is_positive_definite(H):
+            raise Rejected("a Lyapunov function or a multiplier is not positive")
+        for bandwidth in map(arb, piece["bandwidth"]):
+            rates = A * zeta + (own * zeta + G * v) * bandwidth
+            q, growth = U * rates * delay, later * H * rates
+            form = -growth - growth.transpose()
+            for weights, one, other in ((X_1, d, q), (X_2, e, z)):
+                X = matrix(np.diag(weights))
+                form += one.transpose() * X * one - other.transpose() * (X * other)
+            if not all(is_positive_definite(corner) for corner in (turn.transpose() * form * turn).corners()):
+                raise Rejected("a Lyapunov function is not proved to decrease")
+
+
 def between(table: Content, key: str, box: list[float]) -> TaylorModel:
-    """A table of matrices, linear between its angles, on a box between two of them; without angles it is constant."""
-    if "dihedral_deg" not in table:
+    """A table of matrices, linear between its places, on a box between two of them; without places it is constant."""
+    if "places" not in table:
         return TaylorModel(matrix(table[key]))
-    angles = table["dihedral_deg"]
-    i = next((i for i, (a, b) in enumerate(pairwise(angles)) if a <= box[0] and box[1] <= b), None)
+    places = table["places"]
+    i = next((i for i, (a, b) in enumerate(pairwise(places)) if a <= box[0] and box[1] <= b), None)
     if i is None:
-        raise Rejected("the box crosses an angle of the table")
-    first, last, low, high = matrix(table[key][i]), matrix(table[key][i + 1]), arb(angles[i]), arb(angles[i + 1])
+        raise Rejected("the box crosses a place of the table")
+    first, last, low, high = matrix(table[key][i]), matrix(table[key][i + 1]), arb(places[i]), arb(places[i + 1])
     ends = [first + (last - first) * ((arb(end) - low) / (high - low)) for end in box]
     return TaylorModel((ends[0] + ends[1]) * 0.5, (ends[1] - ends[0]) * 0.5)
 
@@ -222,9 +305,9 @@ def _check_game(claim: Content, name: str, box: Content, known: dict[str, Taylor
         if "axis" in box and name == "refused":
             _check_axis(game, known, box["axis"])
         else:
-            _solution(game, known, box, 1 if name == "value" else -1)
+            solution_on(game, known, box, 1 if name == "value" else -1)
         return
-    found = distances(claim, box, known)
+    found = distances(claim, box, known | solution_on(claim["game"], known, box, 1))
     for key, (least, most) in claim["distances"].items():
         if not (found[key][1] <= arb(most) and (least == 0.0 or found[key][0] >= arb(least))):
             raise Rejected(f"the distance of {key} may be another one")
@@ -233,23 +316,24 @@ def _check_game(claim: Content, name: str, box: Content, known: dict[str, Taylor
 def distances(claim: Content, box: Content, known: dict[str, TaylorModel]) -> dict[str, tuple[arb, arb]]:
     """Bounds of |X - X̂| / |X|; of the inputs they are of |U - Û| in their own units.
 
-    X̂: what the table gives, linear between its angles. A norm is convex: it is largest at a corner.
+    known: A, B, the inputs, P and K. X̂: what the table gives, linear between its places. A norm is convex: it is
+    largest at a corner.
     """
-    known, found, table = known | _solution(claim["game"], known, box, 1), {}, claim["table"]
+    known, found, table = dict(known), {}, claim["table"]
     if "W" in table:  # P_ii, 2 P_ij row by row, then zeros
         P, size = known["P"].range(), len(table["W"])
         weights = [P[i, j] * (2 - (i == j)) for i in range(P.nrows()) for j in range(i, P.nrows())]
         known["W"] = TaylorModel(arb_mat(size, 1, weights + [0] * (size - len(weights))))
     for key in known.keys() & table.keys():
-        away, whole = known[key] - between(table, key, box["dihedral_deg"]), norm(known[key].range().entries())
+        away, whole = known[key] - between(table, key, box["range"]), norm(known[key].range().entries())
         if key == "inputs":
-            away, whole = matrix(np.diag(1 / np.array(INPUT_SCALES))) * away, arb(1)
+            away, whole = matrix(np.diag(1 / np.array(claim["input_scales"]))) * away, arb(1)
         most = reduce(arb.max, (norm(corner.entries()) for corner in away.corners()))
         found[key] = (norm(away.range().entries()) / whole).lower(), (most / whole).upper()
     return found
 
 
-def _solution(game: Content, known: dict[str, TaylorModel], box: Content, sign: int) -> dict[str, TaylorModel]:
+def solution_on(game: Content, known: dict[str, TaylorModel], box: Content, sign: int) -> dict[str, TaylorModel]:
     """P and K: one root of the Riccati equation near the stated polynomial, in the units of the box.
 
     A - S P is Hurwitz, and the lowest eigenvalue of P has the sign.

@@ -12,17 +12,27 @@ from typing import Any
 
 import numpy as np
 
-from hfa_model.parameters import Parameters
+from hfa_model.aircraft import Aircraft
+from hfa_model.unsteady import UNSTEADY
 from hfa_model.variants import VARIANTS
-from hfa_model.vectors import INPUTS, LINEAR_STATES, STATES, UNITS
-from hfa_support.errors import NoSolutionError, shown
+from hfa_support.errors import BadInputError, NoSolutionError, shown
+from hfa_support.model import Model
 
 Content = dict[str, Any]
-_VARIABLES = {*STATES, *INPUTS, "gamma"} - {"pitch"}
-_EQUATIONS, _X, _U = 4, len(LINEAR_STATES), len(INPUTS)
 _DECIMAL = re.compile(r"-?\d{1,80}(\.\d{1,80})?(e[+-]?\d{1,3})?", re.ASCII)
-_FLIGHT = ("dynamics", "state_units", "input_units", "parameters", "spread", "imposed", "limits", "dihedral_deg")
-_BOX, _MODES, _ROOT = ("dihedral_deg", "unstable", "rate"), ("H", "turn"), ("units", "P", "reach", "H", "turn")
+_FLIGHT: tuple[str, ...] = (
+    "dynamics",
+    "source",
+    "over",
+    "unit",
+    "state_units",
+    "input_units",
+    "input_scales",
+    "parameters",
+    "spread",
+)
+_FLIGHT += ("imposed", "limits", "range")
+_BOX, _MODES, _ROOT = ("range", "unstable", "rate"), ("H", "turn"), ("units", "P", "reach", "H", "turn")
 #: Rounding that may make the lowest eigenvalue of a semidefinite Q negative, relative.
 _ROUNDING = 1e-12
 #: Kind -> the lists of boxes that it always has, and those that it may have.
@@ -37,31 +47,50 @@ class Malformed(NoSolutionError):
     """A certificate holds what is not understood."""
 
 
-def check_structure(content: Content) -> None:
-    """Malformed names the first part that is missing, unknown, of another shape, out of order or no finite number."""
+def model_of(claim: Content, own: Model | None) -> Model:
+    """The model that a statement is about: the HFA's, or the user's own, which must be the same one."""
+    name, source = claim["dynamics"], claim["source"]
+    _require(isinstance(name, str) and isinstance(source, str), "dynamics", name)
+    if own is None:
+        if not source and name == UNSTEADY.name:
+            return UNSTEADY
+        if source or name not in VARIANTS:
+            raise BadInputError(f"the certificate is about {shown(name)}; name its file by --aircraft FILE.py:NAME")
+        return Aircraft(dynamics=name).model
+    if (own.name, own.source[1]) != (name, source):
+        raise BadInputError(f"the certificate is about {shown(name)} of another file than that of {own.name}")
+    return own
+
+
+def check_structure(content: Content, model: Model | None) -> None:
+    """Malformed names the first part that is missing, unknown, of another shape, out of order or no finite number.
+
+    model: that of the statement, None where it is a plant.
+    """
     kind = str(content.get("kind"))
     _require(content.get("kind") in tuple(LISTS), "kind", kind)
     closing = ("schema", "kind", "toolchain", "statement", "boxes", "digest", "provenance", "checksum")
     _keys("the certificate", content, closing + ("open",) * (kind == "schedule"))
     claim, boxes = content["statement"], content["boxes"]
-    also = {"schedule": "dihedral_rate", "game": "delta_min", "lpv": ""}[kind]
+    also = {"schedule": "place_rate", "game": "delta_min", "lpv": ""}[kind]
     more = isinstance(claim, dict) and also in claim
-    extra = {"schedule": ("dihedral_rate", "lyapunov"), "game": ("delta_min",), "lpv": ()}[kind] if more else ()
+    extra = {"schedule": ("place_rate", "lyapunov"), "game": ("delta_min",), "lpv": ()}[kind] if more else ()
     own = ("table",) if kind == "schedule" else ("table", "game", "distances")
-    plant = kind == "game" and isinstance(claim, dict) and "A" in claim
-    _keys("the statement", claim, (("A", "B", "dihedral_deg") if plant else _FLIGHT) + own + extra)
-    low, high = _numbers("dihedral_deg", claim["dihedral_deg"], (2,)).tolist()
-    _require(low == high if kind == "game" else low < high, "dihedral_deg", [low, high])
-    n, m, free = _X, _U, set[str]()
-    if plant:
+    uncertain = ("actuators",) if kind == "schedule" and isinstance(claim, dict) and "actuators" in claim else ()
+    _keys("the statement", claim, (("A", "B", "range") if model is None else _FLIGHT) + own + extra + uncertain)
+    low, high = _numbers("range", claim["range"], (2,)).tolist()
+    _require(low == high if kind == "game" else low < high, "range", [low, high])
+    free = set[str]()
+    if model is None:
+        _require(kind == "game", "kind", kind)
         n = len(claim["A"]) if isinstance(claim["A"], list) else 0
         m = _numbers("B", claim["B"], (n, None)).shape[1]
         _numbers("A", claim["A"], (n, n))
-        _require(low == 0.0, "dihedral_deg", low)
+        _require(low == 0.0, "range", low)
     else:
-        free = _flight(claim, spread=kind == "schedule")
+        n, m, free = len(model.linear), len(model.inputs), _flight(claim, model, spread=kind == "schedule")
     if kind == "schedule":
-        size = _schedule(claim)
+        size = _schedule(claim, n, m)
         intervals = _keys("open", content["open"], LISTS[kind][0][:2], LISTS[kind][1] if more else ())
         for name, gaps in intervals.items():
             _numbers(f"open {name}", gaps, (None, 2), empty=True)
@@ -73,44 +102,62 @@ def check_structure(content: Content) -> None:
         count = len(each) if isinstance(each, list) else -1
         _require(count == 1 if kind == "game" else count >= (kind == "lpv"), name)
         for place, box in enumerate(each):
-            _box(f"{name} {place}", kind, name, box, claim, free, (n if name in ("modes", "least", "most") else size))
+            of_A = name in ("modes", "least", "most")
+            _box(f"{name} {place}", kind, name, box, claim, free, (n, m, n if of_A else size))
 
 
-def _flight(claim: Content, *, spread: bool) -> set[str]:
+def _flight(claim: Content, model: Model, *, spread: bool) -> set[str]:
     """The unknowns of the trims of a flight; everything else of them is imposed, once."""
-    dynamics = claim["dynamics"]
-    _require(isinstance(dynamics, str) and dynamics in VARIANTS, "dynamics", dynamics)
-    for key, names in (("state_units", LINEAR_STATES), ("input_units", INPUTS)):
-        _require(claim[key] == [UNITS[name] for name in names], key, claim[key])
-    _table("parameters", claim["parameters"], set(Parameters._fields))
+    over, unit = model.schedule, model.schedule_unit
+    scales = [model.signals[name].nominal for name in model.inputs]
+    units = {"state_units": model.linear, "input_units": model.inputs}
+    stated = {key: list(model.units(tuple(names))) for key, names in units.items()}
+    for key, value in (stated | {"over": over, "unit": unit, "input_scales": scales}).items():
+        _require(claim[key] == value, key, claim[key])
+    _table("parameters", claim["parameters"], set(model.parameters))
     widths = claim["spread"]
-    known = isinstance(widths, dict) and widths.keys() <= set(Parameters._fields) and (spread or not widths)
+    known = isinstance(widths, dict) and widths.keys() <= {*model.parameters} - {over} and (spread or not widths)
     _require(known and min(_table("spread", widths, set(widths)), default=1.0) > 0.0, "spread", widths)
     imposed = claim["imposed"]
-    _require(isinstance(imposed, dict) and imposed.keys() < _VARIABLES - {"dihedral"}, "imposed", imposed)
+    _require(isinstance(imposed, dict) and imposed.keys() <= {*model.holdable} - {over}, "imposed", imposed)
     _table("imposed", imposed, set(imposed))
-    free = _VARIABLES - {"dihedral"} - set(imposed)
-    still = [imposed.get(name) for name in ("pitch_rate", "dihedral_rate")] == [0.0, 0.0]
-    _require(len(free) == _EQUATIONS and still, "imposed", imposed)
-    limits = _keys("limits", claim["limits"], tuple({*INPUTS, *free}))
+    free = {*model.variables} - {over} - set(imposed)
+    bounded = {
+        name
+        for name in (*model.states, *model.inputs, *model.variables, *model.outputs)
+        if np.isfinite(model.limits.get(name, math.inf)).any()
+    } - {over, *imposed}
+    _require(bool(free), "imposed", imposed)
+    limits = claim["limits"]
+    known = isinstance(limits, dict) and bounded <= limits.keys() <= {*model.limits} - {over, *imposed}
+    _require(known, "limits", limits)
     for name, ends in limits.items():
         _require(bool(np.all(np.diff(_numbers(f"limits of {name}", ends, (2,))) > 0.0)), f"limits of {name}", ends)
     return free
 
 
-def _schedule(claim: Content) -> int:
-    """The table of gains over increasing angles, and of a rate the table of P; returns the size of the loop."""
-    table = _keys("table", claim["table"], ("dihedral_deg", *"KMNX"))
-    angles = _angles("table", table["dihedral_deg"])
-    n = _numbers("K", table["K"], (angles, _U, None)).shape[2]
-    _require(n >= _X, "K", f"{n} columns")
-    for key, shape in {"M": (n, n), "N": (n, _X), "X": (_X, n)}.items():
-        _numbers(key, table[key], (angles, *shape))
-    if "dihedral_rate" in claim:
-        rate = float(_numbers("dihedral_rate", claim["dihedral_rate"], ()))
-        lyapunov = _keys("lyapunov", claim["lyapunov"], ("dihedral_deg", "P"))
-        _numbers("P", lyapunov["P"], (_angles("lyapunov", lyapunov["dihedral_deg"]), n, n))
-        _require(rate > 0.0, "dihedral_rate", rate)
+def _schedule(claim: Content, nx: int, m: int) -> int:
+    """The table of gains over increasing places, what drives them, and of a rate the table of P; returns the size of
+    the loop."""
+    table = _keys("table", claim["table"], ("places", *"KMNX"))
+    count = _places("table", table["places"])
+    n = _numbers("K", table["K"], (count, m, None)).shape[2]
+    _require(n >= nx, "K", f"{n} columns")
+    for key, shape in {"M": (n, n), "N": (n, nx), "X": (nx, n)}.items():
+        _numbers(key, table[key], (count, *shape))
+    if "actuators" in claim:
+        own = _keys("actuators", claim["actuators"], ("own", "G", "U", "bandwidth", "effectiveness", "delay"))
+        a = _numbers("G", own["G"], (n, None)).shape[1]
+        for key, each in {"own": (n, n), "U": (count, a, n), "bandwidth": (2,), "effectiveness": (2,)}.items():
+            found = _numbers(key, own[key], each)
+            _require(found.ndim > 1 or 0.0 < found[0] <= found[1], key, own[key])
+        _require(float(_numbers("delay", own["delay"], ())) >= 0.0, "delay", own["delay"])
+        _require("place_rate" not in claim, "place_rate")
+    if "place_rate" in claim:
+        rate = float(_numbers("place_rate", claim["place_rate"], ()))
+        lyapunov = _keys("lyapunov", claim["lyapunov"], ("places", "P"))
+        _numbers("P", lyapunov["P"], (_places("lyapunov", lyapunov["places"]), n, n))
+        _require(rate > 0.0, "place_rate", rate)
     return n
 
 
@@ -128,9 +175,9 @@ def _game(kind: str, claim: Content, n: int, m: int) -> None:
     shapes: dict[str, tuple[int | None, ...]] = {"W": (None, 1), "P": (n, n), "K": (m, n)}
     if kind == "lpv":
         shapes = {"A": (n, n), "B": (n, m), "inputs": (m, 1), "K": (m, n)}
-        table = _keys("table", claim["table"], ("dihedral_deg", *shapes))
-        angles = _angles("table", table["dihedral_deg"])
-        shapes = {key: (angles, *shape) for key, shape in shapes.items()}
+        table = _keys("table", claim["table"], ("places", *shapes))
+        count = _places("table", table["places"])
+        shapes = {key: (count, *shape) for key, shape in shapes.items()}
         compared = _keys("distances", claim["distances"], tuple(shapes))
     else:
         table = _keys("table", claim["table"], tuple("KMNX"), ("W", "P"))
@@ -146,8 +193,11 @@ def _game(kind: str, claim: Content, n: int, m: int) -> None:
     _require(bool(compared), "distances", compared)
 
 
-def _box(where: str, kind: str, name: str, box: Any, claim: Content, free: set[str], n: int) -> None:
-    """One box: its angles, what is unstable, its trims, the entries of A and B, and what proves it."""
+def _box(
+    where: str, kind: str, name: str, box: Any, claim: Content, free: set[str], shape: tuple[int, int, int]
+) -> None:
+    """One box: its places, what is unstable, its trims, the entries of A and B, and what proves it."""
+    (nx, m, n), pieces = shape, name == "loop" and "actuators" in claim
     keys = _BOX + (("decimals", "trim") if free else ()) + (("A", "B") if kind != "game" else ())
     if name == "refused" and isinstance(box, dict) and "axis" in box:
         keys += ("axis",)
@@ -155,14 +205,22 @@ def _box(where: str, kind: str, name: str, box: Any, claim: Content, free: set[s
     elif name in ("solution", "value", "refused", "cells"):
         keys += _ROOT
     else:
-        keys += ("turn",) if name == "motion" else _MODES
+        keys += ("turn",) if name == "motion" else ("pieces",) if pieces else _MODES
     _keys(where, box, keys)
-    low, high = _numbers(f"{where}: dihedral_deg", box["dihedral_deg"], (2,)).tolist()
-    _require(low <= high if kind == "game" else low < high, f"{where}: dihedral_deg", [low, high])
+    low, high = _numbers(f"{where}: range", box["range"], (2,)).tolist()
+    _require(low <= high if kind == "game" else low < high, f"{where}: range", [low, high])
     counted = type(box["unstable"]) is int and 0 <= box["unstable"] <= n
     _require(counted and (name in ("loop", "modes", "least", "most") or box["unstable"] == 0), f"{where}: unstable")
     rate = float(_numbers(f"{where}: rate", box["rate"], ()))
-    _require(rate == 0.0 or (kind == "schedule" and name != "motion"), f"{where}: rate", rate)
+    _require(rate == 0.0 or (kind == "schedule" and name != "motion" and not pieces), f"{where}: rate", rate)
+    if pieces:
+        a = len(claim["actuators"]["G"][0])
+        _require(box["unstable"] == 0 and isinstance(box["pieces"], list) and bool(box["pieces"]), f"{where}: pieces")
+        for each in box["pieces"]:
+            shapes = {"bandwidth": (2,), "H": (n, n), "X": (2 * a,), "turn": (n + 2 * a,) * 2}
+            _keys(f"{where}: pieces", each, tuple(shapes))
+            for key, sides in shapes.items():
+                _numbers(f"{where}: {key}", each[key], sides)
     if free:
         # Statements hold for every decimal that reads as these doubles; a critic, and delta_min, for the doubles alone.
         wide = kind != "game" or ("delta_min" in claim and name in ("solution", "loop"))
@@ -170,8 +228,8 @@ def _box(where: str, kind: str, name: str, box: Any, claim: Content, free: set[s
         for unknown, parts in _keys(f"{where}: trim", box["trim"], tuple(free)).items():
             found = _numbers(f"{where}: {unknown}", parts, (4 + len(claim["spread"]),), decimals=kind == "game")
             _require(found[3] > 0.0, f"{where}: radius of {unknown}", parts[3])
-    for key, columns in (("A", _X), ("B", _U)) if kind != "game" else ():
-        _numbers(f"{where}: {key}", box[key], (_X, columns, 2))
+    for key, columns in (("A", nx), ("B", m)) if kind != "game" else ():
+        _numbers(f"{where}: {key}", box[key], (nx, columns, 2))
     for key in ("H", "turn"):
         if key in keys:
             _numbers(f"{where}: {key}", box[key], (n, n))
@@ -182,10 +240,10 @@ def _box(where: str, kind: str, name: str, box: Any, claim: Content, free: set[s
         _require(min(sizes) > 0.0, f"{where}: units or reach")
 
 
-def _angles(where: str, angles: Any) -> int:
-    """The number of angles, two at least, that increase."""
-    found = _numbers(f"{where}: dihedral_deg", angles, (None,)).tolist()
-    _require(len(found) >= 2 and all(a < b for a, b in pairwise(found)), f"{where}: dihedral_deg", found)
+def _places(where: str, places: Any) -> int:
+    """The number of places, two at least, that increase."""
+    found = _numbers(f"{where}: places", places, (None,)).tolist()
+    _require(len(found) >= 2 and all(a < b for a, b in pairwise(found)), f"{where}: places", found)
     return len(found)
 
 

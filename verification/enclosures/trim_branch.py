@@ -1,86 +1,119 @@
-"""The branch of trims over a box of dihedrals, and the linear model along it, enclosed."""
+"""The branch of trims over a box of the scheduling variable, and the linear model along it, enclosed."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 from flint import arb, arb_mat, arb_series
 
-from hfa_model.aircraft import Aircraft, compiled_dynamics
-from hfa_model.vectors import INPUTS, LINEAR_ROWS, STATES
+from hfa_model.aircraft import Aircraft
 from hfa_support.errors import BadInputError
-from trim.point.condition import BALANCED, LEVEL_FLIGHT, TrimCondition, describe
+from hfa_support.model import Model
+from trim.point.condition import TrimCondition, usual_condition
+from trim.point.operating_point import OperatingPoint
 from trim.point.solve import find_operating_point
 from verification.arithmetic import flint_or_refusal
-from verification.arithmetic.ball_function import BallFunction, Undecided
+from verification.arithmetic.ball_function import Undecided
 from verification.arithmetic.balls import as_read, doubles, exact, inside, matrix, symmetric
+from verification.arithmetic.steady_flight import SteadyFlight, steady_flight
 from verification.arithmetic.taylor_model import TaylorModel
-from verification.enclosures.dihedral_box import ORDER, DihedralBox, dihedral_series, radians
+from verification.enclosures.place_box import ORDER, PlaceBox
 
-#: At such a flight θ' = q and η' = η' are 0 already; what the unknowns of the trim move is left.
-EQUATIONS = tuple(STATES.index(name) for name in ("speed", "alpha", "pitch_rate", "dihedral_rate"))
+#: Limits farther away than this are none.
+_FAR = 1e300
 
 
 @dataclass(frozen=True)
 class Family:
-    """Steady flights that differ in their dihedral alone.
+    """Steady flights of a model that differ in its scheduling variable alone, whose values are places: of an angle in
+    degrees, else in the model's unit.
 
-    aircraft: its parameters as doubles. flights: what is imposed and left free. spread: a half width for each
-    parameter, (18,). decimals: every parameter and setting is a ball that also holds the decimal it was read from;
-    else it is the double exactly.
+    aircraft: the model; parameters are its doubles. flights: what is imposed and left free, the model's own unless
+    given. spread: parameter -> half width within which it may lie. decimals: every parameter and setting is a ball that
+    also holds the decimal it was read from; else it is the double exactly.
     """
 
-    aircraft: Aircraft
-    flights: TrimCondition = LEVEL_FLIGHT
-    spread: tuple[float, ...] | None = None
+    aircraft: Aircraft | Model
+    flights: TrimCondition | None = None
+    spread: Mapping[str, float] = field(default_factory=dict)
     decimals: bool = True
 
-    def condition(self, degrees: float) -> TrimCondition:
-        """The trim at a dihedral, degrees."""
-        return self.flights.at(math.radians(degrees))
+    @cached_property
+    def model(self) -> Model:
+        """Whose equations and names these are."""
+        return self.aircraft.model
+
+    @property
+    def over(self) -> str:
+        """The scheduling variable."""
+        return self.model.schedule
+
+    @property
+    def unit(self) -> str:
+        """Of the places, as people write them."""
+        return self.model.schedule_unit
+
+    @property
+    def size(self) -> float:
+        """Over which the model changes by its own size, in the model's unit: 1 rad, else the nominal value."""
+        return 1.0 if self.unit == "deg" else self.model.signals[self.over].nominal
+
+    @property
+    def step(self) -> float:
+        """A power of two of the places that is to them what 1 deg is to an angle."""
+        return 1.0 if self.unit == "deg" else float(2.0 ** round(math.log2(math.radians(self.size))))
+
+    def value(self, place: Any) -> Any:
+        """The scheduling variable at a place, a double or a ball, in the model's unit; π is enclosed."""
+        if self.unit != "deg":
+            return place
+        return place * arb.pi() / 180 if isinstance(place, arb) else math.radians(place)
+
+    def condition(self, place: float | None = None) -> TrimCondition:
+        """The trim at a place; at the model's own unless given."""
+        flights = usual_condition(self.model) if self.flights is None else self.flights
+        return flights.at(None if place is None or self.over in self.model.parameters else self.value(place))
+
+    def point(self, place: float) -> OperatingPoint:
+        """The trim at a place, in doubles. Raises TrimError."""
+        model, condition = self.model, self.condition(place)
+        if self.over in model.parameters:
+            model = model.with_parameters(**{self.over: self.value(place)})
+        return find_operating_point(model, condition)
+
+    def imposed(self) -> dict[str, float]:
+        """What every trim of the family imposes."""
+        return {name: value for name, value in self.condition().imposed.items() if name != self.over}
+
+    def limits(self) -> dict[str, tuple[float, float]]:
+        """Limits of the states, inputs and outputs that a trim does not impose."""
+        condition, model = self.condition(), self.model
+        names = (*model.states, *model.inputs, *model.variables, *model.outputs)
+        ends = {name: condition.limits_of(name) for name in names if name not in {*condition.imposed, self.over}}
+        finite = {name: np.clip(pair, -_FAR, _FAR).tolist() for name, pair in ends.items() if np.isfinite(pair).any()}
+        return {name: (low, high) for name, (low, high) in finite.items()}
 
     def check(self, low: float, high: float) -> None:
-        """BadInputError unless the trims of the interval, degrees, are of the kind that is proved."""
-        first, last = (self.condition(end) for end in (low, high))
-        for condition in (first, last):
-            check_pitch(condition)
-        still = all(first.imposed.get(name) == 0.0 for name in ("pitch_rate", "dihedral_rate"))
-        still = still and dict(first.rates or {}) == dict.fromkeys(BALANCED, 0.0)
-        if not (still and len(first.free) == len(EQUATIONS) and "dihedral" in first.imposed):
+        """BadInputError unless the trims of the interval are of the kind that is proved."""
+        model = self.model
+        if not self.over:
+            raise BadInputError(f"{model.name} declares no schedule; name the variable that a proof runs over")
+        if self.flights is not None:
+            for name in self.flights.tables:
+                raise BadInputError(f"{name} changes with the {self.over} in this condition; --hold it at one value")
+        first, _ = (self.condition(end) for end in (low, high))
+        still = dict(first.rates or {}) == dict.fromkeys(model.steady, 0.0)
+        branch = TrimBranch(self)
+        if not (still and self.over not in first.free and len(first.free) == len(branch.rows)):
             raise BadInputError(
-                f"a proof takes trims at a given dihedral, all rates 0, with {len(EQUATIONS)} unknowns; "
+                f"a proof takes trims at a given {self.over}, all rates 0, with {len(branch.rows)} unknowns; "
                 f"here free are {', '.join(first.free)}: change --hold and --free"
             )
-        for name in self.flights.tables:
-            raise BadInputError(f"{name} changes with the dihedral in this condition; --hold it at one value")
-
-
-def limits_with_pitch(condition: TrimCondition, name: str) -> tuple[float, float]:
-    """Lowest and highest value of a variable; of alpha and gamma what the limits of pitch = alpha + gamma leave."""
-    lowest, highest = condition.limits_of(name)
-    if name not in ("alpha", "gamma"):
-        return lowest, highest
-    other = "gamma" if name == "alpha" else "alpha"
-    least, most = (condition.imposed[other],) * 2 if other in condition.imposed else condition.limits_of(other)
-    pitch = condition.limits_of("pitch")
-    return max(lowest, pitch[0] - most), min(highest, pitch[1] - least)
-
-
-def check_pitch(condition: TrimCondition) -> None:
-    """BadInputError when pitch = alpha + gamma lies beyond its limits, or they leave no alpha or gamma."""
-    if "alpha" in condition.imposed and "gamma" in condition.imposed:
-        pitch, (lowest, highest) = condition.imposed["alpha"] + condition.imposed["gamma"], condition.limits_of("pitch")
-        if not lowest <= pitch <= highest:
-            ends = f"{describe('pitch', lowest)} and {describe('pitch', highest)}"
-            raise BadInputError(f"pitch is {describe('pitch', pitch)}; it must lie between {ends}")
-    for name in condition.free:
-        lowest, highest = limits_with_pitch(condition, name)
-        if not lowest < highest:
-            raise BadInputError(f"the limits of pitch, alpha and gamma leave no {name}; widen one of them")
 
 
 #: Attempts to widen a box of unknowns until Krawczyk's operator maps it into itself.
@@ -89,65 +122,81 @@ _ATTEMPTS = 6
 
 @dataclass(frozen=True, eq=False)
 class TrimEquations:
-    """F(w, η) = 0: the balanced rates; w: the unknowns `free`, the rest is imposed.
+    """F(w, η) = 0; w: the unknowns `free`, the rest is imposed; rows: the equations that they move, the others hold.
 
-    rates, jacobians: of the model. parameters: balls, or one of them a series.
+    known: name of what is imposed, or of a parameter -> ball, one of which may be a series.
     """
 
-    rates: BallFunction
-    jacobians: BallFunction
-    imposed: dict[str, arb]
+    family: Family
+    flight: SteadyFlight
     free: tuple[str, ...]
-    parameters: list[Any]
+    rows: tuple[int, ...]
+    known: dict[str, Any]
 
-    def arguments(
-        self, dihedral: Any, series: Sequence[Sequence[arb]], length: int
-    ) -> tuple[list[Any], list[Any], list[Any]]:
-        """States, inputs and parameters; dihedral in rad, the unknowns as coefficients."""
-        values: dict[str, Any] = self.imposed | {"dihedral": dihedral}
+    def arguments(self, place: Any, series: Sequence[Sequence[arb]], length: int) -> tuple[list[Any], list[Any]]:
+        """Variables and parameters; a place, or a series of it, and the unknowns as coefficients."""
+        values: dict[str, Any] = self.known | {self.family.over: place}
         for name, own in zip(self.free, series, strict=True):
             values[name] = arb_series(list(own[:length]), prec=length)
-        values["pitch"] = values["alpha"] + values["gamma"]
-        return [values[name] for name in STATES], [values[name] for name in INPUTS], self.parameters
+        model = self.family.model
+        return [values[name] for name in model.variables], [values[name] for name in model.parameters]
 
-    def residual(self, dihedral: Any, series: Sequence[Sequence[arb]], length: int) -> list[list[arb]]:
-        """Coefficients of F, a list for each equation."""
-        rates = self.rates(*self.arguments(dihedral, series, length))[0]
-        return [coefficients(rates[index], length) for index in EQUATIONS]
+    def along(self, places: arb, length: int) -> arb_series:
+        """The scheduling variable at places + τ as a series of `length` coefficients."""
+        return arb_series([self.family.value(places), self.family.value(exact(1.0))], prec=length)
 
-    def derivative(self, degrees: arb, values: list[arb]) -> arb_mat:
+    def residual(self, place: Any, series: Sequence[Sequence[arb]], length: int) -> list[list[arb]]:
+        """Coefficients of F, a list for each equation that the unknowns move."""
+        found = self.flight.residual(*self.arguments(place, series, length))[0]
+        for i, name in enumerate(self.flight.equations):
+            wanted = self.known.get(name, 0) if name not in self.family.model.states else 0
+            found[i] = coefficients(found[i] - wanted, length)
+            if i not in self.rows and any(each != 0 for each in found[i]):
+                raise BadInputError(f"the rate of {name} is not 0 whatever is free; change --hold and --free")
+        return [found[i] for i in self.rows]
+
+    def model_of(self, place: Any, series: Any, length: int) -> dict[str, list[arb_mat]]:
+        """The coefficients of the values that have limits, of A and B, and of the unknowns."""
+        values, _, A, B = self.flight.full(*self.arguments(place, series, length))
+        entries, n = {"values": values, "A": A, "B": B}, len(self.family.model.linear)
+        flat = {name: [coefficients(entry, length) for entry in each] for name, each in entries.items()}
+        flat["unknowns"] = [list(each) for each in series]
+        heights = {"A": n, "B": n}
+        return {
+            name: [_columns(list(each), heights.get(name, len(each))) for each in zip(*own, strict=True)]
+            for name, own in flat.items()
+        }
+
+    def derivative(self, places: arb, values: list[arb]) -> arb_mat:
         """F_w at constant arguments."""
-        _, A, B = self.jacobians(*self.arguments(radians(degrees), [[value] for value in values], 1))
-        n, flat = len(STATES), [coefficients(each, 1)[0] for each in [*A, *B]]
-        columns = {name: flat[n * j : n * j + n] for j, name in enumerate(STATES + INPUTS)}
-        # The pitch angle is no variable of a trim: it is alpha + gamma.
-        columns["alpha"] = [a + b for a, b in zip(columns["alpha"], columns["pitch"], strict=True)]
-        columns["gamma"] = columns["pitch"]
-        return arb_mat([[columns[name][row] for name in self.free] for row in EQUATIONS])
+        arguments = self.arguments(self.family.value(places), [[value] for value in values], 1)
+        height, flat = len(self.flight.equations), self.flight.full(*arguments)[1]
+        columns = [self.family.model.variables.index(name) for name in self.free]
+        return arb_mat([[coefficients(flat[height * j + i], 1)[0] for j in columns] for i in self.rows])
 
-    def inverse(self, degrees: arb, values: list[arb]) -> arb_mat:
+    def inverse(self, places: arb, values: list[arb]) -> arb_mat:
         """A matrix of balls that holds the inverse of F_w."""
-        derivative = self.derivative(degrees, values)
-        rough = matrix(np.linalg.inv(doubles(derivative)))
+        derivative = self.derivative(places, values)
         try:
+            rough = matrix(np.linalg.inv(doubles(derivative)))
             return (rough * derivative).inv() * rough
-        except ZeroDivisionError as error:
+        except (ZeroDivisionError, np.linalg.LinAlgError) as error:
             raise Undecided("the derivative of the trim equations may be singular on this box") from error
 
-    def newton(self, degrees: arb, values: list[arb]) -> tuple[list[arb], arb_mat]:
+    def newton(self, places: arb, values: list[arb]) -> tuple[list[arb], arb_mat]:
         """C F(w, η) and C, the inverse of F_w rounded to doubles."""
-        inverse = matrix(np.linalg.inv(doubles(self.derivative(degrees.mid(), values))))
-        residual = self.residual(radians(degrees), [[value] for value in values], 1)
+        inverse = matrix(np.linalg.inv(doubles(self.derivative(places.mid(), values))))
+        residual = self.residual(self.family.value(places), [[value] for value in values], 1)
         return (inverse * arb_mat([[series[0]] for series in residual])).entries(), inverse
 
-    def contracted(self, degrees: arb, middle: list[arb], widths: list[arb]) -> list[arb]:
+    def contracted(self, places: arb, middle: list[arb], widths: list[arb]) -> list[arb]:
         """Balls about `middle` that Krawczyk's operator maps into their interior, as it leaves them."""
-        step, inverse = self.newton(degrees, middle)
+        step, inverse = self.newton(places, middle)
         identity = matrix(np.eye(len(middle)))
         for _ in range(_ATTEMPTS):
             offsets = [symmetric(1.2 * width) for width in widths]
             candidate = [value + offset for value, offset in zip(middle, offsets, strict=True)]
-            jacobian = self.derivative(degrees, candidate)
+            jacobian = self.derivative(places, candidate)
             image = (identity - inverse * jacobian) * arb_mat([[offset] for offset in offsets])
             mapped = [row - change for change, row in zip(step, image.entries(), strict=True)]
             if inside(mapped, offsets):
@@ -155,15 +204,20 @@ class TrimEquations:
             widths = [abs(before.union(after)).upper() for before, after in zip(offsets, mapped, strict=True)]
         raise Undecided("Krawczyk's operator does not map a box of unknowns into itself")
 
-    def branch(self, degrees: arb, start: list[arb], length: int) -> list[list[arb]]:
-        """Taylor coefficients w_0 .. in the dihedral, degrees, of the branch through `start`; a list an unknown."""
-        series, solved = [[value] for value in start], self.inverse(degrees, start)
+    def branch(self, places: arb, start: list[arb], length: int) -> list[list[arb]]:
+        """Taylor coefficients w_0 .. in the place of the branch through `start`; a list an unknown."""
+        series, solved = [[value] for value in start], self.inverse(places, start)
         for j in range(1, length):
-            residual = self.residual(dihedral_series(degrees, j + 1), series, j + 1)
+            residual = self.residual(self.along(places, j + 1), series, j + 1)
             change = solved * arb_mat([[each[j]] for each in residual])
             for own, value in zip(series, change.entries(), strict=True):
                 own.append(-value)
         return series
+
+
+def _columns(entries: list[arb], height: int) -> arb_mat:
+    """A matrix that is stored column by column."""
+    return arb_mat(len(entries) // height, height, entries).transpose()
 
 
 def coefficients(value: Any, length: int) -> list[arb]:
@@ -173,42 +227,29 @@ def coefficients(value: Any, length: int) -> list[arb]:
     return [value[index] for index in range(length)]
 
 
-_COLUMNS = range(len(INPUTS))
 #: Least half width of a box of unknowns: what is known exactly still needs an interior.
 _TINY = 1e-30
-#: Widest box, deg, with errors of the parameters, whose derivatives are enclosed to first order.
+#: Widest box with errors of the parameters, whose derivatives are enclosed to first order, in steps of the family.
 _WIDEST_WITH_ERRORS = 0.25
 #: Half width, relative, of the first box of unknowns for all parameters.
 _FIRST = 1e-4
 
 
-class Errors(NamedTuple):
-    """Derivatives with respect to one parameter, in its half widths, everywhere on a box and for all parameters.
-
-    A: (6, 6), B: (6, 5), unknowns: (4, 1).
-    """
-
-    A: arb_mat
-    B: arb_mat
-    unknowns: arb_mat
-
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ModelForms:
-    """Over a box: inputs U0(η), (5, 1), and A(η), (6, 6), B(η), (6, 5), of the six states of the linear model.
+    """Over a box: `values` of all that may have limits, (k, 1), A(η), (n, n), B(η), (n, m), of the linear model.
 
-    unknowns: the free variables of the trim, (4, 1). next_unknowns: their third Taylor coefficient at the middle, times
-    radius³: how large the remainder about is. Of the unknowns, A and B the parameters with a half width are the errors.
-    cubic: the coefficients of s³ of A and B anywhere on the box, which the remainder takes with both signs.
+    unknowns: the free variables of the trim, (f, 1). polynomials: c_0, c_1, c_2 and what each error does to each of
+    them, in doubles; steps: how far Newton's step goes from there. The parameters with a half width are the errors.
     """
 
-    box: DihedralBox
-    unknowns: TaylorModel
-    next_unknowns: list[arb]
-    inputs: TaylorModel
+    box: PlaceBox
+    polynomials: list[list[float]]
+    steps: list[float]
+    values: TaylorModel
     A: TaylorModel
     B: TaylorModel
-    cubic: tuple[arb_mat, arb_mat]
+    unknowns: TaylorModel
 
 
 class TrimBranch:
@@ -221,67 +262,72 @@ class TrimBranch:
 
     def __init__(self, family: Family) -> None:
         flint_or_refusal()
-        self.family = family
-        condition = family.condition(0.0)
-        self.free = condition.free
-        self.limits = {name: limits_with_pitch(condition, name) for name in dict.fromkeys((*INPUTS, *condition.free))}
-        ball = as_read if family.decimals else exact
-        functions = compiled_dynamics(family.aircraft.variant)
-        self._known = TrimEquations(
-            BallFunction(functions.rates),
-            BallFunction(functions.jacobians),
-            {name: ball(value) for name, value in condition.imposed.items()},
-            condition.free,
-            [ball(value) for value in family.aircraft.parameters],
-        )
-        spread = [exact(width) for width in family.spread or ()]
-        self._uncertain = [(k, width) for k, width in enumerate(spread) if width > 0]
-        everything = list(self._known.parameters)
-        for k, width in self._uncertain:
-            everything[k] += symmetric(width)
-        self._all = replace(self._known, parameters=everything)
+        self.family, model = family, family.model
+        self.free, imposed = family.condition().free, family.imposed()
+        self.limits = family.limits()
+        flight, ball = steady_flight(model, imposed), as_read if family.decimals else exact
+        unknown = [model.variables.index(name) for name in self.free]
+        self.rows = tuple(i for i, moved in enumerate(flight.moves) if moved[unknown].any())
+        values = {name: signal.start for name, signal in model.parameters.items()} | imposed
+        known = {name: ball(value) for name, value in values.items()}
+        self._known = TrimEquations(family, flight, self.free, self.rows, known)
+        self._uncertain = [(name, exact(width)) for name, width in family.spread.items() if width > 0.0]
+        widened = {name: known[name] + symmetric(width) for name, width in self._uncertain}
+        self._all = replace(self._known, known=known | widened)
+        self.names = flight.names
+        self._input_rows = matrix(np.eye(len(flight.names))[[flight.names.index(name) for name in model.inputs]])
 
-    def forms(self, box: DihedralBox) -> ModelForms:
+    def forms(self, box: PlaceBox) -> ModelForms:
         """The model over a box. Undecided when the box is too wide, TrimError when its middle has no trim."""
-        if self._uncertain and box.radius > _WIDEST_WITH_ERRORS / 2:
+        if self._uncertain and box.radius > _WIDEST_WITH_ERRORS * self.family.step / 2:
             raise Undecided("the errors of the parameters are enclosed on narrower boxes only")
-        at_middle = self._known.branch(box.middle, self.trim_at(float(box.middle)), ORDER + 1)
+        at_middle = self._known.branch(box.middle, self.trim_at(float(box.middle)), ORDER)
         everywhere = self._everywhere(box, at_middle)
-        wide = self._known.branch(box.degrees, everywhere, ORDER + 1)
-        (u, A, B), (wide_u, wide_A, wide_B) = (
-            self._model(self._known, dihedral_series(degrees, length), series, length)
-            for degrees, series, length in ((box.middle, at_middle, ORDER), (box.degrees, wide, ORDER + 1))
+        thin, wide = (
+            self._known.model_of(self._known.along(places, length), series, length)
+            for places, series, length in (
+                (box.middle, at_middle, ORDER),
+                (box.places, self._known.branch(box.places, everywhere, ORDER + 1), ORDER + 1),
+            )
         )
-        errors = tuple(self._errors(box, everywhere)) if self._uncertain else ()
-        return ModelForms(
-            box,
-            _form(box, at_middle, wide, range(len(wide)), [0], [each.unknowns for each in errors]),
-            [series[ORDER] * box.radius**ORDER for series in at_middle],
-            _form(box, u, wide_u, _COLUMNS, [0]),
-            _form(box, A, wide_A, LINEAR_ROWS, LINEAR_ROWS, [each.A for each in errors]),
-            _form(box, B, wide_B, LINEAR_ROWS, _COLUMNS, [each.B for each in errors]),
-            (
-                _matrix(wide_A, ORDER, LINEAR_ROWS, LINEAR_ROWS) * box.radius**ORDER,
-                _matrix(wide_B, ORDER, LINEAR_ROWS, _COLUMNS) * box.radius**ORDER,
-            ),
-        )
+        errors = list(self._errors(box, everywhere)) if self._uncertain else []
+        forms = {name: _form(box, thin[name], wide[name], [each[name] for each in errors]) for name in thin}
+        polynomials = [
+            [float(part[i, 0].mid()) for part in (*forms["unknowns"].parts[:3], *forms["unknowns"].parts[4:])]
+            for i in range(len(self.free))
+        ]
+        return ModelForms(box, polynomials, self._steps(box, polynomials, everywhere), **forms)
 
-    def model_at(self, degrees: float) -> tuple[arb_mat, arb_mat, arb_mat]:
-        """A (6, 6), B (6, 5) and the inputs (5, 1) at one dihedral, degrees, in balls."""
-        point = [[value] for value in self.trim_at(degrees)]
-        u, A, B = self._model(self._known, radians(exact(degrees)), point, 1)
-        return (
-            _matrix(A, 0, LINEAR_ROWS, LINEAR_ROWS),
-            _matrix(B, 0, LINEAR_ROWS, _COLUMNS),
-            _matrix(u, 0, _COLUMNS, [0]),
-        )
+    def _steps(self, box: PlaceBox, polynomials: list[list[float]], everywhere: list[arb]) -> list[float]:
+        """Bounds of C F along polynomials of the unknowns, C about the inverse of F_w, in the checker's arithmetic."""
+        none, widths = arb(0), dict(self._uncertain)
+        values = {
+            name: TaylorModel(ball, none, none, none, *(width * (name == other) for other, width in widths.items()))
+            for name, ball in self._known.known.items()
+        }
+        values[self.family.over] = TaylorModel(*map(self.family.value, (box.middle, box.radius)))
+        for name, (c0, c1, c2, *slopes) in zip(self.free, polynomials, strict=True):
+            values[name] = TaylorModel(*map(arb, (c0, c1, c2)), none, *map(arb, slopes))
+        F, model = self._known.flight, self.family.model
+        found = F.residual([values[name] for name in model.variables], [values[name] for name in model.parameters])[0]
+        wanted = [0 if name in model.states else values[name] for name in F.equations]
+        left = arb_mat([[(TaylorModel.of(found[i]) - wanted[i]).range()] for i in self.rows])
+        C = matrix(np.linalg.inv(doubles(self._known.derivative(box.places, everywhere))))
+        return [float(abs(entry).upper()) for entry in (C * left).entries()]
 
-    def trim_at(self, degrees: float) -> list[arb]:
-        """The unknowns at one dihedral, degrees, in balls: Newton's method on midpoints, then Krawczyk."""
-        at = exact(degrees)
-        found = find_operating_point(self.family.aircraft, self.family.condition(degrees))
-        values = found.states._asdict() | found.inputs._asdict()
-        values["gamma"] = values["pitch"] - values["alpha"]
+    def model_at(self, place: float) -> tuple[arb_mat, arb_mat, arb_mat]:
+        """A (n, n), B (n, m) and the inputs (m, 1) at one place, in balls."""
+        point = [[value] for value in self.trim_at(place)]
+        found = self._known.model_of(self.family.value(exact(place)), point, 1)
+        return found["A"][0], found["B"][0], self._input_rows * found["values"][0]
+
+    def inputs(self, forms: ModelForms) -> TaylorModel:
+        """The trimmed inputs over a box, (m, 1)."""
+        return forms.values.map(lambda part: self._input_rows * part)
+
+    def trim_at(self, place: float) -> list[arb]:
+        """The unknowns at one place, in balls: Newton's method on midpoints, then Krawczyk."""
+        at, values = exact(place), self.family.point(place).values
         middle = [exact(values[name]) for name in self.free]
         for _ in range(2):
             step, _ = self._known.newton(at, middle)
@@ -291,80 +337,54 @@ class TrimBranch:
 
     def beyond_limits(self, forms: ModelForms) -> str | None:
         """What may leave its limits somewhere on the box; None when all is proved to stay within."""
-        values = dict(zip(INPUTS, forms.inputs.range().entries(), strict=True))
-        values |= zip(self.free, forms.unknowns.range().entries(), strict=True)
-        for name, value in values.items():
-            low, high = self.limits[name]
-            if not (exact(low) <= value <= exact(high)):
+        values = dict(zip(self.free, forms.unknowns.range().entries(), strict=True))
+        values |= zip(self.names, forms.values.range().entries(), strict=True)
+        for name, (low, high) in self.limits.items():
+            if not (exact(low) <= values[name] <= exact(high)):
                 return name
         return None
 
-    def _everywhere(self, box: DihedralBox, at_middle: list[list[arb]]) -> list[arb]:
+    def _everywhere(self, box: PlaceBox, at_middle: list[list[arb]]) -> list[arb]:
         """A ball for each unknown that holds the branch on the whole box: w(η) = w(η_0) + w'(ξ) (η - η_0)."""
         start = [series[0] for series in at_middle]
         widths = [series[0].rad() + abs(series[1]).upper() * box.radius + exact(_TINY) for series in at_middle]
         found = self._around(self._known, box, start, widths)
-        slopes = self._known.branch(box.degrees, found, 2)
+        slopes = self._known.branch(box.places, found, 2)
         tau = symmetric(box.radius)
         return [value + tau * series[1] for value, series in zip(start, slopes, strict=True)]
 
     @staticmethod
-    def _around(equations: TrimEquations, box: DihedralBox, start: list[arb], widths: list[arb]) -> list[arb]:
+    def _around(equations: TrimEquations, box: PlaceBox, start: list[arb], widths: list[arb]) -> list[arb]:
         """Krawczyk's box about what is known of a part of it."""
-        found = equations.contracted(box.degrees, [value.mid() for value in start], widths)
+        found = equations.contracted(box.places, [value.mid() for value in start], widths)
         if not all(ball.contains(value) for ball, value in zip(found, start, strict=True)):
             raise Undecided("the trim at the middle of the box is not the one found around it")
         return found
 
-    def _errors(self, box: DihedralBox, known: list[arb]) -> Iterator[Errors]:
+    def _errors(self, box: PlaceBox, known: list[arb]) -> Iterator[dict[str, arb_mat]]:
         """What each parameter does; `known`: the unknowns on the box without errors.
 
         w(η, p) = w(η, p_0) + Σ_k ∂w/∂p_k (p_k - p_0k), with the derivatives -F_w⁻¹ F_p anywhere between.
         """
         widths = [value.rad() * 2 + abs(value).upper() * _FIRST for value in known]
-        found = self._around(self._all, box, known, widths)
+        found, place = self._around(self._all, box, known, widths), self.family.value(box.places)
+        moved = [
+            replace(self._all, known=self._all.known | {name: arb_series([self._all.known[name], width], prec=2)})
+            for name, width in self._uncertain
+        ]
         slopes: list[arb_mat] = []
         for _ in range(2):  # the second time with the narrower unknowns that the first time gives
-            inverse, constant = self._all.inverse(box.degrees, found), [[value] for value in found]
-            slopes = []
-            for k, width in self._uncertain:
-                residual = self._moved(k, width).residual(radians(box.degrees), constant, 2)
-                slopes.append(-inverse * arb_mat([[each[1]] for each in residual]))
+            inverse, constant = self._all.inverse(box.places, found), [[value] for value in found]
+            residuals = [each.residual(place, constant, 2) for each in moved]
+            slopes = [-inverse * arb_mat([[each[1]] for each in residual]) for residual in residuals]
             moves = [sum((symmetric(each[i, 0]) for each in slopes), exact(0.0)) for i in range(len(found))]
             found = [value + move for value, move in zip(known, moves, strict=True)]
-        for (k, width), slope in zip(self._uncertain, slopes, strict=True):
+        for equations, slope in zip(moved, slopes, strict=True):
             series = [[value, rise] for value, rise in zip(found, slope.entries(), strict=True)]
-            _, A, B = self._model(self._moved(k, width), radians(box.degrees), series, 2)
-            yield Errors(_matrix(A, 1, LINEAR_ROWS, LINEAR_ROWS), _matrix(B, 1, LINEAR_ROWS, _COLUMNS), slope)
-
-    def _moved(self, k: int, width: arb) -> TrimEquations:
-        """The parameter k as a series in its half widths."""
-        parameters = list(self._all.parameters)
-        parameters[k] = arb_series([parameters[k], width], prec=2)
-        return replace(self._all, parameters=parameters)
-
-    @staticmethod
-    def _model(equations: TrimEquations, dihedral: Any, series: Any, length: int) -> list[list[list[arb]]]:
-        """Inputs, A and B; each a list of coefficients for every entry, column by column."""
-        arguments = equations.arguments(dihedral, series, length)
-        _, A, B = equations.jacobians(*arguments)
-        return [[coefficients(entry, length) for entry in entries] for entries in (arguments[1], A, B)]
+            yield {name: parts[1] for name, parts in equations.model_of(place, series, 2).items()}
 
 
-def _matrix(entries: list[list[arb]], order: int, rows: Sequence[int], columns: Sequence[int]) -> arb_mat:
-    """One coefficient of a matrix that is stored column by column."""
-    height = len(entries) if len(columns) == 1 else len(STATES)
-    return arb_mat([[entries[height * j + i][order] for j in columns] for i in rows])
-
-
-def _form(
-    box: DihedralBox,
-    thin: list[list[arb]],
-    wide: list[list[arb]],
-    rows: Sequence[int],
-    columns: Sequence[int],
-    errors: Sequence[arb_mat] = (),
-) -> TaylorModel:
+def _form(box: PlaceBox, thin: list[arb_mat], wide: list[arb_mat], errors: Sequence[arb_mat]) -> TaylorModel:
     """F(η_0 + s r) = F_0 + F_1 r s + F_2 r² s² + F_3(ξ) r³ s³, F_3 anywhere on the box (Lagrange)."""
-    middle = [_matrix(thin, j, rows, columns) * box.radius**j for j in range(ORDER)]
-    return TaylorModel(*middle, _matrix(wide, ORDER, rows, columns) * symmetric(box.radius**ORDER), *errors)
+    middle = [thin[j] * box.radius**j for j in range(ORDER)]
+    return TaylorModel(*middle, wide[ORDER] * symmetric(box.radius**ORDER), *errors)

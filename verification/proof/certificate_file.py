@@ -11,16 +11,16 @@ import numpy as np
 
 from controller.policy.gain_table import GainTable
 from hfa_model.provenance import Provenance
-from hfa_model.vectors import INPUTS, LINEAR_STATES, UNITS
 from hfa_support.errors import BadInputError
 from hfa_support.files import write_text
 from hfa_support.jsonable import jsonable
 from hfa_support.version import toolchain_version
 from verification.arithmetic import flint_or_refusal
-from verification.enclosures.dihedral_box import DihedralBox
-from verification.enclosures.trim_branch import Family, limits_with_pitch
+from verification.enclosures.place_box import PlaceBox
+from verification.enclosures.trim_branch import Family
 from verification.proof.rate_proof import RateProof
 from verification.proof.schedule_proof import Cover, ProvedBox, ScheduleProof
+from verification.proof.scheduled_loop import LoopTable
 from verification.proof.stated_model import StatedModel
 
 #: Seconds between two writings of an unfinished certificate.
@@ -39,41 +39,54 @@ def write_certificate(
 
 
 def flights_claim(family: Family, low: float, high: float) -> dict[str, Any]:
-    """Which aircraft, which trims and which angles (deg) a statement is about."""
-    condition, parameters = family.condition(low), family.aircraft.parameters._asdict()
+    """Which model, which trims and which places a statement is about."""
+    model = family.model
     return {
-        "dynamics": family.aircraft.variant.name,
-        "state_units": [UNITS[name] for name in LINEAR_STATES],
-        "input_units": [UNITS[name] for name in INPUTS],
-        "parameters": parameters,
-        "spread": {name: width for name, width in zip(parameters, family.spread or (), strict=False) if width > 0.0},
-        "imposed": {name: value for name, value in condition.imposed.items() if name != "dihedral"},
-        "limits": {name: limits_with_pitch(condition, name) for name in (*INPUTS, *condition.free)},
-        "dihedral_deg": [low, high],
+        "dynamics": model.name,
+        "source": model.source[1],
+        "over": family.over,
+        "unit": family.unit,
+        "state_units": model.units(model.linear),
+        "input_units": model.units(tuple(model.inputs)),
+        "input_scales": [model.signals[name].nominal for name in model.inputs],
+        "parameters": {name: signal.start for name, signal in model.parameters.items()},
+        "spread": {name: width for name, width in family.spread.items() if width > 0.0},
+        "imposed": family.imposed(),
+        "limits": family.limits(),
+        "range": [low, high],
     }
 
 
-def box_entry(box: DihedralBox, model: StatedModel, decimals: bool, **more: Any) -> dict[str, Any]:
+def box_entry(box: PlaceBox, model: StatedModel, decimals: bool, **more: Any) -> dict[str, Any]:
     """The trims and the linear model on one box, and what is proved of them."""
     own = {name: getattr(model, name) for name in ("trim", "A", "B")}
-    return {"dihedral_deg": [box.low, box.high], "decimals": decimals, "unstable": 0, "rate": 0.0} | own | more
+    return {"range": [box.low, box.high], "decimals": decimals, "unstable": 0, "rate": 0.0} | own | more
 
 
 class ScheduleCertificate:
     """The certificate of one schedule: a file that holds what is proved so far, whole at any time; none without a path.
 
-    The statement says of which aircraft, which flights, which gains and over which angles (deg) it is.
+    The statement says of which aircraft, which flights, which gains and over which places it is.
     """
 
     def __init__(
-        self, family: Family, table: GainTable, low: float, high: float, path: Path | None, origin: Provenance
+        self,
+        family: Family,
+        table: GainTable | LoopTable,
+        low: float,
+        high: float,
+        path: Path | None,
+        origin: Provenance,
     ) -> None:
+        table = LoopTable.of(table)
         self.table, self._path, self._origin = table, path, origin
-        self._saved, self._decimals = time.monotonic(), family.decimals
-        gains = {
-            "dihedral_deg": table.dihedral_deg,
-        } | {name: getattr(table, name) for name in "KMNX"}
-        self._claim = jsonable(flights_claim(family, low, high) | {"table": gains})
+        self._saved, self._decimals, self._model = time.monotonic(), family.decimals, family.model
+        claim = flights_claim(family, low, high) | {
+            "table": {name: getattr(table, name) for name in ("places", *"KMNX")}
+        }
+        if table.actuators is not None:
+            claim |= {"actuators": vars(table.actuators)}
+        self._claim = jsonable(claim)
 
     def save(self, loop: Cover, modes: Cover) -> None:
         """Write what there is, at most every `_PAUSE` seconds."""
@@ -98,16 +111,16 @@ class ScheduleCertificate:
         lists = {"loop": loop.proved, "modes": modes.proved, "least": bounds[0], "most": bounds[1]}
         boxes = {name: [self._entry(each) for each in proved] for name, proved in lists.items()}
         if motion is not None and motion.rate > 0.0:
-            claim |= {"dihedral_rate": motion.rate, "lyapunov": {"dihedral_deg": motion.dihedral_deg, "P": motion.P}}
+            claim |= {"place_rate": motion.rate, "lyapunov": {"places": motion.places, "P": motion.P}}
             boxes["motion"] = [box_entry(*each[:2], self._decimals, turn=each.turn) for each in motion.boxes]
-        low, high = claim["dihedral_deg"]
+        low, high = claim["range"]
         gaps = {name: [[each.low, each.high] for each in cover.open] for name, cover in covers.items()}
         for name, cover in covers.items():  # what an unfinished proof has not come to is open too
             gaps[name] += [[cover.frontier(low), high]] if cover.frontier(low) < high else []
         write_certificate(path, self._origin, "schedule", claim, boxes, open=gaps)
 
     def _entry(self, proved: ProvedBox) -> dict[str, Any]:
-        own = {name: getattr(proved, name) for name in ("unstable", "rate", "H", "turn")}
+        own = {"unstable": proved.unstable, "rate": proved.rate} | proved.proof
         return box_entry(proved.box, proved.model, self._decimals, **own)
 
     def known(self) -> tuple[Cover, Cover]:
@@ -119,7 +132,7 @@ class ScheduleCertificate:
 
         assert self._path is not None
         try:
-            statement = check_certificate(self._path).statement
+            statement = check_certificate(self._path, model=self._model if self._model.source[0] else None).statement
         except Rejected as error:
             raise BadInputError(f"{error}; remove the file and begin again") from error
         finally:
@@ -128,13 +141,13 @@ class ScheduleCertificate:
         same = all(statement.get(key) == value for key, value in self._claim.items())
         if not same or content["toolchain"] != toolchain_version():
             raise BadInputError(f"{self._path}: is of another statement or version; write to another file")
-        end = content["statement"]["dihedral_deg"][1]
-        gaps = {name: [DihedralBox(*ends) for ends in own if ends[1] != end] for name, own in content["open"].items()}
+        end = content["statement"]["range"][1]
+        gaps = {name: [PlaceBox(*ends) for ends in own if ends[1] != end] for name, own in content["open"].items()}
         loop, modes = (Cover(tuple(map(_box, content["boxes"][name])), tuple(gaps[name])) for name in ("loop", "modes"))
         return loop, modes
 
 
 def _box(entry: dict[str, Any]) -> ProvedBox:
     model = StatedModel(entry["trim"], np.array(entry["A"]), np.array(entry["B"]))
-    H, turn = np.array(entry["H"]), np.array(entry["turn"])
-    return ProvedBox(DihedralBox(*entry["dihedral_deg"]), entry["unstable"], entry["rate"], H, turn, model)
+    proof: dict[str, Any] = {key: entry[key] for key in ("H", "turn", "pieces") if key in entry}
+    return ProvedBox(PlaceBox(*entry["range"]), entry["unstable"], entry["rate"], proof, model)

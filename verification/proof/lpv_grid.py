@@ -1,8 +1,12 @@
-"""The coarsest grid of dihedrals between which the linear model is interpolated with a proved bound of the error."""
+"""The coarsest grid of places between which the linear model is interpolated with a proved bound of the error.
+
+What is searched for here, in doubles, is proved by `verification/checker` alone: trims, A, B and K on every cell, and
+how far they are from the chord of two nodes.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -10,112 +14,178 @@ from typing import Any
 import numpy as np
 from flint import arb_mat
 
-from controller.export.c_model import comment_lines
-from controller.game.zero_sum import Game, published_game
+from controller.export.c_model import c_table, comment_lines
+from controller.game.zero_sum import Game, usual_game
 from controller.riccati.balancing import balanced_units, in_units
-from controller.riccati.gare import solve_game
+from controller.riccati.gare_schur import schur_solution
 from hfa_model.provenance import Provenance
-from hfa_model.vectors import INPUT_SCALES, INPUT_UNITS, INPUTS, LINEAR_STATES, STATE_UNITS, UNITS, entry_unit
 from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.jsonable import jsonable
+from hfa_support.model import Model
 from hfa_support.progress import Progress, told
 from hfa_support.reporting.fields import Shown
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Table
 from hfa_support.reporting.unit_system import gain_unit
 from verification.arithmetic.ball_function import Undecided
-from verification.arithmetic.balls import doubles, exact, filled, map_entries, matrix, norm, symmetric
+from verification.arithmetic.balls import doubles, exact, matrix, norm
 from verification.arithmetic.taylor_model import TaylorModel
-from verification.enclosures.dihedral_box import DihedralBox, bisected
 from verification.enclosures.eigenvalue_signs import counted
 from verification.enclosures.game_balls import lyapunov_operator
+from verification.enclosures.place_box import PlaceBox, bisected
 from verification.enclosures.trim_branch import Family, ModelForms, TrimBranch
 from verification.proof.certificate_file import box_entry, flights_claim, write_certificate
+from verification.proof.proof_report import scheduled
 from verification.proof.stated_model import stated
 
-Polynomial = list["arb_mat"]
-#: How much wider than what Newton's step shows the solution is sought.
+#: How much wider than what Newton's step shows the solution of the game is sought.
 _REACH = 4.0
-#: ... and how much wider a certificate states it, and the contraction that leaves the checker room: it takes a box of
-#: entries where a ball is meant, which is n times as large in norm.
-_STATED, _CONTRACTION = 36.0, 0.6
+#: Cells, in steps of the family: every node of a grid is an end of one.
+_CELL = 2.0**-4
+#: Narrower cells are not tried.
+_NARROWEST = 2.0**-8
+#: Part of the tolerance that a cell may use up with nodes at its own ends.
+_LOOSE = 0.5
+#: What the error is stated larger than it is found, relative.
+_ROUNDING = 1e-9
 
 
-@dataclass(frozen=True, eq=False)
-class GainForm:
-    """K(τ) within rest, entry by entry, of K_0 + K_1 τ + K_2 τ²: coefficients (3, 5, 6), rest (5, 6), τ in degrees.
+@dataclass(frozen=True, eq=False, repr=False)
+class LpvGrid(Shown):
+    """A(η), B(η), U0(η) and the usual game's K(η) at the nodes; between two nodes they are interpolated linearly.
 
-    proof: what a certificate says of P on the box. loose: how far from K, Frobenius, that leaves whoever checks it.
+    places: (G,). A: (G, n, n), B: (G, n, m), inputs: (G, m), K: (G, m, n). error: proved bounds, at every place
+    between the first and the last node, of |A - Â| / |A|, |B - B̂| / |B|, |K - K̂| / |K| (Frobenius) and of |U0 - Û0| in
+    nominal units of the inputs (Euclidean). claim, cells: what a certificate says of it, and of each cell.
     """
 
-    coefficients: np.ndarray
-    rest: np.ndarray
-    proof: dict[str, Any]
-    loose: float
+    model: Model
+    places: np.ndarray
+    A: np.ndarray
+    B: np.ndarray
+    inputs: np.ndarray
+    K: np.ndarray
+    error: dict[str, float]
+    claim: dict[str, Any]
+    cells: tuple[dict[str, Any], ...]
 
 
-def gain_form(forms: ModelForms) -> GainForm:
-    """The gain of the published game on a box. Undecided when the box is too wide.
+@dataclass(frozen=True)
+class _Cell:
+    """What is proved on a part of the interval: A, B, K and the inputs as Taylor models."""
 
-    P̂(τ) solves the Riccati equation to second order in doubles. With L(E) = A_c'E + E A_c on all of the box and C
-    about its inverse, E = -C F(P̂) + (I - C L) E + C (E S E) has one solution |E| < reach at every τ, and L stays
-    invertible: no mode of A - S P crosses the axis.
+    entry: dict[str, Any]
+    known: dict[str, TaylorModel]
+
+    def at(self, name: str, s: float) -> np.ndarray:
+        """In doubles, at an end: s = -1 or 1."""
+        c0, c1, c2, *_ = self.known[name].parts
+        return doubles(c0 + s * c1 + c2)
+
+
+def coarsest_grid(
+    family: Family, low: float, high: float, tolerance: float, *, progress: Progress | None = None
+) -> LpvGrid:
+    """As few nodes as the bound allows: from `low` on, every step is the longest whose error is proved to stay below
+    the tolerance, which is of every error in `LpvGrid.error`.
+
+    Nodes are ends of cells of 1/16 of a step, or less. NoSolutionError when no step is fine enough.
     """
-    A, B = ([*form.parts[:3], last] for form, last in zip((forms.A, forms.B), forms.cubic, strict=True))
-    game = published_game(doubles(A[0]), doubles(B[0]))
+    from verification.checker.checker import Rejected, distances, model_on, solution_on
+
+    if not low < high:
+        raise BadInputError(f"the interval goes from {low:g} to {high:g}; give the lower end first")
+    branch, model, cells = TrimBranch(family), family.model, list[_Cell]()
+    narrowest = _NARROWEST * family.step
+    point = branch.model_at(low)
+    game = usual_game(model, *map(doubles, point[:2]))
+    weights = {name: getattr(game, name) for name in "QRE"} | {"delta": game.delta if game.delta < np.inf else "inf"}
+    claim = jsonable(flights_claim(family, low, high) | {"game": weights, "distances": dict.fromkeys(_PARTS)})
+
+    def bound(first: int, last: int) -> dict[str, float]:
+        """The largest error on these cells when their outer ends are nodes."""
+        table = tables([first, last])
+        found = [distances(claim | {"table": table}, each.entry, each.known) for each in cells[first:last]]
+        return {name: max(float(each[name][1]) for each in found) * (1.0 + _ROUNDING) for name in _PARTS}
+
+    def tables(nodes: list[int]) -> dict[str, Any]:
+        """Places and matrices where these cells begin, and at the end of the last one."""
+        at = [(cells[k], -1.0) if k < len(cells) else (cells[-1], 1.0) for k in nodes]
+        found = {name: [cell.at(name, s) for cell, s in at] for name in _PARTS}
+        return {"places": [cell.entry["range"][int(s > 0.0)] for cell, s in at], **found}
+
+    def proved(box: PlaceBox) -> _Cell | None:
+        forms = branch.forms(box)
+        entry = jsonable(box_entry(box, stated(forms, family), family.decimals, **_game_on(forms, game)))
+        try:
+            known = model_on(claim, entry, model)
+            cell = _Cell(entry, known | solution_on(claim["game"], known, entry, 1))
+        except Rejected:
+            return None
+        cells.append(cell)  # to see what is left when its own ends are nodes
+        sharp = box.high - box.low <= narrowest or max(bound(len(cells) - 1, len(cells)).values()) <= _LOOSE * tolerance
+        cells.pop()
+        return cell if sharp else None
+
+    count = max(1, round((high - low) / (_CELL * family.step)))
+    edges = np.linspace(low, high, count + 1).tolist()
+    for box in told([PlaceBox(*ends) for ends in pairwise(edges)], progress):
+        for part, cell in bisected([box], proved, narrowest):
+            if cell is None:
+                raise NoSolutionError(f"the models from {part.low:g} to {part.high:g} could not be enclosed")
+            cells.append(cell)
+    nodes, errors = [0], list[dict[str, float]]()
+    while nodes[-1] < len(cells):
+        last, error = nodes[-1] + 1, bound(nodes[-1], nodes[-1] + 1)
+        while last < len(cells) and max((more := bound(nodes[-1], last + 1)).values()) <= tolerance:
+            last, error = last + 1, more
+        if max(error.values()) > tolerance:
+            first, after = cells[nodes[-1]].entry["range"]
+            raise NoSolutionError(
+                f"no grid is proved within {tolerance:g}: from {first:g} to {after:g} {family.unit} the bound is "
+                f"{max(error.values()):.3g}; ask for a larger tolerance"
+            )
+        nodes.append(last)
+        errors.append(error)
+    largest, table = {name: max(each[name] for each in errors) for name in _PARTS}, tables(nodes)
+    claim |= jsonable({"table": table, "distances": {name: [0.0, most] for name, most in largest.items()}})
+    places, A, B, inputs, K = map(np.array, table.values())
+    return LpvGrid(model, places, A, B, inputs[..., 0], K, largest, claim, tuple(cell.entry for cell in cells))
+
+
+_PARTS = ("A", "B", "inputs", "K")
+
+
+def certify(grid: LpvGrid, path: Path, origin: Provenance) -> None:
+    """Write the certificate of a grid."""
+    write_certificate(path, origin, "lpv", grid.claim, {"cells": list(grid.cells)})
+
+
+def _game_on(forms: ModelForms, first: Game) -> dict[str, Any]:
+    """What a certificate says of the solution of the game on a box: P(τ) to second order, and how far off it may be."""
+    game = replace(first, A=doubles(forms.A.parts[0]), B=doubles(forms.B.parts[0]))
     units = balanced_units(game)
     up, down = matrix(np.diag(units)), matrix(np.diag(1.0 / units))
-    A, B = [down * each * up for each in A], [down * each for each in B]
-    own, n = in_units(game, units), len(units)
-    R_inverse, Q, E = matrix(own.R).inv(), matrix(own.Q), matrix(own.E)
-    S = _product(B, [R_inverse * each.transpose() for each in B])
-    S[0] = S[0] - E * E.transpose() * (1 / exact(own.delta) ** 2)
-    guess = _solution(own, [doubles(each) for each in A[:3]], [doubles(each) for each in S[:3]])
-    P = [matrix(each) for each in guess]
-    half = _product([each.transpose() for each in A], P)
-    residual = _sum(half, [each.transpose() for each in half], [-each for each in _product(P, _product(S, P))], [Q])
-    loop = _sum(A, [-each for each in _product(S, P)])
-    L = lyapunov_operator(_range(loop))
-    C = matrix(np.linalg.inv(doubles(L)))
-    step = C * arb_mat([[entry] for entry in _range(residual).entries()])
-    slope, bend = (
-        norm((matrix(np.eye(n * n)) - C * L).entries()),
-        norm(C.entries()) * norm(_range(S).entries()),
-    )
-    reach = exact(_REACH * float(norm(step.entries()).upper()))
-    rest = slope * reach + bend * reach**2
-    modes = counted(loop[0])
-    if (
-        modes is None
-        or modes.unstable
-        or not (norm(step.entries()) + rest < reach and slope + 2 * n * bend * _STATED * reach < _CONTRACTION)
-    ):
-        raise Undecided("the solution of the game is not enclosed on this box")
-    error = arb_mat(n, n, [symmetric(rest) - entry for entry in step.entries()])
-    gains = [R_inverse * each * down for each in _product([each.transpose() for each in B], P)]
-    over = _range([R_inverse * each.transpose() for each in B]) * error * down
-    for k, each in enumerate(gains):
-        over += map_entries(lambda entry, k=k: symmetric(entry if k > 2 else entry - entry.mid()), each)
-    bounds = np.array([[float(abs(entry).upper()) for entry in row] for row in over.tolist()])
-    proof = {
-        "units": units,
-        "P": guess,
-        "reach": _STATED * float(reach),
-        "H": modes.H,
-        "turn": modes.turn,
-    }
-    loose = R_inverse * B[0].transpose() * filled(n, n, symmetric(proof["reach"])) * down
-    scales = 1.0 / float(forms.box.radius) ** np.arange(3)[:, None, None]
-    return GainForm(
-        np.array([doubles(each) for each in gains[:3]]) * scales, bounds, proof, float(norm(loose.entries()).upper())
-    )
+    A, B, own = down * forms.A * up, down * forms.B, in_units(game, units)
+    E = matrix(own.E)
+    S = B * (matrix(own.R).inv() * B.transpose()) - E * E.transpose() * (1 / exact(own.delta) ** 2)
+    guess = _solution(own, *([doubles(part) for part in form.parts[:3]] for form in (A, S)))
+    P = TaylorModel(*map(matrix, guess))
+    half, loop = (A - S * P * 0.5).transpose() * P, A - S * P
+    inverse = matrix(np.linalg.inv(doubles(lyapunov_operator(loop.parts[0]))))
+    step = inverse * arb_mat([[entry] for entry in (half + half.transpose() + matrix(own.Q)).range().entries()])
+    modes = counted(loop.parts[0])
+    if modes is None or modes.unstable:
+        raise Undecided("the solution of the game is not found on this box")
+    reach = _REACH * float(norm(step.entries()).upper())
+    return {"units": units, "P": guess, "reach": reach, "H": modes.H, "turn": modes.turn}
 
 
 def _solution(game: Game, A: list[np.ndarray], S: list[np.ndarray]) -> list[np.ndarray]:
     """P_0, P_1, P_2 of the Riccati equation along the box, in doubles: one Lyapunov equation an order."""
     from scipy.linalg import solve_continuous_lyapunov
 
-    P = [solve_game(game).P]
+    P = [schur_solution(game)]
     loop = A[0] - S[0] @ P[0]
     for order in (1, 2):
         known = [*P, np.zeros_like(P[0])]
@@ -128,240 +198,39 @@ def _solution(game: Game, A: list[np.ndarray], S: list[np.ndarray]) -> list[np.n
     return P
 
 
-def _product(X: Polynomial, Y: Polynomial) -> Polynomial:
-    """Of two polynomials in s with matrices of balls."""
-    found: list[Any] = [None] * (len(X) + len(Y) - 1)
-    for i, x in enumerate(X):
-        for j, y in enumerate(Y):
-            found[i + j] = x * y if found[i + j] is None else found[i + j] + x * y
-    return found
-
-
-def _sum(*terms: Polynomial) -> Polynomial:
-    longest = max(terms, key=len)
-    zero = 0 * longest[0]
-    return [sum((each[k] for each in terms if k < len(each)), zero) for k in range(len(longest))]
-
-
-def _range(X: Polynomial) -> arb_mat:
-    """Everything that it takes for |s| <= 1."""
-    return sum((map_entries(symmetric, x) for x in X[1:]), X[0])
-
-
-#: Cells in which curvatures are bounded, deg: every node of a grid is an end of one.
-_CELL = 2.0**-4
-#: Narrower cells are not tried.
-_NARROWEST = 2.0**-8
-#: Part of the tolerance that a certificate may leave open about K.
-_LOOSE = 0.5
-#: What rounding of a node's entries to doubles may add to the error, relative.
-_ROUNDING = 1e-12
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class LpvGrid(Shown):
-    """A(η), B(η), U0(η) and the exact game's K(η) at the nodes; between two nodes they are interpolated linearly.
-
-    dihedral_deg: (G,). A: (G, 6, 6), B: (G, 6, 5), inputs: (G, 5), K: (G, 5, 6). error: proved bounds, at every angle
-    between the first and the last node, of |A - Â| / |A|, |B - B̂| / |B|, |K - K̂| / |K| (Frobenius) and of |U0 - Û0| in
-    units of the inputs (`INPUT_SCALES`, Euclidean). cells: what a certificate says of each.
-    """
-
-    dihedral_deg: np.ndarray
-    A: np.ndarray
-    B: np.ndarray
-    inputs: np.ndarray
-    K: np.ndarray
-    error: dict[str, float]
-    cells: tuple[dict[str, Any], ...]
-
-
-@dataclass(frozen=True)
-class _Cell:
-    """A part of the interval: bounds of |F''| per squared degree, and the least size of F, by quantity."""
-
-    low: float
-    high: float
-    curvature: dict[str, float]
-    size: dict[str, float]
-    gain: GainForm
-    entry: dict[str, Any]
-
-
-def coarsest_grid(
-    family: Family, low: float, high: float, tolerance: float, *, progress: Progress | None = None
-) -> LpvGrid:
-    """As few nodes as the bound allows: from `low` on, every step is the longest whose bound stays below the tolerance.
-
-    low, high: dihedral, degrees. tolerance: of every error in `LpvGrid.error`.
-
-    Between nodes a distance h apart F - F̂ is the integral of F'' against Peano's kernel, whose own integral is at most
-    h²/8; so |F - F̂| <= h² max |F''| / 8 in any norm. K is compared with its polynomial on each cell. Nodes are ends of
-    cells of 1/16 deg. NoSolutionError when no step is fine enough.
-    """
-    if not low < high:
-        raise BadInputError(f"the interval goes from {low:g} to {high:g} deg; give the lower end first")
-    branch = TrimBranch(family)
-    cells: list[_Cell] = []
-    count = max(1, round((high - low) / _CELL))
-    edges = np.linspace(low, high, count + 1).tolist()
-    for box in told([DihedralBox(*ends) for ends in pairwise(edges)], progress):
-        cells += _cells(branch, box, _LOOSE * tolerance)
-    nodes, errors, first = [low], [], 0
-    while first < len(cells):
-        last, error = first, _bound(cells[first : first + 1])
-        while last + 1 < len(cells) and max(_bound(cells[first : last + 2]).values()) <= tolerance:
-            last += 1
-            error = _bound(cells[first : last + 1])
-        if max(error.values()) > tolerance:
-            raise NoSolutionError(
-                f"no grid is proved within {tolerance:g}: from {cells[first].low:g} to {cells[first].high:g} deg the "
-                f"bound is {max(error.values()):.3g}; ask for a larger tolerance"
-            )
-        nodes.append(cells[last].high)
-        errors.append(error)
-        first = last + 1
-    bounds = {name: max(error[name] for error in errors) for name in errors[0]}
-    ends = {cell.low: _gain_at(cell, -1.0) for cell in cells} | {cells[-1].high: _gain_at(cells[-1], 1.0)}
-    K = np.array([ends[node] for node in nodes])
-    points = [branch.model_at(node) for node in nodes]
-    A, B, inputs = (np.array([doubles(point[part]) for point in points]) for part in range(3))
-    return LpvGrid(np.array(nodes), A, B, inputs[..., 0], K, bounds, tuple(cell.entry for cell in cells))
-
-
-def certify(grid: LpvGrid, family: Family, path: Path, origin: Provenance) -> None:
-    """Write the certificate of a grid; it states the errors that the checker finds: it encloses in another way."""
-    from verification.checker.checker import distances, model_on
-
-    game = published_game(grid.A[0], grid.B[0])
-    nodes = {name: getattr(grid, name) for name in ("dihedral_deg", "A", "B", "K")} | {"inputs": grid.inputs[..., None]}
-    claim = flights_claim(family, float(grid.dihedral_deg[0]), float(grid.dihedral_deg[-1])) | {
-        "game": {name: getattr(game, name) for name in ("Q", "R", "E", "delta")},
-        "table": nodes,
-    }
-    claim = jsonable(claim)
-    found = [distances(claim, cell, model_on(claim, cell)) for cell in map(jsonable, grid.cells)]
-    claim["distances"] = {name: [0.0, _wider(max(float(each[name][1]) for each in found))] for name in grid.error}
-    write_certificate(path, origin, "lpv", claim, {"cells": list(grid.cells)})
-
-
-def _cells(branch: TrimBranch, box: DihedralBox, loose: float) -> list[_Cell]:
-    """The bounds of a box, or of its parts when it is too wide for them, or for a check of K within `loose`."""
-
-    def bounded(part: DihedralBox) -> _Cell | None:
-        found = _cell(branch.forms(part), branch)
-        sharp = found.gain.loose <= loose * found.size["K"] or part.high - part.low <= _NARROWEST
-        return found if sharp else None
-
-    cells = []
-    for part, cell in bisected([box], bounded, _NARROWEST):
-        if cell is None:
-            raise NoSolutionError(f"the models from {part.low:g} to {part.high:g} deg could not be enclosed")
-        cells.append(cell)
-    return cells
-
-
-def _cell(forms: ModelForms, branch: TrimBranch) -> _Cell:
-    scales = [[1 / scale] for scale in INPUT_SCALES]
-    curvature, size = {}, {}
-    for name, form in (("A", forms.A), ("B", forms.B), ("inputs", forms.inputs)):
-        bend, value = _bend(form, forms.box).tolist(), form.range().tolist()
-        weights = scales if name == "inputs" else [[1.0] * len(row) for row in bend]
-        curvature[name] = _frobenius([[float(2 * abs(entry).upper()) for entry in row] for row in bend], weights)
-        least = [[max(0.0, float(abs(entry).lower())) for entry in row] for row in value]
-        size[name] = 1.0 if name == "inputs" else _frobenius(least, weights)
-    gain = gain_form(forms)
-    K, rises = np.abs(gain.coefficients[0]), np.abs(gain.coefficients[1:]) * _powers(forms.box)
-    size["K"] = float(np.linalg.norm(np.maximum(0.0, K - rises.sum(axis=0) - gain.rest)))
-    entry = box_entry(forms.box, stated(forms, branch.free), branch.family.decimals, **gain.proof)
-    return _Cell(forms.box.low, forms.box.high, curvature, size, gain, entry)
-
-
-def _powers(box: DihedralBox) -> np.ndarray:
-    return np.array([float(box.radius), float(box.radius) ** 2])[:, None, None]
-
-
-def _gain_at(cell: _Cell, s: float) -> np.ndarray:
-    """The polynomial of K at an end of the cell, s = -1 or 1."""
-    r = s * (cell.high - cell.low) / 2
-    return np.asarray(cell.gain.coefficients[0] + r * cell.gain.coefficients[1] + r * r * cell.gain.coefficients[2])
-
-
-def _gain_error(cells: list[_Cell]) -> float:
-    """|K - K̂| / |K| with K̂ linear over all of the cells: on each by the control points of the difference."""
-    low, high = cells[0].low, cells[-1].high
-    first, last = _gain_at(cells[0], -1.0), _gain_at(cells[-1], 1.0)
-    worst = 0.0
-    for cell in cells:
-        middle, r = (cell.low + cell.high) / 2, (cell.high - cell.low) / 2
-        slope = (last - first) / (high - low)
-        c0 = cell.gain.coefficients[0] - first - slope * (middle - low)
-        c1, c2 = (cell.gain.coefficients[1] - slope) * r, cell.gain.coefficients[2] * r * r
-        most = np.abs([c0 - c1 + c2, c0 - c2, c0 + c1 + c2]).max(axis=0) + cell.gain.rest
-        worst = max(worst, float(np.linalg.norm(most)))
-    return _wider(worst / min(cell.size["K"] for cell in cells))
-
-
-def _bend(form: TaylorModel, box: DihedralBox) -> arb_mat:
-    """F''/2 on the box: F_2 + 3 F_3(ξ) τ, the mean-value form of the second coefficient."""
-    return (form.parts[2] + 3 * form.parts[3]) * (1 / box.radius**2)
-
-
-def _frobenius(values: list[list[float]], weights: list[list[float]]) -> float:
-    return float(np.linalg.norm(np.array(values) * np.array(weights)))
-
-
-def _bound(cells: list[_Cell]) -> dict[str, float]:
-    """h² max |F''| / (8 min |F|); the sums of doubles are widened by more than their rounding."""
-    width = cells[-1].high - cells[0].low
-    bounds = {
-        name: _wider(
-            width**2 / 8 * max(cell.curvature[name] for cell in cells) / min(cell.size[name] for cell in cells)
-        )
-        for name in cells[0].curvature
-    }
-    return bounds | {"K": _gain_error(cells)}
-
-
-def _wider(value: float) -> float:
-    return value * (1.0 + _ROUNDING) + _ROUNDING
-
-
 SCHEMA = "hfa.lpv/1"
 
 
-def lpv_report(grid: LpvGrid, tolerance: float, dynamics: str) -> Report:
+def lpv_report(grid: LpvGrid, tolerance: float) -> Report:
     """The proved bounds and where the nodes are; the matrices are data."""
-    steps = np.diff(grid.dihedral_deg)
-    low, high = grid.dihedral_deg[0], grid.dihedral_deg[-1]
-    what = {
-        "A": "|A - Â| / |A|",
-        "B": "|B - B̂| / |B|",
-        "inputs": "|U0 - Û0|, in units of the inputs",
-        "K": "|K - K̂| / |K|",
-    }
-    rows = [(what[name], f"{value:.3g}") for name, value in grid.error.items()]
+    steps, model = np.diff(grid.places), grid.model
+    low, high, unit = grid.places[0], grid.places[-1], model.schedule_unit
+    rows = [
+        (
+            f"|{name} - interpolated| / |{name}|" if name != "inputs" else "|U0 - interpolated|, in nominal units",
+            f"{value:.3g}",
+        )
+        for name, value in grid.error.items()
+    ]
     data: dict[str, Any] = {
         "schema": SCHEMA,
-        "dynamics": dynamics,
+        "dynamics": model.name,
         "tolerance": tolerance,
         "error": grid.error,
-        "dihedral_deg": grid.dihedral_deg,
-        "A": grid.A,
-        "B": grid.B,
+        **scheduled(model, grid.places),
+        **{name: getattr(grid, name) for name in "ABK"},
         "inputs_offset": grid.inputs,
-        "K": grid.K,
-        "states": list(LINEAR_STATES),
-        "inputs": list(INPUTS),
-        "state_units": [getattr(STATE_UNITS, name) for name in LINEAR_STATES],
-        "input_units": list(INPUT_UNITS),
+        "states": list(model.linear),
+        "inputs": list(model.inputs),
+        "state_units": list(model.units(model.linear)),
+        "input_units": list(model.units(tuple(model.inputs))),
     }
     return Report(
-        title=f"Proved: {len(grid.dihedral_deg)} models from {low:g} to {high:g} deg, {dynamics} dynamics, interpolate "
+        title=f"Proved: {len(grid.places)} models from {low:g} to {high:g} {unit}, {model.title}, interpolate "
         f"linearly within {tolerance:g}",
         parts=[
-            Table(("error at every angle between, at most", "bound"), rows),
-            f"steps from {steps.min():g} to {steps.max():g} deg",
+            Table((f"error at every {'angle' if unit == 'deg' else model.schedule} between, at most", "bound"), rows),
+            f"steps from {steps.min():g} to {steps.max():g} {unit}",
         ],
         data=data,
         records=_records(grid),
@@ -369,61 +238,60 @@ def lpv_report(grid: LpvGrid, tolerance: float, dynamics: str) -> Report:
 
 
 def c_source(grid: LpvGrid, origin: str) -> str:
-    """A C99 function that interpolates A, B and U0, row by row; it needs no library. origin: said at its top."""
-    count = len(grid.dihedral_deg)
+    """A C99 function that interpolates A, B, U0 and K, row by row; it needs no library. origin: said at its top."""
+    model, key = grid.model, grid.model.schedule_key
+    parts = {"A": grid.A, "B": grid.B, "U0": grid.inputs, "K": grid.K}
     bounds = ", ".join(f"{name} {value:.3g}" for name, value in grid.error.items())
-    tables = "\n".join(
-        f"static const double {name}_at[{count}][{values[0].size}] = {{\n{_rows(values)}}};"
-        for name, values in (("A", grid.A), ("B", grid.B), ("U0", grid.inputs), ("K", grid.K))
+    sizes = {name: values[0].size for name, values in parts.items()}
+    tables = [
+        c_table(f"static const double {name}_at", values.reshape(len(values), -1)) for name, values in parts.items()
+    ]
+    tables.append(c_table("static const double node", grid.places))
+    calls = "\n    ".join(
+        f"between({name}_at[k], {name}_at[k + 1], share, {size}, {name});" for name, size in sizes.items()
     )
+    units = ", ".join(f"{name} {model.unit(name)}" for name in (*model.linear, *model.inputs))
     return f"""/* {comment_lines(origin)} */
-/* Linear models of the aircraft over the dihedral, linear between the nodes; proved errors: {bounds}.
-   States: {", ".join(LINEAR_STATES)}. Inputs: {", ".join(INPUTS)}. English units and radians; dihedral in degrees. */
+/* Linear models over the {model.schedule}, linear between the nodes; proved errors: {bounds}.
+   States: {", ".join(model.linear)}. Inputs: {", ".join(model.inputs)}. Units: {units}. */
 #include <stddef.h>
-static const double node_deg[{count}] = {{{_numbers(grid.dihedral_deg)}}};
-{tables}
+{chr(10).join(tables)}
 static void between(const double *first, const double *last, double share, size_t size, double *out)
 {{
     for (size_t i = 0; i < size; i++) out[i] = first[i] + share * (last[i] - first[i]);
 }}
-/* A[36], B[30], U0[5] and the exact game's gain K[30], u = -K x; matrices row by row. Returns 0, or 1 and nothing when
-   the dihedral is outside the nodes. */
-int hfa_lpv(double dihedral_deg, double *A, double *B, double *U0, double *K)
+/* {", ".join(f"{name}[{size}]" for name, size in sizes.items())}, u = -K x; matrices row by row. Returns 0, or 1 and
+   nothing when {key} is outside the nodes. */
+int hfa_lpv(double {key}, double *A, double *B, double *U0, double *K)
 {{
     size_t k = 0;
-    if (!(dihedral_deg >= node_deg[0] && dihedral_deg <= node_deg[{count - 1}])) return 1;
-    while (k + 2 < {count} && dihedral_deg > node_deg[k + 1]) k++;
-    double share = (dihedral_deg - node_deg[k]) / (node_deg[k + 1] - node_deg[k]);
-    between(A_at[k], A_at[k + 1], share, 36, A);
-    between(B_at[k], B_at[k + 1], share, 30, B);
-    between(U0_at[k], U0_at[k + 1], share, 5, U0);
-    between(K_at[k], K_at[k + 1], share, 30, K);
+    if (!({key} >= node[0] && {key} <= node[{len(grid.places) - 1}])) return 1;
+    while (k + 2 < {len(grid.places)} && {key} > node[k + 1]) k++;
+    double share = ({key} - node[k]) / (node[k + 1] - node[k]);
+    {calls}
     return 0;
 }}
 """
 
 
-def _rows(values: np.ndarray) -> str:
-    return "".join(f"    {{{_numbers(each)}}},\n" for each in values)
-
-
-def _numbers(values: np.ndarray) -> str:
-    return ", ".join(repr(value) for value in np.ravel(values).tolist())
-
-
 def _records(grid: LpvGrid) -> Table:
-    rows = []
-    for k, angle in enumerate(grid.dihedral_deg.tolist()):
-        for name, values, names, columns, unit in (
-            ("A", grid.A[k], LINEAR_STATES, LINEAR_STATES, entry_unit),
-            ("B", grid.B[k], LINEAR_STATES, INPUTS, entry_unit),
-            ("K", grid.K[k], INPUTS, LINEAR_STATES, lambda row, column: gain_unit(UNITS[row], UNITS[column])),
+    model, rows = grid.model, list[tuple[Any, ...]]()
+    states, inputs = model.linear, tuple(model.inputs)
+    per_gain = lambda row, column: gain_unit(model.unit(row), model.unit(column))  # noqa: E731
+    for k, place in enumerate(grid.places.tolist()):
+        for name, names, columns, unit in (
+            ("A", states, states, model.entry_unit),
+            ("B", states, inputs, model.entry_unit),
+            ("K", inputs, states, per_gain),
         ):
+            values = getattr(grid, name)[k].tolist()
             rows += [
-                (angle, name, row, column, values[i, j], unit(row, column))
+                (place, name, row, column, values[i][j], unit(row, column))
                 for i, row in enumerate(names)
                 for j, column in enumerate(columns)
             ]
-        offsets = zip(INPUTS, grid.inputs[k].tolist(), INPUT_UNITS, strict=True)
-        rows += [(angle, "U0", name, "", value, unit) for name, value, unit in offsets]
-    return Table(("dihedral_deg", "matrix", "row", "column", "value", "unit"), rows)
+        rows += [
+            (place, "U0", name, "", value, model.unit(name))
+            for name, value in zip(inputs, grid.inputs[k].tolist(), strict=True)
+        ]
+    return Table((model.schedule_key, "matrix", "row", "column", "value", "unit"), rows)

@@ -1,4 +1,4 @@
-"""How fast the dihedral may move: a Lyapunov function of it, proved to decrease at every angle and rate."""
+"""How fast the scheduling variable may move: a Lyapunov function of it, proved to decrease at every place and rate."""
 
 from __future__ import annotations
 
@@ -17,21 +17,21 @@ from hfa_support.reporting.fields import Shown
 from verification.arithmetic.ball_function import Undecided
 from verification.arithmetic.balls import doubles, exact, is_positive_definite, matrix
 from verification.arithmetic.taylor_model import TaylorModel
-from verification.enclosures.dihedral_box import DihedralBox, bisected
 from verification.enclosures.eigenvalue_signs import roomy
+from verification.enclosures.place_box import PlaceBox, bisected
 from verification.enclosures.trim_branch import Family, TrimBranch
-from verification.proof.scheduled_loop import closed_loop, segments
+from verification.proof.scheduled_loop import LoopTable, closed_loop, segments
 from verification.proof.stated_model import StatedModel, stated
 
-#: Largest distance between two angles at which P is given, deg.
+#: Largest distance between two places at which P is given, in steps of the family.
 _STEP = 0.125
 #: Parts of the rate that points suggest, tried until one is proved on the whole interval.
 _SHARES = (0.95, 0.9, 0.8, 0.6, 0.4, 0.2)
-#: Narrower boxes, deg, are not tried.
+#: Narrower boxes are not tried, likewise.
 _NARROWEST = 2.0**-6
-#: Steps of the search for W, which goes from angle to angle at most this many of them apart ..
+#: Steps of the search for W, which goes from place to place at most this many of them apart ..
 _TRIES, _STRIDE = 16, 8
-#: .. and how much the angle that allows least counts.
+#: .. and how much the place that allows least counts.
 _POWER = 8
 
 Rows = np.ndarray
@@ -40,20 +40,20 @@ Rows = np.ndarray
 class MotionBox(NamedTuple):
     """A box on which V is proved to decrease, its trims, and the coordinates, (n, n), in which it is proved."""
 
-    box: DihedralBox
+    box: PlaceBox
     model: StatedModel
     turn: np.ndarray
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class RateProof(Shown):
-    """The closed loop is stable for every motion of η in the interval with |η'| <= rate, deg/s; 0 when open.
+    """The closed loop is stable for every motion of η in the interval with |η'| <= rate, per second; 0 when open.
 
-    dihedral_deg: (G,), P: (G, n, n): V = ζ'P(η)ζ with P linear between these angles decreases on every such motion.
+    places: (G,), P: (G, n, n): V = ζ'P(η)ζ with P linear between these places decreases on every such motion.
     """
 
     rate: float
-    dihedral_deg: np.ndarray
+    places: np.ndarray
     P: np.ndarray
     boxes: tuple[MotionBox, ...] = ()
 
@@ -74,7 +74,7 @@ def _decreases(loop: TaylorModel, P: TaylorModel, motion: arb_mat) -> np.ndarray
 
 def prove_rate(
     family: Family,
-    table: GainTable,
+    table: GainTable | LoopTable,
     low: float,
     high: float,
     *,
@@ -82,15 +82,13 @@ def prove_rate(
 ) -> RateProof:
     """V' = z'(A_c'P + P A_c + η' dP/dη) z < 0 for both signs of η' = ± rate, hence for all rates between.
 
-    low, high: dihedral, degrees. The rate found is in deg/s.
-
-    P solves A_c'P + P A_c = -W at some angles, with one W for all, and is linear between: V is continuous, its
+    P solves A_c'P + P A_c = -W at some places, with one W for all, and is linear between: V is continuous, its
     derivative is the above where η is inside a piece, and P is as smooth as A_c, whatever its modes do.
     """
-    branch = TrimBranch(family)
-    angles = _angles(segments(table, low, high))
-    boxes = [DihedralBox(a, b) for a, b in pairwise(angles)]
-    nothing = RateProof(0.0, np.array(angles), np.zeros(0))
+    branch, table = TrimBranch(family), LoopTable.of(table)
+    places = _places(segments(table, low, high), _STEP * family.step)
+    boxes = [PlaceBox(a, b) for a, b in pairwise(places)]
+    nothing = RateProof(0.0, np.array(places), np.zeros(0))
     try:
         loops = [closed_loop(table, branch.forms(box)) for box in boxes]
     except Undecided:
@@ -105,19 +103,19 @@ def prove_rate(
     ends += [doubles(last[0] + last[1] + last[2])]
     P = np.array([_lyapunov(A, W) for A in ends])
 
-    def proved_box(rate: float, index: int, box: DihedralBox) -> MotionBox | None:
+    def proved_box(rate: float, index: int, box: PlaceBox) -> MotionBox | None:
         forms = branch.forms(box)
-        first, width = exact(angles[index]), exact(angles[index + 1]) - exact(angles[index])
+        first, width = exact(places[index]), exact(places[index + 1]) - exact(places[index])
         rise = (matrix(P[index + 1]) - matrix(P[index])) * (1 / width)
         value = matrix(P[index]) + (box.middle - first) * rise
         turn = _decreases(closed_loop(table, forms), TaylorModel(value, rise * box.radius), exact(rate) * rise)
-        return None if turn is None else MotionBox(box, stated(forms, branch.free), turn)
+        return None if turn is None else MotionBox(box, stated(forms, family), turn)
 
     def proved_boxes(rate: float) -> tuple[MotionBox, ...]:
         """The boxes on which the rate is proved; none when it is not on all of them."""
         found: list[MotionBox] = []
         for index, whole in told(list(enumerate(boxes)), progress):
-            for _, proved in bisected([whole], partial(proved_box, rate, index), _NARROWEST):
+            for _, proved in bisected([whole], partial(proved_box, rate, index), _NARROWEST * family.step):
                 if proved is None:
                     return ()
                 found.append(proved)
@@ -128,7 +126,7 @@ def prove_rate(
             rate = _two_digits(share * suggested)
             found = proved_boxes(rate)
             if found:
-                return RateProof(rate, np.array(angles), P, found)
+                return RateProof(rate, np.array(places), P, found)
     return nothing
 
 
@@ -138,9 +136,9 @@ def _two_digits(rate: float) -> float:
     return float(f"{math.floor(rate / 10.0**unit)}e{unit}")
 
 
-def _angles(parts: list[DihedralBox]) -> list[float]:
-    """The ends of the parts, and between them angles at most `_STEP` apart."""
-    cuts = [np.linspace(s.low, s.high, math.ceil((s.high - s.low) / _STEP) + 1)[:-1] for s in parts]
+def _places(parts: list[PlaceBox], step: float) -> list[float]:
+    """The ends of the parts, and between them places at most a step apart."""
+    cuts = [np.linspace(s.low, s.high, math.ceil((s.high - s.low) / step) + 1)[:-1] for s in parts]
     return [*np.concatenate(cuts).tolist(), parts[-1].high]
 
 

@@ -1,103 +1,173 @@
-"""The loop that a table of gains closes, on a box of dihedrals."""
+"""The loop that a table of gains closes, on a box of the scheduling variable."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
 from controller.design.design import SHORT_PERIOD, Actuator
 from controller.design.scheduled_controller import ScheduledController
 from controller.policy.gain_table import GainTable
-from hfa_model.vectors import INPUTS, LINEAR_STATES
 from hfa_support.errors import BadInputError
+from hfa_support.model import Model
+from hfa_support.reporting.fields import Shown
 from verification.arithmetic.balls import exact, matrix
 from verification.arithmetic.taylor_model import TaylorModel
-from verification.enclosures.dihedral_box import DihedralBox
+from verification.enclosures.place_box import PlaceBox
 from verification.enclosures.trim_branch import ModelForms
 
-_STATES = len(LINEAR_STATES)
+
+@dataclass(frozen=True, eq=False)
+class Actuators:
+    """ω own ζ + ω G v is added to ζ', v_i = λ_i(t) u_i(t - τ_i(t)), u = U ζ: the commands, through actuators.
+
+    bandwidth: ω, rad/s, of all actuators, lies between the two. effectiveness: λ_i, of each input for itself and at any
+    time. delay: τ_i, s, likewise, at most. own: (n, n), what actuators of 1 rad/s do by themselves. G: (n, a).
+    U: (places, a, n), linear between the places.
+    """
+
+    own: np.ndarray
+    G: np.ndarray
+    U: np.ndarray
+    bandwidth: tuple[float, float]
+    effectiveness: tuple[float, float] = (1.0, 1.0)
+    delay: float = 0.0
 
 
-def segments(table: GainTable, low: float, high: float) -> list[DihedralBox]:
-    """The interval, cut at the angles of the table, degrees. BadInputError when the table does not reach."""
-    if len(table.dihedral_deg) < 2:
-        raise BadInputError("a table of gains needs at least two dihedral angles, in increasing order")
-    if not low < high:
-        raise BadInputError(f"the interval goes from {low:g} to {high:g} deg; give the lower end first")
-    first, last = float(table.dihedral_deg[0]), float(table.dihedral_deg[-1])
-    if low < first or high > last:
-        raise BadInputError(
-            f"the table covers {first:g} to {last:g} deg, not {low:g} to {high:g} deg; prove it where it is"
+@dataclass(frozen=True, eq=False, repr=False)
+class LoopTable(Shown):
+    """ζ' = (A x - B K ζ, 0) + N (A X ζ - B K ζ) + M ζ, ζ = (x, memory); K, M, N, X linear between the places.
+
+    places: (G,), increasing, at least two. K: (G, m, n). M: (G, n, n): what ζ does by itself. N: (G, n, nx),
+    X: (G, nx, n): what accelerations do to it, measured with the states X ζ. The nx states of the linear model come
+    first; with n = nx it is u = -K x. The doubles of the table are the gains, exactly.
+    """
+
+    places: np.ndarray
+    K: np.ndarray
+    M: np.ndarray
+    N: np.ndarray
+    X: np.ndarray
+    actuators: Actuators | None = None
+
+    @classmethod
+    def of(cls, table: GainTable | LoopTable) -> LoopTable:
+        """The loop of a table of gains."""
+        if isinstance(table, LoopTable):
+            return table
+        return cls.of_gains(table.dihedral_deg, table.K, len(table.model.linear))
+
+    @classmethod
+    def of_gains(cls, places: np.ndarray, K: np.ndarray, count: int) -> LoopTable:
+        """u = -K ζ of a model with so many linear states; where K has more columns, ζ has what rests."""
+        g, _, n = K.shape
+        return cls(np.asarray(places), K, np.zeros((g, n, n)), np.zeros((g, n, count)), np.zeros((g, count, n)))
+
+    def through(self, bandwidth: tuple[float, float], **uncertain: Any) -> LoopTable:
+        """The gains' commands through actuators of first order: ζ = (x, a), u = -K x or -K ζ."""
+        g, m, n = self.K.shape
+        count = self.X.shape[1]
+        if n not in (count, count + m):
+            raise BadInputError(f"K has {n} columns; through actuators it takes {count}, or {count + m} with positions")
+        U = np.concatenate([-self.K, np.zeros((g, m, count + m - n))], axis=2)
+        K = np.concatenate([np.zeros((g, m, count)), np.tile(-np.eye(m), (g, 1, 1))], axis=2)
+        G = np.eye(count + m)[:, count:]
+        return replace(
+            LoopTable.of_gains(self.places, K, count), actuators=Actuators(-G @ G.T, G, U, bandwidth, **uncertain)
         )
-    cuts = [low, *(angle for angle in table.dihedral_deg.tolist() if low < angle < high), high]
-    return [DihedralBox(a, b) for a, b in pairwise(cuts)]
+
+    def at(self, box: PlaceBox) -> Callable[[np.ndarray], TaylorModel]:
+        """What makes a table, such as K, the Taylor model of a box that crosses no place of the table."""
+        index = int(np.searchsorted(self.places, box.low, side="right")) - 1
+        first, second = (exact(place) for place in self.places[index : index + 2].tolist())
+
+        def affine(values: np.ndarray) -> TaylorModel:
+            slope = (matrix(values[index + 1]) - matrix(values[index])) / (second - first)
+            return TaylorModel(matrix(values[index]) + (box.middle - first) * slope, slope * box.radius)
+
+        return affine
 
 
-def closed_loop(table: GainTable, forms: ModelForms) -> TaylorModel:
-    """ζ' = (A x - B K ζ, 0) + N (A X ζ - B K ζ) + M ζ on a box that crosses no angle of the table."""
-    box, n = forms.box, table.K.shape[-1]
-    index = int(np.searchsorted(table.dihedral_deg, box.low, side="right")) - 1
-    first, second = (exact(angle) for angle in table.dihedral_deg[index : index + 2].tolist())
+def segments(table: LoopTable, low: float, high: float) -> list[PlaceBox]:
+    """The interval, cut at the places of the table. BadInputError when the table does not reach."""
+    if len(table.places) < 2:
+        raise BadInputError("a table of gains needs at least two places, in increasing order")
+    if not low < high:
+        raise BadInputError(f"the interval goes from {low:g} to {high:g}; give the lower end first")
+    first, last = float(table.places[0]), float(table.places[-1])
+    if low < first or high > last:
+        raise BadInputError(f"the table covers {first:g} to {last:g}, not {low:g} to {high:g}; prove it where it is")
+    cuts = [low, *(place for place in table.places.tolist() if low < place < high), high]
+    return [PlaceBox(a, b) for a, b in pairwise(cuts)]
 
-    def affine(values: np.ndarray) -> TaylorModel:
-        slope = (matrix(values[index + 1]) - matrix(values[index])) / (second - first)
-        return TaylorModel(matrix(values[index]) + (box.middle - first) * slope, slope * box.radius)
 
-    states, steered = matrix(np.eye(_STATES, n)), forms.B * affine(table.K)
+def closed_loop(table: LoopTable, forms: ModelForms) -> TaylorModel:
+    """ζ' = (A x - B K ζ, 0) + N (A X ζ - B K ζ) + M ζ on a box that crosses no place of the table."""
+    affine, (count, n) = table.at(forms.box), table.X.shape[1:]
+    states, steered = matrix(np.eye(count, n)), forms.B * affine(table.K)
     loop = states.transpose() * (forms.A * states - steered) + affine(table.M)
     return loop + affine(table.N) * (forms.A * affine(table.X) - steered) if table.N.any() else loop
 
 
-_X = len(LINEAR_STATES)
 #: Of the angles, deg: they were degrees before they became radians.
 _DIGITS = 10
-_ALPHA = LINEAR_STATES.index("alpha")
 _ACCELERATION = f"vertical_acceleration{SHORT_PERIOD}"
 
 
-def servo_table(controller: ScheduledController, actuators: Mapping[str, Actuator], speed: float) -> GainTable:
+def servo_table(
+    controller: ScheduledController, actuators: Mapping[str, Actuator], speed: float, model: Model, **uncertain: Any
+) -> LoopTable:
     """ζ = (x, a, x_c): the aircraft, its actuators, the controller, commands at rest.
 
-    a: positions, then rates, of the actuators of the controller's inputs; every input needs one. Measured may be
-    states and `vertical_acceleration_short_period`, V (A(α, α) α + B(α, ·) u) with V the speed of the trim, ft/s.
-    BadInputError names what is missing or measured otherwise.
+    a: positions, then of order 2 rates / ω, of the actuators of the controller's inputs; every input needs one.
+    Measured may be states and `vertical_acceleration_short_period`, V (A(α, α) α + B(α, ·) u), V the speed, ft/s.
+    uncertain: intervals of `Actuators` in place of the numbers of the actuators. BadInputError names what is missing or
+    measured otherwise.
     """
-    inputs = controller.inputs
+    inputs, linear, all_inputs = controller.inputs, list(model.linear), list(model.inputs)
     missing = [name for name in inputs if name not in actuators]
     if missing:
         raise BadInputError(f"controller {controller.name}: {missing[0]} has no actuator; name a design that has one")
     own = [actuators[name] for name in inputs]
     second = [i for i, each in enumerate(own) if each.order == 2]
-    m, start = len(inputs), _X + len(inputs) + len(second)
+    m, nx, alpha = len(inputs), len(linear), linear.index("alpha")
+    start = nx + m + len(second)
     count, size = len(controller.dihedrals), start + len(controller.states)
-    K, M = np.zeros((count, len(INPUTS), size)), np.zeros((count, size, size))
-    N, X = np.zeros((count, size, _X)), np.zeros((count, _X, size))
-    X[:, _ALPHA, _ALPHA] = 1.0
+    K, M = np.zeros((count, len(all_inputs), size)), np.zeros((count, size, size))
+    N, X = np.zeros((count, size, nx)), np.zeros((count, nx, size))
+    X[:, alpha, alpha] = 1.0
     measured, memory = np.zeros((len(controller.measurements), size)), slice(start, size)
     B, D = (each[..., : len(measured)] for each in (controller.B, controller.D))
     for row, name in enumerate(controller.measurements):
-        if name in LINEAR_STATES:
-            measured[row, LINEAR_STATES.index(name)] = 1.0
+        if name in linear:
+            measured[row, linear.index(name)] = 1.0
         elif name != _ACCELERATION:
             raise BadInputError(f"controller {controller.name}: a proof takes no measurement of {name}")
         elif D[..., row].any():
             raise BadInputError(f"controller {controller.name}: {name} reaches the inputs at once; filter it")
         else:
-            N[:, memory, _ALPHA] = speed * B[..., row]
-    asked = D @ measured
-    asked[..., memory] += controller.C
+            N[:, memory, alpha] = speed * B[..., row]
+    U = D @ measured
+    U[..., memory] += controller.C
     M[:, memory] = B @ measured
     M[:, memory, memory] += controller.A
+    lag, G = np.zeros((size, size)), np.zeros((size, m))
     for i, (name, each) in enumerate(zip(inputs, own, strict=True)):
-        K[:, INPUTS.index(name), _X + i] = -1.0
-        row, w = _X + i, each.bandwidth
+        row = nx + i
+        K[:, all_inputs.index(name), row] = -1.0
         if each.order == 2:
-            rate = _X + m + second.index(i)
-            M[:, row, rate] = 1.0
-            M[:, rate, rate] = -2.0 * each.damping * w
-            row, w = rate, w * w
-        M[:, row, _X + i] -= w
-        M[:, row] += w * each.effectiveness * asked[:, i]
-    return GainTable(np.round(np.degrees(controller.dihedrals), _DIGITS), K, M, N, X)
+            row = nx + m + second.index(i)
+            lag[nx + i, row], lag[row, row] = 1.0, -2.0 * each.damping
+        lag[row, nx + i], G[row, i] = -1.0, 1.0
+    table = LoopTable(np.round(np.degrees(controller.dihedrals), _DIGITS), K, M, N, X)
+    if uncertain:
+        return replace(table, actuators=Actuators(lag, G, U, **uncertain))
+    # Each actuator as it is: in its rows times its bandwidth, with its effectiveness.
+    rows = [nx + i for i in range(m)] + [nx + m + i for i in range(len(second))]
+    speeds = np.zeros((size, 1))
+    speeds[rows, 0] = [own[i].bandwidth for i in (*range(m), *second)]
+    return replace(table, M=M + speeds * (lag + G @ (np.diag([each.effectiveness for each in own]) @ U)))

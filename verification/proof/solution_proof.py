@@ -132,11 +132,11 @@ def _sign(value: arb) -> int:
 
 @dataclass(frozen=True, eq=False)
 class StatedGame:
-    """The game of a statement: of the aircraft of a family at a dihedral (deg), or without these of its matrices."""
+    """The game of a statement: of the model of a family at a place, or without these of its matrices."""
 
     game: Game
     family: Family | None = None
-    degrees: float | None = None
+    place: float | None = None
 
     @cached_property
     def sharp(self) -> BallGame:
@@ -149,27 +149,27 @@ class StatedGame:
         return self._balls(decimals=True)
 
     def _balls(self, *, decimals: bool) -> BallGame:
-        if self.family is None or self.degrees is None:
+        if self.family is None or self.place is None:
             return BallGame.of(self.game)
-        return BallGame(self.game, *self._branch(self.family, decimals).model_at(self.degrees)[:2])
+        return BallGame(self.game, *self._branch(self.family, decimals).model_at(self.place)[:2])
 
     @staticmethod
     def _branch(family: Family, decimals: bool) -> TrimBranch:
-        return TrimBranch(replace(family, spread=None, decimals=decimals))
+        return TrimBranch(replace(family, spread={}, decimals=decimals))
 
     def claim(self) -> dict[str, Any]:
         """What a certificate says of the plant and the game."""
         game, delta = self.game, self.game.delta if np.isfinite(self.game.delta) else "inf"
         own = {"E": game.E, "delta": delta, "Q": (game.Q + game.Q.T) / 2, "R": (game.R + game.R.T) / 2}
-        if self.family is None or self.degrees is None:
-            return {"A": game.A, "B": game.B, "dihedral_deg": [0.0, 0.0], "game": own}
-        return flights_claim(self.family, self.degrees, self.degrees) | {"game": own}
+        if self.family is None or self.place is None:
+            return {"A": game.A, "B": game.B, "range": [0.0, 0.0], "game": own}
+        return flights_claim(self.family, self.place, self.place) | {"game": own}
 
     def point(self, decimals: bool) -> dict[str, Any]:
         """What a certificate says of the trim, about the decimals as they were read or about the doubles."""
-        own: dict[str, Any] = {"dihedral_deg": [0.0, 0.0]}
-        if self.family is not None and self.degrees is not None:
-            own = stated_point(self.degrees, self._branch(self.family, decimals))
+        own: dict[str, Any] = {"range": [0.0, 0.0]}
+        if self.family is not None and self.place is not None:
+            own = stated_point(self.place, self._branch(self.family, decimals))
         return {"unstable": 0, "rate": 0.0} | own
 
 
@@ -216,13 +216,13 @@ class CriticProof(Shown):
     stabilizes: bool | None
 
 
-def prove_solution(game: Game, family: Family | None = None, degrees: float | None = None) -> SolutionProof:
-    """Enclose the solution; of the aircraft of a family at a dihedral (deg), or of a game given by its matrices.
+def prove_solution(game: Game, family: Family | None = None, place: float | None = None) -> SolutionProof:
+    """Enclose the solution; of the model of a family at a place, or of a game given by its matrices.
 
     NoSolutionError when the game has no value, or when it cannot be enclosed.
     """
     flint_or_refusal()
-    about, P = StatedGame(game, family, degrees), solve_game(game).P
+    about, P = StatedGame(game, family, place), solve_game(game).P
     enclosed, around = enclose_solution(about.sharp, P), enclose_solution(about.wide, P)
     if not around.is_value:
         raise NoSolutionError("the rounding of the decimals is too much for a proof that the solution is the value")
@@ -232,11 +232,11 @@ def prove_solution(game: Game, family: Family | None = None, degrees: float | No
 
 
 def prove_critic(
-    game: Game, stored: StoredCritic, basis: Basis, family: Family | None = None, degrees: float | None = None
+    game: Game, stored: StoredCritic, basis: Basis, family: Family | None = None, place: float | None = None
 ) -> CriticProof:
     """How far W, P and K of a file are from the exact ones. BadInputError when a shape does not fit the game."""
     flint_or_refusal()
-    about = StatedGame(game, family, degrees)
+    about = StatedGame(game, family, place)
     sharp, exact = about.sharp, enclose_solution(about.sharp, solve_game(game).P).P
     n, m = game.B.shape
     shapes = {"W": (basis.size,), "P": (n, n), "K": (m, n)}

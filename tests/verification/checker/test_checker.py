@@ -48,7 +48,7 @@ def test_what_was_proved_is_verified(proved: Path) -> None:
         [(14.0, 15.0, 0)],
     ]
     assert 0.29 < found.rate < 0.36
-    assert found.statement["dihedral_rate"] > 25.0
+    assert found.statement["place_rate"] > 25.0
 
 
 def test_an_interrupted_proof_is_continued(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -84,7 +84,7 @@ def test_a_partial_certificate_that_was_forged_is_not_continued(proved: Path, tm
 def test_what_is_neither_proved_nor_said_to_be_open_is_refused(proved: Path, tmp_path: Path, name: str) -> None:
     """Also when too much is said to be open: the boxes and the open intervals cover the interval once."""
     content = json.loads(proved.read_text())
-    last = content["boxes"][name].pop()["dihedral_deg"]
+    last = content["boxes"][name].pop()["range"]
     for said in ([], [[last[0], (last[0] + last[1]) / 2]], [[last[0], last[1] + 1e-9]], [[last[0] - 1e-9, last[1]]]):
         content["open"][name] = said
         with pytest.raises(Rejected, match="do not cover the interval once"):
@@ -140,11 +140,11 @@ def test_where_alpha_is_free_the_derivative_follows_the_pitch_with_it(
     content = json.loads(path.read_text(encoding="utf-8"))
     box, found = content["boxes"]["loop"][0], list[Any]()
     monkeypatch.setattr(checker, "check_root", lambda _, derivative, __: found.append(derivative.range()))
-    checker.model_on(content["statement"], box)
+    checker.model_on(content["statement"], box, flights.model)
 
     point = dict.fromkeys((*STATES, *INPUTS), 0.0) | content["statement"]["imposed"]
     point |= {name: numbers[0] for name, numbers in box["trim"].items()}
-    point |= {"dihedral": np.radians(np.mean(box["dihedral_deg"])), "pitch": point["alpha"] + point["gamma"]}
+    point |= {"dihedral": np.radians(np.mean(box["range"])), "pitch": point["alpha"] + point["gamma"]}
 
     def rates(name: str, step: float) -> np.ndarray:
         at = point | {name: point[name] + step}

@@ -24,7 +24,7 @@ from verification import check_certificate
 from verification.checker.checker import Rejected
 
 Content = dict[str, Any]
-KINDS = ("rate", "memory", "crossing", "errors", "solution", "critic", "scalar", "plant", "lpv")
+KINDS = ("rate", "memory", "actuators", "crossing", "errors", "solution", "critic", "scalar", "plant", "lpv")
 #: Rounding that the judge allows for: it computes in doubles.
 ROUNDING = 1e-10
 
@@ -127,13 +127,13 @@ def _models(
         model = _model(Aircraft(moved, claim["dynamics"]), tuple(claim["imposed"].items()), words, degrees)
         inputs = np.array([getattr(model.point.inputs, name) for name in INPUTS])
         for name, value in zip(INPUTS, inputs, strict=True):
-            low, high = claim["limits"][name]
+            low, high = claim["limits"].get(name, (-np.inf, np.inf))
             assert low - ROUNDING <= value <= high + ROUNDING, f"{name} is beyond its limits"
         yield model.A, model.B, inputs
 
 
 def _at(table: Content, key: str, degrees: float) -> np.ndarray:
-    angles, values = np.array(table["dihedral_deg"]), np.array(table[key])
+    angles, values = np.array(table["places"]), np.array(table[key])
     flat = [np.interp(degrees, angles, each) for each in values.reshape(len(angles), -1).T]
     return np.array(flat).reshape(values.shape[1:])
 
@@ -148,6 +148,31 @@ def _loop(claim: Content, A: np.ndarray, B: np.ndarray, degrees: float) -> np.nd
     K, M, N, X = (_at(claim["table"], key, degrees) for key in "KMNX")
     first = np.eye(len(A), len(M))
     return np.asarray(first.T @ (A @ first - B @ K) + N @ (A @ X - B @ K) + M)
+
+
+def _delayed(claim: Content, A: np.ndarray, B: np.ndarray, degrees: float, random: np.random.Generator) -> float:
+    """Abscissa of ζ' = F ζ + ω G Λ U ζ(t - τ) with ω, Λ, τ drawn from their intervals: of the generator of the delay
+    equation on polynomials of degree 12 over the delay (Breda, Maset, Vermiglio, SIAM J. Sci. Comput. 27, 2005)."""
+    own = claim["actuators"]
+    w, delay = random.uniform(*own["bandwidth"]), random.uniform(0.0, own["delay"])
+    G, U = np.array(own["G"]), _at(own | {"places": claim["table"]["places"]}, "U", degrees)
+    arrives = np.diag(random.uniform(*own["effectiveness"], len(U)))
+    now, later = _loop(claim, A, B, degrees) + w * np.array(own["own"]), w * G @ arrives @ U
+    n, count = len(now), 13
+    if delay < 1e-6:
+        return float(np.linalg.eigvals(now + later).real.max())
+    nodes = np.cos(np.pi * np.arange(count) / (count - 1))
+    slopes = np.polynomial.chebyshev.chebvander(nodes, count - 1)
+    change = np.linalg.solve(
+        slopes.T,
+        np.array(
+            [np.polynomial.chebyshev.chebval(nodes, np.polynomial.chebyshev.chebder(row)) for row in np.eye(count)]
+        ),
+    ).T
+    generator = np.kron(2.0 / delay * change, np.eye(n))
+    generator[:n] = 0.0
+    generator[:n, :n], generator[:n, -n:] = now, later
+    return float(np.linalg.eigvals(generator).real.max())
 
 
 def judge(content: Content, path: Path) -> None:
@@ -174,6 +199,9 @@ def _judge_schedule(claim: Content, found: Content, random: np.random.Generator)
         for low, high, count in found[name]:
             for angle in _angles(low, high, random)[2 * (found["crossings"] != []) :]:
                 for A, B, _ in _models(claim, angle, random):
+                    if name == "loop" and "actuators" in claim:
+                        assert max(_delayed(claim, A, B, angle, random) for _ in range(3)) < 0.0, f"loop at {angle}"
+                        continue
                     matrix = _loop(claim, A, B, angle) if name == "loop" else A
                     assert _count(matrix) in (count, None), f"{name} at {angle}"
                     if name == "loop" and count == 0:
@@ -184,10 +212,10 @@ def _judge_schedule(claim: Content, found: Content, random: np.random.Generator)
             assert count is None or least <= count <= most
     if "dihedral_rate_deg_s" in found:
         P, rate = claim["lyapunov"], found["dihedral_rate_deg_s"]
-        for angle in np.linspace(*claim["dihedral_deg"], 9)[1:-1]:
+        for angle in np.linspace(*claim["range"], 9)[1:-1]:
             ((A, B, _),) = _models(claim, float(angle), random)
             V, loop = _at(P, "P", angle), _loop(claim, A, B, float(angle))
-            step = 1e-3 * np.ptp(claim["dihedral_deg"])
+            step = 1e-3 * np.ptp(claim["range"])
             slope = (_at(P, "P", angle + step) - _at(P, "P", angle - step)) / (2 * step)
             assert np.linalg.eigvalsh(V).min() > 0.0
             for sign in (1, -1):
@@ -195,7 +223,7 @@ def _judge_schedule(claim: Content, found: Content, random: np.random.Generator)
 
 
 def _judge_game(claim: Content, found: Content, random: np.random.Generator) -> None:
-    ((A, B, _),) = _models(claim, claim["dihedral_deg"][0], random)
+    ((A, B, _),) = _models(claim, claim["range"][0], random)
     own = claim["game"]
     game = Game(A=A, B=B, E=own["E"], Q=own["Q"], R=own["R"], delta=float(own["delta"]))
     exact, table = solve_game(game), claim["table"]
@@ -216,7 +244,7 @@ def _judge_game(claim: Content, found: Content, random: np.random.Generator) -> 
 
 def _judge_lpv(claim: Content, found: Content, random: np.random.Generator) -> None:
     own = claim["game"]
-    for angle in _angles(*claim["dihedral_deg"], random):
+    for angle in _angles(*claim["range"], random):
         ((A, B, inputs),) = _models(claim, angle, random)
         game = Game(A=A, B=B, E=own["E"], Q=own["Q"], R=own["R"], delta=float(own["delta"]))
         exact = {"A": A, "B": B, "K": solve_game(game).K, "inputs": inputs[:, None] / np.array(INPUT_SCALES)[:, None]}
@@ -303,10 +331,10 @@ UNPROVED: dict[str, tuple[str, Callable[[Content], None]]] = {
     "trim": ("rate", put(lambda x: x + 1e-3, *LOOP, "trim", "throttle", 0)),
     "dynamics": ("rate", put("newton", "statement", "dynamics")),
     "a box twice": ("rate", put(lambda boxes: [boxes[-1], *boxes], "boxes", "modes")),
-    "across an angle": ("rate", put([14.0, 14.02], *TABLE, "dihedral_deg")),
+    "across an angle": ("rate", put([14.0, 14.02], *TABLE, "places")),
     "limit": ("rate", put(1.0, "statement", "limits", "throttle", 1)),
     "no limit": ("rate", lambda content: _at_place(content, "statement", "limits").pop("throttle")),
-    "motion": ("rate", put(lambda rate: 2.0 * rate, "statement", "dihedral_rate")),
+    "motion": ("rate", put(lambda rate: 2.0 * rate, "statement", "place_rate")),
     "lyapunov": ("rate", put(_uneven, "statement", "lyapunov", "P")),
     "every box at 14 deg": ("rate", put(float(np.radians(14.0)), "statement", "imposed", "dihedral")),
     "throttle imposed": ("rate", put(3.0, "statement", "imposed", "throttle")),
@@ -335,7 +363,7 @@ def test_a_forgery_with_a_right_digest_is_rejected(certificates: dict[str, Conte
 
 
 def _one_direction(content: Content) -> None:
-    content["statement"]["dihedral_rate"] = 1e6
+    content["statement"]["place_rate"] = 1e6
     P = np.array(content["statement"]["lyapunov"]["P"])
     content["statement"]["lyapunov"]["P"] = np.broadcast_to(np.eye(6), P.shape).tolist()
     for box in content["boxes"]["motion"]:
@@ -362,13 +390,13 @@ def _all_open(content: Content) -> None:
 
 def _no_cells(content: Content) -> None:
     content["statement"]["distances"] = {key: [0.0, 1e-30] for key in content["statement"]["distances"]}
-    content["open"] = {"cells": [content["statement"]["dihedral_deg"]]}
+    content["open"] = {"cells": [content["statement"]["range"]]}
     content["boxes"]["cells"] = []
 
 
 def _unsorted(content: Content) -> None:
     table = content["statement"]["table"]
-    table["dihedral_deg"] = [0.0, 30.0, *table["dihedral_deg"]]
+    table["places"] = [0.0, 30.0, *table["places"]]
     for key in "KMNX":
         table[key] = [table[key][0], table[key][-1], *table[key]]
 

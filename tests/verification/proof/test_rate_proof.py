@@ -17,7 +17,7 @@ def test_the_lyapunov_function_decreases_at_every_rate(dynamics: str) -> None:
     table = exact_table(14.0, 14.5, dynamics=dynamics)
     found = prove_rate(family(dynamics), table, 14.0, 14.5)
     assert found.rate > 60.0
-    angles, fastest = found.dihedral_deg, []
+    angles, fastest = found.places, []
     for i, share in ((0, 0.0), (1, 0.3), (2, 0.7), (3, 1.0)):
         angle = angles[i] + share * (angles[i + 1] - angles[i])
         model, along = model_at(angle, dynamics), (angle - 14.0) / 0.5
@@ -52,5 +52,5 @@ def test_the_whole_range(dynamics: str) -> None:
 def test_a_table_is_cut_at_its_angles_and_reaches_to_its_last() -> None:
     table = exact_table(13.0, 14.0, 15.0)
     assert [(each.low, each.high) for each in segments(table, 13.5, 15.0)] == [(13.5, 14.0), (14.0, 15.0)]
-    with pytest.raises(BadInputError, match=r"the table covers 13 to 15 deg, not 13 to 15.5 deg"):
+    with pytest.raises(BadInputError, match=r"the table covers 13 to 15, not 13 to 15.5"):
         segments(table, 13.0, 15.5)

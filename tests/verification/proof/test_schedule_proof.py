@@ -19,16 +19,12 @@ from verification import check_certificate, coarsest_grid, prove_schedule
 from verification.proof.certificate_file import ScheduleCertificate
 from verification.proof.proof_report import schedule_proof_report
 from verification.proof.schedule_proof import Cover, ScheduleProof, joined
+from verification.proof.scheduled_loop import LoopTable
 
 
-def gain_at(table: GainTable, degrees: float) -> np.ndarray:
+def gain_at(table: LoopTable, degrees: float) -> np.ndarray:
     flat = table.K.reshape(len(table.K), -1)
-    return np.array([np.interp(degrees, table.dihedral_deg, column) for column in flat.T]).reshape(table.K[0].shape)
-
-
-def one_standard_error() -> tuple[float, ...]:
-    known = default_parameters()
-    return tuple(known.standard_errors.get(name, 0.0) for name in known.values._fields)
+    return np.array([np.interp(degrees, table.places, column) for column in flat.T]).reshape(table.K[0].shape)
 
 
 def assert_agrees_with_doubles(proof: ScheduleProof, dynamics: str) -> None:
@@ -90,7 +86,8 @@ def test_the_angle_where_a_mode_crosses_is_enclosed() -> None:
 
 def test_how_many_modes_may_be_unstable_within_the_errors_is_said() -> None:
     """At 11.5 deg `published` has none or two unstable modes, which depends on the parameters; four are far left."""
-    proof = prove_schedule(replace(family(), spread=one_standard_error()), exact_table(11.5, 11.53125), 11.5, 11.53125)
+    wide = replace(family(), spread=default_parameters().standard_errors)
+    proof = prove_schedule(wide, exact_table(11.5, 11.53125), 11.5, 11.53125)
     assert proof.crossings == [(11.5, 11.53125, (0, 2))]
     rows = schedule_proof_report(proof).data["modes"]
     assert rows["open"] == [{"from_deg": 11.5, "to_deg": 11.53125, "at_least": 0, "at_most": 2}]
@@ -133,7 +130,7 @@ def test_a_table_that_is_none_is_refused(angles: list[float], shape: tuple[int, 
 def test_the_whole_range_is_proved(dynamics: str, errors: float, tmp_path: Path) -> None:
     """Of the identified aircraft, and of all within one standard error of every parameter."""
     angles, flights = np.linspace(0.0, 20.0, 11).tolist(), family(dynamics)
-    flights = replace(flights, spread=one_standard_error()) if errors else flights
+    flights = replace(flights, spread=default_parameters().standard_errors) if errors else flights
     table, path = exact_table(*angles, dynamics=dynamics), tmp_path / "certificate.json"
     proof = prove_schedule(flights, table, 0.0, 20.0)
     assert proof.proved
@@ -149,7 +146,7 @@ def test_the_whole_range_is_proved(dynamics: str, errors: float, tmp_path: Path)
 @pytest.mark.parametrize(("low", "high"), [(15.0, 14.0), (14.5, 14.5), (14.0, float("nan"))])
 def test_nothing_is_proved_of_an_interval_without_angles(low: float, high: float) -> None:
     """Once: proved, since no box was refuted."""
-    with pytest.raises(BadInputError, match=f"goes from {low:g} to {high:g} deg; give the lower end first"):
+    with pytest.raises(BadInputError, match=f"goes from {low:g} to {high:g}; give the lower end first"):
         prove_schedule(family(), exact_table(14.0, 15.0), low, high)
     with pytest.raises(BadInputError, match="the interval goes from"):
         coarsest_grid(family(), low, high, 1e-3)

@@ -1,4 +1,4 @@
-"""Boxes of dihedral, and series in it."""
+"""Boxes of a scheduling variable, such as the dihedral."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TypeVar
 
-from flint import arb, arb_series
+from flint import arb
 
 from verification.arithmetic.ball_function import Undecided
 from verification.arithmetic.balls import exact, interval
@@ -21,8 +21,8 @@ ORDER = 3
 
 
 @dataclass(frozen=True)
-class DihedralBox:
-    """The dihedral angles from `low` to `high`, degrees, both included; low < high, exact doubles.
+class PlaceBox:
+    """The places η from `low` to `high`, both included; low < high, exact doubles. Of an angle they are degrees.
 
     s = (η - middle) / radius is the place of a Taylor model on the box.
     """
@@ -41,22 +41,22 @@ class DihedralBox:
         return (exact(self.high) - exact(self.low)) / 2
 
     @cached_property
-    def degrees(self) -> arb:
-        """The ball of all angles of the box, degrees."""
+    def places(self) -> arb:
+        """The ball of all places of the box."""
         return interval(self.low, self.high)
 
-    def halves(self) -> tuple[DihedralBox, DihedralBox]:
+    def halves(self) -> tuple[PlaceBox, PlaceBox]:
         """The box in two, at the double nearest to its middle."""
         cut = float(self.middle)
-        return DihedralBox(self.low, cut), DihedralBox(cut, self.high)
+        return PlaceBox(self.low, cut), PlaceBox(cut, self.high)
 
 
 def bisected(
-    boxes: list[DihedralBox], prove: Callable[[DihedralBox], Proved | None], narrowest: float, start: float = -math.inf
-) -> Iterator[tuple[DihedralBox, Proved | None]]:
+    boxes: list[PlaceBox], prove: Callable[[PlaceBox], Proved | None], narrowest: float, start: float = -math.inf
+) -> Iterator[tuple[PlaceBox, Proved | None]]:
     """Each box with what `prove` returns, or its halves where that is None or it is `Undecided`.
 
-    A box no wider than `narrowest`, degrees, is not halved but comes with None. Boxes up to `start` are passed over,
+    A box no wider than `narrowest` is not halved but comes with None. Boxes up to `start` are passed over,
     and bisected as if none of them had been proved as a whole: what is continued there has the same boxes.
     """
     waiting = boxes[::-1]
@@ -72,13 +72,3 @@ def bisected(
             waiting += box.halves()[::-1]
         else:
             yield box, proved
-
-
-def radians(degrees: arb) -> arb:
-    """The angle in radians, π enclosed."""
-    return degrees * arb.pi() / 180
-
-
-def dihedral_series(degrees: arb, length: int) -> arb_series:
-    """η(τ) = degrees + τ, in radians, as a series in τ (degrees) of `length` coefficients."""
-    return arb_series([radians(degrees), radians(exact(1.0))], prec=length)
