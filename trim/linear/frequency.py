@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 
 #: Of the largest entry of the scaled system: what is smaller is rounding where a rank is decided.
 _ROUNDING = 1e-12
-#: A zero and a pole that are as close, relative to 0.01 + |zero|, cancel.
-_CANCELS = 1e-7
+#: A zero and a pole that are as close, relative to 0.01 + |zero|, cancel; what is slower than `_SLOW`, 1/s, is at 0.
+_CANCELS, _SLOW = 1e-7, 1e-9
 
 
 class Transfer(NamedTuple):
@@ -68,8 +68,9 @@ def transfers(model: LinearModel) -> list[Transfer]:
                 rest = np.prod(beyond - poles[len(zeros) :])
                 gain = float(np.real(value * rest * np.prod((beyond - poles[: len(zeros)]) / (beyond - zeros))))
                 gain *= signals[output].nominal / signals[name].nominal
-                at_zero = np.prod(-poles)
-                static = float(np.real(gain * np.prod(-zeros) / at_zero)) if at_zero else np.inf
+                slowest_zero, slowest_pole = (np.abs(roots).min(initial=np.inf) for roots in (zeros, poles))
+                static = float(np.real(gain * np.prod(-zeros) / np.prod(-poles))) if slowest_pole > _SLOW else np.inf
+                static = static if slowest_zero > _SLOW else 0.0
             unit = f"({signals[output].unit})/({signals[name].unit})"
             found.append(Transfer(output, name, unit, gain, static, zeros, poles))
     return found
@@ -192,4 +193,5 @@ def _sorted(roots: np.ndarray) -> np.ndarray:
 
 
 def _pairs_text(roots: np.ndarray) -> str:
-    return ", ".join(eigenvalue_text(root) for root in roots if root.imag >= 0) or "none"
+    shown = (complex(root.real if abs(root.real) > 5e-5 else 0.0, root.imag) for root in roots)
+    return ", ".join(eigenvalue_text(root) for root in shown if root.imag >= 0) or "none"
