@@ -193,7 +193,7 @@ class Delayed:
         begin = tick * self.steps_per_tick * self.step
         self._sent.append(np.array(self._command(begin, now[: self._n], p)).ravel())
         calm, due = np.zeros(self._sent[0].size), tick - self._delay
-        early, late = (self._sent[k] if k >= 0 else calm for k in (due, due + 1))
+        early, late = (self._sent[due], self._sent[due + 1]) if due >= 0 else (calm, calm)
         self.handed.append(np.concatenate([[begin], early, late]))
         p[-self.handed[-1].size :] = self.handed[-1]
         return self._method.rows(tick, count, now, p)

@@ -1,0 +1,102 @@
+"""`hfa fly`, `schedule`, `map`, `monte-carlo` and `export` with `--aircraft FILE.py:NAME`."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cli import assert_refused, hfa
+
+from hfa_support.jobs.store import open_store
+from verification.flights import recoverable_map
+
+NAVION, F16 = "navion.py:NAVION", "f16.py:F16"
+EXAMPLES = Path(__file__).parents[2] / "examples"
+
+
+@pytest.fixture(autouse=True)
+def _there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    for name in ("navion.py", "f16.py"):
+        shutil.copy(EXAMPLES / name, tmp_path)
+
+
+def test_a_doublet_without_a_law_is_written_and_drawn() -> None:
+    doublet = ("--law", "none", "--command", "elevator=1:2,2:-2,3:0", "--duration", "4")
+    result = hfa("fly", "--aircraft", NAVION, *doublet, "-o", "flight.json", "--picture", "flight.png")
+    assert (result.code, result.err) == (0, "")
+    assert result.out.startswith("Flight, Navion, speed 176 ft/s, law none\nstayed within limits: 4 s")
+    data = json.loads(Path("flight.json").read_text("utf-8"))
+    elevator = np.degrees(np.array(data["history"]["inputs"])[:, 1] - data["operating_point"]["inputs"]["elevator"])
+    np.testing.assert_allclose(elevator[[99, 101, 201, 301]], [0.0, 2.0, -2.0, 0.0], atol=1e-12)
+    assert data["envelope"]["speed"] == [80.0, 300.0]
+    assert Path("flight.png").read_bytes().startswith(b"\x89PNG")
+    assert hfa("fly", "--aircraft", F16, *doublet, "--hold", "altitude=10000", "-o", "flight.csv").code == 0
+
+
+def test_a_gain_flies_with_offsets_actuators_faults_and_a_delay() -> None:
+    words = ("--law", "exact", "--initial", "alpha=2", "--actuators", "0.1:60", "--fault", "0.5:5", "--delay", "0.025")
+    data = json.loads(hfa("fly", "--aircraft", NAVION, *words, "--duration", "5", "--json").out)
+    scenario = data["scenario"]
+    assert (scenario["tick"], scenario["delay"], data["within_limits"]) == (0.005, 0.025, True)
+    assert scenario["actuators"]["faults"][0]["inputs"] == ["elevator", "aileron", "rudder"]
+
+
+def test_members_are_drawn_by_workers_and_a_changed_file_is_noticed() -> None:
+    words = ("monte-carlo", "--aircraft", NAVION, "--law", "exact", "--samples", "4", "--duration", "0.2")
+    noisy = (*words, "--noise", "alpha=0.1", "-o", "a.zarr")
+    assert hfa(*noisy, "--workers", "2").code == 0
+    kept = open_store(Path("a.zarr"))
+    assert kept.read("final").shape == (4, 8)
+    errors = json.loads(hfa("monte-carlo", "--aircraft", F16, "--hold", "altitude=10000", *words[3:],
+                            "--error", "xcg=0.02", "--json").out)["errors"]  # fmt: skip
+    assert errors["xcg"]["asked"] == 0.02
+    source = Path("navion.py").read_text("utf-8")
+    Path("navion.py").write_text(source.replace("4.44", "4.45"), "utf-8")
+    assert_refused(hfa(*noisy, "--resume"), 2, "another Monte Carlo")
+
+
+def test_a_schedule_over_the_speed_and_a_map_of_two_states(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(recoverable_map, "_SCAN", 2)
+    monkeypatch.setattr(recoverable_map, "_HALVINGS", 1)
+    result = hfa("schedule", "--aircraft", NAVION, "--law", "exact", "--to", "190:20:2", "--duration", "26",
+                 "--step", "0.01", "--json")  # fmt: skip
+    data = json.loads(result.out)
+    assert (result.code, data["schedule"]["dihedrals"]) == (0, [176.0, 190.0])
+    ranges = ("--initial", "speed=-5,5", "--initial", "alpha=-2,0,2", "--command", "speed=-5,5")
+    data = json.loads(hfa("map", "--aircraft", NAVION, "--law", "exact", *ranges, "--json").out)["maps"]["Navion"]
+    assert (data["speeds"], np.shape(data["nonlinear"]["held"])) == ([-5.0, 5.0], (3, 2))
+    assert np.all(data["nonlinear"]["held"])
+
+
+def test_exports_have_its_names() -> None:
+    for model, name in ((NAVION, "HFA_ELEVATOR, /* rad */"), (F16, "HFA_ELEVATOR, /* deg */")):
+        assert hfa("export", "--aircraft", model, "-o", "c").code == 0
+        assert name in Path("c/hfa_aircraft.h").read_text("utf-8")
+
+
+@pytest.mark.parametrize(
+    ("words", "named"),
+    [
+        ("fly --gust 100:5", "Navion declares no disturbance updraft"),
+        ("fly --initial paper", "`paper` stands for signals of the HFA"),
+        ("fly --command flap=1:1", "a gain follows no command of 'flap'"),
+        ("fly --law none --command flap=1:1", "there is no law, and no input 'flap'"),
+        ("fly --law none --command speed=1", "takes steps; give NAME=TIME:VALUE"),
+        ("fly --law none --delta 100", "belongs to a law"),
+        ("fly --disturbance rain=1", "is not among the states"),
+        ("fly --error mass=1.1", "unknown parameter 'mass'"),
+        ("fly --units si", "--units si does not go with --aircraft here"),
+        ("fly --envelope speed=200:300", "the trim has speed 176 ft/s, outside the envelope's"),
+        ("fly --delay 0.0105", "make it a whole number of steps"),
+        ("schedule --to 176", "begins and ends at 176 ft/s"),
+        ("schedule --to 190 --dihedral 5", "belongs to the HFA"),
+        ("map --initial speed=1", "a map has two states off trim"),
+    ],
+)
+def test_what_does_not_fit_the_model_is_one_line(words: str, named: str) -> None:
+    command, *more = words.split()
+    assert_refused(hfa(command, "--aircraft", NAVION, *more), 2, named)
