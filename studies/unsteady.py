@@ -1,11 +1,11 @@
 """Which results survive on the `unsteady` dynamics: loops of packaged servos and the largest gusts under the paper's
-policy, beside `published` and `newton`. Half a minute:
+policy, beside `published` and `newton`. Two minutes:
 
     python -m studies.unsteady
 
 Servos: designed on the named dynamics, flown (linear) with actuators of 2 rad/s on each. Gusts: the nonlinear aircraft
-with u = -K (x - x0), K the exact gain of the paper's game on `published` at that angle, no actuators; states and inputs
-within the limits of a trim, alpha through the air of the center panel. It is not the flight of `hfa fly`.
+with u = -K (x - x0), K the exact gain of the paper's game on `published` at that angle, no actuators; 20 s inside the
+envelope and the control limits.
 """
 
 from __future__ import annotations
@@ -13,10 +13,19 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import cache
 
-import casadi as ca
 import numpy as np
 
-from controller import ScheduledController, design_controller, load_design, published_game
+from controller import (
+    OneMinusCosine,
+    Scenario,
+    ScheduledController,
+    design_controller,
+    flight_envelope,
+    fly,
+    gain_law,
+    load_design,
+    published_game,
+)
 from hfa_model import LINEAR_STATES, UNSTEADY, Aircraft
 from hfa_support import Model
 from trim import LinearModel, level_model, linearize
@@ -79,35 +88,17 @@ def margins(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> tuple[float, float]:
     return abscissa, min(found)
 
 
-def flier(plant: str, degrees: float, step: float = 0.005, duration: float = 20.0) -> Callable[..., bool]:
+def flier(plant: str, degrees: float) -> Callable[[float, float], bool]:
     """(length ft, peak ft/s) -> whether a 1-cosine updraft leaves every state and input within its limits."""
-    of, linear = PLANTS[plant].model, model_at(plant, degrees)
+    model = model_at(plant, degrees)
     K = solve_game(published_game(model_at("published", degrees))).K
-    x, t, gust = ca.SX.sym("x", len(of.states)), ca.SX.sym("t"), ca.SX.sym("gust", 2)
-    rows = [list(of.states).index(name) for name in LINEAR_STATES]
-    x0, u0 = np.array(linear.point.states), np.array(linear.point.inputs)
-    u = u0 - K @ (x[rows] - x0[rows])
-    speed = linear.point.states.speed
-    w = ca.if_else(speed * t < gust[0], gust[1] / 2 * (1 - ca.cos(2 * np.pi * speed * t / gust[0])), 0)
-    winds = [w if name == "updraft" else 0.0 for name in of.disturbances]
-    vectors = ca.vertsplit(x), ca.vertsplit(u), of.p.tolist()
-    f, y = of.layout.expressions(vectors, ("alpha_air_center",), winds)
-    rate = ca.Function("rate", [x, t, gust], [f])
-    k1 = rate(x, t, gust)
-    k2 = rate(x + step / 2 * k1, t + step / 2, gust)
-    k3 = rate(x + step / 2 * k2, t + step / 2, gust)
-    k4 = rate(x + step * k3, t + step, gust)
-    watched = ca.vertcat(y, *(x[i] for i, name in enumerate(of.states) if name != "alpha"), u)
-    advance = ca.Function("advance", [x, t, gust], [x + step / 6 * (k1 + 2 * k2 + 2 * k3 + k4), watched])
-    count = round(duration / step)
-    fly = advance.mapaccum("fly", count)
-    names = ["alpha", *(name for name in of.states if name != "alpha"), *of.inputs]
-    low, high = (np.array([of.limits[name][end] for name in names])[:, None] for end in (0, 1))
+    law = gain_law("paper", np.pad(K, ((0, 0), (0, len(model.A) - K.shape[1])))[None])
+    envelope = flight_envelope(PLANTS[plant], model.point)
 
     def held(length: float, peak: float) -> bool:
-        gusts = np.repeat([[length], [peak]], count, axis=1)
-        rows = np.array(fly(x0, step * np.arange(count), gusts)[1])
-        return bool(np.isfinite(rows).all() and (rows >= low).all() and (rows <= high).all())
+        gust = OneMinusCosine(length, peak, model.point.states.speed, 0.0)
+        flight = fly(PLANTS[plant], model.point, law, Scenario(duration=20.0, step=0.005, gust=gust), envelope)
+        return bool(flight.within_limits)
 
     return held
 
