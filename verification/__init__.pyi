@@ -2,7 +2,9 @@
 
 from .checker.checker import check_certificate as check_certificate
 from .critic.candidate import (
+    from_features as from_features,
     from_gain as from_gain,
+    from_network as from_network,
     from_stored as from_stored,
     from_value as from_value,
     from_weights as from_weights,

@@ -1,4 +1,4 @@
-"""Compare a critic with the exact game solution: our own laws, or weights, P or K from elsewhere.
+"""Compare a critic with the exact game solution: our own laws, or weights, P, K or networks from elsewhere.
 
 Exit code 0 only when every check passes, or with --limit-cost when the critic costs no more than that.
 """
@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import math
+import re
 from pathlib import Path
 from typing import Any
 
@@ -20,18 +21,24 @@ from hfa_cli.options.parser import add_value
 from hfa_cli.output import draw, show
 from hfa_cli.progress import ProgressLine, say_notes
 from hfa_support.errors import BadInputError, said_of
-from verification.critic.candidate import from_run, from_stored
-from verification.critic.check_result import CriticCheck, check_figure, check_report, checks_report
+from verification.critic.candidate import features_of, from_features, from_network, from_run, from_stored
+from verification.critic.check_result import CriticCheck, check_figure, check_report, checks_figure, checks_report
 from verification.critic.critic_check import LIMIT, check_critic, check_history
 from verification.critic.critic_errors import ordinary_box
-from verification.critic.network_check import OUTPUTS, check_network, network_critic
-from verification.critic.network_file import ACTIVATIONS, NETWORK_FILES, network_in
+from verification.critic.network_file import ACTIVATIONS, NETWORK_FILES, is_network
 
-_OF_NETWORKS = ("activation", "network", "network_output", "scale")
+_OF_NETWORKS = ("activation", "network", "scale")
+#: Of more files than this, each network is flown from a few starts.
+_MANY, _FEW_FLIGHTS = 5, 10
 
 
 def _numbers(text: str) -> list[float]:
     return [float(each) for each in text.split(",")]
+
+
+def _critic(text: str) -> Path:
+    """A file, or a folder of them."""
+    return Path(text) if Path(text).is_dir() else input_file(*MATRIX_FILES, *NETWORK_FILES)(text)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -39,14 +46,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_game(parser)
     add_learning(parser)
     about = f"critics from elsewhere: W, P or K, with `time` also over time ({' '.join(MATRIX_FILES)}), or a network "
-    about += f"of V, dV/dx or u ({' '.join(NETWORK_FILES)}); of several, one table"
-    add_value(parser, "--weights", input_file(*MATRIX_FILES, *NETWORK_FILES), "FILE", about, nargs="+")
+    about += f"of V, dV/dx or u ({' '.join(NETWORK_FILES)}); of several, or of a folder of checkpoints, one table"
+    add_value(parser, "--weights", _critic, "FILE", about, nargs="+")
     add_value(parser, "--basis", str, "NAME", "basis of --weights; default quadratic")
-    about = f"between the layers of a state dict: {', '.join(ACTIVATIONS)}"
+    add_value(parser, "--features", str, "LIST", "a basis of your own: 'x1**2, x1*x2, sin(x3)'")
+    about = f"between the layers of a state dict: {', '.join(ACTIVATIONS)}; after a comma, at its output"
     add_value(parser, "--activation", str, "NAME", about)
-    add_value(parser, "--network", str, "NAME", "which network of a state dict: how its names begin")
-    about = f"what a network computes: {', '.join(OUTPUTS)}; default: what its number of outputs says"
-    add_value(parser, "--network-output", str, "NAME", about)
+    about = "which part of a file is what: value, V=critic,policy=actor, gradient=; default: by its number of outputs"
+    add_value(parser, "--network", str, "[V=]NAME", about)
     add_value(parser, "--scale", parsed(_numbers), "a,b,...", "a network takes each state times this; default 1")
     about = "by when the errors of --weights over time must be within the limit for good"
     add_value(parser, "--predefined-time", positive, "S", about)
@@ -54,23 +61,23 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_value(parser, "--limit-error", positive, "X", about, default=LIMIT)
     about = "exit 0 when the critic costs at most this much more than the optimum"
     add_value(parser, "--limit-cost", positive, "PERCENT", about)
-    options.add_picture(parser, "P learned, exact, difference, and errors over time")
+    options.add_picture(parser, "P learned, exact, difference, and errors over time; of several critics their errors")
     options.add_output(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Learn or load, check, report; exit 1 when a check fails."""
-    paths = arguments.weights or []
-    if len(paths) > 1:
-        options.refuse(arguments, ("picture",), "draws one critic; leave it out with several files of --weights")
-    if not any(path.suffix.lower() in NETWORK_FILES for path in paths):
+    paths = _files(arguments.weights or [])
+    if not any(map(is_network, paths)):
         options.refuse(arguments, _OF_NETWORKS, "belongs to a network; give its file by --weights")
-    for name in ("basis", "predefined_time"):
+    for name in ("basis", "features", "predefined_time"):
         if arguments.weights is None and getattr(arguments, name) is not None:
             option = name.replace("_", "-")
             raise BadInputError(f"--{option} belongs to --weights; for a law, use --set {name}=...")
     if arguments.weights is not None:
         options.refuse(arguments, ("law", "seed", "set"), "belongs to a law; leave it out with --weights")
+    if arguments.features is not None:
+        options.refuse(arguments, ("basis", "predefined_time"), "does not go with --features; leave it out")
     named = game_of(arguments)
 
     def at_dihedral(degrees: float) -> Any:
@@ -83,49 +90,72 @@ def run(arguments: argparse.Namespace) -> int:
     }
     limit_cost, result, time = arguments.limit_cost, None, None
     if len(paths) > 1:
-        checks = {str(path): _check_file(path, arguments, named, options_of_all) for path in paths}
-        show(
-            checks_report(checks, named.origin, limit_cost).with_data(**named.labels()),
-            arguments,
-            target=arguments.output,
-        )
-        say_notes(named.warnings)
-        return 0 if all(check.holds(limit_cost) for check in checks.values()) else 1
-    if arguments.weights is None:
-        result = run_learning(arguments, named.game)
-        time = result.settings.get("predefined_time")
-        check = check_critic(
-            named.game, from_run(named.game, result), run=result, predefined_time=time, **options_of_all
-        )
+        told = ProgressLine("compare")
+        checks = {}
+        for count, path in enumerate(paths):
+            told(count, len(paths))
+            checks[str(path)] = _check_file(path, arguments, named, options_of_all, len(paths))
+        draw(arguments.picture, lambda: checks_figure(checks, named.origin))
+        report = checks_report(checks, named.origin, limit_cost)
     else:
-        check = _check_file(paths[0], arguments, named, options_of_all)
-    draw(arguments.picture, lambda: check_figure(check, *named.names, run=result, predefined_time=time))
-    report = check_report(check, *named.names, limit_cost=limit_cost).with_data(**named.labels())
-    show(report, arguments, target=arguments.output)
+        if arguments.weights is None:
+            result = run_learning(arguments, named.game)
+            time = result.settings.get("predefined_time")
+            candidate = from_run(named.game, result)
+            check = check_critic(named.game, candidate, run=result, predefined_time=time, **options_of_all)
+        else:
+            check = _check_file(paths[0], arguments, named, options_of_all)
+        checks = {"": check}
+        draw(arguments.picture, lambda: check_figure(check, *named.names, run=result, predefined_time=time))
+        report = check_report(check, *named.names, limit_cost=limit_cost)
+    show(report.with_data(**named.labels()), arguments, target=arguments.output)
     say_notes(named.warnings)
-    return 0 if check.holds(limit_cost) else 1
+    return 0 if all(check.holds(limit_cost) for check in checks.values()) else 1
+
+
+def _files(paths: list[Path]) -> list[Path]:
+    """The files, of a folder those with a known suffix in the order of the numbers in their names."""
+    found, known = [], (*MATRIX_FILES, *NETWORK_FILES)
+    for path in paths:
+        inside = [path]
+        if path.is_dir():
+            inside = sorted(each for each in path.iterdir() if each.suffix.lower() in known)
+            inside.sort(key=lambda each: [int(part) for part in re.findall(r"\d+", each.name)])
+        if not inside:
+            raise BadInputError(f"{path}: there is no critic in the folder ({' '.join(known)})")
+        found += inside
+    return found
 
 
 def _check_file(
-    path: Path, arguments: argparse.Namespace, named: NamedGame, options_of_all: dict[str, Any]
+    path: Path, arguments: argparse.Namespace, named: NamedGame, options_of_all: dict[str, Any], files: int = 1
 ) -> CriticCheck:
     """The critic in a file, or each of its rows where it has a time."""
-    time, game = arguments.predefined_time, named.game
-    functions = basis("quadratic" if arguments.basis is None else arguments.basis, len(game.A))
-    if path.suffix.lower() in NETWORK_FILES:
+    time, game, n = arguments.predefined_time, named.game, len(named.game.A)
+    functions: Any = basis("quadratic" if arguments.basis is None else arguments.basis, n)
+    if arguments.features is not None:
+        functions = features_of(arguments.features, n, named.states)
+    flown: dict[str, Any] = {"plant": None if named.nonlinear is None else named.nonlinear()}
+    flown |= {"flights": _FEW_FLIGHTS} if files > _MANY else {}
+    if is_network(path):
         if time is not None:
             raise BadInputError(f"--predefined-time belongs to a critic over time; {path} is a network")
-        of_file = arguments.activation, arguments.network
-        if len(arguments.weights) > 1 and path.suffix.lower() == ".onnx":
-            of_file = None, None  # they are for the state dicts among several files
-        network = network_in(path, len(game.A), *of_file, functions.size)
-        with said_of(path):
-            critic = network_critic(game, network, functions, arguments.network_output, arguments.scale)
-            return check_network(game, critic, fly=arguments.limit_cost is not None, **options_of_all)
+        if files == 1 and path.suffix.lower() == ".onnx" and arguments.activation is not None:
+            raise BadInputError(f"{path}: --activation belongs to a state dict; an ONNX file says it")
+        how: dict[str, Any] = {
+            "network": arguments.network or "",
+            "activation": arguments.activation,
+            "scale": arguments.scale,
+        }
+        return check_critic(game, from_network(game, path, features=functions, **how), **flown, **options_of_all)
     found = critic_in(path, game, arguments.basis, named.plant)
     if not isinstance(found, History) and time is not None:
         raise BadInputError(f"--predefined-time belongs to a critic over time; {path} has no time")
     with said_of(path):
+        if arguments.features is not None:
+            if isinstance(found, History) or found.W is None:
+                raise BadInputError("--features belongs to weights W without times; there are none")
+            return check_critic(game, from_features(game, found.W, functions), **flown, **options_of_all)
         if isinstance(found, History):
             told = ProgressLine("compare")
             return check_history(game, found, predefined_time=time, progress=told, **options_of_all)

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import argparse
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
+
+import casadi as ca
 
 from controller.design.design import NAMED as DESIGNS, load_design
 from controller.design.design_model import DesignModel, design_model
@@ -19,6 +21,7 @@ from hfa_cli.options.argument_types import OWN, disturbance_weight, input_file, 
 from hfa_cli.options.parser import add_value
 from hfa_model.vectors import LINEAR_UNITS
 from hfa_support.errors import BadInputError, said_of
+from hfa_support.model import Model
 from hfa_support.reporting.text import numbered
 from hfa_support.reporting.unit_system import entries_in_force
 from trim.linear.linear_model import LinearModel, linearize
@@ -26,7 +29,10 @@ from trim.linear.linear_model import LinearModel, linearize
 
 @dataclass(frozen=True, eq=False)
 class NamedGame:
-    """A game with the names of its states and inputs, and where it comes from; `built` when that is a design."""
+    """A game with the names of its states and inputs, and where it comes from; `built` when that is a design.
+
+    nonlinear: where there is a trim, makes (z, u) -> z', the aircraft about it.
+    """
 
     game: Game
     states: tuple[str, ...]
@@ -37,6 +43,7 @@ class NamedGame:
     warnings: tuple[str, ...] = ()
     built: DesignModel | None = None
     plant_provenance: Mapping[str, str] = field(default_factory=dict)
+    nonlinear: Callable[[], ca.Function] | None = None
 
     @property
     def names(self) -> tuple[tuple[str, ...], tuple[str, ...], str, tuple[str, ...], tuple[str, ...]]:
@@ -107,7 +114,8 @@ def game_of(arguments: argparse.Namespace, found: dict[str, Any] | None = None) 
         return _designed(built, origin, weights_of(arguments, built.state_units))
     game = published_game(model.A, model.B, **weights_of(arguments))
     units = model.state_units, model.input_units
-    return NamedGame(game, model.states, model.inputs, *units, origin, tuple(point.warnings))
+    flown = partial(_about_trim, aircraft.model, model)
+    return NamedGame(game, model.states, model.inputs, *units, origin, tuple(point.warnings), nonlinear=flown)
 
 
 def refuse_of_the_aircraft(arguments: argparse.Namespace) -> None:
@@ -135,12 +143,30 @@ def _game_of_own(arguments: argparse.Namespace) -> NamedGame:
     missing = [name for name in ("Q", "R", "delta") if name not in weights_of(arguments, model.state_units)]
     note = f"{' and '.join(missing)} not given: Q, R are 1/nominal^2 on the diagonal, delta is inf (no disturbance)"
     notes = (*warnings, *[note] * bool(missing))
-    return NamedGame(game_on(arguments, model), model.states, model.inputs, *units, own.name, notes)
+    return NamedGame(
+        game_on(arguments, model),
+        model.states,
+        model.inputs,
+        *units,
+        own.name,
+        notes,
+        nonlinear=partial(_about_trim, own, model),
+    )
 
 
 def game_on(arguments: argparse.Namespace, model: LinearModel) -> Game:
     """The usual game on a linear model, with the weights that the options change."""
     return usual_game(model.point.model, model.A, model.B, **weights_of(arguments, model.state_units))
+
+
+def _about_trim(model: Model, linear: LinearModel) -> ca.Function:
+    """(z, u) -> z' of the nonlinear model, deviations from the trim; states that the linear model lacks are held."""
+    z, u = (ca.SX.sym(name, len(each)) for name, each in (("z", linear.states), ("u", linear.inputs)))
+    moved = dict(zip((*linear.states, *linear.inputs), (*ca.vertsplit(z), *ca.vertsplit(u)), strict=True))
+    trim = linear.point.states._asdict(), linear.point.inputs._asdict()
+    at = [[value + moved.get(name, 0.0) for name, value in each.items()] for each in trim]
+    rates, _ = model.layout.expressions((*at, model.p.tolist()), ())
+    return ca.Function("plant", [z, u], [rates[[list(model.states).index(name) for name in linear.states]]])
 
 
 def _designed(built: DesignModel, origin: str, changes: dict[str, Any]) -> NamedGame:

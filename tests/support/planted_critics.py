@@ -13,6 +13,7 @@ from scipy.linalg import solve_continuous_lyapunov
 from controller import Game, basis
 from verification import from_gain, from_value, from_weights, solve_game
 from verification.critic.candidate import Candidate
+from verification.critic.diagnosis import discounted, sampled
 from verification.exact_solution import GameSolution
 
 #: Radians in a degree.
@@ -166,6 +167,26 @@ NAMED: dict[str, tuple[str, Plant, str]] = {
     "Q scaled, P": ("P", lambda game: value(replace(game, Q=2.5 * game.Q)), "with Q 2.5 times as large"),
     "Q scaled, K": ("K", lambda game: gain(replace(game, Q=0.5 * game.Q)), "with Q 0.5 times as large"),
     "R scaled, P": ("P", lambda game: value(replace(game, R=0.5 * game.R)), "with R 0.5 times as large"),
+    "another unit, P": ("P", lambda game: in_metres(value(game)), "the states look scaled by 3.28, 1, 1, 1, 1, 1"),
+    "another unit, K": ("K", lambda game: gain(game) / METRE, "the states look scaled by 3.28, 1, 1, 1, 1, 1"),
+    "rows normalised": (
+        "K",
+        lambda game: gain(game) / np.linalg.norm(gain(game), axis=1)[:, None],
+        "the inputs look scaled by",
+    ),
+    "discounted": ("P", lambda game: value(discounted(game, 0.1)), "with a discount of 0.1 1/s"),
+    "discrete time, P": ("P", lambda game: sampled(game, 0.02).P, "in discrete time, a step of 0.02 s"),
+    "discrete time, K": ("K", lambda game: sampled(game, 0.02).K, "in discrete time, a step of 0.02 s"),
+    "discrete LQR, K": (
+        "K",
+        lambda game: sampled(game.with_delta(math.inf), 0.05).K,
+        "of the LQR in discrete time, a step of 0.05 s",
+    ),
+    "cost a step, P": (
+        "P",
+        lambda game: sampled(game, 0.02, 1.0).P,
+        "in discrete time, a step of 0.02 s and its whole cost",
+    ),
     "R scaled, K": ("K", lambda game: gain(replace(game, R=0.25 * game.R)), "with R 0.25 times as large"),
 }
 #: Wrong, and without a reason that could be told.
@@ -175,16 +196,12 @@ UNNAMED: dict[str, tuple[str, Plant]] = {
     "sign of an entry, K": ("K", lambda game: changed(gain(game), -1, (3, 0))),
     "decimal slip, P": ("P", lambda game: changed(value(game), 10, (2, 5), (5, 2))),
     "decimal slip, K": ("K", lambda game: changed(gain(game), 0.01, (4, 4))),
-    "another unit, P": ("P", lambda game: in_metres(value(game))),
-    "another unit, K": ("K", lambda game: gain(game) / METRE),
-    "rows normalised": ("K", lambda game: gain(game) / np.linalg.norm(gain(game), axis=1)[:, None]),
     "half cost, no factor 2": ("W", lambda game: without_the_factor(game) / 2),
     "weak E": ("P", lambda game: value(replace(game, E=game.E[:, 1:2]))),
     "another Q": ("P", lambda game: value(replace(game, Q=HEAVY @ game.Q))),
     "another R": ("P", lambda game: value(replace(game, R=np.diag([100.0, 400.0, 300.0, 400.0, 50.0])))),
     "recorded policy": ("P", recorded_policy),
     "Q and R doubled": ("P", lambda game: value(replace(game, Q=2.0 * game.Q, R=2.0 * game.R))),
-    "discounted": ("P", lambda game: value(replace(game, A=game.A - 0.05 * np.eye(len(game.A))))),
     "stable before": ("P", lambda game: value(replace(game, A=game.A * 1.01))),
     "three digits": ("K", lambda game: np.vectorize(lambda entry: float(f"{entry:.3g}"))(gain(game))),
     "no gain": ("K", lambda game: np.zeros_like(game.B.T)),

@@ -1,9 +1,19 @@
-"""A critic to be checked: its value and gain, whatever file or object it comes from."""
+"""A critic to be checked: its value and gain, whatever file or object it comes from.
+
+A network or other function of the state is linearized at the origin, with CasADi's exact derivatives. V(z): P = ½
+∂²V/∂z², u = -½ R⁻¹B' ∂V/∂z. dV/dz: P = ½ ∂(dV/dz)/∂z, the same u. u(z): K = -∂u/∂z.
+"""
 
 from __future__ import annotations
 
+import ast
+import operator
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, NamedTuple
 
+import casadi as ca
 import numpy as np
 
 from controller.analysis.cost import is_moderate
@@ -11,11 +21,43 @@ from controller.game.basis import Basis, bases_with, basis
 from controller.game.critic_file import StoredCritic
 from controller.game.learning_result import LearningResult
 from controller.game.zero_sum import Game
-from hfa_support.errors import BadInputError, numbers_in
+from hfa_support.errors import BadInputError, numbers_in, said_of, shortened
 from hfa_support.reporting.fields import Shown
+from verification.critic.network_file import COMMON, OUTPUTS, Network, network_in
 
+#: What --features may call and do, and its most letters.
+_FUNCTIONS = ("sin", "cos", "tan", "tanh", "exp", "log", "sqrt", "fabs")
+_OPERATIONS: Mapping[type, Callable[[Any, Any], Any]] = {
+    ast.Add: operator.add,
+    ast.Sub: operator.sub,
+    ast.Mult: operator.mul,
+    ast.Div: operator.truediv,
+    ast.Pow: operator.pow,
+}
+_LONGEST = 20_000
 #: W and P of one file may differ by this part, which is what printing six digits leaves.
 TOGETHER = 1e-6
+
+
+class Nonlinear(NamedTuple):
+    """A critic as a function of the state. z: (n,) symbols; of them V, F = ∂V/∂z (n,) and u (m,), None where unknown.
+
+    output: which of `OUTPUTS` the network has. precision: of its weights. constant: V(0). variants: the same network
+    read otherwise, what is different -> candidate, to recognize a mistake.
+    """
+
+    z: Any
+    V: Any
+    F: Any
+    u: Any
+    output: str
+    precision: str = "float64"
+    constant: float = 0.0
+    variants: Mapping[str, Callable[[], Candidate]] = {}
+
+    def policy(self, game: Game) -> Any:
+        """u, (m,), of the symbols z."""
+        return ca.DM(-0.5 * game.R_inverse_B_transposed) @ self.F if self.u is None else self.u
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -23,12 +65,13 @@ class Candidate(Shown):
     """A critic's policy u = -K z at the origin, its value z'Pz or V = W'ψ(z), as much as is known of it.
 
     K: (m, n), gain at the origin. P: (n, n), value matrix, None when only a gain is known. weights: (M,), V = W'ψ(z)
-    in `functions`, None when it did not come as weights."""
+    in `functions`, None when it did not come as weights. nonlinear: None where P, K or W are all of it."""
 
     K: np.ndarray
     P: np.ndarray | None
     functions: Basis
     weights: np.ndarray | None = None
+    nonlinear: Nonlinear | None = None
 
     @property
     def finite(self) -> bool:
@@ -86,6 +129,170 @@ def from_stored(game: Game, stored: StoredCritic, functions: Basis) -> Candidate
         assert stored.K is not None
         return from_gain(game, stored.K)
     return found if stored.K is None else replace(found, K=from_gain(game, stored.K).K)
+
+
+def from_features(
+    game: Game, weights: np.ndarray, features: ca.Function, constant: float = 0.0, precision: str = "float64"
+) -> Candidate:
+    """V = W'ψ(z) + constant in functions of your own, features: z (n,) -> ψ(z) (M,). BadInputError where W has another
+    length."""
+    weights, n = numbers_in("W", weights), len(game.A)
+    if features.size_in(0) != (n, 1) or weights.shape != (features.numel_out(0),):
+        count, takes = features.numel_out(0), features.numel_in(0)
+        raise BadInputError(
+            f"there are {weights.size} weights and {n} states; the features are {count} functions of {takes} states"
+        )
+    z = ca.SX.sym("z", n)
+    V = ca.DM(weights).T @ ca.vec(features(z)) + constant
+    return _linearized(game, z, {"V": V}, precision)
+
+
+def features_of(text: str, states: int, names: tuple[str, ...] = ()) -> ca.Function:
+    """z (n,) -> the functions of the list, as "x1**2, x1*x2, sin(alpha)": numbers, x1 ... xn or the names of the
+    states, + - * / **, and the functions in `_FUNCTIONS`. BadInputError, one line, names anything else; nothing is
+    executed.
+    """
+    z = ca.SX.sym("z", states)
+    known = {f"x{place + 1}": z[place] for place in range(states)}
+    known |= {name: z[place] for place, name in enumerate(names)}
+
+    def made(node: ast.AST) -> Any:
+        if isinstance(node, ast.Constant) and isinstance(node.value, int | float) and not isinstance(node.value, bool):
+            return ca.SX(float(node.value))
+        if isinstance(node, ast.Name) and node.id in known:
+            return known[node.id]
+        if isinstance(node, ast.BinOp) and type(node.op) in _OPERATIONS:
+            return _OPERATIONS[type(node.op)](made(node.left), made(node.right))
+        if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub | ast.UAdd):
+            return -made(node.operand) if isinstance(node.op, ast.USub) else made(node.operand)
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in _FUNCTIONS:
+            return getattr(ca, node.func.id)(*map(made, node.args))
+        said, can = shortened(ast.unparse(node)), f"x1 to x{states}, + - * / ** and {', '.join(_FUNCTIONS)}"
+        raise BadInputError(f"--features: {said!r} is not known; use {can}")
+
+    try:
+        tree = ast.parse(f"({text[:_LONGEST]},)", mode="eval").body
+        assert isinstance(tree, ast.Tuple)
+        return ca.Function("features", [z], [ca.densify(ca.vertcat(*map(made, tree.elts)))])
+    except BadInputError:
+        raise
+    except Exception as error:  # the parser, Python's floats and CasADi each have their own
+        raise BadInputError(
+            f"--features {shortened(text)!r} is no list of expressions, as in 'x1**2, x1*x2'"
+        ) from error
+
+
+def from_network(
+    game: Game,
+    source: str | Path | ca.Function,
+    *,
+    network: str = "",
+    activation: str | None = None,
+    scale: np.ndarray | None = None,
+    features: Basis | ca.Function | None = None,
+) -> Candidate:
+    """The critic that a network is: a file, as `network_in` reads it, or a CasADi Function of the state.
+
+    network: which part of a file is what, as "value", "V=value" or "V=value,policy=actor"; without a name of `OUTPUTS`
+    the number of outputs says it. scale: (n,), the network takes state i times scale[i]. A single layer on the features
+    (default: the quadratic basis) is a polynomial in them. BadInputError, one line, names the file.
+    """
+    n, m = game.B.shape
+    scale = np.ones(n) if scale is None else np.asarray(scale, dtype=float)
+    if scale.shape != (n,) or not np.all(np.isfinite(scale) & (scale != 0.0)):
+        raise BadInputError(f"--scale needs {n} numbers other than 0, one for each state")
+    functions = basis("quadratic", n) if features is None else features
+    count = functions.size if isinstance(functions, Basis) else functions.numel_out(0)
+    if isinstance(source, ca.Function):
+        found = Network({network: source}, "float64", [])
+    else:
+        found = network_in(source, n, activation, _parts(network), count)
+    with said_of("" if isinstance(source, ca.Function) else source):
+        if not found.functions:
+            (weight, bias), *_ = found.layers
+            if len(weight) != 1 or not {*_parts(network)} <= {"", "V"}:
+                raise BadInputError(
+                    f"a layer on the basis has {len(weight)} outputs; V has 1, and only V is read of it"
+                )
+            if isinstance(functions, Basis):
+                made = from_weights(game, weight[0] * functions.scaling(scale), functions)
+                return replace(made, nonlinear=Nonlinear(None, None, None, None, "V", found.precision, float(bias[0])))
+            return from_features(game, weight[0], functions, float(bias[0]), found.precision)
+        z = ca.SX.sym("z", n)
+        kinds = _kinds({key: each.numel_out(0) for key, each in found.functions.items()}, n, m)
+        outputs = {kinds[key]: ca.vec(each(ca.DM(scale) * z)) for key, each in found.functions.items()}
+        if "V+policy" in outputs:
+            both = outputs.pop("V+policy")
+            outputs |= {"V": both[0], "policy": both[1:]}
+        how: dict[str, Any] = {"network": network, "scale": scale, "features": features}
+        others = [each for each in COMMON if activation and each != activation.partition(",")[0]]
+        variants = {
+            f"the activation is {other}, not {activation}": lambda other=other: from_network(
+                game, source, activation=other, **how
+            )
+            for other in others
+        }
+        return _linearized(game, z, outputs, found.precision, variants)
+
+
+def _linearized(
+    game: Game,
+    z: Any,
+    outputs: Mapping[str, Any],
+    precision: str,
+    variants: Mapping[str, Callable[[], Candidate]] | None = None,
+) -> Candidate:
+    n = len(game.A)
+    V, u = outputs.get("V"), outputs.get("policy")
+    F = ca.gradient(V, z) if V is not None else outputs.get("gradient")
+    constant = 0.0 if V is None else float(ca.Function("V", [z], [V])(np.zeros(n)))
+
+    def slope(of: Any) -> np.ndarray:
+        w = ca.SX.sym("w", of.numel())
+        rows = ca.Function("rows", [z, w], [ca.jtimes(of, z, w, True)])
+        return np.array(rows(np.zeros((n, of.numel())), np.eye(of.numel()))).T
+
+    P = None if F is None else slope(F) / 2.0
+    K = game.gain(P) if u is None and P is not None else -slope(u)
+    about = Nonlinear(z, V, F, u, " and ".join(outputs), precision, constant, variants or {})
+    return Candidate(K, P, basis("quadratic", n), None, about)
+
+
+def _parts(network: str) -> dict[str, str]:
+    """Which of `OUTPUTS` ("": not said) -> the part of the file, of "value" or "V=value,policy=actor"."""
+    found: dict[str, str] = {}
+    for each in network.split(","):
+        output, equals, part = each.strip().rpartition("=")
+        if equals and output not in OUTPUTS:
+            raise BadInputError(f"--network {shortened(each)!r}: before = stands one of {', '.join(OUTPUTS)}")
+        found[output] = part
+    return found
+
+
+def _kinds(sizes: Mapping[str, int], n: int, m: int) -> dict[str, str]:
+    """What each output of a network is, by its name where that is one of `OUTPUTS`, else by its size."""
+    counts = dict(zip(OUTPUTS, (1, n, m, 1 + m), strict=True))
+    found: dict[str, str] = {}
+    for name, size in sizes.items():
+        fitting = [kind for kind, count in counts.items() if count == size]
+        if "gradient" in fitting and m != n:
+            fitting = ["gradient"]  # V and a policy have as many where 1 + m = n; then they must be named
+        said = ", ".join(f"{kind} has {count}" for kind, count in counts.items())
+        if name in OUTPUTS:
+            if counts[name] != size:
+                raise BadInputError(f"the network has {size} outputs; on this plant {said}")
+            fitting = [name]
+        if not fitting:
+            raise BadInputError(f"the network has {size} outputs; on this plant {said}")
+        if len(fitting) > 1:
+            raise BadInputError(f"{size} outputs may be {' or '.join(fitting)}; say which, as --network {fitting[0]}=")
+        found[name] = fitting[0]
+    if sorted(found.values()) not in (*([each] for each in OUTPUTS), ["V", "policy"]):
+        raise BadInputError(
+            f"its outputs {shortened(', '.join(sizes))} are {', '.join(found.values())}; name one, or V and a policy, "
+            "as in --network V=value,policy=actor"
+        )
+    return found
 
 
 def _are_one_value(P: np.ndarray | None, other: np.ndarray | None) -> bool:

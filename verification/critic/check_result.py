@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -150,7 +151,7 @@ def _shown(value: float) -> str:
 #: Entries of P and K in a report, and in that of a critic that fails; files have all.
 SHOWN, SHOWN_OF_A_FAILURE = 12, 3
 #: Failures with their reasons; the rest by name.
-FAILURES = 8
+FAILURES = 6
 _ROUNDING = 1e-9
 #: Cost lost that is rounding, percent.
 _NO_COST = 1e-9
@@ -193,7 +194,17 @@ class CriticCheck(Checked, Reported):
         it was flown."""
         if limit_cost is None:
             return self.ok
-        return _lost(self) <= limit_cost
+        return self.lost <= limit_cost
+
+    @property
+    def lost(self) -> float:
+        """The largest cost lost, percent, of the linear loop and of a network that was flown."""
+        return max(self.flight.worst, 0.0 if self.network is None else self.network.lost)
+
+    @property
+    def largest_error(self) -> float:
+        """Of all that have the limit of errors."""
+        return max(check.value for check in self.checks if check.limit == self.checks[0].limit)
 
     def report(self) -> Report:
         """What the check says, states and inputs by number."""
@@ -235,7 +246,7 @@ def check_report(
     *,
     limit_cost: float | None = None,
 ) -> Report:
-    """The verdict, every check, margins and cost beside the exact ones, and P and K entry by entry.
+    """The verdict in the first line, every check, margins and cost beside the exact ones, P and K entry by entry.
 
     states, inputs: names, by default x1, x2, ... and u1, u2, ...; limit_cost: percent, then decides the verdict.
     state_units, input_units: "" where they are not known.
@@ -251,30 +262,21 @@ def check_report(
         ("matrix", "row", "column", "learned", "exact", "unit"),
         entry_rows(both, (candidate.K, exact.K), (states, inputs), units),
     )
-    said = (_verdict(check, limit_cost), *[f"Reason: {check.diagnosis}"] * bool(check.diagnosis))
-    over_time: tuple[Part, ...] = () if check.history is None else (check.history.block(),)
-    over_time += () if check.network is None else (check.network.said,)
     parts: tuple[Part, ...] = (
-        checks_block(check.checks),
-        f"Box of states: {check.box.about}",
-        _margins(check),
-        _cost(check),
-        *over_time,
-        _worst(check, records, states, SHOWN),
+        (
+            f"Critic on {origin}, against the exact game solution",
+            *[f"Reason: {check.diagnosis}"] * bool(check.diagnosis),
+        ),
+        checks_block(check.checks) if check.ok else _failures(check.checks),
+        *[f"Box of states: {check.box.about}"] * check.ok,
+        _flight(check),
+        *(() if check.history is None else (check.history.block(),)),
+        *(() if check.network is None else (check.network.said,)),
+        _worst(check, records, states, SHOWN if check.ok else SHOWN_OF_A_FAILURE),
     )
-    if not check.ok:
-        flight = (_in_short(check),) if limit_cost is None else (_margins(check), _cost(check))
-        parts = (_failures(check.checks), *flight, *over_time, _worst(check, records, states, SHOWN_OF_A_FAILURE))
-    return Report(
-        title=f"Critic on {origin}, against the exact game solution: {'PASS' if check.holds(limit_cost) else 'FAIL'}",
-        parts=(said, *parts),
-        data={
-            "state_units": list(state_units),
-            "input_units": list(input_units),
-            **_data(check, limit_cost),
-        },
-        records=records if check.history is None else check.history.records(),
-    )
+    units_of = {"state_units": list(state_units), "input_units": list(input_units)}
+    records = records if check.history is None else check.history.records()
+    return Report(_verdict(check, limit_cost), parts, data=units_of | _data(check, limit_cost), records=records)
 
 
 def checks_report(checks: Mapping[str, CriticCheck], origin: str, limit_cost: float | None = None) -> Report:
@@ -287,22 +289,19 @@ def checks_report(checks: Mapping[str, CriticCheck], origin: str, limit_cost: fl
             verdict_text(check.holds(limit_cost)),
             _shown(check.P_rel_error),
             f"{check.K_rel_error:.3g}",
-            f"{max(each.value for each in check.checks if each.limit == check.checks[0].limit):.3g}",
+            f"{check.largest_error:.3g}",
             "yes" if check.flight.distance > 0.0 else "no",
-            f"{0.0 if _lost(check) < _NO_COST else _lost(check):.3g}",
+            f"{0.0 if check.lost < _NO_COST else check.lost:.3g}",
             f"{check.flight.gain:.4g}",
         )
         for name, check in checks.items()
     ]
     passed = sum(check.holds(limit_cost) for check in checks.values())
     limits = () if limit_cost is None else (f"Decided by the cost limit {limit_cost:g} percent",)
+    reasons = tuple(f"{name}: {check.diagnosis}" for name, check in checks.items() if check.diagnosis)
     return Report(
         title=f"{passed} of {len(checks)} critics on {origin} pass against the exact game solution",
-        parts=(
-            *limits,
-            Table(header, rows),
-            tuple(f"{name}: {check.diagnosis}" for name, check in checks.items() if check.diagnosis),
-        ),
+        parts=(*limits, Table(header, rows), reasons),
         data={
             "schema": "hfa.critic-checks/1",
             "ok": passed == len(checks),
@@ -312,30 +311,23 @@ def checks_report(checks: Mapping[str, CriticCheck], origin: str, limit_cost: fl
     )
 
 
-def _lost(check: CriticCheck) -> float:
-    return max(check.flight.worst, 0.0 if check.network is None else check.network.lost)
-
-
 def _verdict(check: CriticCheck, limit_cost: float | None) -> str:
-    """What decided, exact or not, stabilizing or not, cost lost, L2 gain, in one line."""
+    """Which limit decided, exact or not, stabilizing or not, cost lost, L2 gain and the likely mistake, in one line."""
     named = {each.name: each for each in check.checks}
     limit, failed = named["K_rel_error"].limit, next((each for each in check.checks if not each.ok), None)
     decided = f"the error limit {limit:g}" if failed is None or failed.limit == limit else failed.name
+    decided = decided if limit_cost is None else f"the cost limit {limit_cost:g} percent"
     error = next((each for each in check.checks if not each.ok and each.limit == limit), None)
+    cost = "no cost lost" if check.lost < _NO_COST else f"cost lost {check.lost:.2g} percent"
     said = [
         f"exact within {limit:g}" if error is None else f"not exact ({error.reason.partition(':')[0]})",
         "stabilizing" if named["control_loop_abscissa"].ok else "not stabilizing",
+        cost if math.isfinite(check.lost) else "cost without bound",
     ]
-    network = check.network
-    lost = _lost(check)
-    where = "" if network is None or network.lost or not network.found else " near the origin"
-    cost = "no cost lost" if lost < _NO_COST else f"cost lost {lost:.2g} percent"
-    said.append(f"{cost}{where}" if math.isfinite(lost) else "cost without bound")
     if "l2_gain" in named and math.isfinite(named["l2_gain"].value):
         said.append(f"L2 gain {named['l2_gain'].value:.4g} (delta {named['l2_gain'].limit:g})")
-    if limit_cost is not None:
-        decided = f"the cost limit {limit_cost:g} percent"
-    return f"Decided by {decided}: {', '.join(said)}"
+    mistake = f"; most likely: {check.diagnosis}" if check.diagnosis else ""
+    return f"{'PASS' if check.holds(limit_cost) else 'FAIL'} by {decided}: {', '.join(said)}{mistake}"
 
 
 def _failures(checks: tuple[Check, ...]) -> Part:
@@ -349,18 +341,6 @@ def _failures(checks: tuple[Check, ...]) -> Part:
     more = [f"FAIL too: {', '.join(check.name for check in failed[FAILURES:])}"] if len(failed) > FAILURES else []
     passed = len(checks) - len(failed)
     return (*lines[:FAILURES], *more, f"{passed} check{'s' * (passed != 1)} passed; --json has all")
-
-
-def _in_short(check: CriticCheck) -> str:
-    """Margins and cost in flight, the exact ones in brackets."""
-    flight, margin = check.flight, check.learned_margin
-    disk = "none" if margin is None else f"{margin.disk:.4g}"
-    return (
-        "In flight, under the worst disturbance (exact in brackets): cost lost "
-        f"{flight.worst:.3g} percent from the worst start, {flight.mean:.3g} on average;\n"
-        f"L2 gain {flight.gain:.4g} ({flight.exact_gain:.4g}), disk margin {disk} ({check.exact_margin.disk:.4g}), "
-        f"distance to instability {flight.distance:.3g} ({flight.exact_distance:.3g})"
-    )
 
 
 def _worst(check: CriticCheck, entries: Table, states: tuple[str, ...], most: int) -> Part:
@@ -379,23 +359,17 @@ def _worst(check: CriticCheck, entries: Table, states: tuple[str, ...], most: in
     return (Table(("entry", "learned", "exact", "difference"), shown), *left_out)
 
 
-def _margins(check: CriticCheck) -> Table:
-    learned, exact = check.learned_margin, check.exact_margin
-    rows = [
-        (said, "-" if learned is None else f"{getattr(learned, name):.4g}", f"{getattr(exact, name):.4g}")
-        for said, name in (("disk", "disk"), ("gain", "gain"), ("phase, deg", "phase"))
-    ]
-    return Table(("margins, all inputs", "learned", "exact"), rows)
-
-
-def _cost(check: CriticCheck) -> Table:
-    flight = check.flight
+def _flight(check: CriticCheck) -> Table:
+    flight, margin, exact = check.flight, check.learned_margin, check.exact_margin
     rows = [
         ("cost lost, worst start, percent", f"{flight.worst:.3g}", "0"),
         ("cost lost, mean over starts, percent", f"{flight.mean:.3g}", "0"),
         ("L2 gain", f"{flight.gain:.4g}", f"{flight.exact_gain:.4g}"),
         ("distance to instability", f"{flight.distance:.3g}", f"{flight.exact_distance:.3g}"),
     ]
+    for said, name in (("disk", "disk"), ("gain", "gain"), ("phase, deg", "phase"))[: 3 if check.ok else 1]:
+        learned = "-" if margin is None else f"{getattr(margin, name):.4g}"
+        rows.append((f"margin of all inputs, {said}", learned, f"{getattr(exact, name):.4g}"))
     return Table(("in flight, under the worst disturbance", "learned", "exact"), rows)
 
 
@@ -429,7 +403,7 @@ def check_figure(
     a run also residual and error over time. origin: what the plant is called."""
     over_time = run is not None or check.history is not None
     figure = new_figure(12.0, 7.6 if over_time else 4.2)
-    figure.suptitle(f"Critic on {origin}, against the exact game solution: {'PASS' if check.ok else 'FAIL'}")
+    figure.suptitle(f"Critic on {origin}, against the exact game solution: {verdict_text(check.ok)}")
     grid = figure.add_gridspec(2 if over_time else 1, 3)
     name, rows, learned, exact = "P", states, check.candidate.P, check.exact.P
     axis_units = (state_units, -1), (state_units, -1)
@@ -465,6 +439,25 @@ def check_figure(
         axes = figure.add_subplot(grid[1, :])
         axes.axhline(history.limit, color="C3", linewidth=0.8, label=f"limit {history.limit:g}")
         _over_time(axes, history.times, curves, history.predefined_time)
+    return figure
+
+
+def checks_figure(checks: Mapping[str, CriticCheck], origin: str) -> Figure:
+    """Errors and cost lost of several critics in their order: a learning curve, where they are checkpoints."""
+    figure = new_figure(12.0, 4.2)
+    figure.suptitle(f"Critics on {origin}, against the exact game solution")
+    axes = figure.add_subplot()
+    each = list(checks.values())
+    curves = {
+        "error |P - P exact| / |P exact|": [check.P_rel_error for check in each],
+        "error |K - K exact| / |K exact|": [check.K_rel_error for check in each],
+        "largest error": [check.largest_error for check in each],
+        "cost lost, of the optimum": [check.lost / 100.0 for check in each],
+    }
+    places = np.arange(len(each))
+    _over_time(axes, places, {label: np.array(values) for label, values in curves.items()}, None)
+    axes.set_xlabel("")
+    axes.set_xticks(places, [Path(name).name for name in checks], rotation=30, ha="right", fontsize=7)
     return figure
 
 

@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 
+import casadi as ca
 import numpy as np
 
 from controller.analysis.cost import CHANGE, SIGNLESS, flight_cost, saddle_checks
@@ -24,6 +25,7 @@ from verification.critic.candidate import Candidate, from_stored
 from verification.critic.check_result import CriticCheck, history_errors
 from verification.critic.critic_errors import Box, critic_errors, ordinary_box
 from verification.critic.diagnosis import diagnose
+from verification.critic.network_check import FLIGHTS, network_checks
 
 #: Default limit of the errors of P, K, V, its slopes and the policies, and of the Riccati residual.
 LIMIT = 1e-6
@@ -40,13 +42,16 @@ def check_critic(
     run: LearningResult | None = None,
     predefined_time: float | None = None,
     at_dihedral: Callable[[float], Game] | None = None,
+    flights: int = FLIGHTS,
+    plant: ca.Function | None = None,
 ) -> CriticCheck:
     """Compare a critic with the exact solution of its game.
 
     Checked: errors of P and K (norms and entries), of V, its slopes and both policies over a box of states, stability
     of A - B K and A - S P, P > 0, Riccati residual, saddle point, L2 gain below delta; for a run also the rank of its
     data, which is taken from it, and its `settling_time` against T_w. limit: of the errors and the residual. box:
-    default `ordinary_box`. at_dihedral: degrees -> the game there, to recognize a critic of another angle.
+    default `ordinary_box`. at_dihedral: degrees -> the game there, to recognize a critic of another angle. Of a network
+    the box is searched, and it is flown from there `flights` times, also on a nonlinear plant (z, u) -> z'.
     With a limit above `SADDLE_LIMIT` there are no saddle checks: they would refuse what the limit allows.
     Raises NoSolutionError when the game itself has no certified solution to compare with.
     """
@@ -56,18 +61,24 @@ def check_critic(
     gain, too_large = flight.gain, f"the closed loop has an L2 gain of {flight.gain:.4g}, not below delta"
     K, P, finite = candidate.K, candidate.P, candidate.finite
     abscissa = spectrum(game.A - game.B @ K).abscissa if finite else math.inf
-    errors = critic_errors(game, candidate, exact, limit, box)
+    errors, network = critic_errors(game, candidate, exact, limit, box), None
+    searched: tuple[Check, ...] = ()
+    if candidate.nonlinear is not None:
+        flights = flights if abscissa < 0.0 else 0
+        searched, network = network_checks(game, candidate, exact, box.half_widths, limit, flights=flights, plant=plant)
     checks = [
         *errors,
         below("control_loop_abscissa", abscissa, 0.0, f"A - B K is not Hurwitz (abscissa {abscissa:+.3g} 1/s)"),
         *(_value_checks(game, P, exact.P, limit) if P is not None and finite else ()),
         *((below("l2_gain", gain, game.delta, too_large),) if math.isfinite(game.delta) and finite else ()),
         *(run_checks(game, run, candidate.functions, predefined_time) if run is not None else ()),
+        *searched,
     ]
     diagnosis = poor_data(run) if run is not None else ""
-    if not diagnosis and not all(check.ok for check in errors):
+    if not diagnosis and not all(check.ok for check in (*errors, *searched)):
         diagnosis = worthless_start(game, run, candidate.functions) if run is not None else ""
-        diagnosis = diagnosis or (diagnose(game, exact, candidate, limit, at_dihedral) if finite else "")
+        found = diagnose(game, exact, candidate, limit, at_dihedral, box.half_widths) if finite else ""
+        diagnosis = diagnosis or found
     return CriticCheck(
         exact=exact,
         candidate=candidate,
@@ -77,6 +88,7 @@ def check_critic(
         flight=flight,
         diagnosis=diagnosis,
         box=box,
+        network=network,
     )
 
 

@@ -94,10 +94,12 @@ def input_weights(game: Game) -> np.ndarray:
 def critic_errors(
     game: Game, candidate: Candidate, exact: GameSolution, limit: float, box: Box | None = None
 ) -> tuple[Check, ...]:
-    """Every error of a critic: of K, over the box (default `ordinary_box`), and of P where it has one."""
+    """Every error of a critic: of K, of P where it has one, and over the box (default `ordinary_box`) but of a
+    network."""
+    bounded = candidate.nonlinear is None or candidate.nonlinear.z is None
     return (
         *gain_errors(game, candidate.K, exact.K, limit),
-        *box_errors(game, candidate, exact, (box or ordinary_box(game)).half_widths, limit),
+        *(box_errors(game, candidate, exact, (box or ordinary_box(game)).half_widths, limit) if bounded else ()),
         *(value_errors(game, candidate.P, exact.P, limit) if candidate.P is not None else ()),
     )
 

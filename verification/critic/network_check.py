@@ -1,63 +1,35 @@
-"""A neural network as a critic: exact at the origin, where it is linearized, and searched over a box of states.
+"""A critic that is a nonlinear function of the state: its errors searched over a box of states, and flown from there.
 
-V(z): P = ½ ∂²V/∂z², u = -½ R⁻¹B' ∂V/∂z. dV/dz: P = ½ ∂(dV/dz)/∂z, the same u. u(z): K = -∂u/∂z. All derivatives are
-CasADi's. Over the box, errors are looked for: what a search finds is a lower bound of the largest error.
+What a search or a flight finds is a lower bound of the largest error, cost or gain.
 """
 
 from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Callable
-from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
 
-from controller.game.basis import Basis
 from controller.game.zero_sum import Game
 from controller.riccati.balancing import spectrum
+from controller.riccati.frequency_response import square_root, swept_gain
 from controller.riccati.gare import GameSolution
-from hfa_support.errors import BadInputError, refuse_unknown
 from hfa_support.jsonable import finite_or_none
-from hfa_support.reporting.checks import at_most
-from verification.critic.candidate import Candidate, from_weights
-from verification.critic.check_result import CriticCheck
-from verification.critic.critic_check import LIMIT, check_critic
-from verification.critic.critic_errors import SMALL, Box
-from verification.critic.network_file import Network
+from hfa_support.native.bound import BoundFunction
+from hfa_support.reporting.checks import Check, at_most, below
+from verification.critic.candidate import Candidate, Nonlinear
+from verification.critic.critic_errors import SMALL
 
-#: What a network may compute.
-OUTPUTS = ("V", "gradient", "policy")
 #: States from which the search starts, half of them corners of the box, and from how many of them it climbs.
 STARTS, CLIMBS = 1000, 4
-#: Flights, each until the exact loop has decayed to exp(-`DECAY`), in so many steps at most.
-FLIGHTS, DECAY, STEPS = 40, 10.0, 5000
-#: Checks of `check_critic` that bound a polynomial over the box; of a network they would bound its linearization.
-_OF_POLYNOMIALS = ("value_rel_error", "gradient_rel_error", "policy_rel_error", "disturbance_rel_error")
-_SAID = {"value": "V", "gradient": "a slope of V", "policy": "the policy"}
-
-
-@dataclass(frozen=True, eq=False)
-class NetworkCritic:
-    """candidate: the linearization at the origin, or all of a polynomial. output: one of `OUTPUTS`.
-
-    z: (n,) symbols, V: of them, F: ∂V/∂z (n,) or u (m,); all None of a polynomial, V where it is not known. constant:
-    V(0), 0 where V is not known. precision: of the weights.
-    """
-
-    candidate: Candidate
-    output: str
-    precision: str
-    constant: float = 0.0
-    z: Any = None
-    V: Any = None
-    F: Any = None
-
-    def policy(self, game: Game) -> Any:
-        """u, (m,), of the symbols z."""
-        return self.F if self.output == "policy" else ca.DM(-0.5 * game.R_inverse_B_transposed) @ self.F
+#: Flights, each until the exact loop has decayed to exp(-`DECAY`), in so many steps at most; from how many starts the
+#: largest box is sought, among 1, 2, ... 2^`DOUBLINGS` times the box and its parts.
+FLIGHTS, DECAY, STEPS, FEW, DOUBLINGS = 100, 5.0, 2000, 8, 4
+#: A flight has returned where V* has come down to this part.
+RETURNED = 0.05
+SAID = {"value": "V", "gradient": "a slope of V", "policy": "the policy"}
 
 
 class Found(NamedTuple):
@@ -69,9 +41,12 @@ class Found(NamedTuple):
 
 
 class NetworkSearch(NamedTuple):
-    """What is known of a network beside its linearization. found: () of a polynomial, whose errors are bounded.
+    """What was found of a function of the state beside its linearization, over the box.
 
-    lost: percent, the largest of `flown_loss`, 0 where it was not flown. The others as in `NetworkCritic`.
+    lost, mean: percent of V* that it costs more than the optimum from `flights` starts. gain: met by the worst sine
+    wave of its linear loop that fills the box. reach: the largest multiple of the box from which it returns, on the
+    linear plant, on the nonlinear one, and there of the exact policy, None where that is not known. The others as in
+    `Nonlinear`.
     """
 
     output: str
@@ -79,123 +54,111 @@ class NetworkSearch(NamedTuple):
     constant: float
     found: tuple[Found, ...] = ()
     lost: float = 0.0
+    mean: float = 0.0
+    flights: int = 0
+    gain: float = 0.0
+    reach: float = math.nan
+    reach_nonlinear: float | None = None
+    exact_reach: float | None = None
 
     @property
     def said(self) -> tuple[str, ...]:
         """For a report."""
-        constant = f", V(0) = {self.constant:.4g}" if self.output == "V" else ""
+        constant = f", V(0) = {self.constant:.4g}" if "V" in self.output else ""
         if not self.found:
             return (f"Polynomial, {self.precision} weights{constant}",)
         errors = [
-            f"{_SAID[each.name]} {each.error:.3g} at ({', '.join(f'{z:.3g}' for z in each.at)})" for each in self.found
+            f"{SAID[each.name]} {each.error:.3g} at ({', '.join(f'{z:.3g}' for z in each.at)})" for each in self.found
         ]
-        flown = f"Cost lost in the box, flown from {FLIGHTS} starts (not a bound): {self.lost:.3g} percent"
+        far = f"{self.reach:g} times the box on the linear plant"
+        if self.reach_nonlinear is not None:
+            far += f", {self.reach_nonlinear:g} times on the nonlinear one (the exact policy {self.exact_reach:g})"
         return (
             f"Network of {self.output}, {self.precision} weights, linearized exactly at the origin{constant}",
             f"Largest errors in the box (searched, {STARTS} starts; not a bound): {'; '.join(errors)}",
-            *[flown] * (self.lost > 0.0),
+            f"Flown from {self.flights} starts in the box (not a bound): cost lost {self.lost:.3g} percent at most, "
+            f"{self.mean:.3g} on average; L2 gain met {self.gain:.4g}",
+            f"Returns to trim from {far} ({FEW} starts each, doubled up to {2**DOUBLINGS})",
         )
 
     def to_dict(self) -> dict[str, Any]:
         """Ready for JSON."""
-        found = [
-            {"name": each.name, "error": finite_or_none(each.error), "at": each.at.tolist()} for each in self.found
-        ]
+        numbers = {
+            "value_at_origin": self.constant,
+            "cost_lost_flown_percent": self.lost,
+            "cost_lost_flown_mean_percent": self.mean,
+            "l2_gain_flown": self.gain,
+            "reach": self.reach,
+        }
         return {
             "output": self.output,
             "precision": self.precision,
-            "value_at_origin": finite_or_none(self.constant),
             "starts": STARTS if self.found else 0,
-            "searched": found,
-            "cost_lost_flown_percent": finite_or_none(self.lost),
+            "flights": self.flights,
+            "searched": [
+                {"name": each.name, "error": finite_or_none(each.error), "at": each.at.tolist()} for each in self.found
+            ],
+            **{name: finite_or_none(value) for name, value in numbers.items()},
+            "reach_nonlinear": self.reach_nonlinear,
+            "reach_nonlinear_exact": self.exact_reach,
         }
 
 
-def network_critic(
-    game: Game, network: Network, functions: Basis, output: str | None = None, scale: np.ndarray | None = None
-) -> NetworkCritic:
-    """The critic that a network is. output: one of `OUTPUTS`, by default what its number of outputs says.
-
-    scale: (n,), the network takes state i times scale[i]. BadInputError where the outputs do not fit or are ambiguous.
-    """
-    n, m = game.B.shape
-    scale = np.ones(n) if scale is None else np.asarray(scale, dtype=float)
-    if scale.shape != (n,) or not np.all(np.isfinite(scale) & (scale != 0.0)):
-        raise BadInputError(f"--scale needs {n} numbers other than 0, one for each state")
-    if network.function is None:
-        (weight, bias), *_ = network.layers
-        if len(weight) != 1 or output not in (None, "V"):
-            raise BadInputError(f"a layer on the basis has {len(weight)} outputs; V has 1, and only V is read of it")
-        candidate = from_weights(game, weight[0] * functions.scaling(scale), functions)
-        return NetworkCritic(candidate, "V", network.precision, float(bias[0]))
-    output = _output(network.function.size1_out(0), n, m, output)
-    z = ca.SX.sym("z", n)
-    y = network.function(ca.DM(scale) * z)
-    V, F = (y, ca.gradient(y, z)) if output == "V" else (None, y)
-    constant = 0.0 if V is None else float(ca.Function("V", [z], [V])(np.zeros(n)))
-    w = ca.SX.sym("w", F.size1())
-    slopes = ca.Function("slopes", [z, w], [ca.jtimes(F, z, w, True)])
-    slope = np.array(slopes(np.zeros((n, F.size1())), np.eye(F.size1()))).T
-    candidate = Candidate(-slope, None, functions)
-    if output != "policy":
-        candidate = Candidate(game.gain(slope / 2.0), slope / 2.0, functions)
-    return NetworkCritic(candidate, output, network.precision, constant, z, V, F)
-
-
-def _output(count: int, n: int, m: int, asked: str | None) -> str:
-    counts = dict(zip(OUTPUTS, (1, n, m), strict=True))
-    fitting = [name for name, size in counts.items() if size == count]
-    if asked is not None:
-        refuse_unknown("unknown output", asked, OUTPUTS)
-    if asked not in (None, *fitting) or not fitting:
-        said = ", ".join(f"{name} has {size}" for name, size in counts.items())
-        raise BadInputError(f"the network has {count} outputs; on this plant {said}")
-    if asked is None and len(fitting) > 1:
-        raise BadInputError(f"{count} outputs may be {' or '.join(fitting)}; say which by --network-output")
-    return asked or fitting[0]
-
-
-def check_network(
+def network_checks(
     game: Game,
-    critic: NetworkCritic,
+    candidate: Candidate,
+    exact: GameSolution,
+    b: np.ndarray,
+    limit: float,
     *,
-    box: Box,
-    limit: float = LIMIT,
-    fly: bool = False,
-    at_dihedral: Callable[[float], Game] | None = None,
-) -> CriticCheck:
-    """`check_critic` of the linearization; the errors at the origin, and the largest that `search` finds in the box.
+    flights: int = FLIGHTS,
+    plant: ca.Function | None = None,
+) -> tuple[tuple[Check, ...], NetworkSearch]:
+    """Checks of the errors at the origin, of those that `search` finds over the box |z_i| <= b_i and of the gain met.
 
-    A polynomial is checked as a critic is whose weights are given. fly: also `flown_loss`.
+    plant: (z, u) -> z', the nonlinear plant about its trim. flights: 0 where the linear loop is unstable.
     """
-    check = check_critic(game, critic.candidate, limit=limit, box=box, at_dihedral=at_dihedral)
-    facts = NetworkSearch(critic.output, critic.precision, critic.constant)
-    if critic.z is None:
-        return replace(check, network=facts)
-    origin, found = search(game, critic, check.exact, box.half_widths)
-    off = "u is" if critic.output == "policy" else "the slopes of V are"
+    about = candidate.nonlinear
+    assert about is not None
+    facts = NetworkSearch(about.output, about.precision, about.constant)
+    if about.z is None:
+        return (), facts
+    origin, found = search(game, candidate, exact, b)
+    off = "u is" if about.F is None else "the slopes of V are"
     checks = [at_most("origin_error", origin, limit, f"{off} off by {origin:.2g} at the origin, where 0 is right")]
     for name, error, _ in found:
-        checks.append(
-            at_most(f"searched_{name}_error", error, limit, f"{_SAID[name]} is off by {error:.2g} in the box")
-        )
-    flown = fly and math.isfinite(check.flight.worst)
-    lost = flown_loss(game, critic, check.exact, box.half_widths) if flown else 0.0
-    kept = [each for each in check.checks if each.name not in _OF_POLYNOMIALS]
-    return replace(check, checks=(*kept, *checks), network=facts._replace(found=found, lost=lost))
+        checks.append(at_most(f"searched_{name}_error", error, limit, f"{SAID[name]} is off by {error:.2g} in the box"))
+    facts = facts._replace(found=found)
+    if not flights:
+        return tuple(checks), facts._replace(lost=math.inf, mean=math.inf, gain=math.inf, reach=0.0)
+    lost = flown_losses(game, candidate, exact, b, flights)
+    facts = facts._replace(
+        lost=float(lost.max()), mean=float(lost.mean()), flights=flights, gain=flown_gain(game, candidate, b)
+    )
+    if math.isfinite(game.delta):
+        said = f"the closed loop meets an L2 gain of {facts.gain:.4g} in the box, not below delta"
+        checks.append(below("flown_l2_gain", facts.gain, game.delta, said))
+    u = about.policy(game)
+    far = reach(about.z, ca.DM(game.A) @ about.z + ca.DM(game.B) @ u, exact, game, b)
+    facts = facts._replace(reach=far)
+    if plant is not None:
+        far, best = (reach(about.z, plant(about.z, each), exact, game, b) for each in (u, -ca.DM(exact.K) @ about.z))
+        facts = facts._replace(reach_nonlinear=far, exact_reach=best)
+    return tuple(checks), facts
 
 
-def search(game: Game, critic: NetworkCritic, exact: GameSolution, b: np.ndarray) -> tuple[float, tuple[Found, ...]]:
+def search(game: Game, candidate: Candidate, exact: GameSolution, b: np.ndarray) -> tuple[float, tuple[Found, ...]]:
     """The largest error at the origin, and those found over the box |z_i| <= b_i: of V, of any dV/dz_i, of any input.
 
     Each relative to the largest of the exact V, dV/dz_i or u_i in the box; V but for its constant, on which no policy
     depends. Of `STARTS` states the `CLIMBS` worst of each error are where L-BFGS-B starts to climb.
     """
-    names, errors = _errors(game, critic, exact, b)
+    assert candidate.nonlinear is not None
+    z, (names, errors) = candidate.nonlinear.z, _errors(game, candidate.nonlinear, exact, b)
     w = ca.SX.sym("w", len(names))
     values, slopes = (
-        ca.Function("values", [critic.z], [errors]),
-        ca.Function("slopes", [critic.z, w], [ca.jtimes(errors, critic.z, w, True)]),
+        ca.Function("values", [z], [errors]),
+        ca.Function("slopes", [z, w], [ca.jtimes(errors, z, w, True)]),
     )
     starts = np.random.default_rng(0).uniform(-1.0, 1.0, (len(b), STARTS))
     starts[:, ::2] = np.sign(starts[:, ::2])
@@ -228,16 +191,16 @@ def _climbed(
     return (-float(end.fun) if math.isfinite(end.fun) else math.inf), end.x
 
 
-def _errors(game: Game, critic: NetworkCritic, exact: GameSolution, b: np.ndarray) -> tuple[list[str], Any]:
+def _errors(game: Game, about: Nonlinear, exact: GameSolution, b: np.ndarray) -> tuple[list[str], Any]:
     """Names of the relative errors, and the errors themselves, of the symbols z."""
-    z, P = critic.z, ca.DM(exact.P)
+    z, P = about.z, ca.DM(exact.P)
     scale, parts = np.sqrt(np.diag(game.R)), []
-    if critic.V is not None:
-        parts.append(("value", critic.V - critic.constant - z.T @ P @ z, b[None] @ np.abs(exact.P) @ b))
-    if critic.output != "policy":
-        parts.append(("gradient", critic.F - 2.0 * P @ z, _floored(2.0 * np.abs(exact.P) @ b)))
+    if about.V is not None:
+        parts.append(("value", about.V - about.constant - z.T @ P @ z, b[None] @ np.abs(exact.P) @ b))
+    if about.F is not None:
+        parts.append(("gradient", about.F - 2.0 * P @ z, _floored(2.0 * np.abs(exact.P) @ b)))
     sizes = _floored(scale * (np.abs(exact.K) @ b)) / scale
-    parts.append(("policy", critic.policy(game) + ca.DM(exact.K) @ z, sizes))
+    parts.append(("policy", about.policy(game) + ca.DM(exact.K) @ z, sizes))
     names = [name for name, _, sizes in parts for _ in sizes]
     return names, ca.vertcat(*(error / ca.DM(sizes) for _, error, sizes in parts))
 
@@ -247,30 +210,104 @@ def _floored(sizes: np.ndarray) -> np.ndarray:
     return np.maximum(sizes, SMALL * sizes.max() or 1.0)
 
 
-def flown_loss(game: Game, critic: NetworkCritic, exact: GameSolution, b: np.ndarray) -> float:
-    """Percent of V* that u(z) costs more than u*, the largest over `FLIGHTS` starts in the box; inf for no return.
-
-    Under d = L* z, the worst disturbance of the exact policies, J - V* = ∫ (u - u*)'R(u - u*) dt. What is left of V*
-    at the end counts.
-    """
+def _flown(function: ca.Function, start: np.ndarray, time: float, begin: float = 0.0) -> np.ndarray | None:
+    """y(begin + time) of y' = function(t, y), None where LSODA gives up or a number is not finite."""
     from scipy.integrate import odeint
 
-    A, P, n, u = game.A + game.E @ exact.disturbance_gain, exact.P, len(b), critic.policy(game)
-    away = u + ca.DM(exact.K) @ critic.z
-    slopes = ca.vertcat(ca.DM(A) @ critic.z + ca.DM(game.B) @ u, away.T @ ca.DM(game.R) @ away)
-    function = ca.Function("slopes", [critic.z], [slopes])
-    time = DECAY / abs(spectrum(A - game.B @ exact.K).abscissa)
-    starts = np.random.default_rng(1).uniform(-1.0, 1.0, (FLIGHTS, n))
+    bound = BoundFunction(function)
+
+    def slopes(t: float, y: np.ndarray) -> np.ndarray:
+        bound.inputs[0][0], bound.inputs[1][:] = t, y
+        bound()
+        return bound.results[0]
+
+    steps = {"rtol": 1e-7, "atol": 1e-9 * np.abs(start).max(), "mxstep": STEPS, "full_output": True}
+    with np.errstate(all="ignore"), warnings.catch_warnings(action="ignore"):  # of LSODA, where it gives up
+        (_, end), about = odeint(slopes, start, [begin, begin + time], tfirst=True, **steps)
+    return end if about["message"] == "Integration successful." and np.all(np.isfinite(end)) else None
+
+
+def _starts(b: np.ndarray, count: int) -> np.ndarray:
+    """States of the box, every other one a corner: (count, n)."""
+    starts = np.random.default_rng(1).uniform(-1.0, 1.0, (count, len(b)))
     starts[::2] = np.sign(starts[::2])
-    worst, steps = 0.0, {"rtol": 1e-7, "mxstep": STEPS, "full_output": True}
-    for start in starts * b:
-        with np.errstate(all="ignore"), warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of LSODA, where it gives up: that is no return
-            (_, end), about = odeint(
-                lambda y, _: np.array(function(y[:n])).ravel(), [*start, 0.0], [0.0, time], **steps
-            )
-            lost = 100.0 * float((end[n] + end[:n] @ P @ end[:n]) / (start @ P @ start))
-        if about["message"] != "Integration successful." or not math.isfinite(lost):
-            return math.inf
-        worst = max(worst, lost)
-    return worst
+    return starts * b
+
+
+def flown_losses(game: Game, candidate: Candidate, exact: GameSolution, b: np.ndarray, flights: int) -> np.ndarray:
+    """Percent of V* that u(z) costs more than u* from each of so many starts in the box, (flights,); all inf where it
+    does not return from one.
+
+    Under d = L* z, the worst disturbance of the exact policies, J - V* = ∫ (u - u*)'R(u - u*) dt. What comes after the
+    end is that of the linear loop.
+    """
+    from scipy.linalg import solve_continuous_lyapunov
+
+    about, P, n = candidate.nonlinear, exact.P, len(b)
+    assert about is not None
+    A, u = game.A + game.E @ exact.disturbance_gain, about.policy(game)
+    loop, change = A - game.B @ candidate.K, candidate.K - exact.K
+    if spectrum(loop).abscissa >= 0.0:
+        return np.full(flights, math.inf)
+    rest = solve_continuous_lyapunov(loop.T, -change.T @ game.R @ change)
+    away = u + ca.DM(exact.K) @ about.z
+    t, y = ca.SX.sym("t"), ca.vertcat(about.z, ca.SX.sym("cost"))
+    slopes = ca.vertcat(ca.DM(A) @ about.z + ca.DM(game.B) @ u, away.T @ ca.DM(game.R) @ away)
+    function = ca.Function("slopes", [t, y], [ca.densify(slopes)])
+    time, lost = DECAY / abs(spectrum(A - game.B @ exact.K).abscissa), []
+    for start in _starts(b, flights):
+        end, before = _flown(function, np.append(start, 0.0), time), start @ P @ start
+        if end is None or end[:n] @ P @ end[:n] > RETURNED * before:
+            return np.full(flights, math.inf)
+        lost.append(100.0 * float((end[n] + end[:n] @ rest @ end[:n]) / before))
+    return np.array(lost)
+
+
+def flown_gain(game: Game, candidate: Candidate, b: np.ndarray) -> float:
+    """√(∫ z'Qz + u'Ru dt / ∫ d'd dt) over a period of the sine wave d that the linear loop amplifies most, so large
+    that that loop's state touches the box; inf where the flight fails. 0 without a disturbance."""
+    about, n = candidate.nonlinear, len(b)
+    assert about is not None
+    loop = game.A - game.B @ candidate.K
+    if not math.isfinite(game.delta) or not game.E.any() or spectrum(loop).abscissa >= 0.0:
+        return 0.0 if spectrum(loop).abscissa < 0.0 else math.inf
+    frequency = max(swept_gain(game, candidate.K).frequency, 0.1 * abs(spectrum(loop).abscissa))
+    response = np.linalg.solve(1j * frequency * np.eye(n) - loop, game.E.astype(complex))
+    cost = square_root(game.Q + candidate.K.T @ game.R @ candidate.K)
+    d = np.linalg.svd(cost @ response)[2][0].conj()
+    d /= float((np.abs(response @ d) / b).max()) or 1.0
+    t, y, u = ca.SX.sym("t"), ca.vertcat(about.z, ca.SX.sym("cost")), about.policy(game)
+    wave = ca.DM(d.real) * ca.cos(frequency * t) - ca.DM(d.imag) * ca.sin(frequency * t)
+    running = about.z.T @ ca.DM(game.Q) @ about.z + u.T @ ca.DM(game.R) @ u
+    slopes = ca.vertcat(ca.DM(game.A) @ about.z + ca.DM(game.B) @ u + ca.DM(game.E) @ wave, running)
+    function = ca.Function("slopes", [t, y], [ca.densify(slopes)])
+    period, start = 2.0 * math.pi / frequency, np.append((response @ d).real, 0.0)
+    end = _flown(function, start, period)
+    end = None if end is None else _flown(function, np.append(end[:n], 0.0), period)
+    power = 0.5 * period * float(np.sum(np.abs(d) ** 2))
+    return math.inf if end is None else math.sqrt(max(float(end[n]), 0.0) / power)
+
+
+def reach(z: Any, slopes: Any, exact: GameSolution, game: Game, b: np.ndarray) -> float:
+    """The largest of 2^-k ... 2^k times the box, k = `DOUBLINGS`, such that z' = slopes returns from `FEW` starts in it
+    and in each smaller one tried; 0 for none."""
+    function = ca.Function("slopes", [ca.SX.sym("t"), z], [ca.densify(slopes)])
+    time = DECAY / abs(spectrum(game.A - game.B @ exact.K).abscissa)
+
+    def returns(size: float) -> bool:
+        for start in size * _starts(b, FEW):
+            end = _flown(function, start, time)
+            if end is None or end @ exact.P @ end > RETURNED * (start @ exact.P @ start):
+                return False
+        return True
+
+    size, largest = 1.0, 2.0**DOUBLINGS
+    if returns(size):
+        while size < largest and returns(2.0 * size):
+            size *= 2.0
+        return size
+    while size > 1.0 / largest:
+        size /= 2.0
+        if returns(size):
+            return size
+    return 0.0

@@ -14,6 +14,7 @@ import re
 import zipfile
 from collections import OrderedDict
 from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -24,44 +25,64 @@ from hfa_support.errors import BadInputError, refuse_unknown, said_of, shortened
 from hfa_support.files import regular_file
 
 #: Suffixes of the files that `network_in` reads.
-NETWORK_FILES = (".onnx", ".pt", ".pth", ".pkl", ".safetensors")
+NETWORK_FILES = (".onnx", ".pt", ".pth", ".pkl", ".safetensors", ".zip")
+#: What a network may compute of the state: V, dV/dz, u, or V and u one behind the other.
+OUTPUTS = ("V", "gradient", "policy", "V+policy")
 #: Bytes of a file, and numbers in it: derivatives are symbolic.
 LARGEST_FILE, LARGEST_NETWORK = 2**24, 200_000
-#: The oldest ONNX operator set whose operators all have their present form.
-OLDEST_OPSET = 13
+#: The oldest ONNX operator set that is read.
+OLDEST_OPSET = 9
 Layers = list[tuple[np.ndarray, np.ndarray]]
 
 
 class Network(NamedTuple):
-    """x -> network(x), a CasADi Function (n,) -> (k,), in doubles.
+    """functions: name of an output -> x -> its numbers, CasADi Functions (n,) -> (k,), in doubles; the name is one of
+    `OUTPUTS` where it was asked for, "" of a state dict otherwise.
 
-    precision: of the weights in the file, as "float32". layers: of a state dict, (weight (k, n), bias (k,)) each; () of
-    a graph.
+    precision: of the weights in the file, as "float32". layers: of a state dict, (weight (k, n), bias (k,)) each; a
+    single one that acts on the basis has no function.
     """
 
-    function: Any
+    functions: dict[str, Any]
     precision: str
     layers: Layers
 
 
-def network_in(
-    path: str | Path, states: int, activation: str | None = None, part: str | None = None, features: int = 0
-) -> Network:
-    """The network in a file, of `states` inputs. activation: one of `ACTIVATIONS`, between the layers of a state dict;
-    part: of which network, where names of a state dict begin with it.
+def is_network(path: Path) -> bool:
+    """Whether a file is one for `network_in`: by its suffix, or an .npz whose arrays are named like layers."""
+    if path.suffix.lower() == ".npz":
+        try:
+            with zipfile.ZipFile(path) as archive:
+                return any(re.search(r"(^|\.)weight\.npy$", name) for name in archive.namelist())
+        except (OSError, zipfile.BadZipFile):
+            return False
+    return path.suffix.lower() in NETWORK_FILES
 
-    A single layer of `features` inputs acts on the basis: its function is None. Raises BadInputError, one line that
-    names the file.
+
+def network_in(
+    path: str | Path,
+    states: int,
+    activation: str | None = None,
+    parts: Mapping[str, str] | None = None,
+    features: int = 0,
+) -> Network:
+    """The network in a file, of `states` inputs. activation: one of `ACTIVATIONS`, between the layers of a state dict,
+    and behind a comma that of its output. parts: what is asked for -> which tensors, by a word in their names or more
+    with + between them, or which output of an ONNX graph.
+
+    A single layer of `features` inputs acts on the basis. Raises BadInputError, one line that names the file.
     """
-    path = Path(path)
+    path, parts = Path(path), parts or {"": ""}
     with said_of(path):
         try:
             content = regular_file(path, LARGEST_FILE).read_bytes()
             if path.suffix.lower() == ".onnx":
-                if activation is not None or part is not None:
-                    raise BadInputError("--activation and --network belong to a state dict; an ONNX file says them")
-                return _onnx_network(content, states)
-            return _layered(_tensors_in(content, path.suffix.lower()), states, activation, part, features)
+                return _onnx_network(content, states, parts)
+            tensors = _tensors_in(content, path.suffix.lower())
+            found = {name: _layered(tensors, states, activation, part, features) for name, part in parts.items()}
+            layers = next(iter(found.values()))[1]
+            precision = "float32" if any(each.dtype == np.float32 for each in tensors.values()) else "float64"
+            return Network({name: each for name, (each, _) in found.items() if each is not None}, precision, layers)
         except OSError as error:
             raise BadInputError(f"cannot be read ({error.strerror})") from error
         except BadInputError:
@@ -96,7 +117,12 @@ ACTIVATIONS: Mapping[str, Callable[..., np.ndarray]] = {
     "softplus": _each(_softplus),
     "elu": _each(lambda x, alpha=1.0: ca.fmax(x, 0.0) + alpha * ca.expm1(ca.fmin(x, 0.0))),
     "gelu": _each(_gelu),
+    "silu": _each(lambda x: x * (0.5 + 0.5 * ca.tanh(0.5 * x))),
+    "selu": _each(lambda x: 1.0507009873554805 * (ca.fmax(x, 0.0) + 1.6732632423543772 * ca.expm1(ca.fmin(x, 0.0)))),
+    "sin": _each(ca.sin),
 }
+#: Which a network may have been trained with in place of the one that is said.
+COMMON = ("tanh", "relu", "sigmoid", "softplus", "elu")
 
 
 def _gemm(a: Any, b: Any, c: Any = 0.0, alpha: float = 1.0, beta: float = 1.0, transA: int = 0, transB: int = 0) -> Any:
@@ -109,7 +135,7 @@ def _reshape(x: np.ndarray, shape: np.ndarray) -> np.ndarray:
 
 def _slice(x: np.ndarray, starts: Any, ends: Any, axes: Any = None, steps: Any = None) -> np.ndarray:
     where = [slice(None)] * x.ndim
-    steps = np.ones_like(starts) if steps is None else steps
+    steps = np.ones(len(starts)) if steps is None else steps
     for axis, *ends_and_step in zip(range(len(starts)) if axes is None else axes, starts, ends, steps, strict=True):
         if ends_and_step[2] < 1:
             raise BadInputError("a Slice goes backwards; export the network without it")
@@ -117,8 +143,30 @@ def _slice(x: np.ndarray, starts: Any, ends: Any, axes: Any = None, steps: Any =
     return x[tuple(where)]
 
 
-def _reduce_sum(x: np.ndarray, axes: Any, keepdims: int = 1) -> np.ndarray:
-    return np.sum(x, axis=tuple(map(int, axes)), keepdims=bool(keepdims))
+def _reduced(reduce: Callable[..., Any], x: np.ndarray, axes: Any = None, keepdims: int = 1) -> Any:
+    return reduce(x, axis=None if axes is None else tuple(map(int, np.ravel(axes))), keepdims=bool(keepdims))
+
+
+def _clip(x: np.ndarray, low: Any = None, high: Any = None, **ends: float) -> np.ndarray:
+    low, high = ends.get("min", low), ends.get("max", high)
+    x = x if low is None else _each(lambda each: ca.fmax(each, float(low)))(x)
+    return x if high is None else _each(lambda each: ca.fmin(each, float(high)))(x)
+
+
+def _unsqueezed(x: np.ndarray, axes: Any) -> np.ndarray:
+    for axis in sorted(int(each) % (x.ndim + len(axes)) for each in axes):
+        x = np.expand_dims(x, axis)
+    return x
+
+
+def _flatten(x: np.ndarray, axis: int = 1) -> np.ndarray:
+    return x.reshape(math.prod(x.shape[:axis]), -1)
+
+
+def _cast(x: np.ndarray, to: int, **_: Any) -> np.ndarray:
+    if to not in (1, 7, 11) or (to == 7) != (np.asarray(x).dtype.kind == "i"):  # float, int64, double
+        raise BadInputError("a Cast goes to another type than float and double; export the network without it")
+    return x
 
 
 #: ONNX operators: inputs, then attributes by name.
@@ -128,21 +176,33 @@ OPERATORS: Mapping[str, Callable[..., Any]] = {
     "Mul": lambda a, b: a * b,
     "Div": lambda a, b: a / b,
     "Neg": lambda a: -a,
+    "Sum": lambda *terms: sum(terms[1:], terms[0]),
     "MatMul": lambda a, b: a @ b,
     "Gemm": _gemm,
-    **{name.title().replace("_", ""): function for name, function in ACTIVATIONS.items()},
-    "Reshape": _reshape,
+    **{name.title().replace("_", ""): each for name, each in ACTIVATIONS.items() if name not in ("silu", "selu")},
+    **{each.title(): _each(getattr(ca, each)) for each in ("erf", "exp", "log", "sqrt", "cos")},
+    "Abs": _each(ca.fabs),
+    "Clip": _clip,
+    "Reshape": lambda x, shape, allowzero=0: _reshape(x, shape),
+    "Flatten": _flatten,
+    "Squeeze": lambda x, axes=None: np.squeeze(x, None if axes is None else tuple(map(int, axes))),
+    "Unsqueeze": _unsqueezed,
     "Pow": lambda a, b: a**b,
     "Transpose": lambda a, perm=None: a.transpose(perm),
-    "ReduceSum": _reduce_sum,
+    "ReduceSum": partial(_reduced, np.sum),
+    "ReduceMean": partial(_reduced, np.mean),
     "Concat": lambda *parts, axis: np.concatenate(parts, axis=axis),
     "Slice": _slice,
+    "Gather": lambda x, places, axis=0: np.take(x, np.asarray(places, dtype=int), axis=axis),
+    "Shape": lambda x: np.array(x.shape),
     "Identity": lambda a: a,
+    "Dropout": lambda a, *_, **__: a,
+    "Cast": _cast,
     "Constant": lambda **given: next(iter(given.values())),
 }
 
 
-def _onnx_network(content: bytes, states: int) -> Network:
+def _onnx_network(content: bytes, states: int, parts: Mapping[str, str]) -> Network:
     try:
         import onnx
     except ImportError as error:
@@ -167,8 +227,10 @@ def _onnx_network(content: bytes, states: int) -> Network:
 
     known: dict[str, Any] = {each.name: constant(each.name, each) for each in graph.initializer}
     inputs = [each for each in graph.input if each.name not in known]
-    if len(inputs) != 1 or len(graph.output) != 1:
-        raise BadInputError(f"it has {len(inputs)} inputs and {len(graph.output)} outputs; a critic has 1 and 1")
+    if len(inputs) != 1 or not graph.output:
+        raise BadInputError(
+            f"it has {len(inputs)} inputs and {len(graph.output)} outputs; a critic takes the state alone"
+        )
     sizes = [each.dim_value for each in inputs[0].type.tensor_type.shape.dim]  # 0 where it is left open
     if len(sizes) not in (1, 2) or (len(sizes) == 2 and sizes[0] > 1):
         raise BadInputError(f"its input has the shape {sizes}; it must be one row of states")
@@ -184,11 +246,20 @@ def _onnx_network(content: bytes, states: int) -> Network:
             given["approximate"] = given["approximate"].decode()
         if name == "Constant":
             given = {key: constant(key, value) if key == "value" else np.array(value) for key, value in given.items()}
-        result = OPERATORS[name](*(known[each] if each else None for each in node.input), **given)
+        result = np.asarray(OPERATORS[name](*(known[each] if each else None for each in node.input), **given))
         if sum(each.size for each in known.values()) + result.size > LARGEST_NETWORK:
             raise BadInputError(f"it has more than {LARGEST_NETWORK} numbers")
         known[node.output[0]] = result
-    return Network(_function(x, known[graph.output[0].name]), "float32" if any(single) else "float64", [])
+    names = [each.name for each in graph.output]
+    found = {}
+    for kind, part in parts.items():
+        for name in [part] if part else names:
+            if name not in names:
+                raise BadInputError(
+                    f"it has no output {shortened(part)!r}; its outputs are {shortened(', '.join(names))}"
+                )
+            found[kind if part or len(names) == 1 else name] = _function(x, known[name])
+    return Network(found, "float32" if any(single) else "float64", [])
 
 
 def _check_width(found: int, states: int) -> None:
@@ -207,14 +278,16 @@ def _function(x: Any, outputs: np.ndarray) -> Any:
 
 
 def _layered(
-    tensors: Mapping[str, np.ndarray], states: int, activation: str | None, part: str | None, features: int
-) -> Network:
-    """The layers in the order of the file; each must take what the one before gives."""
-    first = sorted({name.partition(".")[0] for name in tensors})
-    if part is not None:
-        tensors = {name: value for name, value in tensors.items() if f"{name}.".startswith(f"{part}.")}
+    tensors: Mapping[str, np.ndarray], states: int, activation: str | None, part: str, features: int
+) -> tuple[Any, Layers]:
+    """The function of the layers in the order of the file, None of one that acts on the basis; each layer must take
+    what the one before gives."""
+    roots = shortened(", ".join(dict.fromkeys(re.sub(r"\.?\d*\.?(weight|bias)$", "", name) for name in tensors)), 200)
+    if part:
+        words = [f".{each}." for each in part.split("+")]
+        tensors = {name: value for name, value in tensors.items() if any(each in f".{name}." for each in words)}
     if not tensors:
-        raise BadInputError(f"it holds no tensors under {part!r}; its names begin with {shortened(', '.join(first))}")
+        raise BadInputError(f"it holds no tensors called {shortened(part)!r}; its tensors are in {roots}")
     layers: Layers = []
     for name, value in tensors.items():
         stem, kind = name.removesuffix("weight"), name.rpartition(".")[2]
@@ -222,34 +295,43 @@ def _layered(
             continue
         bias = tensors.get(f"{stem}bias", np.zeros(len(value)) if value.ndim else None)
         if kind != "weight" or value.ndim != 2 or bias is None or bias.shape != (len(value),):
-            raise BadInputError(f"tensor {shortened(name)!r} {value.shape} is no weight or bias of a linear layer")
+            norm = re.search("norm|ln|bn", name.lower()) or value.ndim == 1
+            what = "a norm, not a linear layer" if norm else "no weight or bias of a linear layer"
+            more = f"of several networks name one by --network: {roots}"
+            raise BadInputError(f"tensor {shortened(name)!r} {value.shape} is {what}; {more}")
         if layers and len(layers[-1][0]) != value.shape[1]:
             raise BadInputError(
                 f"{shortened(name)!r} takes {value.shape[1]} numbers, the layer before gives {len(layers[-1][0])}; "
-                f"of several networks name one by --network: {shortened(', '.join(first))}"
+                f"of several networks name one by --network: {roots}"
             )
         layers.append((value.astype(float), bias.astype(float)))
-    precision = "float32" if any(each.dtype == np.float32 for each in tensors.values()) else "float64"
     width = layers[0][0].shape[1]
     if len(layers) == 1 and width == features:
-        return Network(None, precision, layers)
+        return None, layers
     _check_width(width, states)
     if len(layers) > 1 and activation is None:
         choices = "|".join(ACTIVATIONS)
         raise BadInputError(f"a state dict does not say what is between its layers; give --activation {choices}")
-    if activation is not None:
-        refuse_unknown("unknown activation", activation, ACTIVATIONS)
+    between, _, last = (activation or "").partition(",")
+    for name in filter(None, (between, last)):
+        refuse_unknown("unknown activation", name, ACTIVATIONS)
     x = ca.SX.sym("x", states)
     h = np.fromiter(ca.vertsplit(x), object)
     for place, (weight, bias) in enumerate(layers):
-        h = weight @ (ACTIVATIONS[activation](h) if place and activation else h) + bias
-    return Network(_function(x, h), precision, layers)
+        h = weight @ (ACTIVATIONS[between](h) if place and between else h) + bias
+    return _function(x, ACTIVATIONS[last](h) if last else h), layers
 
 
 def _tensors_in(content: bytes, suffix: str) -> dict[str, np.ndarray]:
     """Name -> array of a state dict, finite, in the order of its layers: that of the file, or where the format sorts
     its names, that of the numbers in them."""
-    if suffix == ".safetensors":
+    if suffix == ".npz":
+        with np.load(io.BytesIO(content), allow_pickle=False) as arrays:
+            found = {name: arrays[name] for name in arrays.files}
+        for name, value in found.items():
+            if value.dtype.kind == "f" and value.dtype.itemsize < 4:
+                raise BadInputError(f"tensor {shortened(name)!r} is {value.dtype}; save weights as float32 or float64")
+    elif suffix == ".safetensors":
         found = _safetensors(content)
         found = {name: found[name] for name in sorted(found, key=_numbers_in_order)}
     elif content[:2] == b"PK":
@@ -321,10 +403,16 @@ class _Restricted(pickle.Unpickler):
 
 
 def _torch_zip(content: bytes) -> dict[str, np.ndarray]:
+    """What torch.save or stable-baselines3 writes, whose policy.pth is such a file."""
     with zipfile.ZipFile(io.BytesIO(content)) as archive:
         if sum(each.file_size for each in archive.infolist()) > LARGEST_FILE:
             raise BadInputError(f"it unpacks to more than {LARGEST_FILE} bytes")
-        inside = {each.partition("/")[2]: archive.read(each) for each in archive.namelist()}
+        names = archive.namelist()
+        if "policy.pth" in names:
+            return _torch_zip(archive.read("policy.pth"))
+        if any(re.search(r"(^|/)(code/|constants\.pkl$)", each) for each in names):
+            raise BadInputError("it is TorchScript, a program; save state_dict() instead, or export to ONNX")
+        inside = {each.partition("/")[2]: archive.read(each) for each in names}
     return _named("", _Restricted(inside["data.pkl"], inside).load())
 
 

@@ -77,7 +77,7 @@ def test_a_game_that_costs_nothing() -> None:
 
 def test_a_check_shows_its_report_and_can_be_sent_to_another_process() -> None:
     check = check_critic(GAME, from_value(GAME, 1.004 * EXACT.P))
-    assert repr(check).startswith("Critic on the plant, against the exact game solution: FAIL\n")
+    assert repr(check).startswith("FAIL by the error limit 1e-06: not exact (K is off by 0.004), ")
     assert "\nP(x5, x5) " in repr(check)
     assert "<table>" in check._repr_html_()
     again = pickle.loads(pickle.dumps(check))
