@@ -23,8 +23,8 @@ from planted_critics import DEGREE, gain, value
 from controller import Game
 from hfa_cli.main import BAD_INPUT, DONE, FAILED
 from hfa_support import BadInputError
-from verification import Candidate, check_critic, from_network, solve_game
-from verification.critic.candidate import Nonlinear
+from verification import check_critic, from_network, solve_game
+from verification.critic.candidate import Candidate, Nonlinear
 from verification.critic.critic_errors import ordinary_box
 from verification.critic.network_check import flown_losses, search
 from verification.critic.network_file import ACTIVATIONS, network_in
