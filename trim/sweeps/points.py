@@ -26,6 +26,8 @@ TRIMMED, BEYOND_LIMITS, NO_TRIM = range(len(STATUS))
 #: From this many points on, compiling the functions to machine code pays.
 COMPILE_FROM = 50_000
 _MOST_STEPS = 20
+#: Of a Newton step that is halved until the residuals fall.
+_LEAST_SHARE = 2.0**-10
 #: Points a call of the compiled function, the most that there are.
 _TOGETHER = (250, 16, 1)
 
@@ -261,18 +263,24 @@ def _newton(
     together = next(size for size in _TOGETHER if size <= count)
     step, at = _compiled(key, together, count >= COMPILE_FROM if compile_code is None else compile_code)
     after, residual = (result.reshape(together, -1) for result in step.results)
+    # Whole steps lead to the one solution there then is; with states free there may be others, which they may reach.
+    inputs_alone = set(free) <= set(model.inputs)
     for first in range(0, count, together):
         rows = slice(first, min(first + together, count))
         tables = imposed[rows], np.array(guess), constants[rows]
         for memory, table in zip(step.inputs, tables, strict=True):
             memory.reshape(together, -1)[: rows.stop - first] = table
         v, searching = step.inputs[1].reshape(together, -1), np.ones(together, dtype=bool)
-        for _ in range(_MOST_STEPS):
+        for _ in range(_MOST_STEPS if inputs_alone else 0):
             step()
             v[searching] = after[searching]
             searching &= residual[:, 0] > BALANCE  # one step more than balance asks for: to rounding; nan ends it
             if not searching[: rows.stop - first].any():
                 break
+        lost = ~(residual[:, 0] <= BALANCE) if inputs_alone else searching
+        if lost[: rows.stop - first].any():
+            v[lost] = guess
+            _halving(step, v, lost)
         for target, source in zip(at.inputs, step.inputs, strict=True):
             target[:] = source
         at()
@@ -282,6 +290,24 @@ def _newton(
     off += [(flat[:, end + i] - columns[name]) / scale for i, (name, scale) in enumerate(outputs)]
     balanced = np.asarray((np.abs(off) <= BALANCE).all(axis=0))
     return flat[:, :end], flat[:, end + len(outputs) :], balanced
+
+
+def _halving(step: BoundFunction, v: np.ndarray, searching: np.ndarray) -> None:
+    """Newton's method again for the points that are lost, each step halved until the residual falls."""
+    after, residual = (result.reshape(len(v), -1) for result in step.results)
+    base, move, share, best = v.copy(), np.zeros_like(v), np.ones((len(v), 1)), np.full(len(v), np.inf)
+    for _ in range(2 * _MOST_STEPS):
+        step()
+        better = searching & (residual[:, 0] < best)
+        base[better], best[better], share[better] = v[better], residual[better, 0], 1.0
+        move[better] = after[better] - v[better]
+        v[better] = after[better]
+        searching = searching & (best > BALANCE) & (share[:, 0] > _LEAST_SHARE)
+        halved = searching & ~better
+        share[halved] /= 2.0
+        v[halved] = (base + share * move)[halved]
+        if not searching.any():
+            break
 
 
 def _excess(
