@@ -164,10 +164,14 @@ def _aircraft_of(words: list[str]) -> Iterator[None]:
         yield
         return
     from hfa_cli.options.argument_types import OWN
-    from hfa_model.unsteady import UNSTEADY
-    from hfa_support.model import load_model
 
-    token = OWN.set(UNSTEADY if lagging else load_model(named[-1]))
+    if lagging:
+        from hfa_model.unsteady import UNSTEADY as model
+    else:
+        from hfa_support.model import load_model
+
+        model = load_model(named[-1])
+    token = OWN.set(model)
     try:
         yield
     finally:

@@ -26,7 +26,6 @@ from hfa_cli.options.argument_types import (
 from hfa_cli.options.parser import add_named, add_value
 from hfa_model.aircraft import HFA, Aircraft
 from hfa_model.parameters import NAMED, ParameterSet, default_parameters, load_parameters, named_parameters
-from hfa_model.unsteady import UNSTEADY, unsteady_model
 from hfa_support.errors import BadInputError, NoSolutionError, refuse_unknown, shortened
 from hfa_support.model import Model
 from hfa_support.reporting.data_files import SUFFIXES
@@ -67,6 +66,8 @@ def own_of(arguments: argparse.Namespace) -> Model | None:
     if own is None:
         if OWN.get() is None:
             return None
+        from hfa_model.unsteady import UNSTEADY, unsteady_model
+
         effects = {name: value for name, value in held.items() if name in UNSTEADY.parameters}
         return unsteady_model(parameters_of(arguments).values).with_parameters(**effects)
     refuse(arguments, ("dihedral", "parameters"), "belongs to the HFA; hold variables and parameters with --hold")

@@ -42,7 +42,7 @@ def test_effects_are_parameters_and_sweeps_have_them() -> None:
     ("words", "why"),
     [
         (("design", "--dihedral", "11", "--dynamics", "unsteady", "-o", "servo.npz"), "more than seven states"),
-        (("prove", "schedule", "--dihedral", "14:15", "--dynamics", "unsteady"), "more than seven states"),
+        (("report", "--dihedral", "5", "--dynamics", "unsteady", "-o", "page.html"), "more than seven states"),
         (("regenerate", "--dynamics", "unsteady"), "more than seven states"),
         (("solve", *UNSTEADY_11, "--design", "servo"), "--design does not go with --dynamics unsteady"),
     ],
