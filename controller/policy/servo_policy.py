@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -38,30 +38,6 @@ class DihedralTable:
         ends = np.cumsum([0, *(rows * columns for rows, columns in self._shapes)]).tolist()
         parts = ca.vertsplit(self._function(dihedral), ends)
         return tuple(ca.reshape(part, *shape) for part, shape in zip(parts, self._shapes, strict=True))
-
-
-class Measured(Protocol):
-    """y - Y0, (k,), of what a policy is told of the flight."""
-
-    def at(self, seen: Seen) -> ca.SX:
-        """y - Y0."""
-
-
-class Commands(Protocol):
-    """r, r' and the value that r is on its way to, (k,) each, of the outputs `names` at time t."""
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Outputs that are commanded."""
-
-    def at(self, t: Any) -> ca.SX:
-        """The value r, (k,)."""
-
-    def rate(self, t: Any) -> ca.SX:
-        """Its rate, (k,)."""
-
-    def end(self, t: Any) -> ca.SX:
-        """What r is on its way to."""
 
 
 class MeasuredOutputs:
@@ -100,12 +76,13 @@ class MeasuredOutputs:
 class ServoPolicy(Unvaried):
     """x' = A(η) x + B(η) y + W(η) (u_applied - u),  u = C(η) x + D(η) y,  η the measured scheduling state.
 
-    outputs: what it measures. regulated: what is commanded. dihedral: η of the trim in which the flight begins.
+    commands: names, and at(t), rate(t), end(t) of each, as `CommandSteps`. outputs: at(seen), what it measures.
+    regulated: what is commanded. dihedral: η of the trim in which the flight begins.
     """
 
     controller: ScheduledController
-    commands: Commands
-    outputs: Measured
+    commands: Any
+    outputs: Any
     regulated: MeasuredOutputs
     dihedral: float
 

@@ -108,13 +108,12 @@ def _limit_lines(axes: Axes, limited: np.ndarray, limits: tuple[float, float], u
 
 
 def map_figure(maps: tuple[RecoverableMap, ...], title: str) -> Figure:
-    """One column a set of equations: what becomes of the starts, and of dihedral commands."""
-    figure = new_figure(5.2 * len(maps), 9.0)
-    panels = figure.subplots(2, len(maps), squeeze=False, height_ratios=(1.25, 1.0))
+    """One column a set of equations: what becomes of the starts."""
+    figure = new_figure(5.2 * len(maps), 5.6)
+    panels = figure.subplots(1, len(maps), squeeze=False)
     handles: dict[str, Any] = {}
     for column, each in enumerate(maps):
         handles |= _start_map(panels[0, column], each)
-        _command_map(panels[1, column], each)
     figure.legend(handles=list(handles.values()), loc="outside upper center", ncols=3, fontsize=8, title=title)
     return figure
 
@@ -157,35 +156,6 @@ def _start_map(axes: Axes, each: RecoverableMap) -> dict[str, Any]:
     axes.set_ylabel(up)
     axes.set_title(f"{each.point.called}, trim {at_scheduled(each.point)}", fontsize=10)
     return handles
-
-
-def _command_map(axes: Axes, each: RecoverableMap) -> None:
-    ((state, steps),), model = each.commands.items(), each.envelope.model
-    unit, column = model.unit(state), list(model.states).index(state)
-    asked = np.asarray(shown_values(steps, unit))
-    linear, flights = each.commanded["linear"], each.commanded["nonlinear"]
-    offset = shown_values(linear.final[:, column], unit) - asked
-    if not linear.inside.all():
-        axes.plot(asked, offset, "--", color="black", linewidth=1.0, label="linear model")
-    axes.plot(asked[linear.inside], offset[linear.inside], color="black", linewidth=2.0, label="linear, in envelope")
-    missed = shown_values(flights.final[:, column], unit) - asked
-    arrived = flights.arrived(state, steps)
-    for chosen, color, fill, label in (
-        (arrived & flights.within_limits, "C0", "full", "within limits"),
-        (arrived & flights.inside & ~flights.within_limits, "0.5", "full", "exceeded control limits"),
-        (arrived & ~flights.inside, "C0", "none", "arrived, had left"),
-    ):
-        if chosen.any():
-            axes.plot(asked[chosen], missed[chosen], "o", color=color, markersize=4, fillstyle=fill, label=label)
-    for index in np.unique(flights.left[~arrived]).tolist():
-        rows = ~arrived & (flights.left == index)
-        name = (*model.states, "no state")[index]
-        label = f"lost, {name} left first"
-        axes.plot(asked[rows], offset[rows], "x", color=_color(index), markersize=5, label=label)
-    axes.set_xlabel(f"commanded {state} off trim, {shown_unit(unit)}")
-    axes.set_ylabel(f"reached minus commanded, {shown_unit(unit)}")
-    axes.grid(alpha=0.3)
-    axes.legend(fontsize=7, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2, frameon=False)
 
 
 def _color(index: int) -> str:

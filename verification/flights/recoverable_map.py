@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, NamedTuple
 
 import casadi as ca
@@ -195,11 +196,10 @@ class Edge(NamedTuple):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class RecoverableMap(Reported):
-    """Flights from a grid of initial deviations and to a line of commands, by both plants.
+    """Flights from a grid of initial deviations, and how far one can go along axes and commands, by both plants.
 
     axes: the two states that start off trim -> their deviations, (S,) and (D,); starts: of each of `PLANTS` the flights
-    of all pairs, (D, S). commands: the state that is commanded -> steps from trim, (C,); commanded: of each plant their
-    flights.
+    of all pairs, (D, S). commands: the state that is commanded -> the steps from trim that were asked for.
     """
 
     point: OperatingPoint
@@ -207,7 +207,6 @@ class RecoverableMap(Reported):
     axes: dict[str, np.ndarray]
     starts: dict[str, Outcomes]
     commands: dict[str, np.ndarray]
-    commanded: dict[str, Outcomes]
     edges: tuple[Edge, ...]
 
     def report(self) -> Report:
@@ -225,11 +224,12 @@ def recoverable_map(
     commands: Mapping[str, np.ndarray],
     progress: Progress | None = None,
 ) -> RecoverableMap:
-    """Fly u = -K z from every start and to every command on the nonlinear aircraft and on its linear model.
+    """Fly u = -K z from every start on the nonlinear aircraft and on its linear model, and find the edges.
 
     gain: K (m, k). starts: two states -> deviations at the start, whose pairs are flown. commands: one state of the
-    linear model -> steps from trim. A flight lasts `TIME_CONSTANTS` of the slowest mode of A - B K. BadInputError when
-    a list is empty or not finite, the map too large, a name unknown or A - B K not Hurwitz.
+    linear model -> steps from trim, of which the largest says how far the edges are looked for. A flight lasts
+    `TIME_CONSTANTS` of the slowest mode of A - B K. BadInputError when a list is empty or not finite, the map too
+    large, a name unknown or A - B K not Hurwitz.
     """
     model = aircraft.model
     if len(starts) != 2 or len(commands) != 1:
@@ -239,35 +239,33 @@ def recoverable_map(
             refuse_unknown("the map has no state", name, names)
             if len(values) == 0 or not np.all(np.isfinite(values)):
                 raise BadInputError(f"the map's {name} are empty or not finite; give numbers")
-    (first, across), (second, down) = starts.items()
-    ((commanded, steps),) = commands.items()
-    if len(across) * len(down) > MOST_POINTS:
-        raise BadInputError(f"the map has {len(across) * len(down)} points; at most {MOST_POINTS} are allowed")
+    grid = dict(zip(starts, np.meshgrid(*starts.values()), strict=True))
+    size = next(iter(grid.values())).size
+    if size > MOST_POINTS:
+        raise BadInputError(f"the map has {size} points; at most {MOST_POINTS} are allowed")
     linear, (rows, _) = LinearizedAircraft.at(aircraft, point), _linear(model)
     abscissa = spectrum(linear.A[np.ix_(rows, rows)] - linear.B[rows] @ gain).abscissa
     if abscissa >= 0.0:
         raise BadInputError(f"A - B K has abscissa {abscissa:+.4g} 1/s; give a gain that stabilizes the linear model")
-    grid = dict(zip(starts, np.meshgrid(across, down), strict=True))
-    seconds, total, done = TIME_CONSTANTS / -abscissa, 2 * (grid[first].size + len(steps)), itertools.count(1)
-    each_done = None if progress is None else lambda: progress(next(done), total)
-    found, flown, edges = {}, {}, list[Edge]()
+    done = itertools.count(1)
+    each_done = None if progress is None else lambda: progress(next(done), 2 * size)
+    found, edges = {}, list[Edge]()
     plants: tuple[NonlinearPlant | LinearizedAircraft, ...] = NonlinearPlant(aircraft, point), linear
     for name, plant in zip(PLANTS, plants, strict=True):
         flights = ManyFlights(plant, point, envelope, gain)
-        found[name] = flights.fly(seconds, grid, progress=each_done)
-        flown[name] = flights.fly(seconds, commands=commands, progress=each_done)
-        for state, values, what in (
-            (first, across, "starts"),
-            (second, down, "starts"),
-            (commanded, steps, "commands"),
-        ):
+        fly = partial(flights.fly, TIME_CONSTANTS / -abscissa)
+        found[name] = fly(grid, progress=each_done)
+        rays: list[tuple[str, np.ndarray, bool, Callable[[np.ndarray], Outcomes]]] = [
+            *((state, values, False, lambda v, s=state, fly=fly: fly({s: v})) for state, values in starts.items()),
+            *(
+                (state, values, True, lambda v, s=state, fly=fly: fly(None, {s: v}))
+                for state, values in commands.items()
+            ),
+        ]
+        for state, values, is_command, ray in rays:
             far = float(np.abs(values).max())
-
-            def fly(v: np.ndarray, state: str = state, what: str = what, by: ManyFlights = flights) -> Outcomes:
-                return by.fly(seconds, {state: v}) if what == "starts" else by.fly(seconds, None, {state: v})
-
-            edges += [_edge(model, state, what == "commands", sign, name, fly, far) for sign in (-1, 1) if far > 0.0]
-    return RecoverableMap(point, envelope, dict(starts), found, dict(commands), flown, tuple(edges))
+            edges += [_edge(model, state, is_command, sign, name, ray, far) for sign in (-1, 1) if far > 0.0]
+    return RecoverableMap(point, envelope, dict(starts), found, dict(commands), tuple(edges))
 
 
 def _edge(
@@ -368,24 +366,13 @@ def _records(maps: tuple[RecoverableMap, ...]) -> Table:
 
 
 def _one_map(each: RecoverableMap) -> dict[str, Any]:
-    """held: inside the envelope and back at trim. The arrays of starts and commands bear the names of the states."""
-    ((commanded, steps),), model = each.commands.items(), each.envelope.model
-    data: dict[str, Any] = {
+    """held: inside the envelope and back at trim. The arrays of starts bear the names of the states."""
+    return {
         "operating_point": each.point.to_dict(),
         "envelope": each.envelope.to_dict(),
         **{f"{name}s": values for name, values in each.axes.items()},
-        "speed_units": model.unit(next(iter(each.axes))),
-        "commands": steps,
+        "speed_units": each.envelope.model.unit(next(iter(each.axes))),
+        "commands": next(iter(each.commands.values())),
         "edges": [{**edge._asdict(), "held": edge.inside} for edge in each.edges],
+        **{plant: each.starts[plant].of_starts() for plant in PLANTS},
     }
-    for plant in PLANTS:
-        flown = each.commanded[plant]
-        data[plant] = each.starts[plant].of_starts() | {
-            "commands_held": flown.inside,
-            "commands_within_limits": flown.within_limits,
-            "commands_exceeded": flown.exceeded,
-            "commands_arrived": flown.arrived(commanded, steps),
-            "commands_left_first": flown.left,
-            "commands_reached": flown.final[:, list(model.states).index(commanded)],
-        }
-    return data

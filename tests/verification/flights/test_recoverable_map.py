@@ -115,14 +115,17 @@ def test_machine_code_says_what_the_virtual_machine_says(newton: FlownCase, monk
     np.testing.assert_allclose(one.final[:2], other.final[:2], rtol=1e-6, atol=1e-9)
 
 
-def test_commands_arrive_or_not(recoverable: RecoverableMap) -> None:
-    flights, (asked,) = recoverable.commanded["nonlinear"], recoverable.commands.items()
-    assert flights.arrived(*asked).tolist() == [False, True, True, True]
+def test_commands_arrive_or_not(newton: FlownCase) -> None:
+    plant, asked = NonlinearPlant(newton.aircraft, newton.point), np.radians([-30.0, -5.0, 0.0, 5.0])
+    flights = ManyFlights(plant, newton.point, newton.envelope, newton.law.gains[0]).fly(
+        24.0, None, {"dihedral": asked}
+    )
+    assert flights.arrived("dihedral", asked).tolist() == [False, True, True, True]
     assert flights.inside.tolist() == [False, True, True, True]
     # At rest elsewhere is not arrived: a planted end on the other side of trim.
     final = flights.final.copy()
     final[1, STATES.index("dihedral")] *= -1
-    assert replace(flights, final=final).arrived(*asked).tolist() == [False, False, True, True]
+    assert replace(flights, final=final).arrived("dihedral", asked).tolist() == [False, False, True, True]
 
 
 @pytest.mark.parametrize("sign", [-1, 1])
