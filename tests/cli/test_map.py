@@ -21,23 +21,14 @@ def _coarse_edges(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(recoverable, "_HALVINGS", 3)  # test_recoverable_map.py has them as fine as they are
 
 
-def test_the_command_draws_the_map_of_both_sets_of_equations(tmp_path: Path) -> None:
+def test_the_command_draws_the_map_of_both_sets_of_equations(tmp_path: Path, gain: np.ndarray) -> None:
     picture, table = tmp_path / "map.svg", tmp_path / "map.csv"
-    result = hfa(*MAP, "--command", "dihedral=-10,10", "--picture", str(picture), "-o", str(table))
+    words = (*MAP[:3], *MAP[5:], "--command", "dihedral=-10,10", "--weights", stored(tmp_path / "K.npz", K=gain))
+    result = hfa(*words, "--picture", str(picture), "-o", str(table), "--json")
     assert (result.code, result.err) == (0, "")
-    assert "published dynamics" in result.out
-    assert "newton dynamics" in result.out
-    assert "pitch_rate at" in result.out
+    said = json.loads(result.out)
+    assert (said["schema"], list(said["maps"])) == ("hfa.recoverable-map/1", ["published", "newton"])
+    assert said["maps"]["newton"]["nonlinear"]["held"][1] == [False, True, False]
+    assert "pitch_rate" in {edge["state"] for edge in said["maps"]["newton"]["edges"]}
     assert picture.read_text(encoding="utf-8").startswith("<?xml")
     assert len(table.read_text(encoding="utf-8").splitlines()) == 1 + 2 * 2 * 9
-
-
-def test_the_map_needs_no_picture_and_takes_a_gain(tmp_path: Path, gain: np.ndarray) -> None:
-    words = (*MAP[:3], *MAP[5:], "--command", "dihedral=0", "--weights", stored(tmp_path / "K.npz", K=gain))
-    result = hfa(*words, "-o", str(tmp_path / "map.json"))
-    told = result.out
-    assert result.err == ""
-    assert told.startswith(f"How far from trim u = -K z works, dihedral 15 deg, law gain of {tmp_path / 'K.npz'}\n")
-    said = json.loads((tmp_path / "map.json").read_text(encoding="utf-8"))
-    assert (said["schema"], said["warnings"]) == ("hfa.recoverable-map/1", [])
-    assert said["maps"]["newton"]["nonlinear"]["held"][1] == [False, True, False]

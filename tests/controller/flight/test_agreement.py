@@ -105,7 +105,7 @@ def difference(fixed: np.ndarray, adaptive: np.ndarray) -> float:
 
 SCENARIOS = {
     "released": Scenario(duration=3.0, initial=SMALL),
-    "gust": Scenario(duration=5.0, gust=OneMinusCosine(200.0, 4.0, 68.0, 0.5)),
+    "gust": Scenario(duration=3.5, gust=OneMinusCosine(200.0, 4.0, 68.0, 0.5)),
     "wrong parameters": Scenario(duration=3.0, errors={"panel_mass": 1.05, "lift_slope": 0.95}),
     "everything": one_flight_of_everything(),
 }

@@ -12,7 +12,7 @@ from random_points import random_points
 from controller import Dryden, OneMinusCosine
 from controller.flight.gusts import Gust
 from controller.flight.integrator import RungeKutta, integrate
-from hfa_model import STATES, VARIANTS, Input, Parameters, State, aircraft_loads, density, rates_from_loads
+from hfa_model import STATES, VARIANTS, Input, Parameters, State, density
 from hfa_model.dynamics import rates
 from hfa_model.variants import Newton, Variant
 from hfa_model.vectors import RATE_SCALES
@@ -76,20 +76,6 @@ def test_no_gust_changes_no_bit(parameters: Parameters, variant: Variant) -> Non
         np.testing.assert_allclose(
             rates(state, control, parameters, variant, np.float64(0.0)), still, rtol=1e-13, atol=1e-13
         )
-
-
-@pytest.mark.parametrize("variant", VARIANTS.values(), ids=VARIANTS)
-def test_moving_air_acts_through_the_loads_alone(parameters: Parameters, variant: Variant) -> None:
-    for x, u, w in points(50, seed=2):
-        state, control = State(*x.tolist()), Input(*u.tolist())
-        loads = aircraft_loads(state, control, density(state.altitude), parameters, variant, w)
-        assert rates(state, control, parameters, variant, w) == rates_from_loads(state, loads, parameters, variant)
-        still, moved = (rates(state, control, parameters, variant, each) for each in (0.0, w))
-        for name in ("altitude", "pitch", "dihedral"):
-            assert getattr(moved, name) == getattr(still, name)
-        assert abs(moved.alpha - still.alpha) > 1e-6
-        vacuum = [aircraft_loads(state, control, 0.0, parameters, variant, each) for each in (0.0, w)]
-        assert vacuum[0] == vacuum[1]
 
 
 def test_flight_in_rising_air_is_flight_in_still_air_seen_from_the_ground(parameters: Parameters) -> None:
@@ -185,13 +171,9 @@ def test_turbulence_begins_stationary() -> None:
     [
         (lambda: OneMinusCosine(0.0, 1.0, 68.0), "length is 0"),
         (lambda: OneMinusCosine(10.0, np.nan, 68.0), "peak is nan"),
-        (lambda: OneMinusCosine(10.0, 1.0, -1.0), "speed is -1"),
         (lambda: Dryden(0.0, 1750.0, 68.0, 0.01, 10, 0), "intensity is 0"),
-        (lambda: Dryden(1.0, np.inf, 68.0, 0.01, 10, 0), "scale is inf"),
         (lambda: Dryden(1.0, 1750.0, 68.0, 0.01, 10, -1), "seed is -1"),
         (lambda: Dryden(1.0, 1e-6, 68.0, 0.01, 10, 0), r"scale is 1e-06 ft; .* between 0\.68 and 6\.8e\+05 ft"),
-        (lambda: Dryden(1.0, 0.67, 68.0, 0.01, 10, 0), r"scale is 0\.67 ft"),
-        (lambda: Dryden(1.0, 1e12, 68.0, 0.01, 10, 0), r"scale is 1e\+12 ft"),
     ],
 )
 def test_what_is_no_gust_is_refused(make: Any, said: str) -> None:

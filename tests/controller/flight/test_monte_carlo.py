@@ -11,12 +11,9 @@ import numpy as np
 import pytest
 from member_plans import EVERYTHING, PARAMETERS, with_scenario
 
-from controller import Actuators, MonteCarlo, OneMinusCosine, Scenario, Uncertainty, flight_envelope, fly, gain_law
+from controller import MonteCarlo, OneMinusCosine, Scenario, Uncertainty, flight_envelope, fly, gain_law
 from controller.flight import monte_carlo
-from controller.flight.closed_loop import ClosedLoop
 from controller.flight.monte_carlo import MonteCarloResult, fly_member, fly_members, stream_monte_carlo
-from controller.flight.plants import NonlinearPlant
-from controller.flight.simulation import CompiledLoop
 from controller.policy.signals import zero
 from hfa_model import LINEAR_STATES, STATES, Aircraft, Input, Parameters, State
 from hfa_model.dynamics import rates
@@ -24,9 +21,8 @@ from hfa_model.variants import variant_named
 from hfa_support import BadInputError
 from hfa_support.jobs.store import Store, open_store
 from hfa_support.native import machine_code as generated
-from studies.section5.critic_policy import CriticPolicy, critic_law
+from studies.section5.critic_policy import critic_law
 from trim import find_operating_point, level_flight
-from trim.point.condition import CONTROL_LIMITS
 
 ALPHA = STATES.index("alpha")
 SEEN = [STATES.index(name) for name in LINEAR_STATES]
@@ -173,38 +169,6 @@ def test_a_member_is_one_scenario_simulated_alone(plan: MonteCarlo) -> None:
     assert np.any(result.flight.updrafts)
     with pytest.raises(BadInputError, match="still to be drawn"):
         fly(Aircraft(PARAMETERS), plan.point, gain_law("exact", K), plan.scenario, plan.envelope)
-
-
-def test_a_member_has_the_actuators_of_its_scenario(plan: MonteCarlo) -> None:
-    lowest, highest = (Input(*(pair[side] for pair in CONTROL_LIMITS)) for side in (0, 1))
-    slow = Actuators(Input(*[0.02] * 5), lowest, highest, Input(*[np.inf] * 5))
-    member, summary = fly_member(with_scenario(plan, actuators=slow), 3)
-    K = plan.law.gains[0]
-    result = fly(Aircraft(PARAMETERS), plan.point, gain_law("exact", K), member, plan.envelope)
-    np.testing.assert_allclose(result.flight.states[-1], summary.final, rtol=1e-9, atol=1e-12)
-    at_once = fly_member(with_scenario(plan, actuators=None), 3)[1]
-    assert np.abs(at_once.final - summary.final).max() > 1e-4
-
-
-def test_the_published_critic_learns_in_each_member(plan: MonteCarlo, critic: CriticPolicy) -> None:
-    learning = with_scenario(
-        replace(plan, law=critic_law("published", critic)), uncertainty=Uncertainty(), duration=0.05
-    )
-    _, summary = fly_member(learning, 0)
-    loop = ClosedLoop(
-        NonlinearPlant(Aircraft(PARAMETERS), plan.point),
-        critic,
-        plan.scenario.reference,
-        plan.scenario.disturbance,
-        zero(6),
-    )
-    start = critic.law.start()["weights"]
-    flight = CompiledLoop(loop).fly(
-        plan.scenario.initial, lambda tick: np.ones(1), step=0.001, steps_per_tick=10, ticks=5, memory=start
-    )
-    np.testing.assert_allclose(summary.memory, flight.memory[-1], rtol=1e-10)
-    np.testing.assert_allclose(summary.final, flight.states[-1], rtol=1e-9, atol=1e-12)
-    assert np.abs(summary.memory - start).max() > 1e-6
 
 
 # Plans.

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import pickle
 from dataclasses import replace
 from typing import Any
 
@@ -16,14 +15,6 @@ from hfa_model import LINEAR_STATES, STATES
 from hfa_support import BadInputError
 
 N = len(LINEAR_STATES)
-
-
-def test_a_flight_shows_its_report_at_the_prompt_and_can_be_kept(newton: FlownCase) -> None:
-    result = flown(newton, Scenario(duration=0.1, gust=OneMinusCosine(200.0, 4.0, 68.0)))
-    assert repr(result).startswith("Flight, newton dynamics, dihedral 15 deg\nstayed within limits: 0.1 s inside the")
-    kept = pickle.loads(pickle.dumps(result))
-    np.testing.assert_array_equal(kept.flight.states, result.flight.states)
-    assert kept.report().text() == repr(result)
 
 
 def test_altitude_is_flown_and_an_updraft_lifts(newton: FlownCase) -> None:
@@ -85,14 +76,6 @@ def test_the_envelope_limits_the_angle_through_the_air_and_not_the_one_over_grou
         assert report.data["largest_deviation"]["angle_of_attack"] < 0.1 * report.data["largest_deviation"]["alpha"]
 
 
-def test_a_long_downdraft_tilts_the_path_and_hardly_the_flow(newton: FlownCase) -> None:
-    """60 ft/s of falling air at 68 ft/s: alpha over ground passes 20 deg many times over, the envelope holds."""
-    result = flown(newton, Scenario(duration=12.0, step=0.002, gust=OneMinusCosine(400.0, -60.0, 68.0)))
-    assert result.departure is None
-    assert np.degrees(result.states[:, STATES.index("alpha")]).max() > 30.0
-    assert np.degrees(np.abs(result.angles_of_attack)).max() < 20.0
-
-
 @pytest.mark.parametrize(
     ("change", "said"),
     [
@@ -118,21 +101,6 @@ def test_speed_and_altitude_are_limited_about_the_trim(newton: FlownCase) -> Non
     assert (low.speed, high.speed) == (at.speed / 2, 2 * at.speed)
     assert (at.altitude - low.altitude, high.altitude - at.altitude) == (1000.0, 1000.0)
     assert high.pitch_rate == -low.pitch_rate > 0.0
-
-
-@pytest.mark.parametrize("name", STATES)
-def test_each_state_can_be_the_first(newton: FlownCase, name: str) -> None:
-    """A planted path that leaves in one state, and later in another: the first one is named."""
-    index, later = STATES.index(name), (STATES.index(name) + 1) % len(STATES)
-    middle = (np.array(newton.envelope.lowest) + np.array(newton.envelope.highest)) / 2
-    path = np.tile(middle, (10, 1))
-    path[4:, index] = newton.envelope.highest[index] * 1.01 + 1e-3
-    path[6:, later] = np.nan
-    departure = newton.envelope.departure(0.1 * np.arange(10), path)
-    assert departure is not None
-    assert (departure.state, departure.limit) == (name, newton.envelope.highest[index])
-    assert departure.time == pytest.approx(0.4)
-    assert newton.envelope.departure(np.arange(4.0), path[:4]) is None
 
 
 def test_the_envelope_can_be_changed_and_must_hold_the_trim(newton: FlownCase) -> None:

@@ -75,20 +75,6 @@ def test_the_linear_model_recovers_from_everywhere_and_alike_on_both_sides(recov
     assert inside["nonlinear", "speed", 1] > 1.5 * inside["nonlinear", "speed", -1]
 
 
-def test_a_map_shows_its_report_at_the_prompt(recoverable: RecoverableMap) -> None:
-    text = repr(recoverable)
-    assert text.startswith("How far from trim u = -K z works, dihedral 15 deg\n\nnewton dynamics\nfrom trim")
-    assert "<table>" in recoverable._repr_html_()
-    lines = [line for line in text.splitlines() if line.startswith(("speed  ", "dihedral  ", "dihedral command"))]
-    numbers = [(edge.inside, edge.within_limits, edge.returned) for edge in recoverable.edges]
-    whole = [each.count(edge.reach) for each, edge in zip(numbers, recoverable.edges, strict=True)]
-    shown = [float(line.split(" deg " if "deg" in line else " ft/s ")[1].split()[0]) for line in lines[: len(numbers)]]
-    assert np.copysign(1, shown).tolist() == [edge.sign for edge in recoverable.edges]
-    assert [line.count("(all)") for line in lines[: len(whole)]] == whole
-    within = recoverable.starts["nonlinear"].of_starts()["within_limits"]
-    assert f"nonlinear: of {within.size} starts {within.sum()} stayed within limits" in text
-
-
 def test_control_limits_are_those_of_the_flight_itself(newton: FlownCase, recoverable: RecoverableMap) -> None:
     """Where an edge says that an input exceeds its limit, `fly` says the same, and names the same input."""
     edges = [edge for edge in recoverable.edges if edge.plant == "nonlinear" and edge.axis == "speed"]
@@ -102,17 +88,6 @@ def test_control_limits_are_those_of_the_flight_itself(newton: FlownCase, recove
             assert [each.input for each in result.exceeded] == [edge.control] * (not within)
     found = recoverable.starts["nonlinear"].of_starts()
     assert np.all(found["within_limits"] <= (found["exceeded"] == -1))
-
-
-def test_machine_code_says_what_the_virtual_machine_says(newton: FlownCase, monkeypatch: pytest.MonkeyPatch) -> None:
-    plant, starts, found = NonlinearPlant(newton.aircraft, newton.point), {"speed": np.array([0.3, 1.0, -3.0])}, []
-    for _ in range(2):
-        found.append(ManyFlights(plant, newton.point, newton.envelope, newton.law.gains[0]).fly(2.0, starts))
-        monkeypatch.setattr("controller.flight.integrator.machine_code", lambda function: function)
-    one, other = found
-    assert one.left.tolist() == other.left.tolist() == [-1, *[STATES.index("pitch_rate")] * 2]
-    np.testing.assert_allclose(one.when, other.when)
-    np.testing.assert_allclose(one.final[:2], other.final[:2], rtol=1e-6, atol=1e-9)
 
 
 def test_commands_arrive_or_not(newton: FlownCase) -> None:

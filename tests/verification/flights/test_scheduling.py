@@ -15,10 +15,7 @@ from controller.flight.nonlinear_flight import NonlinearFlight
 from controller.policy.policies import Seen
 from hfa_model import INPUTS, LINEAR_STATES, STATES, Aircraft
 from hfa_support import BadInputError, NoSolutionError
-from hfa_support.reporting.text import Table
-from trim import OperatingPoint
 from verification.flights.scheduling import (
-    GridPoint,
     Schedule,
     ScheduledChange,
     ScheduledPolicy,
@@ -41,14 +38,6 @@ def certified(published_aircraft: Aircraft) -> Schedule:
 
 
 # Interpolation.
-
-
-@pytest.mark.parametrize("degrees", [-3.0, 5.0, 6.2, 10.0, 14.9, 15.0, 40.0])
-def test_tables_are_linear_between_the_points_and_constant_beyond(certified: Schedule, degrees: float) -> None:
-    at = float(np.radians(degrees))
-    for table in (certified.gains, certified.inputs, certified.states):
-        expected = [np.interp(at, certified.dihedrals, column) for column in table.values.reshape(3, -1).T]
-        np.testing.assert_allclose(np.array(ca.DM(table.expression(at))).ravel(), expected, atol=1e-12)
 
 
 def test_a_change_is_smooth_and_ends_where_it_should() -> None:
@@ -164,20 +153,3 @@ def test_schedules_that_are_none_are_refused(published_aircraft: Aircraft, certi
         change_over(published_aircraft.model, 0.1, 0.1, 60.0)
     with pytest.raises(BadInputError, match="no grid point at 7 deg"):
         certified.at(float(np.radians(7.0)))
-
-
-def test_each_point_says_what_is_known_of_it(point: OperatingPoint) -> None:
-    states = [point.states._replace(dihedral=float(np.radians(degrees))) for degrees in (5.0, 10.0, 15.0)]
-    K, points = np.zeros((5, 6)), [replace(point, states=each) for each in states]
-    grid = (
-        GridPoint(points[0], K, -0.1),
-        GridPoint(points[1], K, -0.2, 0.0, -0.3, 12),
-        GridPoint(points[2], K, -0.4, 2e-9),
-    )
-    made = Schedule(grid, -0.05)
-    (table,) = [each for each in made.block() if isinstance(each, Table)]
-    assert [tuple(row) for row in table.rows] == [
-        ("5", "-0.1000", "-", "-", "-"),
-        ("10", "-0.2000", "-0.3000", "0", "12 hold"),
-        ("15", "-0.4000", "-", "2.0e-09", "-"),
-    ]
