@@ -8,6 +8,7 @@ states the trim at 45 m/s as alpha .04924, elevator .04892, throttle 14.33; here
 
     hfa linearize --aircraft examples/gtm.py:GTM --hold speed=45
     hfa schedule --aircraft examples/gtm.py:GTM --hold speed=30 --to 60:60 --law exact
+    hfa prove schedule --aircraft examples/gtm.py:GTM --at 30:60
 """
 
 import re

@@ -68,7 +68,13 @@ def stated_point(place: float, branch: TrimBranch) -> dict[str, Any]:
 def _ends(form: TaylorModel) -> np.ndarray:
     rows, wider = form.range().tolist(), _WIDER_WITH_ERRORS if form.parts[4:] else _WIDER
     floors = [_FLOOR * max(abs(float(entry.mid())) for entry in row) for row in rows]
-    return np.array([[_outward(entry, wider, floor) for entry in row] for row, floor in zip(rows, floors, strict=True)])
+    rest = [[_ROOM * float(abs(entry).upper()) for entry in row] for row in form.parts[3].tolist()]
+    return np.array(
+        [
+            [_outward(entry, wider, floor + more) for entry, more in zip(row, mores, strict=True)]
+            for row, mores, floor in zip(rows, rest, floors, strict=True)
+        ]
+    )
 
 
 def _outward(ball: arb, wider: float, floor: float) -> tuple[float, float]:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from cli import hfa
 from known_models import model_at
 from proof_cases import ORIGIN, exact_table, family, unstable_between
 
@@ -150,3 +151,10 @@ def test_nothing_is_proved_of_an_interval_without_angles(low: float, high: float
         prove_schedule(family(), exact_table(14.0, 15.0), low, high)
     with pytest.raises(BadInputError, match="the interval goes from"):
         coarsest_grid(family(), low, high, 1e-3)
+
+
+def test_gains_over_the_speed_of_another_aircraft(tmp_path: Path) -> None:
+    """The polynomial GTM from 40 to 50 m/s: proved, and verified by other means."""
+    own, saved = ("--aircraft", "examples/gtm.py:GTM"), str(tmp_path / "gtm.json")
+    assert "Proved: every speed from 40 to 50 m/s" in hfa("prove", "schedule", *own, "--at", "40:50", "-o", saved).out
+    assert hfa("prove", *own, "--check", saved).out.startswith("Verified, proved: speed from 40 to 50 m/s")
