@@ -209,7 +209,7 @@ class Aircraft:
 
     def to_control(self) -> control.NonlinearIOSystem:
         """X' = f(X, U), Y = X as python-control's `NonlinearIOSystem`: states, inputs and parameters by name."""
-        return self.model.to_control()
+        return self.model.to_control(STATES)
 
     def _checked(self, x: ArrayLike, u: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
         state, control = numbers_in("state", x), numbers_in("input", u)

@@ -287,19 +287,18 @@ class Model:
         found = self.layout.equations(*map(self.layout.record, VECTORS, (*numbers, [0.0] * len(self.disturbances))))[1]
         return {name: float(found[name]) for name in (self.outputs if names is None else names)}
 
-    def to_control(self) -> control.NonlinearIOSystem:
-        """x' = f(x, u, p), y = x as python-control's `NonlinearIOSystem`: states, inputs and parameters by name."""
-        import control
+    def to_control(self, outputs: Sequence[str] | None = None) -> control.NonlinearIOSystem:
+        """x' = f(x, u, p), y = the named states and outputs (all unless given) for python-control, names kept."""
+        from hfa_support.control_systems import to_control
 
-        function, names = self.functions(()), tuple(self.parameters)
+        return to_control(self, outputs)
 
-        def update(_: float, x: np.ndarray, u: np.ndarray, params: dict[str, float]) -> np.ndarray:
-            return np.array(function(x, u, [params[name] for name in names])[0]).ravel()
+    @staticmethod
+    def from_control(system: control.NonlinearIOSystem, units: Mapping[str, Any], **declared: Any) -> Model:
+        """The model of a system of python-control that can be traced: `control_systems.from_control`."""
+        from hfa_support.control_systems import from_control
 
-        values = {name: signal.start for name, signal in self.parameters.items()}
-        called = "".join(each if each.isalnum() else "_" for each in self.title)
-        states, inputs = list(self.states), list(self.inputs)
-        return control.nlsys(update, None, name=called, states=states, inputs=inputs, outputs=states, params=values)
+        return from_control(system, units, **declared)
 
 
 #: What equations raise that do not take expressions.
@@ -354,8 +353,7 @@ class Layout(NamedTuple):
         still = [0.0] * len(self.names[3])
         named = [self.record(*each) for each in zip(VECTORS, (*vectors, still if w is None else w), strict=True)]
         try:
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore", FutureWarning)  # CasADi's, of functions of NumPy
+            with warnings.catch_warnings(action="ignore", category=FutureWarning):  # CasADi's, of functions of NumPy
                 returned = self.equations(*named)
         except _FAILURES as error:
             said = f"{type(error).__name__}: {' '.join(str(error).split())[:200]}"

@@ -174,6 +174,67 @@ def test_rates_are_targets() -> None:
     assert_refused(hfa("trim", *OWN, "--hold", "spd_dot=1"), 2, "names nothing of F-16: 'spd_dot'")
 
 
+def pendulum(t, x, u, params):
+    return [x[1], -params["stiffness"] * np.sin(x[0]) - 0.1 * x[1] + u[0]]
+
+
+def system(update, **more):
+    import control
+
+    names = {"states": ["angle", "rate"], "inputs": ["torque"], "outputs": ["height"], "params": {"stiffness": 4.0}}
+    return control.nlsys(update, lambda t, x, u, params: [1 - np.cos(x[0])], name="pendulum", **{**names, **more})
+
+
+def test_a_system_of_python_control_is_traced() -> None:
+    """The model has its names, parameters and outputs; its linear model is that of python-control's differences."""
+    import control
+
+    nlsys = system(pendulum)
+    model = Model.from_control(nlsys, {"angle": "rad", "rate": "rad/s", "height": "m"}, trim={"angle": 0.5})
+    point = find_operating_point(model, usual_condition(model))
+    assert point.inputs.torque == pytest.approx(4.0 * math.sin(0.5), rel=1e-12)
+    own = linearize(model, point, outputs=("height",))
+    peer = control.linearize(nlsys, [0.5, 0.0], [point.inputs.torque])
+    for matrix in "ABCD":
+        np.testing.assert_allclose(getattr(own, matrix), getattr(peer, matrix), atol=1e-5)
+    back = model.to_control()
+    assert back.output_labels == ["angle", "rate", "height"]
+    np.testing.assert_allclose(back.output(0.0, [0.5, 0.0], [0.0]), [0.5, 0.0, 1 - math.cos(0.5)])
+    heavier = back.dynamics(0.0, [0.5, 0.0], [0.0], params={"stiffness": 8.0})
+    np.testing.assert_allclose(heavier, nlsys.dynamics(0.0, [0.5, 0.0], [0.0], params={"stiffness": 8.0}))
+
+
+@pytest.mark.parametrize(
+    ("made", "words"),
+    [
+        (lambda: system(lambda t, x, u, p: [x[1], u[0] if x[0] > 0 else 0]), "pendulum cannot be traced with CasADi's"),
+        (lambda: system(lambda t, x, u, p: [x[1], math.sin(x[0])]), "float or math makes numbers of symbols"),
+        (lambda: system(lambda t, x, u, p: [x[1], np.sin(t)]), "pendulum depends on time; make what it does over time"),
+        (lambda: system(pendulum, dt=0.1), "pendulum is in discrete time; give a system in continuous time"),
+    ],
+)
+def test_a_system_that_cannot_be_traced_is_refused_in_one_line(made, words: str) -> None:
+    with pytest.raises(BadInputError) as caught:
+        Model.from_control(made(), {})
+    assert words in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_sweep_is_an_xarray_dataset() -> None:
+    """Over the axes of a grid in their order, or over the points of a list; A and B found by name."""
+    pytest.importorskip("xarray")
+    axes = {"speed": [500.0, 400.0], "xcg": [0.3, 0.32, 0.35]}
+    grid = sweep(F16, axes)
+    found = grid.to_xarray()
+    assert found.A.dims == ("speed", "xcg", "rate", "linear_state")
+    assert (found.speed.values.tolist(), found.speed.attrs["units"]) == (axes["speed"], "ft/s")
+    one = found.sel(speed=400.0, xcg=0.32, rate="alpha", linear_state="pitch_rate")
+    assert float(one.A) == grid.A[4, 1, grid.model_states.index("pitch_rate")]
+    listed = sweep(F16, {"speed": [400.0, 500.0], "xcg": [0.3, 0.35]}, listed=True).to_xarray()
+    assert listed.B.dims == ("point", "rate", "input")
+    assert listed.xcg.values.tolist() == [0.3, 0.35]
+
+
 def simple(equations: object, **more: object) -> Model:
     declared = {"states": {"x": Signal(start=0.5), "v": Signal()}, "inputs": {"u": Signal()}, "trim": {"x": 0.0}}
     return Model(name="cart", equations=equations, **{**declared, **more})  # type: ignore[arg-type]
@@ -273,7 +334,6 @@ WRONG = [
     (("trim", *OWN, "--dihedral", "5"), 2, "--dihedral belongs to the HFA"),
     (("trim", *OWN, "--picture", "a.png"), 2, "--picture draws the HFA"),
     (("sweep", *OWN), 2, "nothing to sweep"),
-    (("fly", *OWN, "--dihedral", "5"), 2, "unknown option --aircraft"),
 ]
 
 

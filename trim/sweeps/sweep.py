@@ -187,6 +187,34 @@ class Sweep(ByValue, Reported):
         text = f"Eigenvalues over {self.variables[-1]}"
         return (Picture("root_locus.png", text, self.root_locus.figure),)
 
+    def to_xarray(self) -> Any:
+        """The sweep as an `xarray.Dataset`: states, inputs, A, B and eigenvalues over the axes of the grid, or over the
+        points of a list, with names, units and reasons. Needs xarray."""
+        import xarray
+
+        plan, model = self.plan, self.model
+        listed = plan.listed
+        place = ("point",) if listed else plan.variables
+        shape = (plan.count,) if listed else tuple(plan.sizes)
+        arrays = {
+            "states": (self.states, ("state",)),
+            "inputs": (self.inputs, ("input",)),
+            "A": (self.A, ("rate", "linear_state")),
+            "B": (self.B, ("rate", "input")),
+            "eigenvalues": (self.eigenvalues, ("mode",)),
+            "reason": (np.array(self.reasons), ()),
+        }
+        names = {"state": tuple(model.states), "input": tuple(model.inputs), "mode": self.mode_names or None}
+        names |= {"rate": self.model_states, "linear_state": self.model_states}
+        coordinates: dict[str, Any] = {name: list(each) for name, each in names.items() if each}
+        coordinates |= {f"{name}_unit": (name, list(model.units(names[name] or ()))) for name in ("state", "input")}
+        for i, (name, unit) in enumerate(zip(plan.variables, plan.units, strict=True)):
+            axis, column = 0 if listed else i, self.values[:, i].reshape(shape)
+            along = np.moveaxis(column, axis, -1).reshape(-1, shape[axis])[0]
+            coordinates[name] = (place[axis], along, {"units": unit})
+        data = {name: ((*place, *of), each.reshape(*shape, *each.shape[1:])) for name, (each, of) in arrays.items()}
+        return xarray.Dataset(data, coordinates, {"model": model.title})
+
     def to_dict(self) -> dict[str, Any]:
         """Names, units and arrays; complex eigenvalues as [real, imaginary]."""
         return {
