@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -13,11 +12,9 @@ from controller.design.design import Actuator, Design, Shaping
 from controller.design.design_model import DesignModel, design_model
 from controller.design.loop_shaping import following_model, output_weights, shaped_controller
 from controller.design.scheduled_controller import COMMAND_SIGNALS, ScheduledController
-from controller.game.zero_sum import Game
 from controller.riccati.gare import solve_game
 from controller.riccati.output_feedback import (
     OutputGame,
-    central_controller,
     minimum_output_delta,
     solve_output_feedback,
 )
@@ -30,9 +27,6 @@ from hfa_support.jsonable import finite_or_none
 from hfa_support.progress import Progress, told
 from hfa_support.reporting.checks import Check
 from trim.linear.linear_model import LinearModel, level_model
-
-#: The solution of a game's Riccati equation, exact, quick or learned.
-Value = Callable[[Game], np.ndarray]
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,12 +49,11 @@ def design_controller(
     dihedrals: np.ndarray,
     feedback: str = "",
     *,
-    value: Value | None = None,
     progress: Progress | None = None,
 ) -> ScheduledController:
     """The controllers of a design at `dihedrals` (N,), rad, increasing, in one table.
 
-    feedback: "state", "output", or "" for output where the design has sensors. value: as `controller_at`.
+    feedback: "state", "output", or "" for output where the design has sensors.
     Raises NoSolutionError that names the angle at which there is no trim or no certified controller.
     """
     design = design.of(aircraft.variant.name)
@@ -70,26 +63,18 @@ def design_controller(
         try:
             model = level_model(aircraft, dihedral)
             models.append(model)
-            found.append(controller_at(aircraft, model, design, feedback, value))
+            found.append(controller_at(aircraft, model, design, feedback))
         except NoSolutionError as error:
             raise NoSolutionError(
                 f"design {design.name} at dihedral {math.degrees(dihedral):g} deg: {error}"
             ) from error
-    table = controller_table(aircraft, design, feedback, models, found)
-    rows = [_row(model, design, each) for model, each in zip(models, found, strict=True)]
-    return replace(table, about={"delta": finite_or_none(design.delta), "angles": rows})
-
-
-def controller_table(
-    aircraft: Aircraft, design: Design, feedback: str, models: list[LinearModel], found: list[LinearController]
-) -> ScheduledController:
-    """Controllers of one design, and the linear models that they are for, in one value."""
     states, commands, command_filter = _names(design, feedback)
+    rows = [_row(model, design, each) for model, each in zip(models, found, strict=True)]
     return ScheduledController(
         name=design.name,
         feedback=feedback,
         dihedrals=np.array([model.point.states.dihedral for model in models]),
-        **{part: np.array([getattr(each, part) for each in found]) for part in "ABCDW"},  # type: ignore[arg-type]
+        **{part: np.array([getattr(each, part) for each in found]) for part in "ABCDW"},
         states=states,
         measurements=measurements(design, feedback),
         commands=commands,
@@ -99,26 +84,21 @@ def controller_table(
         dynamics=aircraft.variant.name,
         parameters=parameter_hash(aircraft.parameters),
         command_filter=command_filter,
+        about={"delta": finite_or_none(design.delta), "angles": rows},
     )
 
 
-def controller_at(
-    aircraft: Aircraft, model: LinearModel, design: Design, feedback: str, value: Value | None = None
-) -> LinearController:
-    """The controller of one linear model; NoSolutionError when it is not certified.
-
-    value: where the solutions of its Riccati equations come from; None: exact, with certificate and delta_min, which
-    are left out otherwise.
-    """
+def controller_at(aircraft: Aircraft, model: LinearModel, design: Design, feedback: str) -> LinearController:
+    """The exact controller of one linear model; NoSolutionError when it is not certified."""
     built = design_model(aircraft, model, design)
     if design.shaping is not None:
         return _shaped(aircraft, built, design.shaping)
     if feedback == "state":
-        found = _state_feedback(built, value)
+        found = _state_feedback(built)
     elif not design.sensors:
         raise BadInputError(f"design {design.name} has no sensors; name some in [sensors], or use state feedback")
     else:
-        found = _output_feedback(built, value)
+        found = _output_feedback(built)
     return _with_commands(design, measurements(design, feedback), found)
 
 
@@ -163,58 +143,46 @@ def _names(design: Design, feedback: str) -> tuple[tuple[str, ...], tuple[str, .
     return (*model, *own, *estimates), commands, following.filter
 
 
-def _state_feedback(built: DesignModel, value: Value | None) -> LinearController:
+def _state_feedback(built: DesignModel) -> LinearController:
     """u = -K [measured; integrals]."""
     game = built.game()
-    if value is not None:
-        return _from_gain(built, game.gain(value(game)))
     exact = solve_game(game)
-    found = _from_gain(built, exact.K)
-    return replace(found, limit=minimum_delta(game).value, checks=exact.certificate.checks)
-
-
-def _from_gain(built: DesignModel, K: np.ndarray) -> LinearController:
     names, q = measurements(built.design, "state"), len(built.design.integrals)
     plant = len(built.design.plant_states)
     D = np.zeros((len(built.inputs), len(names)))
     for column, state in enumerate(built.design.plant_states):
-        D[:, names.index(state)] -= K[:, column]
-    nothing = np.zeros((q, len(built.inputs)))
-    return LinearController(np.zeros((q, q)), np.zeros((q, len(names))), -K[:, plant:], D, nothing)
+        D[:, names.index(state)] -= exact.K[:, column]
+    return LinearController(
+        A=np.zeros((q, q)),
+        B=np.zeros((q, len(names))),
+        C=-exact.K[:, plant:],
+        D=D,
+        W=np.zeros((q, len(built.inputs))),
+        limit=minimum_delta(game).value,
+        checks=exact.certificate.checks,
+    )
 
 
-def _output_feedback(built: DesignModel, value: Value | None) -> LinearController:
-    """The central controller of both equations, control and filter."""
-    problem = problem_of(built)
-    if value is not None:
-        return from_estimator(built, central_controller(problem, value(problem.game), value(problem.dual)))
+def _output_feedback(built: DesignModel) -> LinearController:
+    """The central controller of both equations, control and filter; the integrals among the sensors are its own."""
+    problem = OutputGame(built.game(), built.C, built.D, built.V)
     exact = solve_output_feedback(problem)
-    found = from_estimator(built, (exact.Ak, exact.Bk, exact.Ck))
-    return replace(found, limit=minimum_output_delta(problem)[0], checks=exact.checks)
-
-
-def problem_of(built: DesignModel) -> OutputGame:
-    """The game of a design from its sensors."""
-    return OutputGame(built.game(), built.C, built.D, built.V)
-
-
-def from_estimator(built: DesignModel, estimator: tuple[np.ndarray, np.ndarray, np.ndarray]) -> LinearController:
-    """x̂' = Ak x̂ + Bk y_s, u = Ck x̂, where the integrals among the sensors y_s are the controller's own."""
-    Ak, Bk, Ck = estimator
     names, own = measurements(built.design, "output"), built.design.integral_states
-    B, from_own = np.zeros((len(Ak), len(names))), np.zeros((len(Ak), len(own)))
+    B, from_own = np.zeros((len(exact.Ak), len(names))), np.zeros((len(exact.Ak), len(own)))
     for column, sensor in enumerate(built.sensors):
         if sensor in own:
-            from_own[:, own.index(sensor)] = Bk[:, column]
+            from_own[:, own.index(sensor)] = exact.Bk[:, column]
         else:
-            B[:, names.index(sensor)] = Bk[:, column]
+            B[:, names.index(sensor)] = exact.Bk[:, column]
     q, m = len(own), len(built.inputs)
     return LinearController(
-        A=np.block([[Ak, from_own], [np.zeros((q, len(Ak) + q))]]),
+        A=np.block([[exact.Ak, from_own], [np.zeros((q, len(exact.Ak) + q))]]),
         B=np.vstack([B, np.zeros((q, len(names)))]),
-        C=np.hstack([Ck, np.zeros((m, q))]),
+        C=np.hstack([exact.Ck, np.zeros((m, q))]),
         D=np.zeros((m, len(names))),
-        W=np.vstack([built.B - Bk @ built.D, np.zeros((q, m))]),
+        W=np.vstack([built.B - exact.Bk @ built.D, np.zeros((q, m))]),
+        limit=minimum_output_delta(problem)[0],
+        checks=exact.checks,
     )
 
 

@@ -1,11 +1,10 @@
-"""A controller on a plant with actuators of choice: the closed loop, its poles, its margins at inputs and sensors, and
-whether it is stable with every actuator that the aircraft may have: all corners, at every angle."""
+"""A controller on a plant with actuators of choice: the closed loop, its poles, and its margins, one loop at a time."""
 
 from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -14,9 +13,7 @@ import numpy as np
 from controller.design.design import Actuator, Design
 from controller.design.design_model import DesignModel, design_model
 from controller.design.scheduled_controller import ScheduledController
-from controller.game.zero_sum import Game
 from controller.riccati.balancing import spectrum
-from controller.riccati.frequency_response import DiskMargin, disk_margin
 from hfa_model.aircraft import Aircraft
 from hfa_support.errors import NoSolutionError
 from hfa_support.progress import Progress, told
@@ -30,14 +27,12 @@ EFFECTIVENESS, BANDWIDTH = (0.2, 1.0), (0.5, 2.0)
 ORDERS = (1, 2)
 #: Frequencies at which the loops are looked at.
 GRID = 4000
+TOGETHER = "all inputs"
 
 
 @dataclass(frozen=True, eq=False)
 class ServoLoop:
-    """x' = A x + B u + gust w, y = C x + F w of the plant with x_c' = Ak x_c + Bk y, u = Ck x_c + Dk y.
-
-    w: an updraft, ft/s. The commands are at rest.
-    """
+    """x' = A x + B u, y = C x of the plant with x_c' = Ak x_c + Bk y, u = Ck x_c + Dk y; the commands are at rest."""
 
     A: np.ndarray
     B: np.ndarray
@@ -46,8 +41,6 @@ class ServoLoop:
     Bk: np.ndarray
     Ck: np.ndarray
     Dk: np.ndarray
-    gust: np.ndarray
-    F: np.ndarray
 
     @property
     def closed(self) -> np.ndarray:
@@ -59,34 +52,15 @@ class ServoLoop:
         return found
 
     @property
-    def disturbed(self) -> np.ndarray:
-        """The column of w in the rates of [x; x_c] with the loop closed."""
-        return np.vstack([self.gust + self.B @ self.Dk @ self.F, self.Bk @ self.F])
-
-    @property
     def abscissa(self) -> float:
         """Largest real part of a pole of the closed loop, 1/s."""
         return spectrum(self.closed).abscissa
-
-    def margin_at_inputs(self) -> DiskMargin:
-        """All commands at once multiplied by their own complex factors. NoSolutionError when the loop is unstable."""
-        nk = len(self.Ak)
-        A = np.block([[self.A, np.zeros((len(self.A), nk))], [self.Bk @ self.C, self.Ak]])
-        B = np.vstack([self.B, np.zeros((nk, self.B.shape[1]))])
-        return _margin(A, B, -np.hstack([self.Dk @ self.C, self.Ck]))
-
-    def margin_at_sensors(self) -> DiskMargin:
-        """All measurements at once multiplied by their own complex factors. NoSolutionError as above."""
-        nk = len(self.Ak)
-        A = np.block([[self.A, self.B @ self.Ck], [np.zeros((nk, len(self.A))), self.Ak]])
-        B = np.vstack([self.B @ self.Dk, self.Bk])
-        return _margin(A, B, -np.hstack([self.C, np.zeros((len(self.C), nk))]))
 
 
 def servo_plant(
     aircraft: Aircraft, model: LinearModel, controller: ScheduledController, actuators: Mapping[str, Actuator]
 ) -> DesignModel:
-    """The linear model with these actuators, its sensors the measurements of the controller; E of the updraft."""
+    """The linear model with these actuators, its sensors the measurements of the controller."""
     ones = dict.fromkeys(controller.measurements, 1.0), dict.fromkeys(controller.inputs, 1.0)
     loop = Design("loop", controller.inputs, actuators, sensors=ones[0], input_weights=ones[1])
     return design_model(aircraft, model, loop)
@@ -101,12 +75,7 @@ def servo_loop(plant: DesignModel, controller: ScheduledController) -> ServoLoop
         closing = np.linalg.inv(np.eye(len(Dk)) - Dk @ plant.D)
         Ck, Dk = closing @ Ck, closing @ Dk
         Ak, Bk = Ak + Bk @ plant.D @ Ck, Bk @ (np.eye(measured) + plant.D @ Dk)
-    return ServoLoop(plant.A, plant.B, plant.C, Ak, Bk, Ck, Dk, plant.gust, plant.F)
-
-
-def _margin(A: np.ndarray, B: np.ndarray, K: np.ndarray) -> DiskMargin:
-    game = Game(A=A, B=B, E=np.zeros((len(A), 1)), Q=np.eye(len(A)), R=np.eye(B.shape[1]), delta=np.inf)
-    return disk_margin(game, K)
+    return ServoLoop(plant.A, plant.B, plant.C, Ak, Bk, Ck, Dk)
 
 
 class LoopMargin(NamedTuple):
@@ -156,7 +125,7 @@ def loop_margins(loop: ServoLoop, inputs: tuple[str, ...], sensors: tuple[str, .
     for k in range(1, len(loci)):  # in the order of the ones before
         apart = [np.abs(loci[k][order] - loci[k - 1]).sum() for order in orders]
         loci[k] = loci[k][orders[int(np.argmin(apart))]]
-    return (*single, _margin_of("all inputs", loci, grid))
+    return (*single, _margin_of(TOGETHER, loci, grid))
 
 
 def _margin_of(name: str, loops: np.ndarray, grid: np.ndarray) -> LoopMargin:
@@ -184,81 +153,94 @@ def _crossings(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return where, values[where] / (values[where] - values[where + 1])
 
 
-class ActuatorMargins(NamedTuple):
-    """Margins at one angle, rad, behind actuators of one order and bandwidth (rad/s); () where the loop is unstable."""
+class LoopRow(NamedTuple):
+    """At one angle, rad, behind the actuator of each input: the abscissa, 1/s, and the margins, () where unstable."""
 
     dihedral: float
-    order: int
-    bandwidth: float
+    actuators: tuple[Actuator, ...]
     abscissa: float
     loops: tuple[LoopMargin, ...]
 
     @property
-    def actuators(self) -> str:
-        """For a person."""
-        return f"order {self.order}, {self.bandwidth:g} rad/s" if self.order else "none"
+    def text(self) -> str:
+        """The actuators, for a person."""
+        kinds = dict.fromkeys(
+            f"order {each.order}, {each.bandwidth:g} rad/s" + f", {each.effectiveness:g}" * (each.effectiveness != 1.0)
+            for each in self.actuators
+        )
+        return " and ".join(kinds) or "none"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class MarginTable(Checked, Reported):
-    """Margins of a controller loop by loop, at every angle, behind every actuator."""
+class LoopTable(Checked, Reported):
+    """A controller at every angle behind every actuator. what: which actuators, for the title."""
 
     controller: ScheduledController
-    rows: tuple[ActuatorMargins, ...]
+    what: str
+    rows: tuple[LoopRow, ...]
+
+    @property
+    def unstable(self) -> int:
+        """Number of unstable loops."""
+        return sum(row.abscissa >= 0.0 for row in self.rows)
+
+    @property
+    def worst(self) -> LoopRow:
+        """The row of the largest abscissa."""
+        return max(self.rows, key=lambda row: row.abscissa)
 
     @property
     def checks(self) -> tuple[Check, ...]:
         """Every loop is stable."""
-        worst = max(self.rows, key=lambda row: row.abscissa)
-        where = f"{in_degrees(worst.dihedral):g} deg, actuators {worst.actuators}"
-        return (below("largest_abscissa", worst.abscissa, 0.0, f"the loop is unstable at {where}"),)
+        where = f"worst at {in_degrees(self.worst.dihedral):g} deg, {self.worst.text}"
+        reason = f"unstable in {self.unstable} of {len(self.rows)} loops, {where}"
+        return (below("largest_abscissa", self.worst.abscissa, 0.0, reason),)
 
     def report(self) -> Report:
-        """The smallest margins of each loop, and of each angle."""
-        stable = [(row, each) for row in self.rows for each in row.loops]
-        by_loop: dict[tuple[str, str], list[tuple[ActuatorMargins, LoopMargin]]] = {}
-        by_angle: dict[float, list[tuple[ActuatorMargins, LoopMargin]]] = {}
-        for row, each in stable:
-            by_loop.setdefault((row.actuators, each.loop), []).append((row, each))
-            if each.loop != "all inputs":
-                by_angle.setdefault(row.dihedral, []).append((row, each))
-        loops = [(*names, *_smallest(found, "deg")) for names, found in by_loop.items()]
-        angles = [(f"{in_degrees(angle):g}", *_smallest(found, "loop")) for angle, found in by_angle.items()]
+        """The verdict, and the smallest margins of each loop and of each angle."""
+        by_loop: dict[tuple[str, ...], list[tuple[LoopRow, LoopMargin]]] = {}
+        by_angle: dict[tuple[str, ...], list[tuple[LoopRow, LoopMargin]]] = {}
+        for row, each in [(one, each) for one in self.rows for each in one.loops]:
+            by_loop.setdefault((row.text, each.loop), []).append((row, each))
+            if each.loop != TOGETHER:
+                by_angle.setdefault((f"{in_degrees(row.dihedral):g}",), []).append((row, each))
         header = ("gain dB", "at", "phase deg", "rad/s", "at", "delay ms")
-        return Report(
-            f"Margins of controller {self.controller.name}, one loop at a time: {'stable' if self.ok else 'UNSTABLE'}",
-            (
-                Table(("actuators", "loop", *header), loops),
-                Table(("dihedral", *header), angles),
-                checks_block(self.checks),
-            ),
-            data=self.to_dict(),
-        )
+        tables = [
+            Table(
+                (*names, *header), [(*place, *_smallest(found, names == ("dihedral",))) for place, found in by.items()]
+            )
+            for names, by in ((("actuators", "loop"), by_loop), (("dihedral",), by_angle))
+            if by
+        ]
+        stable = f"{len(self.rows) - self.unstable} of {len(self.rows)} loops stable"
+        title = f"{self.what} of controller {self.controller.name}, {self.controller.dynamics} dynamics"
+        verdict = "PASS" if self.ok else "FAIL"
+        return Report(f"{title}: {verdict}, {stable}", (*tables, checks_block(self.checks)), data=self.to_dict())
 
     def to_dict(self) -> dict[str, Any]:
         """Ready for JSON: angles in rad, delays in s."""
-        rows = [{**row._asdict(), "loops": [each._asdict() for each in row.loops]} for row in self.rows]
+        rows = [
+            {
+                **row._asdict(),
+                "actuators": list(map(vars, row.actuators)),
+                "loops": [each._asdict() for each in row.loops],
+            }
+            for row in self.rows
+        ]
         return {"ok": self.ok, "rows": rows, "checks": [check.to_dict() for check in self.checks]}
 
 
-def _smallest(found: list[tuple[ActuatorMargins, LoopMargin]], where: str) -> tuple[str, ...]:
-    """Cells of the smallest gain, phase and delay; where: the angle ("deg"), or the loop and its actuators."""
+def _smallest(found: list[tuple[LoopRow, LoopMargin]], by_angle: bool) -> tuple[str, ...]:
+    """Cells of the smallest gain, phase and delay, and where: the loop and its actuators, or the angle."""
 
-    def place(pair: tuple[ActuatorMargins, LoopMargin]) -> str:
-        row, each = pair
-        return f"{in_degrees(row.dihedral):g} deg" if where == "deg" else f"{each.loop}, {row.actuators}"
+    def place(row: LoopRow, each: LoopMargin) -> str:
+        return f"{each.loop}, {row.text}" if by_angle else f"{in_degrees(row.dihedral):g} deg"
 
     gain = min(found, key=lambda pair: pair[1].gain)
     phase = min(found, key=lambda pair: pair[1].phase)
-    delay = min(found, key=lambda pair: pair[1].delay)
-    return (
-        f"{gain[1].gain:.1f}",
-        place(gain),
-        f"{phase[1].phase:.0f}",
-        f"{phase[1].crossover:.3g}",
-        place(phase),
-        f"{1e3 * delay[1].delay:.0f}",
-    )
+    delay = min(each.delay for _, each in found)
+    angle = f"{phase[1].phase:.0f}", f"{phase[1].crossover:.3g}", place(*phase)
+    return f"{gain[1].gain:.1f}", place(*gain), *angle, f"{1e3 * delay:.0f}"
 
 
 def check_margins(
@@ -268,146 +250,47 @@ def check_margins(
     bandwidths: Sequence[float],
     *,
     progress: Progress | None = None,
-) -> MarginTable:
-    """The loops about the level trims at `dihedrals` (N,), rad, behind actuators of both orders and these bandwidths
-    (rad/s) in every input; without any where `bandwidths` is empty. BadInputError as `check_corners`."""
-    controller.refuse_other(aircraft, float(dihedrals.min()), float(dihedrals.max()))
-    rates = {f"{name}_rate" for name in controller.inputs}
+) -> LoopTable:
+    """Margins about the level trims at `dihedrals` (N,), rad, behind actuators of both orders and these bandwidths
+    (rad/s), alike in all inputs; without any where `bandwidths` is empty. BadInputError as `check_corners`."""
+    count, rates = len(controller.inputs), {f"{name}_rate" for name in controller.inputs}
     orders = ORDERS[1:] if rates & set(controller.measurements) else ORDERS
-    kinds = list(itertools.product(orders, bandwidths)) or [(0, math.inf)]
-    rows = []
-    for dihedral in told(dihedrals.tolist(), progress):
-        model = level_model(aircraft, dihedral)
-        for order, bandwidth in kinds:
-            actuators = {name: Actuator(order, bandwidth) for name in controller.inputs if order}
-            loop = servo_loop(servo_plant(aircraft, model, controller, actuators), controller)
-            stable = loop.abscissa < 0.0
-            loops = loop_margins(loop, controller.inputs, controller.measurements) if stable else ()
-            rows.append(ActuatorMargins(dihedral, order, bandwidth, loop.abscissa, loops))
-    return MarginTable(controller, tuple(rows))
-
-
-class Corner(NamedTuple):
-    """Actuators at one angle, rad; effectiveness and bandwidth (rad/s) of each input, in order."""
-
-    dihedral: float
-    order: int
-    effectiveness: tuple[float, ...]
-    bandwidth: tuple[float, ...]
-
-    def text(self, inputs: tuple[str, ...]) -> str:
-        """For a person."""
-        each = (
-            f"{name} {share:g} at {bandwidth:g} rad/s"
-            for name, share, bandwidth in zip(inputs, self.effectiveness, self.bandwidth, strict=True)
-        )
-        return f"{in_degrees(self.dihedral):g} deg, order {self.order}, {', '.join(each)}"
-
-
-class Found(NamedTuple):
-    """A figure and the corner where it is worst."""
-
-    value: float
-    corner: Corner
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class CornerCheck(Checked, Reported):
-    """What became of every corner: the largest abscissa, 1/s, and the smallest disk margins, 0 where it is unstable."""
-
-    controller: ScheduledController
-    loops: int
-    unstable: int
-    abscissa: Found
-    at_inputs: Found
-    at_sensors: Found
-
-    @property
-    def checks(self) -> tuple[Check, ...]:
-        """Stable at every corner."""
-        where = self.abscissa.corner.text(self.controller.inputs)
-        reason = f"unstable at {self.unstable} of {self.loops} corners, worst at {where}"
-        return (below("largest_abscissa", self.abscissa.value, 0.0, reason),)
-
-    def report(self) -> Report:
-        """Verdict, worst corner, smallest margins."""
-        inputs = self.controller.inputs
-        found = {
-            "largest abscissa, 1/s": self.abscissa,
-            "smallest disk margin at the inputs": self.at_inputs,
-            "smallest disk margin at the sensors": self.at_sensors,
-        }
-        rows = [(name, f"{each.value:.4g}", each.corner.text(inputs)) for name, each in found.items()]
-        name, dynamics = self.controller.name, self.controller.dynamics
-        return Report(
-            f"Corners of the actuators for controller {name}, {dynamics} dynamics: "
-            f"{'PASS' if self.ok else 'FAIL'}, {self.loops - self.unstable} of {self.loops} loops stable",
-            (
-                f"effectiveness {_ends(EFFECTIVENESS)}, bandwidth {_ends(BANDWIDTH)} rad/s, each input by itself, "
-                f"orders {ORDERS[0]} and {ORDERS[1]}",
-                Table(("worst of all corners", "value", "where"), rows),
-                checks_block(self.checks),
-            ),
-            data=self.to_dict(),
-        )
-
-    def to_dict(self) -> dict[str, Any]:
-        """Ready for JSON; angles in rad."""
-        figures = {name: getattr(self, name) for name in ("abscissa", "at_inputs", "at_sensors")}
-        return {
-            "ok": self.ok,
-            "loops": self.loops,
-            "unstable": self.unstable,
-            **{name: {"value": each.value, **each.corner._asdict()} for name, each in figures.items()},
-            "checks": [check.to_dict() for check in self.checks],
-        }
+    kinds = [(Actuator(*kind),) * count for kind in itertools.product(orders, bandwidths)] or [()]
+    return LoopTable(controller, "Margins", tuple(_rows(aircraft, controller, dihedrals, kinds, True, progress)))
 
 
 def check_corners(
     aircraft: Aircraft, controller: ScheduledController, *, progress: Progress | None = None
-) -> CornerCheck:
-    """Close the loop at every corner of `EFFECTIVENESS` and `BANDWIDTH`, each input by itself, for both orders.
+) -> LoopTable:
+    """Stability at every corner of `EFFECTIVENESS` and `BANDWIDTH`, each input by itself, for both orders.
 
     The plant is linear, about the level trim at each angle of the controller. BadInputError when the controller is for
     another aircraft.
     """
-    angles = controller.dihedrals
-    controller.refuse_other(aircraft, float(angles.min()), float(angles.max()))
-    worst: list[Found] = []
-    unstable = loops = 0
-    for dihedral in told(angles.tolist(), progress):
+    ends = list(itertools.product(EFFECTIVENESS, BANDWIDTH))
+    kinds = [
+        tuple(Actuator(order, bandwidth, effectiveness=share) for share, bandwidth in each)
+        for order in ORDERS
+        for each in itertools.product(ends, repeat=len(controller.inputs))
+    ]
+    rows = _rows(aircraft, controller, controller.dihedrals, kinds, False, progress)
+    return LoopTable(controller, "Corners of the actuators", tuple(rows))
+
+
+def _rows(
+    aircraft: Aircraft,
+    controller: ScheduledController,
+    dihedrals: np.ndarray,
+    kinds: Iterable[tuple[Actuator, ...]],
+    margins: bool,
+    progress: Progress | None,
+) -> Iterable[LoopRow]:
+    controller.refuse_other(aircraft, float(dihedrals.min()), float(dihedrals.max()))
+    for dihedral in told(dihedrals.tolist(), progress):
         model = level_model(aircraft, dihedral)
-        for corner, loop in corner_loops(aircraft, model, controller):
-            abscissa, loops = loop.abscissa, loops + 1
-            margins = [0.0, 0.0]
-            if abscissa < 0.0:
-                margins = [loop.margin_at_inputs().disk, loop.margin_at_sensors().disk]
-            else:
-                unstable += 1
-            figures = [Found(value, corner) for value in (abscissa, *margins)]
-            sides = (max, min, min)
-            worst = [
-                choose(before, now, key=lambda found: found.value)
-                for choose, before, now in zip(sides, worst or figures, figures, strict=True)
-            ]
-    return CornerCheck(controller, loops, unstable, *worst)
-
-
-def corner_loops(
-    aircraft: Aircraft, model: LinearModel, controller: ScheduledController
-) -> Iterator[tuple[Corner, ServoLoop]]:
-    """Every corner at the angle of a linear model, and its loop."""
-    n = len(controller.inputs)
-    shares_of_all = itertools.product(EFFECTIVENESS, repeat=n)
-    bandwidths_of_all = itertools.product(BANDWIDTH, repeat=n)
-    for order, shares, bandwidths in itertools.product(ORDERS, shares_of_all, bandwidths_of_all):
-        actuators = {
-            name: Actuator(order=order, effectiveness=share, bandwidth=bandwidth)
-            for name, share, bandwidth in zip(controller.inputs, shares, bandwidths, strict=True)
-        }
-        plant = servo_plant(aircraft, model, controller, actuators)
-        yield Corner(model.point.states.dihedral, order, shares, bandwidths), servo_loop(plant, controller)
-
-
-def _ends(values: tuple[float, float]) -> str:
-    return f"{values[0]:g} to {values[1]:g}"
+        for kind in kinds:
+            actuators = dict(zip(controller.inputs, kind, strict=False))
+            loop = servo_loop(servo_plant(aircraft, model, controller, actuators), controller)
+            known = margins and loop.abscissa < 0.0
+            loops = loop_margins(loop, controller.inputs, controller.measurements) if known else ()
+            yield LoopRow(dihedral, kind, loop.abscissa, loops)

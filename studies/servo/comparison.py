@@ -16,17 +16,17 @@ from controller import (
     ActuatorFault,
     CommandSteps,
     FlownLaw,
-    Game,
     Scenario,
     ScheduledController,
+    design_controller,
     flight_envelope,
     gain_law,
+    load_design,
     published_game,
 )
 from controller.design.design import Actuator
 from controller.flight.nonlinear_flight import NonlinearFlight, Tracked, fly_law, tracked
 from controller.flight.plants import NonlinearPlant
-from controller.policy.learned_gain import learned_value
 from controller.policy.servo_policy import MeasuredOutputs, servo_law
 from controller.policy.signals import CommandedStates
 from hfa_model import INPUTS, LINEAR_STATES, Aircraft
@@ -38,45 +38,42 @@ from hfa_support.jsonable import records_text
 from hfa_support.reporting.figure import new_figure, save
 from hfa_support.reporting.text import Table
 from studies.finished import finished, stamped
-from studies.servo.feedforward import shaped_controller, shaped_design
 from studies.servo.flights import flown_actuators
 from studies.servo.simvfa import REGULATED, adaptive_law, reference_servo
-from studies.servo.tuning import design_entries
 from trim import OperatingPoint, find_operating_point, level_flight, linearize
 from verification import solve_game
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-#: Dihedral of the trim in which all flights begin, deg; angles of SimVFA's tables, rad, and of those of our servos,
-#: which cover the commands with room to spare.
-TRIM_DEG, ANGLES, OWN_ANGLES = 11.0, np.radians(np.arange(21.0)), np.radians(np.arange(8.0, 15.0))
-#: Ours: design -> feedback. Each flies with exact and learned, scheduled and frozen gains; the third as it is.
-OWN_DESIGNS, FOR_GUSTS = {"servo": "output", "servo-states": "state"}, "servo-gusts"
+#: Dihedral of the trim in which all flights begin, deg; angles of SimVFA's tables, rad.
+TRIM_DEG, ANGLES = 11.0, np.radians(np.arange(21.0))
 #: s: a step each, the first after `_FIRST`; the flight ends with the last.
 _EACH, _FIRST = 70.0, 1.0
 _DIHEDRAL = np.radians([1.0, 2, 1, 2, 1, 2, -1, 1, 2, 1, 2, 1, 2, -1, 0, 0])
 _ACCELERATION = np.array([-1.0, -2, -1, -2, -1, -2, 1, -1, -2, -1, -2, -2, 1, 1, 0, 0])
 DURATION = _FIRST + _EACH * (len(_DIHEDRAL) - 1)
-#: Bandwidth ω, rad/s, and damping ζ of the actuators as designed.
-BANDWIDTH, DAMPING = 2.0, 0.7
-#: s: of the record, and of the law that learns. The integration chooses its own steps where a law is stiff.
-STEP, LEARNING_TICK = 0.02, 0.1
+#: s: of the record.
+STEP = 0.02
 HEADER = ("law", "rms dihedral deg", "rms A_z ft/s^2", "fastest surface deg/s", "outcome")
 
 
 class Case(NamedTuple):
-    """Order of the actuators, and their faults."""
+    """Actuators and their faults."""
 
-    order: int
-    faults: tuple[ActuatorFault, ...]
+    actuator: Actuator
+    faults: tuple[ActuatorFault, ...] = ()
 
 
 CASES: dict[str, Case] = {
-    "order-1": Case(1, ()),
-    "order-1-fault": Case(1, (ActuatorFault(0.0, 0.2, 0.5, inputs=INPUTS[1:]),)),
-    "order-2": Case(2, ()),
-    "order-2-fault": Case(2, (ActuatorFault(0.0, 0.2, 0.5, 0.8, inputs=INPUTS[1:]),)),
+    "order-1": Case(Actuator(1)),
+    "order-1-half": Case(Actuator(1, effectiveness=0.5)),
+    "order-1-fault": Case(Actuator(1), (ActuatorFault(0.0, 0.2, 0.5, inputs=INPUTS[1:]),)),
+    "order-2": Case(Actuator(2)),
+    "order-2-half": Case(Actuator(2, effectiveness=0.5)),
+    "order-2-fault": Case(Actuator(2), (ActuatorFault(0.0, 0.2, 0.5, 0.8, inputs=INPUTS[1:]),)),
+    "fast-1": Case(Actuator(1, 10.0)),
+    "fast-2": Case(Actuator(2, 10.0)),
 }
 
 
@@ -90,7 +87,7 @@ def scenario_of(case: Case, commands: CommandSteps, duration: float = DURATION) 
     """The flight of a case, s long; BadInputError where that is longer than the commands."""
     if duration > DURATION:
         raise BadInputError(f"duration is {duration:g} s; the commands of a case end after {DURATION:g} s")
-    actuators = flown_actuators(Actuator(case.order, BANDWIDTH, DAMPING), case.faults)
+    actuators = flown_actuators(case.actuator, case.faults)
     return Scenario(
         duration=duration, step=STEP, tick=STEP, reference=CommandedStates(commands, LINEAR_STATES), actuators=actuators
     )
@@ -116,9 +113,7 @@ def laws_of(order: int, controllers: Mapping[str, ScheduledController], only: Se
         f"simvfa-{order}": lambda on: _flown(on, reference_servo(on.aircraft, f"simvfa-{order}", ANGLES)),
         f"simvfa-{order} adaptive": lambda on: adaptive_law(order, on.aircraft, on.point, on.commands, ANGLES),
     }
-    for variant in itertools.product(OWN_DESIGNS, ("exact", "learned"), ("scheduled", "frozen")):
-        found[" ".join(word for word in variant if word not in ("exact", "scheduled"))] = _own(*variant)
-    found[FOR_GUSTS] = _own(FOR_GUSTS)
+    found["servo"] = lambda on: _flown(on, designed_servo(on.aircraft))
     found |= {name: lambda on, each=each: _flown(on, each) for name, each in controllers.items()}  # type: ignore[misc]
     found["paper"] = _paper
     for name in only:
@@ -130,23 +125,12 @@ def _flown(on: Start, controller: ScheduledController) -> FlownLaw:
     return servo_law(controller, on.commands, on.aircraft, on.point)
 
 
-def _own(design: str, source: str = "exact", gains: str = "scheduled") -> Make:
-    """One of our designs. source: exact or learned. gains: scheduled on the dihedral, or frozen at the trim."""
-    angles = OWN_ANGLES if gains == "scheduled" else np.radians([TRIM_DEG])
-    return lambda on: _flown(on, _own_controller(on.aircraft, design, source, tuple(angles.tolist())))
-
-
-@lru_cache(maxsize=32)
-def _own_controller(aircraft: Aircraft, design: str, source: str, angles: tuple[float, ...]) -> ScheduledController:
-    """The same for all cases."""
-    value = _learned if source == "learned" else None
-    chosen = shaped_design(design, design_entries(design))
-    return shaped_controller(aircraft, *chosen, np.array(angles), OWN_DESIGNS.get(design, ""), value=value)
-
-
-def _learned(game: Game) -> np.ndarray:
-    """P of the certified law, from recorded samples of the game."""
-    return learned_value(game, "certified", 0, tick=LEARNING_TICK).P
+@lru_cache(maxsize=2)
+def designed_servo(aircraft: Aircraft) -> ScheduledController:
+    """The servo of the package, at the angles of its design; the same for all cases."""
+    design = load_design("servo").of(aircraft.variant.name)
+    assert design.shaping is not None
+    return design_controller(aircraft, design, np.array(design.shaping.dihedrals))
 
 
 def _paper(on: Start) -> FlownLaw:
@@ -203,7 +187,7 @@ def fly_case(
     point = find_operating_point(aircraft, level_flight(float(np.radians(TRIM_DEG))))
     envelope = flight_envelope(aircraft, point)
     outputs = MeasuredOutputs(aircraft, point, commands.names)
-    for law, make in laws_of(case.order, controllers, only).items():
+    for law, make in laws_of(case.actuator.order, controllers, only).items():
         result = fly_law(NonlinearPlant(aircraft, point), make(Start(aircraft, point, commands)), scenario, envelope)
         moved = np.abs(np.diff(result.flight.inputs[:, 1:], axis=0)).max(initial=0.0)  # without the throttle
         times = result.flight.times[:2]
@@ -228,12 +212,12 @@ def run_case(
     target, picture, case = folder / f"{name}.json", folder / f"{name}.png", CASES[name]
     decides = {
         "case": name,
-        "order": case.order,
+        "actuator": vars(case.actuator),
         "faults": [vars(fault) for fault in case.faults],
         "dynamics": aircraft.variant.name,
         "parameters": aircraft.parameters._asdict(),
         "duration": duration,
-        "laws": list(laws_of(case.order, controllers, only)),
+        "laws": list(laws_of(case.actuator.order, controllers, only)),
         "controllers": {
             key: {part: getattr(made, part) for part in ("dihedrals", "A", "B", "C", "D", "W")}
             for key, made in controllers.items()

@@ -11,7 +11,6 @@ from known_models import model_at
 
 from controller import ScheduledController, load_design
 from controller.design.controllers import design_controller
-from controller.design.design import Actuator
 from controller.design.servo_loop import check_corners, servo_loop, servo_plant
 from hfa_model import Aircraft
 from hfa_support import BadInputError
@@ -27,11 +26,9 @@ def gentle(aircraft: Aircraft, gain: float) -> ScheduledController:
 
 def test_a_controller_that_does_little_passes_with_the_abscissa_of_the_aircraft(published_aircraft: Aircraft) -> None:
     found = check_corners(published_aircraft, gentle(published_aircraft, 1e-4))
-    assert found.ok
-    assert (found.loops, found.unstable) == (8, 0)
+    assert (found.ok, len(found.rows), found.unstable) == (True, 8, 0)
     open_loop = np.linalg.eigvals(model_at(5.0).A).real.max()
-    assert found.abscissa.value == pytest.approx(open_loop, rel=0.05)
-    assert found.at_inputs.value > 1.0
+    assert found.worst.abscissa == pytest.approx(open_loop, rel=0.05)
     assert "PASS, 8 of 8 loops stable" in repr(found)
 
 
@@ -40,25 +37,21 @@ def test_a_planted_unstable_controller_is_found_with_its_corner(published_aircra
     table = gentle(published_aircraft, 0.3)
     found = check_corners(published_aircraft, table)
     assert not found.ok
-    assert 0 < found.unstable < found.loops
-    corner = found.abscissa.corner
-    assert corner.effectiveness == (1.0,)
-    actuator = Actuator(order=corner.order, effectiveness=1.0, bandwidth=corner.bandwidth[0])
+    assert 0 < found.unstable < len(found.rows)
+    (actuator,) = found.worst.actuators
+    assert actuator.effectiveness == 1.0
     plant = servo_plant(published_aircraft, model_at(5.0), table, {"aileron_outer": actuator})
-    assert servo_loop(plant, table).abscissa == pytest.approx(found.abscissa.value)
-    assert found.at_inputs.value == found.at_sensors.value == 0.0
-    text = repr(found)
-    assert f"FAIL, {found.loops - found.unstable} of 8 loops stable" in text
-    assert f"unstable at {found.unstable} of 8 corners, worst at 5 deg, order {corner.order}, aileron_outer 1" in text
+    assert servo_loop(plant, table).abscissa == pytest.approx(found.worst.abscissa)
+    where = f"worst at 5 deg, order {actuator.order}, {actuator.bandwidth:g} rad/s"
+    assert f"unstable in {found.unstable} of 8 loops, {where}" in repr(found)
     assert found.to_dict()["checks"][0]["ok"] is False
 
 
 def test_each_input_has_its_own_corner_and_the_published_servo_fails_there(published_aircraft: Aircraft) -> None:
     table = design_controller(published_aircraft, load_design("simvfa-1"), np.radians([11.0]))
     found = check_corners(published_aircraft, table)
-    assert found.loops == 32
-    assert not found.ok
-    assert found.abscissa.corner.order == 2
+    assert (len(found.rows), found.ok) == (32, False)
+    assert found.worst.actuators[0].order == 2
 
 
 def test_the_controller_of_another_aircraft_is_refused(published_aircraft: Aircraft) -> None:

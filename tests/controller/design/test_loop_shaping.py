@@ -157,7 +157,7 @@ def test_a_double_integrator_has_the_margins_of_the_book(published_aircraft: Air
     from controller.design.servo_loop import ServoLoop
 
     one, none = np.ones((1, 1)), np.zeros((1, 1))
-    loop = ServoLoop(none, one, one, -one, one, -one, none, one, one)
+    loop = ServoLoop(none, one, one, -one, one, -one, none)
     found = loop_margins(loop, ("u",), ("y",))
     for each in found:
         assert (each.phase, each.crossover) == pytest.approx((51.827, 0.78615), rel=1e-4)
