@@ -1,4 +1,4 @@
-"""What the exact solution of a game says: from its states with flight and margins, from measured outputs alone."""
+"""What the exact solution of a game says: the policies in flight, and their margins."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 
 from controller.analysis.cost import cost_checks, saddle_checks
 from controller.game.zero_sum import Game
-from controller.riccati.balancing import balanced, in_units, normal_form, reached, spectrum
+from controller.riccati.balancing import balanced, in_units, normal_form, reached
 from controller.riccati.frequency_response import (
     DISK_AT_INFINITY,
     DiskMargin,
@@ -22,16 +22,6 @@ from controller.riccati.frequency_response import (
     loop_grid,
 )
 from controller.riccati.gare import GameSolution, solve_game
-from controller.riccati.generalized_plant import (
-    GeneralizedPlant,
-    OutputFeedback,
-    PlantDeltaMin,
-    StateFeedback,
-    closed_loop,
-    minimum_plant_delta,
-    solve_plant,
-)
-from controller.riccati.output_feedback import OutputGame, minimum_output_delta, solve_output_feedback
 from controller.riccati.smallest_delta import DeltaMin, minimum_delta
 from hfa_support.errors import NoSolutionError
 from hfa_support.jsonable import finite_or_none
@@ -39,8 +29,7 @@ from hfa_support.progress import Progress
 from hfa_support.reporting.checks import Check, checks_block
 from hfa_support.reporting.fields import Shown
 from hfa_support.reporting.report import Report
-from hfa_support.reporting.text import Table, eigenvalue_text, entry_rows, matrix_table, numbered
-from hfa_support.reporting.unit_system import in_force, unit_in_force
+from hfa_support.reporting.text import Table, eigenvalue_text, entry_rows, matrix_table
 
 #: A gain below this is a crossover at infinite frequency that rounding moved off zero.
 ROUNDING = 1e-12
@@ -163,9 +152,7 @@ def _polished(candidates: list[float], met: Callable[[float], tuple[float, float
     return found
 
 
-SCHEMA, PLANT_SCHEMA = "hfa.game-solution/1", "hfa.plant-solution/1"
-#: delta / delta_min of a generalized plant that names no delta: nearer the controller gets ever faster poles.
-USUAL_MARGIN = 1.01
+SCHEMA = "hfa.game-solution/1"
 #: Percent of the time that have passed, with a plant of 100 states, once P is certified and once delta_min is found.
 _SOLVED, _SEARCHED = 25, 75
 
@@ -281,114 +268,4 @@ def _data(found: AnalysedGame, states: tuple[str, ...], inputs: tuple[str, ...])
             for name, loop in zip(inputs, found.loops, strict=True)
         },
         "disk_margin": {key: finite_or_none(value) for key, value in found.disk._asdict().items()},
-    }
-
-
-def output_report(problem: OutputGame, sensors: tuple[str, ...], units: tuple[str, ...]) -> Report:
-    """The central controller of the game when only the sensors are known.
-
-    Raises NoSolutionError that names the condition that fails.
-    """
-    smallest, delta = minimum_output_delta(problem), problem.game.delta
-    _refuse_below(smallest, delta, "from measured outputs alone ", "or measure more")
-    found, noise = solve_output_feedback(problem), problem.V.diagonal().tolist()
-    of_noise = [f"({unit})^2 s" for unit in units]
-    rows = [
-        (name, f"{in_force(value, unit):.4g}", unit_in_force(unit))
-        for name, value, unit in zip(sensors, noise, of_noise, strict=True)
-    ]
-    return Report(
-        title=f"From measured outputs alone: {_least(smallest, delta)}",
-        parts=(
-            Table(("sensor", "noise", "unit"), rows),
-            f"coupling rho(XY) / delta^2: {found.coupling:.6g}, must stay below 1",
-            checks_block(found.checks),
-        ),
-        data={
-            "sensors": list(sensors),
-            "sensor_units": list(units),
-            "C": problem.C.tolist(),
-            "D": problem.D.tolist(),
-            "noise": noise,
-            **_controller_data(found, smallest),
-        },
-    )
-
-
-def plant_report(plant: GeneralizedPlant, delta: float | None, origin: str) -> Report:
-    """The controller of a generalized plant at delta, by default `USUAL_MARGIN` times the smallest; origin: its name.
-
-    Raises NoSolutionError that names the assumption or the condition that fails.
-    """
-    smallest = minimum_plant_delta(plant)
-    if delta is None:
-        delta = USUAL_MARGIN * smallest.value or 1.0
-    _refuse_below(smallest, delta, "", "or change the plant")
-    found, (n, m) = solve_plant(plant, delta), plant.B2.shape
-    states, inputs = numbered("x", n), numbered("u", m)
-    if isinstance(found, StateFeedback):
-        what = "State feedback u = -K x"
-        loop = plant.A - plant.B2 @ found.K
-        matrices = [("P", states, states, found.P), ("K", inputs, states, found.K)]
-    else:
-        what, seen = "Output feedback xk' = Ak xk + Bk y, u = Ck xk + Dk y", numbered("y", len(plant.C2))
-        loop = closed_loop(plant, (found.Ak, found.Bk, found.Ck, found.Dk))[0]
-        own = numbered("xk", n)
-        matrices = [("Ak", own, own, found.Ak), ("Bk", own, seen, found.Bk)]
-        matrices += [("Ck", inputs, own, found.Ck), ("Dk", inputs, seen, found.Dk)]
-    poles = spectrum(loop).eigenvalues
-    return Report(
-        title=f"{what} for {origin}\n{_least(smallest, delta)}",
-        parts=(
-            *(matrix_table(*each) for each in matrices),
-            f"closed loop, 1/s: {', '.join(eigenvalue_text(value) for value in poles if value.imag >= 0)}",
-            checks_block(found.checks),
-        ),
-        data={
-            "schema": PLANT_SCHEMA,
-            "plant": origin,
-            "feedback": "state" if isinstance(found, StateFeedback) else "output",
-            "delta": finite_or_none(delta),
-            "delta_min_refused": smallest.refused,
-            **_controller_data(found, smallest),
-            "closed_loop_eigenvalues": [[value.real, value.imag] for value in poles.tolist()],
-        },
-        records=Table(
-            ("matrix", "row", "column", "value"),
-            [
-                (name, row, column, value)
-                for name, rows, columns, matrix in matrices
-                for row, line in zip(rows, matrix.tolist(), strict=True)
-                for column, value in zip(columns, line, strict=True)
-            ],
-        ),
-    )
-
-
-def _refuse_below(smallest: PlantDeltaMin, delta: float, who: str, other: str) -> None:
-    if delta >= smallest.value:
-        return
-    where = f"below delta_min = {smallest.value:.7g}"
-    if delta > smallest.refused:
-        where = f"too close to delta_min, which lies between {smallest.refused:.9g} and {smallest.value:.9g}"
-    raise NoSolutionError(
-        f"{who}delta = {delta:.9g} is {where}, where the {smallest.condition} fails; ask for a larger delta, {other}"
-    )
-
-
-def _least(smallest: PlantDeltaMin, delta: float) -> str:
-    ends = f", where the {smallest.condition} ends it" if smallest.condition != "none" else ""
-    return f"delta {delta:.6g}, smallest possible {smallest.value:.7g}{ends}"
-
-
-def _controller_data(found: OutputFeedback | StateFeedback, smallest: PlantDeltaMin) -> dict[str, Any]:
-    held = {name: value for name, value in vars(found).items() if name not in ("delta", "checks")}
-    checks = [check.to_dict() for check in found.checks]
-    return {
-        "delta_min": smallest.value,
-        "delta_min_condition": smallest.condition,
-        "delta_margin": finite_or_none(found.delta / smallest.value) if smallest.value > 0.0 else None,
-        **{name: value.tolist() if isinstance(value, np.ndarray) else value for name, value in held.items()},
-        "checks": checks,
-        "certificate": {"ok": all(check.ok for check in found.checks), "checks": checks},
     }

@@ -73,6 +73,11 @@ def stored_game(
     return game._replace(notes=tuple(f"{path}: {note}" for note in game.notes))
 
 
+def has_all(found: dict[str, Any], *names: str) -> bool:
+    """Whether a file, or a structure in it, has these entries."""
+    return any(set(names) <= set(each) for each in (found, *found.values()) if isinstance(each, dict))
+
+
 def entries_of(found: dict[str, Any], needed: set[str]) -> tuple[dict[str, Any], list[str]]:
     """The entries of a plant in continuous time, from the one structure that has the needed ones where the file itself
     has none of them, and what to know of it."""

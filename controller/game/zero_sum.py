@@ -107,9 +107,13 @@ class Game(ByValue, Shown):
 
     def with_delta(self, delta: float) -> Game:
         """The same game at another disturbance weight; its matrices have been checked, and are not checked again."""
-        other = object.__new__(type(self))
         shared = {name: value for name, value in vars(self).items() if name != "S"}
-        vars(other).update(shared, delta=_delta_of(delta))
+        return self.unchecked(**shared | {"delta": _delta_of(delta)})
+
+    def unchecked(self, **parts: Any) -> Game:
+        """A game with other parts that follow from those of this one, which is not checked again."""
+        other = object.__new__(type(self))
+        vars(other).update({name: getattr(self, name) for name in ("A", "B", "E", "Q", "R", "delta")} | parts)
         return other
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import NamedTuple
 
@@ -131,8 +131,7 @@ def balanced_units(game: Game) -> np.ndarray:
 
 def in_units(game: Game, units: np.ndarray) -> Game:
     """The same game in the state y, z_i = u_i y_i; units: (n,)."""
-    return replace(
-        game,
+    return game.unchecked(
         A=game.A * units / units[:, None],
         B=game.B / units[:, None],
         E=game.E / units[:, None],

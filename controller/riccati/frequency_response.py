@@ -77,12 +77,12 @@ def gain_is_below(game: Game, K: np.ndarray, level: float) -> bool:
     return is_hurwitz(loop) and spectrum(H).axis_distance() > AXIS_DISTANCE
 
 
-def bounded_real_gain(game: Game, K: np.ndarray) -> float:
+def bounded_real_gain(game: Game, K: np.ndarray, swept: SweptGain | None = None) -> float:
     """L2 gain to 1e-9 relative by bisection on `gain_is_below`; inf when A - B K is not Hurwitz, or so stiff that
     rounding hides every bound.
 
-    Begun around the `swept_gain`, which alone is believed nothing: both ends are judged by `gain_is_below`. The number
-    returned is the upper end: it was seen to be above the gain.
+    Begun around the `swept_gain` (swept, where it is known), which alone is believed nothing: both ends are judged by
+    `gain_is_below`. The number returned is the upper end: it was seen to be above the gain.
     Source: Boyd, Balakrishnan and Kabamba, Math. Control Signals Systems 2 (1989), 207-219.
     """
     loop = game.A - game.B @ game.checked_gain(K)
@@ -92,7 +92,7 @@ def bounded_real_gain(game: Game, K: np.ndarray) -> float:
     typical = math.sqrt(np.linalg.norm(game.S_disturbance) * np.linalg.norm(cost)) / float(np.linalg.norm(loop))
     if typical == 0.0:
         return 0.0
-    expected = max(swept_gain(game, K).gain, ZERO * typical)
+    expected = max((swept or swept_gain(game, K)).gain, ZERO * typical)
     upper = expected * (1.0 + 0.4 * TOLERANCE)
     lower = expected * (1.0 - 0.4 * TOLERANCE)
     while not gain_is_below(game, K, upper):
@@ -128,7 +128,8 @@ def swept_gain(game: Game, K: np.ndarray) -> SweptGain:
 
 def gain_checks(game: Game, K: np.ndarray) -> tuple[Check, ...]:
     """The gain of the closed loop is below delta, and the two methods agree on it."""
-    gain, swept = bounded_real_gain(game, K), swept_gain(game, K)
+    swept = swept_gain(game, K)
+    gain = bounded_real_gain(game, K, swept)
     if math.isinf(gain):
         stiff = "A - B K is so stiff that rounding hides every bound of the L2 gain; check the scaling"
         unstable = "A - B K is not Hurwitz: the closed loop has no finite L2 gain"

@@ -27,7 +27,7 @@ from controller.riccati.certificate import Certificate, relative_residual
 from controller.riccati.frequency_response import square_root
 from controller.riccati.gare import GameSolution, solve_certified
 from controller.riccati.gare_schur import quick_solution, schur_solution
-from controller.riccati.smallest_delta import dependence, has_value
+from controller.riccati.smallest_delta import bracketed, dependence, has_value
 from hfa_support.errors import BadInputError, NoSolutionError, said_of, shortened
 from hfa_support.reporting.checks import Check, at_most, below
 from hfa_support.reporting.fields import Shown
@@ -195,14 +195,12 @@ class StoredPlant(NamedTuple):
     notes: tuple[str, ...]
 
 
-def stored_plant(path: str | Path, found: dict[str, Any] | None = None) -> StoredPlant | None:
-    """The generalized plant in a file with A, B1, B2, C1, D12 and optionally C2, D21, D11, D22, delta; None where the
-    file has no B2 and is another plant. found: what `read_arrays` has read of it already. BadInputError names the file.
+def stored_plant(path: str | Path, found: dict[str, Any] | None = None) -> StoredPlant:
+    """The generalized plant in a file with A, B1, B2, C1, D12 and optionally C2, D21, D11, D22, delta.
+
+    found: what `read_arrays` has read of it already. BadInputError names the file.
     """
     found = read_arrays(path) if found is None else found
-    inner = [value for value in found.values() if isinstance(value, dict) and "B2" in value]
-    if "B2" not in found and not inner:
-        return None
     names = [field.name for field in fields(GeneralizedPlant)]
     with said_of(path):
         stored, notes = entries_of(found, {"A", "B2"})
@@ -414,22 +412,15 @@ def minimum_plant_delta(plant: GeneralizedPlant) -> PlantDeltaMin:
         upper *= 4.0
         if upper > 1e12:
             raise NoSolutionError(f"no delta up to 1e12 will do: {found[1]}; check the scaling")
-    lower = upper / 4.0
-    while (found := _conditions(plant, lower))[0]:
-        lower, upper = lower / 4.0, lower
-        if upper < 1e-12:
-            return PlantDeltaMin(0.0, 0.0, "none")
-    condition = found[1]
-    while upper > lower * (1.0 + TOLERANCE):
-        middle = math.sqrt(lower * upper)
-        held, said = _conditions(plant, middle)
-        lower, upper, condition = (lower, middle, condition) if held else (middle, upper, said)
-    share = TOLERANCE
-    while _conditions(plant, lower)[0] is not False:  # rounding hides which it is
-        if share > 1.0:
-            return PlantDeltaMin(upper, 0.0, condition)
-        lower, share = lower / (1.0 + share), 2.0 * share
-    return PlantDeltaMin(upper, lower, condition)
+    said = ""
+
+    def good(delta: float) -> bool | None:
+        nonlocal said
+        held, fails = _conditions(plant, delta)
+        said = said if held else fails
+        return held
+
+    return PlantDeltaMin(*bracketed(good, upper, TOLERANCE), said or "none")
 
 
 def check_modes(plant: GeneralizedPlant) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -17,7 +18,7 @@ from controller.riccati.certificate import (
     hamiltonian_checks,
     solution_checks,
 )
-from controller.riccati.frequency_response import bounded_real_gain
+from controller.riccati.frequency_response import bounded_real_gain, swept_gain
 from hfa_support.errors import NoSolutionError
 from hfa_support.progress import Progress
 
@@ -27,6 +28,8 @@ SIGNLESS = 1e-13
 WELL_CONDITIONED = 1e4
 #: Of delta_min, relative.
 TOLERANCE = 1e-6
+#: Of the size of the disturbance: smaller gains may be rounding; a search ends below the other.
+FAINT, LEAST = 1e-9, 1e-12
 #: Closer to delta_min than this share of it, P is ill-conditioned enough to blame for a test that fails.
 CLOSE = 0.01
 #: An unstable mode that the input reaches by less than this part is named where the game is refused.
@@ -42,11 +45,11 @@ def has_value(game: Game) -> bool | None:
     at every delta; there the tests of P itself can say yes, though not no.
     Source: Basar and Bernhard, H-infinity Optimal Control, Section 4.5 (conjugate points).
     """
+    form = normal_form(game)
+    n = len(form.A)
     distance, split = hamiltonian_checks(game)
     if distance.value <= ON_THE_AXIS or not split.ok:
         return False
-    form = normal_form(game)
-    n = len(form.A)
     basis = stable_basis(form.hamiltonian)
     if basis is None or not distance.ok:
         return None
@@ -117,8 +120,10 @@ def minimum_delta(game: Game, progress: Progress | None = None) -> DeltaMin:
 
 
 def _smallest_delta(game: Game, K: np.ndarray, progress: Progress) -> DeltaMin:
-    """`minimum_delta`, begun above the L2 gain of the policy K."""
-    gain = bounded_real_gain(game, K)
+    """`minimum_delta`, begun above the L2 gain of the policy K: the swept one, or if that will not do the proved."""
+    gain = swept_gain(game, K).gain
+    if not (FAINT < gain < math.inf and has_value(game.with_delta(2.0 * gain))):
+        gain = bounded_real_gain(game, K)
     if gain == 0.0:
         return DeltaMin(0.0, 0.0)
     if math.isinf(gain):
@@ -132,21 +137,34 @@ def _smallest_delta(game: Game, K: np.ndarray, progress: Progress) -> DeltaMin:
             f"delta = {upper:.4g} is twice the gain of a certified policy and still without a value; "
             "check the scaling of A, B, Q and R"
         )
+    return DeltaMin(*bracketed(lambda delta: has_value(game.with_delta(delta)), upper, TOLERANCE, progress))
+
+
+def bracketed(
+    good: Callable[[float], bool | None], upper: float, tolerance: float, progress: Progress | None = None
+) -> tuple[float, float]:
+    """The smallest good δ and a δ just below it that is not, by bisection of log δ from a good one.
+
+    good: None where rounding hides the answer; at the lower end it is False, or that is 0. Both are 0 where all δ are good.
+    """
+    told = progress or (lambda *_: None)
     lower = upper / 4.0
-    while has_value(game.with_delta(lower)):
+    while good(lower):
         lower, upper = lower / 4.0, lower
-    steps = math.ceil(math.log2(math.log(upper / lower) / math.log1p(TOLERANCE)))
+        if upper < LEAST:
+            return 0.0, 0.0
+    steps = math.ceil(math.log2(math.log(upper / lower) / math.log1p(tolerance)))
     for step in range(steps):
-        progress(step, steps)
+        told(step, steps)
         middle = math.sqrt(lower * upper)
-        lower, upper = (lower, middle) if has_value(game.with_delta(middle)) else (middle, upper)
-    progress(steps, steps)
-    share = TOLERANCE
-    while has_value(game.with_delta(lower)) is not False:  # among rounding yes and no come in any order
+        lower, upper = (lower, middle) if good(middle) else (middle, upper)
+    told(steps, steps)
+    share = tolerance
+    while good(lower) is not False:  # among rounding yes and no come in any order
         if share > 1.0:
-            return DeltaMin(upper, 0.0)
+            return upper, 0.0
         lower, share = lower / (1.0 + share), 2.0 * share
-    return DeltaMin(upper, lower)
+    return upper, lower
 
 
 def _some_solution(game: Game, given: Game) -> np.ndarray:

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import argparse
 from dataclasses import replace
+from typing import Any
 
-from controller.analysis.solution_report import analyse_game, output_report, plant_report, solution_report
+from controller.analysis.solution_report import analyse_game, solution_report
 from controller.game.array_file import read_arrays
-from controller.riccati.generalized_plant import StoredPlant, stored_plant
-from controller.riccati.output_feedback import OutputGame
+from controller.game.model_file import has_all
 from hfa_cli.options import shared_options as options
 from hfa_cli.options.games import add_game, game_of, refuse_of_the_aircraft
 from hfa_cli.output import show
@@ -29,13 +29,16 @@ def run(arguments: argparse.Namespace) -> int:
     """Solve and report; a game without a certified solution is exit 1 and prints no P."""
     alone = arguments.model is not None and arguments.dihedral is None and arguments.aircraft is None
     found = read_arrays(arguments.model) if alone else None
-    if alone and (stored := stored_plant(arguments.model, found)) is not None:
-        return _solve_plant(arguments, stored)
+    if found is not None and has_all(found, "B2"):
+        return _solve_plant(arguments, found)
     named = game_of(arguments, found)
     analysed = analyse_game(named.game, ProgressLine("solve"))
     report = solution_report(analysed, *named.names).with_data(**named.labels())
     built = named.built
     if built is not None and built.sensors:
+        from controller.analysis.plant_report import output_report
+        from controller.riccati.output_feedback import OutputGame
+
         problem = OutputGame(named.game, built.C, built.D, built.V)
         measured = output_report(problem, built.sensors, built.sensor_units)
         report = replace(report, parts=(*report.parts, measured)).with_data(output_feedback=measured.data)
@@ -44,9 +47,13 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _solve_plant(arguments: argparse.Namespace, stored: StoredPlant) -> int:
+def _solve_plant(arguments: argparse.Namespace, found: dict[str, Any]) -> int:
+    from controller.analysis.plant_report import plant_report
+    from controller.riccati.generalized_plant import stored_plant
+
     refuse_of_the_aircraft(arguments)
     options.refuse(arguments, ("Q", "R"), "is in C1 and D12 of a generalized plant; leave it out")
+    stored = stored_plant(arguments.model, found)
     delta = stored.delta if arguments.delta is None else arguments.delta
     report = plant_report(stored.plant, delta, str(arguments.model)).with_data(warnings=list(stored.notes))
     show(report, arguments, target=arguments.output)

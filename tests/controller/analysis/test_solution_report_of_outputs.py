@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from controller import Game
-from controller.analysis.solution_report import output_report
+from controller.analysis.plant_report import output_report
 from hfa_support import NoSolutionError
 from verification import OutputGame
 

@@ -134,6 +134,7 @@ def test_in_a_stiff_loop_the_sweep_is_right_and_the_bound_is_above(factor: float
 def test_the_search_for_the_smallest_delta_needs_a_gain_to_begin_from(monkeypatch: pytest.MonkeyPatch) -> None:
     """It went on for ever below infinity."""
     monkeypatch.setattr("controller.riccati.smallest_delta.bounded_real_gain", lambda game, K: math.inf)
+    monkeypatch.setattr("controller.riccati.smallest_delta.swept_gain", lambda game, K: SweptGain(math.inf, 0.0))
     with pytest.raises(NoSolutionError, match="rounding hides its L2 gain"):
         minimum_delta(STIFF)
 
