@@ -145,7 +145,7 @@ def bracketed(
 ) -> tuple[float, float]:
     """The smallest good δ and a δ just below it that is not, by bisection of log δ from a good one.
 
-    good: None where rounding hides the answer; at the lower end it is False, or that is 0. Both are 0 where all δ are good.
+    good: None where rounding hides the answer. The lower end is 0 or has False; both are 0 where all are good.
     """
     told = progress or (lambda *_: None)
     lower = upper / 4.0
