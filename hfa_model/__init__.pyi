@@ -13,7 +13,7 @@ from .parameters import (
     save_parameters as save_parameters,
 )
 from .printed_matrices import published_models as published_models
-from .unsteady import LAG_STATES as LAG_STATES, UNSTEADY as UNSTEADY, unsteady_model as unsteady_model
+from .unsteady import UNSTEADY as UNSTEADY, unsteady_model as unsteady_model
 from .variants import VARIANTS as VARIANTS, Published as Published
 from .vectors import (
     DEGREE as DEGREE,

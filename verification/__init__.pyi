@@ -19,7 +19,6 @@ from .exact_solution import (
     analyse_game as analyse_game,
     bounded_real_gain as bounded_real_gain,
     disk_margin as disk_margin,
-    exosystem_feedforward as exosystem_feedforward,
     minimum_delta as minimum_delta,
     minimum_output_delta as minimum_output_delta,
     minimum_plant_delta as minimum_plant_delta,

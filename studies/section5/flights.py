@@ -18,7 +18,7 @@ from controller.game.basis import Basis
 from controller.game.learning_result import LearningResult
 from controller.policy.policies import Memoryless, Seen, gain_constants
 from controller.policy.signals import Harmonic, zero
-from controller.riccati.feedforward import exosystem
+from controller.riccati.feedforward import exosystem, exosystem_feedforward
 from hfa_model import INPUTS, LINEAR_STATES, Aircraft, published_models
 from hfa_support.errors import refuse_unknown
 from studies.section5.configuration import Configuration
@@ -29,7 +29,7 @@ from studies.update_law.integral_rl import baseline_weights, learn_by_integrals
 from studies.update_law.published_law import PublishedSettings, published_law
 from trim.linear.compare import regenerate
 from trim.point.condition import CONTROL_LIMITS
-from verification import exosystem_feedforward, solve_game
+from verification import solve_game
 from verification.exact_solution import GameSolution
 
 #: The two aircraft of Section 5.1, degrees of dihedral.

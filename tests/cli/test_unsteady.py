@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from cli import answer, hfa
 
-from hfa_model import LAG_STATES, LINEAR_STATES
-from hfa_model.unsteady import UNSTEADY
+from hfa_model import LINEAR_STATES
+from hfa_model.unsteady import LAG_STATES, UNSTEADY
 
 UNSTEADY_11 = ("--dihedral", "11", "--dynamics", "unsteady")
 

@@ -17,7 +17,6 @@ from unsteady_energy import derived_unsteady
 
 import hfa_model.unsteady as source
 from hfa_model import (
-    LAG_STATES,
     STATES,
     UNSTEADY,
     VARIANTS,
@@ -29,7 +28,7 @@ from hfa_model import (
 )
 from hfa_model.atmosphere import density
 from hfa_model.dynamics import rates
-from hfa_model.unsteady import EFFECTS, KUESSNER, WAGNER, Lag
+from hfa_model.unsteady import EFFECTS, KUESSNER, LAG_STATES, WAGNER, Lag
 from hfa_model.winds import DISTURBANCES, winds_named
 from hfa_support import Model
 from trim import find_operating_point, level_model, linearize

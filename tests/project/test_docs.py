@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from documents import blocks_of, complaints, difference
-from project import ROOT
+from project import PACKAGES, ROOT
 
 from hfa_cli.main import COMMANDS, MOVED
 
@@ -66,6 +66,15 @@ def assert_is_that_of_the_documents(picture: Path) -> None:
     height, width = different.shape
     different[: height // 2, 2 * width // 3 :] = False  # the map of the difference shows rounding
     assert np.mean(different) < 0.005, "run `hfa verify --dihedral 15 --picture docs/pictures/verify.png`"
+
+
+def test_every_public_name_is_in_an_example() -> None:
+    blocks = (block for path in DOCUMENTS for block in blocks_of(text_of(path)))
+    code = "\n".join(block.text for block in blocks if block.language == "python")
+    stubs = {name: ROOT / name / "__init__.pyi" for name in PACKAGES if name != "hfa_cli"}
+    names = [(package, name) for package, stub in stubs.items() for name in re.findall(r" as (\w+)", text_of(stub))]
+    assert [each for each in names if not re.search(rf"\b{each[1]}\b", code)] == []
+    assert len(names) > 90
 
 
 #: Examples that declare an aircraft; tests/trim/test_own_models.py holds their numbers.

@@ -12,9 +12,9 @@ from scipy.integrate import quad
 
 from controller import Game
 from controller.analysis.linear_flight import LinearFlight
-from controller.riccati.feedforward import Exosystem, exosystem
+from controller.riccati.feedforward import Exosystem, exosystem, exosystem_feedforward
 from hfa_support import BadInputError
-from verification import exosystem_feedforward, solve_game
+from verification import solve_game
 from verification.exact_solution import paper_reference, simulate
 
 MODELS = sorted(game_models())
