@@ -86,6 +86,23 @@ def solve_discounted(game: Game, discount: float, dt: float | None = None) -> Di
     return DiscountedSolution(P / np.outer(units, units), K / units, L / units, step, float(discount), certificate)
 
 
+def policies_of_step(step: Game, P: np.ndarray, discount: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
+    """K and L of u = -K x, w = L x, which the value x'P x of the next state implies; step: a game of one step."""
+    root = math.sqrt(discount)
+    return _policies(replace(step, A=root * step.A, B=root * step.B, E=root * step.E), P)
+
+
+def quick_discounted(step: Game) -> tuple[np.ndarray, np.ndarray]:
+    """P and K of a step without discount, neither refined nor certified: for a search. NoSolutionError where there is
+    none."""
+    try:
+        with np.errstate(all="ignore"), warnings.catch_warnings(action="ignore"):
+            P = _by_schur(step)
+            return P, _policies(step, P)[0]
+    except (np.linalg.LinAlgError, ValueError) as error:
+        raise NoSolutionError("no value of the game in discrete time") from error
+
+
 def discounted_checks(game: Game, P: np.ndarray) -> tuple[Check, ...]:
     """The tests of P alone, for γ = 1: Bellman's equation, signs, both closed loops."""
     K, L = _policies(game, P)

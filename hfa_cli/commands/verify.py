@@ -25,6 +25,7 @@ from verification.critic.candidate import features_of, from_features, from_netwo
 from verification.critic.check_result import CriticCheck, check_figure, check_report, checks_figure, checks_report
 from verification.critic.critic_check import LIMIT, check_critic, check_history
 from verification.critic.critic_errors import ordinary_box
+from verification.critic.discounted_check import check_discounted
 from verification.critic.network_file import ACTIVATIONS, NETWORK_FILES, is_network
 
 _OF_NETWORKS = ("activation", "network", "scale")
@@ -55,6 +56,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     about = "which part of a file is what: value, V=critic,policy=actor, gradient=; default: by its number of outputs"
     add_value(parser, "--network", str, "[V=]NAME", about)
     add_value(parser, "--scale", parsed(_numbers), "a,b,...", "a network takes each state times this; default 1")
+    about = "of the discounted problem in discrete time: factor of a step; with --dt"
+    add_value(parser, "--discount", positive, "NUMBER", about)
+    add_value(parser, "--dt", positive, "S", "length of a step of that problem; with --discount")
     about = "by when the errors of --weights over time must be within the limit for good"
     add_value(parser, "--predefined-time", positive, "S", about)
     about = f"limit of the relative errors; default {LIMIT:g}"
@@ -78,6 +82,9 @@ def run(arguments: argparse.Namespace) -> int:
         options.refuse(arguments, ("law", "seed", "set"), "belongs to a law; leave it out with --weights")
     if arguments.features is not None:
         options.refuse(arguments, ("basis", "predefined_time"), "does not go with --features; leave it out")
+    discounted = (arguments.discount, arguments.dt)
+    if None in discounted and any(discounted):
+        raise BadInputError("--discount and --dt belong together; neither has a default")
     named = game_of(arguments)
 
     def at_dihedral(degrees: float) -> Any:
@@ -89,6 +96,16 @@ def run(arguments: argparse.Namespace) -> int:
         "at_dihedral": None if arguments.dihedral is None else at_dihedral,
     }
     limit_cost, result, time = arguments.limit_cost, None, None
+    if arguments.discount is not None:
+        if len(paths) != 1:
+            raise BadInputError("--discount needs one file of --weights")
+        options.refuse(arguments, ("picture", "predefined_time"), "does not go with --discount; leave it out")
+        judged = check_discounted(
+            named.game, _candidate(paths[0], arguments, named), *discounted, limit=arguments.limit_error
+        )
+        show(judged.report(named.origin, limit_cost).with_data(**named.labels()), arguments, target=arguments.output)
+        say_notes(named.warnings)
+        return 0 if judged.holds(limit_cost) else 1
     if len(paths) > 1:
         told = ProgressLine("compare")
         checks = {}
@@ -127,36 +144,39 @@ def _files(paths: list[Path]) -> list[Path]:
     return found
 
 
-def _check_file(
-    path: Path, arguments: argparse.Namespace, named: NamedGame, options_of_all: dict[str, Any], files: int = 1
-) -> CriticCheck:
-    """The critic in a file, or each of its rows where it has a time."""
-    time, game, n = arguments.predefined_time, named.game, len(named.game.A)
+def _candidate(path: Path, arguments: argparse.Namespace, named: NamedGame, files: int = 1) -> Any:
+    """The critic in a file, or its `History`."""
+    game, n = named.game, len(named.game.A)
     functions: Any = basis("quadratic" if arguments.basis is None else arguments.basis, n)
     if arguments.features is not None:
         functions = features_of(arguments.features, n, named.states)
-    flown: dict[str, Any] = {"plant": None if named.nonlinear is None else named.nonlinear()}
-    flown |= {"flights": _FEW_FLIGHTS} if files > _MANY else {}
     if is_network(path):
-        if time is not None:
-            raise BadInputError(f"--predefined-time belongs to a critic over time; {path} is a network")
         if files == 1 and path.suffix.lower() == ".onnx" and arguments.activation is not None:
             raise BadInputError(f"{path}: --activation belongs to a state dict; an ONNX file says it")
-        how: dict[str, Any] = {
-            "network": arguments.network or "",
-            "activation": arguments.activation,
-            "scale": arguments.scale,
-        }
-        return check_critic(game, from_network(game, path, features=functions, **how), **flown, **options_of_all)
+        how: dict[str, Any] = {"network": arguments.network or "", "activation": arguments.activation}
+        return from_network(game, path, features=functions, scale=arguments.scale, **how)
     found = critic_in(path, game, arguments.basis, named.plant)
-    if not isinstance(found, History) and time is not None:
-        raise BadInputError(f"--predefined-time belongs to a critic over time; {path} has no time")
     with said_of(path):
         if arguments.features is not None:
             if isinstance(found, History) or found.W is None:
                 raise BadInputError("--features belongs to weights W without times; there are none")
-            return check_critic(game, from_features(game, found.W, functions), **flown, **options_of_all)
-        if isinstance(found, History):
-            told = ProgressLine("compare")
+            return from_features(game, found.W, functions)
+        return found if isinstance(found, History) else from_stored(game, found, functions)
+
+
+def _check_file(
+    path: Path, arguments: argparse.Namespace, named: NamedGame, options_of_all: dict[str, Any], files: int = 1
+) -> CriticCheck:
+    """The critic in a file, or each of its rows where it has a time."""
+    time, game = arguments.predefined_time, named.game
+    found = _candidate(path, arguments, named, files)
+    if isinstance(found, History):
+        told = ProgressLine("compare")
+        with said_of(path):
             return check_history(game, found, predefined_time=time, progress=told, **options_of_all)
-        return check_critic(game, from_stored(game, found, functions), **options_of_all)
+    if time is not None:
+        raise BadInputError(f"--predefined-time belongs to a critic over time; {path} has no time")
+    flown: dict[str, Any] = {"flights": _FEW_FLIGHTS} if files > _MANY else {}
+    if found.nonlinear is not None and named.nonlinear is not None:
+        flown["plant"] = named.nonlinear()
+    return check_critic(game, found, **flown, **options_of_all)

@@ -13,7 +13,7 @@ from scipy.linalg import solve_continuous_lyapunov
 from controller import Game, basis
 from verification import from_gain, from_value, from_weights, solve_game
 from verification.critic.candidate import Candidate
-from verification.critic.diagnosis import discounted, sampled
+from verification.critic.diagnosis import discounted, held
 from verification.exact_solution import GameSolution
 
 #: Radians in a degree.
@@ -175,16 +175,16 @@ NAMED: dict[str, tuple[str, Plant, str]] = {
         "the inputs look scaled by",
     ),
     "discounted": ("P", lambda game: value(discounted(game, 0.1)), "with a discount of 0.1 1/s"),
-    "discrete time, P": ("P", lambda game: sampled(game, 0.02).P, "in discrete time, a step of 0.02 s"),
-    "discrete time, K": ("K", lambda game: sampled(game, 0.02).K, "in discrete time, a step of 0.02 s"),
+    "discrete time, P": ("P", lambda game: held(game, 0.02).P, "in discrete time, a step of 0.02 s"),
+    "discrete time, K": ("K", lambda game: held(game, 0.02).K, "in discrete time, a step of 0.02 s"),
     "discrete LQR, K": (
         "K",
-        lambda game: sampled(game.with_delta(math.inf), 0.05).K,
+        lambda game: held(game.with_delta(math.inf), 0.05).K,
         "of the LQR in discrete time, a step of 0.05 s",
     ),
     "cost a step, P": (
         "P",
-        lambda game: sampled(game, 0.02, 1.0).P,
+        lambda game: held(game, 0.02, whole=True).P,
         "in discrete time, a step of 0.02 s and its whole cost",
     ),
     "R scaled, K": ("K", lambda game: gain(replace(game, R=0.25 * game.R)), "with R 0.25 times as large"),

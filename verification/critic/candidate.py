@@ -65,13 +65,15 @@ class Candidate(Shown):
     """A critic's policy u = -K z at the origin, its value z'Pz or V = W'ψ(z), as much as is known of it.
 
     K: (m, n), gain at the origin. P: (n, n), value matrix, None when only a gain is known. weights: (M,), V = W'ψ(z)
-    in `functions`, None when it did not come as weights. nonlinear: None where P, K or W are all of it."""
+    in `functions`, None when it did not come as weights. nonlinear: None where P, K or W are all of it.
+    derived: whether K follows from P."""
 
     K: np.ndarray
     P: np.ndarray | None
     functions: Basis
     weights: np.ndarray | None = None
     nonlinear: Nonlinear | None = None
+    derived: bool = True
 
     @property
     def finite(self) -> bool:
@@ -105,7 +107,7 @@ def from_value(game: Game, P: np.ndarray) -> Candidate:
 
 def from_gain(game: Game, K: np.ndarray) -> Candidate:
     """u = -K z. BadInputError when K has another shape than B', or is complex."""
-    return Candidate(game.checked_gain(K), None, basis("quadratic", len(game.A)))
+    return Candidate(game.checked_gain(K), None, basis("quadratic", len(game.A)), derived=False)
 
 
 def from_run(game: Game, run: LearningResult) -> Candidate:
@@ -128,7 +130,7 @@ def from_stored(game: Game, stored: StoredCritic, functions: Basis) -> Candidate
     else:
         assert stored.K is not None
         return from_gain(game, stored.K)
-    return found if stored.K is None else replace(found, K=from_gain(game, stored.K).K)
+    return found if stored.K is None else replace(found, K=from_gain(game, stored.K).K, derived=False)
 
 
 def from_features(
@@ -255,7 +257,7 @@ def _linearized(
     P = None if F is None else slope(F) / 2.0
     K = game.gain(P) if u is None and P is not None else -slope(u)
     about = Nonlinear(z, V, F, u, " and ".join(outputs), precision, constant, variants or {})
-    return Candidate(K, P, basis("quadratic", n), None, about)
+    return Candidate(K, P, basis("quadratic", n), None, about, derived=u is None)
 
 
 def _parts(network: str) -> dict[str, str]:

@@ -11,7 +11,6 @@ from __future__ import annotations
 import contextlib
 import itertools
 import math
-import warnings
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -24,7 +23,8 @@ from controller.game.basis import Basis
 from controller.game.zero_sum import Game
 from controller.riccati.balancing import balanced_units, in_units, spectrum
 from controller.riccati.certificate import relative_residual
-from controller.riccati.gare import GameSolution
+from controller.riccati.discrete import quick_discounted, sampled
+from controller.riccati.gare import GameSolution, solve_game
 from controller.riccati.gare_schur import quick_solution
 from controller.riccati.smallest_delta import minimum_delta
 from hfa_model.printed_matrices import published_models
@@ -55,6 +55,8 @@ _REDUNDANT = 2
 _FACTORS = (0.01, 0.1, 0.3, 1.0, 3.0, 10.0, 100.0)
 _ANGLES = (1.0, 3.0, 5.0, 8.0, 12.0, 16.0, 20.0)
 _TIMES = (1e-3, 1e-2, 5e-2, 0.2, 1.0)
+#: Steps of time with which a discount is sought, s.
+_USUAL = (0.01, 0.02, 0.05, 0.1)
 _STEPS, _STEP = 30, 1e-5
 #: Where there is no game, as a difference: so many times that of the start.
 _NO_GAME = 1e3
@@ -144,7 +146,10 @@ class _Judge:
             lqr = error(found[0][1])
             if lqr > _SAME * before:
                 found, before = found[1:], min(lqr, before)
-        return self.named(found, error, before)
+        best = self.named(found, error, before)
+        if best[1] or not self.families or "a step" in self.families[0].said:
+            return best
+        return replace(self, families=_in_discounted_steps(self.game)).another_game(P, K)
 
 
 def diagnose(
@@ -193,6 +198,23 @@ def diagnose(
         both = found and found.replace("solution", "gain") == judge.another_game(None, K)[1]
         return found.replace("solution", "solution and gain") if both else _NOT_TOGETHER
     return found or _another_root(game, P)
+
+
+def repaired(game: Game, P: np.ndarray, K: np.ndarray, candidate: Candidate) -> str:
+    """The mistake of a critic whose right answer is P and K, of whatever problem: that of its value, else of its gain,
+    else that it is the answer in continuous time; or ""."""
+    exact, units = solve_game(game), balanced_units(game)
+    weights = Answer(np.outer(units, units), np.outer(np.sqrt(np.diag(game.R)), units))
+    judge = _Judge(game, replace(exact, P=P, K=K), weights, [])
+    continuous = "this is the {} in continuous time, without discount"
+    if candidate.P is None:
+        more = [(continuous.format("gain"), candidate.K - exact.K + K)]
+        return judge.repaired_gain(candidate.K, more)[1]
+    V = (candidate.P + candidate.P.T) / 2.0
+    repairs = itertools.chain(
+        repairs_of_value(V, P, np.outer(units, units)), [(continuous.format("solution"), V - exact.P + P)]
+    )
+    return judge.named(repairs, judge.value_error, judge.value_error(V))[1]
 
 
 def _of_network(game: Game, exact: GameSolution, candidate: Candidate, box: np.ndarray, families: list[_Family]) -> str:
@@ -389,8 +411,8 @@ def _families(game: Game, K: np.ndarray, at: GameAt | None) -> list[_Family]:
     def of(game_at: GameAt) -> Callable[[float], Answer]:
         return lru_cache(lambda x: _answer(game_at(x)))
 
-    def held(other: Game, price: float | None = None) -> Callable[[float], Answer]:
-        return lru_cache(lambda x: sampled(other, math.exp(x), price))
+    def in_steps(other: Game, *, whole: bool = False) -> Callable[[float], Answer]:
+        return lru_cache(lambda x: held(other, math.exp(x), whole=whole))
 
     step = "in discrete time, a step of {:.4g} s"
     return [
@@ -399,9 +421,9 @@ def _families(game: Game, K: np.ndarray, at: GameAt | None) -> list[_Family]:
         _Family("with R {:.4g} times as large", math.exp, of(scaled("R")), logs),
         *([_Family("at dihedral {:.4f} deg", float, of(at), list(_ANGLES))] if at is not None else ()),
         _Family("with a discount of {:.4g} 1/s", math.exp, of(lambda x: discounted(game, math.exp(x))), logs),
-        _Family(step, math.exp, held(game), times),
-        _Family(f"{step} and its whole cost", math.exp, held(game, 1.0), times),
-        _Family(f"of the LQR {step}", math.exp, held(lqr), times * math.isfinite(game.delta)),
+        _Family(step, math.exp, in_steps(game), times),
+        _Family(f"{step} and its whole cost", math.exp, in_steps(game, whole=True), times),
+        _Family(f"of the LQR {step}", math.exp, in_steps(lqr), times * math.isfinite(game.delta)),
     ]
 
 
@@ -435,26 +457,31 @@ def discounted(game: Game, rate: float) -> Game:
     return replace(game, A=game.A - 0.5 * rate * np.eye(len(game.A)))
 
 
-def sampled(game: Game, step: float, price: float | None = None) -> Answer:
-    """The answer with u and d held over each step, s, at the cost (z'Qz + u'Ru - δ² d'd) price, default: the step.
+def _in_discounted_steps(game: Game) -> list[_Family]:
+    """Games in discrete time with a discount, at the usual steps of time."""
 
-    NoSolutionError where the Riccati equation in discrete time has none.
-    """
-    from scipy.linalg import LinAlgError, block_diag, expm, solve_discrete_are
+    def of(step: float, *, whole: bool) -> Callable[[float], Answer]:
+        return lru_cache(lambda x: held(game, step, math.exp(-math.exp(x) * step), whole=whole))
 
-    (n, m), price = game.B.shape, price or step
-    E, weights = game.E, block_diag(game.R, -(min(game.delta, 1e50) ** 2) * np.eye(game.E.shape[1]))
-    if math.isinf(game.delta):
-        E, weights = E[:, :0], game.R
-    inputs = np.hstack([game.B, E])
-    held = expm(step * np.vstack([np.hstack([game.A, inputs]), np.zeros((inputs.shape[1], n + inputs.shape[1]))]))
-    A, B = held[:n, :n], held[:n, n:]
-    try:
-        with np.errstate(all="ignore"), warnings.catch_warnings(action="ignore"):
-            P = solve_discrete_are(A, B, game.Q, weights)
-            return Answer(price * P, np.linalg.solve(weights + B.T @ P @ B, B.T @ P @ A)[:m])
-    except (LinAlgError, ValueError) as error:
-        raise NoSolutionError("no solution in discrete time") from error
+    def factor(step: float) -> Callable[[float], float]:
+        return lambda x: math.exp(-math.exp(x) * step)
+
+    said, starts = (
+        "in discrete time, a step of {:g} s{}, with a discount of {{:.4g}} a step",
+        list(map(math.log, (0.3, 3.0))),
+    )
+    return [
+        _Family(said.format(step, " and its whole cost" * whole), factor(step), of(step, whole=whole), starts)
+        for step, whole in itertools.product(_USUAL, (False, True))
+    ]
+
+
+def held(game: Game, step: float, discount: float = 1.0, *, whole: bool = False) -> Answer:
+    """The answer with u and d held over each step, s; discount: of a step; whole: its cost is not multiplied by its
+    length."""
+    one, root = sampled(game, step), math.sqrt(discount)
+    P, K = quick_discounted(replace(one, A=root * one.A, B=root * one.B, E=root * one.E))
+    return Answer(P / step if whole else P, K)
 
 
 def _searched(judge: _Judge, family: _Family, P: np.ndarray | None, K: np.ndarray) -> float | None:
