@@ -28,7 +28,7 @@ Rows = np.ndarray
 #: The interval of bandwidths is halved at most so often.
 _HALVINGS = 3
 #: Steps of Newton's method at most, and the factor by which the weight of the barrier falls.
-_STEPS, _FALL = 80, 5.0
+_STEPS, _FALL = 250, 20.0
 #: Largest multiplier, in scaled units.
 _LARGEST = 100.0
 
@@ -115,79 +115,102 @@ def _at(form: TaylorModel, s: float) -> Rows:
 def common_lyapunov(points: list[tuple[Rows, ...]]) -> tuple[Rows, Rows] | None:
     """H and X that serve all of the points (R, q, z), in doubles; None when there are none.
 
-    The smallest t with F(H, X) + t I > 0 at all points, 0 < H < I, 0 < X < 100, in the modes of their mean, by a
+    The smallest t with S = F(H, X) + t I > 0 at all points, 0 < H < I, 0 < X < 100, in the modes of their mean, by a
     barrier and Newton's method (Boyd and Vandenberghe, Convex Optimization, 2004, Section 11.8); t < 0 is sought.
     """
     n, wide = points[0][0].shape
     mean = np.mean([R for R, _, _ in points], axis=0)
     values, vectors = np.linalg.eig(mean[:, :n])
-    turn = np.where(
-        values.imag == 0.0, vectors.real, np.sqrt(2.0) * np.where(values.imag > 0.0, vectors.real, vectors.imag)
-    )
+    parts = np.where(values.imag > 0.0, vectors.real, vectors.imag)
+    turn = np.where(values.imag == 0.0, vectors.real, np.sqrt(2.0) * parts)
     if np.linalg.cond(turn) > 1e12:
         return None
-    back = np.linalg.inv(turn)
+    back, S = np.linalg.inv(turn), np.zeros((wide, wide))
     scales = 1.0 / np.linalg.norm(back @ mean[:, n:], axis=0).clip(1e-12)
-    S = np.zeros((wide, wide))
     S[:n, :n], S[range(n, wide), range(n, wide)] = turn, scales
-    upper, size = np.transpose(np.triu_indices(n)), n * (n + 1) // 2
-    basis = np.zeros((size + wide - n, n, n))
-    basis[range(size), upper[:, 0], upper[:, 1]] = basis[range(size), upper[:, 1], upper[:, 0]] = 1.0
-    forms = []
-    for R, q, z in points:
-        F = np.zeros((len(basis), wide, wide))
-        F[:, :n] -= basis @ (back @ R @ S)
-        F += F.transpose(0, 2, 1)
-        rows = (np.vstack([q, z]) @ S) / scales[:, None]
-        F[size:] -= rows[:, :, None] * rows[:, None, :]
-        F[range(size, len(F)), range(n, wide), range(n, wide)] += 1.0
-        forms.append(F)
-    eye, several = np.eye(n), np.zeros((wide - n, len(basis)))
-    several[:, size:] = np.eye(wide - n)
-    bounds = [(0.0 * eye, basis), (eye, -basis)]
-    y = _barrier(forms, bounds, several, np.array([*(0.5 * (i == j) for i, j in upper.tolist()), *[0.5] * (wide - n)]))
-    if y is None:
+    turned = [(back @ R @ S, np.vstack([q, z]) @ S / scales[:, None]) for R, q, z in points]
+    found = _barrier(turned)
+    if found is None:
         return None
-    H = back.T @ np.tensordot(y[:size], basis[:size], 1) @ back
-    return (H + H.T) / 2, y[size:] / scales**2
+    H = back.T @ found[0] @ back
+    return (H + H.T) / 2, found[1] / scales**2
 
 
-def _barrier(forms: list[Rows], bounds: list[tuple[Rows, Rows]], positive: Rows, y: Rows) -> Rows | None:
-    """y with Σ y F > 0 for every F of the forms, and within the bounds; None when none is found."""
-    blocks = [(np.zeros(F.shape[1:]), np.concatenate([F, np.eye(F.shape[1])[None]])) for F in forms]
-    blocks += [(C, np.concatenate([F, 0.0 * C[None]])) for C, F in bounds]
-    rows = np.pad(np.vstack([positive, -positive]), ((0, 0), (0, 1)))
-    offsets = np.repeat([0.0, _LARGEST], len(positive))
-    lowest = min(np.linalg.eigvalsh(np.tensordot(y, F, 1))[0] for F in forms)
-    at = np.append(y, 1.5 * max(0.0, -lowest) + 1e-3)
-    sizes = sum(len(F) for F, _ in blocks) + len(rows)
-    weight = 3.0 * at[-1] / sizes
+def _barrier(points: list[tuple[Rows, Rows]]) -> tuple[Rows, Rows] | None:
+    """H and X of `common_lyapunov` for points (R, rows), rows those of q and z; None when none is found.
+
+    F = -(J'H R + R'H J) + Σ X_j (e_j e_j' - r_j r_j'), J the rows of ζ, e_j those of d and e, r_j of the rows.
+    """
+    (n, wide), k = points[0][0].shape, len(points[0][1])
+    eye, (i, j) = np.eye(wide), np.triu_indices(n)
+    size, half = len(i), np.where(i == j, 0.5, 1.0)
+
+    def halves(M: Rows) -> Rows:
+        """tr(E M) for the symmetric unit matrices E; M: (.., n, n)."""
+        return np.asarray(half * (M[..., i, j] + M[..., j, i]))
+
+    def sums(H: Rows, X: Rows, t: float) -> list[Rows]:
+        """What is to be positive definite."""
+        first = [eye[:, :n] @ H @ R for R, _ in points]
+        more = [np.diag([*np.zeros(n), *X]) - rows.T @ (X[:, None] * rows) + t * eye for _, rows in points]
+        return [b - a - a.T for a, b in zip(first, more, strict=True)] + [H, np.eye(n) - H]
+
+    def matrices(at: Rows) -> tuple[Rows, Rows, float]:
+        H = np.zeros((n, n))
+        H[i, j] = H[j, i] = at[:size]
+        return H, at[size:-1], float(at[-1])
 
     def barrier(at: Rows) -> float:
         try:
-            sums = [np.log(np.diag(np.linalg.cholesky(C + np.tensordot(at, F, 1)))).sum() for C, F in blocks]
+            logs = sum(np.log(np.diag(np.linalg.cholesky(S))).sum() for S in sums(*matrices(at)))
         except np.linalg.LinAlgError:
             return np.inf
-        slack = offsets + rows @ at
-        return float(at[-1] / weight - 2.0 * sum(sums) - np.log(slack).sum()) if slack.min() > 0.0 else np.inf
+        X = at[size:-1]
+        inside = X.min() > 0.0 and X.max() < _LARGEST
+        return float(at[-1] / weight - 2.0 * logs - np.log(X * (_LARGEST - X)).sum()) if inside else np.inf
 
+    at = np.concatenate([half * (i == j), np.full(k, 0.5), [0.0]])
+    at[-1] = 1.5 * max(0.0, -min(np.linalg.eigvalsh(S)[0] for S in sums(*matrices(at))[: len(points)])) + 1e-3
+    count = wide * len(points) + 2 * n + 2 * k
+    weight = 3.0 * at[-1] / count
     for _ in range(_STEPS):
-        slopes = rows / (offsets + rows @ at)[:, None]
-        gradient, curvature = -slopes.sum(axis=0), slopes.T @ slopes
-        gradient[-1] += 1.0 / weight
-        for C, F in blocks:
-            root = np.linalg.inv(np.linalg.cholesky(C + np.tensordot(at, F, 1)))
-            W = root @ F @ root.T
-            gradient -= np.trace(W, axis1=1, axis2=2)
-            W = W.reshape(len(W), -1)
-            curvature += W @ W.T
+        (H, X, _), gradient, curvature = matrices(at), np.zeros(len(at)), np.zeros((len(at), len(at)))
+        inverses = [np.linalg.inv(S) for S in sums(*matrices(at))]
+        gradient[-1] = 1.0 / weight
+        gradient[size:-1] = 1.0 / (_LARGEST - X) - 1.0 / X
+        curvature[range(size, size + k), range(size, size + k)] = 1.0 / (_LARGEST - X) ** 2 + 1.0 / X**2
+        gradient[:size] = halves(inverses[-1] - inverses[-2])
+        first, second = [inverses[-2], inverses[-1]], [inverses[-2], inverses[-1]]
+        for (R, rows), Z in zip(points, inverses, strict=False):
+            RZ, b = R @ Z, R @ Z[:, :n]
+            first += [2.0 * b, 2.0 * RZ @ R.T]
+            second += [b, Z[:n, :n]]
+            both = [(1.0, eye[n:]), (-1.0, rows)]  # e_j, r_j
+            gradient[:size] += 2.0 * halves(b)
+            gradient[size:-1] -= sum(sign * np.einsum("ij,jk,ik->i", g, Z, g) for sign, g in both)
+            gradient[-1] -= np.trace(Z)
+            mixed = [sign * np.einsum("ia,ja->jia", Z[:n] @ g.T, RZ @ g.T).transpose(2, 1, 0) for sign, g in both]
+            curvature[size:-1, :size] -= 2.0 * halves(mixed[0] + mixed[1])
+            curvature[-1, :size] -= 2.0 * halves(RZ @ Z[:, :n])
+            for sign, g in both:
+                curvature[size:-1, size:-1] += sum(sign * other * (g @ Z @ h.T) ** 2 for other, h in both)
+                curvature[-1, size:-1] += sign * np.einsum("ij,jk,ik->i", g, Z @ Z, g)
+            curvature[-1, -1] += np.sum(Z * Z)
+        # tr(E p E' q), summed over pairs p, q of matrices.
+        T = (np.reshape(first, (-1, n * n)).T @ np.reshape(second, (-1, n * n))).reshape(n, n, n, n)
+        I, J = i[:, None], j[:, None]
+        curvature[:size, :size] = half[:, None] * (T[J, i, j, I] + T[I, i, j, J] + T[J, j, i, I] + T[I, j, i, J]) * half
+        curvature[:size, size:], curvature[size:-1, -1] = curvature[size:, :size].T, curvature[-1, size:-1]
         step = -np.linalg.solve(curvature + 1e-14 * np.trace(curvature) / len(at) * np.eye(len(at)), gradient)
         gain, share, now = float(-gradient @ step), 1.0, barrier(at)
         while barrier(at + share * step) > now - 0.1 * share * gain and share > 1e-6:
             share /= 2.0
         at = at + share * step
         if gain < 1.0:
-            if weight * sizes < 0.3 * abs(at[-1]):
+            if weight * count < 0.3 * abs(at[-1]):
                 break
+            if at[-1] > 2.0 * weight * count:  # the least t is positive
+                return None
             weight /= _FALL
-    return at[:-1] if at[-1] < 0.0 else None
+    H, X, t = matrices(at)
+    return (H, X) if t < 0.0 else None
