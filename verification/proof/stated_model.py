@@ -10,6 +10,7 @@ from flint import arb
 
 from verification.arithmetic.balls import exact
 from verification.arithmetic.taylor_model import TaylorModel
+from verification.enclosures.eigenvalue_signs import roomy
 from verification.enclosures.trim_branch import Family, ModelForms, TrimBranch
 
 #: Entries are stated this much wider than proved, so that another enclosure, a little wider, agrees with it.
@@ -66,7 +67,7 @@ def stated_point(place: float, branch: TrimBranch) -> dict[str, Any]:
 
 
 def _ends(form: TaylorModel) -> np.ndarray:
-    rows, wider = form.range().tolist(), _WIDER_WITH_ERRORS if form.parts[4:] else _WIDER
+    rows, wider = roomy(form).range().tolist(), _WIDER_WITH_ERRORS if form.parts[4:] else _WIDER
     floors = [_FLOOR * max(abs(float(entry.mid())) for entry in row) for row in rows]
     rest = [[_ROOM * float(abs(entry).upper()) for entry in row] for row in form.parts[3].tolist()]
     return np.array(
