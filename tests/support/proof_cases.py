@@ -49,6 +49,39 @@ def scalar_game(delta: float) -> Game:
     return Game(A=-one, B=one, E=one, Q=one, R=one, delta=delta)
 
 
+def delayed_abscissa(
+    table: LoopTable,
+    A: np.ndarray,
+    B: np.ndarray,
+    w: float,
+    arrives: np.ndarray,
+    late: float,
+    place: float | None = None,
+) -> float:
+    """Abscissa of ζ' = F ζ + ω G Λ U ζ(t - τ): of the generator of the delay equation on polynomials of degree 12 over
+    the delay (Breda, Maset, Vermiglio, SIAM J. Sci. Comput. 27, 2005); at the first place unless given."""
+    own, at = table.actuators, table.places[0] if place is None else place
+    assert own is not None
+    parts = K, M, N, X, U = table.K, table.M, table.N, table.X, own.U
+    K, M, N, X, U = (
+        np.array([np.interp(at, table.places, each) for each in part.reshape(len(part), -1).T]).reshape(part.shape[1:])
+        for part in parts
+    )
+    x = np.eye(len(A), len(M))
+    now = x.T @ (A @ x - B @ K) + N @ (A @ X - B @ K) + M + w * own.own
+    later, n, count = w * own.G @ np.diag(arrives) @ U, len(now), 13
+    if late < 1e-6:
+        return float(np.linalg.eigvals(now + later).real.max())
+    nodes = np.cos(np.pi * np.arange(count) / (count - 1))
+    values = np.polynomial.chebyshev.chebvander(nodes, count - 1)
+    slopes = np.polynomial.chebyshev.chebder(np.eye(count))
+    change = np.polynomial.chebyshev.chebval(nodes, slopes).T @ np.linalg.inv(values)
+    generator = np.kron(2.0 / late * change, np.eye(n))
+    generator[:n] = 0.0
+    generator[:n, :n], generator[:n, -n:] = now, later
+    return float(np.linalg.eigvals(generator).real.max())
+
+
 def unstable_between(low: float, high: float) -> LoopTable:
     """Gains that stabilize at both angles and not halfway, found by trying."""
     models = [model_at(angle) for angle in (low, (low + high) / 2, high)]

@@ -25,31 +25,39 @@ class SteadyFlight(NamedTuple):
     """Functions of (v, p): v the variables of a trim, p the parameters, in the model's order.
 
     residual: F, the rates that a trim balances, then the outputs that it imposes: `equations`. full: values of all
-    states, inputs, and imposed or limited outputs, which `names` names; F_v; A, B of the linear model. moves: whether a
-    row of F depends on a variable.
+    states, inputs, and imposed or limited outputs, which `names` names; F_w, w the variables that are `free`; A, B of
+    the linear model. rows: the equations that the free variables move.
     """
 
     residual: BallFunction
     full: BallFunction
     equations: tuple[str, ...]
     names: tuple[str, ...]
-    moves: np.ndarray
+    free: tuple[str, ...]
+    rows: tuple[int, ...]
 
 
 def steady_flight(model: Model, imposed: Mapping[str, float]) -> SteadyFlight:
     """Of a model, whatever its parameters are, with what is imposed on a trim.
 
-    BadInputError names an operation that is not smooth and that more than imposed constants reach.
+    BadInputError names an operation that is not smooth, unless only imposed states reach it that the linear model
+    has not.
     """
     outputs = [name for name in imposed if name not in model.variables]
     limited = [name for name in model.outputs if np.isfinite(model.limits[name]).any() and name not in model.variables]
-    known = tuple((name, value) for name, value in imposed.items() if name in model.variables)
-    return _steady_flight(model, known, tuple(outputs), tuple(dict.fromkeys((*outputs, *limited))))
+    still = {*model.states} - {*model.linear}
+    known = tuple((name, value) for name, value in imposed.items() if name in still)
+    free = tuple(name for name in model.variables if name not in imposed and name != model.schedule)
+    return _steady_flight(model, known, free, tuple(outputs), tuple(dict.fromkeys((*outputs, *limited))))
 
 
 @lru_cache(maxsize=16)
 def _steady_flight(
-    model: Model, known: tuple[tuple[str, float], ...], imposed: tuple[str, ...], outputs: tuple[str, ...]
+    model: Model,
+    known: tuple[tuple[str, float], ...],
+    free: tuple[str, ...],
+    imposed: tuple[str, ...],
+    outputs: tuple[str, ...],
 ) -> SteadyFlight:
     states, names = list(model.states), model.variables
     v, (p,) = ca.SX.sym("v", len(names)), model.layout.symbols("p")
@@ -66,12 +74,15 @@ def _steady_flight(
     balanced, rows = ([states.index(name) for name in chosen] for chosen in (model.steady, model.linear))
     given = y[: len(imposed), :]
     F = ca.densify(ca.vertcat(f[balanced], given))
-    slopes = ca.mtimes(A[balanced, :], ca.jacobian(x, v)) + ca.mtimes(B[balanced, :], ca.jacobian(u, v))
-    parts = [ca.vertcat(x, u, y), ca.vertcat(slopes, ca.jacobian(given, v)), A[rows, rows], B[rows, :]]
+    w = ca.vertcat(*(v[names.index(name)] for name in free))
+    slopes = ca.mtimes(A[balanced, :], ca.jacobian(x, w)) + ca.mtimes(B[balanced, :], ca.jacobian(u, w))
+    parts = [ca.vertcat(x, u, y), ca.vertcat(slopes, ca.jacobian(given, w)), A[rows, rows], B[rows, :]]
+    moved = np.array(ca.DM(ca.jacobian_sparsity(F, w), 1)).any(axis=1)
     return SteadyFlight(
         BallFunction(ca.Function("residual", [v, p], [F]), model.name),
         BallFunction(ca.Function("full", [v, p], list(map(ca.densify, parts))), model.name),
         (*model.steady, *imposed),
         (*states, *model.inputs, *outputs),
-        np.array(ca.DM(ca.jacobian_sparsity(F, v), 1)) != 0.0,
+        free,
+        tuple(np.flatnonzero(moved).tolist()),
     )

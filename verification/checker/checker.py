@@ -101,7 +101,7 @@ def check_certificate(path: Path, progress: Progress | None = None, model: Model
 
 
 class Root(NamedTuple):
-    """A box, and where about the polynomials of its trims the one root is."""
+    """A box, and where about the polynomials of its trims the one root is, by name."""
 
     box: Content
     offset: Any
@@ -113,16 +113,14 @@ def _parted(roots: dict[str, list[Root]]) -> list[float]:
     At a common place the root of one box lies where another box has no other root than its own.
     """
 
-    def place(root: Root, at: float) -> list[TaylorModel]:
+    def place(root: Root, name: str, at: float) -> TaylorModel:
         low, high = map(arb, root.box["range"])
-        s = (2 * arb(at) - low - high) / (high - low)
-        parts = [list(map(arb, each)) for each in root.box["trim"].values()]
-        return [TaylorModel(c0 + c1 * s + c2 * s * s, *[arb(0)] * 3, *z) for c0, c1, c2, _, *z in parts]
+        s, (c0, c1, c2, _, *z) = (2 * arb(at) - low - high) / (high - low), map(arb, root.box["trim"][name])
+        return TaylorModel(c0 + c1 * s + c2 * s * s, arb(0), arb(0), arb(0), *z)
 
     def same(one: Root, two: Root, at: float) -> bool:
-        apart = [(a - b).range() for a, b in zip(place(one, at), place(two, at), strict=True)]
-        radii = [arb(0, each[3]) for each in two.box["trim"].values()]
-        return all(r.contains_interior(a + e) for r, a, e in zip(radii, apart, one.offset.entries(), strict=True))
+        apart = {name: (place(one, name, at) - place(two, name, at)).range() + e for name, e in one.offset.items()}
+        return all(arb(0, two.box["trim"][name][3]).contains_interior(away) for name, away in apart.items())
 
     loop = sorted(roots.get("loop", ()), key=lambda root: root.box["range"][0])
     pairs = [(b, a) for a, b in pairwise(loop)]
@@ -171,7 +169,8 @@ def model_on(claim: Content, box: Content, model: Model | None) -> dict[str, Any
     if model is None:
         return {key: TaylorModel(matrix(claim[key])) for key in "AB"}
     low, high, reading = *map(arb, box["range"]), 2.0**-51 if box["decimals"] else 0.0
-    flight, free, n = steady_flight(model, claim["imposed"]), list(box["trim"]), len(model.linear)
+    flight, n = steady_flight(model, claim["imposed"]), len(model.linear)
+    free = flight.free
     degree, at, arguments = arb.pi() / 180 if claim["unit"] == "deg" else arb(1), {}, []
     for name, x in (claim["imposed"] | claim["parameters"]).items():
         errors = [arb(width * (name == other)) for other, width in claim["spread"].items()]
@@ -184,8 +183,8 @@ def model_on(claim: Content, box: Content, model: Model | None) -> dict[str, Any
     (residual,), (values, slopes, A, B) = flight.residual(*arguments[0]), flight.full(*arguments[1])
     wanted = [0 if name in model.states else at[name] for name in flight.equations]
     residual = [TaylorModel.of(each) - other for each, other in zip(residual, wanted, strict=True)]
-    height, places = len(residual), [model.variables.index(name) for name in free]
-    rows = [[TaylorModel.of(slopes[height * j + i]) for j in places] for i in range(height)]
+    height = len(residual)
+    rows = [[TaylorModel.of(slopes[height * j + i]) for j in range(len(free))] for i in range(height)]
     moved = [i for i, row in enumerate(rows) if not _nothing([*row, residual[i]])]
     if len(moved) != len(free):
         raise Rejected("there are not as many equations as unknowns")
@@ -197,7 +196,9 @@ def model_on(claim: Content, box: Content, model: Model | None) -> dict[str, Any
             raise Rejected(f"{name} may lie beyond its limits")
     by_rows = {"A": [A[i::n] for i in range(n)], "B": [B[i::n] for i in range(n)]}
     by_rows["inputs"] = [[found[name]] for name in model.inputs]
-    return {key: _stacked(each) for key, each in by_rows.items()} | {"root": root}
+    return {key: _stacked(each) for key, each in by_rows.items()} | {
+        "root": dict(zip(free, root.entries(), strict=True))
+    }
 
 
 def _nothing(values: list[TaylorModel]) -> bool:

@@ -122,21 +122,19 @@ _ATTEMPTS = 6
 
 @dataclass(frozen=True, eq=False)
 class TrimEquations:
-    """F(w, η) = 0; w: the unknowns `free`, the rest is imposed; rows: the equations that they move, the others hold.
+    """F(w, η) = 0; w: the free variables, the rest is imposed.
 
     known: name of what is imposed, or of a parameter -> ball, one of which may be a series.
     """
 
     family: Family
     flight: SteadyFlight
-    free: tuple[str, ...]
-    rows: tuple[int, ...]
     known: dict[str, Any]
 
     def arguments(self, place: Any, series: Sequence[Sequence[arb]], length: int) -> tuple[list[Any], list[Any]]:
         """Variables and parameters; a place, or a series of it, and the unknowns as coefficients."""
         values: dict[str, Any] = self.known | {self.family.over: place}
-        for name, own in zip(self.free, series, strict=True):
+        for name, own in zip(self.flight.free, series, strict=True):
             values[name] = arb_series(list(own[:length]), prec=length)
         model = self.family.model
         return [values[name] for name in model.variables], [values[name] for name in model.parameters]
@@ -151,9 +149,9 @@ class TrimEquations:
         for i, name in enumerate(self.flight.equations):
             wanted = self.known.get(name, 0) if name not in self.family.model.states else 0
             found[i] = coefficients(found[i] - wanted, length)
-            if i not in self.rows and any(each != 0 for each in found[i]):
+            if i not in self.flight.rows and any(each != 0 for each in found[i]):
                 raise BadInputError(f"the rate of {name} is not 0 whatever is free; change --hold and --free")
-        return [found[i] for i in self.rows]
+        return [found[i] for i in self.flight.rows]
 
     def model_of(self, place: Any, series: Any, length: int) -> dict[str, list[arb_mat]]:
         """The coefficients of the values that have limits, of A and B, and of the unknowns."""
@@ -171,8 +169,8 @@ class TrimEquations:
         """F_w at constant arguments."""
         arguments = self.arguments(self.family.value(places), [[value] for value in values], 1)
         height, flat = len(self.flight.equations), self.flight.full(*arguments)[1]
-        columns = [self.family.model.variables.index(name) for name in self.free]
-        return arb_mat([[coefficients(flat[height * j + i], 1)[0] for j in columns] for i in self.rows])
+        columns = range(len(self.flight.free))
+        return arb_mat([[coefficients(flat[height * j + i], 1)[0] for j in columns] for i in self.flight.rows])
 
     def inverse(self, places: arb, values: list[arb]) -> arb_mat:
         """A matrix of balls that holds the inverse of F_w."""
@@ -263,14 +261,13 @@ class TrimBranch:
     def __init__(self, family: Family) -> None:
         flint_or_refusal()
         self.family, model = family, family.model
-        self.free, imposed = family.condition().free, family.imposed()
+        imposed = family.imposed()
         self.limits = family.limits()
         flight, ball = steady_flight(model, imposed), as_read if family.decimals else exact
-        unknown = [model.variables.index(name) for name in self.free]
-        self.rows = tuple(i for i, moved in enumerate(flight.moves) if moved[unknown].any())
+        self.free, self.rows = flight.free, flight.rows
         values = {name: signal.start for name, signal in model.parameters.items()} | imposed
         known = {name: ball(value) for name, value in values.items()}
-        self._known = TrimEquations(family, flight, self.free, self.rows, known)
+        self._known = TrimEquations(family, flight, known)
         self._uncertain = [(name, exact(width)) for name, width in family.spread.items() if width > 0.0]
         widened = {name: known[name] + symmetric(width) for name, width in self._uncertain}
         self._all = replace(self._known, known=known | widened)

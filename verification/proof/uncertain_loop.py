@@ -196,10 +196,10 @@ def _barrier(points: list[tuple[Rows, Rows]]) -> tuple[Rows, Rows] | None:
                 curvature[size:-1, size:-1] += sum(sign * other * (g @ Z @ h.T) ** 2 for other, h in both)
                 curvature[-1, size:-1] += sign * np.einsum("ij,jk,ik->i", g, Z @ Z, g)
             curvature[-1, -1] += np.sum(Z * Z)
-        # tr(E p E' q), summed over pairs p, q of matrices.
+        # tr(E M E' N), summed over pairs M, N of matrices.
         T = (np.reshape(first, (-1, n * n)).T @ np.reshape(second, (-1, n * n))).reshape(n, n, n, n)
-        I, J = i[:, None], j[:, None]
-        curvature[:size, :size] = half[:, None] * (T[J, i, j, I] + T[I, i, j, J] + T[J, j, i, I] + T[I, j, i, J]) * half
+        p, q = i[:, None], j[:, None]
+        curvature[:size, :size] = half[:, None] * (T[q, i, j, p] + T[p, i, j, q] + T[q, j, i, p] + T[p, j, i, q]) * half
         curvature[:size, size:], curvature[size:-1, -1] = curvature[size:, :size].T, curvature[-1, size:-1]
         step = -np.linalg.solve(curvature + 1e-14 * np.trace(curvature) / len(at) * np.eye(len(at)), gradient)
         gain, share, now = float(-gradient @ step), 1.0, barrier(at)

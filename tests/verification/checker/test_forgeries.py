@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from proof_cases import forge
+from proof_cases import delayed_abscissa, forge
 
 from controller import Game, basis
 from controller.riccati.gare import solve_game
@@ -22,6 +22,7 @@ from hfa_support import NoSolutionError
 from trim import TrimCondition, find_operating_point, linearize
 from verification import check_certificate
 from verification.checker.checker import Rejected
+from verification.proof.scheduled_loop import Actuators, LoopTable
 
 Content = dict[str, Any]
 KINDS = ("rate", "memory", "actuators", "crossing", "errors", "solution", "critic", "scalar", "plant", "lpv")
@@ -151,28 +152,14 @@ def _loop(claim: Content, A: np.ndarray, B: np.ndarray, degrees: float) -> np.nd
 
 
 def _delayed(claim: Content, A: np.ndarray, B: np.ndarray, degrees: float, random: np.random.Generator) -> float:
-    """Abscissa of ζ' = F ζ + ω G Λ U ζ(t - τ) with ω, Λ, τ drawn from their intervals: of the generator of the delay
-    equation on polynomials of degree 12 over the delay (Breda, Maset, Vermiglio, SIAM J. Sci. Comput. 27, 2005)."""
+    """The abscissa of the loop with a bandwidth, effectiveness and delay drawn from their intervals."""
     own = claim["actuators"]
-    w, delay = random.uniform(*own["bandwidth"]), random.uniform(0.0, own["delay"])
-    G, U = np.array(own["G"]), _at(own | {"places": claim["table"]["places"]}, "U", degrees)
-    arrives = np.diag(random.uniform(*own["effectiveness"], len(U)))
-    now, later = _loop(claim, A, B, degrees) + w * np.array(own["own"]), w * G @ arrives @ U
-    n, count = len(now), 13
-    if delay < 1e-6:
-        return float(np.linalg.eigvals(now + later).real.max())
-    nodes = np.cos(np.pi * np.arange(count) / (count - 1))
-    slopes = np.polynomial.chebyshev.chebvander(nodes, count - 1)
-    change = np.linalg.solve(
-        slopes.T,
-        np.array(
-            [np.polynomial.chebyshev.chebval(nodes, np.polynomial.chebyshev.chebder(row)) for row in np.eye(count)]
-        ),
-    ).T
-    generator = np.kron(2.0 / delay * change, np.eye(n))
-    generator[:n] = 0.0
-    generator[:n, :n], generator[:n, -n:] = now, later
-    return float(np.linalg.eigvals(generator).real.max())
+    parts = {key: np.array(claim["table"][key]) for key in ("places", *"KMNX")}
+    table = LoopTable(
+        **parts, actuators=Actuators(*(np.array(own[key]) for key in ("own", "G", "U")), own["bandwidth"])
+    )
+    arrives, late = random.uniform(*own["effectiveness"], len(own["G"][0])), random.uniform(0.0, own["delay"])
+    return delayed_abscissa(table, A, B, random.uniform(*own["bandwidth"]), arrives, late, degrees)
 
 
 def judge(content: Content, path: Path) -> None:
@@ -339,6 +326,13 @@ UNPROVED: dict[str, tuple[str, Callable[[Content], None]]] = {
     "every box at 14 deg": ("rate", put(float(np.radians(14.0)), "statement", "imposed", "dihedral")),
     "throttle imposed": ("rate", put(3.0, "statement", "imposed", "throttle")),
     "error of nothing": ("rate", put({"wing_color": 1.0}, "statement", "spread")),
+    "delay": ("actuators", put(0.3, "statement", "actuators", "delay")),
+    "bandwidth": ("actuators", put([0.05, 10.0], "statement", "actuators", "bandwidth")),
+    "effectiveness": ("actuators", put([0.01, 1.0], "statement", "actuators", "effectiveness")),
+    "a piece left out": ("actuators", put([2.0, 10.0], *LOOP, "pieces", 0, "bandwidth")),
+    "a negative multiplier": ("actuators", put(lambda X: [-X[0], *X[1:]], *LOOP, "pieces", 0, "X")),
+    "another H": ("actuators", put(lambda H: (1e-3 * np.eye(len(H))).tolist(), *LOOP, "pieces", 0, "H")),
+    "commands": ("actuators", put(lambda U: (-np.array(U)).tolist(), "statement", "actuators", "U", 0)),
     "radius": ("solution", put(1e-14, "statement", "distances", "P", 1)),
     "P": ("solution", put("1.0", "boxes", "solution", 0, "P", 0, 0, 0)),
     "bracket from below": ("solution", _nearer),
