@@ -20,6 +20,7 @@ from controller.policy.policies import Memoryless, Seen, gain_constants
 from controller.policy.signals import Harmonic, zero
 from controller.riccati.feedforward import exosystem, exosystem_feedforward
 from hfa_model import INPUTS, LINEAR_STATES, Aircraft, published_models
+from hfa_model.vectors import CONTROL_LIMITS
 from hfa_support.errors import refuse_unknown
 from studies.section5.configuration import Configuration
 from studies.section5.critic_policy import CriticPolicy, forcing
@@ -28,7 +29,6 @@ from studies.section5.metrics import Critic, flight_metrics, learning_metrics, r
 from studies.update_law.integral_rl import baseline_weights, learn_by_integrals
 from studies.update_law.published_law import PublishedSettings, published_law
 from trim.linear.compare import regenerate
-from trim.point.condition import CONTROL_LIMITS
 from verification import solve_game
 from verification.exact_solution import GameSolution
 

@@ -27,10 +27,10 @@ from controller.flight.nonlinear_flight import NonlinearFlight, fly_law
 from controller.flight.plants import NonlinearPlant
 from controller.policy.servo_policy import servo_law
 from hfa_model import INPUTS, LINEAR_STATES, Aircraft, Input
+from hfa_model.vectors import CONTROL_LIMITS
 from hfa_support import Report
 from hfa_support.reporting.text import Table
 from trim import LinearModel, level_model
-from trim.point.condition import CONTROL_LIMITS
 
 #: s: step of a flight, how often the envelope is looked at, and how long a flight in a gust lasts.
 STEP, TICK, SECONDS = 0.01, 0.2, 30.0

@@ -12,8 +12,8 @@ from cli import answer, hfa
 
 from hfa_cli.main import COMMANDS, DONE, FAILED
 from hfa_model import INPUTS, LINEAR_STATES, STATES, Parameters, default_parameters, load_parameters, save_parameters
+from hfa_model.aircraft import HFA
 from hfa_model.vectors import INPUT_UNITS, STATE_UNITS
-from trim.point.condition import BALANCED
 
 LINEAR_MODEL_KEYS = {
     *("schema", "dihedral_deg", "dynamics", "operating_point", "states", "inputs", "state_units", "input_units"),
@@ -48,7 +48,7 @@ def test_trim_json() -> None:
     assert data["dynamics"] == point["dynamics"] == "published"
     assert list(point["states"]) == list(point["state_units"]) == list(STATES)
     assert list(point["inputs"]) == list(point["input_units"]) == list(data["margins"]) == list(INPUTS)
-    assert list(point["residuals"]) == list(data["scaled_residuals"]) == list(BALANCED)
+    assert list(point["residuals"]) == list(data["scaled_residuals"]) == list(HFA.steady)
     assert max(map(abs, data["scaled_residuals"].values())) <= data["balance_limit"] == 1e-10
     assert (point["states"]["speed"], point["states"]["altitude"]) == (68.0, 40000.0)
     assert point["states"]["alpha"] == point["states"]["pitch"] == pytest.approx(np.radians(2.8), rel=1e-15)

@@ -10,12 +10,12 @@ import pytest
 from random_points import random_points
 
 from hfa_model import VARIANTS, Aircraft, Input, Parameters, Published, State, aircraft_loads, density, rates_from_loads
+from hfa_model.aircraft import HFA
 from hfa_model.parameters import FIELDS, Field
 from hfa_model.variants import Variant
 from hfa_model.vectors import INPUT_UNITS, RATE_SCALES, RATE_UNITS, STATE_UNITS
 from trim import TrimCondition, find_operating_point, level_flight, linearize, release
 from trim.linear.compare import eigenvalue_errors
-from trim.point.condition import BALANCED
 
 
 def unit_size(unit: str, length: float, mass: float, time: float) -> float:
@@ -117,7 +117,7 @@ def test_a_stiff_hinge_gives_the_rigid_aircraft(aircraft: Aircraft) -> None:
     """The four other eigenvalues approach those of the flat rigid aircraft, with an error of order 1/k."""
     flat = level_flight(0.0)
     held = {"aileron_outer": 0.0}
-    unhinged = tuple(name for name in BALANCED if name != "dihedral_rate")
+    unhinged = tuple(name for name in HFA.steady if name != "dihedral_rate")
     rigid_condition = release(flat, hold=held)
     rigid_condition = TrimCondition(rigid_condition.imposed, dict.fromkeys(unhinged, 0.0))
     # Three equations for three unknowns: throttle and both elevators, of which one is held.

@@ -10,20 +10,10 @@ from typing import Any
 import numpy as np
 
 from hfa_model.aircraft import HFA
-from hfa_model.vectors import CONTROL_LIMITS as CONTROL_LIMITS, STATE_LIMITS as STATE_LIMITS
 from hfa_support.errors import BadInputError, is_finite, pair_of, refuse_unknown, shown
 from hfa_support.linear_table import LinearTable
 from hfa_support.model import Model
 from hfa_support.reporting.text import shown_value
-
-#: Of the HFA: the variables of a trim, one scaled unit of each, its steady rates, and the limits of all.
-VARIABLES = HFA.variables
-SCALES: dict[str, float] = {name: HFA.signals[name].nominal for name in VARIABLES}
-BALANCED = HFA.steady
-LIMITS: dict[str, tuple[float, float]] = STATE_LIMITS._asdict() | CONTROL_LIMITS._asdict()
-#: The paper calls its linear model applicable up to this dihedral angle (Section 5.1), rad.
-PAPER_RANGE = HFA.range["dihedral"][0]
-describe = HFA.describe
 
 
 @dataclass(frozen=True)

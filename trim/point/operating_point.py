@@ -13,7 +13,6 @@ import numpy as np
 
 from hfa_model.aircraft import HFA
 from hfa_model.variants import Variant
-from hfa_model.vectors import Input, State
 from hfa_support.errors import BadInputError, said_of
 from hfa_support.files import read_json, write_text
 from hfa_support.jsonable import json_text
@@ -57,14 +56,14 @@ _FILE: dict[Any, Any] = {
 class OperatingPoint(Reported):
     """X0, U0 with dX/dt(X0, U0) - imposed rate = residual, equation by equation; of imposed outputs likewise.
 
-    states, inputs: in the units of the model. residuals: balanced equation -> residual, in its own unit.
+    states, inputs: named tuples, in the units of the model. residuals: balanced equation -> residual, in its own unit.
     dynamics: name of the model, of the HFA's variant. status: `TRIMMED`, or `FAILED` when it comes with a
     `TrimError`, which says why. model: whose names these are; of the HFA without its parameters. started: 0 when the
     search began at the usual point, else the number of the other point (`STARTS`) that led here.
     """
 
-    states: State
-    inputs: Input
+    states: Any
+    inputs: Any
     residuals: dict[str, float]
     dynamics: str
     status: Status

@@ -4,7 +4,7 @@ several starts; the least effort where unknowns outnumber equations; or say why 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import Any, NamedTuple
@@ -309,6 +309,9 @@ _MAX_NEWTON_STEPS = 50
 _MAX_HALVINGS = 20
 
 
+_Search = Callable[[TrimProblem, np.ndarray], np.ndarray]
+
+
 class TrimError(NoSolutionError):
     """No trim: the message names what does not balance, the limits that bind and what balance would take beyond them;
     `attempt` is the best point within the limits."""
@@ -360,8 +363,8 @@ def other_trims(aircraft: Aircraft | Model, condition: TrimCondition, point: Ope
     if starts:
         starts.append(problem.unknowns_at({name: each.start for name, each in problem.model.signals.items()}))
     for start in starts:
-        end = _newton(problem, start)
-        if problem.solved(end) and min(float(np.abs(end - each).max()) for each in known) > 1e-6:
+        end = _solved_from(problem, start, _newton)
+        if end is not None and min(float(np.abs(end - each).max()) for each in known) > 1e-6:
             known.append(end)
             found.append(problem.point(end, Status.TRIMMED))
     return found
@@ -389,38 +392,42 @@ def beyond_limits(model: Model, condition: TrimCondition, balancing: Mapping[str
 
 
 def _solution(problem: TrimProblem, guess: np.ndarray) -> OperatingPoint:
+    problem.at(guess)  # where the equations have no value there, that is the answer
     equations, unknowns = problem.count
-    least_effort = unknowns > equations
-    found = (_least_effort_search if least_effort else _square_search)(problem, guess)
+    search = _least_effort if unknowns > equations else _newton
+    found = _found_from(problem, guess, search)
     best, tried = problem.clip(found), 0
     if problem.solved(best):
         return problem.point(best, Status.TRIMMED)
     # Beyond the limits the inputs alone, in which equations are nearly affine, balance them at one point.
     if not (problem.balanced(found) and set(problem.free) <= set(problem.model.inputs)):
         for tried, start in enumerate(problem.starts(guess), start=1):
-            other = (_least_effort if least_effort else _newton)(problem, start)
-            if problem.solved(other):
+            if (other := _solved_from(problem, start, search)) is not None:
                 return problem.point(other, Status.TRIMMED, tried)
     more = f"; {tried} other starts failed too" if tried else ""
     raise TrimError(problem.failure(found) + more, problem.point(best, Status.FAILED))
 
 
-def _square_search(problem: TrimProblem, guess: np.ndarray) -> np.ndarray:
-    """Newton's solution, or the least-squares one within the limits when Newton leaves them or finds none."""
-    best = _newton(problem, guess)
-    return best if problem.solved(best) else _newton(problem, _bounded_least_squares(problem, guess))
+def _solved_from(problem: TrimProblem, start: np.ndarray, search: _Search) -> np.ndarray | None:
+    """The solution that a search leads to; None where it leads to none, or out of the model."""
+    try:
+        found = search(problem, start)
+        return found if problem.solved(found) else None
+    except (BadInputError, FloatingPointError, np.linalg.LinAlgError):
+        return None
 
 
-def _least_effort_search(problem: TrimProblem, guess: np.ndarray) -> np.ndarray:
-    """The solution of least effort; failing that, the point within the limits that comes nearest to balance."""
-    best = _least_effort(problem, guess)
-    if problem.solved(best):
+def _found_from(problem: TrimProblem, guess: np.ndarray, search: _Search) -> np.ndarray:
+    """The solution that a search leads to, failing that the one that it leads to from the least squares within the
+    limits, failing that these or what balances beyond the limits."""
+    if (best := _solved_from(problem, guess, search)) is not None:
         return best
-    nearest = _polished(problem, _bounded_least_squares(problem, guess))
-    if not problem.solved(nearest):
-        return nearest
-    best = _least_effort(problem, nearest)
-    return best if problem.solved(best) else nearest
+    nearest = _bounded_least_squares(problem, guess)
+    if search is _newton:
+        return _newton(problem, nearest)
+    nearest = _polished(problem, nearest)
+    best = _solved_from(problem, nearest, search) if problem.solved(nearest) else None
+    return nearest if best is None else best
 
 
 def _polished(problem: TrimProblem, unknowns: np.ndarray) -> np.ndarray:

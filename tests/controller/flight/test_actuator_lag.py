@@ -15,8 +15,8 @@ from known_models import game_at, model_at
 from controller import Actuators, Scenario, Signal, flight_envelope, fly, gain_law
 from controller.flight.nonlinear_flight import NonlinearFlight
 from hfa_model import LINEAR_STATES, Aircraft, Input
+from hfa_model.vectors import CONTROL_LIMITS
 from trim import LinearModel
-from trim.point.condition import CONTROL_LIMITS
 from verification import solve_game
 
 DOCUMENT = Path(__file__).parents[3] / "docs" / "nonlinear.md"

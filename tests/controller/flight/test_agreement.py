@@ -15,9 +15,8 @@ from controller.flight.plants import LinearizedAircraft, NonlinearPlant
 from controller.flight.simulation import CompiledLoop
 from controller.policy.signals import Harmonic
 from hfa_model import LINEAR_STATES, STATES, Input
-from hfa_model.vectors import STATE_SCALES
+from hfa_model.vectors import CONTROL_LIMITS, STATE_SCALES
 from trim import find_operating_point, level_flight
-from trim.point.condition import CONTROL_LIMITS
 
 N = len(LINEAR_STATES)
 #: Parts of 1 ft/s, 1 deg and 1 deg/s at once; large enough that rounding does not show.

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from hfa_model import STATES, Aircraft
+from hfa_model.aircraft import HFA
 from trim import TrimError, find_operating_point, level_flight, release
-from trim.point.condition import STATE_LIMITS
 from trim.sweeps.points import BEYOND_LIMITS, TRIMMED, trim_points
 
 #: Flight-path angle and angle of attack, deg, around a pitch angle of 60 deg; the last beyond 60 deg of path only.
@@ -42,7 +42,7 @@ def test_a_limit_of_pitch_can_be_set(strong: Aircraft) -> None:
     assert np.degrees(find_operating_point(strong, condition).states.pitch) == pytest.approx(63.8)
     with pytest.raises(TrimError, match=r"pitch would have to be 2\.8 deg, it must lie between 5 deg and 60 deg"):
         find_operating_point(
-            strong, level_flight(0.0, limits={"pitch": (float(np.radians(5.0)), STATE_LIMITS.pitch[1])})
+            strong, level_flight(0.0, limits={"pitch": (float(np.radians(5.0)), HFA.limits["pitch"][1])})
         )
 
 

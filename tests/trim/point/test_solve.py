@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from hfa_model import STATES, Aircraft
+from hfa_model.aircraft import HFA
 from hfa_model.vectors import INPUT_SCALES, RATE_SCALES
 from hfa_support import BadInputError, NoSolutionError
 from trim import OperatingPoint, TrimCondition, TrimError, find_operating_point, level_flight, release
-from trim.point.condition import BALANCED, CONTROL_LIMITS
 
 BASE = level_flight(float(np.radians(15.0)))
 LARGER = pytest.param(("aileron_center", "dihedral"), marks=pytest.mark.slow)
@@ -111,10 +111,10 @@ def test_glide(aircraft: Aircraft) -> None:
 
 
 def test_imposed_acceleration_and_climb_rate(aircraft: Aircraft) -> None:
-    faster = TrimCondition(BASE.imposed, rates=dict.fromkeys(BALANCED, 0.0) | {"speed": 1.0})
+    faster = TrimCondition(BASE.imposed, rates=dict.fromkeys(HFA.steady, 0.0) | {"speed": 1.0})
     assert_meets(aircraft, faster, find_operating_point(aircraft, faster))
     level = release(BASE, free=("gamma",))
-    climbing = TrimCondition(level.imposed, rates=dict.fromkeys(BALANCED, 0.0) | {"altitude": 2.0})
+    climbing = TrimCondition(level.imposed, rates=dict.fromkeys(HFA.steady, 0.0) | {"altitude": 2.0})
     point = find_operating_point(aircraft, climbing)
     assert_meets(aircraft, climbing, point)
     assert 68.0 * np.sin(point.gamma) == pytest.approx(2.0, rel=1e-9)
@@ -267,5 +267,5 @@ def test_default_limits_are_respected(aircraft: Aircraft) -> None:
     with pytest.raises(TrimError, match="elevator_center at its lowest, -30 deg") as caught:
         find_operating_point(aircraft, level_flight(float(np.radians(15.0)), altitude=0.0))
     for name, value in caught.value.attempt.inputs._asdict().items():
-        lowest, highest = getattr(CONTROL_LIMITS, name)
+        lowest, highest = HFA.limits[name]
         assert lowest <= value <= highest, name

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 from hfa_model import INPUTS, STATES, Aircraft
+from hfa_model.aircraft import HFA
 from trim import OperatingPoint, TrimCondition, find_operating_point, level_flight, release
-from trim.point.condition import LIMITS
 from trim.point.trim_report import all_margins, margins, nearest_limits
 
+LIMITS = {name: HFA.limits[name] for name in (*STATES, *INPUTS)}
 BASE = level_flight(float(np.radians(10.0)))
 
 

@@ -12,10 +12,10 @@ import pytest
 from cli import hfa
 
 from hfa_model import INPUTS, STATES, Aircraft
+from hfa_model.aircraft import HFA
 from hfa_model.vectors import RATE_SCALES, UNITS
 from hfa_support import Report
 from trim import OperatingPoint, TrimCondition, find_operating_point, level_flight, release, trim_report
-from trim.point.condition import BALANCED
 from trim.point.trim_report import all_margins
 
 BASE = level_flight(float(np.radians(10.0)))
@@ -54,10 +54,10 @@ def test_what_binds_is_said(published_aircraft: Aircraft) -> None:
 def test_each_equation_has_its_tolerance_and_its_verdict(published_aircraft: Aircraft) -> None:
     """A residual planted just above the tolerance of one equation fails that one alone."""
     point, report = reported(published_aircraft, BASE)
-    assert len(re.findall(r"^rate of .* PASS$", report.text(), re.M)) == len(BALANCED)
+    assert len(re.findall(r"^rate of .* PASS$", report.text(), re.M)) == len(HFA.steady)
     assert "FAIL" not in report.text()
     assert all(each["ok"] for each in report.data["equations"].values())
-    for name in BALANCED:
+    for name in HFA.steady:
         tolerance = 1e-10 * getattr(RATE_SCALES, name)
         assert report.data["equations"][name]["tolerance"] == pytest.approx(tolerance)
         for factor, verdict in ((1.01, "FAIL"), (-1.01, "FAIL"), (0.99, "PASS")):

@@ -10,10 +10,11 @@ import pytest
 from cli import assert_refused, hfa
 
 from hfa_model import INPUTS, STATES, VARIANTS, Aircraft, Parameters, save_parameters
+from hfa_model.aircraft import HFA
 from hfa_model.parameters import ParameterSet
 from hfa_support import BadInputError
 from trim import TrimError, find_operating_point, level_flight, linearize, release, sweep, trim_points
-from trim.point.condition import LEVEL_FLIGHT, LIMITS
+from trim.point.condition import LEVEL_FLIGHT
 from trim.sweeps import points as many
 from trim.sweeps.points import BEYOND_LIMITS, NO_TRIM, TRIMMED
 from trim.sweeps.stored_sweep import run_points
@@ -74,7 +75,7 @@ def test_each_point_carries_its_status_and_what_is_farthest_beyond_its_limits(ai
     values = np.array(list(farthest))
     found = trim_points(aircraft, ("speed", "gamma", "alpha"), values)
     names = STATES + INPUTS
-    finite = {name: limits for name, limits in LIMITS.items() if np.isfinite(limits).all()}
+    finite = {name: limits for name, limits in HFA.limits.items() if name in names and np.isfinite(limits).all()}
     for i, expected in enumerate(farthest.values()):
         assert found.status[i] == {"": TRIMMED, "none": NO_TRIM}.get(expected, BEYOND_LIMITS)
         assert found.limiting[i] == (names.index(expected) if expected in names else -1)

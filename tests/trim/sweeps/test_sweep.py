@@ -12,6 +12,7 @@ import pytest
 from cli import assert_refused, hfa
 
 from hfa_model import DEGREE, STATES, Aircraft
+from hfa_model.aircraft import HFA
 from hfa_support import BadInputError
 from hfa_support.linear_table import LinearTable
 from trim import (
@@ -26,7 +27,7 @@ from trim import (
     sweep,
     trim_points,
 )
-from trim.point.condition import BALANCED, LEVEL_FLIGHT
+from trim.point.condition import LEVEL_FLIGHT
 from trim.sweeps.points import condition_at, is_square
 from trim.sweeps.sweep import Sweep
 from trim.sweeps.sweep_plan import SweepPlan
@@ -72,7 +73,7 @@ def test_each_point_is_that_of_a_single_trim(published_aircraft: Aircraft, name:
 
 
 def test_a_rate_that_is_not_zero_is_imposed_at_every_point(published_aircraft: Aircraft) -> None:
-    rates = dict.fromkeys(BALANCED, 0.0) | {"speed": 1.0}
+    rates = dict.fromkeys(HFA.steady, 0.0) | {"speed": 1.0}
     faster = sweep(published_aircraft, {"dihedral": [0.1]}, condition=replace(level_flight(0.0), rates=rates))
     rate = published_aircraft.rates(faster.states[0], faster.inputs[0])
     assert rate[STATES.index("speed")] == pytest.approx(1.0, abs=1e-9)

@@ -119,9 +119,9 @@ def _models(
     shifts = [dict.fromkeys(claim["spread"], 0.0)]
     if claim["spread"]:
         shifts += [{name: w * random.choice([-1.0, 1.0]) for name, w in claim["spread"].items()} for _ in range(2)]
-    from trim.point.condition import VARIABLES
+    from hfa_model.aircraft import HFA
 
-    free = [name for name in VARIABLES if name not in claim["imposed"] and name != "dihedral"]
+    free = [name for name in HFA.variables if name not in claim["imposed"] and name != "dihedral"]
     for shift in shifts:
         moved = nominal._replace(**{name: getattr(nominal, name) + each for name, each in shift.items()})
         words = json.dumps([claim["limits"], free])
