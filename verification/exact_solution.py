@@ -1,12 +1,7 @@
 """The exact game solution and its analysis, which the checks compare with, offered under the package's own name."""
 
-from controller.analysis.linear_flight import simulate as simulate
 from controller.analysis.solution_report import analyse_game as analyse_game, loop_margins as loop_margins
 from controller.riccati.discrete import solve_discounted as solve_discounted
-from controller.riccati.feedforward import (
-    exosystem_feedforward as exosystem_feedforward,
-    paper_reference as paper_reference,
-)
 from controller.riccati.frequency_response import bounded_real_gain as bounded_real_gain, disk_margin as disk_margin
 from controller.riccati.gare import GameSolution as GameSolution, solve_game as solve_game
 from controller.riccati.gare_batch import solve_games as solve_games

@@ -18,12 +18,12 @@ from controller.game.basis import Basis
 from controller.game.learning_result import LearningResult
 from controller.policy.policies import Memoryless, Seen, gain_constants
 from controller.policy.signals import Harmonic, zero
-from controller.riccati.feedforward import exosystem, exosystem_feedforward
 from hfa_model import INPUTS, LINEAR_STATES, Aircraft, published_models
 from hfa_model.vectors import CONTROL_LIMITS
 from hfa_support.errors import refuse_unknown
 from studies.section5.configuration import Configuration
 from studies.section5.critic_policy import CriticPolicy, forcing
+from studies.section5.feedforward import exosystem, exosystem_feedforward
 from studies.section5.learning_in_flight import certified_gains
 from studies.section5.metrics import Critic, flight_metrics, learning_metrics, residual_at
 from studies.update_law.integral_rl import baseline_weights, learn_by_integrals

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from game_samples import INITIAL, failed_names
+from linear_flight import simulate
 
 from controller import Game
 from controller.analysis.cost import cost_checks, cost_matrix, saddle_checks, simulated_cost
 from hfa_support import NoSolutionError
 from verification import solve_game
-from verification.exact_solution import simulate
 
 
 def test_cost_is_exact_far_beyond_its_limit(game: Game) -> None:
@@ -54,17 +54,3 @@ def test_simulation_against_the_exponential(first: tuple[Game, np.ndarray]) -> N
     np.testing.assert_allclose(flight.states, exact, atol=1e-10)
     np.testing.assert_allclose(flight.controls, -exact @ K.T, atol=1e-9)
     np.testing.assert_allclose(flight.disturbances, exact @ L.T, atol=1e-10)
-
-
-def test_flight_that_leaves_every_bound_ends_in_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
-    game = Game([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]], 1.0)
-
-    def still(_: float, z: np.ndarray) -> np.ndarray:
-        return 0.0 * z
-
-    with pytest.raises(NoSolutionError, match=r"leaves every bound near t = 23\d"):
-        simulate(game, still, still, np.array([1.0]), np.array([0.0, 1000.0]))
-    failure = type("Result", (), {"success": False, "t": np.array([0.0, 3.0]), "message": "no more"})
-    monkeypatch.setattr("scipy.integrate.solve_ivp", lambda *_, **__: failure)
-    with pytest.raises(NoSolutionError, match=r"could not be integrated beyond t = 3 s: no more"):
-        simulate(game, still, still, np.array([1.0]), np.array([0.0, 5.0]))

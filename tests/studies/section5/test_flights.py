@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from linear_flight import simulate
 from project import ROOT
 
 from controller import Signal
@@ -14,6 +15,7 @@ from controller.policy import paper_flight
 from controller.policy.signals import Harmonic
 from studies.section5.configuration import section5_configuration
 from studies.section5.critic_policy import forcing
+from studies.section5.feedforward import paper_reference
 from studies.section5.flights import (
     CERTIFIED,
     CERTIFIED_FF,
@@ -33,7 +35,6 @@ from studies.section5.flights import (
 )
 from studies.section5.metrics import TRACKED
 from verification import solve_game
-from verification.exact_solution import paper_reference, simulate
 
 #: Ten times the paper's step: the gains are smooth, and a flight takes a second.
 COARSE: dict[str, Any] = {"flight": {"step": 1e-3}}

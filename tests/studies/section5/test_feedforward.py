@@ -8,14 +8,13 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from game_samples import INITIAL, game_models
+from linear_flight import LinearFlight, simulate
 from scipy.integrate import quad
 
 from controller import Game
-from controller.analysis.linear_flight import LinearFlight
-from controller.riccati.feedforward import Exosystem, exosystem, exosystem_feedforward
 from hfa_support import BadInputError
+from studies.section5.feedforward import Exosystem, exosystem, exosystem_feedforward, paper_reference
 from verification import solve_game
-from verification.exact_solution import paper_reference, simulate
 
 MODELS = sorted(game_models())
 ZERO = np.zeros(6)

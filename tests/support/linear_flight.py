@@ -1,0 +1,54 @@
+"""A flight of the linear model under given policies, with the cost of the game integrated alongside."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+from controller import Game
+
+#: A policy or a forcing: (t, z) -> vector.
+Feedback = Callable[[float, np.ndarray], np.ndarray]
+
+
+class LinearFlight(NamedTuple):
+    """times (N,), states (N, n), controls (N, m), disturbances (N, k), running cost (N,)."""
+
+    times: np.ndarray
+    states: np.ndarray
+    controls: np.ndarray
+    disturbances: np.ndarray
+    cost: np.ndarray
+
+
+def simulate(
+    game: Game,
+    control: Feedback,
+    disturbance: Feedback,
+    initial: np.ndarray,
+    times: np.ndarray,
+    forcing: Callable[[float], np.ndarray] | None = None,
+) -> LinearFlight:
+    """z' = A z + B u + E d + r(t),  J' = z'Qz + u'Ru - δ² d'd, integrated by LSODA to 1e-13; forcing r: t -> (n,)."""
+    price = 0.0 if math.isinf(game.delta) else game.delta**2  # no disturbance, no pay-off: inf * 0 is 0
+
+    def rate(t: float, augmented: np.ndarray) -> np.ndarray:
+        z = augmented[:-1]
+        u, d = control(t, z), disturbance(t, z)
+        change = game.A @ z + game.B @ u + game.E @ d + (0.0 if forcing is None else forcing(t))
+        return np.append(change, z @ game.Q @ z + u @ game.R @ u - price * d @ d)
+
+    size = 1e-13 * max(float(np.abs(initial).max()), 1.0)
+    found = solve_ivp(
+        rate, (times[0], times[-1]), np.append(initial, 0.0), method="LSODA", t_eval=times, rtol=1e-13, atol=size
+    )
+    assert found.success, found.message
+    states = found.y[:-1].T
+    controls, disturbances = (
+        np.array([policy(t, z) for t, z in zip(times, states, strict=True)]) for policy in (control, disturbance)
+    )
+    return LinearFlight(times, states, controls, disturbances, found.y[-1])
