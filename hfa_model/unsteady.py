@@ -9,11 +9,10 @@ Each effect has a parameter, 1 as it should be and 0 without it; without any the
 | `lift_lag` | lift follows motion, ailerons and elevators with Wagner's function (R. T. Jones, NACA 681) |
 | `gust_lag` | lift follows air that rises or moves outward with Küssner's function; a headwind acts at once |
 | `finite_span` | lift slope a / (1 + a / (π Λ)): Λ of the whole wing (span 3 s), of a tail `tail_aspect_ratio` |
-| `downwash_share` | 2 C_L / (π Λ) at the tails, C_L the mean of the wings, later by l_b / V (first order); a lifting \
-line has 1.71 times that at the center tail, 1.52 times at the outer ones |
+| `downwash_share` | 2 C_L / (π Λ) at the tails, C_L the mean of the wings, later by l_b / V (first order) |
 
-The lags are those of two dimensions, and loads of the lag states keep the lift of steady flight: a trim is that of
-quasi-steady loads. The air's density counts as constant along the path. Nothing here was fitted: all other
+At 1 the downwash is that of the far wake; a lifting line has 1.71 times that at the center tail, 1.52 at the outer ones.
+The lags are those of two dimensions; in steady flight nothing lags, and a trim is that of quasi-steady loads. The air's density counts as constant along the path. Nothing here was fitted: all other
 parameters are those of `newton`, the drag polar too. Panels stay rigid, motion longitudinal, and a gust meets
 wing and tail of a panel at the same time.
 """
