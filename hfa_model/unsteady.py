@@ -11,10 +11,10 @@ Each effect has a parameter, 1 as it should be and 0 without it; without any the
 | `finite_span` | lift slope a / (1 + a / (π Λ)): Λ of the whole wing (span 3 s), of a tail `tail_aspect_ratio` |
 | `downwash_share` | 2 C_L / (π Λ) at the tails, C_L the mean of the wings, later by l_b / V (first order) |
 
-At 1 the downwash is that of the far wake; a lifting line has 1.71 times that at the center tail, 1.52 at the outer ones.
-The lags are those of two dimensions; in steady flight nothing lags, and a trim is that of quasi-steady loads. The air's density counts as constant along the path. Nothing here was fitted: all other
-parameters are those of `newton`, the drag polar too. Panels stay rigid, motion longitudinal, and a gust meets
-wing and tail of a panel at the same time.
+At 1 the downwash is that of the far wake; a lifting line has 1.71 times that at the center tail, 1.52 at the others.
+The lags are those of two dimensions; in steady flight nothing lags, and a trim is that of quasi-steady loads. The
+density of the air counts as constant along the path. Nothing here was fitted: all other parameters are those of
+`newton`, the drag polar too. Panels stay rigid, motion longitudinal; a gust meets wing and tail of a panel at once.
 """
 
 from __future__ import annotations
