@@ -28,7 +28,7 @@ from hfa_cli.options.learning_options import law_settings
 from hfa_cli.options.parser import add_value
 from hfa_cli.progress import ProgressLine
 from hfa_model.aircraft import HFA
-from hfa_support.errors import BadInputError
+from hfa_support.errors import BadInputError, shortened
 from trim.point.solve import find_operating_point
 
 #: Of the schedule; half a second or so each.
@@ -40,7 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `hfa schedule`."""
     options.add_condition(parser)
     about = "the dihedral at the end, degrees; time of the change, default 60; points of the schedule, default 11"
-    add_value(parser, "--to", _to, _TO, about, required=True)
+    parser.add_argument("--to", action="append", metavar=_TO, help=about, required=True)
     add_aircraft(parser)
     add_law(parser)
     about = "use these gains instead of a law: K, or dihedral_deg and K at each of its angles"
@@ -64,7 +64,7 @@ def run(arguments: argparse.Namespace) -> int:
     )
 
     check_policy(arguments)
-    aircraft, (end, over, points) = aircraft_of(arguments), arguments.to
+    aircraft, (end, over, points) = aircraft_of(arguments), _to(arguments.to)
     model, flights = aircraft.model, options.flight_of(arguments)
     if arguments.weights is not None and OWN.get() is not None:
         raise BadInputError("--weights holds gains over the dihedral; leave it out with --aircraft")
@@ -95,12 +95,17 @@ def run(arguments: argparse.Namespace) -> int:
     return tell_flight(result, schedule_report(result, certified, change, law), ends, arguments)
 
 
-def _to(text: str) -> tuple[float, float, int]:
-    """The type of --to."""
-    parts = text.split(":")
-    if len(parts) > 3:
-        raise argparse.ArgumentTypeError(f"is {text!r}; give {_TO}")
+def _to(texts: list[str]) -> tuple[float, float, int]:
+    """What --to says, and the former --over and --points, which the parser turns into --to :S and --to ::POINTS."""
+    fields = ["", "60", "11"]
+    for text in texts:
+        parts = text.split(":")
+        if len(parts) > len(fields):
+            raise BadInputError(f"--to is {shortened(text)!r}; give {_TO}")
+        fields[: len(parts)] = [new or old for new, old in zip(parts, fields, strict=False)]
     model = OWN.get() or HFA
     unit = model.unit(model.schedule) if model.schedule else "1"
-    over, points = (*parts[1:], *("60", "11")[len(parts) - 1 :])
-    return in_unit(unit, parts[0]), number(over), whole(2, _MOST_POINTS)(points)
+    try:
+        return in_unit(unit, fields[0]), number(fields[1]), whole(2, _MOST_POINTS)(fields[2])
+    except argparse.ArgumentTypeError as error:
+        raise BadInputError(f"--to {error}; give {_TO}") from error

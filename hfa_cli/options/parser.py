@@ -18,6 +18,8 @@ FORMER = {
     "--vary": ("--hold", ""),
     "--reference": ("--command", ""),
     "--members": ("--samples", ""),
+    "--over": ("--to", ":"),
+    "--points": ("--to", "::"),
     "--scheduler": ("--workers", ""),
     "--table": ("--weights", ""),
     "--tolerance": ("--limit-error", ""),
