@@ -30,13 +30,13 @@ if TYPE_CHECKING:
 
 def reduction_note(model: LinearModel, whole: LinearModel, residualized: tuple[str, ...] = ()) -> str:
     """What a model of fewer states does to the eigenvalues of the whole one; "" where no state of it is missing."""
-    held = [name for name in whole.states if name not in (*model.states, *residualized)]
-    if not held and not residualized:
+    left = [name for name in whole.states if name not in (*model.states, *residualized)]
+    if not left and not residualized:
         return ""
     reference = np.linalg.eigvals(whole.A)
     nearest = [(value, min(reference, key=lambda each: abs(each - value))) for value in np.linalg.eigvals(model.A)]
     off = [abs(value - known) / max(abs(known), 1e-12) for value, known in nearest]
-    kinds = (held, "held at the trim: the model is truncated"), (residualized, "residualized: at rest at every moment")
+    kinds = (left, "left out (truncated)"), (residualized, "residualized (at rest at every moment)")
     said = [f"{', '.join(names)} {'is' if len(names) == 1 else 'are'} {how}" for names, how in kinds if names]
     return (
         f"{'; '.join(said)}; the eigenvalues lie up to {100 * max(off):.2g} % from those of all "

@@ -123,7 +123,16 @@ def test_what_cannot_be_done_is_said() -> None:
 
 
 def test_the_command_shows_what_the_model_has(tmp_path: Path) -> None:
-    words = ("linearize", "--dihedral", "10", "--bode", "--inputs", "throttle,elevator_center", "--outputs", "gamma")
+    words = (
+        "linearize",
+        "--dihedral",
+        "10",
+        "--bode",
+        "--inputs",
+        "throttle,elevator_center",
+        "--outputs",
+        "gamma,speed",
+    )
     saved = tmp_path / "bode.svg"
     text = hfa(*words, "--picture", str(saved), "-o", str(tmp_path / "model.npz")).out
     assert "Transmission zeros" in text
@@ -131,10 +140,12 @@ def test_the_command_shows_what_the_model_has(tmp_path: Path) -> None:
     assert saved.read_text().count("<svg") == 1
     data, si = (json.loads(hfa(*words, "--json", *more).out) for more in ((), ("--units", "si")))
     model = level_model(Aircraft(), float(np.radians(10.0)))
-    first = linearize(Aircraft(), model.point, outputs=("gamma",)).transfers()[0]
+    first = linearize(Aircraft(), model.point, outputs=("gamma", "speed")).transfers()[0]
     assert data["transfers"][0]["gain"] == first.gain
     assert data["transfers"][0]["zeros"] == [[zero.real, zero.imag] for zero in first.zeros]
-    assert si["transfers"] == data["transfers"]  # angles and percent: no feet
+    assert si["transfers"][:2] == data["transfers"][:2]  # angles and percent: no feet
+    meters = data["transfers"][2] | {name: 0.3048 * data["transfers"][2][name] for name in ("gain", "static")}
+    assert si["transfers"][2] == meters | {"unit": "(m/s)/(1)"}
     assert {"n/alpha", "CAP", "phugoid damping"} < {*data["handling_qualities"]}
     shown = hfa("linearize", "--dihedral", "10", "--residualize", "alpha,pitch_rate,dihedral_rate")
     assert "alpha, pitch_rate, dihedral_rate are residualized" in shown.out
