@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import pickle
 from dataclasses import replace
 
 import numpy as np
@@ -73,16 +72,6 @@ def test_a_gain_beyond_delta_or_unstable_costs_without_bound() -> None:
 def test_a_game_that_costs_nothing() -> None:
     game = Game(-np.eye(2), np.eye(2), np.eye(2), np.zeros((2, 2)), np.eye(2), 5.0)
     assert flight_cost(game, solve_game(game), np.zeros((2, 2))).worst == 0.0
-
-
-def test_a_check_shows_its_report_and_can_be_sent_to_another_process() -> None:
-    check = check_critic(GAME, from_value(GAME, 1.004 * EXACT.P))
-    assert repr(check).startswith("FAIL by the error limit 1e-06: not exact (K is off by 0.004), ")
-    assert "\nP(x5, x5) " in repr(check)
-    assert "<table>" in check._repr_html_()
-    again = pickle.loads(pickle.dumps(check))
-    assert repr(again) == repr(check)
-    assert again.to_dict() == check.to_dict()
 
 
 def test_an_indefinite_value_within_the_allowed_error_passes() -> None:

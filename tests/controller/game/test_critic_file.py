@@ -33,7 +33,7 @@ def lines(values: np.ndarray, first: str = "") -> str:
     return first + "\n".join(",".join(map(repr, row)) for row in rows) + "\n"
 
 
-@pytest.mark.parametrize("suffix", ["npz", "mat", "json"])
+@pytest.mark.parametrize("suffix", ["npz", "json"])
 @pytest.mark.parametrize(
     "content",
     [
@@ -87,15 +87,8 @@ def test_the_file_names_the_basis_unless_somebody_does() -> None:
         (lines(W).replace("0.1", "-0.1"), "h.csv: time goes from 0 to -0.1 s at row 2"),
         (lines(W).replace("4.0", "nan"), r"h.csv: W is not finite at row 2 \(t = 0.1 s\)"),
         (lines(W).replace("4.0", "four"), "h.csv: .*the table has 'four' in row 2 of numbers, column 3; give numbers"),
-        (lines(W).replace("4.0,", ""), "h.csv: .*the table has 3 cells in row 2 of numbers and 4 before"),
-        (
-            lines(W[:, :1]),
-            "h.csv: the 1 columns beside the time are none of: basis 'quadratic' on 2 states has 3",
-        ),
         (lines(K, "time,W1,W2\n"), "h.csv: W is 3 x 2; basis 'quadratic' on 2 states has 3"),
         (lines(W, "W1,W2,W3,W4\n"), "h.csv: .*the first column is 'W1'; it must be the time"),
-        (lines(W).replace(",", ";"), "h.csv: .*the first column is '0.0;0.0;1.0;2.0'; it must be the time"),
-        ("", "h.csv: .*the table has no numbers"),
     ],
 )
 def test_what_is_no_history_is_refused_with_its_place(text: str, said: str) -> None:
@@ -108,20 +101,6 @@ def test_columns_that_fit_two_kinds_are_to_be_named() -> None:
     with pytest.raises(BadInputError, match="the 1 columns beside the time may be W or P or K; name them"):
         load_history(written(lines(W[:, :1])), one)
     assert load_history(written(lines(W[:, :1], "t,K1\n")), one).K.shape == (3, 1, 1)
-
-
-@pytest.mark.parametrize(
-    ("content", "said"),
-    [
-        ({"t": [[0.0], 1.0], "W": W.tolist()}, "time does not consist of rows of real numbers"),
-        ({"t": TIMES.tolist(), "W": W.tolist(), "basis": 5}, "basis must be one name"),
-    ],
-)
-def test_times_and_a_basis_that_are_none_are_refused(content: dict[str, Any], said: str) -> None:
-    with pytest.raises(BadInputError, match=f"^h.json: {said}"):
-        load_history(stored("h.json", **content), GAME)
-    if "basis" in content:
-        assert load_history("h.json", GAME, "quadratic") is not None
 
 
 # Histories made in Python ------------------------------------------------------------------------------------------
@@ -141,12 +120,9 @@ def changed(place: tuple[int, int], value: float) -> np.ndarray:
     [
         ({"times": [0.0, 1.0, 0.5], "W": ROWS}, "time goes from 1 to 0.5 s at row 3; it must increase"),
         ({"times": [-1.0, 0.0, 1.0], "W": ROWS}, "time is negative, and a predefined time counts from 0, at row 1"),
-        ({"times": [0.0, np.nan, 0.5], "W": ROWS}, "time is not finite at row 2"),
         ({"times": EVEN, "W": changed((1, 2), np.nan)}, r"W is not finite at row 2 \(t = 0.5 s\)"),
         ({"times": EVEN, "W": changed((2, 0), 1e60)}, r"W has an entry beyond 1e\+50 at row 3"),
         ({"times": EVEN[:2], "W": ROWS}, "W has 3 rows and there are 2 times"),
-        ({"times": ROWS, "W": ROWS}, "time has shape"),
-        ({"times": EVEN, "W": ROWS * 1j}, "W does not consist of rows of real numbers"),
         ({"times": EVEN, "K": np.eye(3)}, "a history needs W"),
     ],
 )

@@ -27,24 +27,17 @@ SMALL: dict[str, Any] = {
     ("change", "message"),
     [
         ({"A": [[1.0, 2.0]]}, "A is 1 x 2; it must be square"),
-        ({"A": [1.0, 2.0]}, "A has 1 dimension"),
         ({"A": [[1.0, 2.0], [3.0]]}, "A does not consist of rows of real numbers"),
         ({"A": np.ma.masked_equal(np.eye(2), 0.0)}, "A has masked entries"),
-        ({"A": [[1j, 0.0], [0.0, 1.0]]}, "A does not consist of rows of real numbers"),
         ({"A": [[1.0, math.nan], [0.0, 1.0]]}, r"A\[0\]\[1\] is nan; every entry must be finite"),
         ({"A": [[1e150, 0.0], [0.0, 1.0]]}, r"A has an entry of 1e\+150; entries must not exceed 1e\+100"),
         ({"A": np.zeros((0, 0))}, "a game needs a state and an input"),
         ({"B": [[1.0]]}, "B is 1 x 1; with this A and B it must be 2 x 1"),
-        ({"E": [[1.0]]}, "E is 1 x 1; with this A and B it must be 2 x 1"),
-        ({"R": [[1.0, 0.0], [0.0, 1.0]]}, "R is 2 x 2; with this A and B it must be 1 x 1"),
         ({"Q": [[1.0, 0.1], [0.0, 1.0]]}, "Q is not symmetric"),
         ({"Q": [[1.0, 0.0], [0.0, -1.0]]}, "Q is not positive semidefinite"),
-        ({"R": [[0.0]]}, "R is not positive definite"),
         ({"B": np.eye(2), "R": [[0.1, 0.3], [0.3, 0.9]]}, "R is not positive definite"),
         ({"B": np.eye(2), "R": [[1e20, 1e10], [1e10, 1.0]]}, "R is not positive definite"),
         ({"delta": 0.0}, "delta is 0.0; it must be a positive number"),
-        ({"delta": math.nan}, "delta is nan; it must be a positive number"),
-        ({"delta": "200"}, "delta is '200'; it must be a positive number"),
         ({"delta": 1e-60}, r"1/delta\^2 must not exceed"),
         ({"delta": 1e300}, r"delta is 1e\+300; it must not exceed 1e\+50; give inf"),
     ],
@@ -78,12 +71,6 @@ def test_gains_are_the_extremals_of_the_hamiltonian_of_the_game() -> None:
         u, d = -game.gain(P) @ z, game.disturbance_gain(P) @ z
         np.testing.assert_allclose(game.R @ u, -game.B.T @ P @ z, rtol=1e-12, atol=1e-12)
         np.testing.assert_allclose(game.delta**2 * d, game.E.T @ P @ z, rtol=1e-12)
-
-
-def test_without_disturbance_the_disturbance_has_no_part() -> None:
-    game = Game(**SMALL).with_delta(math.inf)
-    assert np.array_equal(game.S, game.S_control)
-    assert not game.disturbance_gain(np.eye(2)).any()
 
 
 def test_a_game_cannot_be_changed_from_outside() -> None:

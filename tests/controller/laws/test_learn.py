@@ -152,14 +152,3 @@ def test_every_row_is_kept_with_the_start_and_the_end() -> None:
 def test_of_a_long_run_rows_are_kept_evenly_and_the_last_always(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(runner, "MOST_ROWS", 5)
     assert run(Counting(10)).history["time"].tolist() == [0.0, 1.5, 3.0, 4.5, 5.0]
-
-
-@pytest.mark.parametrize(
-    ("also", "line"),
-    [({}, "t = 1 s"), ({"law_residual_norm": 0.25}, "t = 1 s, residual of the law 0.25")],
-)
-def test_the_progress_says_the_residual_where_a_law_has_one(also: dict[str, float], line: str) -> None:
-    told: list[tuple[float, str]] = []
-    run(Counting(2, **also), progress=lambda fraction, _, text: told.append((fraction, text)))
-    assert told[-1] == (1.0, line)
-    assert len(told) == 2

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import time
-import warnings
 from collections import Counter
 
 import numpy as np
@@ -120,13 +119,3 @@ def test_96_states_take_ten_times_as_long_as_one_equation_alone() -> None:
         times.append((middle - start, time.process_time() - middle))
     alone, certified = np.min(times, axis=0)
     assert certified <= 15.0 * alone
-
-
-@pytest.mark.parametrize("n", range(1, 11))
-def test_chains_of_integrators_without_a_warning_from_scipy(n: int) -> None:
-    """The forcing of the iteration was asymmetric by rounding, which SciPy refuses."""
-    B = np.eye(n)[:, [-1]]
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        for R in (0.01, 1.0, 100.0):
-            assert solve_game(Game(np.eye(n, k=1), B, B, np.eye(n), [[R]], 1000.0)).certificate.ok

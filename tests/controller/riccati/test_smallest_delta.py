@@ -23,19 +23,6 @@ def test_minimum_delta_brackets_the_exact_one(game: Game) -> None:
     assert found.margin(game.delta) == pytest.approx(game.delta / found.value)
 
 
-@pytest.mark.parametrize("a", [-1.0, 0.0, 2.0])
-def test_minimum_delta_of_a_scalar_game(a: float) -> None:
-    b, e, q, r = 0.7, 1.3, 2.0, 0.4
-    exact = e / math.sqrt(b * b / r + min(a, 0.0) ** 2 / q)
-    assert minimum_delta(Game([[a]], [[b]], [[e]], [[q]], [[r]], 1.0)).value == pytest.approx(exact, rel=2e-6)
-
-
-def test_a_search_that_starts_without_a_value_says_so(game: Game, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("controller.riccati.smallest_delta.has_value", lambda game: False)
-    with pytest.raises(NoSolutionError, match="twice the gain of a certified policy"):
-        minimum_delta(game)
-
-
 @pytest.mark.parametrize("games", [8, pytest.param(20, marks=pytest.mark.slow)])
 def test_minimum_delta_of_random_games(games: int) -> None:
     rng = np.random.default_rng(11)
