@@ -122,10 +122,6 @@ def _power(x: Any, y: Any) -> Any:
     return (y * x.log()).exp()
 
 
-def _magnitude(x: Any) -> Any:
-    return x if _at_most(0 * x, x) == 1 else -x
-
-
 _OPERATIONS: dict[int, Callable[..., Any]] = {
     ca.OP_ASSIGN: lambda x: x,
     ca.OP_ADD: operator.add,
@@ -148,7 +144,6 @@ _OPERATIONS: dict[int, Callable[..., Any]] = {
     ca.OP_ATAN2: _arctangent,
     ca.OP_POW: _power,
     ca.OP_CONSTPOW: _power,
-    ca.OP_FABS: _magnitude,
     ca.OP_FMIN: _smaller,
     ca.OP_FMAX: _larger,
     ca.OP_LE: _at_most,

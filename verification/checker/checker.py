@@ -150,7 +150,9 @@ def _check_box(claim: Content, name: str, box: Content, known: dict[str, TaylorM
     fits = {"least": rate <= 0, "most": rate >= 0}.get(name, rate >= 0 and rate * box["unstable"] == 0)
     if not (fits and abs(rate) < np.inf):
         raise Rejected("modes right of -rate are not those that are unstable")
-    if name in ("loop", "motion"):  # of ζ = (x, memory): ζ' = (A x - B K ζ, 0) + N (A X ζ - B K ζ) + M ζ
+    if name == "loop" and "M" not in table:
+        A -= B * between(table, "K", ends)
+    elif name in ("loop", "motion"):  # of ζ = (x, memory): ζ' = (A x - B K ζ, 0) + N (A X ζ - B K ζ) + M ζ
         K, M, N, X = (between(table, key, ends) for key in "KMNX")
         x = matrix(np.eye(A.parts[0].nrows(), M.parts[0].nrows()))
         A = x.transpose() * (A * x - B * K) + N * (A * X - B * K) + M

@@ -20,18 +20,7 @@ from hfa_support.model import Model
 
 Content = dict[str, Any]
 _DECIMAL = re.compile(r"-?\d{1,80}(\.\d{1,80})?(e[+-]?\d{1,3})?", re.ASCII)
-_FLIGHT: tuple[str, ...] = (
-    "dynamics",
-    "source",
-    "over",
-    "unit",
-    "state_units",
-    "input_units",
-    "input_scales",
-    "parameters",
-    "spread",
-)
-_FLIGHT += ("imposed", "limits", "range")
+_FLIGHT = ("parameters", "spread", "imposed", "limits", "range")
 _BOX, _MODES, _ROOT = ("range", "unstable", "rate"), ("H", "turn"), ("units", "P", "reach", "H", "turn")
 #: Rounding that may make the lowest eigenvalue of a semidefinite Q negative, relative.
 _ROUNDING = 1e-12
@@ -62,6 +51,19 @@ def model_of(claim: Content, own: Model | None) -> Model:
     return own
 
 
+def facts_of(model: Model) -> Content:
+    """Which model it is, over which variable, and the units of all numbers."""
+    return {
+        "dynamics": model.name,
+        "source": model.source[1],
+        "over": model.schedule,
+        "unit": model.schedule_unit,
+        "state_units": list(model.units(model.linear)),
+        "input_units": list(model.units(tuple(model.inputs))),
+        "input_scales": [model.signals[name].nominal for name in model.inputs],
+    }
+
+
 def check_structure(content: Content, model: Model | None) -> None:
     """Malformed names the first part that is missing, unknown, of another shape, out of order or no finite number.
 
@@ -77,7 +79,8 @@ def check_structure(content: Content, model: Model | None) -> None:
     extra = {"schedule": ("place_rate", "lyapunov"), "game": ("delta_min",), "lpv": ()}[kind] if more else ()
     own = ("table",) if kind == "schedule" else ("table", "game", "distances")
     uncertain = ("actuators",) if kind == "schedule" and isinstance(claim, dict) and "actuators" in claim else ()
-    _keys("the statement", claim, (("A", "B", "range") if model is None else _FLIGHT) + own + extra + uncertain)
+    flight = ("A", "B", "range") if model is None else (*facts_of(model), *_FLIGHT)
+    _keys("the statement", claim, flight + own + extra + uncertain)
     low, high = _numbers("range", claim["range"], (2,)).tolist()
     _require(low == high if kind == "game" else low < high, "range", [low, high])
     free = set[str]()
@@ -108,11 +111,8 @@ def check_structure(content: Content, model: Model | None) -> None:
 
 def _flight(claim: Content, model: Model, *, spread: bool) -> set[str]:
     """The unknowns of the trims of a flight; everything else of them is imposed, once."""
-    over, unit = model.schedule, model.schedule_unit
-    scales = [model.signals[name].nominal for name in model.inputs]
-    units = {"state_units": model.linear, "input_units": model.inputs}
-    stated = {key: list(model.units(tuple(names))) for key, names in units.items()}
-    for key, value in (stated | {"over": over, "unit": unit, "input_scales": scales}).items():
+    over = model.schedule
+    for key, value in facts_of(model).items():
         _require(claim[key] == value, key, claim[key])
     _table("parameters", claim["parameters"], set(model.parameters))
     widths = claim["spread"]
@@ -180,10 +180,8 @@ def _game(kind: str, claim: Content, n: int, m: int) -> None:
         shapes = {key: (count, *shape) for key, shape in shapes.items()}
         compared = _keys("distances", claim["distances"], tuple(shapes))
     else:
-        table = _keys("table", claim["table"], tuple("KMNX"), ("W", "P"))
+        table = _keys("table", claim["table"], ("K",), ("W", "P"))
         compared = _keys("distances", claim["distances"], (), tuple(shapes.keys() & table.keys()))
-        for key in "MNX":  # the loop of a game is A - B K
-            _require(not _numbers(key, table[key], (n, n)).any(), key)
     for key in shapes.keys() & table.keys():
         values = _numbers(key, table[key], shapes[key])
         _require(key != "W" or len(values) >= n * (n + 1) // 2, "W", f"{len(values)} weights")

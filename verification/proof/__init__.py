@@ -1,5 +1,1 @@
-"""Statements about every angle of an interval, proved with ball arithmetic."""
-
-from verification.arithmetic import flint_or_refusal
-
-flint_or_refusal()
+"""Statements that hold for every place of an interval: found in doubles, proved in balls."""

@@ -40,15 +40,11 @@ def write_certificate(
 
 def flights_claim(family: Family, low: float, high: float) -> dict[str, Any]:
     """Which model, which trims and which places a statement is about."""
+    from verification.checker.structure import facts_of
+
     model = family.model
     return {
-        "dynamics": model.name,
-        "source": model.source[1],
-        "over": family.over,
-        "unit": family.unit,
-        "state_units": model.units(model.linear),
-        "input_units": model.units(tuple(model.inputs)),
-        "input_scales": [model.signals[name].nominal for name in model.inputs],
+        **facts_of(model),
         "parameters": {name: signal.start for name, signal in model.parameters.items()},
         "spread": {name: width for name, width in family.spread.items() if width > 0.0},
         "imposed": family.imposed(),

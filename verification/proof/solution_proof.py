@@ -104,30 +104,15 @@ def frequencies_around_axis(game: BallGame) -> tuple[float, float] | None:
     values = np.linalg.eigvals(np.block([[own.game.A, -own.game.S], [-own.game.Q, -own.game.A.T]]))
     near = sorted(np.abs(values[np.argsort(np.abs(values.real))][:4].imag).tolist())
     ends = [near[0] * 0.9, *near, near[-1] * 1.1]
-    places = [*ends, *((a + b) / 2 for a, b in pairwise(ends))]
-    hamiltonian = _hamiltonian(own)
-    found = {_sign(_determinant(hamiltonian, frequency)): frequency for frequency in places}
-    return (found[1], found[-1]) if {1, -1} <= set(found) else None
-
-
-def _hamiltonian(game: BallGame) -> list[list[arb]]:
-    """H = [[A, -S], [-Q, -A']]."""
-    A, S, Q = game.A, game.S(), game.Q()
-    top = [[*row, *other] for row, other in zip(A.tolist(), (-S).tolist(), strict=True)]
-    low = [[*row, *other] for row, other in zip((-Q).tolist(), (-A.transpose()).tolist(), strict=True)]
-    return top + low
-
-
-def _determinant(hamiltonian: list[list[arb]], frequency: float) -> arb:
-    """The real part of det(j ω I - H); its imaginary part is 0."""
-    rows = [[acb(-entry) for entry in row] for row in hamiltonian]
-    for i, row in enumerate(rows):
-        row[i] += acb(0, exact(frequency))
-    return acb_mat(rows).det().real
-
-
-def _sign(value: arb) -> int:
-    return 1 if value > 0 else -1 if value < 0 else 0
+    A, S, Q = own.A, own.S(), own.Q()
+    rows = [[*row, *other] for row, other in zip(A.tolist(), (-S).tolist(), strict=True)]
+    rows += [[*row, *other] for row, other in zip((-Q).tolist(), (-A.transpose()).tolist(), strict=True)]
+    H, one, found = acb_mat(rows), acb_mat(matrix(np.eye(len(rows)))), dict[bool, float]()
+    for frequency in (*ends, *((a + b) / 2 for a, b in pairwise(ends))):
+        value = (one * acb(0, exact(frequency)) - H).det().real
+        if value > 0 or value < 0:
+            found[bool(value > 0)] = frequency
+    return (found[True], found[False]) if len(found) == 2 else None
 
 
 @dataclass(frozen=True, eq=False)
@@ -288,7 +273,7 @@ def solution_claim(proof: SolutionProof) -> Parts:
     about, wide, sharp = proof.about, proof.about.wide, proof.about.sharp
     gain = wide.gain_of(matrix(proof.P))
     claim = about.claim() | {
-        "table": _table(gain, {"P": proof.P}),
+        "table": {"K": doubles(gain), "P": proof.P},
         "distances": {"P": [0.0, _WIDER * proof.radius]},
         "delta_min": [proof.delta.refused, proof.delta.value],
     }
@@ -310,17 +295,10 @@ def critic_claim(proof: CriticProof) -> Parts:
     given = {name: value[:, None] if name == "W" else value for name, value in proof.given.items()}
     gain = matrix(given["K"]) if "K" in given else sharp.gain_of(matrix(given["P"]))
     distances = {name: _widened(found) for name, found in proof.distances.items()}
-    return about.claim() | {"table": _table(gain, given), "distances": distances}, {
+    return about.claim() | {"table": {"K": doubles(gain)} | given, "distances": distances}, {
         "solution": [point | _solution(sharp)],
         "loop": [point | _modes(sharp.A - sharp.B * gain)],
     }
-
-
-def _table(gain: arb_mat, given: dict[str, np.ndarray]) -> dict[str, Any]:
-    """What is compared with the exact solution, and u = -K x, K rounded to doubles, as a loop without memory."""
-    K = doubles(gain)
-    n = K.shape[1]
-    return {"K": K, "M": np.zeros((n, n)), "N": np.zeros((n, n)), "X": np.zeros((n, n))} | given
 
 
 def _widened(found: Distance) -> list[float]:

@@ -101,7 +101,6 @@ def test_an_unknown_operation_is_refused_by_name() -> None:
 @pytest.mark.parametrize(
     ("expression", "at"),
     [
-        (ca.fabs, 0.0),
         (lambda x: ca.fmin(x, 0.0), 0.0),
         (lambda x: (x < 0.0) * x, 0.0),
         (lambda x: ca.atan2(1.0, x), 0.0),

@@ -6,7 +6,7 @@ import casadi as ca
 import flint
 import numpy as np
 import pytest
-from flint import arb, arb_mat
+from flint import arb
 from known_models import model_at
 from proof_cases import family
 
@@ -18,25 +18,15 @@ from verification.arithmetic.taylor_model import TaylorModel
 
 
 @pytest.mark.parametrize("dynamics", VARIANTS)
-def test_taylor_models_hold_the_function_along_the_box(dynamics: str) -> None:
-    """f(x + s d) of the model lies in the Taylor model of f, at random s; the rest is of third order."""
-    flint.ctx.prec = 106
+def test_the_rest_along_a_box_is_of_third_order(dynamics: str) -> None:
     function = BallFunction(compiled_dynamics(VARIANTS[dynamics]).rates)
     point, parameters = model_at(12.0, dynamics).point, family(dynamics).aircraft.parameters
-    random = np.random.default_rng(3)
-    x, direction = np.array(point.states), random.uniform(-1.0, 1.0, 7) * [5.0, 0.1, 0.0, 0.1, 0.1, 0.1, 0.1]
-    fixed = [[TaylorModel(arb(value)) for value in values] for values in (point.inputs, parameters)]
-    rests = []
+    direction = np.random.default_rng(3).uniform(-1.0, 1.0, 7) * [5.0, 0.1, 0.0, 0.1, 0.1, 0.1, 0.1]
+    fixed, rests = [[TaylorModel(arb(value)) for value in values] for values in (point.inputs, parameters)], []
     for size in (0.2, 0.1):
-        steps = [arb(entry) * arb(size) for entry in direction.tolist()]
-        along = [TaylorModel(arb(a), b) for a, b in zip(x.tolist(), steps, strict=True)]
-        models = function(along, *fixed)[0]
-        for s in random.uniform(-1.0, 1.0, 10).tolist():
-            place = [TaylorModel(arb(a) + b * s) for a, b in zip(x.tolist(), steps, strict=True)]
-            for model, value in zip(models, function(place, *fixed)[0], strict=True):
-                c0, c1, c2, rest = model.parts
-                assert (c0 + c1 * s + c2 * (arb(s) ** 2) + rest).overlaps(value.range())
-        rests.append(max(float(model.parts[3].rad()) for model in models))
+        steps = (size * direction).tolist()
+        along = [TaylorModel(arb(a), arb(b)) for a, b in zip(point.states, steps, strict=True)]
+        rests.append(max(float(model.parts[3].rad()) for model in function(along, *fixed)[0]))
     assert 6.0 < rests[0] / rests[1] < 12.0
 
 
@@ -96,14 +86,6 @@ def test_errors_of_parameters_are_carried_to_first_order() -> None:
         near = c0 + c1 * s + c2 * arb(s) ** 2 + sum((a * b for a, b in zip(z, t, strict=True)), zero) + rest
         assert near.contains(exact.mid())
     np.testing.assert_allclose([float(each.mid()) for each in z], [0.4 / 3, -0.2 / 3 - 0.1 / 3], rtol=1e-12)
-
-
-def test_matrices_of_taylor_models_multiply() -> None:
-    A, B = (arb_mat(rows) for rows in ([[1, 2], [3, 4]], [[0, 1], [1, 0]]))
-    product = TaylorModel(A, B) * TaylorModel(B, A)
-    c0, c1, c2, rest = product.parts
-    assert (c0, c1, c2) == (A * B, A * A + B * B, B * A)
-    assert rest == 0 * A
 
 
 def test_a_number_over_a_taylor_model_and_a_taylor_model_over_a_number() -> None:

@@ -16,7 +16,7 @@ from proof_cases import delayed_abscissa, forge
 from controller import Game, basis
 from controller.riccati.gare import solve_game
 from controller.riccati.smallest_delta import minimum_delta
-from hfa_model import INPUTS, LINEAR_STATES, Aircraft, Parameters
+from hfa_model import INPUTS, Aircraft, Parameters
 from hfa_model.vectors import INPUT_SCALES
 from hfa_support import NoSolutionError
 from trim import TrimCondition, find_operating_point, linearize
@@ -364,18 +364,6 @@ def _one_direction(content: Content) -> None:
         box["turn"] = [[row[0]] for row in box["turn"]]
 
 
-def _one_entry_of_the_loop(content: Content) -> None:
-    n = len(content["statement"]["table"]["M"])
-    content["statement"]["table"] |= {"M": [[-1.0]], "K": [[0.0]] * 5, "N": [[0.0] * 6], "X": [[0.0]] * 6}
-    content["boxes"]["loop"][0] |= {"H": [[1.0]], "turn": [[1.0]]}
-    assert n == len(LINEAR_STATES)
-
-
-def _damped_by_M(content: Content) -> None:
-    content["statement"]["table"] |= {"M": (-1e3 * np.eye(6)).tolist(), "K": np.zeros((5, 6)).tolist()}
-    content["boxes"]["loop"][0] |= {"H": np.eye(6).tolist(), "turn": np.eye(6).tolist()}
-
-
 def _all_open(content: Content) -> None:
     content["statement"]["distances"]["K"] = [0.0, 1e-30]
     content["open"] = {"solution": [[14.5, 14.5]]}
@@ -407,8 +395,6 @@ def _doubles_alone(content: Content) -> None:
         ("rate", _doubles_alone),
         ("solution", _doubles_alone),
         ("rate", _one_direction),
-        ("critic", _one_entry_of_the_loop),
-        ("critic", _damped_by_M),
         ("critic", _all_open),
         ("lpv", _no_cells),
         ("rate", _unsorted),

@@ -8,51 +8,18 @@ from typing import Any
 import numpy as np
 import pytest
 from known_models import game_at
-from proof_cases import ORIGIN, family, scalar_game
+from proof_cases import ORIGIN, scalar_game
 
 from controller import Game, basis
 from controller.game.critic_file import StoredCritic
 from hfa_support import NoSolutionError
-from verification import check_certificate, prove_critic, prove_solution, solve_game
+from verification import check_certificate, prove_critic, prove_solution
 from verification.checker.checker import Rejected
 from verification.proof.certificate_file import write_certificate
 from verification.proof.proof_report import checked_report
 from verification.proof.solution_proof import critic_claim, solution_claim
 
 Content = dict[str, Any]
-
-
-@pytest.fixture(scope="module")
-def solution(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("proof") / "solution.json"
-    proof = prove_solution(game_at(15.0), family(), 15.0)
-    write_certificate(path, ORIGIN, "game", *solution_claim(proof))
-    return path
-
-
-@pytest.fixture(scope="module")
-def critic(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """W off by 1e-6 and K off by 1e-3."""
-    path = tmp_path_factory.mktemp("proof") / "critic.json"
-    game, functions = game_at(15.0), basis("quadratic", 6)
-    exact = solve_game(game)
-    stored = StoredCritic(functions.weights(exact.P) * (1 + 1e-6), None, exact.K * (1 + 1e-3))
-    write_certificate(path, ORIGIN, "game", *critic_claim(prove_critic(game, stored, functions, family(), 15.0)))
-    return path
-
-
-def test_a_solution_is_verified(solution: Path) -> None:
-    report = checked_report(check_certificate(solution))
-    assert report.data["proved"] is True
-    assert report.data["distances"]["P"][1] < 1e-12
-    assert report.data["delta_min_at_most"] / report.data["delta_min_above"] < 1 + 1.001e-6
-
-
-def test_a_critic_is_verified(critic: Path) -> None:
-    data = checked_report(check_certificate(critic)).data
-    assert data["closed_loop_hurwitz"] is True
-    for name, size in {"W": 1e-6, "P": 1e-6, "K": 1e-3}.items():
-        np.testing.assert_allclose(data["distances"][name], size, rtol=1e-5)
 
 
 def test_a_plant_of_a_file_with_an_eigenvalue_on_the_axis_below_delta_min(tmp_path: Path) -> None:

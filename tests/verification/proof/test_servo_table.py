@@ -91,18 +91,6 @@ def test_the_loop_is_that_of_its_parts(order: int) -> None:
     np.testing.assert_allclose(doubles(loop.parts[0]), expected, rtol=1e-6, atol=1e-6 * np.abs(expected).max())
 
 
-def test_a_loop_with_memory_is_proved_and_verified(tmp_path: Path) -> None:
-    table, path = servo_table(filtered(), fast(), 68.0, family().model), tmp_path / "certificate.json"
-    assert table.K.shape == (2, 5, 18)
-    proof = prove_schedule(family(), table, 14.0, 15.0)
-    assert proof.proved
-    assert 0.2 < proof.rate < 0.4
-    ScheduleCertificate(family(), table, 14.0, 15.0, path, ORIGIN).finish(proof)
-    found = check_certificate(path)
-    assert joined(found.covers["loop"]) == [(14.0, 15.0, 0)]
-    assert found.rate == proof.rate
-
-
 @pytest.mark.parametrize("apart", [0.0, 200.0])
 def test_a_loop_with_memory_may_move_as_fast_as_is_proved_and_verified(tmp_path: Path, apart: float) -> None:
     """Filters and actuators of different speed, and of the same: modes that are equal, in their vectors too."""
@@ -112,9 +100,13 @@ def test_a_loop_with_memory_may_move_as_fast_as_is_proved_and_verified(tmp_path:
     actuators = {name: Actuator(order=1, bandwidth=200.0 + 0.1 * apart * i) for i, name in enumerate(INPUTS)}
     table = servo_table(controller, actuators, 68.0, family().model)
     proof, motion = prove_schedule(family(), table, 14.0, 14.125), prove_rate(family(), table, 14.0, 14.125)
+    assert proof.proved
+    assert 0.2 < proof.rate < 0.4
     assert motion.rate > 0.1
     ScheduleCertificate(family(), table, 14.0, 14.125, path, ORIGIN).finish(proof, motion)
-    assert joined(check_certificate(path).covers["motion"]) == [(14.0, 14.125, 0)]
+    found = check_certificate(path)
+    assert [joined(found.covers[name]) for name in ("loop", "motion")] == [[(14.0, 14.125, 0)]] * 2
+    assert found.rate == proof.rate
     content = json.loads(path.read_text())
     content["statement"]["place_rate"] *= 3.0
     forge(path, content)
