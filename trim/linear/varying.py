@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -65,8 +66,6 @@ class InterpolatedModel(Reported):
 
     def at(self, **values: float | np.ndarray) -> Interpolated:
         """At values of all variables, numbers or arrays (N,); BadInputError outside of the grid."""
-        from scipy.interpolate import RegularGridInterpolator
-
         if {*values} != {*self.sweep.variables}:
             raise BadInputError(f"give {', '.join(self.sweep.variables)}, by name")
         asked = np.stack(np.broadcast_arrays(*(values[name] for name in self.sweep.variables)), axis=-1)
@@ -74,11 +73,17 @@ class InterpolatedModel(Reported):
             if not np.all((axis[0] <= column) & (column <= axis[-1])):
                 ends = (self.sweep.model.describe(name, end) for end in axis[[0, -1]])
                 raise BadInputError(f"{name} lies outside of the sweep, which goes from {' to '.join(ends)}")
-        found = (RegularGridInterpolator(self.axes, table)(asked) for table in self._tables)
-        shapes = (table.shape[len(self.axes) :] for table in self._tables)
-        return Interpolated(
-            *(each.reshape(*asked.shape[:-1], *shape) for each, shape in zip(found, shapes, strict=True))
-        )
+        shapes = [table.shape[len(self.axes) :] for table in self._tables]
+        parts = np.split(self._interpolator(asked), np.cumsum([math.prod(shape) for shape in shapes])[:-1], axis=-1)
+        return Interpolated(*(p.reshape(*asked.shape[:-1], *shape) for p, shape in zip(parts, shapes, strict=True)))
+
+    @cached_property
+    def _interpolator(self) -> Any:
+        """Of all quantities at once, (..., variables) -> (..., entries)."""
+        from scipy.interpolate import RegularGridInterpolator
+
+        flat = [table.reshape(*map(len, self.axes), -1) for table in self._tables]
+        return RegularGridInterpolator(self.axes, np.concatenate(flat, axis=-1))
 
     def to_casadi(self) -> ca.Function:
         """(values of the variables,) -> X0, U0, A, B, as `at`, but held at the ends of the grid.
