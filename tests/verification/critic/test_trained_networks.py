@@ -1,0 +1,122 @@
+"""Networks fitted to the game at 15 deg by examples/train_a_network.py, right and with a mistake planted in each.
+
+trained/: V, gradient and policy are 6-64-64-k; gamma_120, steps_of_0.1_s and at_8_deg are 6-16-16-5 policies of other
+problems. All are tanh, float32, and take z / (7 ft/s, 0.1 rad, 0.1 rad/s).
+"""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pytest
+from cli import answer, hfa
+from game_files import AT_15
+from known_models import game_at
+from network_files import torch_file
+
+from controller import Game
+from hfa_cli.main import FAILED
+from verification import check_critic, from_network, solve_game
+from verification.critic.critic_errors import ordinary_box
+from verification.critic.network_check import search
+
+TRAINED = Path(__file__).parent / "trained"
+BOX = np.array([7.0, *[0.1] * 5])
+DEGREES = np.array([1.0, *[np.pi / 180.0] * 5])
+ORDER = [0, 2, 1, 3, 5, 4]
+SCALE = ",".join(map(str, 1.0 / BOX))
+pytestmark = pytest.mark.usefixtures("folder")
+
+
+def layers(name: str, out: Any = 1.0, states: Any = slice(None), outputs: Any = slice(None)) -> dict[str, Any]:
+    """The state dict with its outputs multiplied, its states and its outputs in another order."""
+    with np.load(TRAINED / f"{name}.npz") as stored:
+        found = dict(stored)
+    first, *_, weight, bias = found
+    found[first] = found[first][:, states]
+    factors = np.broadcast_to(np.asarray(out, dtype="float32"), found[bias].shape)
+    found[weight], found[bias] = (found[weight] * factors[:, None])[outputs], (found[bias] * factors)[outputs]
+    return found
+
+
+#: What was done to which network, how it is read, what must be named.
+MISTAKES: dict[str, tuple[dict[str, Any], dict[str, Any], str]] = {
+    "outputs swapped": ({"name": "policy", "outputs": [0, 2, 1, 4, 3]}, {}, "inputs are in the order 1, 3, 2, 5, 4"),
+    "slopes swapped": ({"name": "gradient", "outputs": [0, 2, 1, 4, 3, 5]}, {}, "slopes are in the order 1, 3, 2, 5"),
+    "no input scaling": ({"name": "policy"}, {"scale": np.ones(6)}, "the states look scaled by 6.9"),
+    "no input scaling, dV/dz": ({"name": "gradient"}, {"scale": np.ones(6)}, "the states look scaled by 6.9"),
+    "ReLU for tanh": ({"name": "policy"}, {"activation": "relu"}, "the activation is tanh, not relu"),
+    "ReLU for tanh, V": ({"name": "V"}, {"activation": "relu"}, "the activation is tanh, not relu"),
+    "u = +K z": ({"name": "policy", "out": -1.0}, {}, "the gain has the wrong sign"),
+    "gamma": ({"name": "gamma_120"}, {}, "this is the gain of another game, at delta = 1"),
+    "degrees": ({"name": "policy"}, {"scale": DEGREES / BOX}, "states 2, 3, 4, 5 and 6 are in degrees"),
+    "discrete time": ({"name": "steps_of_0.1_s"}, {}, "in discrete time, a step of 0.1"),
+    "sign of V": ({"name": "V", "out": -1.0}, {}, "the value has the wrong sign"),
+    "half cost": ({"name": "V", "out": 0.5}, {}, "the value is half the exact one"),
+    "states permuted": ({"name": "policy", "states": ORDER}, {}, "the states are in the order 1, 3, 2, 4, 6, 5"),
+    "no R": ({"name": "policy", "out": [10, 1000, 300, 400, 50]}, {}, "R⁻¹ is missing"),
+    "another angle": ({"name": "at_8_deg"}, {}, "this is the gain of another game, at dihedral 8."),
+}
+
+
+@pytest.mark.parametrize("mistake", MISTAKES)
+def test_a_planted_mistake_fails_and_is_named(game: Game, mistake: str) -> None:
+    changes, how, words = MISTAKES[mistake]
+    if mistake == "no R":
+        changes = {**changes, "out": np.diag(game.R)}
+    path = torch_file("critic.pt", layers(**changes))
+    candidate = from_network(game, path, **({"activation": "tanh", "scale": 1.0 / BOX} | how))
+    check = check_critic(game, candidate, at_dihedral=game_at, flights=4)
+    assert not check.ok
+    assert words in check.diagnosis
+
+
+def test_the_right_networks_have_no_cause_but_what_v_hides(game: Game) -> None:
+    for name, said in (("policy", ""), ("gradient", ""), ("V", "V is near and its policy off by")):
+        path = torch_file("critic.pt", layers(name))
+        candidate = from_network(game, path, activation="tanh", scale=1.0 / BOX)
+        check = check_critic(game, candidate, flights=4)
+        assert check.diagnosis.startswith(said)
+        assert bool(check.diagnosis) == bool(said)
+
+
+@pytest.mark.parametrize("name", ["V", "policy", "gradient"])
+def test_a_network_of_64_64_is_judged_within_5_seconds(name: str) -> None:
+    path, begin = str(TRAINED / f"{name}.npz"), time.process_time()
+    found = answer("verify", *AT_15, "--weights", path, "--activation", "tanh", "--scale", SCALE, code=FAILED)
+    assert time.process_time() - begin < 5.0
+    assert (found["network"]["precision"], found["network"]["output"]) == ("float32", name)
+    assert hfa("verify", *AT_15, "--weights", path, "--activation", "tanh", "--scale", SCALE).out.startswith("FAIL by ")
+
+
+@pytest.mark.slow
+def test_the_search_finds_what_a_grid_of_a_million_points_finds(game: Game) -> None:
+    exact, b = solve_game(game), ordinary_box(game).half_widths
+    for name in ("V", "policy"):
+        candidate = from_network(game, TRAINED / f"{name}.npz", activation="tanh", scale=1.0 / BOX)
+        about = candidate.nonlinear
+        assert about is not None
+        z = np.array(np.meshgrid(*[np.linspace(-1.0, 1.0, 10)] * 6)).reshape(6, -1) * b[:, None]
+        off = about.policy(game) + ca.DM(exact.K) @ about.z
+        size = np.sqrt(game.R.diagonal()) * (np.abs(exact.K) @ b)
+        size = np.maximum(size, 1e-5 * size.max()) / np.sqrt(game.R.diagonal())
+        errors = ca.Function("errors", [about.z], [off / ca.DM(size)]).map(1000)
+        worst = max(float(np.abs(np.array(errors(part))).max()) for part in np.split(z, 1000, axis=1))
+        found = {each.name: each.error for each in search(game, candidate, exact, b)[1]}
+        assert found["policy"] >= worst
+
+
+def test_a_folder_of_checkpoints_is_a_learning_curve() -> None:
+    Path("runs").mkdir()
+    for step, share in ((2, 0.5), (10, 0.9), (100, 1.0)):
+        np.savez(f"runs/step_{step}.npz", **layers("policy", out=share))
+    words = ("verify", *AT_15, "--weights", "runs", "--activation", "tanh", "--scale", SCALE)
+    found = answer(*words, "--picture", "curve.png", code=FAILED)["critics"]
+    assert list(found) == [f"runs/step_{step}.npz" for step in (2, 10, 100)]
+    errors = [each["K_rel_error"] for each in found.values()]
+    assert errors == sorted(errors, reverse=True)
+    assert Path("curve.png").stat().st_size > 10_000
