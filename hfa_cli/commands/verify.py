@@ -8,6 +8,7 @@ from __future__ import annotations
 import argparse
 import math
 import re
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -87,6 +88,7 @@ def run(arguments: argparse.Namespace) -> int:
         raise BadInputError("--discount and --dt belong together; neither has a default")
     named = game_of(arguments)
 
+    @cache
     def at_dihedral(degrees: float) -> Any:
         return game_of(argparse.Namespace(**vars(arguments) | {"dihedral": math.radians(degrees)})).game
 

@@ -26,7 +26,7 @@ from verification.critic.critic_errors import SMALL
 STARTS, CLIMBS = 1000, 4
 #: Flights, each until the exact loop has decayed to exp(-`DECAY`), in so many steps at most; from how many starts the
 #: largest box is sought, among 1, 2, ... 2^`DOUBLINGS` times the box and its parts.
-FLIGHTS, DECAY, STEPS, FEW, DOUBLINGS = 100, 5.0, 2000, 8, 4
+FLIGHTS, DECAY, STEPS, FEW, DOUBLINGS = 100, 5.0, 1000, 6, 4
 #: A flight has returned where V* has come down to this part.
 RETURNED = 0.05
 SAID = {"value": "V", "gradient": "a slope of V", "policy": "the policy"}

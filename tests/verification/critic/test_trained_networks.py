@@ -63,7 +63,13 @@ MISTAKES: dict[str, tuple[dict[str, Any], dict[str, Any], str]] = {
 }
 
 
-@pytest.mark.parametrize("mistake", MISTAKES)
+#: Two of a kind, by default one.
+SLOW = ("slopes swapped", "no input scaling, dV/dz", "ReLU for tanh, V", "states permuted", "half cost")
+
+
+@pytest.mark.parametrize(
+    "mistake", [pytest.param(each, marks=[pytest.mark.slow] * (each in SLOW)) for each in MISTAKES]
+)
 def test_a_planted_mistake_fails_and_is_named(game: Game, mistake: str) -> None:
     changes, how, words = MISTAKES[mistake]
     if mistake == "no R":
