@@ -76,13 +76,11 @@ def controller_function(policy: ServoPolicy) -> ca.Function:
     memory = [controller; r; r'], command: what r is on its way to. Deviations from trim; the dihedral absolute, rad.
     """
     made, names = policy.controller, commandable(policy.controller)
-    model, sizes = (
-        policy.regulated.model,
-        {"measured": len(made.measurements), "memory": len(made.states) + 2 * len(names)},
-    )
+    model = policy.regulated.model
+    measured = ca.SX.sym("measured", len(made.measurements))
+    memory = ca.SX.sym("memory", len(made.states) + 2 * len(names))
     dihedral, command = ca.SX.sym("dihedral"), ca.SX.sym("command", len(names))
     lowest, highest = (ca.SX.sym(name, len(model.inputs)) for name in ("lowest", "highest"))
-    measured, memory = (ca.SX.sym(name, size) for name, size in sizes.items())
     own, r, slope = ca.vertsplit(memory, [0, *np.cumsum([len(made.states), len(names), len(names)]).tolist()])
     told = replace(policy, commands=Given(r, slope, command, names), outputs=Given(measured))
     states = ca.SX(len(model.linear), 1)
@@ -182,11 +180,9 @@ class ExportedLoop:
 def aircraft_loop(aircraft: Aircraft | Model, point: OperatingPoint) -> ExportedLoop:
     """X' = f(X, U, w): v = [U; w], w the updraft of a model that has one."""
     model, w = aircraft.model, _updraft(aircraft)
-    X, U = ca.SX.sym("X", len(model.states)), ca.SX.sym("U", len(model.inputs))
-    x, u = X - ca.DM(np.array(point.states)), U - ca.DM(np.array(point.inputs))
-    winds = {UPDRAFT: w} if w.numel() else {}
-    rate = NonlinearPlant(aircraft, point).rate(x, u, ca.DM.zeros(len(model.linear)), winds)
-    function = ca.Function("loop", [X, ca.vertcat(U, w)], [ca.densify(rate), ca.DM(0, 1)])
+    U = ca.SX.sym("U", len(model.inputs))
+    X, rate, _ = _closed(aircraft, point, Given(U - ca.DM(np.array(point.inputs))), w)
+    function = ca.Function("loop", [X, ca.vertcat(U, w)], [rate, ca.DM(0, 1)])
     return ExportedLoop(function, _states(point), (), (*_inputs(point), *_air(model)), len(model.states))
 
 

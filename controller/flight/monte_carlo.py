@@ -10,6 +10,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+import casadi as ca
 import numpy as np
 
 from controller.flight.actuators import LONGEST_STEP
@@ -33,7 +34,7 @@ from hfa_model.aircraft import Aircraft
 from hfa_support.errors import BadInputError
 from hfa_support.jobs.store import Array, Layout, Store, described
 from hfa_support.jobs.stream import stream
-from hfa_support.model import Model
+from hfa_support.model import VECTORS, Model, components
 from hfa_support.native.bound import cached_per_thread
 from hfa_support.reporting.fields import Shown
 from hfa_support.reporting.report import Report, Reported
@@ -112,7 +113,7 @@ class MonteCarlo(Shown):
             "seed": self.seed,
             "parameters": {name: each.start for name, each in self.model.parameters.items()},
             "dynamics": self.model.name,
-            **({"model": self.model.source} if self.model.source[0] else {}),
+            **({} if isinstance(self.aircraft, Aircraft) else {"model": _told_apart(self.model)}),
             "states": self.point.states._asdict(),
             "inputs": self.point.inputs._asdict(),
             "law": {"name": self.law.name, **self.law.identity},
@@ -188,6 +189,15 @@ class MonteCarlo(Shown):
 
     def __hash__(self) -> int:
         return hash(self.identity)
+
+
+def _told_apart(model: Model) -> tuple[str, ...]:
+    """What decides a model's equations: the file that it comes from and its hash, else a hash of the expressions."""
+    x, u, p, w = (ca.SX.sym(name, len(names)) for name, names in zip(VECTORS, model.layout.names, strict=False))
+    if model.source[0]:
+        return model.source
+    f = model.layout.expressions(tuple(map(components, (x, u, p))), (), components(w))[0]
+    return (hashlib.sha256(ca.Function("f", [x, u, p, w], [f]).serialize().encode()).hexdigest(),)
 
 
 @cached_per_thread(maxsize=4)

@@ -100,7 +100,8 @@ def law_of(arguments: argparse.Namespace) -> str:
     from controller.laws.certified import known_law
 
     law = DEFAULT_LAW if arguments.law is None else str(arguments.law)
-    return known_law(law, (*LAWS, *((NONE,) if hasattr(arguments, "command") else ())))
+    flown = hasattr(arguments, "controller") and hasattr(arguments, "command")
+    return known_law(law, (*LAWS, NONE) if flown else LAWS)
 
 
 def seed_of(arguments: argparse.Namespace) -> int:
@@ -274,7 +275,7 @@ def scenario_of(arguments: argparse.Namespace, point: OperatingPoint, duration: 
     common = Scenario(
         duration=duration,
         step=arguments.step,
-        tick=_tick_of(arguments),
+        tick=_tick_of(arguments, duration),
         initial=_initial_of(arguments.initial, model),
         disturbance=_signal_of("disturbance", disturbed, model.linear),
         actuators=actuators_of(arguments),
@@ -289,17 +290,18 @@ def scenario_of(arguments: argparse.Namespace, point: OperatingPoint, duration: 
     return found.on(model)
 
 
-def _tick_of(arguments: argparse.Namespace) -> float:
-    """0.01 s, or the longest shorter tick of whole steps that the delay holds a whole number of."""
-    delay = arguments.delay or 0.0
-    if delay < 0.0:
-        raise BadInputError(f"--delay is {delay:g} s; it must not be negative")
-    for count in range(math.ceil(delay / _TICK - 1e-9), round(delay / arguments.step) + 1 if delay else 0):
-        if abs((delay / count) / arguments.step - round(delay / count / arguments.step)) < 1e-6:
-            return float(delay / count)
-    if delay:
-        raise BadInputError(f"--delay is {delay:g} s; make it a whole number of steps of {arguments.step:g} s")
-    return _TICK
+def _tick_of(arguments: argparse.Namespace, duration: float) -> float:
+    """0.01 s, or the longest shorter tick of whole steps of which delay and duration are a whole number."""
+    delay, step = arguments.delay or 0.0, arguments.step
+    if not delay or step <= 0.0:
+        return _TICK
+    if not step <= delay < duration:
+        raise BadInputError(f"--delay is {delay:g} s; give at least a step of {step:g} s and less than the duration")
+    for steps in range(min(round(_TICK / step), round(delay / step)), 0, -1):
+        tick = steps * step
+        if all(abs(each / tick - round(each / tick)) < 1e-6 for each in (delay, duration)):
+            return float(tick)
+    raise BadInputError(f"--delay is {delay:g} s; make delay and duration a whole number of steps of {step:g} s")
 
 
 def envelope_of(arguments: argparse.Namespace, aircraft: Aircraft | Model, point: OperatingPoint) -> Envelope:

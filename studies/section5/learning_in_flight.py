@@ -7,8 +7,8 @@ import numpy as np
 from controller import Game, basis
 from controller.game.learning_result import LearningResult
 from controller.laws.certify import abscissa, positivity
-from controller.policy.learned_gain import baseline_gain
 from controller.training_data.recording import natural_spread
+from studies.update_law.integral_rl import baseline_gain
 
 
 def certified_gains(game: Game, learned: LearningResult, tick: float) -> tuple[np.ndarray, float]:

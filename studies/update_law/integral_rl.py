@@ -15,12 +15,13 @@ from controller.game.zero_sum import Game
 from controller.laws.certified import enough_for, initial_weights
 from controller.laws.certify import conclude
 from controller.laws.run import Run, run
-from controller.policy.learned_gain import BASELINE_EFFORT, baseline_value
 from controller.training_data import recording
 from controller.training_data.bellman_equations import StackEquations
 from controller.training_data.recording import Stack, natural_spread, record, refuse_poor, unit_rows
 from hfa_support.errors import BadInputError, NoSolutionError
 
+#: The baseline that is used while nothing is certified: the LQR of the game's Q and this many times its R.
+BASELINE_EFFORT = 100.0
 #: Gauss-Legendre nodes per interval: the integrals of the probing flight are then exact to rounding.
 NODES = 10
 #: A flight beyond this overflows when its states are multiplied.
@@ -245,6 +246,25 @@ def probing_flight(
         rows.append(current)
     flown = np.array(rows)
     return flown[:, :n], flown @ pick[:m].T, flown @ pick[m:].T
+
+
+def baseline_value(game: Game) -> np.ndarray:
+    """P with A'P + P A + Q - P B (f R)⁻¹ B'P = 0, f = BASELINE_EFFORT; (n, n). A gentle gain without a game.
+
+    Raises NoSolutionError when (A, B) cannot be stabilized.
+    """
+    from scipy.linalg import solve_continuous_are
+
+    try:
+        P: np.ndarray = solve_continuous_are(game.A, game.B, game.Q, BASELINE_EFFORT * game.R)
+    except (np.linalg.LinAlgError, ValueError) as error:
+        raise NoSolutionError(f"no baseline gain: {error}; check that the inputs can stabilize the model") from error
+    return P
+
+
+def baseline_gain(game: Game) -> np.ndarray:
+    """K = (f R)⁻¹ B'P of `baseline_value`, (m, n)."""
+    return game.gain(baseline_value(game)) / BASELINE_EFFORT
 
 
 def baseline_weights(game: Game) -> tuple[float, ...]:

@@ -90,10 +90,11 @@ def test_exports_have_its_names() -> None:
         ("fly --error mass=1.1", "unknown parameter 'mass'"),
         ("fly --units si", "--units si does not go with --aircraft here"),
         ("fly --envelope speed=200:300", "the trim has speed 176 ft/s, outside the envelope's"),
-        ("fly --delay 0.0105", "make it a whole number of steps"),
+        ("fly --delay 0.0105", "make delay and duration a whole number of steps"),
         ("schedule --to 176", "begins and ends at 176 ft/s"),
         ("schedule --to 190 --dihedral 5", "belongs to the HFA"),
         ("map --initial speed=1", "a map has two states off trim"),
+        ("map --law none", "unknown law 'none'"),
     ],
 )
 def test_what_does_not_fit_the_model_is_one_line(words: str, named: str) -> None:

@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 from own_models import NAVION
 from scipy.integrate import solve_ivp
 
-from controller import Actuators, CommandSteps, Game, Scenario, flight_envelope, fly, gain_law
+from controller import Actuators, CommandSteps, Game, MonteCarlo, Scenario, flight_envelope, fly, gain_law
 from controller.flight.closed_loop import ClosedLoop
 from controller.flight.limit_cycle import limit_cycle
 from controller.flight.nonlinear_flight import NonlinearFlight
@@ -52,6 +53,21 @@ def test_a_step_without_a_law_is_what_another_integrator_says(navion: Model) -> 
     assert result.report().data["states"] == list(navion.states)
     with pytest.raises(BadInputError, match="there is no law, and no input 'flap'"):
         flown(navion, Scenario(), flap=1.0)
+
+
+def test_plans_of_models_that_differ_in_their_equations_differ(navion: Model) -> None:
+    def plan(factor: float) -> MonteCarlo:
+        def equations(x: Any, u: Any, p: Any, w: Any) -> Any:
+            rates, outputs = NAVION.equations(x, u, p, w)
+            return {**rates, "roll_rate": factor * rates["roll_rate"]}, outputs
+
+        model = replace(NAVION, equations=equations)
+        point = find_operating_point(model, usual_condition(model))
+        law = open_loop(CommandSteps((), np.zeros(0), np.zeros((0, 0))), tuple(model.inputs), 0.01, 10)
+        return MonteCarlo(2, 0, model, point, law, Scenario(duration=0.1), flight_envelope(model, point))
+
+    assert plan(1.0) == plan(1.0)
+    assert plan(1.0) != plan(2.0)
 
 
 def test_disturbances_are_those_of_the_model() -> None:

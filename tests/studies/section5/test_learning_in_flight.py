@@ -9,8 +9,9 @@ from flight_cases import SMALL, FlownCase
 from reference_riccati import reference_solution, relative_error
 
 from controller import Game, Scenario, fly, gain_law, learn
-from controller.policy.learned_gain import baseline_gain, learned_value
+from controller.policy.learned_gain import learned_value
 from studies.section5.learning_in_flight import certified_gains
+from studies.update_law.integral_rl import baseline_gain
 
 
 def test_learning_in_flight_flies_the_baseline_then_certified_gains_and_knows_nothing_of_the_future(
