@@ -22,7 +22,7 @@ import numpy as np
 from controller.game.array_file import checked_matrix, found_in, read_arrays
 from controller.game.model_file import entries_of, one_number
 from controller.game.zero_sum import LARGEST, Game
-from controller.riccati.balancing import RANK, balanced_units, in_units, normal_form, spectrum
+from controller.riccati.balancing import RANK, balanced_units, in_units, is_hurwitz, normal_form, spectrum
 from controller.riccati.certificate import Certificate, relative_residual
 from controller.riccati.frequency_response import square_root
 from controller.riccati.gare import GameSolution, solve_certified
@@ -79,8 +79,9 @@ class _Side(NamedTuple):
         Q, R = np.linalg.qr(self.N, mode="complete")
         m = self.N.shape[1]
         past, rest = np.linalg.solve(R[:m], Q[:, :m].T), Q[:, m:].T
-        into = self.B @ past
-        return past, self.A - into @ self.C, self.E - into @ self.D, rest @ self.C, rest @ self.D
+        into, left = self.B @ past, rest @ self.C
+        left[:, np.linalg.norm(left, axis=0) <= RANK * np.linalg.norm(self.C, axis=0)] = 0.0  # rounding is no cost
+        return past, self.A - into @ self.C, self.E - into @ self.D, left, rest @ self.D
 
     def game(self, delta: float) -> Game:
         """The game whose Riccati equation is this side's."""
@@ -501,6 +502,8 @@ def _conditions(plant: GeneralizedPlant, delta: float) -> tuple[bool | None, str
 
 def _believed(game: Game, solution: Callable[[Game], np.ndarray]) -> np.ndarray | None:
     """The stabilizing solution with a small residual, or None."""
+    if not game.Q.any() and is_hurwitz(game.A):
+        return np.zeros_like(game.A)
     with suppress(NoSolutionError):
         P, units = solution(game), balanced_units(game)
         residual = relative_residual(in_units(game, units), P * np.outer(units, units))

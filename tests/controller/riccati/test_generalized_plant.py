@@ -226,6 +226,25 @@ def test_the_plants_of_public_issues_with_noise_agree_with_slycot_and_octave(sys
         assert of_octave(plant) == pytest.approx(smallest, rel=1e-4)
 
 
+@pytest.mark.parametrize(
+    ("plant", "error", "effort", "noise"),
+    [
+        (([1.0, 1.0], [1.0, 0.5, 4.0]), ([2.0, -2.2, 1.0], [3.0, 0.2, 0.01]), 1.0, None),  # python-control's example
+        (([-1.0, 1.0], [1.0, 2.0, 1.0]), ([0.5, 0.2], [1.0, 2e-4]), 0.1, None),
+        (([1.0], [1.0, -1.0]), ([0.5, 1.0], [1.0, 1e-3]), 0.1, None),
+        (([1.0], [1.0, 3.02, 1.06, 3.0]), ([0.5, 0.3], [1.0, 3e-3]), 0.1, ([1.0, 10.0], [0.01, 100.0])),
+    ],
+)
+def test_mixed_sensitivity_agrees_with_slycot(plant: Any, error: Any, effort: float, noise: Any) -> None:
+    """Weights of S, K S and T: D11 is not 0, D21 is square, and without an unstable pole Y is exactly 0."""
+    G, W1, W2 = (control.ss(control.tf(*each)) for each in (plant, error, ([effort], [1.0])))
+    W3 = control.ss(control.tf(*noise)) if noise else None
+    augmented = plant_of(control.augw(G, W1, W2, W3), 1, 1)
+    smallest = minimum_plant_delta(augmented).value
+    assert of_slycot(augmented)[0] == pytest.approx(smallest, rel=1e-6)
+    assert gain_of(augmented, solve_plant(augmented, 1.001 * smallest)) < 1.001 * smallest
+
+
 def of_octave(plant: GeneralizedPlant) -> float:
     B, C = np.hstack([plant.B1, plant.B2]), np.vstack([plant.C1, plant.C2])
     D = np.block([[plant.D11, plant.D12], [plant.D21, plant.D22]])
