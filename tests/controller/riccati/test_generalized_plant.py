@@ -226,6 +226,7 @@ def test_the_plants_of_public_issues_with_noise_agree_with_slycot_and_octave(sys
         assert of_octave(plant) == pytest.approx(smallest, rel=1e-4)
 
 
+@pytest.mark.filterwarnings("ignore::FutureWarning")
 @pytest.mark.parametrize(
     ("plant", "error", "effort", "noise"),
     [
