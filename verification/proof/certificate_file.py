@@ -76,7 +76,7 @@ class ScheduleCertificate:
     ) -> None:
         table = LoopTable.of(table)
         self.table, self._path, self._origin = table, path, origin
-        self._saved, self._decimals, self._model = time.monotonic(), family.decimals, family.model
+        self._saved, self._family = time.monotonic(), family
         claim = flights_claim(family, low, high) | {
             "table": {name: getattr(table, name) for name in ("places", *"KMNX")}
         }
@@ -108,7 +108,7 @@ class ScheduleCertificate:
         boxes = {name: [self._entry(each) for each in proved] for name, proved in lists.items()}
         if motion is not None and motion.rate > 0.0:
             claim |= {"place_rate": motion.rate, "lyapunov": {"places": motion.places, "P": motion.P}}
-            boxes["motion"] = [box_entry(*each[:2], self._decimals, turn=each.turn) for each in motion.boxes]
+            boxes["motion"] = [box_entry(*each[:2], self._family.decimals, turn=each.turn) for each in motion.boxes]
         low, high = claim["range"]
         gaps = {name: [[each.low, each.high] for each in cover.open] for name, cover in covers.items()}
         for name, cover in covers.items():  # what an unfinished proof has not come to is open too
@@ -117,7 +117,7 @@ class ScheduleCertificate:
 
     def _entry(self, proved: ProvedBox) -> dict[str, Any]:
         own = {"unstable": proved.unstable, "rate": proved.rate} | proved.proof
-        return box_entry(proved.box, proved.model, self._decimals, **own)
+        return box_entry(proved.box, proved.model, self._family.decimals, **own)
 
     def known(self) -> tuple[Cover, Cover]:
         """What an earlier run proved of the same claim; verified here, so that nothing in the file is believed.
@@ -128,7 +128,7 @@ class ScheduleCertificate:
 
         assert self._path is not None
         try:
-            statement = check_certificate(self._path, model=self._model if self._model.source[0] else None).statement
+            statement = check_certificate(self._path, model=self._family.model).statement
         except Rejected as error:
             raise BadInputError(f"{error}; remove the file and begin again") from error
         finally:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from known_models import game_at
-from proof_cases import family, scalar_game
+from proof_cases import ORIGIN, family, scalar_game
 from reference_riccati import reference_solution
 
 from controller import Game, basis
@@ -13,12 +15,21 @@ from controller.game.critic_file import StoredCritic
 from controller.riccati.smallest_delta import DeltaMin
 from hfa_model import LINEAR_STATES
 from hfa_support import BadInputError, NoSolutionError
-from verification import minimum_delta, prove_critic, prove_solution, solve_game
+from verification import check_certificate, minimum_delta, prove_critic, prove_solution, solve_game
 from verification.arithmetic import flint_or_refusal
 from verification.arithmetic.balls import matrix
+from verification.checker.checker import Rejected
 from verification.enclosures.game_balls import BallGame, enclose_solution
-from verification.proof.proof_report import solution_proof_report
-from verification.proof.solution_proof import distance, none_exists, prove_delta_min, value_is_proved
+from verification.proof.certificate_file import write_certificate
+from verification.proof.proof_report import checked_report, solution_proof_report
+from verification.proof.solution_proof import (
+    critic_claim,
+    distance,
+    none_exists,
+    prove_delta_min,
+    solution_claim,
+    value_is_proved,
+)
 
 
 @pytest.mark.parametrize("dynamics", ["published", "newton"])
@@ -98,12 +109,40 @@ def test_a_spoiled_critic_is_as_far_as_it_was_moved(size: float) -> None:
     assert proof.stabilizes
 
 
-def test_a_gain_that_does_not_stabilize_is_proved_so() -> None:
-    proof = prove_critic(game_at(15.0), StoredCritic(None, None, np.zeros((5, 6))), basis("quadratic", 6))
-    assert proof.stabilizes is False
-    assert proof.distances["K"].at_least <= 1.0 <= proof.distances["K"].at_most
-
-
 def test_a_critic_of_another_size_is_refused() -> None:
     with pytest.raises(BadInputError, match="P has shape"):
         prove_critic(game_at(15.0), StoredCritic(None, np.eye(3), None), basis("quadratic", 6))
+
+
+def test_a_plant_of_a_file_with_an_eigenvalue_on_the_axis_below_delta_min(tmp_path: Path) -> None:
+    path = tmp_path / "scalar.json"
+    proof = prove_solution(scalar_game(2.0))
+    claim, boxes = solution_claim(proof)
+    assert "axis" in boxes["refused"][0]
+    write_certificate(path, ORIGIN, "game", claim, boxes)
+    above, most = checked_report(check_certificate(path)).data["delta_min_above"], proof.delta
+    assert most is not None
+    assert above < np.sqrt(0.5) <= most.value
+    forged = claim | {"delta_min": [0.5, above]}, boxes | {"value": boxes["refused"]}
+    write_certificate(path, ORIGIN, "game", *forged)
+    with pytest.raises(Rejected):
+        check_certificate(path)
+
+
+def test_a_gain_that_does_not_stabilize_is_certified_so(tmp_path: Path) -> None:
+    path = tmp_path / "critic.json"
+    proof = prove_critic(game_at(15.0), StoredCritic(None, None, np.zeros((5, 6))), basis("quadratic", 6))
+    assert proof.stabilizes is False
+    assert proof.distances["K"].at_least <= 1.0 <= proof.distances["K"].at_most
+    write_certificate(path, ORIGIN, "game", *critic_claim(proof))
+    data = checked_report(check_certificate(path)).data
+    assert data["closed_loop_hurwitz"] is False
+
+
+def test_a_loop_with_a_mode_on_the_axis_is_not_certified() -> None:
+    one = np.eye(1)
+    game = Game(A=one, B=one, E=one, Q=one, R=one, delta=np.inf)
+    proof = prove_critic(game, StoredCritic(None, None, one), basis("quadratic", 1))
+    assert proof.stabilizes is None
+    with pytest.raises(NoSolutionError, match="may lie on the axis"):
+        critic_claim(proof)
