@@ -36,9 +36,7 @@ class Departure(NamedTuple):
 
     def text(self) -> str:
         """In degrees for angles."""
-        value, limit = short_number(self.value, self.unit), short_number(self.limit, self.unit)
-        unit = "" if self.unit == "1" else f" {shown_unit(self.unit)}"
-        return f"left the envelope: {self.state} first, at {self.time:.4g} s, {value}{unit} beyond {limit}"
+        return f"left the envelope: {self.state} first, at {self.time:.4g} s, {_beyond(*self[2:])}"
 
 
 class ControlExcess(NamedTuple):
@@ -51,8 +49,12 @@ class ControlExcess(NamedTuple):
 
     def text(self) -> str:
         """In degrees for angles."""
-        unit = "" if self.unit == "1" else f" {shown_unit(self.unit)}"
-        return f"{self.input} {short_number(self.value, self.unit)}{unit} beyond {short_number(self.limit, self.unit)}"
+        return f"{self.input} {_beyond(*self[1:])}"
+
+
+def _beyond(value: float, limit: float, unit: str) -> str:
+    shown = "" if unit == "1" else f" {shown_unit(unit)}"
+    return f"{short_number(value, unit)}{shown} beyond {short_number(limit, unit)}"
 
 
 def control_limits(model: Model) -> np.ndarray:

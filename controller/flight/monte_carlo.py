@@ -48,6 +48,21 @@ CHUNK_STEPS = 1_000_000
 QUANTILES = (0.05, 0.5, 0.95, 1.0)
 
 
+#: Array of a store beside `left` -> its meaning, and its axis or, of one number a member, its unit.
+_KEPT = {
+    "factors": ("factor on a parameter", "error"),
+    "flown": ("time inside the envelope", "s"),
+    "rms_error": ("root mean square error", "error_state"),
+    "peak_error": ("largest error", "error_state"),
+    "peak_angle_of_attack": ("largest angle of attack through the air, from trim", "rad"),
+    "effort": ("root mean square from trim", "input"),
+    "lowest_input": ("lowest value inside the envelope", "input"),
+    "highest_input": ("highest value inside the envelope", "input"),
+    "final": ("at the end", "state"),
+    "memory": ("states of the law at the end", "memory_state"),
+}
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class MonteCarlo(Shown):
     """N members, each a draw of one scenario: a job of `stream`. Two plans are equal when they give the same results.
@@ -141,26 +156,13 @@ class MonteCarlo(Shown):
         units = {axis: model.units(names) for axis, names in axes.items() if axis != "error"}
         sizes = {axis: len(names) for axis, names in axes.items()} | {"memory_state": len(self.law.memory)}
 
-        def numbers(meaning: str, axis: str) -> Array:
-            about = described(meaning, units_of=f"{axis}_unit" if axis in units else "")
-            return Array((sizes[axis],), "float64", np.nan, (axis,), about)
-
-        def number(meaning: str, unit: str) -> Array:
-            return Array((), "float64", np.nan, (), described(meaning, unit))
-
-        arrays = {
-            "factors": numbers("factor on a parameter", "error"),
-            "left": Array((), "int8", -1, (), described("number in the attribute left; -1: stayed inside")),
-            "flown": number("time inside the envelope", "s"),
-            "rms_error": numbers("root mean square error", "error_state"),
-            "peak_error": numbers("largest error", "error_state"),
-            "peak_angle_of_attack": number("largest angle of attack through the air, from trim", "rad"),
-            "effort": numbers("root mean square from trim", "input"),
-            "lowest_input": numbers("lowest value inside the envelope", "input"),
-            "highest_input": numbers("highest value inside the envelope", "input"),
-            "final": numbers("at the end", "state"),
-            "memory": numbers("states of the law at the end", "memory_state"),
-        }
+        arrays = {"left": Array((), "int8", -1, (), described("number in the attribute left; -1: stayed inside"))}
+        for name, (meaning, axis) in _KEPT.items():
+            if axis in sizes:
+                about = described(meaning, units_of=f"{axis}_unit" if axis in units else "")
+                arrays[name] = Array((sizes[axis],), "float64", np.nan, (axis,), about)
+            else:
+                arrays[name] = Array((), "float64", np.nan, (), described(meaning, axis))
         labels: dict[str, Any] = {axis: (axis, names) for axis, names in axes.items()}
         labels |= {f"{axis}_unit": (axis, each) for axis, each in units.items()}
         attributes = {

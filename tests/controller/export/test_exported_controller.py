@@ -106,17 +106,6 @@ def test_it_is_the_flown_controller_at_1000_states(
     assert limited > 100
 
 
-def test_the_matrices_are_those_of_the_table(library: ctypes.CDLL, controller: ScheduledController) -> None:
-    """Linear between the angles, by NumPy; a planted wrong angle is seen."""
-    dihedral, memory, nothing = float(np.radians(7.3)), np.zeros(STATES + 4), np.zeros(2)
-    memory[:STATES] = [0.01, -0.02, 0.01, 0.03]
-    u, _ = answered(library, dihedral, np.zeros(3), memory, nothing)
-    for angle, same in ((dihedral, True), (dihedral + 1e-3, False)):
-        _, _, C, _ = controller.at(angle)
-        assert np.allclose(u[[2, 3]], C @ memory[:STATES], rtol=1e-13, atol=0) == same
-    assert not u[[0, 1, 4]].any()
-
-
 def test_a_step_is_the_exponential(library: ctypes.CDLL, controller: ScheduledController, folder: Path) -> None:
     """With nothing measured and u within its limits, x' = A x: the filter and the states after 10 ms."""
     from scipy.linalg import expm

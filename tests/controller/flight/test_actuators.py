@@ -14,7 +14,6 @@ from controller.flight.closed_loop import ClosedLoop
 from controller.flight.plants import LinearPlant
 from controller.flight.simulation import CompiledLoop, Flight
 from controller.policy.policies import GainPolicy, Seen, gain_constants
-from controller.policy.signals import zero
 from hfa_model import INPUTS, Input, published_models
 from hfa_support import BadInputError
 
@@ -72,20 +71,6 @@ def test_positions_and_rates_stay_within_their_limits() -> None:
     assert np.abs(free.inputs).max() > 9.0
     assert np.abs(rates).max() == pytest.approx(1.0)
     np.testing.assert_allclose(limited.inputs[-1], [0.4, -0.5, 0.3, -0.05, 0.0], atol=1e-3)
-
-
-def test_fast_actuators_without_limits_are_no_actuators() -> None:
-    """The closed loop with actuators comes to the one without them, in proportion to the lag."""
-    gain = np.zeros((M, N))
-    gain[4, 2] = -1.0
-    start = np.array([0.5, 0.01, 0.01, 0.0, 0.0, 0.0])
-    plain = flown(None, zero(M), gain=gain, start=start)
-    off = []
-    for lag in (0.02, 0.01, 0.005):
-        fast = Actuators(Input(*[lag] * M), FREE.lowest, FREE.highest, FREE.rate)
-        off.append(float(np.abs(flown(fast, zero(M), gain=gain, start=start).states - plain.states).max()))
-    assert off[0] < 0.1
-    np.testing.assert_allclose(np.array(off[:-1]) / off[1:], 2.0, rtol=0.15)
 
 
 def test_a_lag_that_the_step_cannot_resolve_is_refused() -> None:

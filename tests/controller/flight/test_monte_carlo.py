@@ -260,19 +260,6 @@ def test_a_resumed_run_simulates_only_what_is_missing(
         stream_monte_carlo(plan, tmp_path / "part.zarr")
 
 
-def test_xarray_reads_names_and_units(plan: MonteCarlo, tmp_path: Path) -> None:
-    import xarray
-
-    store = stream_monte_carlo(plan, tmp_path / "a.zarr")
-    read = xarray.open_zarr(tmp_path / "a.zarr", consolidated=False)
-    assert read.rms_error.dims == ("member", "error_state")
-    np.testing.assert_array_equal(read.final.sel(state="speed"), store.read("final")[:, 0])
-    assert str(read.state_unit.sel(state="speed").values) == "ft/s"
-    assert str(read.final.state_unit.sel(state="pitch").values) == "rad"
-    assert (read.flown.attrs["units"], read.effort.attrs["units_of"]) == ("s", "input_unit")
-    assert [str(name) for name in read.error.values] == list(plan.scenario.uncertainty.errors)
-
-
 # Reports.
 
 

@@ -12,7 +12,7 @@ from known_models import model_at
 from scipy.integrate import solve_ivp
 
 from controller import Actuators, CommandSteps, Scenario, ScheduledController, flight_envelope, fly
-from controller.flight.nonlinear_flight import NonlinearFlight, tracked, tracking_table
+from controller.flight.nonlinear_flight import NonlinearFlight
 from controller.flight.plants import LinearizedAircraft
 from controller.policy.policies import Seen
 from controller.policy.servo_policy import MeasuredOutputs, ServoPolicy, servo_law
@@ -117,31 +117,6 @@ def test_the_anti_windup_input_is_what_was_not_applied(published_aircraft: Aircr
     relieved = flown(published_aircraft, point, controller, actuators=narrow).flight
     assert np.abs(saturated.inputs).max() == pytest.approx(1e-4, rel=1e-6)
     assert np.abs(relieved.memory).max() < 0.5 * np.abs(saturated.memory).max()
-
-
-def test_what_was_not_applied_enters_by_the_columns_of_W(published_aircraft: Aircraft, point: OperatingPoint) -> None:
-    inputs, W = ("aileron_outer", "elevator_center"), np.array([[1.0, 2.0], [3.0, 4.0], [5.0, 6.0]])
-    shapes = {"A": (3, 3), "B": (3, 4), "C": (2, 3), "D": (2, 4)}
-    parts = {name: np.zeros((3, *shape)) for name, shape in shapes.items()} | {"W": np.array([W] * 3)}
-    made = small_controller(published_aircraft, inputs=inputs, states=("one", "two", "three"), **parts)
-    policy = servo_law(made, commands(0.01), published_aircraft, point).policy
-    still, none = ca.SX(6, 1), ca.SX(0, 1)
-    rate = policy.memory_rate(ca.SX(0), Seen(still, still, none, none), ca.SX(3, 1), none, ca.SX(np.arange(5.0)))
-    at = [INPUTS.index(name) for name in inputs]
-    np.testing.assert_allclose(np.array(ca.evalf(rate)).ravel(), W @ np.arange(5.0)[at])
-
-
-def test_tracking_is_the_commanded_output_against_its_command(
-    published_aircraft: Aircraft, point: OperatingPoint
-) -> None:
-    result = flown(published_aircraft, point, integrating_controller(published_aircraft))
-    follow = commands(0.01)
-    (one,) = tracked(result.flight, MeasuredOutputs(published_aircraft, point, follow.names), follow)
-    z = result.flight.errors[:, LINEAR_STATES.index("dihedral")]
-    np.testing.assert_allclose(one.output - one.command, z, atol=1e-12)
-    assert one.rms == pytest.approx(float(np.sqrt(np.mean(z**2))))
-    assert one.largest == pytest.approx(float(np.abs(z).max()))
-    assert "dihedral" in tracking_table((one,)).rows[0]
 
 
 def test_controllers_that_do_not_fit_are_refused(published_aircraft: Aircraft, point: OperatingPoint) -> None:

@@ -48,11 +48,6 @@ def test_the_closed_form_solves_the_equation_of_the_filter(damping: float) -> No
         np.testing.assert_allclose(np.array(ca.DM(commands.rate(ca.SX(end)))).ravel(), y[2:], atol=1e-8)
 
 
-def test_what_the_filter_goes_to_is_the_step_that_holds() -> None:
-    for time, goal in ((0.5, (0.0, 0.0)), (1.0, VALUES[0]), (8.9, VALUES[1]), (30.0, VALUES[2])):
-        np.testing.assert_array_equal(np.array(ca.DM(steps().end(ca.SX(time)))).ravel(), goal)
-
-
 def test_the_reference_of_a_flight_has_the_commanded_states_alone() -> None:
     x_d = np.array(ca.DM(CommandedStates(steps(), LINEAR_STATES).at(ca.SX(6.0)))).ravel()
     r = steps().sampled(np.array([6.0]))[0]

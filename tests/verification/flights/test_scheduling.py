@@ -40,17 +40,6 @@ def certified(published_aircraft: Aircraft) -> Schedule:
 # Interpolation.
 
 
-def test_a_change_is_smooth_and_ends_where_it_should() -> None:
-    change = ScheduledChange(0.1, 0.3, begin=2.0, duration=10.0)
-    times = np.linspace(0.0, 15.0, 3001)
-    values, rates = (np.array([float(f(t)) for t in times]) for f in (change.at, change.rate))
-    assert np.all(values[times <= 2.0] == 0.1)
-    np.testing.assert_allclose(values[times >= 12.0], 0.3, rtol=1e-14)
-    np.testing.assert_allclose(np.gradient(values, times)[1:-1], rates[1:-1], atol=1e-6)
-    assert rates[0] == rates[-1] == 0.0
-    assert np.abs(np.diff(rates)).max() < 1e-3 * 0.3
-
-
 # The policy about a trim.
 
 
