@@ -105,21 +105,14 @@ def beside_the_print(report: Report, model: LinearModel, published: PublishedMod
 
 def matrices_beside_the_print(model: LinearModel, published: PublishedModel) -> tuple[Table, ...]:
     """A and B, the printed row below each computed one; an entry's tone says how many half units it is off."""
-    entries = {(each.matrix, each.row, each.column): each for each in compare(model, published)}
-    return tuple(
-        Table(
-            (name, *columns),
-            [
-                line
-                for row in LINEAR_STATES
-                for line in (
-                    (row, *(_toned(entries[name, row, column]) for column in columns)),
-                    ("printed", *(four_decimals(entries[name, row, column].printed) for column in columns)),
-                )
-            ],
-        )
-        for name, columns in (("A", LINEAR_STATES), ("B", INPUTS))
-    )
+    entries, tables = iter(compare(model, published)), []
+    for name, columns in (("A", LINEAR_STATES), ("B", INPUTS)):
+        lines: list[tuple[str, ...]] = []
+        for row in LINEAR_STATES:
+            found = [next(entries) for _ in columns]
+            lines += [(row, *map(_toned, found)), ("printed", *(four_decimals(each.printed) for each in found))]
+        tables.append(Table((name, *columns), lines))
+    return tuple(tables)
 
 
 def _toned(entry: EntryRow) -> str:
@@ -140,10 +133,7 @@ def entries_table(title: str, entries: Mapping[str, Iterable[EntryRow]]) -> Tabl
     """Printed, computed, difference in half units of the last digit and in percent; what begins each row -> entries."""
     rows = [
         (
-            f"{begin}{entry.name}",
-            f"{entry.printed:.4f}",
-            f"{entry.computed:.6f}",
-            f"{entry.half_units:+.2f}",
+            *(f"{begin}{entry.name}", f"{entry.printed:.4f}", f"{entry.computed:.6f}", f"{entry.half_units:+.2f}"),
             f"{entry.percent:+.4f}" if entry.printed else "-",
         )
         for begin, group in entries.items()

@@ -83,17 +83,10 @@ def _unique_name(families: list[str], index: int) -> str:
 
 def _mode(name: str, value: complex, participation: dict[str, float]) -> Mode:
     frequency, decay = abs(value), -value.real
-    return Mode(
-        name=name,
-        eigenvalue=value,
-        damping=decay / frequency if frequency > 0 else 0.0,
-        frequency=frequency,
-        period=2 * math.pi / value.imag if value.imag > 0 else math.inf,
-        time_to_half=math.log(2) / decay if decay > 0 else math.inf,
-        time_to_double=math.log(2) / -decay if decay < 0 else math.inf,
-        stable=decay > 0,
-        participation=participation,
-    )
+    half, double = (math.log(2) / rate if rate > 0 else math.inf for rate in (decay, -decay))
+    period = 2 * math.pi / value.imag if value.imag > 0 else math.inf
+    damping = decay / frequency if frequency > 0 else 0.0
+    return Mode(name, value, damping, frequency, period, half, double, decay > 0, participation)
 
 
 def modes_table(modes: Iterable[Mode]) -> Table:
