@@ -85,6 +85,10 @@ def run(arguments: argparse.Namespace) -> int:
         responses, zeros = model.transfers(), model.zeros()
         report = replace(report, parts=(*report.parts, *transfer_tables(model, responses, zeros)))
         report = report.with_data(zeros=re_im(zeros), transfers=[each.to_dict() for each in responses])
+    # The print is in feet.
+    printed = printed_at(point) if own is None and _is_printed(model) and arguments.units != "si" else None
+    if printed is not None:
+        report = beside_the_print(report, model, printed)
     notes = [each for each in (*report.notes, reduction_note(model, whole, follow)) if each]
     report = replace(report, notes=notes).with_data(warnings=notes)
     draw(arguments.picture, lambda: bode_figure(model))
@@ -99,17 +103,17 @@ def _of_the_hfa(
     condition: TrimCondition,
     model: LinearModel,
 ) -> Report:
-    """The report with the bands of the entries, the other dynamics and the printed pair, where they exist."""
-    point = model.point
-    # The bands and the print are of the six states and all inputs.
-    whole = (model.states, model.inputs) == (LINEAR_STATES, INPUTS)
+    """The report with the bands of the entries and the other dynamics, where they exist."""
+    whole = _is_printed(model)
     bands = entry_bands(parameters, condition, model) if whole and bands_known(parameters) else None
-    other = _other_dynamics(aircraft, condition, point) if whole else None
-    # The print is in feet.
-    printed = printed_at(point) if whole and arguments.units != "si" else None
+    other = _other_dynamics(aircraft, condition, model.point) if whole else None
     trust, windy = trust_in(bands, model, other), arguments.disturbances is not None
-    report = linear_model_report(model, bands, trust, other=other, windy=windy)
-    return report if printed is None else beside_the_print(report, model, printed)
+    return linear_model_report(model, bands, trust, other=other, windy=windy)
+
+
+def _is_printed(model: LinearModel) -> bool:
+    """Whether bands and print are of its states and inputs: the six states and all inputs."""
+    return (model.states, model.inputs) == (LINEAR_STATES, INPUTS)
 
 
 def _other_dynamics(aircraft: Aircraft, condition: TrimCondition, start: OperatingPoint) -> LinearModel | None:
