@@ -144,7 +144,6 @@ def test_one_state() -> None:
 
 @pytest.mark.parametrize("dynamics", VARIANTS)
 @pytest.mark.parametrize(
-    # docs/critics.md runs 0, 10 and 20.
     "degrees",
     [degrees if degrees % 10 == 5 else pytest.param(degrees, marks=pytest.mark.slow) for degrees in range(21)],
 )
