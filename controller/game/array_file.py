@@ -26,6 +26,8 @@ from hfa_support.reporting.unit_system import si_factor, si_unit
 #: Of a plant, in files beside A.csv, and of a critic: what a .csv or .npy file without names in it holds by its own.
 PLANT = ("A", "B", "E", "Q", "R", "delta", "B1", "B2", "C1", "C2", "D11", "D12", "D21", "D22")
 CRITIC = ("W", "P", "K", "weights")
+#: What an .npy file of another name holds.
+UNKNOWN = "the array"
 #: Entries whose words are printed: names of states and inputs, and their units.
 _PRINTED = ("states", "inputs", "state_labels", "input_labels", "state_units", "input_units")
 #: Header of a .csv with several matrices.
@@ -40,7 +42,8 @@ _CHILD = Path(__file__).with_name("_loadmat.py")
 def read_arrays(path: str | Path) -> dict[str, Any]:
     """Name -> array, of JSON as Python has it, of a structure a mapping. BadInputError, one line that names the file.
 
-    .npy and plain .csv: a matrix under the name of the file, W.npy or P.csv; A.csv with B.csv and so on beside it.
+    .npy and plain .csv: a matrix under the name of the file, W.npy or P.csv; A.csv with B.csv and so on beside it;
+    of an .npy file of any other name under `UNKNOWN`.
     .csv: a first row and a first column of words are names, with units as in "speed [ft/s]"; columns matrix, row,
     column, value hold several matrices; any other table is `time` and columns W1 ..., K11 ..., P11 ..., else `columns`.
     """
@@ -88,6 +91,8 @@ def _npz(path: Path) -> dict[str, Any]:
 
 
 def _npy(path: Path) -> dict[str, Any]:
+    if path.stem not in (*PLANT, *CRITIC):
+        return {UNKNOWN: np.load(regular_file(path), allow_pickle=False)}
     return {name: np.load(regular_file(each), allow_pickle=False) for name, each in _beside(path).items()}
 
 

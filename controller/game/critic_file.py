@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from controller.game.array_file import (
+    UNKNOWN,
     UNNAMED,
     PlantNames,
     checked_matrix,
@@ -109,8 +110,21 @@ def critic_in(
     """`load_history` of a file with times, else `load_critic`; the file is read once."""
     stored = read_arrays(path)
     with said_of(path):
+        if UNKNOWN in stored:
+            stored = {_by_shape(stored[UNKNOWN], game): stored[UNKNOWN]}
         history = _history(stored, game, functions, plant)
         return history or _single(stored, plant, basis(functions or "quadratic", len(game.A)))
+
+
+def _by_shape(array: np.ndarray, game: Game) -> str:
+    """W, P or K, which the shape of an array without a name is."""
+    shapes = {"P": game.A.shape, "K": game.B.T.shape}
+    fitting = [name for name, shape in shapes.items() if array.shape == shape]
+    fitting = fitting or ["W"] * (max(array.shape, default=1) == array.size)
+    if len(fitting) != 1:
+        said = " or ".join(fitting) or "neither weights, nor P, nor K of this plant"
+        raise BadInputError(f"the array of shape {array.shape} is {said}; name the file W.npy, P.npy or K.npy")
+    return fitting[0]
 
 
 def load_history(

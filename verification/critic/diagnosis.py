@@ -235,8 +235,8 @@ def _of_network(game: Game, exact: GameSolution, candidate: Candidate, box: np.n
     sizes = [np.outer(box, box), rows(exact.P) if about.V is None else np.outer(diagonal, diagonal)]
     judges = [_Judge(game, exact, Answer(each, rows(exact.K)), families, **OF_NETWORKS) for each in sizes]
     at_zero = seen[0].P
-    origin = judges[0].gain_error(seen[0].K) if at_zero is None else judges[0].value_error(at_zero)
-    if origin <= SMALL:
+    origin = 0.0 if at_zero is None else judges[0].value_error(at_zero)
+    if max(origin, 0.0 if about.u is None else judges[0].gain_error(seen[0].K)) <= SMALL:
         return "it is right at the origin and wrong away from it"
     named = [(math.inf, "")]
     for (P, K), judge in itertools.product(seen, judges):
