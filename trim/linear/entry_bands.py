@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 import casadi as ca
 import numpy as np
 
-from hfa_model.dynamics import state_rates, symbols
+from hfa_model.aircraft import HFA, Equations
 from hfa_model.parameters import Parameters, ParameterSet, default_parameters
 from hfa_model.variants import Variant, variant_named
 from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_ROWS, LINEAR_STATES, LINEAR_UNITS, STATES
 from hfa_support.errors import BadInputError
+from hfa_support.model import Layout, components
 from hfa_support.reporting.fields import ByValue
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.text import matrix_table
@@ -106,33 +107,24 @@ def _total_derivative(
     parameters: ParameterSet, variant: Variant, condition: TrimCondition, point: OperatingPoint
 ) -> np.ndarray:
     """d vec(A, B) / d(identified parameters) along the trim, (66, number of identified parameters)."""
-    p = np.array(parameters.values)
-    entries_by_point, entries_by_p, rates_by_point, rates_by_p = map(
-        np.array, _derivatives(variant)(np.array(point.states), np.array(point.inputs), p)
-    )
-    moves = np.column_stack([_move(name) for name in condition.free])
+    own = replace(HFA, equations=Equations(variant))
+    found = _derivatives(own.layout)([point.values[name] for name in own.variables], list(parameters.values))
+    entries_by_v, entries_by_p, rates_by_v, rates_by_p = map(np.array, found)
+    free = [own.variables.index(name) for name in condition.free]
     rows = [STATES.index(name) for name in condition.equations[0]]
-    free_by_p = -np.linalg.lstsq(rates_by_point[rows] @ moves, rates_by_p[rows], rcond=None)[0]
-    total = entries_by_p + entries_by_point @ moves @ free_by_p
+    free_by_p = -np.linalg.lstsq(rates_by_v[np.ix_(rows, free)], rates_by_p[rows], rcond=None)[0]
+    total = entries_by_p + entries_by_v[:, free] @ free_by_p
     return np.asarray(total[:, [Parameters._fields.index(name) for name in parameters.identified]])
 
 
-def _move(name: str) -> np.ndarray:
-    """How (X, U) moves with one free variable: θ = α + γ follows both."""
-    order = STATES + INPUTS
-    direction = np.zeros(len(order))
-    direction[order.index("pitch" if name == "gamma" else name)] = 1.0
-    if name == "alpha":
-        direction[order.index("pitch")] = 1.0
-    return direction
-
-
 @cache
-def _derivatives(variant: Variant) -> ca.Function:
-    """(x, u, p) -> ∂ vec(A, B)/∂(x, u), ∂ vec(A, B)/∂p, ∂f/∂(x, u), ∂f/∂p, with the paper's six states in A and B."""
-    x, u, p = symbols()
-    f = state_rates(x, u, p, variant)
+def _derivatives(layout: Layout) -> ca.Function:
+    """(v, p) -> ∂ vec(A, B)/∂v, ∂ vec(A, B)/∂p, ∂f/∂v, ∂f/∂p, with the paper's six states in A and B; v: the variables
+    of a trim, on which the state and the input depend."""
+    (x, u, p), v = layout.symbols("x", "u", "p"), ca.SX.sym("v", len(layout.variables))
+    f, _ = layout.expressions(list(map(components, (x, u, p))), ())
     A, B = ca.jacobian(f, x)[LINEAR_ROWS, LINEAR_ROWS], ca.jacobian(f, u)[LINEAR_ROWS, :]
-    entries, point = ca.vertcat(ca.vec(ca.densify(A)), ca.vec(ca.densify(B))), ca.vertcat(x, u)
-    jacobians = [ca.jacobian(part, by) for part in (entries, f) for by in (point, p)]
-    return ca.Function("entry_derivatives", [x, u, p], [ca.densify(jacobian) for jacobian in jacobians])
+    entries = ca.vertcat(ca.vec(ca.densify(A)), ca.vec(ca.densify(B)))
+    at = layout.in_variables(dict(zip(layout.variables, ca.vertsplit(v), strict=True)), p, ())[:2]
+    jacobians = [ca.jacobian(part, by) for part in ca.substitute([entries, f], [x, u], at) for by in (v, p)]
+    return ca.Function("entry_derivatives", [v, p], list(map(ca.densify, jacobians)))
