@@ -123,11 +123,3 @@ def test_the_named_sets_are_there() -> None:
         load_parameters(Path("gibson"))
     with pytest.raises(BadInputError, match="unknown parameter set 'gibson'; choose from identified, gibson-2011"):
         named_parameters("gibson")
-
-
-def test_the_table_has_the_standard_errors_of_what_was_identified_and_no_others(parameter_set: ParameterSet) -> None:
-    shown = {row[0]: row[2] for row in parameter_set.table().rows}
-    assert tuple(shown) == Parameters._fields
-    errors = parameter_set.standard_errors
-    assert {name for name, text in shown.items() if text != "-"} == set(errors) != set()
-    assert all(float(shown[name]) == pytest.approx(errors[name], rel=0.05) for name in errors)

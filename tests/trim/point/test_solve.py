@@ -203,6 +203,15 @@ def test_a_warm_start_takes_the_same_point(aircraft: Aircraft, degrees: float) -
         np.testing.assert_allclose(one, other, rtol=1e-10, atol=1e-12)
 
 
+def test_the_cheaper_of_two_minima_is_found(published_aircraft: Aircraft, point: OperatingPoint) -> None:
+    """With three variables free least effort has two minima: wings a little down (0.248), and at their highest."""
+    condition = release(level_flight(float(np.radians(10.0))), free=("speed", "dihedral", "gamma"))
+    for start in (None, point):
+        found = find_operating_point(published_aircraft, condition, start)
+        assert effort(found) == pytest.approx(0.0150, abs=1e-4)
+        assert np.degrees(found.states.dihedral) == pytest.approx(60.0, abs=0.01)
+
+
 # Bad input.
 
 

@@ -41,27 +41,6 @@ def test_the_pitch_angle_follows_and_limits_gamma(published_aircraft: Aircraft) 
     assert margins(condition, point)["gamma"] == pytest.approx(margins(condition, point)["pitch"], rel=1e-12)
 
 
-def test_every_variable_stands_between_its_limits(published_aircraft: Aircraft) -> None:
-    found = all_margins(*solved(published_aircraft, BASE))
-    assert tuple(found) == (*STATES, "gamma", *INPUTS)
-    for name, (lowest, highest) in LIMITS.items():
-        margin = found[name]
-        below, above = margin.value - lowest, highest - margin.value
-        if math.isfinite(lowest):
-            assert (margin.lowest, margin.highest) == (lowest, highest)
-            assert margin.distance == min(below, above)
-            assert margin.nearer == ("lowest" if below <= above else "highest")
-            assert margin.nearer_limit == (lowest if below <= above else highest)
-            assert margin.share == pytest.approx(min(below, above) / (highest - lowest))
-
-
-def test_the_nearest_limits_come_first(published_aircraft: Aircraft) -> None:
-    condition, point = solved(published_aircraft, BASE)
-    by_hand = sorted(margins(condition, point).items(), key=lambda item: item[1] / np.ptp(LIMITS[item[0]]))
-    assert [each.name for each in nearest_limits(condition, point)] == [name for name, _ in by_hand[:3]]
-    assert not any(each.at_limit for each in nearest_limits(condition, point))
-
-
 def test_a_limit_that_binds_is_named_first(published_aircraft: Aircraft) -> None:
     """Least effort wants the outer elevator at -2.8 deg; it may go to -2 deg only, and stays there."""
     wanted = find_operating_point(published_aircraft, release(BASE, free=("aileron_center",))).inputs.elevator_outer

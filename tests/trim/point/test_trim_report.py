@@ -96,18 +96,6 @@ def test_the_data_say_what_the_text_says(published_aircraft: Aircraft) -> None:
     assert data["nearest_limits"][0] == "throttle"
 
 
-def test_imposed_rates_are_said_where_they_are_not_zero(published_aircraft: Aircraft) -> None:
-    steady = level_flight(0.2)
-    speeding = replace(steady, rates=dict(steady.rates) | {"speed": 1.5})
-    for condition in (steady, speeding):
-        point = find_operating_point(published_aircraft, condition)
-        lines = trim_report(published_aircraft, condition, point).text().splitlines()
-        row = next(line.split() for line in lines if line.startswith("rate of speed"))
-        header = next(line.split() for line in lines if line.startswith("equation"))
-        assert ("imposed" in header) == (condition is speeding)
-        assert (row[3] == "1.5") == (condition is speeding)
-
-
 @pytest.mark.parametrize("command", ["trim", "linearize"])
 def test_a_trim_that_fails_is_data_too(command: str) -> None:
     """The nearest point within the limits, what binds and why; exit code 1 and the sentence as without --json."""
