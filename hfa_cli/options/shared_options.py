@@ -361,6 +361,8 @@ def interval_of(arguments: argparse.Namespace, family: Family) -> tuple[float, f
     ends: tuple[float, ...] = arguments.at or arguments.dihedral or ()
     if len(ends) != 2:
         raise BadInputError(f"give the interval of {family.over or 'the scheduling variable'} as {option}")
+    if arguments.at is not None and family.over in (arguments.hold or {}):
+        raise BadInputError(f"{family.over} is given twice, by --at and by --hold; give it once")
     family.check(*ends)
     return ends[0], ends[1]
 

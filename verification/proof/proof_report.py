@@ -66,7 +66,7 @@ def schedule_proof_report(proof: ScheduleProof, motion: RateProof | None = None)
     parts: list[Part] = ["\n".join(lines)]
     if actuators is not None:
         said, data["actuators"] = _actuators({key: getattr(actuators, key) for key in _INTERVALS})
-        parts.append(said)
+        parts.append(said if proof.proved else f"asked {said}")
     if motion is not None:
         data |= {_rate_key(over): motion.rate, "lyapunov": {**scheduled(model, motion.places), "P": motion.P}}
         said = _motion(over, unit, motion.rate) if motion.rate > 0.0 else f"open: no rate of the {over} is proved"
