@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from controller.game.array_file import checked_matrix, found_in, read_arrays
+from controller.game.array_file import checked_matrix, read_arrays
 from controller.game.model_file import entries_of, one_number
 from controller.game.zero_sum import LARGEST, Game
 from controller.riccati.balancing import RANK, balanced_units, in_units, is_hurwitz, normal_form, spectrum
@@ -131,18 +131,22 @@ class GeneralizedPlant(Shown):
 
     def __post_init__(self) -> None:
         """Check everything once, so that no solver has to."""
-        n, k, m = np.shape(self.A)[0], np.shape(self.B1)[-1], np.shape(self.B2)[-1]
-        r, p = np.shape(self.C1)[0], 0 if self.C2 is None else np.shape(self.C2)[0]
-        shapes = {"A": (n, n), "B1": (n, k), "B2": (n, m), "C1": (r, n), "D12": (r, m), "D11": (r, k)}
-        if self.C2 is None and (self.D21 is not None or self.D22 is not None):
+        given = {each.name: getattr(self, each.name) for each in fields(self)}
+        found = {name: checked_matrix(name, M, LARGEST) for name, M in given.items() if M is not None}
+        for name in ("A", "B1", "B2", "C1", "D12"):
+            if name not in found:
+                raise BadInputError(f"there is no {name}; a plant has A, B1, B2, C1, D12, with measurements C2 and D21")
+        if self.C2 is None and ("D21" in found or "D22" in found):
             raise BadInputError("there is a D21 or D22 and no C2; give C2, or none of them for state feedback")
+        if self.C2 is not None and "D21" not in found:
+            raise BadInputError("there is no D21; with C2 every measurement needs noise of its own in D21")
+        n, k, m, r = len(found["A"]), found["B1"].shape[1], found["B2"].shape[1], len(found["C1"])
+        shapes = {"A": (n, n), "B1": (n, k), "B2": (n, m), "C1": (r, n), "D12": (r, m), "D11": (r, k)}
+        p = 0 if self.C2 is None else len(found["C2"])
         if self.C2 is not None:
             shapes |= {"C2": (p, n), "D21": (p, k), "D22": (p, m)}
         for name, shape in shapes.items():
-            given = getattr(self, name)
-            if given is None and name == "D21":
-                raise BadInputError("there is no D21; with C2 every measurement needs noise of its own in D21")
-            matrix = checked_matrix(name, np.zeros(shape) if given is None else given, LARGEST)
+            matrix = found.get(name, np.zeros(shape))
             if matrix.shape != shape:
                 raise BadInputError(f"{name} has shape {matrix.shape}; with the other matrices it must be {shape}")
             object.__setattr__(self, name, matrix)
@@ -205,13 +209,12 @@ def stored_plant(path: str | Path, found: dict[str, Any] | None = None) -> Store
     names = [field.name for field in fields(GeneralizedPlant)]
     with said_of(path):
         stored, notes = entries_of(found, {"A", "B2"})
-        for name in names[:5]:
-            if name not in stored:
-                raise BadInputError(f"there is no {name}; a plant with B2 holds {', '.join(names)}{found_in(stored)}")
         unused = sorted(set(stored) - {*names, "delta", "states", "inputs", "state_units", "input_units"})
         notes += [f"{shortened(', '.join(unused), 200)} not used"] if unused else []
-        plant = GeneralizedPlant(**{name: stored[name] for name in names if name in stored})
+        plant = GeneralizedPlant(**{name: stored.get(name) for name in names})
         delta = one_number("delta", stored["delta"]) if "delta" in stored else None
+        if delta is not None and not delta > 0.0:
+            raise BadInputError(f"delta is {delta:g}; it must be a positive number")
     return StoredPlant(plant, delta, tuple(f"{path}: {note}" for note in notes))
 
 
@@ -465,7 +468,7 @@ def _refused(checks: tuple[Check, ...]) -> tuple[Check, ...]:
     """The checks; NoSolutionError with the first that failed."""
     for check in checks:
         if not check.ok:
-            raise NoSolutionError(f"the controller is not certified: {check.reason}")
+            raise NoSolutionError(f"the controller is not certified: {check.reason}; ask for a larger delta")
     return checks
 
 

@@ -286,6 +286,8 @@ def test_modes_that_rule_out_every_delta_are_named(changes: dict[str, Any], word
         ({"D12": [[0.0, 0.0], [1.0, 2.0]], "B2": np.eye(2)}, "D12 has rank 1 and 2 columns"),
         ({"C2": np.eye(2), "D21": [[0.0, 1.0], [0.0, 1.0]]}, "D21 has rank 1 and 2 rows"),
         ({"D21": None}, "there is no D21"),
+        ({"B1": None}, "there is no B1"),
+        ({"A": 5.0}, "A has 0 dimension"),
         ({"C2": None}, "no C2"),
         ({"A": [[0.0, math.nan], [0.0, 0.0]]}, r"A\[0\]\[1\] is nan"),
     ],
