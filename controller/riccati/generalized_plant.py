@@ -211,7 +211,8 @@ def stored_plant(path: str | Path, found: dict[str, Any] | None = None) -> Store
         stored, notes = entries_of(found, {"A", "B2"})
         unused = sorted(set(stored) - {*names, "delta", "states", "inputs", "state_units", "input_units"})
         notes += [f"{shortened(', '.join(unused), 200)} not used"] if unused else []
-        plant = GeneralizedPlant(**{name: stored.get(name) for name in names})
+        parts: dict[str, Any] = {name: stored.get(name) for name in names}
+        plant = GeneralizedPlant(**parts)
         delta = one_number("delta", stored["delta"]) if "delta" in stored else None
         if delta is not None and not delta > 0.0:
             raise BadInputError(f"delta is {delta:g}; it must be a positive number")
