@@ -13,7 +13,7 @@ from hfa_support.model import Model
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Cell, Table, degrees, short_number, shown_unit, shown_value
 from trim.point.condition import TrimCondition
-from trim.point.operating_point import BALANCE, OperatingPoint, scheduled_data
+from trim.point.operating_point import BALANCE, OperatingPoint, Status, scheduled_data
 from trim.point.solve import STARTS, other_trims, trim_problem
 
 #: A variable is at its limit when it is this close to it, in its scaled unit and relative to the limit.
@@ -167,9 +167,9 @@ def _search(
     model, problem = point.model, trim_problem(aircraft.model, condition, point)
     at = problem.unknowns_at(point.values)
     equations, unknowns = problem.count
-    others = other_trims(aircraft, condition, point)
-    said = []
-    if unknowns > equations:
+    trimmed, said = point.status == Status.TRIMMED, []
+    others = other_trims(aircraft, condition, point) if trimmed else []
+    if unknowns > equations and trimmed:
         said.append(
             f"Least effort: {unknowns} unknowns for {equations} equations, so this is the trim with the least "
             "Σ (input / scale)² near the start"
