@@ -95,6 +95,8 @@ def check_certificate(path: Path, progress: Progress | None = None, model: Model
                 if progress is not None:
                     progress(done, sum(map(len, boxes.values())))
         rate = min((box["rate"] for box in boxes.get("loop", ()) if not box["unstable"]), default=0.0)
+    except BadInputError as error:  # it is about another model
+        raise BadInputError(f"{path}: {error}") from error
     except (NoSolutionError, LookupError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
         raise Rejected(f"{path}: {where} is not proved: {error or type(error).__name__}") from error
     return Verified(kind, claim, covers, rate, _parted(roots) if kind == "schedule" else [], written, about)

@@ -18,7 +18,6 @@ from hfa_support.model import load_model
 from trim import find_operating_point, linearize
 from verification import Family, check_certificate, prove_rate, prove_schedule, solve_game
 from verification.checker import checker
-from verification.checker.checker import Rejected
 from verification.proof.certificate_file import ScheduleCertificate
 from verification.proof.proof_report import checked_report, schedule_proof_report
 from verification.proof.scheduled_loop import LoopTable
@@ -105,9 +104,9 @@ def test_gains_over_the_speed_of_another_aircraft(navion: tuple[Family, LoopTabl
     data = checked_report(check_certificate(path, model=flights.model)).data
     assert (data["proved"], data["one_branch"]) == (True, True)
     assert data["scheduled"] == {"speed": [160.0, 168.0]}
-    with pytest.raises(Rejected, match="name its file by --aircraft"):
+    with pytest.raises(BadInputError, match="name its file by --aircraft"):
         check_certificate(path)
-    with pytest.raises(Rejected, match="of another file"):
+    with pytest.raises(BadInputError, match="of another file"):
         check_certificate(path, model=replace(flights.model, source=("other.py:NAVION", "0" * 64)))
 
 
