@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -43,28 +44,33 @@ class GainTable(Shown):
             raise BadInputError("dihedral_deg must be the angles of the table, increasing")
 
     def grid(self, dihedrals: np.ndarray) -> np.ndarray:
-        """These angles, increasing, rad, with those of the table between them: where a schedule of K is given.
+        """These values (angles in rad), increasing, with those of the table between them: where a schedule is given.
 
         BadInputError when they reach beyond the table, or when K takes more than the states.
         """
         n = len(self.model.linear)
         if self.K.shape[-1] != n:
             raise BadInputError(f"K has {self.K.shape[-1]} columns; a schedule that flies takes {n}, no memory")
-        low, high, own = dihedrals[0], dihedrals[-1], np.radians(self.dihedral_deg)
+        low, high = dihedrals[0], dihedrals[-1]
+        own = np.radians(self.dihedral_deg) if self._in_degrees else self.dihedral_deg
         if len(own) == 1:
             return dihedrals
         if low < own[0] - _AT_THE_END or high > own[-1] + _AT_THE_END:
-            low, high, first, last = (np.degrees(each) for each in (low, high, own[0], own[-1]))
+            say = partial(self.model.describe, self.model.schedule)
             raise BadInputError(
-                f"the gains cover {first:g} to {last:g} deg, not {low:g} to {high:g} deg; fly where they are"
+                f"the gains cover {say(own[0])} to {say(own[-1])}, not {say(low)} to {say(high)}; fly where they are"
             )
         inside = own[(own > low + _AT_THE_END) & (own < high - _AT_THE_END)]
         new = [angle for angle in inside if np.abs(dihedrals - angle).min() > _AT_THE_END]
         return np.sort([*dihedrals, *new])
 
     def at(self, dihedral: float) -> np.ndarray:
-        """K, (m, n), at a dihedral, rad."""
-        return LinearTable(self.dihedral_deg, self.K).at(np.degrees(dihedral))
+        """K, (m, n), at a dihedral, rad, or another value of the scheduling variable."""
+        return LinearTable(self.dihedral_deg, self.K).at(np.degrees(dihedral) if self._in_degrees else dihedral)
+
+    @property
+    def _in_degrees(self) -> bool:
+        return self.model.unit(self.model.schedule).startswith("rad")
 
 
 def load_gains(path: Path, model: Model = HFA) -> GainTable:

@@ -66,9 +66,7 @@ def run(arguments: argparse.Namespace) -> int:
     check_policy(arguments)
     aircraft, (end, over, points) = aircraft_of(arguments), _to(arguments.to)
     model, flights = aircraft.model, options.flight_of(arguments)
-    if arguments.weights is not None and OWN.get() is not None:
-        raise BadInputError("--weights holds gains over the dihedral; leave it out with --aircraft")
-    gains = None if arguments.weights is None else load_gains(arguments.weights)
+    gains = None if arguments.weights is None else load_gains(arguments.weights, model)
     begin = find_operating_point(aircraft, options.condition_of(arguments), arguments.start)
     change = change_over(model, begin.values.get(model.schedule, end), end, over)
     scenario = scenario_of(arguments, begin, LEAD + over + REST)

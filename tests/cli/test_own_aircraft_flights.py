@@ -65,6 +65,12 @@ def test_a_schedule_over_the_speed_and_a_map_of_two_states(monkeypatch: pytest.M
                  "--step", "0.01", "--json")  # fmt: skip
     data = json.loads(result.out)
     assert (result.code, data["schedule"]["dihedrals"]) == (0, [176.0, 190.0])
+    gains = {"speed": np.array([170.0, 200.0]), "K": np.array(data["schedule"]["gains"])}
+    np.savez("gains.npz", **gains)
+    same = ("schedule", "--aircraft", NAVION, "--weights", "gains.npz", "--to", "190:20:2", "--duration", "26")
+    assert len(json.loads(hfa(*same, "--step", "0.01", "--json").out)["schedule"]["dihedrals"]) == 2
+    np.savez("gains.npz", **gains | {"speed": np.array([170.0, 180.0])})
+    assert_refused(hfa(*same), 2, "the gains cover 170 ft/s to 180 ft/s, not 176 ft/s to 190 ft/s")
     ranges = ("--initial", "speed=-5,5", "--initial", "alpha=-2,0,2", "--command", "speed=-5,5")
     data = json.loads(hfa("map", "--aircraft", NAVION, "--law", "exact", *ranges, "--json").out)["maps"]["Navion"]
     assert (data["speeds"], np.shape(data["nonlinear"]["held"])) == ([-5.0, 5.0], (3, 2))

@@ -295,8 +295,8 @@ def seeds() -> Mapping[str, bytes]:
         Path("design.toml").write_bytes(files("controller.designs").joinpath("simvfa_1.toml").read_bytes())
         save_controller(Path("controller.npz"), small_controller(Aircraft()))
         table = exact_table(14.9, 15.1)
-        np.savez("table.npz", dihedral_deg=table.dihedral_deg, K=table.K)
-        text = {"dihedral_deg": table.dihedral_deg.tolist(), "K": table.K.tolist()}
+        np.savez("table.npz", dihedral_deg=table.places, K=table.K)
+        text = {"dihedral_deg": table.places.tolist(), "K": table.K.tolist()}
         Path("table.json").write_text(json.dumps(text), encoding="utf-8")
         for suffix in (".json", ".npz", ".mat"):
             small(Path(f"plant{suffix}"))
