@@ -127,6 +127,18 @@ def test_the_back_side_of_the_power_curve_is_another_trim() -> None:
     assert data["search"]["other_trims"][0]["speed"] == pytest.approx(front.states.speed, rel=1e-9)
 
 
+def test_turns_of_a_sweep_are_those_of_single_trims() -> None:
+    """One branch, banked by less than a right angle and steeper with the rate, in sweeps and in single trims alike."""
+    rates = np.linspace(0.0, 0.25, 26)
+    found = sweep(F16, {"turn_rate": rates})
+    bank = found.states[:, list(F16.states).index("roll")]
+    assert found.trimmed.all()
+    assert (np.diff(bank) > 0).all()
+    assert bank[-1] < np.pi / 2
+    for i in (5, 20):
+        np.testing.assert_allclose(trimmed(F16, {"turn_rate": rates[i]}).states, found.states[i], atol=1e-10)
+
+
 def test_states_without_balance_are_left_and_named() -> None:
     """North, east and heading are in no equation: free or held, the trim is the same, and their rates are reported."""
     done = hfa("trim", *OWN, *(word for name in ("north", "east", "yaw") for word in ("--free", name)), "--json")

@@ -424,7 +424,8 @@ def _found_from(problem: TrimProblem, guess: np.ndarray, search: _Search) -> np.
         return best
     nearest = _bounded_least_squares(problem, guess)
     if search is _newton:
-        return _newton(problem, nearest)
+        beyond = _newton(problem, nearest)
+        return beyond if problem.balanced(beyond) else nearest
     nearest = _polished(problem, nearest)
     best = _solved_from(problem, nearest, search) if problem.solved(nearest) else None
     return nearest if best is None else best
@@ -447,7 +448,7 @@ def _newton(problem: TrimProblem, unknowns: np.ndarray, moving: np.ndarray | Non
     columns = np.arange(len(unknowns)) if moving is None else moving
     for _ in range(_MAX_NEWTON_STEPS if len(columns) else 0):
         _, _, _, residual, jacobian = problem.at(unknowns)
-        norm, step = float(np.abs(residual).max()), np.zeros(len(unknowns))
+        norm, step = float(np.linalg.norm(residual)), np.zeros(len(unknowns))
         step[columns] = _step(jacobian[:, columns], residual)
         better = None
         if norm > 0.0 and np.isfinite(step).all():
@@ -476,7 +477,7 @@ def _halved(problem: TrimProblem, unknowns: np.ndarray, step: np.ndarray, norm: 
     for halving in range(_MAX_HALVINGS if norm > BALANCE else 1):
         candidate = unknowns + step / 2**halving
         try:
-            if np.abs(problem.at(candidate).residual).max() < norm:
+            if np.linalg.norm(problem.at(candidate).residual) < norm:
                 return candidate
         except (BadInputError, FloatingPointError):
             continue  # outside the model: a shorter step stays inside
