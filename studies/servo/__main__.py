@@ -55,7 +55,10 @@ def parser() -> argparse.ArgumentParser:
     ask.add_argument("controller", nargs="?", help="a controller (.npz of hfa design); the designed servo without one")
     ask.set_defaults(run=_requirements)
 
-    for each in (fly, ask):
+    trade = commands.add_parser("front", help="the gain of A_z between commands with a fault, updrafts and margins")
+    trade.set_defaults(run=_front)
+
+    for each in (fly, ask, trade):
         each.add_argument("--dynamics", choices=("published", "newton"), default="published")
         each.add_argument("--json", action="store_true", help="print JSON")
     return whole
@@ -78,6 +81,12 @@ def _requirements(arguments: argparse.Namespace, aircraft: Aircraft) -> Report:
 
     name = arguments.controller
     return requirements(aircraft, designed_servo(aircraft) if name is None else load_controller(name))
+
+
+def _front(_: argparse.Namespace, aircraft: Aircraft) -> Report:
+    from studies.servo.front import front
+
+    return front(aircraft)
 
 
 def _origin(aircraft: Aircraft) -> Provenance:

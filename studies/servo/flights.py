@@ -33,9 +33,9 @@ from hfa_support.reporting.text import Table
 from trim import LinearModel, level_model
 
 #: s: step of a flight, how often the envelope is looked at, and how long a flight in a gust lasts.
-STEP, TICK, SECONDS = 0.01, 0.2, 30.0
-#: ft/s: how closely the largest gust is found, and the largest that is tried.
-APART, LARGEST = 1.0, 60.0
+STEP, TICK, SECONDS = 0.02, 0.2, 30.0
+#: ft/s: how closely the largest gust is found.
+APART = 1.0
 #: Actuators that one servo is asked to work behind.
 REAL = (Actuator(1, 2.0), Actuator(2, 2.0), Actuator(1, 10.0), Actuator(2, 10.0))
 #: Length of a gust, ft -> peak that is asked for, ft/s, behind each of `REAL` but the last.
@@ -74,26 +74,21 @@ def gust_held(
     controller: ScheduledController,
     acting: Actuator,
     length: float,
-    sign: float,
+    peak: float,
 ) -> float:
-    """Largest peak of a 1-cosine gust, ft/s, to `APART`, up to which no flight of 30 s leaves the envelope.
+    """Largest 1-cosine gust up to `peak`, ft/s, that a flight of 30 s stands in its envelope, to `APART`; signed."""
 
-    sign: -1 for a downdraft. Peaks are tried in steps of ten times `APART`, then halved; `LARGEST` where all are held.
-    """
-
-    def held(peak: float) -> bool:
-        gust = OneMinusCosine(length, sign * peak, model.point.states.speed, 1.0)
+    def held(size: float) -> bool:
+        gust = OneMinusCosine(length, math.copysign(size, peak), model.point.states.speed, 1.0)
         return flown(aircraft, model, controller, acting, gust=gust).departure is None
 
-    low, high = 0.0, 10.0 * APART
-    while held(high):
-        if high >= LARGEST:
-            return LARGEST
-        low, high = high, high + 10.0 * APART
+    low, high = 0.0, abs(peak)
+    if held(high):
+        return peak
     while high - low > APART:
         middle = (low + high) / 2.0
         low, high = (middle, high) if held(middle) else (low, middle)
-    return low
+    return math.copysign(low, peak)
 
 
 def delayed(loop: ServoLoop, seconds: float) -> ServoLoop:
@@ -139,10 +134,11 @@ def requirements(aircraft: Aircraft, controller: ScheduledController) -> Report:
     models = {each: level_model(aircraft, math.radians(each)) for each in ANGLES}
     for (length, asked), k in itertools.product(ASKED.items(), range(3)):
         held = {
-            f"{angle:g} deg {'up' if sign > 0 else 'down'}": gust_held(
-                aircraft, model, controller, REAL[k], length, sign
+            f"{angle:g} deg {way}": abs(
+                gust_held(aircraft, model, controller, REAL[k], length, asked[k] if way == "up" else -asked[k])
             )
-            for (angle, model), sign in itertools.product(models.items(), (1.0, -1.0))
+            for angle, model in models.items()
+            for way in ("up", "down")
         }
         worst = min(held, key=lambda where: held[where])
         what = f"gust of {length:g} ft, order {REAL[k].order}, {REAL[k].bandwidth:g} rad/s, ft/s"
@@ -154,7 +150,7 @@ def requirements(aircraft: Aircraft, controller: ScheduledController) -> Report:
         biased = flown(aircraft, at_11, controller, acting, duration=120.0, noise=Signal(BIAS * one, 0.0 * one))
         error = np.degrees(np.abs(biased.states[-1, 5] - at_11.point.states.dihedral))
         found.append({"what": f"gyro 0.3 deg/s off: dihedral{words}", "asked": 0.3, "reached": float(error)})
-        noisy = Scenario(duration=60.0, step=STEP, tick=STEP, uncertainty=Uncertainty(noise=NOISE)).drawn(1, 0, 68.0)
+        noisy = Scenario(duration=60.0, step=STEP, tick=STEP, uncertainty=Uncertainty(noise=NOISE)).drawn(1, 0, at_11.point)
         quiet = flown(aircraft, at_11, controller, acting, duration=60.0, tick=STEP, samples=noisy.samples)
         rates = np.degrees(np.abs(np.diff(quiet.flight.inputs, axis=0)) / STEP)
         found.append({"what": f"noise: surface rate{words}/s", "asked": 4.0, "reached": float(rates.max())})

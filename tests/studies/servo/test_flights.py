@@ -23,10 +23,10 @@ RESULTS = ROOT / "studies" / "servo" / "results"
 
 def test_the_largest_gust_is_where_flights_begin_to_end(published_aircraft: Aircraft) -> None:
     controller, model, acting = designed_servo(published_aircraft), model_at(11.0), Actuator(2, 2.0)
-    held = gust_held(published_aircraft, model, controller, acting, 150.0, -1.0)
-    assert 5.0 < held < 60.0
-    for peak, lost in ((held, False), (held + 1.0, True)):
-        gust = OneMinusCosine(150.0, -peak, model.point.states.speed, 1.0)
+    held = gust_held(published_aircraft, model, controller, acting, 150.0, -60.0)
+    assert -60.0 < held < -5.0
+    for peak, lost in ((held, False), (held - 1.0, True)):
+        gust = OneMinusCosine(150.0, peak, model.point.states.speed, 1.0)
         assert (flown(published_aircraft, model, controller, acting, gust=gust).departure is not None) == lost
 
 

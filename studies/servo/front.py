@@ -1,0 +1,56 @@
+"""What following A_z costs: the servo with other gains of A_z, between commands with a fault, gusts and margins."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from controller import design_controller, load_design
+from controller.design.servo_loop import check_margins
+from hfa_model import Aircraft
+from hfa_support import Report
+from hfa_support.reporting.text import Table
+from studies.servo.comparison import CASES, TRIM_DEG, fly_case
+from studies.servo.flights import ASKED, REAL, gust_held
+from studies.servo.simvfa import REGULATED
+from trim import level_model
+
+#: Factors on the gain of A_z; s of the commands: the first three steps; ft/s: the largest gust that is tried.
+FACTORS, SECONDS, LARGEST = (0.25, 0.5, 1.0, 1.5, 2.0), 211.0, 60.0
+
+
+def front(aircraft: Aircraft) -> Report:
+    """At 11 deg, order 1: rms of A_z with the fault of `order-1-fault`, largest updrafts held, smallest margins."""
+    design, model = load_design("servo").of(aircraft.variant.name), level_model(aircraft, math.radians(TRIM_DEG))
+    assert design.shaping is not None
+    points: list[dict[str, Any]] = []
+    for factor in FACTORS:
+        weight = design.shaping.outputs[REGULATED[1]]
+        outputs = {**design.shaping.outputs, REGULATED[1]: weight._replace(gain=factor * weight.gain)}
+        own = replace(design, name=f"{factor:g}", shaping=design.shaping._replace(outputs=outputs))
+        made = design_controller(aircraft, own, np.array(design.shaping.dihedrals))
+        margins = check_margins(aircraft, made, np.radians([TRIM_DEG]), (2.0, 10.0))
+        single = [each for row in margins.rows for each in row.loops if each.loop != "all inputs"]
+        (flight,) = fly_case(aircraft, CASES["order-1-fault"], {own.name: made}, SECONDS, only=[own.name])
+        gusts = {f"{length:g}": gust_held(aircraft, model, made, REAL[0], length, LARGEST) for length in sorted(ASKED)}
+        point = {"factor": factor, "acceleration": flight.tracked[1].rms, "dihedral": flight.tracked[0].rms}
+        margin = {"gain": min(each.gain for each in single), "phase": min(each.phase for each in single)}
+        points.append(point | margin | {"updrafts": gusts})
+    rows = [
+        (
+            f"{each['factor']:g}",
+            f"{each['acceleration']:.3f}",
+            f"{math.degrees(each['dihedral']):.3f}",
+            *(f"{each['updrafts'][f'{length:g}']:.0f}" for length in sorted(ASKED)),
+            f"{each['gain']:.1f}",
+            f"{each['phase']:.0f}",
+        )
+        for each in points
+    ]
+    lengths = tuple(f"{length:g} ft" for length in sorted(ASKED))
+    header = ("factor", "A_z ft/s^2", "dihedral deg", *lengths, "gain dB", "phase deg")
+    title = f"Gain of A_z against updrafts, {aircraft.variant.name} dynamics"
+    return Report(title, (Table(header, rows),), data={"points": points})
