@@ -150,7 +150,9 @@ def requirements(aircraft: Aircraft, controller: ScheduledController) -> Report:
         biased = flown(aircraft, at_11, controller, acting, duration=120.0, noise=Signal(BIAS * one, 0.0 * one))
         error = np.degrees(np.abs(biased.states[-1, 5] - at_11.point.states.dihedral))
         found.append({"what": f"gyro 0.3 deg/s off: dihedral{words}", "asked": 0.3, "reached": float(error)})
-        noisy = Scenario(duration=60.0, step=STEP, tick=STEP, uncertainty=Uncertainty(noise=NOISE)).drawn(1, 0, at_11.point)
+        noisy = Scenario(duration=60.0, step=STEP, tick=STEP, uncertainty=Uncertainty(noise=NOISE)).drawn(
+            1, 0, at_11.point
+        )
         quiet = flown(aircraft, at_11, controller, acting, duration=60.0, tick=STEP, samples=noisy.samples)
         rates = np.degrees(np.abs(np.diff(quiet.flight.inputs, axis=0)) / STEP)
         found.append({"what": f"noise: surface rate{words}/s", "asked": 4.0, "reached": float(rates.max())})

@@ -61,7 +61,7 @@ def test_a_case_is_flown_kept_and_resumed(tmp_path: Path, published_aircraft: Ai
 
 def test_the_findings_have_the_stored_results() -> None:
     stored = json.loads((FOLDER / "results" / "comparison.json").read_bytes())
-    assert [case["case"] for case in stored["cases"]] == list(CASES)
+    assert [case["case"] for case in stored["cases"] if case["dynamics"] == "published"] == list(CASES)
     for case in stored["cases"]:
         for row in rows_of(case):
             assert f"| {case['case']} | {' | '.join(row)} |" in FINDINGS
