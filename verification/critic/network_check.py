@@ -22,8 +22,8 @@ from hfa_support.reporting.checks import Check, at_most, below
 from verification.critic.candidate import Candidate, Nonlinear
 from verification.critic.critic_errors import SMALL
 
-#: States from which the search starts, half of them corners of the box, and from how many of them it climbs.
-STARTS, CLIMBS = 1000, 4
+#: States from which the search starts, half of them corners of the box, and from how many of each kind it climbs.
+STARTS, CLIMBS = 1000, 3
 #: Flights, each until the exact loop has decayed to exp(-`DECAY`), in so many steps at most; from how many starts the
 #: largest box is sought, among 1, 2, ... 2^`DOUBLINGS` times the box and its parts.
 FLIGHTS, DECAY, STEPS, FEW, DOUBLINGS = 100, 5.0, 1000, 6, 4
@@ -151,7 +151,7 @@ def search(game: Game, candidate: Candidate, exact: GameSolution, b: np.ndarray)
     """The largest error at the origin, and those found over the box |z_i| <= b_i: of V, of any dV/dz_i, of any input.
 
     Each relative to the largest of the exact V, dV/dz_i or u_i in the box; V but for its constant, on which no policy
-    depends. Of `STARTS` states the `CLIMBS` worst of each error are where L-BFGS-B starts to climb.
+    depends. Of `STARTS` states the `CLIMBS` worst corners and the `CLIMBS` worst others are where L-BFGS-B starts to climb.
     """
     assert candidate.nonlinear is not None
     z, (names, errors) = candidate.nonlinear.z, _errors(game, candidate.nonlinear, exact, b)
@@ -165,7 +165,8 @@ def search(game: Game, candidate: Candidate, exact: GameSolution, b: np.ndarray)
     found: dict[str, Found] = {}
     for name, sampled, unit in zip(names, np.array(values(b[:, None] * starts)), np.eye(len(names)), strict=True):
         sizes = np.where(np.isfinite(sampled), np.abs(sampled), math.inf)
-        order = np.argsort(-sizes, kind="stable")[:CLIMBS]
+        order = np.argsort(-sizes, kind="stable")
+        order = np.concatenate([order[:1], order[order % 2 == 0][:CLIMBS], order[order % 2 == 1][:CLIMBS]])
         ends = [(float(sizes[order[0]]), starts[:, order[0]])]
         if math.isfinite(ends[0][0]):
             ends += [
@@ -187,7 +188,7 @@ def _climbed(
     def descent(y: np.ndarray) -> tuple[float, np.ndarray]:
         return -float(weights @ np.array(values(b * y)).ravel()), -np.array(slopes(b * y, weights)).ravel() * b
 
-    end = minimize(descent, start, jac=True, method="L-BFGS-B", bounds=[(-1.0, 1.0)] * len(b), options={"maxiter": 50})
+    end = minimize(descent, start, jac=True, method="L-BFGS-B", bounds=[(-1.0, 1.0)] * len(b), options={"maxiter": 25})
     return (-float(end.fun) if math.isfinite(end.fun) else math.inf), end.x
 
 
