@@ -151,7 +151,8 @@ def search(game: Game, candidate: Candidate, exact: GameSolution, b: np.ndarray)
     """The largest error at the origin, and those found over the box |z_i| <= b_i: of V, of any dV/dz_i, of any input.
 
     Each relative to the largest of the exact V, dV/dz_i or u_i in the box; V but for its constant, on which no policy
-    depends. Of `STARTS` states the `CLIMBS` worst corners and the `CLIMBS` worst others are where L-BFGS-B starts to climb.
+    depends. Of `STARTS` states the `CLIMBS` worst corners and the `CLIMBS` worst others are where L-BFGS-B starts to
+    climb.
     """
     assert candidate.nonlinear is not None
     z, (names, errors) = candidate.nonlinear.z, _errors(game, candidate.nonlinear, exact, b)
