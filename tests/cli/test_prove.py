@@ -41,7 +41,7 @@ def certificates(certificate: Path, tmp_path_factory: pytest.TempPathFactory) ->
     assert hfa("solve", "--dihedral", "15", "-o", str(solved)).code == 0
     words = {
         "solution": ("prove", "solution", "--dihedral", "15", "-o"),
-        "critic": ("prove", "critic", str(solved), "--dihedral", "15", "-o"),
+        "critic": ("prove", "critic", "--dihedral", "15", str(solved), "-o"),
         "errors": ("prove", "schedule", "--dihedral", "14:14.25", "--error", "1", "-o"),
         "lpv": ("lpv", "--dihedral", "14:14.0625", "--certificate"),
     }
