@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,8 +20,9 @@ _WIDER = 1.5
 _WIDER_WITH_ERRORS = 4.0
 #: ... and by this part of the largest entry of their row, which those that cancel to 0 need.
 _FLOOR = 1e-6
-#: A trim is sought within so many times of what the equations leave along the stated polynomial, in Newton's steps.
-_ROOM = 6.0
+#: A trim is sought within so many times, and the root of the number of unknowns, of what the equations leave along the
+#: stated polynomial, in Newton's steps.
+_ROOM = 1.5
 #: Decimals of a trim at one angle, and its least radius in units of the variable.
 _DIGITS, _FINEST = 55, 1e-46
 
@@ -44,7 +46,7 @@ def stated(model: ModelForms, family: Family) -> StatedModel:
     signals, trim = family.model.signals, {}
     for name, step, row in zip(family.condition().free, model.steps, model.polynomials, strict=True):
         c0, c1, c2, *slopes = row
-        trim[name] = [c0, c1, c2, _ROOM * step + _FINEST * signals[name].nominal, *slopes]
+        trim[name] = [c0, c1, c2, _ROOM * math.sqrt(len(model.steps)) * step + _FINEST * signals[name].nominal, *slopes]
     return StatedModel(trim, _ends(model.A), _ends(model.B))
 
 
