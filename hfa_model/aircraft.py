@@ -61,7 +61,7 @@ def check_in_range(x: State) -> None:
 
 
 def flight_limits(x: State, p: Parameters) -> dict[str, tuple[float, float]]:
-    """Where the equations are meant to hold about a trim, beside the limits of alpha, pitch and dihedral.
+    """Where the equations are meant to hold about a trim, in addition to the limits of alpha, pitch and dihedral.
 
     Speed: half to double the trimmed one. Altitude: within 1000 ft. Pitch rate: V tan(α_max)/l_b, at which the tail, a
     boom behind, meets the air at the largest α. Dihedral rate: V tan(α_max)/(s/3), at which the hinges do. The

@@ -146,7 +146,7 @@ def lag_rates(kind: str, strip: str, lag: Lag, angle: Quantity, x: Any, half_cho
 def _flown(
     panel: str, motion: Velocity, moving: Velocity, x: Any, u: Any, p: Any, winds: Winds, air: Quantity
 ) -> _Flown:
-    """A panel that moves through still air, and through the air as it is, with these velocities.
+    """A panel that moves through still air, and through the moving air, with these velocities.
 
     The angle of attack of a strip, less what lags, turns its lift too: what the wake induces is a flow.
     """

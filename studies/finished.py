@@ -25,7 +25,7 @@ def stamped(content: Mapping[str, Any], decides: Mapping[str, Any]) -> dict[str,
 
 
 def finished(path: Path, decides: Mapping[str, Any]) -> dict[str, Any] | None:
-    """The JSON object in a file, if it bears the stamp of today and is as it was written; else None."""
+    """The JSON object in a file, if it has today's stamp and is unchanged; else None."""
     try:
         data = read_json(path)
         known = data["digest"] == _digest(data) and stamp(decides).items() <= data.items()

@@ -78,7 +78,7 @@ def published_aircraft(parameters: Parameters) -> Aircraft:
 
 @pytest.fixture(scope="session")
 def point() -> OperatingPoint:
-    """What `--dihedral 15` stands for: the trim, and below its game and the exact gain."""
+    """What `--dihedral 15` means: the trim, and below its game and the exact gain."""
     return model_at(15.0).point
 
 

@@ -248,13 +248,13 @@ def solution_report(
 
 
 def _standing(delta: float, smallest: DeltaMin) -> str:
-    """Where delta stands; the doubt about the smallest one is said only where rounding leaves any."""
+    """Where delta stands; the uncertainty of the smallest one is stated only where rounding leaves any."""
     doubt = f" (rounding leaves it open down to {smallest.refused:.7g})" if smallest.uncertain else ""
     return f"delta {delta:.6g}, smallest possible {smallest.value:.7g}{doubt}, margin {smallest.margin(delta):.4g}"
 
 
 def _data(found: AnalysedGame, states: tuple[str, ...], inputs: tuple[str, ...]) -> dict[str, Any]:
-    """Ready for JSON; what is infinite becomes null."""
+    """Ready for JSON; infinite values become null."""
     return {
         "schema": SCHEMA,
         "states": list(states),

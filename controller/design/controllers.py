@@ -130,7 +130,7 @@ def _shaped(aircraft: Aircraft, built: DesignModel, shaping: Shaping) -> LinearC
 
 
 def _names(design: Design, feedback: str) -> tuple[tuple[str, ...], tuple[str, ...], tuple[float, ...]]:
-    """States of the controller, commands that it is told of, and the command filter that it knows."""
+    """States, commands and command filter of the controller."""
     if design.shaping is None:
         estimates = tuple(f"{name}_estimate" for name in design.states if feedback == "output")
         commands = tuple(f"{name}{COMMAND_SIGNALS[0]}" for name in design.integrals)

@@ -59,7 +59,7 @@ class Actuator:
     effectiveness: float = 1.0
 
     def __post_init__(self) -> None:
-        """Refuse what is no actuator."""
+        """Check that it is an actuator."""
         if self.order not in (1, 2):
             raise BadInputError(f"the order of an actuator is {self.order}; it must be 1 or 2")
         for name in ("bandwidth", "damping", "effectiveness"):
@@ -134,7 +134,7 @@ class Design:
         return self.variants.get(dynamics, self)
 
     def __post_init__(self) -> None:
-        """Name what is wrong before anything is built."""
+        """Check the declaration before anything is built."""
         if not self.inputs:
             raise BadInputError(f"design {self.name}: no input is left; name at least one of {', '.join(INPUTS)}")
         for name, actuator in self.actuators.items():
@@ -264,7 +264,7 @@ def load_design(name: str) -> Design:
     (rad/s), damping, effectiveness. [weights.states], [weights.inputs]: name = weight. [sensors]: output or state =
     its intensity. Or [shaping]: factor, dihedrals (deg); [shaping.inputs], [shaping.outputs.NAME] gain, corner,
     lag; [shaping.schedule]; [shaping.following] filter, bandwidth, and by name outputs, states, rates: `Shaping`,
-    `Following`. [newton.TABLE]: what is otherwise for these dynamics.
+    `Following`. [newton.TABLE]: entries that replace those above for these dynamics.
     BadInputError names the file, the entry and the fault.
     """
     return design_of(name, read_design(name))

@@ -167,7 +167,8 @@ def shaped_controller(
 ) -> Shaped:
     """x = [x_m; the weights' own; x̂]: u = u_m - W1 F x̂ of y_s = W2 (y - y_m), y_m = `sensed` x_m.
 
-    plant: A, B, C with its actuators. gains: of W1, (m,). The controller is an observer: it is told what was applied.
+    plant: A, B, C with its actuators. gains: of W1, (m,). The controller is an observer: its observer receives the
+    applied inputs.
     """
     A, B, C = plant
     k, n, h = len(weights.A), len(A), len(A) + len(weights.A)

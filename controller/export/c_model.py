@@ -96,7 +96,7 @@ def comment_lines(text: str) -> str:
 
 
 def c_positions(names: Sequence[str], units: Iterable[str], prefix: str = "") -> str:
-    """Lines of an enumeration, the unit of each beside it where it has one."""
+    """Lines of an enumeration, each with its unit where it has one."""
     return "\n".join(
         f"    HFA_{prefix}{name.upper()},{f' /* {unit} */' * bool(unit)}"
         for name, unit in zip(names, units, strict=True)

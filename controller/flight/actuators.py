@@ -1,4 +1,4 @@
-"""Actuators of order 1 and 2 with limits of position and rate, and what may befall them in flight."""
+"""Actuators of order 1 and 2 with limits of position and rate, and faults in flight."""
 
 from __future__ import annotations
 

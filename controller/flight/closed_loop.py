@@ -27,7 +27,7 @@ _NOTHING = np.zeros(0)
 
 
 class Expressions(NamedTuple):
-    """A loop at (t, y, p): y' and what is seen of it: error z, inputs u, disturbance d, winds, command."""
+    """A loop at (t, y, p): y' and its observed parts: error z, inputs u, disturbance d, winds, command."""
 
     rate: ca.SX
     error: ca.SX

@@ -18,9 +18,9 @@ SHORTEST, LONGEST = 1.0, 1e6
 
 
 class Gust(Protocol):
-    """w(t): vertical velocity of the air, ft/s, positive up; with states of its own where it has a filter.
+    """w(t): vertical velocity of the air, ft/s, positive up; with the states of its filter, if it has one.
 
-    p: what is handed to it anew at every tick (a sample of white noise, say).
+    p: its input of each tick (a sample of white noise, for example).
     """
 
     @property
@@ -60,7 +60,7 @@ class OneMinusCosine(Memoryless, Unvaried):
     begin: float = 0.0
 
     def __post_init__(self) -> None:
-        """Refuse what is no gust."""
+        """Check that it is a gust."""
         for name in ("length", "speed"):
             refuse_unless_positive(f"the gust's {name}", getattr(self, name))
         if not np.isfinite([self.peak, self.begin]).all():
@@ -97,7 +97,7 @@ class Dryden:
     seed: int
 
     def __post_init__(self) -> None:
-        """Refuse what is no turbulence."""
+        """Check that it is turbulence."""
         for name in ("intensity", "scale", "speed", "interval", "ticks"):
             refuse_unless_positive(f"the gust's {name}", getattr(self, name))
         low, high = (ticks * self.interval * self.speed for ticks in (SHORTEST, LONGEST))

@@ -134,7 +134,7 @@ def _runge_kutta_step(rate: ca.Function, h: float, after_step: ca.Function | Non
 
 
 class BackwardDifferentiation:
-    """CVODES, whose steps and orders are its own: for modes far faster than what is looked at, observers mostly.
+    """CVODES, whose steps and orders are its own: for modes far faster than the observed ones, mostly observers.
 
     Arguments as of `RungeKutta`; the rows are at multiples of `step`.
     Source: Hindmarsh et al., SUNDIALS, ACM Trans. Math. Software 31 (2005), 363-396.

@@ -82,7 +82,7 @@ class MonteCarlo(Shown):
     envelope: Envelope
 
     def __post_init__(self) -> None:
-        """Name what is wrong before the simulation."""
+        """Check everything before the simulation."""
         if not (self.members >= 1 and self.seed >= 0):
             raise BadInputError(f"members is {self.members} and seed {self.seed}; give at least 1 and 0")
         object.__setattr__(self, "scenario", self.scenario.on(self.model))

@@ -46,7 +46,7 @@ class Uncertainty:
     turbulence: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
-        """Name what is wrong before the simulation."""
+        """Check everything before the simulation."""
         for given in (self.errors, self.noise):
             for name, value in given.items():
                 if not (is_finite(value) and value >= 0.0):
@@ -96,7 +96,8 @@ class Scenario(Shown):
     steps. initial: (n,), deviation from trim, () for none. reference, disturbance, noise: (k,) each, of
     the states of the linear model; None is 0. errors: parameter -> factor on the flown aircraft, which the design does
     not know. actuators, gust: stages of the loop. air: disturbance of the model -> its signal, (1,). delay: s, whole
-    ticks, by which every command comes late. uncertainty: what is still to be drawn (`drawn`). samples: (ticks, k),
+    ticks, by which every command comes late. uncertainty: the random quantities, which `drawn` draws. samples:
+    (ticks, k),
     drawn noise, held in each tick. BadInputError when the times do not fit each other or the actuators, are too long,
     or there are two gusts.
     """
@@ -170,7 +171,7 @@ class Scenario(Shown):
         return round(self.duration / self.tick)
 
     def drawn(self, seed: int, member: int, point: OperatingPoint) -> Scenario:
-        """One draw of what is uncertain, decided by seed and member alone. point: whose speed gusts are met at."""
+        """One draw of the uncertain quantities, which seed and member decide. point: whose speed gusts are met at."""
         uncertain = self.uncertainty
         factors = zip(uncertain.errors, uncertain.factors(seed, member).tolist(), strict=True)
         return replace(

@@ -227,7 +227,8 @@ def _summed(loop: ClosedLoop, trim: np.ndarray, envelope: Envelope, step: float)
     """([t; y], p, [t; y] one step later, kept) -> kept, kept = [t; y; ∫ z² dt; max |z|; ∫ u² dt; max |α_a - α0|; min u;
     max u], u and z as deviations.
 
-    What is kept stays as it is from the first step outside the envelope on. The sums take z and u at the beginning of
+    From the first step outside the envelope on the kept values no longer change. The sums take z and u at the
+    beginning of
     each step, where the Runge-Kutta step has them anyway.
     """
     t, y, p = loop.symbols()

@@ -1,6 +1,6 @@
 """Arrays by name in .json, .npz, .npy, .mat and .csv files: one reader a format, one mapping name -> value.
 
-Whatever a file holds, the answer is that mapping or one line that says what is wrong with the file.
+Whatever a file holds, the answer is that mapping or one line that names the fault of the file.
 """
 
 from __future__ import annotations
@@ -97,7 +97,7 @@ def _npy(path: Path) -> dict[str, Any]:
 
 
 def _mat(path: Path) -> dict[str, Any]:
-    """As SciPy reads it in a process of its own, which a damaged file may crash or hang."""
+    """As SciPy reads it in a child process, which a damaged file may crash or hang."""
     words_of_child = [sys.executable, "-P", str(_CHILD), str(regular_file(path).absolute()), str(LARGEST)]
     try:
         done = subprocess.run(words_of_child, capture_output=True, timeout=_LONGEST)
@@ -117,7 +117,7 @@ def _mat(path: Path) -> dict[str, Any]:
 
 
 def _beside(path: Path) -> dict[str, Path]:
-    """Name -> file of the matrices that a file without names in it stands for."""
+    """Name -> file of the matrices that belong together without names inside."""
     if path.stem not in (*PLANT[:1], *CRITIC):
         raise ValueError("it holds the matrix that its name says: A with B beside it, or K, P, W; rename it")
     others = [path.with_name(name + path.suffix) for name in PLANT] if path.stem == "A" else []

@@ -56,7 +56,7 @@ class Basis(Shown):
 
     @cached_property
     def _entry_of_weight(self) -> np.ndarray:
-        """P_ij of each quadratic weight: W on the diagonal, W/2 beside it."""
+        """P_ij of each quadratic weight: W on the diagonal, W/2 off it."""
         row, column = self._upper
         return np.where(row == column, 1.0, 0.5)
 

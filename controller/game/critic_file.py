@@ -45,7 +45,7 @@ class StoredCritic(NamedTuple):
 class History(Shown):
     """times: (N,), s, increasing. W: (N, M) weights in `basis`, P: (N, n, n), K: (N, m, n); at least one of them.
 
-    A single W (M,), P (n, n) or K (m, n) belongs to the last row alone. BadInputError when a number is not finite or
+    A single W (M,), P (n, n) or K (m, n) is that of the last row. BadInputError when a number is not finite or
     too large, the times do not increase from 0 on, or the number of rows differs.
     """
 
@@ -87,7 +87,7 @@ class History(Shown):
 
     @property
     def last(self) -> StoredCritic:
-        """The last row, with the P and K that belong to it alone."""
+        """The last row, with its P and K."""
         found = self._over_time()
         return StoredCritic(
             *(found[name][-1] if name in found else getattr(self, name) for name in StoredCritic._fields)
@@ -171,7 +171,7 @@ def _single(stored: dict[str, Any], plant: PlantNames, functions: Basis | None) 
 def in_scales(critic: dict[str, np.ndarray], scales: np.ndarray, functions: Basis | None) -> dict[str, np.ndarray]:
     """W ψ(s x), (s x)' P (s x) and K s x as functions of x: W (..., M), P (..., n, n), K (..., m, n) by name.
 
-    functions: of W; what has not the shape of the plant stays as it is, and is refused where it is used.
+    functions: of W; an array of another shape than the plant's is kept, and refused where it is used.
     """
     found, n = dict(critic), len(scales)
     if np.all(scales == 1.0):
@@ -217,7 +217,7 @@ def _history(stored: dict[str, Any], game: Game, functions: str | None, plant: P
 
 
 def _rows(name: str, value: Any, count: int, size: tuple[int, ...], what: str) -> np.ndarray:
-    """(N, *size), or the matrix of the last row alone as it is."""
+    """(N, *size), or the matrix of the last row alone."""
     array = numbers_in(name, value)
     if array.shape in ((count, *size), size):
         return array

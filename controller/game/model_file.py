@@ -64,7 +64,7 @@ def stored_game(
     An argument counts before the file, the file before the settings of the paper (Section 5.1), whose Q and R
     fit six states and five inputs only; where the file names the aircraft's states in m/s, the same game in m/s.
     Suffixes: .json (rows as lists), .npz, .mat (up to MATLAB 7), .csv (A.csv).
-    A structure with A and B is read where the file has neither beside it.
+    A structure with A and B is read where the file has neither at its top.
     Raises BadInputError, one line that names the file.
     """
     found = read_arrays(path) if found is None else found

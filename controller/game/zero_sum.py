@@ -147,7 +147,7 @@ def published_game(A: LinearModel | np.ndarray, B: np.ndarray | None = None, **c
 
 
 def usual_game(model: Model, A: np.ndarray, B: np.ndarray, **changes: Any) -> Game:
-    """The game on (A, B) of a model unless told otherwise: the paper's if it has the HFA's states and inputs; else
+    """The game on (A, B) of a model; by default: the paper's if it has the HFA's states and inputs; else
     with 1/nominal² on the diagonals of Q and R, delta inf. `changes` replaces Q, R, delta."""
     if {*LINEAR_STATES} <= {*model.linear} and model.inputs.keys() == HFA.inputs.keys():
         own: Any = SimpleNamespace(A=A, B=B, states=model.linear)

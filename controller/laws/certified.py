@@ -238,7 +238,7 @@ def sample_counts(samples: int | None, pool_samples: int | None, basis: Basis) -
 
 
 def initial_weights(value: Any, basis: Basis) -> np.ndarray:
-    """W(0), (M,): a number stands for all weights. Raises BadInputError for another size or too large an entry."""
+    """W(0), (M,): one number for all weights. Raises BadInputError for another size or too large an entry."""
     weights = np.asarray(value, dtype=float)
     if weights.ndim == 0:
         weights = np.full(basis.size, float(weights))
@@ -255,7 +255,7 @@ def initial_weights(value: Any, basis: Basis) -> np.ndarray:
 class CertifiedSettings:
     """predefined_time T_w, tick: s. eta in (0, 1). theta in (0, 1): the share of each stage's time that is used.
 
-    samples: N_h >= M, chosen from a pool of `pool_samples` random states; None stands for 50 of 500, and for more where
+    samples: N_h >= M, chosen from a pool of `pool_samples` random states; None means 50 of 500, and more where
     the basis has more than 33 weights (`enough_for`). initial_weights: W(0) in the model's units, a number
     for all or (M,).
     """

@@ -1,4 +1,4 @@
-"""Policies that fly: a control law as CasADi expressions, with a memory of its own where it has one; and a law that is
+"""Policies that fly: a control law as CasADi expressions, with its memory, if any; and a law that is
 ready to fly: a policy, its constants tick by tick, and its memory at the start."""
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from hfa_support.reporting.fields import Shown
 
 
 class Seen(NamedTuple):
-    """What a policy is told of the flight, as deviations from trim, noise of the sensors included.
+    """Inputs of a policy, as deviations from trim, noise of the sensors included.
 
     error: x - x_d (k,), of the states of the linear model. states: x (k,). positions, rates: of the actuators, (m,)
     each; empty where there are none. updraft: of the air, ft/s;
@@ -40,7 +40,7 @@ class Policy(Protocol):
 
     @property
     def memory_size(self) -> int:
-        """Number of states of its own."""
+        """Number of its states."""
 
     @property
     def constants_size(self) -> int:
@@ -54,7 +54,7 @@ class Policy(Protocol):
 
 
 class Memoryless:
-    """A policy or a gust without states of its own."""
+    """A policy or a gust without states."""
 
     memory_size = 0
 

@@ -1,4 +1,4 @@
-"""A scheduled controller in flight: its matrices at the measured dihedral, what it measures, what it is told."""
+"""A scheduled controller in flight: its matrices at the measured dihedral, its measurements and commands."""
 
 from __future__ import annotations
 

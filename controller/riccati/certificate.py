@@ -202,7 +202,7 @@ def relative_residuals(
 ) -> np.ndarray:
     """max |A'P + P A + Q - P S P| / max (|A|'|P| + |P||A| + |Q| + |P||S||P|), entry by entry absolute values.
 
-    Of one matrix or of stacks (..., n, n). |S| stands for |B R⁻¹ B'| + |E E'|/δ²: cancellation between the two players
+    Of one matrix or of stacks (..., n, n). |S| denotes |B R⁻¹ B'| + |E E'|/δ²: cancellation between the two players
     does not count as smallness.
     """
     turned, size = np.swapaxes(A, -1, -2), np.abs(P)

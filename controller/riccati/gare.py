@@ -73,7 +73,7 @@ def solve_game(game: Game, progress: Progress | None = None) -> GameSolution:
     """A'P + P A + Q - P S P = 0,  K = R⁻¹B'P,  L = δ⁻²E'P,  S = B R⁻¹B' - δ⁻²E E' (paper Section 3.1).
 
     Raises NoSolutionError with one line: the mode that rules out a solution at any delta, or the test of the
-    certificate that failed together with delta_min, of whose search `progress` is told.
+    certificate that failed together with delta_min, whose search calls `progress`.
     Source: Basar and Bernhard, H-infinity Optimal Control, Theorem 4.11.
     """
     try:

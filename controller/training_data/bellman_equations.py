@@ -174,7 +174,8 @@ class StackEquations:
         """What all laws report of |e| at the game itself.
 
         residual_norm: over |z'Qz|. settling_residual: over the size of the terms that cancel in e, in [0, 1]: it tells
-        a settled critic; against z'Qz alone, rounding would never count as settled where Q is small beside the value.
+        a settled critic; against z'Qz alone, rounding would never count as settled where Q is small compared with the
+        value.
         """
         residuals, size = self.game_residuals(weights)
         norm = np.linalg.norm(residuals)

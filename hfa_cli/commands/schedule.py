@@ -1,6 +1,7 @@
 """Simulate the nonlinear aircraft through a slow change of dihedral under a schedule of gains.
 
-At every point of a grid of dihedrals there is a trim and a gain, linear in between: certified, or from a file as it is.
+At every point of a grid of dihedrals there is a trim and a gain, linear in between: certified, or from a file
+unchanged.
 With --aircraft the change is one of the scheduling variable of the model. Exit code as of `hfa fly`.
 """
 

@@ -161,7 +161,7 @@ def _stored_law(arguments: argparse.Namespace, game: Game, plant: PlantNames) ->
 def policy_of(
     arguments: argparse.Namespace, aircraft: Aircraft | Model, point: OperatingPoint, scenario: Scenario
 ) -> tuple[FlownLaw, Scenario]:
-    """What flies: --controller, no law, or a gain; and the scenario with what is commanded as reference."""
+    """What flies: --controller, no law, or a gain; and the scenario with the commands as reference."""
     from controller.design.scheduled_controller import load_controller
     from controller.policy.policies import open_loop
     from controller.policy.servo_policy import servo_law

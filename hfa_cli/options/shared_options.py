@@ -318,7 +318,7 @@ def refuse_files(arguments: argparse.Namespace, names: tuple[str, ...], reason: 
 
 
 def add_flights(parser: argparse.ArgumentParser, form: str) -> None:
-    """--dihedral in degrees, as it is written, or --at; what a trim imposes and leaves free; the aircraft."""
+    """--dihedral in degrees, or --at; what a trim imposes and leaves free; the aircraft."""
     about = "degrees; what is proved holds at every angle between"
     add_value(parser, "--dihedral", places, form, about)
     add_value(parser, "--at", places, "LOW:HIGH", "with --aircraft: of its scheduling variable, an angle in degrees")

@@ -1,1 +1,1 @@
-"""Section 5 of the paper, re-simulated: what it says, what is measured, and whether the two agree."""
+"""Section 5 of the paper, re-simulated: its statements, the measured numbers, and whether they agree."""

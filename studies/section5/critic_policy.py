@@ -21,7 +21,7 @@ class CriticPolicy:
     """û = -½ R⁻¹B' ∂ψ(z)'W,  W' = p W'(46)(z, F),  F = A z + r(t); p = 1 learns and p = 0 is frozen.
 
     law: stack, gains, normalisation and coordinates of Eq. (46); the memory is its W (M,), in the law's coordinates
-    y = z / scales. forcing: r(t) = A x_d - x_d' (6,) of the drift that the critic is told; zero when it is told
+    y = z / scales. forcing: r(t) = A x_d - x_d' (6,) of the drift that the critic receives; zero when it is told
     F = A z. BadInputError when the stack's policies are re-evaluated: only stored ones are flown.
     """
 

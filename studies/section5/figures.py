@@ -68,7 +68,7 @@ _BUNDLE: dict[str, Any] = {"color": "0.8", "linewidth": 0.8, "zorder": 1}
 
 @dataclass(frozen=True, eq=False)
 class Line:
-    """x: (N,), y: (N,) or (N, k) for a bundle without names of its own."""
+    """x: (N,), y: (N,) or (N, k) for a bundle without names."""
 
     label: str
     x: np.ndarray

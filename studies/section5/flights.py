@@ -339,7 +339,7 @@ def _published(
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LearningLaw(FlownLaw):
-    """certified_from: s, when what is learned takes over from the baseline."""
+    """certified_from: s, when the learned gain takes over from the baseline."""
 
     certified_from: float = 0.0
 
@@ -365,7 +365,7 @@ def _plan(
 def _learned(
     setting: Setting, case: PaperCase, law: str, predefined_time: float, reference: Signal
 ) -> tuple[FlownLaw, Learned]:
-    """K(t) from a learning run that goes on beside the flight; a baseline is used until K(t) is certified."""
+    """K(t) from a learning run during the flight; a baseline is used until K(t) is certified."""
     learned, gains, first = _plan(setting, case, "irl" if law == INTEGRAL else "certified", predefined_time)
     tick, F = setting.configuration.flight.tick, feedforward(case, reference)
     begun = tick * np.arange(len(gains)) >= first - 1e-9

@@ -126,7 +126,7 @@ def learning_metrics(
 
 
 def residual_at(game: Game, basis: Basis, weights: np.ndarray, errors: np.ndarray) -> np.ndarray:
-    """e = ∇V'A z + z'Qz - ¼ ∇V'S ∇V, ∇V = ∂ψ(z)'W: what is left of the Hamilton-Jacobi-Isaacs equation, (N,)."""
+    """e = ∇V'A z + z'Qz - ¼ ∇V'S ∇V, ∇V = ∂ψ(z)'W: residual of the Hamilton-Jacobi-Isaacs equation, (N,)."""
     gradient = np.einsum("jmi,jm->ji", basis.gradient(errors), weights)
     drift = np.einsum("ji,ji->j", gradient, errors @ game.A.T - 0.25 * gradient @ game.S)
     residual: np.ndarray = drift + _quadratic(errors, game.Q)

@@ -205,7 +205,7 @@ def run_case(
     only: Sequence[str] = (),
     resume: bool = False,
 ) -> dict[str, Any]:
-    """The result of a case of `CASES`, in FOLDER/NAME.json with its figure beside it.
+    """The result of a case of `CASES`, in FOLDER/NAME.json, with its figure.
 
     resume: a case that this version finished for the same aircraft, laws and duration is not flown again.
     """

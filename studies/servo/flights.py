@@ -117,7 +117,7 @@ def slowest_delayed(aircraft: Aircraft, controller: ScheduledController, degrees
 
 
 def requirements(aircraft: Aircraft, controller: ScheduledController) -> Report:
-    """What was asked and what is reached, but for the commands and faults of `comparison`."""
+    """Requirements and reached values, without the commands and faults of `comparison`."""
     degrees = np.arange(21.0)
     margins = check_margins(aircraft, controller, np.radians(degrees), (2.0, 10.0))
     single = [each for row in margins.rows for each in row.loops if each.loop != "all inputs"]

@@ -174,7 +174,7 @@ class MemoryParts:
         self._rates: dict[int, ca.SX] = {}
 
     def take(self, rows: int, columns: int = 1, start: np.ndarray | None = None) -> Part:
-        """The next (rows, columns); it begins at 0 unless said."""
+        """The next (rows, columns); it begins at 0 by default."""
         size = rows * columns
         self._starts.append(np.zeros(size) if start is None else start.ravel(order="F"))
         flat = ca.SX.zeros(size) if self._memory is None else self._memory[self._begin : self._begin + size]
@@ -263,7 +263,8 @@ def operated(psi: Sequence[ca.SX], x: Sequence[ca.SX]) -> ca.SX:
 class AdaptivePolicy(Unvaried, ABC):
     """A law with a reference model, tabled over the measured dihedral.
 
-    outputs: pitch rate and what is regulated. dihedral: of the trim in which the flight begins, rad. angles: (N,), rad,
+    outputs: pitch rate and the regulated outputs. dihedral: of the trim in which the flight begins, rad. angles:
+    (N,), rad,
     of `models`. inputs: names of u.
     """
 

@@ -1,6 +1,6 @@
 """Runs the paper's update law in every setting of the study and prints the table of docs/critics.md with the causes.
 
-Writes FOLDER/published_study.json with every run, and each row as soon as it is finished in FOLDER/rows. Takes about a
+Writes FOLDER/published_study.json with every run, and each finished row into FOLDER/rows. Takes about a
 minute on two cores.
 """
 

@@ -31,7 +31,7 @@ LARGEST_STATE = 1e100
 @dataclass(frozen=True)
 class IrlSettings:
     """interval Δ, s; longer ones tell the slow modes apart better. intervals: N >= M of them are simulated, then
-    `iterations` policy updates follow, one per Δ; None stands for 40, and for more where the basis has more than 26
+    `iterations` policy updates follow, one per Δ; None means 40, and more where the basis has more than 26
     weights (`enough_for`).
 
     form: "game" (both policies are learned) or "lqr" (1/δ² = 0, the nominal controller). initial_weights: W(0)
@@ -204,7 +204,7 @@ class IntegralLearning:
 
 
 def learn_by_integrals(game: Game, seed: int = 0, **options: Any) -> LearningResult:
-    """The result of the law on a probing flight of its own, with the quadratic basis; options: of `IrlSettings`."""
+    """The result of the law on a probing flight, with the quadratic basis; options: of `IrlSettings`."""
     law = IntegralLearning(game, basis("quadratic", game.A.shape[0]), IrlSettings(**options), seed)
     return law.conclude(run(law))
 

@@ -30,7 +30,8 @@ def test_what_is_made_hostile_is_accepted_as_it_was(way: str) -> None:
         Path(name).parent.mkdir(parents=True, exist_ok=True)
         Path(name).write_bytes(content)
     result = hfa(*(way if word == "{}" else word for word in WAYS[way]))
-    assert (result.code, bool(result.out)) == (0, True), result.err
+    assert result.code in (0, 1), result.err  # 1: a controller that is unstable somewhere
+    assert result.out
 
 
 def _raise(_: object) -> int:

@@ -1,4 +1,4 @@
-"""`--dynamics unsteady`: the commands that take any model have it; what is for seven states refuses in one line."""
+"""`--dynamics unsteady`: the commands that take any model have it; commands for seven states refuse it in one line."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where an output comes from: told apart by what differs, the same for what is the same."""
+"""Where an output comes from: different where inputs differ, equal where they are equal."""
 
 from __future__ import annotations
 

@@ -34,7 +34,7 @@ def called(library: ctypes.CDLL, name: str, *values: np.ndarray | float) -> int:
 
 
 def footprint(folder: Path, source: str) -> tuple[int, int, int, set[str]]:
-    """Bytes of code and constants, of data and of data that is written; what is asked of other libraries."""
+    """Bytes of code and constants, of data and of data that is written; symbols of other libraries."""
     compiled(folder, "-c", source, "-o", "sized.o")
     asked, sizes = (
         subprocess.run([*words, folder / "sized.o"], check=True, capture_output=True, text=True).stdout.splitlines()

@@ -37,7 +37,7 @@ class Terminal(io.StringIO):
 
 
 def hfa(*words: str, err: io.StringIO | None = None, out: io.StringIO | None = None) -> Result:
-    """`hfa words...` in this process; what it says goes to `err` and `out`, which are no terminals unless said.
+    """`hfa words...` in this process; its output goes to `err` and `out`, which are no terminals by default.
 
     JSON that it prints, and that it writes into -o, must have the published format.
     """

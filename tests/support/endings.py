@@ -1,4 +1,4 @@
-"""Long commands that are ended from outside at some moment, and continued: what is left, and what comes out."""
+"""Long commands that are ended from outside at some moment, and continued: leftovers and results."""
 
 from __future__ import annotations
 

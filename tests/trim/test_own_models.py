@@ -1,4 +1,4 @@
-"""A user's own models: the F-16 of Stevens and Lewis as printed, and what is wrong with a file in one line."""
+"""A user's own models: the F-16 of Stevens and Lewis as printed, and faults of a file in one line."""
 
 from __future__ import annotations
 
@@ -172,7 +172,7 @@ def test_other_starts_cross_a_flat_region() -> None:
 
 
 def test_rates_are_targets() -> None:
-    """The pull-up of the book typed, a rate that is released, and what is wrong with a name."""
+    """The pull-up of the book typed, a rate that is released, and wrong names."""
     pull_up = "--hold pitch_dot=17.188734 --hold xcg=.3 --limit throttle=0:1.1 --limit power=0:120"
     data = json.loads(hfa("trim", *OWN, *pull_up.split(), "--json").out)
     assert data["equations"]["pitch"]["imposed"] == pytest.approx(0.3, rel=1e-6)

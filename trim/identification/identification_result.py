@@ -42,7 +42,7 @@ class Fit(ByValue, Reported):
     expected_sum: the sum of squares that rounding alone gives on average, trace((I - H) C): C the covariance of
     the rounding errors, H the projection onto what the parameters can fit (no prior).
     singular_values: of the weighted Jacobian in relative parameters.
-    directions: rows are the parameter combinations that belong to them.
+    directions: rows are their parameter combinations.
     """
 
     parameters: ParameterSet

@@ -116,7 +116,7 @@ def matrices_beside_the_print(model: LinearModel, published: PublishedModel) -> 
 
 
 def _toned(entry: EntryRow) -> str:
-    """The computed entry; what is printed 0 and is 0 has no tone."""
+    """The computed entry; an entry that is 0 and printed 0 has no tone."""
     shown = four_decimals(entry.computed)
     if entry.is_zero:
         return shown

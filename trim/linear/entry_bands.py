@@ -75,7 +75,8 @@ def _largest(A: np.ndarray, B: np.ndarray) -> str:
 def bands_known(parameters: ParameterSet) -> bool:
     """Whether these parameters have bands: the identified values (to 1e-7), with their covariance.
 
-    The covariance belongs to what the print gives. Beside an edited value it is the uncertainty of another aircraft.
+    The covariance is that of the parameters that the print gives. Beside an edited value it is the uncertainty of
+    another aircraft.
     """
     same = np.allclose(parameters.values, default_parameters().values, rtol=_SAME, atol=0.0)
     return same and parameters.covariance.size > 0

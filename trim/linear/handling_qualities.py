@@ -74,7 +74,7 @@ def quantities_data(found: list[Quantity]) -> dict[str, Any]:
 
 
 def _eigenvalues(linear: LinearModel, family: str) -> list[complex]:
-    """Of the modes that belong to a declared one, one of each conjugate pair."""
+    """Of the modes of a declared family, one of each conjugate pair."""
     return [mode.eigenvalue for mode in linear.modes if mode.name.partition(" (")[0] == family]
 
 

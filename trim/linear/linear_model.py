@@ -200,7 +200,7 @@ def linear_model_report(
     """A, B, offsets and modes; the bands of the entries, and a sentence on them, where they are asked for.
 
     other: the model of the other dynamics at the same condition; the data then has the differences.
-    windy: E, and F where the outputs are not the states, stand in the text and in the records too.
+    windy: E, and F where the outputs are not the states, are in the text and in the records too.
     """
     point, shown = model.point, [name for name, *_ in _blocks(model, windy)]
     rate, output = (" + E w", " + F w") if windy else ("", "")
@@ -323,7 +323,7 @@ def linearize(
     outputs: names of outputs or of states; None for the states of the model.
     disturbances: names; None for the first one where outputs are asked for. The HFA's are winds, ft/s;
     ground_drag: with these its drag takes the speed over ground, not that through the air.
-    BadInputError when the point belongs to another model or other dynamics, or a name is unknown.
+    BadInputError when the point is of another model or other dynamics, or a name is unknown.
     """
     own = aircraft.model
     point.refuse_other(own)

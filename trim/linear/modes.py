@@ -142,7 +142,7 @@ def track_modes(
 def _tree(
     values: np.ndarray, shapes: np.ndarray, neighbours: np.ndarray | None
 ) -> Iterable[tuple[int, int, np.ndarray]]:
-    """Every point but the first, a neighbour that comes before it, and which eigenvalue belongs to each of that one."""
+    """Every point but the first, a neighbour that comes before it, and the matching eigenvalues of that one."""
     points = np.arange(len(values))
     path = np.stack([points[:-1], points[1:]], axis=-1)
     if neighbours is None or np.array_equal(neighbours, path):
@@ -169,7 +169,7 @@ def _tree(
 
 
 def _pairings(values: np.ndarray, shapes: np.ndarray, pairs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(M, n): which eigenvalue of the second point of a pair belongs to each of the first; and the sum that it
+    """(M, n): the eigenvalue of the second point of a pair that matches each of the first; and the sum that it
     maximizes, (M,)."""
     found, sums = np.empty((len(pairs), values.shape[1]), dtype=int), np.empty(len(pairs))
     for begin in range(0, len(pairs), 10_000):

@@ -1,1 +1,1 @@
-"""One operating point: what is imposed, how it is solved, what it says."""
+"""One operating point: its condition, its solution, its report."""

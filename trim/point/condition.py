@@ -38,7 +38,7 @@ class TrimCondition:
     model: Model = field(default=HFA, compare=False)
 
     def __post_init__(self) -> None:
-        """Name what is wrong before anything is solved."""
+        """Check everything before anything is solved."""
         model = self.model
         if self.rates is None:
             object.__setattr__(self, "rates", dict.fromkeys(model.steady, 0.0))
@@ -175,7 +175,7 @@ def level_flight(
     """The paper's trim (Section 5.1): speed, altitude, α = θ and dihedral imposed, center aileron at zero;
     throttle, outer aileron and both elevators free. Four equations, four unknowns.
 
-    Angles in rad, speed in ft/s, altitude in ft; what is not given is the paper's. gamma: flight-path angle.
+    Angles in rad, speed in ft/s, altitude in ft; values that are not given are the paper's. gamma: flight-path angle.
     """
     given = {"dihedral": dihedral, "gamma": gamma, "speed": speed, "altitude": altitude, "alpha": alpha}
     changes = {name: value for name, value in given.items() if value is not None}

@@ -208,7 +208,7 @@ def save_operating_point(point: OperatingPoint, path: Path) -> None:
 
 
 def load_operating_point(path: Path, model: Model = HFA) -> OperatingPoint:
-    """Read a saved point of a model, alone or inside a saved trim or linear model; BadInputError says what is wrong."""
+    """Read a saved point of a model, alone or inside a saved trim or linear model; BadInputError names the fault."""
     try:
         data = read_json(path)
     except OSError as error:

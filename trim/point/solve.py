@@ -194,7 +194,7 @@ class TrimProblem:
         return bool(np.abs(self.at(unknowns).residual).max() <= BALANCE)
 
     def beyond(self, unknowns: np.ndarray) -> list[str]:
-        """The watched states and outputs that lie beyond their limits, in words; what is found is within by `clip`."""
+        """The watched states and outputs that lie beyond their limits, in words; `clip` keeps them."""
         say, found = self.model.describe, []
         for name, value in zip(self.watched, self.at(unknowns).y.tolist(), strict=True):
             lowest, highest = self.condition.limits_of(name)
@@ -290,7 +290,7 @@ class TrimProblem:
         return found if len(kept) < self.count[0] else []
 
     def _binding(self, unknowns: np.ndarray, wanted: np.ndarray) -> list[str]:
-        """The limits that the unknowns lie at, and what is wanted instead."""
+        """The limits that the unknowns lie at, and the wanted values."""
         binding, describe = [], self.model.describe
         for name, scale, value, other, *limits in zip(
             self.free, self.scales, unknowns, wanted, *self.limits, strict=True
@@ -333,7 +333,7 @@ def find_operating_point(
     As many equations as unknowns: Newton's method with step halving. More unknowns than equations: the point
     of least control effort Σ (u / scale)², a local minimum near the start. When Newton leaves the limits, or
     with more equations than unknowns: least squares within the limits. Failing that, the same from `STARTS` other
-    points between the limits; `started` of what is returned is then the number of the point that led there.
+    points between the limits; `started` of the result is then the number of the point that led there.
 
     start: a neighbouring point to begin from (warm start); else where the declaration begins. Raises TrimError when the
     equations cannot be balanced within the limits, BadInputError when the condition is not well posed or its

@@ -59,13 +59,13 @@ def panels_from_the_front(aircraft: Aircraft, point: OperatingPoint) -> tuple[Pa
 
 
 def shown_panel(panel: Panel) -> Panel:
-    """In the units in which things are said: m and N in place of ft and lbf."""
+    """In the units of the report: m and N in place of ft and lbf."""
     ends, middle = (in_force(each, "ft") for each in (panel.ends, panel.middle))
     return Panel(ends, middle, in_force(panel.lift, "lbf"), in_force(panel.weight, "lbf"))
 
 
 def scale_text(scale: float) -> str:
-    """scale: length of a force in the picture over the force, in the units in which things are said."""
+    """scale: length of a force in the picture over the force, in the units of the report."""
     return f"arrows: {1 / scale:.3g} {unit_in_force('lbf')} to the {'foot' if unit_in_force('ft') == 'ft' else 'meter'}"
 
 

@@ -163,7 +163,7 @@ def newton_functions(
     (row by row), dX/dt, the imposed and the watched outputs at v. None unless as many equations as unknowns feel them,
     each of these unknowns in one.
 
-    given: what is imposed, rates too; a variable that is neither given nor free is 0. v: the values of `free`; what is
+    given: imposed values, rates too; a variable that is neither given nor free is 0. v: the values of `free`; what is
     in no equation stays. rates: (state, rate unless given, scale); outputs: (imposed output, scale).
     """
     known, v, (x, u, p) = ca.SX.sym("given", len(given)), ca.SX.sym("v", len(free)), layout.symbols("x", "u", "p")

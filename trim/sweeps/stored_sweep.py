@@ -117,7 +117,7 @@ def _numbers(axes: tuple[str, ...], about: Mapping[str, Any], *names: Sequence[s
 
 
 def _coded(what: str, words: Sequence[str]) -> dict[str, Any]:
-    """Attributes of an array of numbers that stand for words, as the CF conventions have them."""
+    """Attributes of an array of numbers that encode words, by the CF conventions."""
     meanings = " ".join(word.replace(" ", "_") for word in words)
     return described(what) | {"flag_values": list(range(len(words))), "flag_meanings": meanings}
 

@@ -147,7 +147,7 @@ class Sweep(ByValue, Reported):
     def report(self) -> Report:
         """One line a point: the varied values and the eigenvalues of each mode, or why there is no trim.
 
-        A conjugate pair has one column; where it splits into two real eigenvalues, both stand in it. Where the modes of
+        A conjugate pair has one column; where it splits into two real eigenvalues, it has both. Where the modes of
         two columns meet in a conjugate pair, each column has one of its members.
         """
         modes = tuple(dict.fromkeys(self.mode_names))
@@ -350,7 +350,7 @@ def _neighbours(sizes: list[int], trimmed: np.ndarray) -> np.ndarray:
 
 
 def _column_names(A: np.ndarray, eigenvalues: np.ndarray, states: tuple[str, ...], model: Model) -> tuple[str, ...]:
-    """The mode that each eigenvalue column belongs to, at the first trimmed point."""
+    """The mode of each eigenvalue column, at the first trimmed point."""
     modes = modes_of(A, states, model.modes)
     up = [complex(value.real, abs(value.imag)) for value in eigenvalues]
     return tuple(min(modes, key=lambda mode: abs(mode.eigenvalue - value)).name for value in up)

@@ -64,7 +64,7 @@ class SweepPlan:
     listed: bool = False
 
     def __post_init__(self) -> None:
-        """Name what is wrong before anything runs."""
+        """Check everything before anything runs."""
         model = self.condition.model
         if not self.axes:
             raise BadInputError(f"nothing to sweep; choose from {', '.join((*model.holdable, *model.parameters))}")

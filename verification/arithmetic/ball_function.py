@@ -19,7 +19,7 @@ class Undecided(NoSolutionError):
 class BallFunction:
     """The same function as a CasADi `SX` function, for `flint.arb`, `flint.arb_series` and Taylor models.
 
-    A series stands for its Taylor polynomial in one variable, so that running the instructions on series
+    A series represents its Taylor polynomial in one variable, so that running the instructions on series
     differentiates automatically. Numbers in the function are the doubles that CasADi holds.
     BadInputError names an operation that is not known here.
     """

@@ -38,7 +38,7 @@ class SteadyFlight(NamedTuple):
 
 
 def steady_flight(model: Model, imposed: Mapping[str, float]) -> SteadyFlight:
-    """Of a model, whatever its parameters are, with what is imposed on a trim.
+    """Of a model, whatever its parameters, with the values imposed on a trim.
 
     BadInputError names an operation that is not smooth, unless only imposed states reach it that the linear model
     has not.

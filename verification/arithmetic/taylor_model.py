@@ -29,7 +29,7 @@ class TaylorModel:
 
     @classmethod
     def of(cls, value: Any) -> TaylorModel:
-        """A value; what is no Taylor model is constant."""
+        """A value; other arguments are constants."""
         return value if isinstance(value, TaylorModel) else cls(arb(value) if isinstance(value, int) else value)
 
     def map(self, linear: Callable[[Any], Any]) -> TaylorModel:

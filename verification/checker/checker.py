@@ -37,7 +37,7 @@ class Verified(NamedTuple):
     """A verified statement; covers: list of boxes -> (low, high, unstable modes) of each; rate: of decay, 1/s.
 
     parted: places from which on the trims are not proved to be those of the boxes before, in one branch.
-    written: version, command and date that the file bears, which nothing verifies. model: that it is about.
+    written: version, command and date in the file, which nothing verifies. model: that it is about.
     """
 
     kind: str
@@ -52,7 +52,7 @@ class Verified(NamedTuple):
 def sealed(head: str, origin: str) -> str:
     """A JSON object without its last brace, closed by its SHA-256, where it comes from, and the SHA-256 of all that.
 
-    An edited digit of any number shows; the digest is that of what is stated, whenever it was proved.
+    An edited digit of any number shows; the digest covers the statement and not the date of the proof.
     """
     whole = f'{head}, "digest": "{hashlib.sha256(head.encode()).hexdigest()}", "provenance": {origin}'
     return f'{whole}, "checksum": "{hashlib.sha256(whole.encode()).hexdigest()}"}}\n'
@@ -61,7 +61,7 @@ def sealed(head: str, origin: str) -> str:
 def check_certificate(path: Path, progress: Progress | None = None, model: Model | None = None) -> Verified:
     """What the file proves. model: that of a certificate about a user's own.
 
-    BadInputError when the file is none or was edited; Rejected names what is not understood or not proved.
+    BadInputError when the file is none or was edited; Rejected names entries that are not understood or not proved.
     """
     ctx.prec, where, covers, done = 256, "the statement", {}, 0
     try:
@@ -304,7 +304,7 @@ def between(table: Content, key: str, box: list[float]) -> TaylorModel:
 
 
 def _check_game(claim: Content, name: str, box: Content, known: dict[str, TaylorModel]) -> None:
-    """The exact solution is as far from what is given as stated; or exists, or does not, at a bound of delta_min."""
+    """The exact solution is as far from the given one as stated; or exists, or does not, at a bound of delta_min."""
     if name in ("value", "refused"):
         game = claim["game"] | {"delta": claim["delta_min"][name == "value"]}
         if "axis" in box and name == "refused":

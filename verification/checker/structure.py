@@ -33,7 +33,7 @@ LISTS = {
 
 
 class Malformed(NoSolutionError):
-    """A certificate holds what is not understood."""
+    """A certificate holds an unknown entry."""
 
 
 def model_of(claim: Content, own: Model | None) -> Model:
@@ -162,7 +162,7 @@ def _schedule(claim: Content, nx: int, m: int) -> int:
 
 
 def _game(kind: str, claim: Content, n: int, m: int) -> None:
-    """The game, what is compared with its solution, and the distances that are claimed."""
+    """The game, the critic compared with its solution, and the claimed distances."""
     game = _keys("game", claim["game"], ("Q", "R", "E", "delta"))
     Q, R = _numbers("Q", game["Q"], (n, n)), _numbers("R", game["R"], (m, m))
     _numbers("E", game["E"], (n, None))
@@ -194,7 +194,7 @@ def _game(kind: str, claim: Content, n: int, m: int) -> None:
 def _box(
     where: str, kind: str, name: str, box: Any, claim: Content, free: set[str], shape: tuple[int, int, int]
 ) -> None:
-    """One box: its places, what is unstable, its trims, the entries of A and B, and what proves it."""
+    """One box: its places, its unstable modes, its trims, the entries of A and B, and the proof."""
     (nx, m, n), pieces = shape, name == "loop" and "actuators" in claim
     keys = _BOX + (("decimals", "trim") if free else ()) + (("A", "B") if kind != "game" else ())
     if name == "refused" and isinstance(box, dict) and "axis" in box:

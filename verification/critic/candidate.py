@@ -116,7 +116,7 @@ def from_run(game: Game, run: LearningResult) -> Candidate:
 
 
 def from_stored(game: Game, stored: StoredCritic, functions: Basis) -> Candidate:
-    """The candidate of a file, each matrix as it is stored: W gives what is missing of P and K, or else P does.
+    """The candidate of a file, each matrix as stored: missing P and K follow from W, or else from P.
 
     BadInputError for a wrong shape, and when W and P are not of one value.
     """

@@ -246,7 +246,7 @@ def check_report(
     *,
     limit_cost: float | None = None,
 ) -> Report:
-    """The verdict in the first line, every check, margins and cost beside the exact ones, P and K entry by entry.
+    """The verdict in the first line, every check, margins and cost next to the exact ones, P and K entry by entry.
 
     states, inputs: names, by default x1, x2, ... and u1, u2, ...; limit_cost: percent, then decides the verdict.
     state_units, input_units: "" where they are not known.

@@ -3,7 +3,7 @@
 V - V* = Σ_m c_m ψ_m(z), c = W - W*. In y_i = z_i / b_i, b the half widths of the box, it is Σ_m c_m ψ_m(b) ψ_m(y) with
 |ψ_m(y)| <= 1: the sum of |c_m ψ_m(b)| bounds the error at every state of the box, and so for the derivatives. No
 polynomial hides between samples. The scale of a linear problem is arbitrary, so each bound holds for every box λb with
-1/`REACH` <= λ <= `REACH`: a term of degree p counts λ^(p-2) times as much beside the quadratic V*.
+1/`REACH` <= λ <= `REACH`: a term of degree p counts λ^(p-2) times as much as the quadratic V*.
 """
 
 from __future__ import annotations
@@ -105,7 +105,7 @@ def critic_errors(
 
 
 def gain_errors(game: Game, K: np.ndarray, exact: np.ndarray, limit: float) -> tuple[Check, ...]:
-    """Errors of K (m, n): as it is, as R^(1/2) K U, and entry by entry as diag(R)^(1/2) K U, U = `balanced_units`."""
+    """Errors of K (m, n): unscaled, as R^(1/2) K U, and entry by entry as diag(R)^(1/2) K U, U = `balanced_units`."""
     units, weights = balanced_units(game), input_weights(game)
     scales = np.sqrt(np.diag(game.R))[:, None] * units
     K_error = relative_error(K, exact)
@@ -119,7 +119,7 @@ def gain_errors(game: Game, K: np.ndarray, exact: np.ndarray, limit: float) -> t
 
 
 def value_errors(game: Game, P: np.ndarray, exact: np.ndarray, limit: float) -> tuple[Check, ...]:
-    """Errors of P (n, n): as it is, as U P U, and entry by entry in these units, U = `balanced_units`."""
+    """Errors of P (n, n): unscaled, as U P U, and entry by entry in these units, U = `balanced_units`."""
     units = balanced_units(game)
     squared = np.outer(units, units)
     P_error, balanced = relative_error(P, exact), relative_error(P * squared, exact * squared)
@@ -136,7 +136,7 @@ def box_errors(
 ) -> tuple[Check, ...]:
     """Bounds over the box, box: (n,), of the errors of V, of each ∂V/∂z_i, and of each entry of u and d.
 
-    V relative to the sum of its own terms at the corner of the box, the others to their largest value in the box.
+    V relative to the sum of its terms at the corner of the box, the others to their largest value in the box.
     u = -½ R⁻¹B'∂V/∂z as it would be flown, or -K z of a gain; d = ½ δ⁻²E'∂V/∂z, the worst disturbance.
     """
     psi, beyond = candidate.functions, candidate.functions.quadratic_size

@@ -309,7 +309,7 @@ def repairs_of_weights(weights: np.ndarray, exact: np.ndarray, functions: Basis)
 
 
 def repairs_of_value(P: np.ndarray, exact: np.ndarray, weights: np.ndarray) -> Iterator[Repair]:
-    """Of a symmetric P, (n, n): sign, factor, factor 2 beside the diagonal; order, signs, degrees, scales of states."""
+    """Of a symmetric P, (n, n): sign, factor, factor 2 off the diagonal; order, signs, degrees, scales of states."""
     yield "the value has the wrong sign", -P
     yield "the value is half the exact one: V here is z'Pz of the cost without a factor 1/2", 2.0 * P
     yield "the value is twice the exact one: V here is z'Pz of the cost without a factor 2", P / 2.0

@@ -208,7 +208,7 @@ def _errors(game: Game, about: Nonlinear, exact: GameSolution, b: np.ndarray) ->
 
 
 def _floored(sizes: np.ndarray) -> np.ndarray:
-    """As in `entry_error`: what is small beside the others is compared with a part of the largest."""
+    """As in `entry_error`: small ones are compared with a part of the largest."""
     return np.maximum(sizes, SMALL * sizes.max() or 1.0)
 
 

@@ -86,6 +86,6 @@ def unstable_count(A: TaylorModel, H: np.ndarray, congruence: np.ndarray, rate: 
 
 
 def roomy(model: TaylorModel) -> TaylorModel:
-    """The same with a remainder `_ROOM` times as large: a checker of what is proved of it may enclose it worse."""
+    """The same with a remainder `_ROOM` times as large: a checker may enclose it less tightly."""
     c0, c1, c2, rest, *errors = model.parts
     return TaylorModel(c0, c1, c2, _ROOM * rest, *errors)

@@ -57,7 +57,7 @@ def bisected(
     """Each box with what `prove` returns, or its halves where that is None or it is `Undecided`.
 
     A box no wider than `narrowest` is not halved but comes with None. Boxes up to `start` are passed over,
-    and bisected as if none of them had been proved as a whole: what is continued there has the same boxes.
+    and bisected as if none of them had been proved as a whole: a continued proof has the same boxes there.
     """
     waiting = boxes[::-1]
     while waiting:

@@ -124,7 +124,7 @@ _ATTEMPTS = 6
 class TrimEquations:
     """F(w, η) = 0; w: the free variables, the rest is imposed.
 
-    known: name of what is imposed, or of a parameter -> ball, one of which may be a series.
+    known: name of an imposed variable or a parameter -> ball, one of which may be a series.
     """
 
     family: Family
@@ -352,7 +352,7 @@ class TrimBranch:
 
     @staticmethod
     def _around(equations: TrimEquations, box: PlaceBox, start: list[arb], widths: list[arb]) -> list[arb]:
-        """Krawczyk's box about what is known of a part of it."""
+        """Krawczyk's box about the known part."""
         found = equations.contracted(box.places, [value.mid() for value in start], widths)
         if not all(ball.contains(value) for ball, value in zip(found, start, strict=True)):
             raise Undecided("the trim at the middle of the box is not the one found around it")

@@ -119,7 +119,7 @@ def map_figure(maps: tuple[RecoverableMap, ...], title: str) -> Figure:
 
 
 def _start_map(axes: Axes, each: RecoverableMap) -> dict[str, Any]:
-    """Label -> what stands for it in the legend."""
+    """Label -> its mark in the legend."""
     from matplotlib.colors import to_rgb
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch

@@ -172,7 +172,7 @@ class ManyFlights:
 
 
 class Edge(NamedTuple):
-    """How far one can go along a ray from trim: what is varied and in which direction, and on which plant.
+    """How far one can go along a ray from trim: the varied quantity, its direction, and the plant.
 
     inside: the largest deviation (absolute value, in `unit`) up to which every flight stays in the envelope. state:
     which one leaves it just beyond, and when, s. within_limits: up to where every flight also stays within the control
@@ -366,7 +366,7 @@ def _records(maps: tuple[RecoverableMap, ...]) -> Table:
 
 
 def _one_map(each: RecoverableMap) -> dict[str, Any]:
-    """held: inside the envelope and back at trim. The arrays of starts bear the names of the states."""
+    """held: inside the envelope and back at trim. The arrays of starts have the names of the states."""
     return {
         "operating_point": each.point.to_dict(),
         "envelope": each.envelope.to_dict(),

@@ -85,7 +85,7 @@ def verdicts(job: MainJob) -> Table:
 
 
 def angle_report(job: MainJob, angle: Angle) -> Report:
-    """One asked angle: linear model beside the print, game solution, learned critic; the slider shows its trim."""
+    """One asked angle: linear model with the print, game solution, learned critic; the slider shows its trim."""
     model, data = angle.model, {"dihedral_deg": angle.dihedral_deg, "reason": angle.reason}
     title = f"Dihedral {angle_text(angle.dihedral)}: model, game, critic"
     if model is None:
@@ -142,7 +142,7 @@ _SAME = 1e-9
 
 
 def load_claims(path: Path) -> StoredClaims:
-    """claims.json, or the folder that holds it; BadInputError says what is wrong."""
+    """claims.json, or the folder that holds it; BadInputError names the fault."""
     file, remedy = path / "claims.json" if path.is_dir() else path, "give what `python -m studies.section5` wrote"
     try:
         table = read_json(file)

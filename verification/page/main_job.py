@@ -170,7 +170,7 @@ def main_job(
 ) -> MainJob:
     """Regenerate both pairs, sweep the dihedral angle, and solve, learn and compare at each asked angle (rad).
 
-    asked: the sweep visits these too. flight, start: what is trimmed, as of `sweep`; the printed pairs are
+    asked: the sweep visits these too. flight, start: the trimmed flight, as of `sweep`; the printed pairs are
     at the paper's condition.
     """
     aircraft = Aircraft(parameters.values, variant_named(dynamics))

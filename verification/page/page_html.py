@@ -62,7 +62,7 @@ def _folded(place: str, part: Report) -> str:
 
 
 def any_angle(job: MainJob, drawn: Report) -> str:
-    """The slider over the sweep, its pictures beside the verdicts, and trim and model of the chosen angle."""
+    """The slider over the sweep, its pictures next to the verdicts, and trim and model of the chosen angle."""
     shown = [f"{point.dihedral_deg:g} deg" for point in job.points]
     asked = [angle.dihedral_deg for angle in job.angles]
     first = next((i for i, point in enumerate(job.points) if point.dihedral_deg in asked), 0)

@@ -122,7 +122,7 @@ _FIXED: tuple[dict[str, Any], ...] = (
 def _traces(
     aircraft: Aircraft, model: LinearModel | None, panels: tuple[Panel, Panel, Panel] | None, scale: float
 ) -> list[dict[str, Any]]:
-    """What moves: the ends of the panels, lift, weight, hinges, the sizes beside them; nothing without a trim."""
+    """What moves: the ends of the panels, lift, weight, hinges, and their sizes; nothing without a trim."""
     if panels is None or model is None:
         return [{"x": [], "y": []} for _ in _FIXED]
     gap, half = np.array([np.nan, np.nan]), in_force(aircraft.parameters.panel_span, "ft") / 2

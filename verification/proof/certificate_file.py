@@ -30,7 +30,7 @@ _PAUSE = 2.0
 def write_certificate(
     path: Path, origin: Provenance, kind: str, statement: dict[str, Any], boxes: dict[str, Any], **more: Any
 ) -> None:
-    """A certificate of any kind: what is claimed, and the boxes that prove it; by which run is not in its digest."""
+    """A certificate of any kind: the claim, and the boxes that prove it; by which run is not in its digest."""
     from verification.checker.checker import SCHEMA, sealed
 
     own = {"schema": SCHEMA, "kind": kind, "toolchain": toolchain_version()}
@@ -54,13 +54,13 @@ def flights_claim(family: Family, low: float, high: float) -> dict[str, Any]:
 
 
 def box_entry(box: PlaceBox, model: StatedModel, decimals: bool, **more: Any) -> dict[str, Any]:
-    """The trims and the linear model on one box, and what is proved of them."""
+    """The trims and the linear model on one box, and their proved properties."""
     own = {name: getattr(model, name) for name in ("trim", "A", "B")}
     return {"range": [box.low, box.high], "decimals": decimals, "unstable": 0, "rate": 0.0} | own | more
 
 
 class ScheduleCertificate:
-    """The certificate of one schedule: a file that holds what is proved so far, whole at any time; none without a path.
+    """The certificate of one schedule: a file with the proof so far, whole at any time; none without a path.
 
     The statement says of which aircraft, which flights, which gains and over which places it is.
     """

@@ -238,7 +238,7 @@ def lpv_report(grid: LpvGrid, tolerance: float) -> Report:
 
 
 def c_source(grid: LpvGrid, origin: str) -> str:
-    """A C99 function that interpolates A, B, U0 and K, row by row; it needs no library. origin: said at its top."""
+    """A C99 function that interpolates A, B, U0 and K, row by row; it needs no library. origin: stated at its top."""
     model, key = grid.model, grid.model.schedule_key
     parts = {"A": grid.A, "B": grid.B, "U0": grid.inputs, "K": grid.K}
     bounds = ", ".join(f"{name} {value:.3g}" for name, value in grid.error.items())

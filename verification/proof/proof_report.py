@@ -27,7 +27,7 @@ SCHEMA = "hfa.proof/1"
 
 
 def schedule_proof_report(proof: ScheduleProof, motion: RateProof | None = None) -> Report:
-    """The verdict, how many modes are unstable where, what is open, and the enclosures of the model's entries."""
+    """The verdict, how many modes are unstable where, open intervals, and the enclosures of the model's entries."""
     family, model = proof.family, proof.family.model
     over, unit, actuators = model.schedule, family.unit, proof.table.actuators
     verdict = "Proved" if proof.proved else "Refuted" if proof.refuted else "Left open"
@@ -121,7 +121,7 @@ def _motion(over: str, unit: str, rate: float) -> str:
 def _mode_tables(
     covers: dict[str, list[Run]], low: float, high: float, over: str, unit: str, states: int
 ) -> list[Table]:
-    """How many modes of the loop and of A are unstable where, and what is open."""
+    """How many modes of the loop and of A are unstable where, and the open intervals."""
     rows: dict[str, list[tuple[float, float, Any]]] = {
         "loop A - B K": [*joined(covers["loop"]), *((*gap, "open") for gap in gaps(covers["loop"], low, high))],
         "aircraft A": [
@@ -257,7 +257,7 @@ def _aircraft(found: Verified) -> tuple[str, dict[str, Any]]:
 
 
 def _stated(claim: dict[str, Any], model: Model | None) -> tuple[str, dict[str, Any]]:
-    """What the theorem is about beside the aircraft: hash of the gains or of the critic, limits, errors, the game."""
+    """The subject of the theorem besides the aircraft: hash of the gains or of the critic, limits, errors, the game."""
     digest = _digest(claim["table"])
     data: dict[str, Any] = {"table_sha256": digest}
     lines = [f"table of {', '.join(key for key in claim['table'] if key not in 'MNX')}: SHA-256 {digest[:16]}"]

@@ -202,7 +202,7 @@ def _covered(
     prove: Callable[[PlaceBox], ProvedBox | None],
     narrowest: float,
 ) -> Iterator[Cover]:
-    """What is covered so far, after each box; what is covered already is passed over."""
+    """What is covered so far, after each box; covered parts are passed over."""
     for box, proved in bisected(segments, prove, narrowest, found.frontier(segments[0].low)):
         if proved is not None:
             found = Cover((*found.proved, proved), found.open)
@@ -212,7 +212,7 @@ def _covered(
 
 
 def _bound(forms: Callable[[PlaceBox], ModelForms], box: PlaceBox, family: Family, side: int) -> ProvedBox | None:
-    """How many modes of A lie right of the first line, on a side of the axis, 1 or -1, that is proved to bear none."""
+    """How many modes of A lie right of the first line, on a side of the axis, 1 or -1, that is proved to have none."""
     try:
         model = forms(box)
     except Undecided:

@@ -31,7 +31,7 @@ SLOW = 1.0
 
 @dataclass(frozen=True, eq=False, repr=False)
 class RegeneratedPair(ByValue, Checked, Reported):
-    """One printed angle: the model computed, its entries beside the print, both spectra, and the checks."""
+    """One printed angle: the model computed, its entries with the print, both spectra, and the checks."""
 
     published: PublishedModel
     model: LinearModel
@@ -90,7 +90,7 @@ class Regeneration(ByValue, Reported):
         return Picture("regeneration.png", text, lambda: regeneration_figure(self.pairs))
 
     def report(self) -> Report:
-        """Both pairs beside the print, entry by entry, the spectra and the verdict."""
+        """Both pairs with the print, entry by entry, the spectra and the verdict."""
         reports = [pair.report() for pair in self.pairs]
         return Report(
             title="",

@@ -86,7 +86,7 @@ def released_trims() -> tuple[ReleasedTrim, ...]:
 
 
 def third_printed_model() -> tuple[PrintedEntry, ...]:
-    """The entries of A and B of Qu 2018, Eq. (97), those of B under the inputs that they belong to."""
+    """The entries of A and B of Qu 2018, Eq. (97), those of B under their inputs."""
     data = outside_data()["qu_2018"]
     found = []
     for name, columns, rows in (("A", LINEAR_STATES, data["A"]), ("B", data["B_inputs"], data["B"])):
@@ -99,7 +99,7 @@ def third_printed_model() -> tuple[PrintedEntry, ...]:
 
 
 def trim_of_third_printed_model() -> ReleasedTrim:
-    """The released trim at the speed and dihedral angle of Qu 2018, Eq. (97), which prints no true trim of its own."""
+    """The released trim at the speed and dihedral angle of Qu 2018, Eq. (97), which prints no true trim."""
     data = outside_data()["qu_2018"]
     dihedral = math.radians(data["dihedral_deg"])
     return next(each for each in released_trims() if (each.speed, each.dihedral) == (data["speed_ft_s"], dihedral))

@@ -1,4 +1,6 @@
-"""The check of the corners: it passes what is stable with every actuator, and finds a planted unstable controller."""
+"""The check of the corners: it passes controllers that are stable with every actuator, and finds a planted unstable
+one.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Designs in files: those of the package load, and what is wrong in a file is named."""
+"""Designs in files: those of the package load, and faults of a file are named."""
 
 from __future__ import annotations
 

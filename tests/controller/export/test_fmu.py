@@ -64,7 +64,7 @@ def unit(
 def made(
     kind: str, aircraft: Aircraft, point: OperatingPoint, gain: np.ndarray
 ) -> tuple[ExportedLoop, dict[str, float], np.ndarray]:
-    """The loop, what is told besides `START`, and our states each tenth of a second, (601, 7)."""
+    """The loop, its inputs besides `START`, and our states each tenth of a second, (601, 7)."""
     if kind == "aircraft":
         return aircraft_loop(aircraft, point), {}, flown(aircraft, point, np.zeros((5, 6)), zero(len(LINEAR_STATES)))
     if kind == "gain":

@@ -71,7 +71,7 @@ def test_plans_of_models_that_differ_in_their_equations_differ(navion: Model) ->
 
 
 def test_disturbances_are_those_of_the_model() -> None:
-    """x' = -x + u + w: a constant w and a wave, by hand; a gust needs a disturbance `updraft`."""
+    """x' = -x + u + w: a constant w and a wave, written out; a gust needs a disturbance `updraft`."""
     model = Model(
         "tank",
         states={"level": Declared("ft")},

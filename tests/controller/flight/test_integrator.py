@@ -1,4 +1,4 @@
-"""The two methods of the simulation loop: they agree where both can go, stop when told to, and say where they end."""
+"""The two methods of the simulation loop: they agree where both work, stop on request, and report where they end."""
 
 from __future__ import annotations
 

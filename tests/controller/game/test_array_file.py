@@ -1,4 +1,4 @@
-"""Files of matrices: the same mapping from each format, one line for what is none, and units as the plant has them."""
+"""Files of matrices: the same mapping from each format, one line for anything else, and units as the plant has them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Files with a critic over time: the same history from each format, one line for what is none."""
+"""Files with a critic over time: the same history from each format, one line for anything else."""
 
 from __future__ import annotations
 

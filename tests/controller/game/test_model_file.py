@@ -1,4 +1,4 @@
-"""A user's plant and critic from files: what is read, what is filled in, what is refused and in which words."""
+"""A user's plant and critic from files: entries read, filled in and refused."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A scheduled controller in flight: what it measures, what it is told, and that it is the loop that was designed."""
+"""A scheduled controller in flight: measurements, commands, and that it is the designed loop."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ def test_in_moving_air_an_accelerometer_feels_alpha_through_the_air(
 def test_the_flight_on_the_linear_model_is_the_loop_written_out(
     published_aircraft: Aircraft, point: OperatingPoint
 ) -> None:
-    """The prediction of `fly` beside the same loop in NumPy, matrices looked up by the controller itself."""
+    """The prediction of `fly` against the same loop in NumPy, with matrices looked up by the controller."""
     controller = integrating_controller(published_aircraft)
     result = flown(published_aircraft, point, controller)
     assert result.predicted is not None

@@ -26,7 +26,7 @@ CLOSE = 1e-6
 
 
 def _verdict(sample: Sample) -> str:
-    """How the solver does on a game; AssertionError when it accepts what is wrong, or names a cause that is none."""
+    """How the solver does on a game; AssertionError when it accepts a wrong solution, or names a wrong cause."""
     game, label = sample.game, f"{sample.structure} {sample.number}"
     reference = reference_solution(game)
     try:

@@ -167,7 +167,7 @@ def transfer(numerators: list, denominators: list) -> Any:
 
 
 def with_noise(system: Any, size: float) -> GeneralizedPlant:
-    """The system with one y and one u, and noise of its own on y."""
+    """The system with one y and one u, and noise on y."""
     A, B, C, D = (np.asarray(getattr(system, name)) for name in "ABCD")
     k = B.shape[1] - 1
     B, D = np.insert(B, k, 0.0, axis=1), np.insert(D, k, 0.0, axis=1)

@@ -38,7 +38,7 @@ def test_the_error_of_the_mixed_output_is_positive_real_at_order_2_and_above_a_t
 ) -> None:
     """H(iω) + H(iω)* of H = S C (s - A + L C)⁻¹ B1 is positive definite, as the adaptive law asks for.
 
-    Of order 1, with the ε that SimVFA has, only above 0.12 rad/s; what is slower its stability proof does not cover.
+    Of order 1, with the ε that SimVFA has, only above 0.12 rad/s; its stability proof does not cover slower ones.
     """
     for angle in ANGLES:
         model = level_model(published_aircraft, angle)

@@ -189,7 +189,7 @@ def test_reevaluated_policies_can_reach_the_game_from_a_stabilizing_start() -> N
 
 
 def test_gains_by_hand_fly_with_the_plant_and_end_uncertified() -> None:
-    """z' = A z + B û is flown beside the learning: Euler steps of both, against a hand-written loop."""
+    """z' = A z + B û runs in parallel with the learning: Euler steps of both, against a hand-written loop."""
     game = stable_game()
     functions = basis("quadratic", 2)
     flown = PublishedSettings(

@@ -1,4 +1,4 @@
-"""The stored table of the paper's update law: it is today's, and what is run again comes out the same."""
+"""The stored table of the paper's update law: it is today's, and a repeated run gives the same."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A to F of the HFA beside the equations themselves: Taylor remainders and differences of high order, row by row, at
+"""A to F of the HFA against the equations: Taylor remainders and differences of high order, row by row, at
 random states far from any trim. A wrong entry is seen in its row, and in no other."""
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The printed matrices regenerated, and `hfa linearize` with the print beside the model at their conditions alone."""
+"""The printed matrices regenerated, and `hfa linearize` with the print at its conditions only."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def test_eigenvalues_of_the_print_are_regenerated(published_aircraft: Aircraft, 
 def test_quoted_eigenvalues_at_5_degrees(published_aircraft: Aircraft) -> None:
     """The paper quotes |λ| of 7.11, 0.019 and 4.82 ± 18.66i from Ma and Peng (2021): met to a last digit.
 
-    Its fourth pair, 0.016 ± 0.64i, belongs to other numbers than the printed matrix, which has 0.0144 ± 0.751i.
+    Its fourth pair, 0.016 ± 0.64i, is not that of the printed matrix, which has 0.0144 ± 0.751i.
     """
     found = np.linalg.eigvals(regenerate(published_aircraft, published_models()[1]).A)
     quoted = np.array([-7.11, -0.019, -4.82 + 18.66j, -4.82 - 18.66j])

@@ -34,7 +34,7 @@ def test_eigenvalues_that_cross_keep_their_columns() -> None:
 
 
 def test_shapes_that_hardly_differ_leave_the_word_to_the_eigenvalues() -> None:
-    """Two modes two degrees apart in shape trade shapes: they are told apart by how fast they are."""
+    """Two modes two degrees apart in shape trade shapes: their speed tells which is which."""
     values = np.array([[-5.0, -1.0, -0.1]])
     A = np.concatenate([models_with(values, NEARLY_PARALLEL), models_with(values, NEARLY_PARALLEL[:, [1, 0, 2]])])
     np.testing.assert_allclose(track_modes(A, STATES), np.repeat(values, 2, axis=0), atol=1e-9)

@@ -1,4 +1,4 @@
-"""What a linear model watches and is blown by: names that travel, winds by panel and beside the released simulation."""
+"""What a linear model watches and is blown by: names, winds by panel, and against the released simulation."""
 
 from __future__ import annotations
 

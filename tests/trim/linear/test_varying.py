@@ -1,4 +1,4 @@
-"""Interpolated models beside exact ones, and linear models along a flight beside the difference of two flights."""
+"""Interpolated models against exact ones, and linear models along a flight against the difference of two flights."""
 
 from __future__ import annotations
 

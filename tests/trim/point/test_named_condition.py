@@ -1,4 +1,4 @@
-"""Named conditions: what comes with the package trims, and what is wrong in a file is named."""
+"""Named conditions: those of the package trim, and faults of a file are named."""
 
 from __future__ import annotations
 

@@ -37,7 +37,7 @@ def test_controls_that_cannot_be_told_apart_are_named(aircraft: Aircraft) -> Non
 
 
 def test_controls_that_differ_are_not_said_to_be_alike(aircraft: Aircraft) -> None:
-    """Limits refuse this one: what is missing is no direction."""
+    """Limits refuse this one: a missing entry is no direction."""
     with pytest.raises(TrimError) as refusal:
         find_operating_point(aircraft, level_flight(float(np.radians(15.0)), limits={"throttle": (0.0, 0.01)}))
     assert "moves them only as" not in str(refusal.value)

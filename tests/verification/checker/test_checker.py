@@ -82,7 +82,7 @@ def test_a_partial_certificate_that_was_forged_is_not_continued(proved: Path, tm
 
 @pytest.mark.parametrize("name", ["loop", "modes", "motion"])
 def test_what_is_neither_proved_nor_said_to_be_open_is_refused(proved: Path, tmp_path: Path, name: str) -> None:
-    """Also when too much is said to be open: the boxes and the open intervals cover the interval once."""
+    """Also when too much is declared open: the boxes and the open intervals cover the interval once."""
     content = json.loads(proved.read_text())
     last = content["boxes"][name].pop()["range"]
     for said in ([], [[last[0], (last[0] + last[1]) / 2]], [[last[0], last[1] + 1e-9]], [[last[0] - 1e-9, last[1]]]):

@@ -94,7 +94,7 @@ def test_monte_carlo_simulates_the_gain_of_a_solution(parts: dict[str, Any]) -> 
 
 @pytest.mark.parametrize("held", "WPK")
 def test_numbers_that_are_not_real_are_refused_in_python_too(game: Game, parts: dict[str, Any], held: str) -> None:
-    """NumPy would drop the imaginary part, with a warning, and what is left would pass."""
+    """NumPy would drop the imaginary part, with a warning, and the rest would pass."""
     make = {"W": from_weights, "P": from_value, "K": from_gain}[held]
     for wrong in (parts[held] + 1j, [[1.0], [1.0, 2.0]], parts[held].astype(str)):
         with pytest.raises(BadInputError, match=f"{held} does not consist of rows of real numbers"):
