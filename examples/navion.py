@@ -1,7 +1,7 @@
 """The Navion from published derivatives (ft, slug, rad): hfa linearize --aircraft examples/navion.py:NAVION
 
 R. C. Nelson, Flight Stability and Automatic Control, 2nd ed., 1998, Table B.1 at 176 ft/s; compared with navion_aero.c
-of NASA's LaRCSim (1994), whose C_l of the rudder is 0.0118 (0.107 belongs to the yaw rate). Nelson's examples leave
+of NASA's LaRCSim (1994), whose C_l of the rudder is 0.0118 (0.107 is that of the yaw rate). Nelson's examples leave
 C_Lq out and take C_nbeta 0.0701: so their modes come out within 0.5 %. Here the spiral is 7 % off, the others 1 %."""
 
 import casadi as ca

@@ -79,7 +79,7 @@ def servo_loop(plant: DesignModel, controller: ScheduledController) -> ServoLoop
 
 
 class LoopMargin(NamedTuple):
-    """What one loop bears while all others stay closed; of "all inputs": the same factor or delay in every input.
+    """Margins of one loop while all others stay closed; of "all inputs": the same factor or delay in every input.
 
     gain: dB, to the nearest instability, up or down. phase: deg. crossover: rad/s, where |l| = 1 with this phase.
     delay: s. inf where no gain, phase or delay ends stability, crossover nan where |l| is never 1.

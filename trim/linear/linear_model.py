@@ -208,7 +208,7 @@ def linear_model_report(
         title=f"Linear model {at_scheduled(point)}, {point.called} "
         f"(x' = A x + B u{rate},{f' y = C x + D u{output},' * ('C' in shown)} x = X - X0, u = U - U0)\n"
         f"{', '.join(shown[:-1])} and {shown[-1]} in {_units_in(model)}; "
-        "the offsets X0 and U0 in the units beside them",
+        "the offsets X0 and U0 in the units next to them",
         parts=(*matrices(model, windy=windy), *filter(None, [trust]), _offsets(model), modes_table(model.modes)),
         notes=[*point.warnings, *model.kinks],
         data=_data(model, bands, other),

@@ -65,7 +65,7 @@ class PrintedEntry:
 
 @cache
 def outside_data() -> dict[str, Any]:
-    """The file as it is."""
+    """The file, parsed."""
     return dict(json.loads(files("verification.validation").joinpath("outside.json").read_text(encoding="utf-8")))
 
 

@@ -1,4 +1,4 @@
-"""The discounted game in discrete time: against value iteration, closed forms and continuous time; what is refused."""
+"""The discounted game in discrete time: against value iteration, closed forms and continuous time; refused input."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Generalized plants: against slycot, Octave, the general Riccati equations and 60 digits; what is refused, by name."""
+"""Generalized plants: against slycot, Octave, the general Riccati equations and 60 digits; refusals by name."""
 
 from __future__ import annotations
 
