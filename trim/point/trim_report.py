@@ -217,14 +217,14 @@ def _variables(kind: str, standing: list[Margin]) -> Table:
         (
             each.name,
             *degrees(each.value, each.unit),
-            each.role,
+            {"held": "imposed"}.get(each.role, each.role),
             *("" if math.isinf(limit) else shown_value(limit, each.unit) for limit in (each.lowest, each.highest)),
             _margin(each),
             each.nearer,
         )
         for each in standing
     ]
-    return Table((kind, "value", "unit", "is", "lowest", "highest", "margin", "to"), rows)
+    return Table((kind, "value", "unit", "status", "lowest", "highest", "margin", "nearest limit"), rows)
 
 
 def _margin(each: Margin) -> str:
