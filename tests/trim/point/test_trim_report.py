@@ -34,11 +34,11 @@ def test_every_variable_is_shown_with_its_limits_and_the_margin_to_one(published
         factor = math.degrees(1.0) if UNITS[name].startswith("rad") else 1.0
         limits = "" if math.isinf(margin.lowest) else f" +{margin.lowest * factor:.6g} +{margin.highest * factor:.6g}"
         to = f" +{margin.distance * factor:.5f} +{margin.nearer}" if margin.nearer else ""
-        role = re.escape(margin.role)
+        role = "imposed" if margin.role == "held" else margin.role
         assert re.search(rf"^{name} +{margin.value * factor:.5f} +\S+ +{role}{limits}{to}$", said, re.M), name
     assert re.search(r"^alpha +3\.18040 +deg +free +-20 +20 +16\.81960 +highest$", said, re.M)
     assert re.search(r"^pitch +3\.18040 +deg +follows +-60 +60 +56\.81960 +highest$", said, re.M)
-    assert re.search(r"^aileron_outer +0\.00000 +deg +held +-20 +20 +20\.00000 +lowest$", said, re.M)
+    assert re.search(r"^aileron_outer +0\.00000 +deg +imposed +-20 +20 +20\.00000 +lowest$", said, re.M)
 
 
 def test_what_binds_is_said(published_aircraft: Aircraft) -> None:
