@@ -1,5 +1,5 @@
 """Which results survive on the `unsteady` dynamics: loops of packaged servos and the largest gusts under the paper's
-policy, beside `published` and `newton`. Two minutes:
+policy, compared with `published` and `newton`. Two minutes:
 
     python -m studies.unsteady
 
@@ -10,6 +10,7 @@ envelope and the control limits.
 
 from __future__ import annotations
 
+import argparse
 from collections.abc import Callable
 from functools import cache
 
@@ -116,6 +117,7 @@ def largest(held: Callable[[float, float], bool], length: float, sign: float) ->
 
 def main() -> None:
     """Print both tables."""
+    argparse.ArgumentParser("python -m studies.unsteady", description=__doc__.partition("\n\n")[0]).parse_args()
     angles = (0.0, 5.0, 11.0, 15.0, 20.0)
     print("servo, designed on, angle, flown on: 1/s, disk margin of the worst actuator, of order 1 and 2")
     for name, of in (("servo", "published"), ("servo", "newton"), ("simvfa-1", "published")):

@@ -1,0 +1,1 @@
+"""Which results survive on the `unsteady` dynamics."""
