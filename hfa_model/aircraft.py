@@ -124,7 +124,11 @@ class CompiledDynamics:
     def __init__(self, variant: Variant) -> None:
         self.variant = variant
         self._x, self._u, self._p = symbols()
-        self._rates = state_rates(self._x, self._u, self._p, variant)
+
+    @cached_property
+    def _rates(self) -> ca.SX:
+        """dX/dt, (7,), as expressions."""
+        return state_rates(self._x, self._u, self._p, self.variant)
 
     @cached_property
     def rates(self) -> ca.Function:
@@ -169,7 +173,6 @@ class Aircraft:
     def __init__(self, parameters: Parameters | None = None, dynamics: str | Variant = "published") -> None:
         self.parameters = default_parameters().values if parameters is None else _checked_parameters(parameters)
         self.variant = variant_named(dynamics) if isinstance(dynamics, str) else dynamics
-        self._functions = compiled_dynamics(self.variant)
         self._p = np.array(self.parameters, dtype=float)
 
     def __repr__(self) -> str:

@@ -283,9 +283,17 @@ class Model:
         self, x: Sequence[float], u: Sequence[float], names: Sequence[str] | None = None
     ) -> dict[str, float]:
         """Outputs, all unless named, at a state and an input."""
-        numbers = [list(map(float, each)) for each in (x, u, self.p)]
-        found = self.layout.equations(*map(self.layout.record, VECTORS, (*numbers, [0.0] * len(self.disturbances))))[1]
+        found = self._numbers_at(x, u)[1]
         return {name: float(found[name]) for name in (self.outputs if names is None else names)}
+
+    def rates_at(self, x: Sequence[float], u: Sequence[float]) -> dict[str, float]:
+        """The rate of every state at a state and an input."""
+        found = self._numbers_at(x, u)[0]
+        return {name: float(found[name]) for name in self.states}
+
+    def _numbers_at(self, x: Sequence[float], u: Sequence[float]) -> tuple[Mapping[str, Any], Mapping[str, Any]]:
+        numbers = [list(map(float, each)) for each in (x, u, self.p)]
+        return self.layout.equations(*map(self.layout.record, VECTORS, (*numbers, [0.0] * len(self.disturbances))))
 
     def to_control(self, outputs: Sequence[str] | None = None) -> control.NonlinearIOSystem:
         """x' = f(x, u, p), y = the named states and outputs (all unless given) for python-control, names kept."""

@@ -135,7 +135,8 @@ def trim_report(aircraft: Aircraft | Model, condition: TrimCondition, point: Ope
     angles in degrees for people."""
     every, model = all_margins(condition, point), aircraft.model
     search, said = _search(aircraft, condition, point)
-    left = {name: rate for name, rate in _rates(model, point).items() if name not in (condition.rates or {})}
+    rates = model.rates_at(point.states, point.inputs)
+    left = {name: rate for name, rate in rates.items() if name not in (condition.rates or {})}
     own = () if isinstance(aircraft, Aircraft) else _outputs(model, point)
     report = Report(
         title=point.title,
@@ -190,11 +191,6 @@ def _search(
     search: dict[str, Any] = {"equations": equations, "unknowns": unknowns, "least_effort": unknowns > equations}
     search |= {"start": point.started, "idle": list(problem.idle)}
     return search | {"other_trims": [{name: each.values[name] for name in problem.free} for each in others]}, said
-
-
-def _rates(model: Model, point: OperatingPoint) -> dict[str, float]:
-    """The rate of every state."""
-    return dict(zip(model.states, model.at(point.states, point.inputs).f.tolist(), strict=True))
 
 
 def _left(model: Model, rates: dict[str, float]) -> Table:
