@@ -86,18 +86,32 @@ def _in_processes(count: int, function: Callable[..., Any], tasks: Tasks) -> Ite
 
 
 def _start(process: Any) -> None:
-    """Start a process that never sees Ctrl-C, which a terminal gives to every process of a run."""
+    """Start a process that never sees Ctrl-C, which a terminal gives to every process of a run.
+
+    A signal that would end this process meanwhile waits for the start: half a start makes the child complain.
+    """
     if not hasattr(signal, "pthread_sigmask"):
         process.start()
         return
     from multiprocessing import resource_tracker
 
     resource_tracker.ensure_running()  # its start, which comes with that of the first process, unblocks the signal
+    arrived: list[int] = []
+    handlers = {each: signal.getsignal(each) for each in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
+    own = {each: handler for each, handler in handlers.items() if callable(handler)}
+    if threading.current_thread() is not threading.main_thread():
+        own = {}  # Python runs handlers, and sets them, in the main thread alone
+    for each in own:
+        signal.signal(each, lambda number, _: arrived.append(number))
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         process.start()
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        for each, handler in own.items():
+            signal.signal(each, handler)
+        for number in arrived:
+            signal.raise_signal(number)
 
 
 def _serve(connection: Any) -> None:
