@@ -179,13 +179,6 @@ def eigenvalue_text(value: complex) -> str:
     return f"{value.real:.4f}" + (f" ± {abs(value.imag):.4f}i" if value.imag else "")
 
 
-def range_text(lowest: float, highest: float, infinite: str = "inf") -> str:
-    """0.012 to 3.4; one number where both print the same, a dash where there is none."""
-    if math.isnan(lowest):
-        return "-"
-    return " to ".join(dict.fromkeys(infinite if math.isinf(value) else f"{value:.2g}" for value in (lowest, highest)))
-
-
 def four_decimals(value: float) -> str:
     """1.2346; what rounds to zero has no sign."""
     text = f"{value:.4f}"

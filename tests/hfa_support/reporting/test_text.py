@@ -17,7 +17,6 @@ from hfa_support.reporting.text import (
     degrees,
     in_degrees,
     matrix_table,
-    range_text,
     shown_value,
 )
 
@@ -28,13 +27,6 @@ def test_radians_become_degrees() -> None:
     assert degrees(angle, "rad/s") == ("15.00000", "deg/s")
     assert degrees(68.0, "ft/s") == ("68.00000", "ft/s")
     assert (shown_value(angle, "rad"), shown_value(2.0, "ft", ".2f")) == ("15", "2.00")
-
-
-def test_a_range_has_a_number_once() -> None:
-    assert range_text(0.1, 0.25) == "0.1 to 0.25"
-    assert range_text(0.1, 0.1) == "0.1"
-    assert range_text(0.1, math.inf, "never") == "0.1 to never"
-    assert range_text(math.nan, math.nan) == "-"
 
 
 def test_a_bar_marks_the_place_in_the_range_and_beyond_it() -> None:
