@@ -352,36 +352,17 @@ class Layout(NamedTuple):
         return record(self.names[list(VECTORS).index(vector)])(*values)
 
     def symbols(self, *vectors: str) -> list[ca.SX]:
-        """New symbols, a column for each of "x", "u", "p"."""
+        """New symbols, a column for each of "x", "u", "p", "w"."""
         return [ca.SX.sym(vector, len(self.names[list(VECTORS).index(vector)])) for vector in vectors]
 
     def expressions(self, vectors: Sequence[Any], outputs: Sequence[str], w: Any = None) -> tuple[ca.SX, ca.SX]:
         """f (n,) and the named outputs or states (k,) at the components of x, u, p; without disturbances unless given.
-        BadInputError names what the equations leave out."""
-        still = [0.0] * len(self.names[3])
-        named = [self.record(*each) for each in zip(VECTORS, (*vectors, still if w is None else w), strict=True)]
-        try:
-            with warnings.catch_warnings(action="ignore", category=FutureWarning):  # CasADi's, of functions of NumPy
-                returned = self.equations(*named)
-        except _FAILURES as error:
-            said = f"{type(error).__name__}: {' '.join(str(error).split())[:200]}"
-            advice = "write ca.if_else for if, and CasADi's functions (ca.sin) for those of other packages"
-            raise BadInputError(f"{self.name}: the equations fail ({said}); {advice}") from error
-        if not (isinstance(returned, tuple) and len(returned) == 2 and all(hasattr(each, "keys") for each in returned)):
-            raise BadInputError(
-                f"{self.name}: the equations return {shown(returned)}; return rates by state and outputs by name, two "
-                "dicts (algebraic residuals are not supported: solve them, or make what they determine a state)"
-            )
-        rates, found = returned
-        states = self.names[0]
-        for kind, values, names in (("rate", rates, states), ("output", found, self.names[4])):
-            for name in (*names, *values):
-                if name not in values:
-                    raise BadInputError(f"{self.name}: the equations return no {kind} of {name}; add it")
-                refuse_unknown(f"{self.name}: the equations return the undeclared {kind}", name, names)
-        y = [getattr(named[0], name) if name in states else found[name] for name in outputs]
-        f = ca.vertcat(*(rates[name] for name in states))
-        return ca.densify(ca.SX(f)), ca.densify(ca.SX(ca.vertcat(ca.SX(0, 1), *y)))
+        BadInputError as in `_symbolic`."""
+        symbols, f, y = _symbolic(self, w is None)
+        states, found = self.names[0], self.names[4]
+        chosen = [symbols[0][states.index(name)] if name in states else y[found.index(name)] for name in outputs]
+        columns = [ca.vertcat(ca.SX(0, 1), *each) for each in (*vectors, *[w] * (w is not None))]
+        return tuple(ca.substitute([f, ca.vertcat(ca.SX(0, 1), *chosen)], symbols, columns))
 
     def in_variables(self, values: Mapping[str, Any], p: ca.SX, outputs: Sequence[str]) -> list[ca.SX]:
         """x, u, f and the named outputs, where `values` has each variable of a trim, in still air.
@@ -407,6 +388,35 @@ class Layout(NamedTuple):
 def components(vector: ca.SX) -> list[ca.SX]:
     """Of a column, which may be empty."""
     return ca.vertsplit(vector) if vector.numel() else []
+
+
+@lru_cache(maxsize=16)
+def _symbolic(layout: Layout, still: bool) -> tuple[list[ca.SX], ca.SX, ca.SX]:
+    """Symbols x, u, p, w (none of w where the air is still) and, in these, f and all outputs: building them takes
+    longer than all that is made of them. BadInputError names what the equations leave out."""
+    vectors = layout.symbols(*list(VECTORS)[: 3 if still else 4])
+    given = [*map(components, vectors), *[[0.0] * len(layout.names[3])] * still]
+    named = [layout.record(*each) for each in zip(VECTORS, given, strict=True)]
+    try:
+        with warnings.catch_warnings(action="ignore", category=FutureWarning):  # CasADi's, of functions of NumPy
+            returned = layout.equations(*named)
+    except _FAILURES as error:
+        said = f"{type(error).__name__}: {' '.join(str(error).split())[:200]}"
+        advice = "write ca.if_else for if, and CasADi's functions (ca.sin) for those of other packages"
+        raise BadInputError(f"{layout.name}: the equations fail ({said}); {advice}") from error
+    if not (isinstance(returned, tuple) and len(returned) == 2 and all(hasattr(each, "keys") for each in returned)):
+        raise BadInputError(
+            f"{layout.name}: the equations return {shown(returned)}; return rates by state and outputs by name, two "
+            "dicts (algebraic residuals are not supported: solve them, or make what they determine a state)"
+        )
+    parts = []
+    for kind, values, names in zip(("rate", "output"), returned, (layout.names[0], layout.names[4]), strict=True):
+        for name in (*names, *values):
+            if name not in values:
+                raise BadInputError(f"{layout.name}: the equations return no {kind} of {name}; add it")
+            refuse_unknown(f"{layout.name}: the equations return the undeclared {kind}", name, names)
+        parts.append(ca.densify(ca.SX(ca.vertcat(ca.SX(0, 1), *(values[name] for name in names)))))
+    return vectors, *parts
 
 
 @lru_cache(maxsize=64)
