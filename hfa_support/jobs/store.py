@@ -8,13 +8,10 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
-from uuid import uuid4
 
 import numpy as np
 
@@ -22,10 +19,9 @@ from hfa_support.errors import BadInputError
 from hfa_support.files import temporary_folder
 from hfa_support.version import toolchain_version
 
-#: Array of flags, one a chunk: 1 when it is complete. Beside its chunks: the digest of the store's description, and the
-#: token of the run that writes into it.
+#: Array of flags, one a chunk: 1 when it is complete. Beside its chunks: the digest of the store's description.
 _DONE = "done"
-_DIGEST, _SESSION = f"{_DONE}/digest", f"{_DONE}/session"
+_DIGEST = f"{_DONE}/digest"
 
 #: A chunk of nothing but fill values has a file, too: without one it could not be told from one that is lost.
 _CONFIG = {"write_empty_chunks": True}
@@ -92,11 +88,11 @@ class Store:
 
     def missing(self) -> list[int]:
         """Numbers of the chunks that are not complete."""
-        return [number for number, flag in enumerate(self._flags()) if flag != 1]
+        return [number for number in range(self.chunks) if not self._is_complete(number)]
 
     def damaged(self) -> list[int]:
         """Numbers of the complete chunks that are not what was written. Reads all of them."""
-        return [number for number, flag in enumerate(self._flags()) if flag == 1 and not self._is_whole(number)]
+        return [n for n in range(self.chunks) if self._is_complete(n) and not self._is_whole(n)]
 
     def write(self, number: int, result: Mapping[str, np.ndarray]) -> None:
         """Write the data of chunk `number`, one array a name; other processes may write other chunks meanwhile."""
@@ -115,51 +111,37 @@ class Store:
 
     def read(self, name: str, rows: slice = slice(None)) -> np.ndarray:
         """A slice of one array, without gaps. BadInputError when a complete chunk of it is not what was written."""
-        start, stop, step = rows.indices(self.rows)
-        if step != 1:
-            raise ValueError("the rows of a store are read one after the other")
-        chunks = range(start // self.chunk, -(-max(start, stop) // self.chunk))
+        start, stop, _ = rows.indices(self.rows)
+        array, stop = self._arrays[name], max(start, stop)
         try:
-            flags = self._done[chunks.start : chunks.stop]
-            for number, flag in zip(chunks, flags, strict=True):
-                if flag == 1 and not self._is_there(name, number):
-                    raise FileNotFoundError(self._file(name, number))
-            return np.asarray(self._arrays[name][start : max(start, stop)])
+            for number in range(start // self.chunk, -(-stop // self.chunk)):
+                file = self._file(name, number)
+                # Zarr reads a chunk without a file as one that was never written. An array without entries has none.
+                if array.size and self._is_complete(number) and not file.is_file():
+                    raise FileNotFoundError(file)
+            return np.asarray(array[start:stop])
         except (ValueError, FileNotFoundError) as error:  # a CRC-32C that differs is a ValueError
             raise BadInputError(f"{self.path}: {name} is damaged; compute it again with --resume") from error
 
     def _is_whole(self, number: int) -> bool:
         try:
-            for name, array in self._arrays.items():
-                if not self._is_there(name, number):
-                    return False
-                array[self._span(number)]
-        except ValueError:  # as in `read`
+            for name in self._arrays:
+                self.read(name, self._span(number))
+        except BadInputError:
             return False
         return True
 
-    def _is_there(self, name: str, number: int) -> bool:
-        """Zarr reads a chunk without a file as one that was never written. An array without entries has no files."""
-        return self._arrays[name].size == 0 or self._file(name, number).is_file()
+    def _is_complete(self, number: int) -> bool:
+        try:
+            return bool(self._done[number] == 1)
+        except ValueError:  # as in `read`
+            return False
 
     def _file(self, name: str, number: int) -> Path:
         return self.path.joinpath(name, "c", str(number), *["0"] * (self._arrays[name].ndim - 1))
 
     def _span(self, number: int) -> slice:
         return slice(number * self.chunk, self.end(number))
-
-    def _flags(self) -> list[int]:
-        """One flag a chunk; 0 where it cannot be read."""
-        try:
-            return list(np.asarray(self._done[:]).tolist())
-        except ValueError:  # as in `read`
-            return [self._flag(number) for number in range(self.chunks)]
-
-    def _flag(self, number: int) -> int:
-        try:
-            return int(self._done[number])
-        except ValueError:
-            return 0
 
 
 def create_store(path: Path, layout: Layout, provenance: Mapping[str, Any] | None = None) -> Store:
@@ -246,33 +228,9 @@ def open_store(path: Path, layout: Layout | None = None) -> Store:
     return store
 
 
-@contextmanager
-def session(path: Path) -> Iterator[str]:
-    """A token written into the store while the block runs; workers write only into a store with this token."""
-    token = uuid4().hex
-    (path / _SESSION).write_text(token, encoding="ascii")
-    try:
-        yield token
-    finally:
-        (path / _SESSION).unlink(missing_ok=True)
-
-
-def store_of_session(path: Path, token: str) -> Store | None:
-    """The store with this token, or None where this process does not see it (or sees a copy of it)."""
-    try:
-        ours = (path / _SESSION).read_text(encoding="ascii") == token
-    except (OSError, ValueError):
-        return None
-    return Store(path, "r+") if ours else None
-
-
 def _zarr() -> Any:
-    """Zarr without the settings that it reads from the environment: some make a whole store look damaged."""
-    settings = {name: os.environ.pop(name) for name in list(os.environ) if name.startswith("ZARR_")}
     try:
         import zarr
     except ImportError as error:
         raise BadInputError("a store needs Zarr; install it with `pip install .[distributed]`") from error
-    finally:
-        os.environ.update(settings)
     return zarr

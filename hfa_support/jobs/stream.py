@@ -1,7 +1,7 @@
 """Run a large job into a store: the missing chunks are computed on the workers and written in order of arrival.
 
-A worker that sees the store, on the same disk or a shared one, writes its chunk itself; from a worker that does not,
-the rows come back and are written here. Either way this process alone marks a chunk as complete, after its data.
+A process on this machine writes its chunk itself; from a cluster the rows come back and are written here. Either way
+this process alone marks a chunk as complete, after its data.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from hfa_support.jobs.store import Layout, Store, create_store, open_store, session, store_of_session
+from hfa_support.jobs.store import Layout, Store, create_store, open_store
 from hfa_support.jobs.workers import Task, workers
 from hfa_support.progress import Progress
 
@@ -61,26 +61,25 @@ def stream(
         missing = store.missing()
         show = progress if progress is not None and missing else lambda *_: None
         show(store.chunks - len(missing), store.chunks)  # the first chunk may take a while: code is compiled
-        with session(place) as token:
-            tasks = (
-                (number, (place, token, number, job.function, job.task(number * store.chunk, store.end(number))))
-                for number in missing
-            )
-            for done, (number, rows) in enumerate(run(run_and_write, tasks), start=store.chunks - len(missing) + 1):
-                if rows is not None:
-                    store.write(number, rows)
-                store.complete(number)
-                show(done, store.chunks)
+        here = place if scheduler is None else None
+        tasks = (
+            (number, (here, number, job.function, job.task(number * store.chunk, store.end(number))))
+            for number in missing
+        )
+        for done, (number, rows) in enumerate(run(_run_and_write, tasks), start=store.chunks - len(missing) + 1):
+            if rows is not None:
+                store.write(number, rows)
+            store.complete(number)
+            show(done, store.chunks)
     return store
 
 
-def run_and_write(
-    path: Path, token: str, number: int, function: Callable[..., Mapping[str, np.ndarray]], task: Task
+def _run_and_write(
+    path: Path | None, number: int, function: Callable[..., Mapping[str, np.ndarray]], task: Task
 ) -> Mapping[str, np.ndarray] | None:
-    """Compute one chunk and write it where the store is in sight; else return it. What a worker runs."""
+    """Compute one chunk and write it into the store at a path; without one return it. What a worker runs."""
     rows = function(*task)
-    store = store_of_session(path, token)
-    if store is None:
+    if path is None:
         return rows
-    store.write(number, rows)
+    Store(path, "r+").write(number, rows)
     return None

@@ -6,9 +6,9 @@ import logging
 import os
 import signal
 import threading
-import traceback
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager, suppress
+from concurrent.futures import FIRST_COMPLETED, CancelledError, Executor, Future, wait
+from contextlib import contextmanager
 from functools import partial
 from itertools import islice
 from typing import Any
@@ -50,73 +50,58 @@ def _here(function: Callable[..., Any], tasks: Tasks) -> Iterator[tuple[int, Any
         yield key, function(*task)
 
 
+def _run(
+    executor: Executor, ahead: int, lost: tuple[type[Exception], str], function: Callable[..., Any], tasks: Tasks
+) -> Iterator[tuple[int, Any]]:
+    """`ahead` tasks at a time. lost: the error that a lost worker raises, and what it means."""
+    waiting, keys = iter(tasks), dict[Future[Any], int]()
+    try:
+        for key, task in islice(waiting, ahead):
+            with _undisturbed():
+                keys[executor.submit(function, *task)] = key
+        while keys:
+            for future in wait(keys, return_when=FIRST_COMPLETED).done:
+                yield keys.pop(future), future.result()
+                for key, task in islice(waiting, 1):
+                    keys[executor.submit(function, *task)] = key
+    except (CancelledError, lost[0]) as error:
+        raise NoSolutionError(f"{lost[1]}; {_ADVICE}") from error
+
+
 def _in_processes(count: int, function: Callable[..., Any], tasks: Tasks) -> Iterator[tuple[int, Any]]:
-    """Each process receives tasks and answers through its pipe. No process outlives the iteration."""
-    import multiprocessing
-    from multiprocessing.connection import wait
+    """No process outlives the iteration."""
+    from concurrent.futures.process import BrokenProcessPool, ProcessPoolExecutor
+    from multiprocessing import get_context
 
     # Not fork: CasADi and NumPy hold threads, which a forked child would inherit broken.
-    context, waiting = multiprocessing.get_context("spawn"), iter(tasks)
-    started: list[Any] = []
-    connection: Any
-    busy: dict[Any, int] = {}
+    pool = ProcessPoolExecutor(count, get_context("spawn"), _end_with_the_parent)
     try:
-        for key, task in islice(waiting, count):
-            connection, end = context.Pipe()
-            started.append(context.Process(target=_serve, args=(end,), daemon=True))
-            _start(started[-1])
-            end.close()
-            connection.send((function, task))
-            busy[connection] = key
-        while busy:
-            for ready in wait(list(busy)):
-                connection = ready
-                result, error = connection.recv()
-                if error is not None:
-                    raise error
-                yield busy.pop(connection), result
-                for key, task in islice(waiting, 1):
-                    connection.send((function, task))
-                    busy[connection] = key
-    except (EOFError, ConnectionError) as error:
-        raise NoSolutionError(f"a worker died; {_ADVICE}") from error
+        yield from _run(pool, count, (BrokenProcessPool, "a worker died"), function, tasks)
     finally:
-        for process in started:
+        for process in list((pool._processes or {}).values()):
             process.kill()
+        pool.shutdown()
 
 
-def _start(process: Any) -> None:
-    """Start a process that never sees Ctrl-C, which a terminal gives to every process of a run.
-
-    A signal that would end this process meanwhile waits for the start: half a start makes the child complain.
-    """
+@contextmanager
+def _undisturbed() -> Iterator[None]:
+    """Signals wait until a process has started, which inherits that: it never sees Ctrl-C, which a terminal gives to
+    every process of a run."""
     if not hasattr(signal, "pthread_sigmask"):
-        process.start()
+        yield
         return
     from multiprocessing import resource_tracker
 
-    resource_tracker.ensure_running()  # its start, which comes with that of the first process, unblocks the signal
-    arrived: list[int] = []
-    handlers = {each: signal.getsignal(each) for each in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
-    own = {each: handler for each, handler in handlers.items() if callable(handler)}
-    if threading.current_thread() is not threading.main_thread():
-        own = {}  # Python runs handlers, and sets them, in the main thread alone
-    for each in own:
-        signal.signal(each, lambda number, _: arrived.append(number))
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    resource_tracker.ensure_running()  # its start, which comes with that of the first process, unblocks signals
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM, signal.SIGHUP})
     try:
-        process.start()
+        yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
-        for each, handler in own.items():
-            signal.signal(each, handler)
-        for number in arrived:
-            signal.raise_signal(number)
 
 
-def _serve(connection: Any) -> None:
-    """Answer each (function, task) with (result, None) or (None, error); end when the process that started this one
-    is gone, however that ended."""
+def _end_with_the_parent() -> None:
+    """What each process runs first: it ends when the process that started it is gone, however that ended."""
     import multiprocessing
 
     parent = multiprocessing.parent_process()
@@ -127,70 +112,27 @@ def _serve(connection: Any) -> None:
         os._exit(1)
 
     threading.Thread(target=watch, daemon=True).start()
-    with suppress(EOFError, OSError):  # of a pipe whose other end is gone
-        while True:
-            function, task = connection.recv()
-            try:
-                result, failure = function(*task), None
-            except Exception as error:
-                error.add_note(traceback.format_exc())  # a traceback does not go through a pipe
-                result, failure = None, error
-            connection.send((result, failure))
 
 
 @contextmanager
 def _cluster(scheduler: str) -> Iterator[Run]:
     try:
-        from concurrent.futures import CancelledError
-
-        from dask.distributed import Client, as_completed
-        from distributed.comm import CommClosedError
+        from dask.distributed import Client
         from distributed.scheduler import KilledWorker
     except ImportError as error:
         raise BadInputError("a scheduler needs Dask; install it with `pip install .[distributed]`") from error
+    logging.disable()  # what Dask logs of a lost connection, in tracebacks, is one line of ours
     try:
-        client = Client(scheduler, timeout=_ANSWER, set_as_default=False)
-    except (OSError, ValueError) as error:
-        raise BadInputError(
-            f"no Dask scheduler answers at {scheduler} ({error}); start one, or use --workers"
-        ) from None
-
-    def run(function: Callable[..., Any], tasks: Tasks) -> Iterator[tuple[int, Any]]:
-        waiting = iter(tasks)
-        keys: dict[Any, int] = {}
-
-        def submitted(count: int) -> list[Any]:
-            found = []
-            for key, task in islice(waiting, count):
-                found.append(client.submit(function, *task, pure=False, retries=_RETRIES))
-                keys[found[-1]] = key
-            return found
-
-        finished = as_completed(submitted(_AHEAD * threads), loop=client.loop)
         try:
-            for future in finished:
-                yield keys.pop(future), future.result()
-                finished.update(submitted(1))
-        except (KilledWorker, CancelledError, CommClosedError) as error:
-            raise NoSolutionError(f"the cluster gave a chunk up ({type(error).__name__}); {_ADVICE}") from error
-
-    with _quiet("distributed"), client:
-        threads = sum(client.nthreads().values())
-        if not threads:
-            raise BadInputError(f"the Dask scheduler at {scheduler} has no workers; start some")
-        yield run
-
-
-@contextmanager
-def _quiet(package: str) -> Iterator[None]:
-    """A package logs nothing while the block runs: what Dask logs of a lost connection, in tracebacks, is one line of
-    ours."""
-    loggers = [logging.getLogger(name) for name in logging.root.manager.loggerDict if name.startswith(package)]
-    levels = [logger.level for logger in loggers]
-    for logger in loggers:
-        logger.setLevel(logging.CRITICAL + 1)
-    try:
-        yield
+            client = Client(scheduler, timeout=_ANSWER, set_as_default=False)
+        except (OSError, ValueError) as error:
+            advice = "start one, or use --workers"
+            raise BadInputError(f"no Dask scheduler answers at {scheduler} ({error}); {advice}") from None
+        with client:
+            threads = sum(client.nthreads().values())
+            if not threads:
+                raise BadInputError(f"the Dask scheduler at {scheduler} has no workers; start some")
+            executor = client.get_executor(pure=False, retries=_RETRIES)
+            yield partial(_run, executor, _AHEAD * threads, (KilledWorker, "the cluster gave a chunk up"))
     finally:
-        for logger, level in zip(loggers, levels, strict=True):
-            logger.setLevel(level)
+        logging.disable(logging.NOTSET)

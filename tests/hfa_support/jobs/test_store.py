@@ -17,9 +17,9 @@ import numpy as np
 import pytest
 
 from hfa_support import BadInputError
-from hfa_support.jobs import store as module, stream as streaming
+from hfa_support.jobs import store as module
 from hfa_support.jobs.store import Array, Layout, Store, create_store, described, open_store
-from hfa_support.jobs.stream import run_and_write, stream
+from hfa_support.jobs.stream import stream
 
 ROWS, CHUNK = 10, 3
 NAN = float("nan")
@@ -35,7 +35,7 @@ def rows(start: int, stop: int) -> Mapping[str, np.ndarray]:
 
 
 def slow_rows(start: int, stop: int) -> Mapping[str, np.ndarray]:
-    time.sleep(0.3)
+    time.sleep(0.1)
     return rows(start, stop)
 
 
@@ -100,16 +100,10 @@ def test_others_read_it(made: Path) -> None:
         assert float(read.square.sel(side="right")[9]) == 162.0
 
 
-def test_a_finished_store_has_no_damage_at_any_resume(path: Path) -> None:
-    """A chunk without a trim, nan+0j, was read back as nan+nanj, and so reported as damaged every time."""
-    before = contents(path)
-    for _ in range(2):
-        assert resumed(path).missing() == []  # a warning would be an error
-    assert contents(path) == before
-
-
-def test_two_processes_write_the_bytes_of_one(made: Path, tmp_path: Path) -> None:
+def test_two_processes_write_the_bytes_of_one_and_a_resume_changes_none(made: Path, tmp_path: Path) -> None:
+    """A chunk without a trim, nan+0j, was read back as nan+nanj, and so reported as damaged."""
     stream(Job(), tmp_path / "two.zarr", count=2)
+    assert resumed(tmp_path / "two.zarr").missing() == []  # a warning would be an error
     assert contents(tmp_path / "two.zarr") == contents(made)
 
 
@@ -117,22 +111,6 @@ def test_a_dask_cluster_writes_the_bytes_of_one(made: Path, tmp_path: Path) -> N
     distributed = pytest.importorskip("distributed")
     with distributed.LocalCluster(n_workers=1, threads_per_worker=4, processes=False, dashboard_address=None) as known:
         stream(Job(), tmp_path / "far.zarr", scheduler=known.scheduler_address)
-    assert contents(tmp_path / "far.zarr") == contents(made)
-
-
-def test_a_worker_that_sees_no_store_or_a_copy_of_it_sends_its_rows(
-    made: Path, path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """A copy, left on the worker's own disk at the same path, would swallow the rows."""
-    sent = []
-
-    def from_afar(_: Path, *task: Any) -> Any:
-        sent.append(run_and_write(path, *task))
-        return sent[-1]
-
-    monkeypatch.setattr(streaming, "run_and_write", from_afar)
-    stream(Job(), tmp_path / "far.zarr")
-    assert [isinstance(rows, dict) for rows in sent] == [True] * 4
     assert contents(tmp_path / "far.zarr") == contents(made)
 
 
@@ -160,14 +138,13 @@ from pathlib import Path
 sys.path.insert(0, sys.argv[1])
 import test_store
 if __name__ == "__main__":
-    test_store.stream(test_store.Job(function=test_store.slow_rows), Path("a.zarr"), count=int(sys.argv[2]))
+    test_store.stream(test_store.Job(function=test_store.slow_rows), Path("a.zarr"), count=2)
 """
 
 
-@pytest.mark.parametrize("count", [1, 2])
-def test_a_kill_leaves_whole_chunks_and_an_honest_list(made: Path, tmp_path: Path, count: int) -> None:
+def test_a_kill_leaves_whole_chunks_and_an_honest_list(made: Path, tmp_path: Path) -> None:
     (tmp_path / "killed.py").write_text(KILLED)
-    words = [sys.executable, "killed.py", str(Path(__file__).parent), str(count)]
+    words = [sys.executable, "killed.py", str(Path(__file__).parent)]
     process = subprocess.Popen(words, cwd=tmp_path, env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)})
     path, deadline = tmp_path / "a.zarr", time.monotonic() + 60
     while time.monotonic() < deadline and not list(path.glob("done/c/*")):
@@ -215,7 +192,7 @@ def test_every_bit_of_every_file_counts(made: Path, tmp_path: Path) -> None:
     whole, rng, outcomes = contents(made), np.random.default_rng(1), {"refused": 0, "computed": 0}
     path = shutil.copytree(made, tmp_path / "a.zarr")
     for name, content in sorted(whole.items()):
-        for bit in rng.integers(8 * len(content), size=8):
+        for bit in rng.integers(8 * len(content), size=3):
             flipped = bytearray(content)
             flipped[bit // 8] ^= 1 << int(bit % 8)
             (path / name).write_bytes(bytes(flipped))
@@ -227,7 +204,7 @@ def test_every_bit_of_every_file_counts(made: Path, tmp_path: Path) -> None:
                 outcomes["refused"] += 1
             (path / name).write_bytes(content)
     described = 11  # zarr.json of the store and of seven arrays, names and units of an axis, the digest
-    assert outcomes == {"refused": 8 * described, "computed": 8 * (len(whole) - described)}
+    assert outcomes == {"refused": 3 * described, "computed": 3 * (len(whole) - described)}
 
 
 def test_a_store_is_neither_overwritten_nor_continued_by_another_job(
@@ -263,12 +240,3 @@ def test_a_store_appears_whole_and_takes_no_folder_beside_it(tmp_path: Path, mon
     assert set(tmp_path.iterdir()) == theirs
     create_store(tmp_path / "a.zarr", Job().layout)
     assert set(tmp_path.iterdir()) == {*theirs, tmp_path / "a.zarr"}
-
-
-@pytest.mark.parametrize("setting", ["ZARR_ARRAY__ORDER=Q", "ZARR_ASYNC=3", "ZARR_CODECS__ZSTD=none"])
-def test_settings_of_zarr_in_the_environment_do_no_harm(made: Path, path: Path, setting: str) -> None:
-    program = "import sys; from hfa_support.jobs.store import *; print(open_store(Path(sys.argv[1])).damaged())"
-    name, _, value = setting.partition("=")
-    words = [sys.executable, "-c", program, str(path)]
-    done = subprocess.run(words, env={**os.environ, name: value}, capture_output=True, text=True, check=False)
-    assert (done.stdout, done.stderr) == ("[]\n", "")
