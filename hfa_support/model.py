@@ -362,7 +362,8 @@ class Layout(NamedTuple):
         states, found = self.names[0], self.names[4]
         chosen = [symbols[0][states.index(name)] if name in states else y[found.index(name)] for name in outputs]
         columns = [ca.vertcat(ca.SX(0, 1), *each) for each in (*vectors, *[w] * (w is not None))]
-        return tuple(ca.substitute([f, ca.vertcat(ca.SX(0, 1), *chosen)], symbols, columns))
+        f, y = ca.substitute([f, ca.vertcat(ca.SX(0, 1), *chosen)], symbols, columns)
+        return f, y
 
     def in_variables(self, values: Mapping[str, Any], p: ca.SX, outputs: Sequence[str]) -> list[ca.SX]:
         """x, u, f and the named outputs, where `values` has each variable of a trim, in still air.
@@ -416,7 +417,7 @@ def _symbolic(layout: Layout, still: bool) -> tuple[list[ca.SX], ca.SX, ca.SX]:
                 raise BadInputError(f"{layout.name}: the equations return no {kind} of {name}; add it")
             refuse_unknown(f"{layout.name}: the equations return the undeclared {kind}", name, names)
         parts.append(ca.densify(ca.SX(ca.vertcat(ca.SX(0, 1), *(values[name] for name in names)))))
-    return vectors, *parts
+    return vectors, parts[0], parts[1]
 
 
 @lru_cache(maxsize=64)
