@@ -14,7 +14,6 @@ from benchmarks.report import Row, in_turn
 from controller.game.zero_sum import published_game
 from controller.riccati.gare_batch import solve_games
 from hfa_model import LINEAR_STATES, STATES, Aircraft, default_parameters
-from hfa_model.variants import variant_named
 from hfa_support.native.machine_code import c_compiler
 from trim.linear.linear_model import level_model
 from trim.linear.modes import track_modes
@@ -172,18 +171,15 @@ def _optimizer(count: int, peer_count: int) -> Row:
     """CasADi's Opti with IPOPT, as optimization-based aircraft tools trim."""
     import casadi as ca
 
-    from hfa_model.dynamics import state_rates
-
-    parameters, variant = default_parameters().values, variant_named("published")
+    aircraft = Aircraft()
     opti = ca.Opti()
     u, dihedral = opti.variable(4), opti.parameter()
     state = ca.vertcat(68.0, np.radians(2.8), 40_000.0, np.radians(2.8), 0.0, dihedral, 0.0)
-    f = state_rates(state, ca.vertcat(u[0], 0.0, u[1:]), parameters, variant)
+    f = aircraft.model.functions(())(state, ca.vertcat(u[0], 0.0, u[1:]), aircraft.model.p)[0]
     opti.subject_to(f[[0, 1, 4, 6]] == 0)
     opti.minimize(0)
     opti.solver("ipopt", {"print_time": False}, {"print_level": 0, "sb": "yes"})
     angles = np.radians(np.linspace(0.0, 20.0, count))
-    aircraft = Aircraft(parameters)
 
     def peer():
         for angle in angles[:: count // peer_count]:

@@ -1,32 +1,25 @@
-"""The one gate to CasADi Functions: compiles the equations once a variant and checks what passes through.
-
-A CasADi Function broadcasts scalars, takes a row for a column and turns a missing input into zero; here every
-argument is checked for its shape and every result for finiteness.
-"""
+"""The aircraft as a `Model`, and with its parameters by name: single points are checked for shape and range."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-import casadi as ca
 import numpy as np
 
-from hfa_model.aerodynamics import Loads, PanelLoads, aircraft_loads
+from hfa_model.aerodynamics import Loads, aircraft_loads
 from hfa_model.atmosphere import density, refuse_beyond_the_atmosphere
-from hfa_model.dynamics import by_name, state_rates, symbols
 from hfa_model.outputs import OUTPUTS, Watched, moment_of
 from hfa_model.parameters import FIELDS, Parameters, default_parameters
 from hfa_model.printed_matrices import published_data
 from hfa_model.variants import Variant, variant_named
-from hfa_model.vectors import INPUT_SIGNALS, INPUTS, LINEAR_STATES, STATE_SIGNALS, STATES, State
+from hfa_model.vectors import INPUT_SIGNALS, INPUTS, LINEAR_STATES, STATE_SIGNALS, STATES, Input, State
 from hfa_model.winds import DISTURBANCE_UNIT, DISTURBANCES, winds_named
 from hfa_support.errors import BadInputError, is_finite, numbers_in, shown
 from hfa_support.model import Model, Signal
-from hfa_support.native.bound import BoundFunction, cached_per_thread
 
 if TYPE_CHECKING:
     import control
@@ -34,7 +27,6 @@ if TYPE_CHECKING:
 
 #: What no aircraft has below zero. A fit to one printed angle leaves an inertia open, which may come out negative.
 _SIZES = ("panel_mass", "panel_span", "chord")
-_AIRCRAFT_LOADS = ("lift", "drag", "pitching_moment", "hinge_moment", "thrust")
 
 
 @dataclass(frozen=True)
@@ -118,55 +110,10 @@ HFA = Model(
 )
 
 
-class CompiledDynamics:
-    """Functions of (x (7,), u (5,), p) for one variant; p is a vector in the order of `Parameters`."""
-
-    def __init__(self, variant: Variant) -> None:
-        self.variant = variant
-        self._x, self._u, self._p = symbols()
-
-    @cached_property
-    def _rates(self) -> ca.SX:
-        """dX/dt, (7,), as expressions."""
-        return state_rates(self._x, self._u, self._p, self.variant)
-
-    @cached_property
-    def rates(self) -> ca.Function:
-        """(x, u, p) -> dX/dt, (7,)."""
-        return ca.Function("rates", [self._x, self._u, self._p], [self._rates])
-
-    @cached_property
-    def jacobians(self) -> ca.Function:
-        """(x, u, p) -> dX/dt, ∂/∂x (7, 7), ∂/∂u (7, 5), by algorithmic differentiation: exact."""
-        jacobians = [ca.jacobian(self._rates, self._x), ca.jacobian(self._rates, self._u)]
-        return ca.Function("jacobians", [self._x, self._u, self._p], [self._rates, *map(ca.densify, jacobians)])
-
-    @cached_property
-    def loads(self) -> ca.Function:
-        """(x, u, p) -> lift, drag, pitching moment, hinge moment, thrust, then the center's and an outer panel's
-        loads in the order of `PanelLoads`."""
-        x, u, p = by_name(self._x, self._u, self._p)
-        loads = aircraft_loads(x, u, density(x.altitude), p, self.variant)
-        flat = [*(getattr(loads, name) for name in _AIRCRAFT_LOADS), *loads.center, *loads.outer]
-        return ca.Function("loads", [self._x, self._u, self._p], [ca.vertcat(*flat)])
-
-
-@lru_cache(maxsize=8)
-def compiled_dynamics(variant: Variant) -> CompiledDynamics:
-    """The compiled equations of a variant; compiled at the first call."""
-    return CompiledDynamics(variant)
-
-
-@cached_per_thread(maxsize=16)
-def _bound(variant: Variant, name: str) -> BoundFunction:
-    """A Function of `CompiledDynamics` for single points."""
-    return BoundFunction(getattr(compiled_dynamics(variant), name))
-
-
 class Aircraft:
     """Parameters, by default the identified ones, and a variant of the equations, bound together.
 
-    `rates`, `jacobians` and `loads` take arrays in the order of `STATES` and `INPUTS`. BadInputError when a
+    `rates` and `loads` take arrays in the order of `STATES` and `INPUTS`. BadInputError when a
     shape is wrong, an entry is not finite or the state lies outside the model.
     """
 
@@ -194,21 +141,14 @@ class Aircraft:
         )
 
     def rates(self, x: ArrayLike, u: ArrayLike) -> np.ndarray:
-        """dX/dt, (7,)."""
-        return self._at(x, u, "rates")[0]
-
-    def jacobians(self, x: ArrayLike, u: ArrayLike) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """dX/dt (7,), ∂/∂x (7, 7), ∂/∂u (7, 5)."""
-        value, A, B = self._at(x, u, "jacobians")
-        by_rows = [np.ascontiguousarray(each.reshape(-1, len(STATES)).T) for each in (A, B)]
-        return value, by_rows[0], by_rows[1]
+        """dX/dt, (7,); its derivatives too: `model.at`."""
+        return self.model.at(*self._checked(x, u)).f
 
     def loads(self, x: ArrayLike, u: ArrayLike) -> Loads:
         """Forces and moments on the aircraft and its panels, lbf and ft lbf."""
-        flat = self._at(x, u, "loads")[0].tolist()
-        first, second = len(_AIRCRAFT_LOADS), len(_AIRCRAFT_LOADS) + len(PanelLoads._fields)
-        totals = dict(zip(_AIRCRAFT_LOADS, flat[:first], strict=True))
-        return Loads(**totals, center=PanelLoads(*flat[first:second]), outer=PanelLoads(*flat[second:]))
+        state, control = (vector.tolist() for vector in self._checked(x, u))
+        at = State(*state)
+        return aircraft_loads(at, Input(*control), density(at.altitude), self.parameters, self.variant)
 
     def to_control(self) -> control.NonlinearIOSystem:
         """X' = f(X, U), Y = X as python-control's `NonlinearIOSystem`: states, inputs and parameters by name."""
@@ -224,17 +164,6 @@ class Aircraft:
                 raise BadInputError(f"{kind} {name} is not finite; give a number")
         check_in_range(State(*state.tolist()))
         return state, control
-
-    def _at(self, x: ArrayLike, u: ArrayLike, name: str) -> tuple[np.ndarray, ...]:
-        """The results of a Function of `CompiledDynamics`, flat: columns one after the other."""
-        bound = _bound(self.variant, name)
-        for place, value in zip(bound.inputs, (*self._checked(x, u), self._p), strict=True):
-            place[:] = value
-        bound()
-        results = tuple(result.copy() for result in bound.results)
-        if not all(np.isfinite(result).all() for result in results):
-            raise FloatingPointError(f"{name} of the {self.variant.name} dynamics are not finite")
-        return results
 
 
 def _checked_parameters(parameters: Parameters) -> Parameters:

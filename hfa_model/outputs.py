@@ -68,11 +68,6 @@ class Watched(Mapping[str, Quantity]):
         return name in OUTPUTS
 
 
-def outputs_of(moment: Moment, names: tuple[str, ...]) -> tuple[Quantity, ...]:
-    """The named outputs or states, in the order of the names."""
-    return tuple(getattr(moment.x, name) if name in STATES else OUTPUTS[name].of(moment) for name in names)
-
-
 def unit_of(name: str) -> str:
     """Unit of an output or a state."""
     return str(getattr(STATE_UNITS, name)) if name in STATES else OUTPUTS[name].unit

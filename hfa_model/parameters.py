@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import copy
 import json
 from dataclasses import dataclass, field, replace
 from functools import cache
-from importlib.resources import files
 from pathlib import Path
 from typing import Any, Generic, NamedTuple
 
@@ -13,12 +13,12 @@ import numpy as np
 
 from hfa_model.vectors import T
 from hfa_support.errors import BadInputError
-from hfa_support.files import read_toml, write_text
+from hfa_support.files import write_text
 from hfa_support.reporting.fields import ByValue
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.text import Table
 from hfa_support.reporting.unit_system import in_force, unit_in_force
-from hfa_support.schema import NUMBER, POSITIVE, checked
+from hfa_support.schema import NUMBER, POSITIVE, read_named
 
 
 class Parameters(NamedTuple, Generic[T]):
@@ -125,17 +125,11 @@ class ParameterSet(ByValue, Reported):
 
     def table(self) -> Table:
         """Every parameter with its standard error, unit and source."""
-        errors = self.standard_errors
-        rows = [
-            (
-                name,
-                f"{in_force(getattr(self.values, name), getattr(FIELDS, name).unit):.7g}",
-                f"{in_force(errors[name], getattr(FIELDS, name).unit):.2g}" if name in errors else "-",
-                unit_in_force(getattr(FIELDS, name).unit),
-                self.sources[name],
-            )
-            for name in Parameters._fields
-        ]
+        errors, rows = self.standard_errors, []
+        for name, spec in FIELDS._asdict().items():
+            error = f"{in_force(errors[name], spec.unit):.2g}" if name in errors else "-"
+            value = f"{in_force(getattr(self.values, name), spec.unit):.7g}"
+            rows.append((name, value, error, unit_in_force(spec.unit), self.sources[name]))
         return Table(("parameter", "value", "standard error", "unit", "source"), rows)
 
     def report(self) -> Report:
@@ -143,42 +137,51 @@ class ParameterSet(ByValue, Reported):
         return Report("Parameters of the aircraft", (self.table(),))
 
 
-def default_parameters() -> ParameterSet:
-    """The identified aircraft that comes with the package (`hfa identify` writes it)."""
-    return named_parameters("identified")
-
-
 #: Parameter sets that come with the package: name -> file.
 NAMED = {"identified": "parameters.toml", "gibson-2011-simulation": "parameters_gibson_2011_simulation.toml"}
 
 
-def named_parameters(name: str) -> ParameterSet:
-    """A parameter set that comes with the package, by its name in `NAMED`; BadInputError for another name."""
-    if name not in NAMED:
-        raise BadInputError(f"unknown parameter set {name!r}; choose from {', '.join(NAMED)}, or give a file")
-    known = _packaged(name)
-    return replace(known, sources=dict(known.sources), notes=dict(known.notes), covariance=known.covariance.copy())
+def default_parameters() -> ParameterSet:
+    """The identified aircraft that comes with the package (`hfa identify` writes it)."""
+    return load_parameters("identified")
 
 
-@cache
-def _packaged(name: str) -> ParameterSet:
-    """Read once: nothing changes it while the program runs."""
-    return replace(load_parameters(Path(str(files("hfa_model").joinpath(NAMED[name])))), name=name)
+def load_parameters(name: str | Path) -> ParameterSet:
+    """A set that comes with the package, by its name in `NAMED`, or a file's; BadInputError names the file, the entry
+    and the fault."""
+    return copy.deepcopy(_packaged(str(name))) if str(name) in NAMED else _read(str(name))
 
 
-def load_parameters(path: Path) -> ParameterSet:
-    """Read a parameters file; BadInputError names the file, the entry and the fault."""
-    try:
-        data = read_toml(path)
-    except OSError as error:
-        known = f"give an existing parameters file, or the name of a set: {', '.join(NAMED)}"
-        raise BadInputError(f"{path}: cannot be read ({error.strerror}); {known}") from error
-    data = checked(str(path), data, _FILE)
-    covariance_table = data.pop("covariance", {})
+def _read(name: str) -> ParameterSet:
+    data = read_named("parameters", name, NAMED, "hfa_model", _FILE)
+    table = data.pop("covariance", {"names": [], "rows": []})
     values = Parameters(*(data[name]["value"] for name in Parameters._fields))
     sources = {name: data[name].get("source", "assumed") for name in Parameters._fields}
     notes = {name: data[name]["note"] for name in Parameters._fields if "note" in data[name]}
-    return _with_covariance(path, ParameterSet(values, sources, notes, name=str(path)), covariance_table)
+    found = ParameterSet(values, sources, notes, name=name)
+    if table["rows"]:
+        even = len({len(row) for row in table["rows"]}) == 1
+        found = replace(found, covariance=np.array(table["rows"] if even else [[]]))
+        if table["names"] != list(found.identified) or not _is_covariance(found.covariance, len(found.identified)):
+            raise BadInputError(
+                f"{name}: [covariance] is no covariance of the identified parameters: symmetric, without a negative "
+                "eigenvalue; remove it or run `hfa identify` again"
+            )
+    return found
+
+
+_packaged = cache(_read)  # once: nothing changes it while the program runs
+
+
+def _is_covariance(matrix: np.ndarray, size: int) -> bool:
+    """Whether the correlations of a symmetric matrix have no negative eigenvalue but for rounding."""
+    if matrix.shape != (size, size) or not (np.array_equal(matrix, matrix.T) and np.all(np.diag(matrix) >= 0)):
+        return False
+    deviations = np.sqrt(np.diag(matrix))
+    deviations[deviations == 0.0] = 1.0
+    with np.errstate(over="ignore"):
+        correlations = matrix / deviations[:, None] / deviations
+    return bool(np.isfinite(correlations).all() and np.linalg.eigvalsh(correlations).min() >= -_ROUNDING)
 
 
 def save_parameters(parameters: ParameterSet, path: Path, header: str) -> None:
@@ -197,30 +200,6 @@ def save_parameters(parameters: ParameterSet, path: Path, header: str) -> None:
         rows = ",\n".join(f"  {row}" for row in parameters.covariance.tolist())
         lines += ["", "[covariance]", f"names = [{names}]", f"rows = [\n{rows},\n]"]
     write_text(path, "\n".join(lines) + "\n")
-
-
-def _with_covariance(path: Path, parameters: ParameterSet, table: dict[str, Any]) -> ParameterSet:
-    """The set with the covariance in the table, whose correlations have no negative eigenvalue but for rounding."""
-    if not table:
-        return parameters
-    names = parameters.identified
-    even = len({len(row) for row in table["rows"]}) < 2
-    covariance = np.array(table["rows"] if even else ())
-    why = ""
-    if table["names"] != list(names) or covariance.shape != (len(names), len(names)):
-        why = "does not belong to the identified parameters"
-    elif not (np.array_equal(covariance, covariance.T) and np.all(np.diag(covariance) >= 0)):
-        why = "is not symmetric with variances on its diagonal"
-    else:
-        deviations = np.sqrt(np.diag(covariance))
-        deviations[deviations == 0.0] = 1.0
-        with np.errstate(over="ignore"):
-            correlations = covariance / deviations[:, None] / deviations
-        if not (np.isfinite(correlations).all() and np.linalg.eigvalsh(correlations).min() >= -_ROUNDING):
-            why = "is no covariance: scaled to correlations, its lowest eigenvalue is negative"
-    if why:
-        raise BadInputError(f"{path}: [covariance] {why}; remove it or run `hfa identify` again")
-    return replace(parameters, covariance=covariance)
 
 
 def sample_parameters(parameters: ParameterSet, count: int, seed: int) -> tuple[Parameters, ...]:

@@ -40,11 +40,11 @@ from hfa_model.kinematics import (
     outer_velocity,
 )
 from hfa_model.outputs import Moment, Watched
-from hfa_model.parameters import Parameters, default_parameters
+from hfa_model.parameters import default_parameters
 from hfa_model.variants import Newton
 from hfa_model.vectors import LINEAR_STATES, STATE_SIGNALS, STATES, Quantity
 from hfa_model.winds import Winds, winds_named
-from hfa_support.model import Model, Signal
+from hfa_support.model import Signal
 
 NEWTON = Newton()
 
@@ -294,8 +294,3 @@ UNSTEADY = replace(
     linear=(*LINEAR_STATES, *_LAGS, "downwash"),
     modes={**HFA.modes, "lag": (*_LAGS, "downwash"), "gust": _GUSTS},
 )
-
-
-def unsteady_model(parameters: Parameters | None = None, **effects: float) -> Model:
-    """`UNSTEADY` with other parameters of the aircraft and of the effects: unsteady_model(apparent_mass=0.0)."""
-    return UNSTEADY.with_parameters(**({} if parameters is None else parameters._asdict()), **effects)

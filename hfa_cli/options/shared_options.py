@@ -25,7 +25,7 @@ from hfa_cli.options.argument_types import (
 )
 from hfa_cli.options.parser import add_named, add_value
 from hfa_model.aircraft import HFA, Aircraft
-from hfa_model.parameters import NAMED, ParameterSet, default_parameters, load_parameters, named_parameters
+from hfa_model.parameters import NAMED, ParameterSet, default_parameters, load_parameters
 from hfa_support.errors import BadInputError, NoSolutionError, refuse_unknown, shortened
 from hfa_support.model import Model
 from hfa_support.reporting.data_files import SUFFIXES
@@ -66,10 +66,10 @@ def own_of(arguments: argparse.Namespace) -> Model | None:
     if own is None:
         if OWN.get() is None:
             return None
-        from hfa_model.unsteady import UNSTEADY, unsteady_model
+        from hfa_model.unsteady import UNSTEADY
 
         effects = {name: value for name, value in held.items() if name in UNSTEADY.parameters}
-        return unsteady_model(parameters_of(arguments).values).with_parameters(**effects)
+        return UNSTEADY.with_parameters(**parameters_of(arguments).values._asdict(), **effects)
     refuse(arguments, ("dihedral", "parameters"), "belongs to the HFA; hold variables and parameters with --hold")
     if arguments.dynamics != DEFAULT_DYNAMICS:
         raise BadInputError("--dynamics belongs to the HFA; leave it out with --aircraft")
@@ -87,7 +87,7 @@ def add_aircraft(parser: argparse.ArgumentParser) -> None:
 def add_parameters(parser: argparse.ArgumentParser) -> None:
     """--parameters: the aircraft, whatever its equations."""
     about = f"parameters file, or {' or '.join(NAMED)} (default: identified)"
-    add_value(parser, "--parameters", parsed(_parameters), "FILE", about)
+    add_value(parser, "--parameters", parsed(load_parameters), "FILE", about)
 
 
 def add_condition(parser: argparse.ArgumentParser, *, dihedral_required: bool = True) -> None:
@@ -292,11 +292,6 @@ def freed_alpha(arguments: argparse.Namespace, aircraft: Aircraft | Model, condi
     )
     how = f"{'leave --hold alpha out and ' if 'alpha' in (arguments.hold or {}) else ''}add --free alpha"
     return f"alpha is held at {held}, free it trims at {found}: {how}"
-
-
-def _parameters(text: str) -> ParameterSet:
-    """A named set, or a file's."""
-    return named_parameters(text) if text in NAMED else load_parameters(Path(text))
 
 
 def add_units(parser: argparse.ArgumentParser) -> None:

@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 from ambiance import Atmosphere
 
-from hfa_model import density
-from hfa_model.atmosphere import HIGHEST_ALTITUDE, speed_of_sound, temperature
+from hfa_model.atmosphere import HIGHEST_ALTITUDE, density, speed_of_sound, temperature
 from hfa_support import BadInputError
 
 METRE_PER_FOOT = 0.3048

@@ -9,10 +9,13 @@ import numpy as np
 import pytest
 from random_points import random_points
 
-from hfa_model import VARIANTS, Aircraft, Input, Parameters, Published, State, aircraft_loads, density, rates_from_loads
+from hfa_model import VARIANTS, Aircraft, Input, Parameters, State
+from hfa_model.aerodynamics import aircraft_loads
 from hfa_model.aircraft import HFA
+from hfa_model.atmosphere import density
+from hfa_model.dynamics import rates_from_loads
 from hfa_model.parameters import FIELDS, Field
-from hfa_model.variants import Variant
+from hfa_model.variants import Published, Variant
 from hfa_model.vectors import INPUT_UNITS, RATE_SCALES, RATE_UNITS, STATE_UNITS
 from trim import TrimCondition, find_operating_point, level_flight, linearize, release
 from trim.linear.compare import eigenvalue_errors

@@ -24,7 +24,6 @@ from hfa_model import (
     Parameters,
     State,
     default_parameters,
-    unsteady_model,
 )
 from hfa_model.atmosphere import density
 from hfa_model.dynamics import rates
@@ -45,7 +44,7 @@ def points(count: int, seed: int) -> list[tuple[np.ndarray, np.ndarray, np.ndarr
 
 
 def test_without_its_effects_it_is_newton(parameters: Parameters) -> None:
-    plain = unsteady_model(parameters, **dict.fromkeys(EFFECTS, 0.0))
+    plain = UNSTEADY.with_parameters(**parameters._asdict(), **dict.fromkeys(EFFECTS, 0.0))
     named = plain.layout.record
     for x, u, w in points(200, 3):
         vectors = [named(*each) for each in zip("xupw", (each.tolist() for each in (x, u, plain.p, w)), strict=True)]
@@ -54,7 +53,7 @@ def test_without_its_effects_it_is_newton(parameters: Parameters) -> None:
         expected = rates(State(*x[:7].tolist()), Input(*u.tolist()), parameters, VARIANTS["newton"], winds)
         assert_allclose([float(found[name]) for name in STATES], expected, rtol=1e-12, atol=1e-11)
     for name in EFFECTS:  # a planted error: a millionth of any effect is seen
-        planted = unsteady_model(parameters, **{each: 1e-6 * (each == name) for each in EFFECTS})
+        planted = UNSTEADY.with_parameters(**parameters._asdict(), **{each: 1e-6 * (each == name) for each in EFFECTS})
         x, u, p, w = (planted.layout.record(*each) for each in zip("xupw", (*vectors[:2], planted.p, w), strict=True))
         found = planted.equations(x, u, p, w)[0]
         assert max(abs(float(found[name]) - value) for name, value in zip(STATES, expected, strict=True)) > 1e-9
@@ -185,21 +184,21 @@ def test_the_steady_limit(degrees: float) -> None:
     condition = usual_condition(UNSTEADY).at(degrees * DEGREES)
     whole = find_operating_point(UNSTEADY, condition)
     slow = find_operating_point(
-        unsteady_model(local_motion=0.0, apparent_mass=0.0, lift_lag=0.0, gust_lag=0.0), condition
+        UNSTEADY.with_parameters(local_motion=0.0, apparent_mass=0.0, lift_lag=0.0, gust_lag=0.0), condition
     )
     assert_allclose(whole.inputs, slow.inputs, rtol=1e-10, atol=1e-11)
     strips = {name: getattr(whole.states, name) for name in LAG_STATES}
     assert all(strips[f"lag_{name}_1"] == pytest.approx(strips[f"lag_{name}_2"], abs=1e-12) for name in source.STRIPS)
     assert strips["lag_tip_1"] == pytest.approx(0.0, abs=1e-12)
     assert strips["gust_outer_1"] == pytest.approx(0.0)
-    infinite = find_operating_point(unsteady_model(finite_span=0.0), condition)
+    infinite = find_operating_point(UNSTEADY.with_parameters(finite_span=0.0), condition)
     assert abs(infinite.inputs.elevator_center - whole.inputs.elevator_center) > 0.3 * DEGREES
 
 
 def test_pitch_damping_is_that_of_the_tails_by_hand() -> None:
     """A(q, q) = -3 ρ V/2 S_t a l_b (l_b + b_t) / (3 I_yy) with a flat wing, up to cos α: about -349 1/s without b_t."""
     others = {name: 0.0 for name in EFFECTS if name != "local_motion"}
-    model, p = level_model(unsteady_model(**others), 0.0), default_parameters().values
+    model, p = level_model(UNSTEADY.with_parameters(**others), 0.0), default_parameters().values
     q = model.states.index("pitch_rate")
     slope = density(40000.0) * 68.0 / 2 * p.tail_area * p.lift_slope * p.boom_length * (p.boom_length + 1.0)
     assert model.A[q, q] == pytest.approx(-slope / p.inertia_pitch, rel=0.005)
@@ -208,7 +207,7 @@ def test_pitch_damping_is_that_of_the_tails_by_hand() -> None:
 def test_apparent_mass_is_that_of_the_textbook() -> None:
     """Flat wings that turn: mass, coupling and inertia of Theodorsen's plate about its quarter chord, m, m b/2 and
     3/8 m b² (of a tail about that of the wing), and Glauert's moment of the parabolic camber that a pitch rate is."""
-    model = level_model(unsteady_model(**{each: float(each == "apparent_mass") for each in EFFECTS}), 0.0)
+    model = level_model(UNSTEADY.with_parameters(**{each: float(each == "apparent_mass") for each in EFFECTS}), 0.0)
     p, x, air = default_parameters().values, model.point.states, density(40000.0)
     forward = x.speed * np.cos(x.alpha)
     t = (np.arange(2000) + 0.5) * np.pi / 2000

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from random_points import random_points
 
-from hfa_model import Aircraft, Parameters, Published, State
+from hfa_model import Aircraft, Parameters, State
 from hfa_model.aerodynamics import Loads
-from hfa_model.variants import Newton
+from hfa_model.variants import Newton, Published
 from hfa_model.vectors import Quantity
 
 #: What has to change in his equations so that they follow from first principles; each is written at `accelerations`.

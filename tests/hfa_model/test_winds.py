@@ -5,13 +5,14 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 import pytest
-from random_points import random_points
+from random_points import random_points, state_rates, symbols
 
-from hfa_model import STATES, VARIANTS, Input, Parameters, State, Wind, Winds, density, kinematics
-from hfa_model.dynamics import rates, state_rates, symbols
+from hfa_model import STATES, VARIANTS, Input, Parameters, State, kinematics
+from hfa_model.atmosphere import density
+from hfa_model.dynamics import rates
 from hfa_model.variants import Newton, Variant
 from hfa_model.vectors import RATE_SCALES
-from hfa_model.winds import DISTURBANCES, winds_named
+from hfa_model.winds import DISTURBANCES, Wind, Winds, winds_named
 from verification.physics.lagrangian import lagrangian_rates
 
 NAMES = tuple(DISTURBANCES)

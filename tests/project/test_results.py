@@ -78,7 +78,7 @@ def results() -> dict[str, Any]:
         model,
         trim.entry_bands(hfa_model.default_parameters(), condition, model),
         trim.sweep(aircraft, {"speed": [20.0, 66.0, 68.0]}),
-        fit(hfa_model.published_models()[:1], hfa_model.Published(), prior=True),
+        fit(hfa_model.published_models()[:1], hfa_model.VARIANTS["published"], prior=True),
         regeneration,
         regeneration.pairs[0],
         controller.learn(game),

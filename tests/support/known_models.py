@@ -9,7 +9,8 @@ import numpy as np
 from scipy.optimize import brentq
 
 from controller import Game, published_game
-from hfa_model import Aircraft, density, named_parameters
+from hfa_model import Aircraft, load_parameters
+from hfa_model.atmosphere import density
 from trim import LinearModel, level_model
 from verification import solve_game
 
@@ -20,7 +21,7 @@ _RELEASED_DENSITY = 5.872675956988981e-4
 def released_simulation() -> tuple[Aircraft, float]:
     """SimVFA's aircraft, and the altitude, ft, at which the standard atmosphere has its air."""
     altitude = brentq(lambda height: float(density(height)) - _RELEASED_DENSITY, 39_000.0, 41_000.0, xtol=1e-9)
-    return Aircraft(named_parameters("gibson-2011-simulation").values), altitude
+    return Aircraft(load_parameters("gibson-2011-simulation").values), altitude
 
 
 @lru_cache(maxsize=64)

@@ -1,10 +1,15 @@
-"""Seeded random states and inputs, far wider than any trim."""
+"""Seeded random states and inputs, far wider than any trim; and the equations in columns."""
 
 from __future__ import annotations
 
+import casadi as ca
 import numpy as np
 
-from hfa_model import Input, State
+from hfa_model import Input, Parameters, State
+from hfa_model.aircraft import HFA
+from hfa_model.dynamics import rates
+from hfa_model.variants import Variant
+from hfa_model.winds import Air
 
 _LOWEST_STATE = State(20.0, -0.35, 0.0, -1.0, -1.0, -1.2, -1.0)
 _HIGHEST_STATE = State(300.0, 0.35, 65_000.0, 1.0, 1.0, 1.2, 1.0)
@@ -18,3 +23,24 @@ def random_points(count: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
     states = rng.uniform(_LOWEST_STATE, _HIGHEST_STATE, (count, len(_LOWEST_STATE)))
     inputs = rng.uniform(_LOWEST_INPUT, _HIGHEST_INPUT, (count, len(_LOWEST_INPUT)))
     return states, inputs
+
+
+def symbols() -> list[ca.SX]:
+    """New symbols x (7,), u (5,), p (18,)."""
+    return HFA.layout.symbols("x", "u", "p")
+
+
+def by_name(x: ca.SX, u: ca.SX, p: ca.SX) -> tuple[State, Input, Parameters]:
+    """The components of columns."""
+    return State(*ca.vertsplit(x)), Input(*ca.vertsplit(u)), Parameters(*ca.vertsplit(p))
+
+
+def state_rates(x: ca.SX, u: ca.SX, p: ca.SX, variant: Variant, air: Air = 0.0) -> ca.SX:
+    """dX/dt of columns, (7,)."""
+    return ca.vertcat(*rates(*by_name(x, u, p), variant, air))
+
+
+def rates_function(variant: Variant) -> ca.Function:
+    """(x, u, p) -> dX/dt."""
+    vectors = symbols()
+    return ca.Function("rates", vectors, [state_rates(*vectors, variant)])

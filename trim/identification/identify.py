@@ -14,7 +14,6 @@ import casadi as ca
 import numpy as np
 
 from hfa_model.aircraft import HFA, Aircraft, Equations
-from hfa_model.dynamics import state_rates, symbols
 from hfa_model.parameters import Parameters, ParameterSet, save_parameters
 from hfa_model.printed_matrices import PublishedModel, published_models
 from hfa_model.variants import Newton, Published, Variant
@@ -219,8 +218,9 @@ class _Condition:
     """One printed condition as compiled functions of the parameters θ and the free inputs v."""
 
     def __init__(self, model: PublishedModel, theta: ca.SX, p: Parameters, variant: Variant) -> None:
-        (x, u, _), inputs = symbols(), ca.SX.sym("v", len(_FREE_INPUTS))
-        f = state_rates(x, u, p, variant)
+        layout = replace(HFA, equations=Equations(variant)).layout
+        (x, u), inputs = layout.symbols("x", "u"), ca.SX.sym("v", len(_FREE_INPUTS))
+        f, _ = layout.expressions((ca.vertsplit(x), ca.vertsplit(u), list(p)), ())
         A, B = ca.jacobian(f, x)[LINEAR_ROWS, LINEAR_ROWS], ca.jacobian(f, u)[LINEAR_ROWS, :]
         # The rows θ' = q and η' = η' are the same for every aircraft.
         moved = [i for i, name in enumerate(LINEAR_STATES) if name not in ("pitch", "dihedral")]
@@ -234,7 +234,7 @@ class _Condition:
         point = ca.vertcat(*(state[name] for name in STATES), *_as_input(ca.vertsplit(inputs)))
         entries, balance = (ca.substitute(part, ca.vertcat(x, u), point) for part in (entries, balance))
         given, rates = tuple(flight.imposed), tuple((name, 0.0, HFA.rate_scale(name)) for name in HFA.steady)
-        functions = newton_functions(replace(HFA, equations=Equations(variant)).layout, given, _FREE_INPUTS, rates)
+        functions = newton_functions(layout, given, _FREE_INPUTS, rates)
         assert functions is not None
         after, size = functions[0](ca.DM([flight.imposed[name] for name in given]), inputs, ca.vertcat(*p))
         self._step = _bound([theta, inputs], (after, size))

@@ -9,7 +9,6 @@ from typing import NamedTuple
 from hfa_model.aerodynamics import Loads, PanelLoads
 from hfa_model.aircraft import Aircraft
 from hfa_model.atmosphere import density, speed_of_sound
-from hfa_model.outputs import moment_of, outputs_of
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Table, four_decimals, short_number, shown_unit
 from hfa_support.reporting.unit_system import in_force, unit_in_force
@@ -72,9 +71,8 @@ _WATCHED = ("dynamic_pressure", "load_factor", "gamma", "climb_rate", "hinge_mom
 def performance(aircraft: Aircraft, point: OperatingPoint) -> Performance:
     """The numbers at a point, trimmed or not."""
     p, x = aircraft.parameters, point.states
-    moment = moment_of(x, point.inputs, p, aircraft.variant)
-    watched = dict(zip(_WATCHED, map(float, outputs_of(moment, _WATCHED)), strict=True))
-    lift, drag = float(moment.loads.lift), float(moment.loads.drag)
+    watched = aircraft.model.outputs_at(x, point.inputs, _WATCHED)
+    loads = aircraft.loads(x, point.inputs)
     wing_area = 3 * p.panel_span * p.chord
     pressure_area = watched["dynamic_pressure"] * wing_area
     sound = float(speed_of_sound(x.altitude))
@@ -84,9 +82,9 @@ def performance(aircraft: Aircraft, point: OperatingPoint) -> Performance:
         density=float(density(x.altitude)),
         speed_of_sound=sound,
         mach=x.speed / sound,
-        lift_coefficient=lift / pressure_area,
-        drag_coefficient=drag / pressure_area,
-        lift_over_drag=lift / drag,
+        lift_coefficient=loads.lift / pressure_area,
+        drag_coefficient=loads.drag / pressure_area,
+        lift_over_drag=loads.lift / loads.drag,
         **watched,
     )
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hfa_model.parameters import NAMED, Parameters, named_parameters
+from hfa_model.parameters import NAMED, Parameters, load_parameters
 from hfa_model.provenance import parameter_hash
 from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.model import Model
@@ -250,7 +250,7 @@ def _aircraft(found: Verified) -> tuple[str, dict[str, Any]]:
         about = f"{model.title}{source}{numbers}\ntrims at {flight}"
         return about, {"dynamics": claim["dynamics"], "source": claim["source"], "parameters": claim["parameters"]}
     values = Parameters(**claim["parameters"])
-    known = [name for name in NAMED if named_parameters(name).values == values]
+    known = [name for name in NAMED if load_parameters(name).values == values]
     name, digits = known[0] if known else "of the certificate", parameter_hash(values)
     about = f"{claim['dynamics']} dynamics, parameters {name} ({digits})\ntrims at {flight}"
     return about, {"dynamics": claim["dynamics"], "parameters": name, "parameter_hash": digits}

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from c_files import called, compiled, footprint, needs_gcc, ran
 from known_models import model_at
+from random_points import state_rates, symbols
 
 from controller.export.c_model import EXAMPLE, HEADER, SOURCE, c_model_texts, comment_lines
 from hfa_model import Aircraft
-from hfa_model.dynamics import state_rates, symbols
 from hfa_model.vectors import INPUT_SCALES, STATE_SCALES
 from hfa_support import BadInputError
 from hfa_support.files import write_texts

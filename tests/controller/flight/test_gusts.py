@@ -12,7 +12,8 @@ from random_points import random_points
 from controller import Dryden, OneMinusCosine
 from controller.flight.gusts import Gust
 from controller.flight.integrator import RungeKutta, integrate
-from hfa_model import STATES, VARIANTS, Input, Parameters, State, density
+from hfa_model import STATES, VARIANTS, Input, Parameters, State
+from hfa_model.atmosphere import density
 from hfa_model.dynamics import rates
 from hfa_model.variants import Newton, Variant
 from hfa_model.vectors import RATE_SCALES

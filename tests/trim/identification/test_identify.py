@@ -10,10 +10,10 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from hfa_model import INPUTS, LINEAR_STATES, Aircraft, Parameters, Published, State, published_models
+from hfa_model import INPUTS, LINEAR_STATES, Aircraft, Parameters, State, published_models
 from hfa_model.parameters import ParameterSet
 from hfa_model.printed_matrices import PublishedModel
-from hfa_model.variants import Variant
+from hfa_model.variants import Published, Variant
 from trim import regenerate
 from trim.identification.identification_result import IDENTIFIED, Fit
 from trim.identification.identify import ALTERNATIVES, ROUGH, _left_out, fit, identify

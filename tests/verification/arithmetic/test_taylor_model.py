@@ -9,9 +9,9 @@ import pytest
 from flint import arb
 from known_models import model_at
 from proof_cases import family
+from random_points import rates_function
 
 from hfa_model import VARIANTS
-from hfa_model.aircraft import compiled_dynamics
 from verification.arithmetic import PRECISION
 from verification.arithmetic.ball_function import BallFunction
 from verification.arithmetic.taylor_model import TaylorModel
@@ -19,7 +19,7 @@ from verification.arithmetic.taylor_model import TaylorModel
 
 @pytest.mark.parametrize("dynamics", VARIANTS)
 def test_the_rest_along_a_box_is_of_third_order(dynamics: str) -> None:
-    function = BallFunction(compiled_dynamics(VARIANTS[dynamics]).rates)
+    function = BallFunction(rates_function(VARIANTS[dynamics]))
     point, parameters = model_at(12.0, dynamics).point, family(dynamics).aircraft.parameters
     direction = np.random.default_rng(3).uniform(-1.0, 1.0, 7) * [5.0, 0.1, 0.0, 0.1, 0.1, 0.1, 0.1]
     fixed, rests = [[TaylorModel(arb(value)) for value in values] for values in (point.inputs, parameters)], []
@@ -33,7 +33,7 @@ def test_the_rest_along_a_box_is_of_third_order(dynamics: str) -> None:
 def escaped(dynamics: str, points: int, seed: int) -> int:
     """Random places of a random line through the trim whose rates, at 200 bits, are not in the Taylor models on it."""
     flint.ctx.prec = PRECISION
-    random, function = np.random.default_rng(seed), BallFunction(compiled_dynamics(VARIANTS[dynamics]).rates)
+    random, function = np.random.default_rng(seed), BallFunction(rates_function(VARIANTS[dynamics]))
     point, parameters = model_at(12.0, dynamics).point, family(dynamics).aircraft.parameters
     x, direction = [arb(value) for value in point.states], random.uniform(-0.1, 0.1, len(point.states)).tolist()
     along = [TaylorModel(a, arb(b)) for a, b in zip(x, direction, strict=True)]

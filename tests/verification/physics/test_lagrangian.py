@@ -5,11 +5,13 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 import pytest
-from random_points import random_points
+from random_points import by_name, random_points, rates_function, symbols
 
-from hfa_model import STATES, Input, Parameters, Published, State, aircraft_loads, density, rates_from_loads
-from hfa_model.dynamics import by_name, state_rates, symbols
-from hfa_model.variants import Newton, Variant
+from hfa_model import STATES, Input, Parameters, State
+from hfa_model.aerodynamics import aircraft_loads
+from hfa_model.atmosphere import density
+from hfa_model.dynamics import rates_from_loads
+from hfa_model.variants import Newton, Published, Variant
 from hfa_model.vectors import RATE_SCALES, Quantity
 from verification import mechanical_energy
 from verification.physics.lagrangian import lagrangian_rates
@@ -30,8 +32,7 @@ def disagreement(judge: ca.Function, variant: Variant, parameters: Parameters, c
 
     The parameters vary too, by some 20 percent each.
     """
-    x, u, p = symbols()
-    closed_form = ca.Function("closed_form", [x, u, p], [state_rates(x, u, p, variant)])
+    closed_form = rates_function(variant)
     spread = np.random.default_rng(5).normal(size=(count, len(parameters))) * 0.2
     worst = np.zeros(len(STATES))
     for state, control, noise in zip(*random_points(count, seed=4), spread, strict=True):

@@ -8,7 +8,8 @@ import math
 import numpy as np
 import pytest
 
-from hfa_model import Aircraft, Parameters, density, named_parameters
+from hfa_model import Aircraft, Parameters, load_parameters
+from hfa_model.atmosphere import density
 from hfa_support.reporting.text import Table
 from trim import level_model
 from verification import released_trims, validate
@@ -92,7 +93,7 @@ def test_in_the_air_of_the_simulation_its_values_pass() -> None:
     height = radius * 40_000.0 / (radius + 40_000.0)
     tropopause = 2116.22 / (gas * 518.67) * (389.97 / 518.67) ** (gravity / (0.00356616 * gas) - 1.0)
     thin = tropopause * np.exp(-gravity * (height - 36089.239) / (389.97 * gas)) / density(40_000.0)
-    released = named_parameters("gibson-2011-simulation").values
+    released = load_parameters("gibson-2011-simulation").values
     lifts = ("lift_slope", "aileron_lift", "aileron_moment", "zero_lift_moment", "zero_lift_drag")
     theirs = {name: getattr(released, name) * thin for name in lifts} | {"induced_drag": released.induced_drag / thin}
     assert thin == pytest.approx(1 - 1.61e-5, abs=1e-7)

@@ -6,9 +6,9 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from hfa_model import Aircraft, Parameters, Published, State, dynamics, published_models
+from hfa_model import Aircraft, Parameters, State, dynamics, published_models
 from hfa_model.aerodynamics import Loads
-from hfa_model.variants import Newton, Variant
+from hfa_model.variants import Newton, Published, Variant
 from hfa_model.vectors import Quantity
 from trim import compare, regenerate
 from verification import released_trims, validate
