@@ -77,7 +77,6 @@ INPUT_SIGNALS = Input(Signal("1", 40.0, 0.0, 200.0, start=40.0), _AILERON, _AILE
 
 STATE_UNITS, INPUT_UNITS = State(*(s.unit for s in STATE_SIGNALS)), Input(*(s.unit for s in INPUT_SIGNALS))
 STATE_SCALES, INPUT_SCALES = State(*(s.nominal for s in STATE_SIGNALS)), Input(*(s.nominal for s in INPUT_SIGNALS))
-STATE_LIMITS = State(*((s.min, s.max) for s in STATE_SIGNALS))
 CONTROL_LIMITS = Input(*((s.min, s.max) for s in INPUT_SIGNALS))
 #: Units of dX/dt, for residuals of the equations of motion, and one scaled unit of each.
 RATE_UNITS = State(*map(rate_unit, STATE_UNITS))
@@ -87,15 +86,3 @@ RATE_SCALES = State(*(s.rate or s.nominal for s in STATE_SIGNALS))
 UNITS: dict[str, str] = STATE_UNITS._asdict() | INPUT_UNITS._asdict() | {"gamma": "rad", "angle_of_attack": "rad"}
 #: Those of the six states.
 LINEAR_UNITS: tuple[str, ...] = tuple(UNITS[name] for name in LINEAR_STATES)
-#: What data about all states and inputs says of them.
-NAMES_AND_UNITS: dict[str, list[str]] = {
-    "states": list(STATES),
-    "state_units": list(STATE_UNITS),
-    "inputs": list(INPUTS),
-    "input_units": list(INPUT_UNITS),
-}
-
-
-def entry_unit(row: str, column: str) -> str:
-    """Unit of the entry of A or B that a rate (row) has per state or input (column), as text."""
-    return f"({getattr(RATE_UNITS, row)})/({UNITS[column]})"

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from hfa_model.aircraft import Aircraft
+from hfa_model.aircraft import HFA, Aircraft
 from hfa_model.printed_matrices import PublishedModel, published_models
-from hfa_model.vectors import INPUTS, LINEAR_STATES, entry_unit
+from hfa_model.vectors import INPUTS, LINEAR_STATES
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import TONES, Cell, Table, four_decimals
 from trim.linear.linear_model import LinearModel, level_model
@@ -146,7 +146,7 @@ def entries_table(title: str, entries: Mapping[str, Iterable[EntryRow]]) -> Tabl
 def entries_records(entries: Mapping[float, Iterable[EntryRow]]) -> Table:
     """The same with all digits; printed angle (deg) -> entries."""
     rows = [
-        (angle, *entry.to_dict().values(), entry_unit(entry.row, entry.column))
+        (angle, *entry.to_dict().values(), HFA.entry_unit(entry.row, entry.column))
         for angle, group in entries.items()
         for entry in group
     ]

@@ -12,7 +12,7 @@ from hfa_model.variants import Newton, Published, Variant
 from hfa_model.vectors import Quantity
 from trim import compare, regenerate
 from verification import released_trims, validate
-from verification.validation.comparison import Validation, _model_at
+from verification.validation.comparison import Validation, model_at
 
 #: Where the released simulation flies at 30 ft/s, deg.
 ANGLES = range(0, 50, 5)
@@ -65,7 +65,7 @@ def test_cos_squared_with_a_free_factor_fits_the_print_and_fails_outside(
     assert set(values) >= {"eigenvalue_64_ft_s", "eigenvalue_68_ft_s"}
     # The same at each trim: only the dihedral-rate row knows d3, and at 45 deg it is off by 0.505.
     farthest = max(released_trims(), key=lambda each: each.dihedral)
-    difference = np.abs(_model_at(published_aircraft, farthest).A - _model_at(other, farthest).A).max(axis=1)
+    difference = np.abs(model_at(published_aircraft, farthest).A - model_at(other, farthest).A).max(axis=1)
     assert difference[-1] == pytest.approx(0.505, abs=2e-3)
     assert difference[:-1].max() < 1e-6
 
