@@ -6,9 +6,9 @@ import logging
 import os
 import signal
 import threading
+import traceback
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import FIRST_COMPLETED, CancelledError, Executor, Future, wait
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import partial
 from itertools import islice
 from typing import Any
@@ -50,37 +50,39 @@ def _here(function: Callable[..., Any], tasks: Tasks) -> Iterator[tuple[int, Any
         yield key, function(*task)
 
 
-def _run(
-    executor: Executor, ahead: int, lost: tuple[type[Exception], str], function: Callable[..., Any], tasks: Tasks
-) -> Iterator[tuple[int, Any]]:
-    """`ahead` tasks at a time. lost: the error that a lost worker raises, and what it means."""
-    waiting, keys = iter(tasks), dict[Future[Any], int]()
-    try:
-        for key, task in islice(waiting, ahead):
-            with _undisturbed():
-                keys[executor.submit(function, *task)] = key
-        while keys:
-            for future in wait(keys, return_when=FIRST_COMPLETED).done:
-                yield keys.pop(future), future.result()
-                for key, task in islice(waiting, 1):
-                    keys[executor.submit(function, *task)] = key
-    except (CancelledError, lost[0]) as error:
-        raise NoSolutionError(f"{lost[1]}; {_ADVICE}") from error
-
-
 def _in_processes(count: int, function: Callable[..., Any], tasks: Tasks) -> Iterator[tuple[int, Any]]:
-    """No process outlives the iteration."""
-    from concurrent.futures.process import BrokenProcessPool, ProcessPoolExecutor
-    from multiprocessing import get_context
+    """Each process receives tasks and answers through its pipe. No process outlives the iteration."""
+    import multiprocessing
+    from multiprocessing.connection import wait
 
     # Not fork: CasADi and NumPy hold threads, which a forked child would inherit broken.
-    pool = ProcessPoolExecutor(count, get_context("spawn"), _end_with_the_parent)
+    context, waiting = multiprocessing.get_context("spawn"), iter(tasks)
+    started: list[Any] = []
+    busy: dict[Any, int] = {}
     try:
-        yield from _run(pool, count, (BrokenProcessPool, "a worker died"), function, tasks)
+        for key, task in islice(waiting, count):
+            connection, end = context.Pipe()
+            started.append(context.Process(target=_serve, args=(end,), daemon=True))
+            with _undisturbed():
+                started[-1].start()
+            end.close()
+            connection.send((function, task))
+            busy[connection] = key
+        while busy:
+            ready: Any
+            for ready in wait(list(busy)):
+                result, error = ready.recv()
+                if error is not None:
+                    raise error
+                yield busy.pop(ready), result
+                for key, task in islice(waiting, 1):
+                    ready.send((function, task))
+                    busy[ready] = key
+    except (EOFError, ConnectionError) as error:
+        raise NoSolutionError(f"a worker died; {_ADVICE}") from error
     finally:
-        for process in list((pool._processes or {}).values()):
+        for process in started:
             process.kill()
-        pool.shutdown()
 
 
 @contextmanager
@@ -100,8 +102,9 @@ def _undisturbed() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _end_with_the_parent() -> None:
-    """What each process runs first: it ends when the process that started it is gone, however that ended."""
+def _serve(connection: Any) -> None:
+    """Answer each (function, task) with (result, None) or (None, error); end when the process that started this one
+    is gone, however that ended."""
     import multiprocessing
 
     parent = multiprocessing.parent_process()
@@ -112,15 +115,46 @@ def _end_with_the_parent() -> None:
         os._exit(1)
 
     threading.Thread(target=watch, daemon=True).start()
+    with suppress(EOFError, OSError):  # of a pipe whose other end is gone
+        while True:
+            function, task = connection.recv()
+            try:
+                answer: tuple[Any, Exception | None] = function(*task), None
+            except Exception as error:
+                error.add_note(traceback.format_exc())  # a traceback does not go through a pipe
+                answer = None, error
+            connection.send(answer)
 
 
 @contextmanager
 def _cluster(scheduler: str) -> Iterator[Run]:
     try:
-        from dask.distributed import Client
+        from concurrent.futures import CancelledError
+
+        from dask.distributed import Client, as_completed
+        from distributed.comm import CommClosedError
         from distributed.scheduler import KilledWorker
     except ImportError as error:
         raise BadInputError("a scheduler needs Dask; install it with `pip install .[distributed]`") from error
+
+    def run(function: Callable[..., Any], tasks: Tasks) -> Iterator[tuple[int, Any]]:
+        waiting, keys = iter(tasks), dict[Any, int]()
+
+        def submitted(count: int) -> list[Any]:
+            found = {
+                client.submit(function, *t, pure=False, retries=_RETRIES): key for key, t in islice(waiting, count)
+            }
+            keys.update(found)
+            return [*found]
+
+        finished = as_completed(submitted(_AHEAD * threads), loop=client.loop)
+        try:
+            for future in finished:
+                yield keys.pop(future), future.result()
+                finished.update(submitted(1))
+        except (KilledWorker, CancelledError, CommClosedError) as error:
+            raise NoSolutionError(f"the cluster gave a chunk up ({type(error).__name__}); {_ADVICE}") from error
+
     logging.disable()  # what Dask logs of a lost connection, in tracebacks, is one line of ours
     try:
         try:
@@ -132,7 +166,6 @@ def _cluster(scheduler: str) -> Iterator[Run]:
             threads = sum(client.nthreads().values())
             if not threads:
                 raise BadInputError(f"the Dask scheduler at {scheduler} has no workers; start some")
-            executor = client.get_executor(pure=False, retries=_RETRIES)
-            yield partial(_run, executor, _AHEAD * threads, (KilledWorker, "the cluster gave a chunk up"))
+            yield run
     finally:
         logging.disable(logging.NOTSET)
