@@ -17,7 +17,6 @@ import trim
 import verification
 from controller.policy.gain_table import GainTable
 from trim.identification.identify import fit
-from verification.page.main_job import judged_critic
 
 #: Result -> a line that its report has at the prompt.
 SHOWN = {
@@ -32,7 +31,6 @@ SHOWN = {
     "RegeneratedPair": "Dihedral 15 deg, published dynamics",
     "LearningResult": "Law 'certified', basis 'quadratic': converged",
     "GameSolution": "Exact game solution, delta 200",
-    "JudgedCritic": "Critic on the model at dihedral 15 deg, published dynamics",
     "CriticCheck": "Critic on the plant, against the exact game solution",
     "Game": "Game: J = ∫ z'Qz + u'Ru - δ² d'd dt,  z' = A z + B u + E d,",
     "Candidate": "functions: Basis",
@@ -67,7 +65,7 @@ def results() -> dict[str, Any]:
     aircraft, condition = hfa_model.Aircraft(), trim.level_flight(15 * hfa_model.DEGREE)
     point = trim.find_operating_point(aircraft, condition)
     model = trim.linearize(aircraft, point)
-    game, critic = controller.published_game(model), judged_critic(model)
+    game = controller.published_game(model)
     family, gain = verification.Family(aircraft), verification.solve_game(game).K
     gains = GainTable(np.array([15.0, 15.25]), np.stack([gain, gain]))
     regeneration = verification.regenerate_all(aircraft)
@@ -83,8 +81,7 @@ def results() -> dict[str, Any]:
         regeneration.pairs[0],
         controller.learn(game),
         verification.solve_game(game),
-        critic,
-        critic.check,
+        verification.check_critic(game, verification.from_gain(game, verification.solve_game(game).K)),
         game,
         verification.from_gain(game, gain),
         verification.analyse_game(game),

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -19,7 +17,6 @@ from hfa_model.printed_matrices import PublishedModel, published_models
 from hfa_model.variants import variant_named
 from hfa_support.errors import NoSolutionError
 from hfa_support.progress import Progress
-from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.text import angle_text, in_degrees
 from trim.linear.compare import printed_at
 from trim.linear.linear_model import LinearModel, linearize
@@ -28,8 +25,9 @@ from trim.point.operating_point import OperatingPoint
 from trim.point.solve import find_operating_point
 from trim.sweeps.sweep import Sweep, sweep
 from verification.critic.candidate import from_run
-from verification.critic.check_result import CriticCheck, check_report
+from verification.critic.check_result import CriticCheck
 from verification.critic.critic_check import check_critic
+from verification.page.claims import Claims
 from verification.regeneration.regeneration import Regeneration, regenerate_all
 
 #: Dihedral angles of the sweep, rad: the paper's range and a little beyond.
@@ -40,39 +38,13 @@ ASKED = tuple(sorted(model.dihedral for model in published_models()))
 MOST_SWEPT, MOST_ASKED = 151, 20
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class JudgedCritic(Reported):
-    """The model, the run of the default law on the paper's game, and the verdict."""
-
-    model: LinearModel
-    run: LearningResult
-    check: CriticCheck
-
-    def report(self) -> Report:
-        """The table of checks and the entries of P and K."""
-        return check_report(self.check, *self.names)
-
-    @property
-    def names(self) -> tuple[tuple[str, ...], tuple[str, ...], str, tuple[str, ...], tuple[str, ...]]:
-        """States, inputs, what the model is called, units of states and inputs."""
-        model, point = self.model, self.model.point
-        origin = f"the model at dihedral {angle_text(point.states.dihedral)}, {point.dynamics} dynamics"
-        return model.states, model.inputs, origin, model.state_units, model.input_units
-
-
-def judged_critic(model: LinearModel) -> JudgedCritic:
-    """A critic learned on a linear model with the default law and settings, compared with the exact game solution."""
-    game = published_game(model.A, model.B)
-    run = learn(game)
-    time = run.settings["predefined_time"]
-    return JudgedCritic(model, run, check_critic(game, from_run(game, run), run=run, predefined_time=time))
-
-
 @dataclass(frozen=True, eq=False)
 class Angle:
-    """The trim and the linear model at a dihedral angle (rad); of an asked angle the game and its critic too.
+    """The trim and the linear model at a dihedral angle (rad); of an asked angle the exact solution of the paper's
+    game, and a critic learned with the default law and compared with it.
 
-    printed: None where the paper prints no pair. model, solution, critic: None where there is none; `reason` says why.
+    printed: None where the paper prints no pair. model, solution, run, check: None where there is none; `reason` says
+    why.
     """
 
     dihedral: float
@@ -80,7 +52,8 @@ class Angle:
     model: LinearModel | None = None
     printed: PublishedModel | None = None
     solution: AnalysedGame | None = None
-    critic: JudgedCritic | None = None
+    run: LearningResult | None = None
+    check: CriticCheck | None = None
     reason: str = ""
 
     @property
@@ -91,7 +64,7 @@ class Angle:
     @property
     def ok(self) -> bool:
         """Whether there is a trim, a certified solution, and a critic that agrees with it."""
-        return self.critic is not None and self.critic.check.ok
+        return self.check is not None and self.check.ok
 
 
 def trimmed_angle(
@@ -115,19 +88,14 @@ def with_game(angle: Angle) -> Angle:
     model = angle.model
     if model is None:
         return angle
-    angle = replace(angle, printed=printed_at(model.point))
+    angle, game = replace(angle, printed=printed_at(model.point)), published_game(model.A, model.B)
     try:
-        return replace(angle, solution=analyse_game(published_game(model.A, model.B)), critic=judged_critic(model))
+        angle = replace(angle, solution=analyse_game(game))
+        run = learn(game)
+        time = run.settings["predefined_time"]
+        return replace(angle, run=run, check=check_critic(game, from_run(game, run), run=run, predefined_time=time))
     except NoSolutionError as error:
         return replace(angle, reason=str(error))
-
-
-@dataclass(frozen=True, eq=False)
-class StoredClaims:
-    """The table of claims that `python -m studies.section5` stored, and the file it was read from."""
-
-    path: Path
-    table: dict[str, Any]
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,7 +111,7 @@ class MainJob:
     sweep: Sweep
     points: tuple[Angle, ...]
     angles: tuple[Angle, ...]
-    claims: StoredClaims | None = None
+    claims: Claims | None = None
 
     @property
     def learned(self) -> bool:
@@ -163,7 +131,7 @@ def main_job(
     asked: Sequence[float] = ASKED,
     swept: np.ndarray = SWEEP,
     outputs: tuple[str, ...] | None = None,
-    claims: StoredClaims | None = None,
+    claims: Claims | None = None,
     flight: TrimCondition = LEVEL_FLIGHT,
     start: OperatingPoint | None = None,
     progress: Progress = lambda *_: None,
