@@ -147,7 +147,7 @@ NAMED: dict[str, tuple[str, Plant, str]] = {
     "sign of a state, P": (
         "P",
         lambda game: value(game) * np.outer(FLIPPED, FLIPPED),
-        "states 5 and 6 are of",
+        "states 5 and 6 have the wrong sign",
     ),
     "sign of a state, K": ("K", lambda game: gain(game) * np.where(np.arange(6) == 2, -1, 1), "state 3 has the wrong"),
     "signs of states, K": ("K", lambda game: gain(game) * FLIPPED, "states 5 and 6 have the wrong sign"),

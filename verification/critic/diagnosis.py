@@ -9,12 +9,11 @@ the origin and by the quadratic V and linear u nearest to it over the box; none 
 from __future__ import annotations
 
 import contextlib
-import itertools
 import math
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, replace
-from functools import lru_cache
-from typing import Any, NamedTuple
+from dataclasses import replace
+from functools import lru_cache, partial
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -32,41 +31,43 @@ from hfa_support.errors import BadInputError, NoSolutionError
 from verification.critic.candidate import Candidate
 from verification.critic.critic_errors import SMALL, relative_error, value_errors
 
-#: A cause must explain the error down to this part of it, and is named before others that explain up to so many times
-#: more. Noise in tens of entries cannot be explained by one number.
-EXPLAINED, AS_GOOD = 1e-3, 10.0
-#: The same of a network, and the least error that asks for a cause.
-OF_NETWORKS: dict[str, Any] = {"explained": 0.15, "as_good": 1.5, "least": 0.03}
-#: A repair with a fitted number, or one for each state, explains more by chance: so many times what it leaves counts. A
-#: network's mistake that leaves less than `CLEAR` is not sought among other games.
-FITTED, CLEAR = {"every entry": 10.0, "scaled by": 5.0}, 0.05
-#: A network whose P is this near is taken for right, and its policy for wrong from there on.
-NEAR, FAR = 0.1, 0.3
 #: A residual below this marks a root of the Riccati equation, if not the right one.
 _ROOT = 1e-9
+#: Below this part of the error a polynomial is the LQR; above it, a game that is like it would look the same.
+_SAME = 1e-6
 #: A factor this near to a power of ten, in decades, is that power.
 _NEAR = 1e-3
-_DEGREES = 180.0 / math.pi
+_DEGREE = math.pi / 180.0
 _NOT_TOGETHER = "K is not R⁻¹B'P: the stored K and P do not belong together, or not to this plant and R"
-#: Numbers of a critic beyond the one that is solved for; one alone would fit by chance.
+#: Numbers of a critic beyond those that are solved for; fewer would fit by chance.
 _REDUNDANT = 2
-#: Where a search along one parameter begins: factors of its value in the game, and angles in degrees (none at 0, where
-#: the matrices of the aircraft are stationary).
-_FACTORS = (0.01, 0.1, 0.3, 1.0, 3.0, 10.0, 100.0)
-_ANGLES = (1.0, 3.0, 5.0, 8.0, 12.0, 16.0, 20.0)
-_TIMES = (1e-3, 1e-2, 5e-2, 0.2, 1.0)
-#: Steps of time with which a discount is sought, s.
-_USUAL = (0.01, 0.02, 0.05, 0.1)
+#: Steps of a search, and the relative step of its derivative.
 _STEPS, _STEP = 30, 1e-5
 #: Where there is no game, as a difference: so many times that of the start.
 _NO_GAME = 1e3
 #: A search must take the difference down to this part of the best start's, or to rounding.
 _REACHED, _ROUNDING = 0.1, 1e-9
-#: Below this part of the error a polynomial is the LQR; above it, a game that is like it would look the same.
-_SAME = 1e-6
+#: A network whose P is this near is taken for right, and its policy for wrong from there on.
+NEAR, FAR = 0.1, 0.3
 #: States at which a network is fitted over the box.
 _SAMPLES = 2000
-GameAt = Callable[[float], Game]
+
+
+class _Asked(NamedTuple):
+    """explained: a cause must explain the error down to this part of it, and as_good: is named before others that
+    explain up to so many times more. Noise in tens of entries cannot be explained by one number. least: error that asks
+    for such a cause. fitted: words of a repair with fitted numbers, so many times what it leaves counts. clear: a
+    mistake that leaves less than this is not sought among other games."""
+
+    explained: float
+    as_good: float
+    least: float
+    fitted: tuple[tuple[str, float], ...]
+    clear: float
+
+
+_OF_POLYNOMIALS = _Asked(1e-3, 10.0, 0.0, (("scaled by", 10.0),), 0.0)
+_OF_NETWORKS = _Asked(0.15, 1.5, 0.03, (("every entry", 10.0), ("scaled by", 5.0)), 0.05)
 
 
 class Answer(NamedTuple):
@@ -76,80 +77,54 @@ class Answer(NamedTuple):
     K: np.ndarray
 
 
-class _Family(NamedTuple):
-    """Games along one parameter: what differs, with the value of the parameter in it; the answer; starts of a
-    search."""
+class _Seen(NamedTuple):
+    """A matrix of the critic, kind "P" or "K", beside the exact one, and weights of its entries in errors."""
 
-    said: str
-    value: Callable[[float], float]
-    answer: Callable[[float], Answer]
-    starts: list[float]
+    kind: str
+    given: np.ndarray
+    exact: np.ndarray
+    weights: np.ndarray
+    asked: _Asked
+
+    def error(self, matrix: np.ndarray) -> float:
+        """|matrix - exact| / |exact|, weighted, Frobenius norms."""
+        return relative_error(matrix * self.weights, self.exact * self.weights)
+
+    def is_of(self, said: str, other: Answer) -> Repair:
+        """The critic taken for the answer to another question: what is wrong is its difference from that."""
+        matrix = getattr(other, self.kind)
+        return f"this is the {said.format(_NOUN[self.kind])}", self.given - matrix + self.exact
+
+    def named(self, repairs: Iterable[Repair]) -> tuple[float, str]:
+        """The part of the error that the best repair leaves, and its name: the first that is about as good; (inf, "")
+        where none explains enough."""
+        asked, before = self.asked, min(self.error(self.given), 1.0)
+        if not before > 0.0:
+            return math.inf, ""
+        left = []
+        for said, matrix in repairs:
+            chance = max((by for words, by in asked.fitted if words in said), default=1.0)
+            left.append((self.error(matrix) / before * chance, said))
+        best = min((each for each, _ in left), default=math.inf)
+        if not best <= (asked.explained if before > asked.least else _OF_POLYNOMIALS.explained):
+            return math.inf, ""
+        return best, next(said for each, said in left if each <= max(asked.as_good * best, _ROUNDING / before))
 
 
 #: The mistake in words, and P (n, n) or K (m, n) without it.
 Repair = tuple[str, np.ndarray]
-
-
-@dataclass(frozen=True)
-class _Judge:
-    """What a critic is compared with. weights: of the entries of P (n, n) and of K (m, n), in which errors are sizes.
-    explained, as_good, least: see `EXPLAINED`. families: of `_families`."""
-
-    game: Game
-    exact: GameSolution
-    weights: Answer
-    families: list[_Family]
-    explained: float = EXPLAINED
-    as_good: float = AS_GOOD
-    least: float = 0.0
-
-    def value_error(self, P: np.ndarray) -> float:
-        """|P - exact| / |exact|, Frobenius norms."""
-        return relative_error(P * self.weights.P, self.exact.P * self.weights.P)
-
-    def gain_error(self, K: np.ndarray) -> float:
-        """|K - exact| / |exact|, Frobenius norms."""
-        return relative_error(K * self.weights.K, self.exact.K * self.weights.K)
-
-    def named(
-        self, repairs: Iterable[Repair], error: Callable[[np.ndarray], float], before: float
-    ) -> tuple[float, str]:
-        """The part of the error before that the best mistake leaves, and its name: the first that is about as good;
-        (inf, "") where none explains enough."""
-        before = min(before, 1.0)
-
-        def chance(said: str) -> float:
-            return max((by for words, by in FITTED.items() if words in said and self.least), default=1.0)
-
-        left = [(error(matrix) / before * chance(said), said) for said, matrix in repairs] if before > 0.0 else []
-        best = min((each for each, _ in left), default=math.inf)
-        if not best <= (self.explained if before > self.least else EXPLAINED):
-            return math.inf, ""
-        return best, next(said for each, said in left if each <= max(self.as_good * best, _ROUNDING / before))
-
-    def repaired_gain(self, K: np.ndarray, more: Iterable[Repair] = ()) -> tuple[float, str]:
-        """`named` of the mistakes of a gain."""
-        repairs = itertools.chain(repairs_of_gain(self.game, K, self.exact.K, self.weights.K), more)
-        return self.named(repairs, self.gain_error, self.gain_error(K))
-
-    def another_game(self, P: np.ndarray | None, K: np.ndarray) -> tuple[float, str]:
-        """`named` of the games whose solution P (n, n) may be, or without it whose gain K. Of a polynomial that is near
-        the LQR's, another game must explain what the LQR leaves."""
-        what, error, given = ("gain", self.gain_error, K) if P is None else ("solution", self.value_error, P)
-        exact, before = self.exact.K if P is None else self.exact.P, error(given)
-        found = [
-            (f"this is the {said.format(what)}", given - matrix + exact)
-            for said, other in _other_games(self, P, K)
-            if (matrix := other.K if P is None else other.P) is not None
-        ]
-        if found and "LQR" in found[0][0] and self.explained == EXPLAINED:
-            lqr = error(found[0][1])
-            if lqr > _SAME * before:
-                found, before = found[1:], min(lqr, before)
-        best = self.named(found, error, before)
-        if best[1] or self.least or not self.families or "a step" in self.families[0].said:
-            return best
-        return replace(self, families=_in_discounted_steps(self.game)).another_game(P, K)
+GameAt = Callable[[float], Game]
+_NOUN = {"P": "solution", "K": "gain"}
+#: Of P and of K: what is meant, and mistakes of all entries with the factor that removes them.
+_MEANT = {"P": ("value", "V is z'Pz, without a factor 1/2"), "K": ("gain", "the policy is u = -K z")}
+_FACTORS = {"has the wrong sign": -1.0, "is half the exact one": 2.0, "is twice the exact one": 0.5}
+#: What the rows and columns of a matrix are: word, axes of the matrix, factor of one in degrees.
+_Sides = tuple[tuple[str, tuple[int, ...], float], ...]
+_SIDES: dict[str, _Sides] = {
+    "P": (("state", (0, 1), _DEGREE),),
+    "K": (("input", (0,), 1.0 / _DEGREE), ("state", (1,), _DEGREE)),
+}
+_OF_SLOPES: _Sides = (("slope", (0,), 1.0 / _DEGREE), ("state", (1,), _DEGREE))
 
 
 def diagnose(
@@ -165,16 +140,14 @@ def diagnose(
     limit: of the errors. at_dihedral: degrees -> the game there, to recognize a critic of another angle. box: (n,),
     half widths of the box of states, of a network.
     """
-    families = _families(game, candidate.K, at_dihedral)
-    about, units = candidate.nonlinear, balanced_units(game)
+    about, P, others = candidate.nonlinear, candidate.P, lru_cache(lambda: _families(game, at_dihedral))
     if about is not None and about.z is not None and box is not None:
-        return _of_network(game, exact, candidate, box, families)
-    weights = Answer(np.outer(units, units), np.outer(np.sqrt(np.diag(game.R)), units))
-    judge = _Judge(game, exact, weights, families)
-    P, K = candidate.P, candidate.K
-    if P is None:
-        return judge.repaired_gain(K)[1] or judge.another_game(None, K)[1]
-    together = judge.gain_error(K + exact.K - game.gain(P)) <= limit
+        return _of_network(game, exact, candidate, box, others)
+    value, gain = _seen(game, candidate, exact.P, exact.K)
+    if value is None:
+        return gain.named(repairs(game, gain))[1] or gain.named(_other_games(gain, others()))[1]
+    assert P is not None
+    together = gain.error(gain.given + exact.K - game.gain(P)) <= limit
     if all(check.ok for check in value_errors(game, P, exact.P, limit)):
         beyond = candidate.functions.quadratic_size
         if candidate.weights is not None and candidate.weights[beyond:].any():
@@ -183,90 +156,78 @@ def diagnose(
                 f"weight {place + 1} is {candidate.weights[place]:.6g}: on a linear plant the value is quadratic, and "
                 "every weight beyond the quadratic ones must be 0"
             )
-        return judge.repaired_gain(K)[1] or ("" if together else _NOT_TOGETHER)
+        return gain.named(repairs(game, gain))[1] or ("" if together else _NOT_TOGETHER)
     if relative_error(P, P.T) > limit:
         return "P is not symmetric: the value z'Pz depends on (P + P')/2 alone"
-    P = (P + P.T) / 2.0
-    repairs = repairs_of_value(P, exact.P, np.outer(units, units))
-    if candidate.weights is not None:
-        repairs = itertools.chain(repairs_of_weights(candidate.weights, exact.P, candidate.functions), repairs)
-    _, named = judge.named(repairs, judge.value_error, judge.value_error(P))
-    if named:
-        return named
-    found = judge.another_game(P, K)[1]
-    if not together:
-        both = found and found.replace("solution", "gain") == judge.another_game(None, K)[1]
-        return found.replace("solution", "solution and gain") if both else _NOT_TOGETHER
-    return found or _another_root(game, P)
+    of_weights = (
+        () if candidate.weights is None else repairs_of_weights(candidate.weights, exact.P, candidate.functions)
+    )
+    named = value.named([*of_weights, *repairs(game, value)])[1]
+    named = named or value.named(_other_games(value, others()))[1]
+    return named or (_another_root(game, P) if together else _NOT_TOGETHER)
 
 
 def repaired(game: Game, P: np.ndarray, K: np.ndarray, candidate: Candidate) -> str:
     """The mistake of a critic whose right answer is P and K, of whatever problem: that of its value, else of its gain,
     else that it is the answer in continuous time; or ""."""
-    exact, units = solve_game(game), balanced_units(game)
-    weights = Answer(np.outer(units, units), np.outer(np.sqrt(np.diag(game.R)), units))
-    judge = _Judge(game, replace(exact, P=P, K=K), weights, [])
-    continuous = "this is the {} in continuous time, without discount"
-    if candidate.P is None:
-        more = [(continuous.format("gain"), candidate.K - exact.K + K)]
-        return judge.repaired_gain(candidate.K, more)[1]
-    V = (candidate.P + candidate.P.T) / 2.0
-    repairs = itertools.chain(
-        repairs_of_value(V, P, np.outer(units, units)), [(continuous.format("solution"), V - exact.P + P)]
-    )
-    return judge.named(repairs, judge.value_error, judge.value_error(V))[1]
+    value, gain = _seen(game, candidate, P, K)
+    seen, exact = value or gain, solve_game(game)
+    continuous = seen.is_of("{} in continuous time, without discount", Answer(exact.P, exact.K))
+    return seen.named([*repairs(game, seen), continuous])[1]
 
 
-def _of_network(game: Game, exact: GameSolution, candidate: Candidate, box: np.ndarray, families: list[_Family]) -> str:
+def _seen(game: Game, candidate: Candidate, P: np.ndarray, K: np.ndarray) -> tuple[_Seen | None, _Seen]:
+    """What a polynomial has of P and of K, in balanced units."""
+    units, given = balanced_units(game), candidate.P
+    inputs = np.outer(np.sqrt(np.diag(game.R)), units)
+    value = None if given is None else _Seen("P", given, P, np.outer(units, units), _OF_POLYNOMIALS)
+    return value, _Seen("K", candidate.K, K, inputs, _OF_POLYNOMIALS)
+
+
+def _of_network(
+    game: Game, exact: GameSolution, candidate: Candidate, box: np.ndarray, others: Callable[[], list[_Family]]
+) -> str:
     """The mistake that explains most, of the network at the origin or over the box. V counts by its size in the box, or
     each state alike; slopes and inputs count by the size of each in the box."""
     about = candidate.nonlinear
     assert about is not None
 
-    def views(of: Candidate) -> list[Answer]:
-        return [Answer(of.P, of.K), fitted(game, of, box)]
-
     def rows(matrix: np.ndarray) -> np.ndarray:
         sizes = np.linalg.norm(matrix * box, axis=1, keepdims=True)
         return box / np.maximum(sizes, SMALL * sizes.max())
 
-    seen = views(candidate)
     diagonal = 1.0 / np.sqrt(np.maximum(np.diag(exact.P), SMALL * np.diag(exact.P).max()))
-    sizes = [np.outer(box, box), rows(exact.P) if about.V is None else np.outer(diagonal, diagonal)]
-    judges = [_Judge(game, exact, Answer(each, rows(exact.K)), families, **OF_NETWORKS) for each in sizes]
-    at_zero = seen[0].P
-    origin = 0.0 if at_zero is None else judges[0].value_error(at_zero)
-    if max(origin, 0.0 if about.u is None else judges[0].gain_error(seen[0].K)) <= SMALL:
+    sizes = np.outer(box, box), rows(exact.P) if about.V is None else np.outer(diagonal, diagonal)
+
+    def views(of: Candidate) -> list[list[_Seen]]:
+        """At the origin and over the box: P by both weights, if there is any, and K."""
+        return [
+            [
+                *(_Seen("P", P, exact.P, size, _OF_NETWORKS) for size in sizes if P is not None),
+                _Seen("K", K, exact.K, rows(exact.K), _OF_NETWORKS),
+            ]
+            for P, K in (Answer(of.P, of.K), fitted(game, of, box))
+        ]
+
+    seen, own = views(candidate), slice(None if about.u is not None else -1)  # a K that follows from P is not judged
+    origin, over = ([each.error(each.given) for each in view] for view in seen)
+    if max(origin[0], origin[-1] if about.u is not None else 0.0) <= SMALL:
         return "it is right at the origin and wrong away from it"
     named = [(math.inf, "")]
-    for (P, K), judge in itertools.product(seen, judges):
-        if P is not None:
-            V, slopes = (P + P.T) / 2.0, _repairs_of_map(P, exact.P, judge.weights.P, ("slope", "state"))
-            repairs = itertools.chain(repairs_of_value(V, exact.P, judge.weights.P), slopes if about.V is None else ())
-            named.append(judge.named(repairs, judge.value_error, judge.value_error(P)))
-        if about.u is not None:
-            named.append(judge.repaired_gain(K))
-    P, K = seen[1]
-    off, away = judges[0].gain_error(K), math.inf if P is None else judges[0].value_error(P)
-    quiet = relative_error(seen[0].K, K) <= EXPLAINED  # a network without noise, whose small errors have a cause too
-    wrong = quiet or (off if P is None or about.u is not None else away) > judges[0].least / 3.0
-    if wrong and min(named)[0] > CLEAR:
+    for each in (*seen[0][own], *seen[1][own]):
+        slopes = _repairs_of_sides(each, _OF_SLOPES) if each.kind == "P" and about.V is None else ()
+        named.append(each.named([*repairs(game, each), *slopes]))
+    # Small errors of a network without noise have a cause too.
+    quiet = relative_error(seen[0][-1].given, seen[1][-1].given) <= _OF_POLYNOMIALS.explained
+    wrong = quiet or over[-1 if about.u is not None else 0] > _OF_NETWORKS.least / 3.0
+    if wrong and min(named)[0] > _OF_NETWORKS.clear:
         for said, read in about.variants.items():
-            for given, other in zip(seen, views(read()), strict=True):
-                if given.P is None or other.P is None:
-                    error: Any = judges[0].gain_error
-                    before, matrix = error(given.K), other.K
-                else:
-                    error = judges[0].value_error
-                    before, matrix = error(given.P), other.P
-                named.append(judges[0].named([(said, matrix)], error, before))
-    if wrong and min(named)[0] > CLEAR:
-        P, K = seen[1]
-        named += [judge.another_game((P + P.T) / 2.0, K) for judge in judges if P is not None]
-        named += [judge.another_game(None, K) for judge in judges[:1] if about.u is not None]
-    if away <= NEAR and about.u is None and off > FAR:
-        hidden = f"V is near and its policy off by {off:.2g}: u = -½ R⁻¹B'∂V/∂z amplifies what V hardly shows"
-        named.append((judges[0].explained, hidden))
+            named += [here[0].named([(said, there[0].given)]) for here, there in zip(seen, views(read()), strict=True)]
+    if wrong and min(named)[0] > _OF_NETWORKS.clear:
+        named += [each.named(_other_games(each, others())) for each in seen[1][own]]
+    if about.F is not None and about.u is None and over[0] <= NEAR and over[-1] > FAR:
+        hidden = f"V is near and its policy off by {over[-1]:.2g}: u = -½ R⁻¹B'∂V/∂z amplifies what V hardly shows"
+        named.append((_OF_NETWORKS.explained, hidden))
     return min(named)[1]
 
 
@@ -282,9 +243,8 @@ def fitted(game: Game, candidate: Candidate, box: np.ndarray) -> Answer:
     linear = np.linalg.lstsq(np.hstack([z, ones]), values, rcond=None)[0][:-1].T / box
     if about.F is None:
         return Answer(None, -linear)
-    if about.V is None:
-        P = linear[: len(box)] / 2.0
-    else:
+    P = linear[: len(box)] / 2.0
+    if about.V is not None:
         functions = candidate.functions
         terms = np.hstack([functions.psi(z), z, ones])
         P = functions.matrix(np.linalg.lstsq(terms, values[:, 0], rcond=None)[0]) / np.outer(box, box)
@@ -308,91 +268,94 @@ def repairs_of_weights(weights: np.ndarray, exact: np.ndarray, functions: Basis)
         yield f"weights {wrong[0] + 1} and {wrong[1] + 1} are interchanged", functions.matrix(swapped)
 
 
-def repairs_of_value(P: np.ndarray, exact: np.ndarray, weights: np.ndarray) -> Iterator[Repair]:
-    """Of a symmetric P, (n, n): sign, factor, factor 2 off the diagonal; order, signs, degrees, scales of states."""
-    yield "the value has the wrong sign", -P
-    yield "the value is half the exact one: V here is z'Pz of the cost without a factor 1/2", 2.0 * P
-    yield "the value is twice the exact one: V here is z'Pz of the cost without a factor 2", P / 2.0
-    yield from _one_factor("P", P, exact, weights, int(np.count_nonzero(np.triu(exact))))
-    off = np.where(np.eye(len(P), dtype=bool), 1.0, 0.5)
-    yield "P has entries beside the diagonal of twice their size: they are W / 2", P * off
-    order = _order(P, exact, weights)
-    yield f"the states are in the order {_listed(order)}", _placed(_placed(P, order).T, order).T
-    row = int(np.argmax(np.diag(exact)))
-    flipped = P[row] * exact[row] < 0.0
-    signs = np.where(~flipped if 2 * flipped.sum() > len(P) else flipped, -1.0, 1.0)
-    if (signs < 0.0).any():
-        yield f"{_named('state', signs < 0.0)} of the other sign", P * np.outer(signs, signs)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        factors = np.sqrt(np.diag(P) / np.diag(exact))
-    for said, units in _degrees("state", factors, 1.0 / _DEGREES):
-        yield said, P / np.outer(units, units)
-    if len(P) > _REDUNDANT and np.all(np.isfinite(factors) & (factors > 0.0)):
-        for place in np.tile(np.arange(len(P)), 5):  # each by least squares, the others as they are
-            row = exact[place] * factors
-            factors[place] = abs(float(P[place] @ row / (row @ row)))
-        yield f"the states look scaled {_by(factors)}", P / np.outer(factors, factors)
+def repairs(game: Game, seen: _Seen) -> Iterator[Repair]:
+    """Sign and factor of a symmetric P (n, n) or of K (m, n); the factor 2 off the diagonal of P; R⁻¹ and the order of
+    the entries of K; and `_repairs_of_sides`."""
+    matrix, exact, name = seen.given, seen.exact, seen.kind
+    if name == "P":
+        matrix = (matrix + matrix.T) / 2.0
+        seen = seen._replace(given=matrix)
+    noun, meant = _MEANT[name]
+    for said, factor in _FACTORS.items():
+        yield f"the {noun} {said}: {meant}", factor * matrix
+    factor = float(np.sum(matrix * exact * seen.weights**2) / (np.sum((exact * seen.weights) ** 2) or 1.0))
+    if math.isfinite(factor) and factor != 0.0:
+        decades = math.log10(abs(factor))
+        ten = factor > 0.0 and round(decades) and abs(decades - round(decades)) < _NEAR
+        factor = 10.0 ** round(decades) if ten else factor
+        if ten or _known(seen) >= 1 + _REDUNDANT:
+            yield f"every entry of {name} is {factor:.6g} times the exact one", matrix / factor
+    if name == "P":
+        off = np.where(np.eye(len(matrix), dtype=bool), 1.0, 0.5)
+        yield "P has entries beside the diagonal of twice their size: they are W / 2", matrix * off
+    else:
+        if len(set(matrix.shape)) == 1:
+            yield "K is transposed", matrix.T
+        yield "R⁻¹ is missing: this is B'P, and K is R⁻¹B'P", np.linalg.solve(game.R, matrix)
+        yield "K was read row by row, its entries stand column by column", matrix.reshape(matrix.shape[::-1]).T
+    yield from _repairs_of_sides(seen, _SIDES[name])
 
 
-def repairs_of_gain(game: Game, K: np.ndarray, exact: np.ndarray, weights: np.ndarray) -> Iterator[Repair]:
-    """Of K, (m, n): sign, factor, R⁻¹, transposition, order, signs, degrees and scales of inputs and states."""
-    m, n = K.shape
-    yield "the gain has the wrong sign: the policy is u = -K z", -K
-    yield "the gain is half the exact one", 2.0 * K
-    yield "the gain is twice the exact one", K / 2.0
-    if m == n:
-        yield "K is transposed", K.T
-    yield "R⁻¹ is missing: this is B'P, and K is R⁻¹B'P", np.linalg.solve(game.R, K)
-    yield from _one_factor("K", K, exact, weights, int(np.count_nonzero(exact)))
-    yield "K was read row by row, its entries stand column by column", K.reshape(n, m).T
-    yield from _repairs_of_map(K, exact, weights, ("input", "state"))
+def _repairs_of_sides(seen: _Seen, sides: _Sides) -> Iterator[Repair]:
+    """Order, signs, degrees and scales of the states, inputs or slopes that the rows and columns of a matrix are."""
+    for kind, axes, degree in sides:
+        matrix, exact, weights = (each if 0 in axes else each.T for each in seen[1:4])
 
+        def back(found: np.ndarray, axes: tuple[int, ...] = axes) -> np.ndarray:
+            return found if 0 in axes else found.T
 
-def _repairs_of_map(K: np.ndarray, exact: np.ndarray, weights: np.ndarray, kinds: tuple[str, str]) -> Iterator[Repair]:
-    """Order, signs, degrees and scales of what the rows of a matrix are, and of what its columns are."""
-    for kind, axis, degree in ((kinds[0], 1, _DEGREES), (kinds[1], 0, 1.0 / _DEGREES)):
-        order = _matched(K, exact, weights) if axis else _matched(K.T, exact.T, weights.T)
-        placed = _placed(K, order) if axis else _placed(K.T, order).T
-        yield f"the {kind}s are in the order {_listed(order)}", placed
-        with np.errstate(divide="ignore", invalid="ignore"):
-            factors = np.sum(K * exact * weights**2, axis=axis) / np.sum((exact * weights) ** 2, axis=axis)
+        def scaled(by: np.ndarray, axes: tuple[int, ...] = axes, matrix: np.ndarray = matrix) -> np.ndarray:
+            return back(matrix / (np.outer(by, by) if len(axes) == 2 else by[:, None]), axes)
+
+        order = _order(matrix, exact, weights, both=len(axes) == 2)
+        placed = matrix[np.argsort(order)]
+        placed = placed[:, np.argsort(order)] if len(axes) == 2 else placed
+        yield f"the {kind}s are in the order {', '.join(str(place + 1) for place in order)}", back(placed)
+        with np.errstate(all="ignore"):
+            factors = np.sum(matrix * exact * weights**2, axis=1) / np.sum((exact * weights) ** 2, axis=1)
+            if len(axes) == 2:  # each by least squares, the others as they are
+                row = int(np.argmax(np.diag(exact)))
+                factors = np.where(matrix[row] * exact[row] < 0.0, -1.0, 1.0)
+                factors = factors * np.sqrt(np.abs(np.diag(matrix) / np.diag(exact)))
+                factors = -factors if 2 * (factors < 0.0).sum() > len(factors) else factors
+                for place in np.tile(np.arange(len(factors)), 5):
+                    line = exact[place] * factors * weights[place] ** 2
+                    factors[place] = matrix[place] @ line / (exact[place] * factors @ line)
+            angles = np.abs(np.log(np.abs(factors) / degree)) < 1.5
         flipped = factors < 0.0
         if flipped.any() and not flipped.all():
             verb = "has" if flipped.sum() == 1 else "have"
-            said = _named(kind, flipped).rpartition(" ")[0]
-            signs = np.expand_dims(np.where(flipped, -1.0, 1.0), axis)
-            yield f"{said} {verb} the wrong sign", K * signs
-        for said, units in _degrees(kind, factors, degree):
-            yield said, K / np.expand_dims(units, axis)
-        if min(K.shape) > 1 and np.all(np.isfinite(factors) & (factors > 0.0)):
-            yield f"the {kind}s look scaled {_by(factors)}", K / np.expand_dims(factors, axis)
+            yield f"{_named(kind, flipped)} {verb} the wrong sign", scaled(np.where(flipped, -1.0, 1.0))
+        if angles.any() and not angles.all():
+            verb = "is" if angles.sum() == 1 else "are"
+            yield f"{_named(kind, angles)} {verb} in degrees", scaled(np.where(angles, degree, 1.0))
+        if _known(seen) >= len(factors) + _REDUNDANT and np.all(np.isfinite(factors) & (factors > 0.0)):
+            by = ", ".join(f"{each:.3g}" for each in factors)
+            yield f"the {kind}s look scaled by {by}", scaled(factors)
 
 
-def _by(factors: np.ndarray) -> str:
-    return f"by {', '.join(f'{each:.3g}' for each in factors)}"
+def _known(seen: _Seen) -> int:
+    """How many numbers a critic has to match."""
+    return int(np.count_nonzero(np.triu(seen.exact) if seen.kind == "P" else seen.exact))
 
 
-def _one_factor(name: str, matrix: np.ndarray, exact: np.ndarray, weights: np.ndarray, known: int) -> Iterator[Repair]:
-    """The factor that least squares give, where enough of the known numbers test it."""
-    factor = float(np.sum(matrix * exact * weights**2) / (np.sum((exact * weights) ** 2) or 1.0))
-    if not (math.isfinite(factor) and factor != 0.0):
-        return
-    decades = math.log10(abs(factor))
-    if factor > 0.0 and round(decades) and abs(decades - round(decades)) < _NEAR:
-        factor = 10.0 ** round(decades)
-    elif known < 1 + _REDUNDANT:
-        return
-    yield f"every entry of {name} is {factor:.6g} times the exact one", matrix / factor
+def _order(given: np.ndarray, exact: np.ndarray, weights: np.ndarray, *, both: bool) -> np.ndarray:
+    """order in which the rows given[i] are most like exact[order[i]]; both: whatever the order of the columns."""
+    from scipy.optimize import linear_sum_assignment
+
+    with np.errstate(all="ignore"):
+        if both:
+            rows, others = np.sort(given)[:, None], np.sort(exact)[None]
+            away = np.sum(np.nan_to_num(np.abs(rows - others) / (np.abs(rows) + np.abs(others))), axis=-1)
+        else:
+            away = np.sum(((given[:, None] - exact[None]) * weights[None]) ** 2, axis=-1)
+    return np.asarray(linear_sum_assignment(np.nan_to_num(away, nan=1e300, posinf=1e300))[1])
 
 
-def _degrees(kind: str, factors: np.ndarray, degree: float) -> Iterator[tuple[str, np.ndarray]]:
-    """Some states or inputs, not all, in degrees: the mistake, and the factors (n,) that remove it.
-
-    factors: of each state or input, as they look. degree: what one in degrees has.
-    """
-    angles = np.abs(np.log(np.abs(np.where(factors == 0.0, np.nan, factors)) / degree)) < 1.5
-    if angles.any() and not angles.all():
-        yield f"{_named(kind, angles)} in degrees", np.where(angles, degree, 1.0)
+def _named(kind: str, where: np.ndarray) -> str:
+    """'state 2', 'states 2, 3 and 5'."""
+    *places, last = (str(place + 1) for place in np.flatnonzero(where))
+    return f"{kind}s {', '.join(places)} and {last}" if places else f"{kind} {last}"
 
 
 def _another_root(game: Game, P: np.ndarray) -> str:
@@ -407,11 +370,26 @@ def _another_root(game: Game, P: np.ndarray) -> str:
     )
 
 
-def _families(game: Game, K: np.ndarray, at: GameAt | None) -> list[_Family]:
-    """Games with another delta, with Q or R scaled, at another angle, with a discount, in discrete time."""
-    logs, times = (list(map(math.log, each)) for each in (_FACTORS, _TIMES))
+class _Family(NamedTuple):
+    """Games along one parameter x: what differs, with value(x) in it; the answer at x; where a search of x begins; one
+    game alone has no start."""
+
+    said: str
+    answer: Callable[[float], Answer]
+    starts: tuple[float, ...] = ()
+    value: Callable[[float], float] = math.exp
+
+
+def _families(game: Game, at: GameAt | None) -> list[_Family]:
+    """The LQR and the games of printed matrices; with another delta, with Q or R scaled, at another angle, with a
+    discount, in discrete time."""
+    factors, angles = (
+        (0.01, 0.1, 0.3, 1.0, 3.0, 10.0, 100.0),
+        (1.0, 3.0, 5.0, 8.0, 12.0, 16.0, 20.0),
+    )  # none where stationary
+    logs, times = (tuple(map(math.log, each)) for each in (factors, (1e-3, 1e-2, 5e-2, 0.2, 1.0)))
     size = game.delta if math.isfinite(game.delta) else minimum_delta(game).value
-    lqr = game.with_delta(math.inf)
+    lqr, another, step = game.with_delta(math.inf), "{{}} of another game, ", "in discrete time, a step of {:.4g} s"
 
     def delta(x: float) -> float:  # P and K are smooth in x = 1/δ², relative
         return size / math.sqrt(x)
@@ -420,47 +398,57 @@ def _families(game: Game, K: np.ndarray, at: GameAt | None) -> list[_Family]:
         return lambda x: replace(game, **{name: math.exp(x) * getattr(game, name)})
 
     def of(game_at: GameAt) -> Callable[[float], Answer]:
-        return lru_cache(lambda x: _answer(game_at(x)))
+        def answer(x: float) -> Answer:
+            P = quick_solution(other := game_at(x))
+            return Answer(P, other.gain(P))
 
-    def in_steps(other: Game, *, whole: bool = False) -> Callable[[float], Answer]:
-        return lru_cache(lambda x: held(other, math.exp(x), whole=whole))
+        return answer
 
-    step = "in discrete time, a step of {:.4g} s"
-    return [
-        _Family("at delta = {:.4g}", delta, of(lambda x: game.with_delta(delta(x))), list(_FACTORS) * (size > 0.0)),
-        _Family("with Q {:.4g} times as large", math.exp, of(scaled("Q")), logs),
-        _Family("with R {:.4g} times as large", math.exp, of(scaled("R")), logs),
-        *([_Family("at dihedral {:.4f} deg", float, of(at), list(_ANGLES))] if at is not None else ()),
-        _Family("with a discount of {:.4g} 1/s", math.exp, of(lambda x: discounted(game, math.exp(x))), logs),
-        _Family(step, math.exp, in_steps(game), times),
-        _Family(f"{step} and its whole cost", math.exp, in_steps(game, whole=True), times),
-        _Family(f"of the LQR {step}", math.exp, in_steps(lqr), times * math.isfinite(game.delta)),
+    found = [
+        _Family(f"{another}with Q {{:.4g}} times as large", of(scaled("Q")), logs),
+        _Family(f"{another}with R {{:.4g}} times as large", of(scaled("R")), logs),
+        _Family(f"{another}with a discount of {{:.4g}} 1/s", of(lambda x: discounted(game, math.exp(x))), logs),
+        _Family(f"{another}{step}", lambda x: held(game, math.exp(x)), times),
+        _Family(f"{another}{step} and its whole cost", lambda x: held(game, math.exp(x), whole=True), times),
     ]
+    if at is not None:
+        found.insert(0, _Family(f"{another}at dihedral {{:.4f}} deg", of(at), angles, float))
+        for each in published_models():
+            if each.B.shape == game.B.shape:
+                printed = replace(game, A=each.A, B=each.B)
+                said = f"{another}of the matrices printed for {each.dihedral_deg:g} deg"
+                found.insert(0, _Family(said, of(partial(lambda alone, _: alone, printed))))
+    if size > 0.0:
+        found.insert(
+            0, _Family(f"{another}at delta = {{:.4g}}", of(lambda x: game.with_delta(delta(x))), factors, delta)
+        )
+    if math.isfinite(game.delta):
+        said = f"LQR {{{{}}}} (delta = inf), not the game's at delta = {game.delta:.6g}"
+        found.insert(0, _Family(said, of(lambda _: lqr)))
+        found.append(_Family(f"{another}of the LQR {step}", lambda x: held(lqr, math.exp(x)), times))
+    return found
 
 
-def _answer(game: Game) -> Answer:
-    P = quick_solution(game)
-    return Answer(P, game.gain(P))
-
-
-def _other_games(judge: _Judge, P: np.ndarray | None, K: np.ndarray) -> Iterator[tuple[str, Answer]]:
-    """The LQR, the games of matrices printed for the aircraft, and of each family the one whose answer is nearest: what
-    differs, and the answer."""
-    game = judge.game
-    fixed = {f"LQR {{}} (delta = inf), not the game's at delta = {game.delta:.6g}": game.with_delta(math.inf)}
-    fixed = fixed if math.isfinite(game.delta) else {}
-    if any("dihedral" in family.said for family in judge.families):
-        printed = [each for each in published_models() if each.B.shape == game.B.shape]
-        said = "{{}} of another game, of the matrices printed for {:g} deg"
-        fixed |= {said.format(each.dihedral_deg): replace(game, A=each.A, B=each.B) for each in printed}
-    for name, other in fixed.items():
+def _other_games(seen: _Seen, families: list[_Family]) -> Iterator[Repair]:
+    """Of each family the game whose answer is nearest, as a repair. Of a polynomial that is near the LQR's and is not
+    the LQR's, another game must explain what the LQR leaves."""
+    few = _known(seen) <= _REDUNDANT  # a few numbers fit many games
+    before = math.inf
+    for family in families:
         with contextlib.suppress(NoSolutionError):
-            yield name, _answer(other)
-    few = np.count_nonzero(judge.exact.K if P is None else np.triu(judge.exact.P)) <= _REDUNDANT
-    for family in judge.families[: 0 if few else None]:  # a few numbers fit many games
-        found = _searched(judge, family, P, K)
-        if found is not None:
-            yield f"{{}} of another game, {family.said.format(family.value(found))}", family.answer(found)
+            x = _searched(seen, family) if family.starts and not few else None
+            if x is None and family.starts:
+                continue
+            found = seen.is_of(family.said.format(family.value(x or 0.0)), family.answer(x or 0.0))
+            left = seen.error(found[1])
+            if (
+                seen.asked is _OF_POLYNOMIALS
+                and family.said.startswith("LQR")
+                and left > _SAME * seen.error(seen.given)
+            ):
+                before = left * seen.asked.explained
+            elif left <= before:
+                yield found
 
 
 def discounted(game: Game, rate: float) -> Game:
@@ -468,64 +456,39 @@ def discounted(game: Game, rate: float) -> Game:
     return replace(game, A=game.A - 0.5 * rate * np.eye(len(game.A)))
 
 
-def _in_discounted_steps(game: Game) -> list[_Family]:
-    """Games in discrete time with a discount, at the usual steps of time."""
-
-    def of(step: float, *, whole: bool) -> Callable[[float], Answer]:
-        return lru_cache(lambda x: held(game, step, math.exp(-math.exp(x) * step), whole=whole))
-
-    def factor(step: float) -> Callable[[float], float]:
-        return lambda x: math.exp(-math.exp(x) * step)
-
-    said, starts = (
-        "in discrete time, a step of {:g} s{}, with a discount of {{:.4g}} a step",
-        list(map(math.log, (0.3, 3.0))),
-    )
-    return [
-        _Family(said.format(step, " and its whole cost" * whole), factor(step), of(step, whole=whole), starts)
-        for step, whole in itertools.product(_USUAL, (False, True))
-    ]
-
-
-def held(game: Game, step: float, discount: float = 1.0, *, whole: bool = False) -> Answer:
-    """The answer with u and d held over each step, s; discount: of a step; whole: its cost is not multiplied by its
-    length."""
-    one, root = sampled(game, step), math.sqrt(discount)
-    P, K = quick_discounted(replace(one, A=root * one.A, B=root * one.B, E=root * one.E))
+def held(game: Game, step: float, *, whole: bool = False) -> Answer:
+    """The answer with u and d held over each step, s; whole: its cost is not multiplied by its length."""
+    P, K = quick_discounted(sampled(game, step))
     return Answer(P / step if whole else P, K)
 
 
-def _searched(judge: _Judge, family: _Family, P: np.ndarray | None, K: np.ndarray) -> float | None:
-    """The parameter at which the answer differs least from P, or without it from K, by least squares.
+def _searched(seen: _Seen, family: _Family) -> float | None:
+    """The parameter at which the answer differs least, by least squares.
 
     It lies between the starts or as far beyond them. None when the difference does not fall to `_REACHED` of the best
     start's.
     """
     from scipy.optimize import least_squares
 
+    @lru_cache
     def difference(parameter: float) -> np.ndarray | None:
         try:
             with np.errstate(divide="raise", invalid="raise"):
-                found = family.answer(parameter)
-                if P is None or found.P is None:
-                    away, size = (found.K - K) * judge.weights.K, found.K * judge.weights.K
-                else:
-                    away, size = (found.P - P) * judge.weights.P, found.P * judge.weights.P
-                return np.ravel(away / np.linalg.norm(size))
+                found = getattr(family.answer(parameter), seen.kind)
+                return np.ravel((found - seen.given) * seen.weights / np.linalg.norm(found * seen.weights))
         except (NoSolutionError, BadInputError, ValueError, ArithmeticError):  # no such game
             return None
 
-    tried = [(float(np.linalg.norm(found)), at, found) for at in family.starts if (found := difference(at)) is not None]
+    starts = family.starts
+    tried = [(float(np.linalg.norm(found)), at, found) for at in starts if (found := difference(at)) is not None]
     if not tried:
         return None
     first, start, there = min(tried, key=lambda each: each[0])
     nowhere = np.full_like(there, _NO_GAME * max(first, _ROUNDING))
-    starts = family.starts
-    ends = 2.0 * min(starts) - max(starts), 2.0 * max(starts) - min(starts)
     found = least_squares(
         lambda at: nowhere if (here := difference(float(at[0]))) is None else here,
         [start],
-        bounds=ends,
+        bounds=(2.0 * min(starts) - max(starts), 2.0 * max(starts) - min(starts)),
         ftol=0.1,
         xtol=1e-14,
         gtol=1e-15,
@@ -533,51 +496,4 @@ def _searched(judge: _Judge, family: _Family, P: np.ndarray | None, K: np.ndarra
         max_nfev=_STEPS,
     )
     left = float(np.linalg.norm(found.fun))
-    return float(found.x[0]) if left <= max(_REACHED * first, judge.explained, _ROUNDING) else None
-
-
-def _matched(given: np.ndarray, exact: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """order in which the rows given[i] are most like exact[order[i]]."""
-    from scipy.optimize import linear_sum_assignment
-
-    away = np.sum(((given[:, None] - exact[None]) * weights[None]) ** 2, axis=-1)
-    return np.asarray(linear_sum_assignment(np.nan_to_num(away, nan=1e300, posinf=1e300))[1])
-
-
-def _order(P: np.ndarray, exact: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """order with P[i, j] about exact[order[i], order[j]]: by the diagonals, then by exchanges that help."""
-    order = np.empty(len(P), dtype=int)
-    order[np.argsort(np.diag(P))] = np.argsort(np.diag(exact))
-
-    def away(order: np.ndarray) -> float:
-        return float(np.linalg.norm((_placed(_placed(P, order).T, order).T - exact) * weights))
-
-    for _ in P:
-        others = [order]
-        for i, j in itertools.combinations(range(len(P)), 2):
-            others.append(order.copy())
-            others[-1][[i, j]] = order[[j, i]]
-        best = min(others, key=away)
-        if best is order:
-            break
-        order = best
-    return order
-
-
-def _placed(matrix: np.ndarray, order: np.ndarray) -> np.ndarray:
-    """Row i of the matrix in place order[i]."""
-    placed = np.empty_like(matrix)
-    placed[order] = matrix
-    return placed
-
-
-def _listed(order: np.ndarray) -> str:
-    return ", ".join(str(place + 1) for place in order)
-
-
-def _named(kind: str, where: np.ndarray) -> str:
-    """'state 2 is', 'states 2, 3 and 5 are'."""
-    places = [str(place + 1) for place in np.flatnonzero(where)]
-    if len(places) == 1:
-        return f"{kind} {places[0]} is"
-    return f"{kind}s {', '.join(places[:-1])} and {places[-1]} are"
+    return float(found.x[0]) if left <= max(_REACHED * first, seen.asked.explained, _ROUNDING) else None
