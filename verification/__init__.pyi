@@ -2,14 +2,11 @@
 
 from .checker.checker import check_certificate as check_certificate
 from .critic.candidate import (
-    from_features as from_features,
     from_gain as from_gain,
     from_network as from_network,
-    from_stored as from_stored,
     from_value as from_value,
     from_weights as from_weights,
 )
-from .critic.check_result import check_report as check_report
 from .critic.critic_check import check_critic as check_critic, check_history as check_history
 from .critic.critic_errors import relative_error as relative_error
 from .enclosures.trim_branch import Family as Family

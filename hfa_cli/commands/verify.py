@@ -22,11 +22,10 @@ from hfa_cli.options.parser import add_value
 from hfa_cli.output import draw, show
 from hfa_cli.progress import ProgressLine, say_notes
 from hfa_support.errors import BadInputError, said_of
-from verification.critic.candidate import features_of, from_features, from_network, from_run, from_stored
-from verification.critic.check_result import CriticCheck, check_figure, check_report, checks_figure, checks_report
-from verification.critic.critic_check import LIMIT, check_critic, check_history
+from verification.critic.candidate import features_of, from_network, from_stored, from_weights
+from verification.critic.check_result import CriticCheck, check_figure, checks_figure, checks_report
+from verification.critic.critic_check import LIMIT, check_critic, check_discounted, check_history
 from verification.critic.critic_errors import ordinary_box
-from verification.critic.discounted_check import check_discounted
 from verification.critic.network_file import ACTIVATIONS, NETWORK_FILES, is_network
 
 _OF_NETWORKS = ("activation", "network", "scale")
@@ -105,7 +104,8 @@ def run(arguments: argparse.Namespace) -> int:
         judged = check_discounted(
             named.game, _candidate(paths[0], arguments, named), *discounted, limit=arguments.limit_error
         )
-        show(judged.report(named.origin, limit_cost).with_data(**named.labels()), arguments, target=arguments.output)
+        report = judged.report(*named.names, limit_cost=limit_cost).with_data(**named.labels())
+        show(report, arguments, target=arguments.output)
         say_notes(named.warnings)
         return 0 if judged.holds(limit_cost) else 1
     if len(paths) > 1:
@@ -120,13 +120,13 @@ def run(arguments: argparse.Namespace) -> int:
         if arguments.weights is None:
             result = run_learning(arguments, named.game)
             time = result.settings.get("predefined_time")
-            candidate = from_run(named.game, result)
+            candidate = from_weights(named.game, result.weights[-1], result.basis)
             check = check_critic(named.game, candidate, run=result, predefined_time=time, **options_of_all)
         else:
             check = _check_file(paths[0], arguments, named, options_of_all)
         checks = {"": check}
-        draw(arguments.picture, lambda: check_figure(check, *named.names, run=result, predefined_time=time))
-        report = check_report(check, *named.names, limit_cost=limit_cost)
+        draw(arguments.picture, lambda: check_figure(check, *named.names))
+        report = check.report(*named.names, limit_cost=limit_cost)
     show(report.with_data(**named.labels()), arguments, target=arguments.output)
     say_notes(named.warnings)
     return 0 if all(check.holds(limit_cost) for check in checks.values()) else 1
@@ -159,10 +159,8 @@ def _candidate(path: Path, arguments: argparse.Namespace, named: NamedGame, file
         return from_network(game, path, features=functions, scale=arguments.scale, **how)
     found = critic_in(path, game, arguments.basis, named.plant)
     with said_of(path):
-        if arguments.features is not None:
-            if isinstance(found, History) or found.W is None:
-                raise BadInputError("--features belongs to weights W without times; there are none")
-            return from_features(game, found.W, functions)
+        if arguments.features is not None and (isinstance(found, History) or found.W is None):
+            raise BadInputError("--features belongs to weights W without times; there are none")
         return found if isinstance(found, History) else from_stored(game, found, functions)
 
 

@@ -19,7 +19,6 @@ import numpy as np
 from controller.analysis.cost import is_moderate
 from controller.game.basis import Basis, bases_with, basis
 from controller.game.critic_file import StoredCritic
-from controller.game.learning_result import LearningResult
 from controller.game.zero_sum import Game
 from hfa_support.errors import BadInputError, numbers_in, said_of, shortened
 from hfa_support.reporting.fields import Shown
@@ -81,11 +80,28 @@ class Candidate(Shown):
         return is_moderate(self.K) and (self.P is None or is_moderate(self.P))
 
 
-def from_weights(game: Game, weights: np.ndarray, functions: Basis | str = "quadratic") -> Candidate:
-    """V = W'ψ(z), u = -½ R⁻¹B' (∂ψ/∂z)'W (paper Eq. 28). BadInputError when W has another length than the basis, or is
-    complex."""
-    psi = basis(functions, len(game.A)) if isinstance(functions, str) else functions
-    weights = numbers_in("W", weights)
+def from_weights(
+    game: Game,
+    weights: np.ndarray,
+    functions: Basis | str | ca.Function = "quadratic",
+    constant: float = 0.0,
+    precision: str = "float64",
+) -> Candidate:
+    """V = W'ψ(z) + constant, u = -½ R⁻¹B' (∂ψ/∂z)'W (paper Eq. 28).
+
+    functions: a basis, its name, or functions of your own, a CasADi Function z (n,) -> ψ(z) (M,). BadInputError when W
+    has another length than the basis, or is complex.
+    """
+    weights, n = numbers_in("W", weights), len(game.A)
+    if isinstance(functions, ca.Function):
+        count, takes = functions.numel_out(0), functions.numel_in(0)
+        if takes != n or weights.shape != (count,):
+            raise BadInputError(
+                f"there are {weights.size} weights and {n} states; the features are {count} functions of {takes} states"
+            )
+        z = ca.SX.sym("z", n)
+        return _linearized(game, z, {"V": ca.DM(weights).T @ ca.vec(functions(z)) + constant}, precision)
+    psi = basis(functions, n) if isinstance(functions, str) else functions
     if weights.shape != (psi.size,):
         fitting = " or ".join(map(repr, bases_with(weights.size, psi.states)))
         advice = f"name the basis of the weights, {fitting}" if fitting else "no basis has as many"
@@ -110,43 +126,24 @@ def from_gain(game: Game, K: np.ndarray) -> Candidate:
     return Candidate(game.checked_gain(K), None, basis("quadratic", len(game.A)), derived=False)
 
 
-def from_run(game: Game, run: LearningResult) -> Candidate:
-    """What a law has learned at its end."""
-    return from_weights(game, run.weights[-1], run.basis)
-
-
-def from_stored(game: Game, stored: StoredCritic, functions: Basis) -> Candidate:
+def from_stored(game: Game, stored: StoredCritic, functions: Basis | ca.Function) -> Candidate:
     """The candidate of a file, each matrix as stored: missing P and K follow from W, or else from P.
 
-    BadInputError for a wrong shape, and when W and P are not of one value.
+    BadInputError for a wrong shape, and when W and P are not of one value, but for 1e-6: printing six digits leaves it.
     """
-    of_P = None if stored.P is None else from_value(game, stored.P)
+    found = None if stored.P is None else from_value(game, stored.P)
     if stored.W is not None:
-        found = from_weights(game, stored.W, functions)
-        if of_P is not None and not _are_one_value(of_P.P, found.P):
-            raise BadInputError("W and P are of different values; leave one of them out")
-    elif of_P is not None:
-        found = of_P
-    else:
-        assert stored.K is not None
-        return from_gain(game, stored.K)
-    return found if stored.K is None else replace(found, K=from_gain(game, stored.K).K, derived=False)
-
-
-def from_features(
-    game: Game, weights: np.ndarray, features: ca.Function, constant: float = 0.0, precision: str = "float64"
-) -> Candidate:
-    """V = W'ψ(z) + constant in functions of your own, features: z (n,) -> ψ(z) (M,). BadInputError where W has another
-    length."""
-    weights, n = numbers_in("W", weights), len(game.A)
-    if features.size_in(0) != (n, 1) or weights.shape != (features.numel_out(0),):
-        count, takes = features.numel_out(0), features.numel_in(0)
-        raise BadInputError(
-            f"there are {weights.size} weights and {n} states; the features are {count} functions of {takes} states"
-        )
-    z = ca.SX.sym("z", n)
-    V = ca.DM(weights).T @ ca.vec(features(z)) + constant
-    return _linearized(game, z, {"V": V}, precision)
+        of_W = from_weights(game, stored.W, functions)
+        if found is not None and found.P is not None and of_W.P is not None:
+            sizes = np.sqrt(np.abs(np.diag(found.P)))
+            if not np.all(np.abs(found.P - of_W.P) <= TOGETHER * np.outer(sizes, sizes)):
+                raise BadInputError("W and P are of different values; leave one of them out")
+        found = of_W
+    if stored.K is None:
+        assert found is not None
+        return found
+    gain = from_gain(game, stored.K)
+    return gain if found is None else replace(found, K=gain.K, derived=False)
 
 
 def features_of(text: str, states: int, names: tuple[str, ...] = ()) -> ca.Function:
@@ -216,10 +213,10 @@ def from_network(
                 raise BadInputError(
                     f"a layer on the basis has {len(weight)} outputs; V has 1, and only V is read of it"
                 )
-            if isinstance(functions, Basis):
-                made = from_weights(game, weight[0] * functions.scaling(scale), functions)
-                return replace(made, nonlinear=Nonlinear(None, None, None, None, "V", found.precision, float(bias[0])))
-            return from_features(game, weight[0], functions, float(bias[0]), found.precision)
+            if not isinstance(functions, Basis):
+                return from_weights(game, weight[0], functions, float(bias[0]), found.precision)
+            made = from_weights(game, weight[0] * functions.scaling(scale), functions)
+            return replace(made, nonlinear=Nonlinear(None, None, None, None, "V", found.precision, float(bias[0])))
         z = ca.SX.sym("z", n)
         kinds = _kinds({key: each.numel_out(0) for key, each in found.functions.items()}, n, m)
         outputs = {kinds[key]: ca.vec(each(ca.DM(scale) * z)) for key, each in found.functions.items()}
@@ -295,14 +292,6 @@ def _kinds(sizes: Mapping[str, int], n: int, m: int) -> dict[str, str]:
             "as in --network V=value,policy=actor"
         )
     return found
-
-
-def _are_one_value(P: np.ndarray | None, other: np.ndarray | None) -> bool:
-    """|P - P2|_ij <= `TOGETHER` sqrt(|P_ii P_jj|), whatever the units of the states."""
-    assert P is not None
-    assert other is not None
-    sizes = np.sqrt(np.abs(np.diag(P)))
-    return bool(np.all(np.abs(P - other) <= TOGETHER * np.outer(sizes, sizes)))
 
 
 def _shape(matrix: np.ndarray) -> str:

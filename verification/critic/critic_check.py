@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 import casadi as ca
@@ -16,21 +16,24 @@ from controller.game.learning_result import LearningResult, settled_at
 from controller.game.zero_sum import Game
 from controller.riccati.balancing import balanced_units, in_units, spectrum
 from controller.riccati.certificate import INDEFINITENESS, relative_residual
+from controller.riccati.discrete import DiscountedSolution, discounted_checks, policies_of_step, solve_discounted
 from controller.riccati.frequency_response import disk_margin
-from controller.riccati.gare import solve_game
-from hfa_support.errors import refuse_unless_positive
-from hfa_support.progress import Progress
+from controller.riccati.gare import GameSolution, solve_game
+from hfa_support.errors import BadInputError, refuse_unless_positive
+from hfa_support.progress import Progress, told
 from hfa_support.reporting.checks import Check, at_least, at_most, below
 from verification.critic.candidate import Candidate, from_stored
-from verification.critic.check_result import CriticCheck, history_errors
-from verification.critic.critic_errors import Box, critic_errors, ordinary_box
-from verification.critic.diagnosis import diagnose
+from verification.critic.check_result import HISTORY, CriticCheck, HistoryErrors
+from verification.critic.critic_errors import Box, critic_errors, matrix_errors, ordinary_box
+from verification.critic.diagnosis import diagnose, repaired
 from verification.critic.network_check import FLIGHTS, network_checks
 
 #: Default limit of the errors of P, K, V, its slopes and the policies, and of the Riccati residual.
 LIMIT = 1e-6
 #: With a larger limit the saddle checks, which see errors beyond it, are left out.
 SADDLE_LIMIT = 1e-5
+#: Relative Riccati residual, in balanced units, below which a run counts as settled.
+SETTLED = 1e-9
 
 
 def check_critic(
@@ -57,38 +60,40 @@ def check_critic(
     """
     exact, box = solve_game(game), box or ordinary_box(game)
     refuse_unless_positive("limit", limit)
-    flight = flight_cost(game, exact, candidate.K)
-    gain, too_large = flight.gain, f"the closed loop has an L2 gain of {flight.gain:.4g}, not below delta"
-    K, P, finite = candidate.K, candidate.P, candidate.finite
+    flight, K, P, finite = flight_cost(game, exact, candidate.K), candidate.K, candidate.P, candidate.finite
     abscissa = spectrum(game.A - game.B @ K).abscissa if finite else math.inf
-    errors, network = critic_errors(game, candidate, exact, limit, box), None
-    searched: tuple[Check, ...] = ()
-    if candidate.nonlinear is not None:
-        flights = flights if abscissa < 0.0 else 0
-        searched, network = network_checks(game, candidate, exact, box.half_widths, limit, flights=flights, plant=plant)
+    errors = critic_errors(game, candidate, exact, limit, box)
+    searched, network = network_checks(
+        game, candidate, exact, box.half_widths, limit, flights=flights * (abscissa < 0.0), plant=plant
+    )
     checks = [
         *errors,
         below("control_loop_abscissa", abscissa, 0.0, f"A - B K is not Hurwitz (abscissa {abscissa:+.3g} 1/s)"),
         *(_value_checks(game, P, exact.P, limit) if P is not None and finite else ()),
-        *((below("l2_gain", gain, game.delta, too_large),) if math.isfinite(game.delta) and finite else ()),
-        *(run_checks(game, run, candidate.functions, predefined_time) if run is not None else ()),
-        *searched,
     ]
-    diagnosis = poor_data(run) if run is not None else ""
-    if not diagnosis and not all(check.ok for check in (*errors, *searched)):
-        diagnosis = worthless_start(game, run, candidate.functions) if run is not None else ""
-        found = diagnose(game, exact, candidate, limit, at_dihedral, box.half_widths) if finite else ""
-        diagnosis = diagnosis or found
+    if math.isfinite(game.delta) and finite:
+        said = f"the closed loop has an L2 gain of {flight.gain:.4g}, not below delta"
+        checks.append(below("l2_gain", flight.gain, game.delta, said))
+    diagnosis = ""
+    if run is not None:
+        run_checks = _run_checks(game, run, candidate.functions, predefined_time)
+        checks, diagnosis = [*checks, *run_checks], run_checks[0].reason
+    checks += searched
+    if not diagnosis and finite and not all(check.ok for check in (*errors, *searched)):
+        diagnosis = diagnose(game, exact, candidate, limit, at_dihedral, box.half_widths)
     return CriticCheck(
         exact=exact,
-        candidate=candidate,
+        candidate=replace(candidate, nonlinear=None),  # CasADi's symbols do not pickle
         checks=tuple(_explained(checks, diagnosis)),
+        diagnosis=diagnosis,
+        lost=max(flight.worst, 0.0 if network is None else network.lost),
         learned_margin=disk_margin(game, K) if abscissa < 0.0 else None,
         exact_margin=disk_margin(game, exact.K),
         flight=flight,
-        diagnosis=diagnosis,
         box=box,
         network=network,
+        run=run,
+        predefined_time=predefined_time,
     )
 
 
@@ -104,60 +109,109 @@ def check_history(
 ) -> CriticCheck:
     """`check_critic` of the last row of a history, and the errors of every row; somebody's own W(t), P(t) or K(t).
 
-    predefined_time: T_w, s, by which every error must be within the limit for good; None: no such check.
+    predefined_time: T_w, s, by which every error must be within the limit for good; None: no such check. progress: rows
+    done, rows. BadInputError when a row does not fit the game.
     """
-    last = from_stored(game, history.last, basis(history.basis, len(game.A)))
+    functions, units = basis(history.basis, len(game.A)), balanced_units(game)
+    last = from_stored(game, history.last, functions)
     check = check_critic(game, last, limit=limit, box=box, at_dihedral=at_dihedral)
-    errors = history_errors(game, check.exact, history, limit, predefined_time, progress, check.box)
-    return replace(check, checks=(*check.checks, *errors.checks()), history=errors)
+    assert isinstance(check.exact, GameSolution)
+    balanced, squared, rows = in_units(game, units), np.outer(units, units), []
+    for index in told(range(len(history.times)), progress):
+        candidate = from_stored(game, history.row(index), functions)
+        errors = {each.name: each.value for each in critic_errors(game, candidate, check.exact, limit, check.box)}
+        residual = math.nan if candidate.P is None else relative_residual(balanced, candidate.P * squared)
+        rows.append((errors.get("P_rel_error", math.nan), errors["K_rel_error"], residual, max(errors.values())))
+    columns = dict(zip(HISTORY, np.array(rows).T, strict=True))
+    found, checks = HistoryErrors(history.times, columns, limit, predefined_time), check.checks
+    if predefined_time is not None:
+        late = f"{found.said}; T_w is {predefined_time:g} s"
+        checks = (*checks, at_most("settling_time", found.settling_time, predefined_time, late))
+    return replace(check, checks=checks, history=found, predefined_time=predefined_time)
 
 
-def _value_checks(game: Game, P: np.ndarray, exact: np.ndarray, limit: float) -> tuple[Check, ...]:
-    """Whether P is a value: stabilizing, not indefinite, a root of the Riccati equation, a saddle point."""
-    units = balanced_units(game)
-    squared = np.outer(units, units)
-    balanced, scaled = in_units(game, units), P * squared
-    residual, smallest = relative_residual(balanced, scaled), _smallest_eigenvalue(scaled)
-    least = _least_eigenvalue(balanced, exact * squared, limit)
-    abscissa, change = spectrum(game.A - game.S @ P).abscissa, _saddle_change(limit)
-    return (
-        below("game_loop_abscissa", abscissa, 0.0, f"A - S P is not Hurwitz (abscissa {abscissa:+.3g} 1/s)"),
-        at_least(
-            "P_smallest_eigenvalue",
-            smallest,
-            least,
-            f"P is indefinite (smallest eigenvalue {smallest:.3g} of its size)",
-        ),
-        at_most("riccati_residual", residual, limit, f"the Riccati equation is left with a residual of {residual:.2g}"),
-        *(
-            _saddle_checks(balanced, scaled, exact * squared, change)
-            if change is not None and (game.Q.any() or P.any())
-            else ()
-        ),
-    )
+def check_discounted(
+    game: Game, candidate: Candidate, discount: float, dt: float, *, limit: float = LIMIT
+) -> CriticCheck:
+    """A critic of the discounted problem in discrete time against the exact solution of that problem.
 
-
-def _saddle_checks(game: Game, P: np.ndarray, exact: np.ndarray, change: float) -> tuple[Check, ...]:
-    """`saddle_checks` of P, none where rounding of the exact P alone fails them; all in balanced units."""
-    initial = np.ones(len(P))
-    found = saddle_checks(game, P, initial, change)
-    if all(check.ok for check in found) or not exact.any():
-        return found
-    return found if all(check.ok for check in saddle_checks(game, exact, initial, change)) else ()
-
-
-def _least_eigenvalue(game: Game, exact: np.ndarray, limit: float) -> float:
-    """What `_smallest_eigenvalue` of a right P may be; game and exact P in balanced units.
-
-    The value of a state that costs nothing may be 0, which rounding makes negative; the certificate allows the same.
-    A limit above the default allows |P - P*| <= limit |P*|, which moves eigenvalues by no more (Weyl).
+    x⁺ = A x + B u + E w,  J = Σ γᵏ (x'Qx + u'Ru - δ² w'w) dt, u and w held over each step. A critic of V or dV/dx has
+    the policy that `policies_of_step` makes of its P, not R⁻¹B'P; a K that came without P is compared alone. L2 gain,
+    margins and the box of states belong to continuous time and are not checked. NoSolutionError where the problem has
+    no certified solution.
     """
-    costs = np.linalg.eigvalsh(game.Q)
+    exact = solve_discounted(game, discount, dt)
+    step, K, P, root = exact.game, candidate.K, candidate.P, math.sqrt(discount)
+    if not candidate.finite:
+        raise BadInputError("the critic has numbers that are too large or not finite")
+    if P is not None and candidate.derived:
+        with np.errstate(all="ignore"):
+            K = policies_of_step(step, (P + P.T) / 2.0, discount)[0]
+    candidate = Candidate(K, P, candidate.functions, candidate.weights)
+    radius = float(np.abs(np.linalg.eigvals(root * (step.A - step.B @ K))).max()) if np.isfinite(K).all() else math.inf
+    errors = matrix_errors(game, "K", K, exact.K, limit)
+    errors += () if P is None else matrix_errors(game, "P", P, exact.P, limit)
+    checks = [*errors, below("control_loop_radius", radius, 1.0, f"sqrt(discount) (A - B K) has radius {radius:.4g}")]
+    if P is not None:
+        alike = Game(root * step.A, root * step.B, root * step.E, step.Q, step.R, step.delta)
+        residual = discounted_checks(alike, (P + P.T) / 2.0)[0].value
+        said = f"Bellman's equation is left with a residual of {residual:.2g}"
+        checks.append(at_most("bellman_residual", residual, limit, said))
+    diagnosis = "" if all(check.ok for check in errors) else repaired(game, exact.P, exact.K, candidate)
+    return CriticCheck(exact, candidate, tuple(_explained(checks, diagnosis)), diagnosis, _lost(exact, K), dt=dt)
+
+
+def _lost(exact: DiscountedSolution, K: np.ndarray) -> float:
+    """Percent that u = -K x costs more than the optimum from the worst start, under the exact w = L x.
+
+    Largest of x'Dx / x'P*x: D = γ F'D F + (K - K*)'(R + γ B'P*B)(K - K*), F = A - B K + E L*."""
+    from scipy.linalg import eigh, solve_discrete_lyapunov
+
+    step, away = exact.game, K - exact.K
+    F = math.sqrt(exact.discount) * (step.A - step.B @ K + step.E @ exact.disturbance_gain)
+    if not np.isfinite(F).all() or np.abs(np.linalg.eigvals(F)).max() >= 1.0:
+        return math.inf
+    price = step.R + exact.discount * step.B.T @ exact.P @ step.B
+    D = solve_discrete_lyapunov(F.T, away.T @ price @ away)
+    try:
+        return max(100.0 * float(eigh((D + D.T) / 2.0, exact.P, eigvals_only=True)[-1]), 0.0)
+    except np.linalg.LinAlgError:  # a state that costs nothing
+        return math.inf if D.any() else 0.0
+
+
+def _value_checks(game: Game, P: np.ndarray, exact: np.ndarray, limit: float) -> list[Check]:
+    """Whether P is a value: stabilizing, not indefinite, a root of the Riccati equation, a saddle point.
+
+    The value of a state that costs nothing may be 0, which rounding makes negative; the certificate allows the same. A
+    limit above the default allows |P - P*| <= limit |P*|, which moves eigenvalues by no more (Weyl). Saddle checks that
+    rounding of the exact P alone fails are left out.
+    """
+    units = balanced_units(game)
+    squared, balanced = np.outer(units, units), in_units(game, units)
+    scaled, right, costs = P * squared, exact * squared, np.linalg.eigvalsh(balanced.Q)
+    residual, abscissa = relative_residual(balanced, scaled), spectrum(game.A - game.S @ P).abscissa
+    smallest = _smallest_eigenvalue(scaled)
     least = 0.0 if costs[0] > SIGNLESS * costs[-1] else -INDEFINITENESS
-    if limit <= LIMIT or not exact.any():
-        return least
-    allowed = limit * float(np.linalg.norm(exact) / np.abs(exact).max())
-    return min(least, _smallest_eigenvalue(exact) - allowed)
+    if limit > LIMIT and exact.any():
+        allowed = limit * float(np.linalg.norm(right) / np.abs(right).max())
+        least = min(least, _smallest_eigenvalue(right) - allowed)
+    indefinite = f"P is indefinite (smallest eigenvalue {smallest:.3g} of its size)"
+    checks = [
+        below("game_loop_abscissa", abscissa, 0.0, f"A - S P is not Hurwitz (abscissa {abscissa:+.3g} 1/s)"),
+        at_least("P_smallest_eigenvalue", smallest, least, indefinite),
+        at_most("riccati_residual", residual, limit, f"the Riccati equation is left with a residual of {residual:.2g}"),
+    ]
+    if limit > SADDLE_LIMIT or not (game.Q.any() or P.any()):
+        return checks
+    change, initial = (
+        CHANGE if limit <= CHANGE else 10.0 * limit,
+        np.ones(len(P)),
+    )  # errors within the limit hide under it
+    saddle = saddle_checks(balanced, scaled, initial, change)
+    if all(check.ok for check in saddle) or not exact.any():
+        return [*checks, *saddle]
+    rounded = not all(check.ok for check in saddle_checks(balanced, right, initial, change))
+    return checks if rounded else [*checks, *saddle]
 
 
 def _smallest_eigenvalue(P: np.ndarray) -> float:
@@ -165,32 +219,19 @@ def _smallest_eigenvalue(P: np.ndarray) -> float:
     return float(np.linalg.eigvalsh((P + P.T) / 2.0)[0] / np.abs(P).max()) if np.any(P) else 0.0
 
 
-def _saddle_change(limit: float) -> float | None:
-    """The change of cost under which errors within the limit hide, if it is small enough for a parabola."""
-    if limit <= CHANGE:
-        return CHANGE
-    return 10.0 * limit if limit <= SADDLE_LIMIT else None
-
-
-def _explained(checks: Iterable[Check], diagnosis: str) -> Iterable[Check]:
-    """The first failed check carries the diagnosis, so that the reason stands where a reader looks first."""
-    told = not diagnosis
+def _explained(checks: list[Check], diagnosis: str) -> Iterator[Check]:
+    """The first failed check carries the diagnosis, so that the reason is where a reader looks first."""
+    first = next((check for check in checks if not check.ok), None)
     for check in checks:
-        if not check.ok and not told:
-            told = True
-            yield check._replace(reason=f"{check.reason}: {diagnosis}")
-        else:
-            yield check
+        new = check is first and diagnosis not in check.reason
+        yield check._replace(reason=f"{check.reason}: {diagnosis}") if new else check
 
 
-#: Relative Riccati residual, in balanced units, below which a run counts as settled.
-SETTLED = 1e-9
-
-
-def run_checks(game: Game, run: LearningResult, functions: Basis, predefined_time: float | None) -> tuple[Check, ...]:
+def _run_checks(game: Game, run: LearningResult, functions: Basis, predefined_time: float | None) -> tuple[Check, ...]:
     """The richness of the data, as the run says it; the settling time only of a law that promises one."""
     rank = run.excitation
-    rich = at_least("data_rank", rank.rank, rank.size, f"the data have rank {rank.rank} of {rank.size}")
+    poor = f"the data have rank {rank.rank} of {rank.size}: whatever their residual, they do not determine the weights"
+    rich = at_least("data_rank", rank.rank, rank.size, poor)
     if predefined_time is None:
         return (rich,)
     settled = settling_time(game, run, functions)
@@ -208,24 +249,3 @@ def settling_time(game: Game, run: LearningResult, functions: Basis) -> float:
     balanced, squared = in_units(game, units), np.outer(units, units)
     residuals = np.array([relative_residual(balanced, functions.matrix(weights) * squared) for weights in run.weights])
     return settled_at(run.times, residuals, SETTLED)
-
-
-def poor_data(run: LearningResult) -> str:
-    """What a rank below the number of weights means, or ""."""
-    if run.excitation.rank >= run.excitation.size:
-        return ""
-    return (
-        f"the data have rank {run.excitation.rank} of {run.excitation.size}: whatever their residual, they do not "
-        "determine the weights"
-    )
-
-
-def worthless_start(game: Game, run: LearningResult, functions: Basis) -> str:
-    """What a start without a value means for every law but `certified`, which discounts it, or ""."""
-    start = spectrum(game.A - game.B @ game.gain(functions.matrix(run.weights[0]))).abscissa
-    if start < 0.0 or run.law == "certified":
-        return ""
-    return (
-        f"the run starts from a policy that does not stabilize (abscissa of A - B K {start:+.3g} 1/s) and has "
-        "no value to learn from; give initial_weights of a stabilizing one"
-    )

@@ -9,7 +9,7 @@ polynomial hides between samples. The scale of a linear problem is arbitrary, so
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -38,30 +38,25 @@ class Box(NamedTuple):
     half_widths: np.ndarray
     about: str
 
-    def to_dict(self) -> dict[str, Any]:
-        """Ready for JSON."""
-        return {"half_widths": self.half_widths.tolist(), "about": self.about}
-
 
 def ordinary_box(
     game: Game, states: tuple[str, ...] = (), inputs: tuple[str, ...] = (), state_units: tuple[str, ...] = ()
 ) -> Box:
-    """`ORDINARY_DEVIATIONS` where states, inputs and units are the aircraft's, else balanced units of the game.
+    """`ORDINARY_DEVIATIONS` where states, inputs and units (English or SI) are the aircraft's, else balanced units.
 
     A game without names is taken for the aircraft's where it has its six states and five inputs.
     """
     named = (states, inputs) == (LINEAR_STATES, INPUTS) if states else game.B.shape == AIRCRAFT_SHAPE
-    deviations = np.array(ORDINARY_DEVIATIONS)
-    if named and (not any(state_units) or state_units == _UNITS):
-        return Box(deviations, _about(in_force(deviations[0], "ft/s"), unit_in_force("ft/s")))
-    if named and state_units == tuple(map(si_unit, _UNITS)):
-        factors = np.array([si_factor(unit) for unit in _UNITS])
-        return Box(deviations * factors, _about(deviations[0] * factors[0], "m/s"))
-    return Box(balanced_units(game), "balanced units of the game; a convention, the plant has not the aircraft's names")
-
-
-def _about(speed: float, unit: str) -> str:
-    return f"ordinary deviations of the aircraft, {speed:g} {unit}, 0.1 rad, 0.1 rad/s"
+    si = tuple(map(si_unit, _UNITS))
+    if not named or (any(state_units) and state_units not in (_UNITS, si)):
+        return Box(
+            balanced_units(game), "balanced units of the game; a convention, the plant has not the aircraft's names"
+        )
+    factors = np.array([si_factor(unit) if state_units == si else 1.0 for unit in _UNITS])
+    widths = np.array(ORDINARY_DEVIATIONS) * factors
+    speed = in_force(widths[0], "ft/s") if state_units != si else widths[0]
+    unit = si[0] if state_units == si else unit_in_force("ft/s")
+    return Box(widths, f"ordinary deviations of the aircraft, {speed:g} {unit}, 0.1 rad, 0.1 rad/s")
 
 
 def relative_error(value: np.ndarray, exact: np.ndarray) -> float:
@@ -85,12 +80,6 @@ def entry_error(difference: np.ndarray, exact: np.ndarray) -> float:
     return float((np.abs(difference) / np.maximum(np.abs(exact), SMALL * largest)).max())
 
 
-def input_weights(game: Game) -> np.ndarray:
-    """R^(1/2), (m, m): |R^(1/2) u|² = u'Ru, whatever the units of the inputs."""
-    eigenvalues, vectors = np.linalg.eigh(game.R)
-    return np.asarray(np.sqrt(np.abs(eigenvalues))[:, None] * vectors.T)
-
-
 def critic_errors(
     game: Game, candidate: Candidate, exact: GameSolution, limit: float, box: Box | None = None
 ) -> tuple[Check, ...]:
@@ -98,36 +87,31 @@ def critic_errors(
     network."""
     bounded = candidate.nonlinear is None or candidate.nonlinear.z is None
     return (
-        *gain_errors(game, candidate.K, exact.K, limit),
+        *matrix_errors(game, "K", candidate.K, exact.K, limit),
         *(box_errors(game, candidate, exact, (box or ordinary_box(game)).half_widths, limit) if bounded else ()),
-        *(value_errors(game, candidate.P, exact.P, limit) if candidate.P is not None else ()),
+        *(matrix_errors(game, "P", candidate.P, exact.P, limit) if candidate.P is not None else ()),
     )
 
 
-def gain_errors(game: Game, K: np.ndarray, exact: np.ndarray, limit: float) -> tuple[Check, ...]:
-    """Errors of K (m, n): unscaled, as R^(1/2) K U, and entry by entry as diag(R)^(1/2) K U, U = `balanced_units`."""
-    units, weights = balanced_units(game), input_weights(game)
-    scales = np.sqrt(np.diag(game.R))[:, None] * units
-    K_error = relative_error(K, exact)
-    balanced = relative_error(weights @ K * units, weights @ exact * units)
-    worst = entry_error((K - exact) * scales, exact * scales)
-    return (
-        at_most("K_rel_error", K_error, limit, f"K is off by {K_error:.2g}"),
-        at_most("K_balanced_error", balanced, limit, f"K is off by {balanced:.2g} in balanced units"),
-        at_most("K_entry_error", worst, limit, f"an entry of K is off by {worst:.2g}"),
-    )
-
-
-def value_errors(game: Game, P: np.ndarray, exact: np.ndarray, limit: float) -> tuple[Check, ...]:
-    """Errors of P (n, n): unscaled, as U P U, and entry by entry in these units, U = `balanced_units`."""
-    units = balanced_units(game)
-    squared = np.outer(units, units)
-    P_error, balanced = relative_error(P, exact), relative_error(P * squared, exact * squared)
-    worst = entry_error((P - exact) * squared, exact * squared)
-    return (
-        at_most("P_rel_error", P_error, limit, f"P is off by {P_error:.2g}"),
-        at_most("P_balanced_error", balanced, limit, f"P is off by {balanced:.2g} in balanced units"),
-        at_most("P_entry_error", worst, limit, f"an entry of P is off by {worst:.2g}"),
+def matrix_errors(game: Game, name: str, matrix: np.ndarray, exact: np.ndarray, limit: float) -> tuple[Check, ...]:
+    """Errors of "P" (n, n) or "K" (m, n): unscaled; as U P U or R^(1/2) K U, U = `balanced_units`; entry by entry as
+    U P U or diag(R)^(1/2) K U."""
+    units, R = balanced_units(game), game.R
+    scales, root = np.outer(units, units), np.eye(len(matrix))
+    if name == "K":
+        eigenvalues, vectors = np.linalg.eigh(R)
+        scales, root = np.outer(np.ones(len(R)), units), np.sqrt(np.abs(eigenvalues))[:, None] * vectors.T
+    size = np.sqrt(np.diag(R))[:, None] * scales if name == "K" else scales
+    errors = {
+        "rel": (relative_error(matrix, exact), f"{name} is off by {{:.2g}}"),
+        "balanced": (
+            relative_error(root @ matrix * scales, root @ exact * scales),
+            f"{name} is off by {{:.2g}} in balanced units",
+        ),
+        "entry": (entry_error((matrix - exact) * size, exact * size), f"an entry of {name} is off by {{:.2g}}"),
+    }
+    return tuple(
+        at_most(f"{name}_{kind}_error", error, limit, said.format(error)) for kind, (error, said) in errors.items()
     )
 
 
@@ -142,7 +126,9 @@ def box_errors(
     psi, beyond = candidate.functions, candidate.functions.quadratic_size
     exact_weights = psi.weights(exact.P)
     with np.errstate(all="ignore"):  # what is not finite fails
-        given = exact_weights if candidate.P is None else _weights_of(candidate, candidate.P)
+        given = exact_weights if candidate.weights is None else candidate.weights
+        if candidate.weights is None and candidate.P is not None:
+            given = psi.weights((candidate.P + candidate.P.T) / 2.0)  # on which alone z'Pz depends
         reach = REACH ** np.abs(psi.exponents.sum(axis=1) - 2)
         errors = np.abs(given - exact_weights) * psi.scaling(box) * reach
         sizes = np.abs(exact_weights) * psi.scaling(box)
@@ -152,28 +138,20 @@ def box_errors(
         u_errors = np.abs(K - exact.K) @ box + np.abs(game.R_inverse_B_transposed) @ higher
         d_errors = np.abs(game.disturbance_gain(P - exact.P)) @ box + np.abs(game.E.T) @ higher / game.delta**2
     u_scale = np.sqrt(np.diag(game.R))
-    policy = entry_error(u_scale * u_errors, u_scale * (np.abs(exact.K) @ box))
-    checks = [
-        at_most(
-            "policy_rel_error", policy, limit, f"the policy is off by {policy:.2g} of an input's largest in the box"
+    found = {
+        "policy": (
+            entry_error(u_scale * u_errors, u_scale * (np.abs(exact.K) @ box)),
+            "the policy is off by {:.2g} of an input's largest in the box",
         )
-    ]
-    if candidate.P is None:
-        return tuple(checks)
-    value = entry_error(errors.sum(keepdims=True), sizes.sum(keepdims=True))
-    gradient = entry_error(errors @ psi.exponents, sizes @ psi.exponents)
-    checks += [
-        at_most("value_rel_error", value, limit, f"V is off by {value:.2g} in the box"),
-        at_most("gradient_rel_error", gradient, limit, f"a slope of V is off by {gradient:.2g} in the box"),
-    ]
-    if math.isfinite(game.delta) and game.E.size:
-        worst = entry_error(d_errors, np.abs(exact.disturbance_gain) @ box)
-        checks.append(
-            at_most("disturbance_rel_error", worst, limit, f"the worst disturbance is off by {worst:.2g} in the box")
-        )
-    return tuple(checks)
-
-
-def _weights_of(candidate: Candidate, P: np.ndarray) -> np.ndarray:
-    """W of V = W'ψ(z), (M,); z'Pz depends on (P + P')/2 alone."""
-    return candidate.functions.weights((P + P.T) / 2.0) if candidate.weights is None else candidate.weights
+    }
+    if candidate.P is not None:
+        V = entry_error(errors.sum(keepdims=True), sizes.sum(keepdims=True))
+        F = entry_error(errors @ psi.exponents, sizes @ psi.exponents)
+        found["value"] = V, "V is off by {:.2g} in the box"
+        found["gradient"] = F, "a slope of V is off by {:.2g} in the box"
+        if math.isfinite(game.delta) and game.E.size:
+            worst = entry_error(d_errors, np.abs(exact.disturbance_gain) @ box)
+            found["disturbance"] = worst, "the worst disturbance is off by {:.2g} in the box"
+    return tuple(
+        at_most(f"{name}_rel_error", error, limit, said.format(error)) for name, (error, said) in found.items()
+    )

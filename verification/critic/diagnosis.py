@@ -29,7 +29,7 @@ from controller.riccati.smallest_delta import minimum_delta
 from hfa_model.printed_matrices import published_models
 from hfa_support.errors import BadInputError, NoSolutionError
 from verification.critic.candidate import Candidate
-from verification.critic.critic_errors import SMALL, relative_error, value_errors
+from verification.critic.critic_errors import SMALL, matrix_errors, relative_error
 
 #: A residual below this marks a root of the Riccati equation, if not the right one.
 _ROOT = 1e-9
@@ -148,7 +148,7 @@ def diagnose(
         return gain.named(repairs(game, gain))[1] or gain.named(_other_games(gain, others()))[1]
     assert P is not None
     together = gain.error(gain.given + exact.K - game.gain(P)) <= limit
-    if all(check.ok for check in value_errors(game, P, exact.P, limit)):
+    if all(check.ok for check in matrix_errors(game, "P", P, exact.P, limit)):
         beyond = candidate.functions.quadratic_size
         if candidate.weights is not None and candidate.weights[beyond:].any():
             place = beyond + int(np.argmax(np.abs(candidate.weights[beyond:])))

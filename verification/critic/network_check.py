@@ -83,22 +83,18 @@ class NetworkSearch(NamedTuple):
 
     def to_dict(self) -> dict[str, Any]:
         """Ready for JSON."""
-        numbers = {
-            "value_at_origin": self.constant,
-            "cost_lost_flown_percent": self.lost,
-            "cost_lost_flown_mean_percent": self.mean,
-            "l2_gain_flown": self.gain,
-            "reach": self.reach,
-        }
+        found = [{"name": name, "error": finite_or_none(error), "at": at.tolist()} for name, error, at in self.found]
         return {
             "output": self.output,
             "precision": self.precision,
             "starts": STARTS if self.found else 0,
             "flights": self.flights,
-            "searched": [
-                {"name": each.name, "error": finite_or_none(each.error), "at": each.at.tolist()} for each in self.found
-            ],
-            **{name: finite_or_none(value) for name, value in numbers.items()},
+            "searched": found,
+            "value_at_origin": finite_or_none(self.constant),
+            "cost_lost_flown_percent": finite_or_none(self.lost),
+            "cost_lost_flown_mean_percent": finite_or_none(self.mean),
+            "l2_gain_flown": finite_or_none(self.gain),
+            "reach": finite_or_none(self.reach),
             "reach_nonlinear": self.reach_nonlinear,
             "reach_nonlinear_exact": self.exact_reach,
         }
@@ -113,16 +109,18 @@ def network_checks(
     *,
     flights: int = FLIGHTS,
     plant: ca.Function | None = None,
-) -> tuple[tuple[Check, ...], NetworkSearch]:
-    """Checks of the errors at the origin, of those that `search` finds over the box |z_i| <= b_i and of the gain met.
+) -> tuple[list[Check], NetworkSearch | None]:
+    """Checks of the errors at the origin, of those that `search` finds over the box |z_i| <= b_i and of the gain met;
+    none of a critic that is no network.
 
     plant: (z, u) -> z', the nonlinear plant about its trim. flights: 0 where the linear loop is unstable.
     """
-    about = candidate.nonlinear
-    assert about is not None
+    about, checks = candidate.nonlinear, list[Check]()
+    if about is None:
+        return checks, None
     facts = NetworkSearch(about.output, about.precision, about.constant)
     if about.z is None:
-        return (), facts
+        return checks, facts
     origin, found = search(game, candidate, exact, b)
     off = "u is" if about.F is None else "the slopes of V are"
     checks = [at_most("origin_error", origin, limit, f"{off} off by {origin:.2g} at the origin, where 0 is right")]
@@ -130,21 +128,17 @@ def network_checks(
         checks.append(at_most(f"searched_{name}_error", error, limit, f"{SAID[name]} is off by {error:.2g} in the box"))
     facts = facts._replace(found=found)
     if not flights:
-        return tuple(checks), facts._replace(lost=math.inf, mean=math.inf, gain=math.inf, reach=0.0)
-    lost = flown_losses(game, candidate, exact, b, flights)
-    facts = facts._replace(
-        lost=float(lost.max()), mean=float(lost.mean()), flights=flights, gain=flown_gain(game, candidate, b)
-    )
+        return checks, facts._replace(lost=math.inf, mean=math.inf, gain=math.inf, reach=0.0)
+    lost, gain = flown_losses(game, candidate, exact, b, flights), flown_gain(game, candidate, b)
     if math.isfinite(game.delta):
-        said = f"the closed loop meets an L2 gain of {facts.gain:.4g} in the box, not below delta"
-        checks.append(below("flown_l2_gain", facts.gain, game.delta, said))
-    u = about.policy(game)
-    far = reach(about.z, ca.DM(game.A) @ about.z + ca.DM(game.B) @ u, exact, game, b)
-    facts = facts._replace(reach=far)
-    if plant is not None:
-        far, best = (reach(about.z, plant(about.z, each), exact, game, b) for each in (u, -ca.DM(exact.K) @ about.z))
-        facts = facts._replace(reach_nonlinear=far, exact_reach=best)
-    return tuple(checks), facts
+        said = f"the closed loop meets an L2 gain of {gain:.4g} in the box, not below delta"
+        checks.append(below("flown_l2_gain", gain, game.delta, said))
+    z, u = about.z, about.policy(game)
+    rates = [ca.DM(game.A) @ z + ca.DM(game.B) @ u]
+    rates += [plant(z, each) for each in (u, -ca.DM(exact.K) @ z) if plant is not None]
+    far = [reach(_Flight(z, each), exact, game, b) for each in rates]
+    facts = facts._replace(lost=float(lost.max()), mean=float(lost.mean()), flights=flights, gain=gain, reach=far[0])
+    return checks, facts if plant is None else facts._replace(reach_nonlinear=far[1], exact_reach=far[2])
 
 
 def search(game: Game, candidate: Candidate, exact: GameSolution, b: np.ndarray) -> tuple[float, tuple[Found, ...]]:
@@ -212,21 +206,33 @@ def _floored(sizes: np.ndarray) -> np.ndarray:
     return np.maximum(sizes, SMALL * sizes.max() or 1.0)
 
 
-def _flown(function: ca.Function, start: np.ndarray, time: float, begin: float = 0.0) -> np.ndarray | None:
-    """y(begin + time) of y' = function(t, y), None where LSODA gives up or a number is not finite."""
-    from scipy.integrate import odeint
+class _Flight:
+    """z' = rates(t, z) and cost' = running(t, z), CasADi expressions of z (n,) and t, integrated by LSODA."""
 
-    bound = BoundFunction(function)
+    def __init__(self, z: Any, rates: Any, running: Any = 0.0, t: Any = None) -> None:
+        t, y = ca.SX.sym("t") if t is None else t, ca.vertcat(z, ca.SX.sym("cost"))
+        self._bound = BoundFunction(ca.Function("slopes", [t, y], [ca.densify(ca.vertcat(rates, running))]))
 
-    def slopes(t: float, y: np.ndarray) -> np.ndarray:
-        bound.inputs[0][0], bound.inputs[1][:] = t, y
-        bound()
-        return bound.results[0]
+    def _slopes(self, t: float, y: np.ndarray) -> np.ndarray:
+        self._bound.inputs[0][0], self._bound.inputs[1][:] = t, y
+        self._bound()
+        return self._bound.results[0]
 
-    steps = {"rtol": 1e-7, "atol": 1e-9 * np.abs(start).max(), "mxstep": STEPS, "full_output": True}
-    with np.errstate(all="ignore"), warnings.catch_warnings(action="ignore"):  # of LSODA, where it gives up
-        (_, end), about = odeint(slopes, start, [begin, begin + time], tfirst=True, **steps)
-    return end if about["message"] == "Integration successful." and np.all(np.isfinite(end)) else None
+    def end(self, start: np.ndarray, time: float) -> tuple[np.ndarray, float] | None:
+        """z (n,) at the time from z(0) = start, and the cost; None where LSODA gives up or a number is not finite."""
+        from scipy.integrate import odeint
+
+        steps = {"rtol": 1e-7, "atol": 1e-9 * np.abs(start).max(), "mxstep": STEPS, "full_output": True}
+        with np.errstate(all="ignore"), warnings.catch_warnings(action="ignore"):  # of LSODA, where it gives up
+            (_, end), about = odeint(self._slopes, np.append(start, 0.0), [0.0, time], tfirst=True, **steps)
+        good = about["message"] == "Integration successful." and np.all(np.isfinite(end))
+        return (end[:-1], float(end[-1])) if good else None
+
+    def returned(self, start: np.ndarray, exact: GameSolution, game: Game) -> tuple[np.ndarray, float] | None:
+        """`end` when the exact loop has decayed to exp(-`DECAY`); None where V* has not come down to `RETURNED`."""
+        end = self.end(start, DECAY / abs(spectrum(game.A - game.B @ exact.K).abscissa))
+        home = end is not None and end[0] @ exact.P @ end[0] <= RETURNED * (start @ exact.P @ start)
+        return end if home else None
 
 
 def _starts(b: np.ndarray, count: int) -> np.ndarray:
@@ -245,7 +251,7 @@ def flown_losses(game: Game, candidate: Candidate, exact: GameSolution, b: np.nd
     """
     from scipy.linalg import solve_continuous_lyapunov
 
-    about, P, n = candidate.nonlinear, exact.P, len(b)
+    about, lost = candidate.nonlinear, []
     assert about is not None
     A, u = game.A + game.E @ exact.disturbance_gain, about.policy(game)
     loop, change = A - game.B @ candidate.K, candidate.K - exact.K
@@ -253,15 +259,11 @@ def flown_losses(game: Game, candidate: Candidate, exact: GameSolution, b: np.nd
         return np.full(flights, math.inf)
     rest = solve_continuous_lyapunov(loop.T, -change.T @ game.R @ change)
     away = u + ca.DM(exact.K) @ about.z
-    t, y = ca.SX.sym("t"), ca.vertcat(about.z, ca.SX.sym("cost"))
-    slopes = ca.vertcat(ca.DM(A) @ about.z + ca.DM(game.B) @ u, away.T @ ca.DM(game.R) @ away)
-    function = ca.Function("slopes", [t, y], [ca.densify(slopes)])
-    time, lost = DECAY / abs(spectrum(A - game.B @ exact.K).abscissa), []
+    flight = _Flight(about.z, ca.DM(A) @ about.z + ca.DM(game.B) @ u, away.T @ ca.DM(game.R) @ away)
     for start in _starts(b, flights):
-        end, before = _flown(function, np.append(start, 0.0), time), start @ P @ start
-        if end is None or end[:n] @ P @ end[:n] > RETURNED * before:
+        if (found := flight.returned(start, exact, game)) is None:
             return np.full(flights, math.inf)
-        lost.append(100.0 * float((end[n] + end[:n] @ rest @ end[:n]) / before))
+        lost.append(100.0 * float((found[1] + found[0] @ rest @ found[0]) / (start @ exact.P @ start)))
     return np.array(lost)
 
 
@@ -278,38 +280,26 @@ def flown_gain(game: Game, candidate: Candidate, b: np.ndarray) -> float:
     cost = square_root(game.Q + candidate.K.T @ game.R @ candidate.K)
     d = np.linalg.svd(cost @ response)[2][0].conj()
     d /= float((np.abs(response @ d) / b).max()) or 1.0
-    t, y, u = ca.SX.sym("t"), ca.vertcat(about.z, ca.SX.sym("cost")), about.policy(game)
+    t, z, u = ca.SX.sym("t"), about.z, about.policy(game)
     wave = ca.DM(d.real) * ca.cos(frequency * t) - ca.DM(d.imag) * ca.sin(frequency * t)
-    running = about.z.T @ ca.DM(game.Q) @ about.z + u.T @ ca.DM(game.R) @ u
-    slopes = ca.vertcat(ca.DM(game.A) @ about.z + ca.DM(game.B) @ u + ca.DM(game.E) @ wave, running)
-    function = ca.Function("slopes", [t, y], [ca.densify(slopes)])
-    period, start = 2.0 * math.pi / frequency, np.append((response @ d).real, 0.0)
-    end = _flown(function, start, period)
-    end = None if end is None else _flown(function, np.append(end[:n], 0.0), period)
+    running = z.T @ ca.DM(game.Q) @ z + u.T @ ca.DM(game.R) @ u
+    rates = ca.DM(game.A) @ z + ca.DM(game.B) @ u + ca.DM(game.E) @ wave
+    flight, period = _Flight(z, rates, running, t), 2.0 * math.pi / frequency
+    first = flight.end((response @ d).real, period)
+    second = None if first is None else flight.end(first[0], period)
     power = 0.5 * period * float(np.sum(np.abs(d) ** 2))
-    return math.inf if end is None else math.sqrt(max(float(end[n]), 0.0) / power)
+    return math.inf if second is None else math.sqrt(max(second[1], 0.0) / power)
 
 
-def reach(z: Any, slopes: Any, exact: GameSolution, game: Game, b: np.ndarray) -> float:
-    """The largest of 2^-k ... 2^k times the box, k = `DOUBLINGS`, such that z' = slopes returns from `FEW` starts in it
+def reach(flight: _Flight, exact: GameSolution, game: Game, b: np.ndarray) -> float:
+    """The largest of 2^-k ... 2^k times the box, k = `DOUBLINGS`, such that a flight returns from `FEW` starts in it
     and in each smaller one tried; 0 for none."""
-    function = ca.Function("slopes", [ca.SX.sym("t"), z], [ca.densify(slopes)])
-    time = DECAY / abs(spectrum(game.A - game.B @ exact.K).abscissa)
 
     def returns(size: float) -> bool:
-        for start in size * _starts(b, FEW):
-            end = _flown(function, start, time)
-            if end is None or end @ exact.P @ end > RETURNED * (start @ exact.P @ start):
-                return False
-        return True
+        return all(flight.returned(start, exact, game) is not None for start in size * _starts(b, FEW))
 
-    size, largest = 1.0, 2.0**DOUBLINGS
-    if returns(size):
-        while size < largest and returns(2.0 * size):
-            size *= 2.0
-        return size
-    while size > 1.0 / largest:
-        size /= 2.0
-        if returns(size):
-            return size
-    return 0.0
+    sizes = 2.0 ** np.arange(-DOUBLINGS, DOUBLINGS + 1)
+    if not returns(1.0):
+        return next((float(size) for size in sizes[DOUBLINGS - 1 :: -1] if returns(size)), 0.0)
+    lost = next((place for place, size in enumerate(sizes) if size > 1.0 and not returns(size)), len(sizes))
+    return float(sizes[lost - 1])

@@ -15,7 +15,7 @@ from trim.linear.entry_bands import bands_known, entry_bands, trust_in
 from trim.linear.linear_model import LinearModel, linear_model_report, matrices
 from trim.linear.modes import modes_of, modes_table
 from trim.point.trim_report import trim_report
-from verification.critic.check_result import check_figure, check_report
+from verification.critic.check_result import check_figure
 from verification.page.claims import claims_section
 from verification.page.main_job import Angle, MainJob
 from verification.page.plots import front_view, locus_plot
@@ -89,13 +89,13 @@ def angle_report(job: MainJob, angle: Angle) -> Report:
     shown = {"model": _model_report(job, angle, model)}
     if angle.solution is not None:
         shown["solution"] = solution_report(angle.solution, *named)
-    if (check := angle.check) is not None and (run := angle.run) is not None:
+    if (check := angle.check) is not None:
 
         def draw() -> Figure:
-            return check_figure(check, *named, run=run, predefined_time=run.settings["predefined_time"])
+            return check_figure(check, *named)
 
         text = f"P learned, P exact and their difference at {angle.dihedral_deg:g} deg; residual and error over time"
-        judged, picture = check_report(check, *named), Picture(f"critic-{angle.dihedral_deg:g}.png", text, draw)
+        judged, picture = check.report(*named), Picture(f"critic-{angle.dihedral_deg:g}.png", text, draw)
         shown["critic"] = replace(judged, parts=(*judged.parts, picture))
     unsolved = [f"No game solution: {angle.reason}"] if angle.reason else []
     trim = trim_report(job.aircraft, angle.condition, model.point)

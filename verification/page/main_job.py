@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from controller.analysis.solution_report import AnalysedGame, analyse_game
-from controller.game.learning_result import LearningResult
 from controller.game.zero_sum import published_game
 from controller.laws.certified import learn
 from hfa_model.aircraft import Aircraft
@@ -24,7 +23,7 @@ from trim.point.condition import LEVEL_FLIGHT, TrimCondition
 from trim.point.operating_point import OperatingPoint
 from trim.point.solve import find_operating_point
 from trim.sweeps.sweep import Sweep, sweep
-from verification.critic.candidate import from_run
+from verification.critic.candidate import from_weights
 from verification.critic.check_result import CriticCheck
 from verification.critic.critic_check import check_critic
 from verification.page.claims import Claims
@@ -43,7 +42,7 @@ class Angle:
     """The trim and the linear model at a dihedral angle (rad); of an asked angle the exact solution of the paper's
     game, and a critic learned with the default law and compared with it.
 
-    printed: None where the paper prints no pair. model, solution, run, check: None where there is none; `reason` says
+    printed: None where the paper prints no pair. model, solution, check: None where there is none; `reason` says
     why.
     """
 
@@ -52,7 +51,6 @@ class Angle:
     model: LinearModel | None = None
     printed: PublishedModel | None = None
     solution: AnalysedGame | None = None
-    run: LearningResult | None = None
     check: CriticCheck | None = None
     reason: str = ""
 
@@ -93,7 +91,8 @@ def with_game(angle: Angle) -> Angle:
         angle = replace(angle, solution=analyse_game(game))
         run = learn(game)
         time = run.settings["predefined_time"]
-        return replace(angle, run=run, check=check_critic(game, from_run(game, run), run=run, predefined_time=time))
+        learned = from_weights(game, run.weights[-1], run.basis)
+        return replace(angle, check=check_critic(game, learned, run=run, predefined_time=time))
     except NoSolutionError as error:
         return replace(angle, reason=str(error))
 

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,11 +12,10 @@ from cli import answer, hfa
 from game_files import AT_15, stored
 
 from controller import Game, basis
-from controller.game.learning_result import LearningResult
 from hfa_cli.main import BAD_INPUT, DONE, FAILED
 from hfa_support import BadInputError
 from verification import from_gain, from_value, from_weights, solve_game
-from verification.critic.candidate import Candidate, from_run
+from verification.critic.candidate import Candidate
 
 pytestmark = pytest.mark.usefixtures("folder")
 
@@ -97,10 +95,3 @@ def test_numbers_that_are_not_real_are_refused_in_python_too(game: Game, parts: 
     for wrong in (parts[held] + 1j, [[1.0], [1.0, 2.0]], parts[held].astype(str)):
         with pytest.raises(BadInputError, match=f"{held} does not consist of rows of real numbers"):
             make(game, wrong)
-
-
-def test_of_a_run_its_end_is_judged(game: Game, parts: dict[str, Any]) -> None:
-    history = np.outer([3.0, 2.0, 1.0], parts["W"])
-    judged = from_run(game, cast(LearningResult, SimpleNamespace(weights=history, basis="quadratic")))
-    np.testing.assert_allclose(judged.P, parts["P"], rtol=1e-12)
-    np.testing.assert_allclose(judged.K, parts["K"], rtol=1e-9, atol=1e-9)

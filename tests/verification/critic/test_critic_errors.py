@@ -22,9 +22,8 @@ from verification.critic.critic_errors import (
     ORDINARY_DEVIATIONS,
     box_errors,
     entry_error,
-    gain_errors,
+    matrix_errors,
     ordinary_box,
-    value_errors,
 )
 
 GAME = game_models()["published-15"]
@@ -85,13 +84,16 @@ def test_every_entry_of_the_value_is_seen(change: float) -> None:
     for i, j in zip(*np.triu_indices(6), strict=True):
         P = EXACT.P.copy()
         P[i, j] = P[j, i] = P[i, j] * (1.0 + change)
-        found = {check.name: check for check in value_errors(GAME, P, EXACT.P, LIMIT)}
+        found = {check.name: check for check in matrix_errors(GAME, "P", P, EXACT.P, LIMIT)}
         assert found["P_entry_error"].value == pytest.approx(1e-5, rel=1e-6), (i, j)
         assert not found["P_entry_error"].ok
 
 
 def test_errors_are_shares_of_what_is_exact() -> None:
-    found = (*value_errors(GAME, 3.0 * EXACT.P, EXACT.P, LIMIT), *gain_errors(GAME, 3.0 * EXACT.K, EXACT.K, LIMIT))
+    found = (
+        *matrix_errors(GAME, "P", 3.0 * EXACT.P, EXACT.P, LIMIT),
+        *matrix_errors(GAME, "K", 3.0 * EXACT.K, EXACT.K, LIMIT),
+    )
     assert [check.value for check in found] == pytest.approx([2.0] * 6)
 
 
@@ -99,7 +101,7 @@ def test_every_entry_of_the_gain_is_seen() -> None:
     for i, j in np.ndindex(5, 6):
         K = EXACT.K.copy()
         K[i, j] *= 1.0 + 1e-5
-        assert not all(check.ok for check in gain_errors(GAME, K, EXACT.K, LIMIT)), (i, j)
+        assert not all(check.ok for check in matrix_errors(GAME, "K", K, EXACT.K, LIMIT)), (i, j)
 
 
 @pytest.mark.parametrize("game", [GAME, replace(GAME, E=GAME.E[:, :2])], ids=["E = I", "two disturbances"])

@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 import math
-from types import SimpleNamespace
-from typing import cast
 
 import numpy as np
 import pytest
 from planted_critics import weights_of
 
 from controller import Game, History, basis, learn
-from controller.game.learning_result import LearningResult, settled_at
+from controller.game.learning_result import settled_at
 from hfa_support import BadInputError
 from verification import check_history, solve_game
 from verification.critic.check_result import CriticCheck, check_figure
-from verification.critic.critic_check import worthless_start
 
 NAMES = ("x",) * 6, ("u",) * 5
 TIMES = 0.25 * np.arange(41)
@@ -94,7 +91,7 @@ def test_a_run_of_our_own_is_a_history_that_keeps_its_time(game: Game) -> None:
     assert check.history.settling_time == pytest.approx(result.settling_time)
     assert told[-1] == (41, 41)
     figure = check_figure(check, *NAMES)
-    assert [line.get_label() for line in figure.axes[-1].lines[:2]] == ["limit 1e-06", "Riccati residual"]
+    assert [line.get_label() for line in figure.axes[-1].lines[:2]] == ["limit 1e-06", "error of P"]
     assert figure.axes[-1].get_ylim()[0] == 1e-17
     assert len(check.report().records.rows) == 41
 
@@ -128,14 +125,3 @@ FOUR_TIMES = np.array([0.0, 1.0, 2.0, 3.0])
 )
 def test_it_settles_where_it_stays_within_the_limit_to_the_end(sizes: list[float], settled: float) -> None:
     assert settled_at(FOUR_TIMES, np.array(sizes), 1.0) == settled
-
-
-@pytest.mark.parametrize(
-    ("A", "law", "worthless"),
-    [(-1e-3, "published", False), (0.0, "published", True), (1e-3, "published", True), (0.0, "certified", False)],
-)
-def test_a_start_that_leaves_a_mode_undamped_has_no_value(A: float, law: str, worthless: bool) -> None:
-    """K = 0 at the start: the abscissa is A itself."""
-    one, run = np.eye(1), cast(LearningResult, SimpleNamespace(weights=np.array([[0.0], [1.0]]), law=law))
-    said = worthless_start(Game(A * one, one, one, one, one, 2.0), run, basis("quadratic", 1))
-    assert ("has no value to learn from" in said) == worthless

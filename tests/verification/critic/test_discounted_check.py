@@ -11,7 +11,7 @@ from planted_critics import gain, value
 from controller import Game
 from hfa_cli.main import BAD_INPUT, FAILED
 from verification import from_gain, from_value, solve_discounted, solve_game
-from verification.critic.discounted_check import check_discounted
+from verification.critic.critic_check import check_discounted
 
 DISCOUNT, DT = 0.99, 0.01
 WORDS = ("--discount", str(DISCOUNT), "--dt", str(DT))
@@ -55,7 +55,7 @@ def test_the_command_compares_with_the_problem_that_is_said_and_never_guesses(ga
     file = stored("P.npz", P=exact.P)
     assert answer("verify", *AT_15, "--weights", file, *WORDS)["ok"] is True
     said = hfa("verify", *AT_15, "--weights", file, *WORDS).out
-    assert said.startswith("PASS by the error limit: exact, stabilizing, cost lost ")
+    assert said.startswith("PASS by the error limit 1e-06: exact within 1e-06, stabilizing, no cost lost")
     one = hfa("verify", *AT_15, "--weights", file, "--discount", "0.99")
     assert (one.code, "--discount and --dt belong together; neither has a default" in one.err) == (BAD_INPUT, True)
     assert (

@@ -17,7 +17,7 @@ from planted_critics import gain, value, weights_of
 from controller import Game
 from hfa_cli.main import FAILED
 from hfa_support import BadInputError
-from verification import check_critic, from_features, from_network
+from verification import check_critic, from_network, from_weights
 from verification.critic.candidate import features_of
 from verification.critic.network_file import network_in
 
@@ -140,15 +140,15 @@ def test_a_basis_in_words_or_as_a_function_and_a_constant(game: Game) -> None:
     words = ("verify", *AT_15, "--weights", "W.npz", "--features")
     assert answer(*words, FEATURES)["ok"]
     assert not answer(*words, FEATURES.replace("x1*x1", "sin(speed)**2/1e2"), code=FAILED)["ok"]
-    check = check_critic(game, from_features(game, weights, features_of(FEATURES, 6)))
+    check = check_critic(game, from_weights(game, weights, features_of(FEATURES, 6)))
     assert check.ok
     assert check.network is not None
     assert check.network.constant == -3.0
     z = ca.SX.sym("z", 6)
     squares = ca.Function("squares", [z], [z**2])
-    assert not check_critic(game, from_features(game, np.diag(value(game)), squares)).ok
+    assert not check_critic(game, from_weights(game, np.diag(value(game)), squares)).ok
     with pytest.raises(BadInputError, match="there are 6 weights and 6 states; the features are 22 functions"):
-        from_features(game, np.ones(6), features_of(FEATURES, 6))
+        from_weights(game, np.ones(6), features_of(FEATURES, 6))
 
 
 @pytest.mark.parametrize("text", ["__import__('os')", "x7", "x1.real", "x1 if x1 else x2", "[x1]", "x1**", ""])
