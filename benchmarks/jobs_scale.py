@@ -38,7 +38,7 @@ from studies.section5.critic_policy import CriticPolicy, critic_law
 from trim.linear.linear_model import level_model
 from trim.point.condition import level_flight
 from trim.point.solve import find_operating_point
-from trim.sweeps.stored_sweep import stream_sweep
+from trim.sweeps.sweep import stream_sweep
 from trim.sweeps.sweep_plan import Steps, SweepPlan
 
 _EFFICIENCY = 0.85
@@ -218,7 +218,7 @@ def _sized(job: str, count: int) -> Size:
     with tempfile.TemporaryDirectory() as folder:
         path, start = Path(folder) / "store.zarr", time.perf_counter()
         if job == "sweep":
-            stream_sweep(SweepPlan({"dihedral": steps}, default_parameters().values, "published"), path)
+            stream_sweep(SweepPlan({"dihedral": steps}, Aircraft()), path)
         else:
             stream_monte_carlo(gain_plan(count, duration=0.1), path)
         seconds = (time.perf_counter() - start) / count

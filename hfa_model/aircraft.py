@@ -79,7 +79,7 @@ HFA = Model(
     states=STATE_SIGNALS,  # type: ignore[arg-type]  # a named tuple of them
     inputs=INPUT_SIGNALS,  # type: ignore[arg-type]
     equations=Equations(variant_named("published")),
-    parameters=Parameters(*(Signal(each.unit, start=1.0) for each in FIELDS)),  # type: ignore[arg-type]
+    parameters=Parameters(*(Signal(each.unit, min=0.0 if each.positive else -math.inf, start=1.0) for each in FIELDS)),  # type: ignore[arg-type]
     disturbances={name: Signal(DISTURBANCE_UNIT, 10.0) for name in DISTURBANCES},
     outputs={name: Signal(each.unit, _TYPICAL.get(each.unit, 1.0)) for name, each in OUTPUTS.items()},
     # The paper's level flight (Section 5.1), with a flat wing.

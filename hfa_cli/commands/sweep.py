@@ -29,7 +29,7 @@ from hfa_cli.progress import ProgressLine, say_notes
 from hfa_support.errors import BadInputError
 from hfa_support.reporting.report import Report
 from trim.sweeps.points import condition_at
-from trim.sweeps.sweep import MOST_POINTS, run_plan
+from trim.sweeps.sweep import MOST_POINTS, run_plan, stored_sweep_report, stream_sweep
 from trim.sweeps.sweep_plan import SweepPlan
 
 #: Suffix of a store, and the options that only a store and only a game has.
@@ -109,10 +109,8 @@ def _plan(arguments: argparse.Namespace, ranges: dict[str, Range], stored: bool,
                 f"--picture draws a sweep in one variable, not in {' and '.join(varied)}; fix all but one"
             )
     random, start = (arguments.samples or 0, arguments.seed or 0), options.start_of(arguments)
-    if own is not None:
-        return SweepPlan(axes, None, own, *random, condition, start, listing is not None)
-    parameters = options.parameters_of(arguments).values
-    return SweepPlan(axes, parameters, arguments.dynamics, *random, condition, start, listing is not None)
+    aircraft = own if own is not None else options.aircraft_of(arguments)
+    return SweepPlan(axes, aircraft, condition, *random, start, listing is not None)
 
 
 def _in_memory(plan: SweepPlan, arguments: argparse.Namespace) -> tuple[Report, bool]:
@@ -144,8 +142,6 @@ def _in_memory(plan: SweepPlan, arguments: argparse.Namespace) -> tuple[Report, 
 
 def _in_store(plan: SweepPlan, arguments: argparse.Namespace) -> tuple[Report, bool]:
     """The report of the store, and whether any point has a trim."""
-    from trim.sweeps.stored_sweep import stored_sweep_report, stream_sweep
-
     crew, origin = options.crew_of(arguments), provenance().to_dict()
     store = stream_sweep(plan, arguments.output, **crew, provenance=origin, progress=ProgressLine("sweep"))
     report = stored_sweep_report(plan, store, arguments.output)

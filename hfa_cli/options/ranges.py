@@ -106,7 +106,7 @@ def array_of(name: str, values: Range, most: int) -> np.ndarray:
         return np.array(listed)
     if listed.count > most:
         raise BadInputError(f"{name} has {listed.count:,} points; at most {most:,} are allowed, take a larger step")
-    return listed.at(np.arange(listed.count))
+    return np.asarray(listed[np.arange(listed.count)])
 
 
 def sample_limits(name: str, values: Range) -> Span:

@@ -10,6 +10,7 @@ from hfa_support.errors import BadInputError
 from hfa_support.reporting.figure import new_figure
 from hfa_support.reporting.text import Table, eigenvalue_text
 from hfa_support.reporting.unit_system import entries_in_force, in_force, unit_in_force
+from trim.linear.modes import fastest_first
 
 if TYPE_CHECKING:
     import control
@@ -87,7 +88,7 @@ def transmission_zeros(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarra
         A, B, C, D = _with_full_rows(A, B, C, D, small)
         A, B, C, D = A.T, C.T, B.T, D.T
     zeros = np.linalg.eigvals(A - B @ np.linalg.solve(D, C)) if len(D) else np.linalg.eigvals(A)
-    return _sorted(zeros), len(D)
+    return fastest_first(zeros), len(D)
 
 
 def _with_full_rows(
@@ -177,7 +178,7 @@ def _scaled(model: LinearModel) -> tuple[np.ndarray, ...]:
 
 def _without_common(zeros: np.ndarray, poles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Both without the pairs that cancel."""
-    kept, left = [], [*_sorted(poles)]
+    kept, left = [], [*fastest_first(poles)]
     for zero in zeros:
         near = min(left, key=lambda pole: abs(pole - zero), default=np.inf)
         if abs(near - zero) <= _CANCELS * (0.01 + abs(zero)):
@@ -185,11 +186,6 @@ def _without_common(zeros: np.ndarray, poles: np.ndarray) -> tuple[np.ndarray, n
         else:
             kept.append(zero)
     return np.array(kept, dtype=complex), np.array(left, dtype=complex)
-
-
-def _sorted(roots: np.ndarray) -> np.ndarray:
-    """Fastest first, the positive imaginary part first."""
-    return roots[np.lexsort((-roots.imag, -np.round(np.abs(roots), 9)))].astype(complex)
 
 
 def _pairs_text(roots: np.ndarray) -> str:

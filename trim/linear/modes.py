@@ -114,6 +114,15 @@ def _time_to(mode: Mode) -> str:
     return f"{time:.3f} ({word})" if math.isfinite(time) else "-"
 
 
+def _order(eigenvalues: np.ndarray) -> np.ndarray:
+    return np.lexsort((-eigenvalues.imag, -np.round(np.abs(eigenvalues), 9)))
+
+
+def fastest_first(eigenvalues: np.ndarray) -> np.ndarray:
+    """Each row (.., n) sorted: fastest first, of a pair the positive imaginary part first."""
+    return np.take_along_axis(eigenvalues, _order(eigenvalues), axis=-1).astype(complex)
+
+
 def track_modes(
     A: np.ndarray, states: tuple[str, ...], neighbours: np.ndarray | None = None, model: Model = HFA
 ) -> np.ndarray:
@@ -133,7 +142,7 @@ def track_modes(
     shapes = vectors / scales[:, None]
     shapes = shapes / np.linalg.norm(shapes, axis=1, keepdims=True)
     order = np.empty(values.shape, dtype=int)
-    order[0] = np.lexsort((-values[0].imag, -np.round(np.abs(values[0]), 9)))
+    order[0] = _order(values[0])
     for point, before, pairing in _tree(values, shapes, neighbours):
         order[point] = pairing[order[before]]
     return np.take_along_axis(values.astype(complex), order, axis=1)

@@ -99,12 +99,7 @@ class OperatingPoint(Reported):
     @property
     def warnings(self) -> list[str]:
         """What a user should know before trusting a model at this point."""
-        say = self.model.describe
-        return [
-            f"{name} {say(name, getattr(self.states, name))} lies beyond {whose}, which ends at {say(name, most)}"
-            for name, (most, whose) in self.model.range.items()
-            if abs(getattr(self.states, name)) > most * (1 + 1e-12)
-        ]
+        return beyond_range(self.model, self.states._asdict())
 
     def refuse_other(self, model: Model | Variant) -> None:
         """BadInputError when the point was trimmed with another model, or other dynamics."""
@@ -186,6 +181,15 @@ class OperatingPoint(Reported):
             "input_units": {name: self.model.unit(name) for name in self.model.inputs},
             "residuals": self.residuals,
         }
+
+
+def beyond_range(model: Model, values: Mapping[str, float]) -> list[str]:
+    """Which values lie beyond the range of their state that models are meant for."""
+    return [
+        f"{name} {model.describe(name, values[name])} lies beyond {whose}, which ends at {model.describe(name, most)}"
+        for name, (most, whose) in model.range.items()
+        if abs(values.get(name, 0.0)) > most * (1 + 1e-12)
+    ]
 
 
 def at_scheduled(point: OperatingPoint) -> str:

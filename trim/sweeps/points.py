@@ -122,21 +122,22 @@ def _ends(model: Model) -> list[int]:
 
 
 def reasons_of(
-    points: Points, aircraft: Aircraft | Model, variables: tuple[str, ...], values: np.ndarray, condition: TrimCondition
+    status: np.ndarray,
+    inputs: np.ndarray,
+    failures: Mapping[int, str],
+    aircraft: Aircraft | Model,
+    variables: tuple[str, ...],
+    values: np.ndarray,
+    condition: TrimCondition,
 ) -> tuple[str, ...]:
-    """Why each point has no trim, "" where it has one."""
-    model = aircraft.model
-
-    def reason(i: int) -> str:
-        if points.status[i] != BEYOND_LIMITS:
-            return points.failures.get(i, "")
-        changed = {
-            name: each for name, each in zip(variables, values[i].tolist(), strict=True) if name in model.parameters
-        }
-        balancing = dict(zip(model.inputs, points.inputs[i].tolist(), strict=True))
-        return beyond_limits(model.with_parameters(**changed), condition_at(condition, variables, values[i]), balancing)
-
-    return tuple(reason(i) for i in range(len(values)))
+    """Why each point has no trim, "" where it has one; status, inputs and failures as in `Points`."""
+    model, reasons = aircraft.model, [failures.get(i, "") for i in range(len(values))]
+    constants = parameters_at(model, variables, values)
+    for i in np.flatnonzero(status == BEYOND_LIMITS).tolist():
+        balancing = dict(zip(model.inputs, inputs[i].tolist(), strict=True))
+        at = condition_at(condition, variables, values[i])
+        reasons[i] = beyond_limits(_own(model, constants[i]), at, balancing)
+    return tuple(reasons)
 
 
 def condition_at(condition: TrimCondition, variables: tuple[str, ...], row: np.ndarray) -> TrimCondition:

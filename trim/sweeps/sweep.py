@@ -1,93 +1,178 @@
-"""A sweep in memory: trims and linear models over a grid, modes tracked, failures kept as rows; and what it says."""
+"""Trims and linear models over many points: one function makes the named arrays of a sweep in memory or in a store."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, NamedTuple
+from functools import cached_property
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from hfa_model.aircraft import Aircraft
 from hfa_support.errors import BadInputError
+from hfa_support.jobs.store import Array, Layout, Store, described
+from hfa_support.jobs.stream import stream
+from hfa_support.jobs.workers import Task
 from hfa_support.model import Model
 from hfa_support.progress import Progress
 from hfa_support.reporting.fields import ByValue
-from hfa_support.reporting.figure import new_figure
 from hfa_support.reporting.report import Picture, Report, Reported
-from hfa_support.reporting.text import RowsMade, Table, eigenvalue_text, shown_unit, shown_value, shown_values
+from hfa_support.reporting.text import RowsMade, Table, eigenvalue_text, shown_unit, shown_value
 from trim.linear.kinks import kinks_in
-from trim.linear.modes import modes_of, track_modes
-from trim.point.condition import TrimCondition, usual_condition
+from trim.linear.modes import fastest_first, modes_of, track_modes
+from trim.point.condition import TrimCondition
 from trim.point.operating_point import OperatingPoint, Status
-from trim.sweeps.points import TRIMMED, parameters_at, reasons_of, trim_points
-from trim.sweeps.sweep_plan import SweepPlan, plan_warnings
+from trim.sweeps.points import COMPILE_FROM, STATUS, TRIMMED, is_square, parameters_at, reasons_of, trim_points
+from trim.sweeps.root_locus import RootLocus
+from trim.sweeps.sweep_plan import SweepPlan
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+SCHEMA, STORE_SCHEMA, SUMMARY_SCHEMA = "hfa.sweep/1", "hfa.sweep-store/1", "hfa.sweep-summary/1"
+#: Of a sweep in memory.
+MOST_POINTS = 1_000_000
+#: Points of a chunk: half a second of work or more, about 90 MB of results.
+CHUNK = 100_000
+#: The same where each point is trimmed on its own: seconds of work.
+SLOW_CHUNK = 1_000
+_NAN = float("nan")
 
-#: A mode is slow when it never has a larger share of the fastest eigenvalue.
-_SLOW = 0.15
-SCHEMA = "hfa.sweep/1"
+
+def task_of(plan: SweepPlan, start: int, stop: int) -> Task:
+    """Arguments of `run_points` for rows start .. stop - 1: values, not the plan, because a worker would make the whole
+    of a Latin hypercube for its part."""
+    compiled = plan.count >= COMPILE_FROM
+    return plan.aircraft, plan.variables, plan.values(start, stop), plan.condition, plan.start, compiled
 
 
-class RootLocus(NamedTuple):
-    """N points along one variable. values: (N,), in `unit`. eigenvalues: (N, n), 1/s, a column a mode;
-    nan where there is no trim. mode_names: of the columns, empty where nothing is trimmed.
-    """
+def run_points(
+    aircraft: Aircraft | Model,
+    variables: tuple[str, ...],
+    values: np.ndarray,
+    condition: TrimCondition,
+    start: OperatingPoint | None,
+    compile_code: bool,
+    progress: Progress | None = None,
+) -> dict[str, Any]:
+    """The points of a task: the arrays of `arrays_of` by name, and `failures` and `kinked`, words by point. What a
+    worker runs."""
+    options: Any = {"start": start, "compile_code": compile_code, "progress": progress}
+    points, model = trim_points(aircraft, variables, values, condition, **options), aircraft.model
+    known = points.status == TRIMMED
+    eigenvalues = np.full(points.states.shape, np.nan, dtype=complex)
+    eigenvalues[known] = fastest_first(np.linalg.eigvals(points.A[known]))
+    constants, exact = parameters_at(model, variables, values), np.concatenate([points.A, points.B], axis=2)
+    kinked, kinks = kinks_in(model, points.states, points.inputs, constants, exact), np.zeros(len(values), dtype=int)
+    for i, words in kinked.items():
+        kinks[i] = len(words)
+    columns = dict(zip(variables, values.T, strict=True))
+    found = {"values": values, "eigenvalues": eigenvalues, "kinks": kinks, "kinked": kinked}
+    return points._asdict() | columns | found
 
-    variable: str
-    unit: str
-    values: np.ndarray
-    eigenvalues: np.ndarray
-    mode_names: tuple[str, ...]
-    called: str
+
+def arrays_of(plan: SweepPlan) -> dict[str, Array]:
+    """What `run_points` makes of a plan: one row a point."""
+    states, inputs, variables = tuple(plan.model.states), tuple(plan.model.inputs), plan.variables
+
+    def numbers(meaning: str, units: str, *axes: tuple[str, Sequence[str]], of: str = "units_of") -> Array:
+        shape, kind = tuple(len(names) for _, names in axes), "float64"
+        return Array(shape, kind, _NAN, tuple(axis for axis, _ in axes), described(meaning, **{of: units}))
+
+    def coded(meaning: str, words: Sequence[str]) -> Array:  # by the CF conventions
+        flags = {"flag_values": list(range(len(words)))}
+        meanings = " ".join(word.replace(" ", "_") for word in words)
+        return Array((), "int8", -1, (), described(meaning) | flags | {"flag_meanings": meanings})
+
+    varied = zip(variables, plan.units, strict=True)
+    state, control, rate = ("state", states), ("input", inputs), ("rate", states)
+    poles = described("of A, fastest first", "1/s")
+    return {name: numbers("what is varied", unit, of="units") for name, unit in varied} | {
+        "values": numbers("what is varied", "variable_unit", ("variable", variables)),
+        "status": coded("how the trim came out", STATUS),
+        "limiting": coded("what lies beyond its limit", states + inputs),
+        "states": numbers("X0", "state_unit", state),
+        "inputs": numbers("U0", "input_unit", control),
+        "A": numbers("dx'/dx", "rate_unit / state_unit", rate, state),
+        "B": numbers("dx'/du", "rate_unit / input_unit", rate, control),
+        "eigenvalues": Array((len(states),), "complex128", complex(_NAN, _NAN), ("mode",), poles),
+        "kinks": Array((), "int16", -1, (), described("entries of A and B whose one-sided slopes differ")),
+    }
+
+
+@dataclass(frozen=True, eq=False)
+class SweepJob:
+    """A plan as a job of `stream`."""
+
+    plan: SweepPlan
+
+    @cached_property
+    def layout(self) -> Layout:
+        """The arrays of `arrays_of`, the names on their axes and the units of these."""
+        plan, model = self.plan, self.plan.model
+        states, inputs = tuple(model.states), tuple(model.inputs)
+        state_units, input_units = model.units(states), model.units(inputs)
+        labels = {
+            "variable": ("variable", plan.variables),
+            "variable_unit": ("variable", plan.units),
+            "state": ("state", states),
+            "state_unit": ("state", state_units),
+            "rate": ("rate", states),
+            "rate_unit": ("rate", tuple(map(model.rate_unit, states))),
+            "input": ("input", inputs),
+            "input_unit": ("input", input_units),
+        }
+        attributes = {
+            "coordinates": " ".join((*plan.variables, *(name for name in labels if name.endswith("_unit")))),
+            **plan.varied,
+            **{"states": list(states), "state_units": list(state_units)},
+            **{"inputs": list(inputs), "input_units": list(input_units)},
+            "status": list(STATUS),
+            "limiting": list(states + inputs),
+            "warnings": plan.warnings,
+        }
+        chunk = CHUNK if is_square(model, plan.variables, plan.condition) else SLOW_CHUNK
+        identity = plan.to_dict(), plan.identity
+        return Layout(STORE_SCHEMA, "sweep", plan.count, "point", chunk, *identity, arrays_of(plan), labels, attributes)
 
     @property
-    def slow(self) -> np.ndarray:
-        """(n,) which eigenvalues stay slow along the line: below a share of the fastest everywhere."""
-        size = np.nanmax(np.abs(self.eigenvalues), axis=0)
-        return np.asarray(size < _SLOW * size.max())
+    def function(self) -> Callable[..., Mapping[str, np.ndarray]]:
+        """What workers run."""
+        return run_points
 
-    def figure(self) -> Figure:
-        """One color a mode, the slow ones enlarged; both ends of the line marked.
+    def task(self, start: int, stop: int) -> Task:
+        """Its arguments for some rows."""
+        return task_of(self.plan, start, stop)
 
-        BadInputError when no point of it has a trim: there is nothing to draw.
-        """
-        if not self.mode_names:
-            raise BadInputError("no point of the sweep has a trim: there is no root locus to draw")
-        slow = self.slow
-        parts = [("all modes", np.ones(len(slow), dtype=bool))]
-        if slow.any() and not slow.all():
-            parts.append(("the slow modes", slow))
-        figure = new_figure(10.0, 5.2)
-        for axes, (title, shown) in zip(figure.subplots(1, len(parts), squeeze=False)[0], parts, strict=True):
-            self._draw(axes, shown)
-            axes.set_title(f"{self.called}, {title}", fontsize=10)
-        handles, labels = figure.axes[0].get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside upper center", ncols=4, fontsize=8)
-        return figure
 
-    def _draw(self, axes: Axes, shown: np.ndarray) -> None:
-        """The columns that are shown, a line a mode, and both ends of the line."""
-        values, unit = shown_values(self.values, self.unit), shown_unit(self.unit)
-        names = list(dict.fromkeys(self.mode_names))
-        for column in np.flatnonzero(shown).tolist():
-            name = self.mode_names[column]
-            style = ("-", "--", "-.", ":")[names.index(name) % 4]
-            label = name if column == self.mode_names.index(name) else None
-            roots = self.eigenvalues[:, column]
-            axes.plot(roots.real, roots.imag, style, color=f"C{names.index(name)}", label=label)
-        trimmed = np.flatnonzero(~np.isnan(self.eigenvalues[:, 0]))
-        for end, marker in ((trimmed[0], "o"), (trimmed[-1], "s")):
-            roots = self.eigenvalues[end, shown]
-            note = f"{self.variable} {values[end]:.4g} {unit}"
-            axes.plot(roots.real, roots.imag, marker, color="black", fillstyle="none", markersize=5, label=note)
-        axes.axvline(0.0, color="gray", linewidth=0.8)
-        axes.set_xlabel("real part, 1/s")
-        axes.set_ylabel("imaginary part, 1/s")
-        axes.grid(alpha=0.3)
+def stream_sweep(plan: SweepPlan, path: Path, **options: Any) -> Store:
+    """Every point of the plan in the store at `path`; options of `stream`."""
+    return stream(SweepJob(plan), path, **options)
+
+
+def stored_sweep_report(plan: SweepPlan, store: Store, path: Path) -> Report:
+    """Points by status, "missing" for those not computed yet; how many lie at a kink."""
+    totals, kinks, notes = np.zeros(len(STATUS) + 1, dtype=int), 0, plan.warnings
+    for start in range(0, plan.count, store.chunk):
+        rows = slice(start, start + store.chunk)
+        totals += np.bincount(store.read("status", rows) + 1, minlength=len(totals))
+        kinks += int(np.count_nonzero(store.read("kinks", rows) > 0))
+    if kinks:
+        notes.append(f"kinks at {kinks} points: one-sided slopes differ from A or B (the array kinks counts entries)")
+    counts = dict(zip(("missing", *STATUS), totals.tolist(), strict=True))
+    return Report(
+        title=f"Sweep over {', '.join(plan.variables)}, {plan.model.title}, in {path}",
+        parts=(Table(("status", "points"), [(status, str(count)) for status, count in counts.items()]),),
+        notes=notes,
+        data={
+            "schema": SUMMARY_SCHEMA,
+            "store": str(path),
+            "dynamics": plan.model.name,
+            **plan.varied,
+            "points": plan.count,
+            "counts": counts,
+            "warnings": notes,
+        },
+    )
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -95,9 +180,9 @@ class Sweep(ByValue, Reported):
     """N points in the order of the grid, the last variable running fastest.
 
     plan: what was swept. values: (N, variables), all combinations of its values. reasons: "" where trimmed, else
-    why not. states: (N, 7), inputs: (N, 5), A: (N, n, n), B: (N, n, 5), eigenvalues: (N, n), a column following one
-    mode through the sweep; nan where the trim failed. mode_names: name of each column at the first trimmed point.
-    kinks: point -> entries of A and B whose one-sided slopes differ, in words.
+    why not. states: (N, n), inputs: (N, m), A: (N, k, k), B: (N, k, m), eigenvalues: (N, k), a column following one
+    mode through the sweep, of the k states of the model; nan where the trim failed. mode_names: name of each column at
+    the first trimmed point. kinks: point -> entries of A and B whose one-sided slopes differ, in words.
     Units: the model's, eigenvalues 1/s.
     """
 
@@ -116,12 +201,12 @@ class Sweep(ByValue, Reported):
     @property
     def dynamics(self) -> str:
         """Name of the dynamics."""
-        return self.plan.dynamics_name
+        return self.model.name
 
     @property
     def model(self) -> Model:
         """Whose trims these are."""
-        return self.plan.aircraft.model
+        return self.plan.model
 
     @property
     def variables(self) -> tuple[str, ...]:
@@ -161,7 +246,7 @@ class Sweep(ByValue, Reported):
                 return *varied(i), *("-" for _ in modes)
             return *varied(i), *(_mode_text(self.eigenvalues[i, columns]) for columns in members)
 
-        count, warnings = len(self.reasons), plan_warnings(self.plan)
+        count, warnings = len(self.reasons), self.plan.warnings
         if self.kinks:
             first, words = next(iter(self.kinks.items()))
             where = f"{len(self.kinks)} of {count} points, the first at {', '.join(varied(first))}"
@@ -171,21 +256,42 @@ class Sweep(ByValue, Reported):
             *(f"{name} 1/s" for name in modes),
         )
         failures = [f"{', '.join(varied(i))}: {reason}" for i, reason in enumerate(self.reasons) if reason]
+        pictures, moving = tuple[Picture, ...](), np.ptp(self.values, axis=0) > 0
+        if self.mode_names and moving.sum() == 1 and moving[-1]:
+            text = f"Eigenvalues over {self.variables[-1]}"
+            pictures = (Picture("root_locus.png", text, self.root_locus.figure),)
         return Report(
             title=f"Sweep, {self.model.title}: {int(self.trimmed.sum())} of {count} points trimmed",
-            parts=((Table(header, RowsMade(count, row)), *failures), *self._picture()),
+            parts=((Table(header, RowsMade(count, row)), *failures), *pictures),
             notes=warnings,
             data=self.to_dict() | {"warnings": warnings},
-            records=_records(self),
+            records=self.records(),
         )
 
-    def _picture(self) -> tuple[Picture, ...]:
-        """The picture of a sweep in one variable."""
-        moving = np.ptp(self.values, axis=0) > 0
-        if not self.mode_names or moving.sum() != 1 or not moving[-1]:
-            return ()
-        text = f"Eigenvalues over {self.variables[-1]}"
-        return (Picture("root_locus.png", text, self.root_locus.figure),)
+    def records(self) -> Table:
+        """One row a point: the varied values, status, reason, operating point, eigenvalues, entries of A and B."""
+        n, model = len(self.model_states), self.model
+        header = (
+            *(f"{name} [{unit}]" for name, unit in zip(self.variables, self.units, strict=True)),
+            *("status", "reason"),
+            *(f"state {name} [{each.unit}]" for name, each in model.states.items()),
+            *(f"input {name} [{each.unit}]" for name, each in model.inputs.items()),
+            *(f"{part} eigenvalue {i + 1} [1/s]" for i in range(n) for part in ("real", "imaginary")),
+            *(
+                f"{matrix}({row}, {column}) [{model.entry_unit(row, column)}]"
+                for matrix, names in (("A", self.model_states), ("B", tuple(model.inputs)))
+                for row in self.model_states
+                for column in names
+            ),
+        )
+
+        def row(i: int) -> tuple[Any, ...]:
+            status = str(Status.FAILED if self.reasons[i] else Status.TRIMMED)
+            roots = self.eigenvalues[i].view(float)
+            numbers = self.states[i], self.inputs[i], roots, self.A[i].ravel(), self.B[i].ravel()
+            return *self.values[i], status, self.reasons[i], *np.concatenate(numbers)
+
+        return Table(header, RowsMade(len(self.reasons), row))
 
     def to_xarray(self) -> Any:
         """The sweep as an `xarray.Dataset`: states, inputs, A, B and eigenvalues over the axes of the grid, or over the
@@ -193,30 +299,24 @@ class Sweep(ByValue, Reported):
         import xarray
 
         plan, model = self.plan, self.model
-        listed = plan.listed
-        place = ("point",) if listed else plan.variables
-        shape = (plan.count,) if listed else tuple(plan.sizes)
-        arrays = {
-            "states": (self.states, ("state",)),
-            "inputs": (self.inputs, ("input",)),
-            "A": (self.A, ("rate", "linear_state")),
-            "B": (self.B, ("rate", "input")),
-            "eigenvalues": (self.eigenvalues, ("mode",)),
-            "reason": (np.array(self.reasons), ()),
-        }
-        names = {"state": tuple(model.states), "input": tuple(model.inputs), "mode": self.mode_names or None}
+        place, shape = (("point",), (plan.count,)) if plan.listed else (plan.variables, tuple(plan.sizes))
+        names = {"state": tuple(model.states), "input": tuple(model.inputs), "mode": self.mode_names}
         names |= {"rate": self.model_states, "linear_state": self.model_states}
         coordinates: dict[str, Any] = {name: list(each) for name, each in names.items() if each}
-        coordinates |= {f"{name}_unit": (name, list(model.units(names[name] or ()))) for name in ("state", "input")}
+        coordinates |= {f"{name}_unit": (name, list(model.units(names[name]))) for name in ("state", "input")}
         for i, (name, unit) in enumerate(zip(plan.variables, plan.units, strict=True)):
-            axis, column = 0 if listed else i, self.values[:, i].reshape(shape)
-            along = np.moveaxis(column, axis, -1).reshape(-1, shape[axis])[0]
-            coordinates[name] = (place[axis], along, {"units": unit})
-        data = {name: ((*place, *of), each.reshape(*shape, *each.shape[1:])) for name, (each, of) in arrays.items()}
+            axis, along = (place[0], self.values[:, i]) if plan.listed else (name, plan.axes[name][np.arange(shape[i])])
+            coordinates[name] = (axis, along, {"units": unit})
+        data: dict[str, Any] = {"reason": (place, np.array(self.reasons).reshape(shape))}
+        for name in ("states", "inputs", "A", "B", "eigenvalues"):
+            array, about = getattr(self, name), arrays_of(plan)[name]
+            axes = ("rate", "linear_state") if name == "A" else about.axes
+            data[name] = ((*place, *axes), array.reshape(*shape, *array.shape[1:]), about.about)
         return xarray.Dataset(data, coordinates, {"model": model.title})
 
     def to_dict(self) -> dict[str, Any]:
         """Names, units and arrays; complex eigenvalues as [real, imaginary]."""
+        inputs = tuple(self.model.inputs)
         return {
             "schema": SCHEMA,
             "dynamics": self.dynamics,
@@ -225,8 +325,8 @@ class Sweep(ByValue, Reported):
             "reasons": list(self.reasons),
             "states": list(self.model_states),
             "state_units": list(self.model.units(self.model_states)),
-            "inputs": list(self.model.inputs),
-            "input_units": list(self.model.units(tuple(self.model.inputs))),
+            "inputs": list(inputs),
+            "input_units": list(self.model.units(inputs)),
             "operating_states": self.states,
             "operating_inputs": self.inputs,
             "A": self.A,
@@ -234,39 +334,6 @@ class Sweep(ByValue, Reported):
             "mode_names": list(self.mode_names),
             "eigenvalues": np.stack([self.eigenvalues.real, self.eigenvalues.imag], axis=-1),
         }
-
-
-def _records(result: Sweep) -> Table:
-    """One row a point: the varied values, status, reason, operating point, eigenvalues, entries of A and B."""
-    n, model = len(result.model_states), result.model
-    header = (
-        *(f"{name} [{unit}]" for name, unit in zip(result.variables, result.units, strict=True)),
-        "status",
-        "reason",
-        *(f"state {name} [{each.unit}]" for name, each in model.states.items()),
-        *(f"input {name} [{each.unit}]" for name, each in model.inputs.items()),
-        *(f"{part} eigenvalue {i + 1} [1/s]" for i in range(n) for part in ("real", "imaginary")),
-        *(
-            f"{matrix}({row}, {column}) [{model.entry_unit(row, column)}]"
-            for matrix, names in (("A", result.model_states), ("B", tuple(model.inputs)))
-            for row in result.model_states
-            for column in names
-        ),
-    )
-
-    def row(i: int) -> tuple[Any, ...]:
-        return (
-            *result.values[i],
-            str(Status.FAILED if result.reasons[i] else Status.TRIMMED),
-            result.reasons[i],
-            *result.states[i],
-            *result.inputs[i],
-            *(part for value in result.eigenvalues[i] for part in (value.real, value.imag)),
-            *result.A[i].ravel(),
-            *result.B[i].ravel(),
-        )
-
-    return Table(header, RowsMade(len(result.reasons), row))
 
 
 def _mode_text(eigenvalues: np.ndarray) -> str:
@@ -277,10 +344,6 @@ def _mode_text(eigenvalues: np.ndarray) -> str:
         f"{each.real:.4f} {each.imag:+.4f}i" if each.imag and each not in pairs else eigenvalue_text(each)
         for each in shown
     )
-
-
-#: Of a sweep in memory.
-MOST_POINTS = 1_000_000
 
 
 def sweep(
@@ -302,12 +365,7 @@ def sweep(
     reason. progress is called with (points done, points in all). BadInputError when a name is unknown, a value lies
     outside its limits, or the grid is empty or has more than `MOST_POINTS` points.
     """
-    asked = usual_condition(aircraft.model) if condition is None else condition
-    if isinstance(aircraft, Model):
-        own: tuple[Any, Any] = None, aircraft
-    else:
-        own = aircraft.parameters, aircraft.variant
-    plan = SweepPlan(grid, *own, condition=asked, start=start, listed=listed)
+    plan = SweepPlan(grid, aircraft, condition, start=start, listed=listed)  # type: ignore[arg-type]
     return run_plan(plan, full=full, progress=progress)
 
 
@@ -315,25 +373,22 @@ def run_plan(plan: SweepPlan, *, full: bool = False, progress: Progress | None =
     """Every point of a plan with a grid, in memory; full: all states, not the linear ones alone."""
     if plan.samples or plan.count > MOST_POINTS:
         raise BadInputError(f"the sweep has {plan.count:,} points; a grid of at most {MOST_POINTS:,} fits in memory")
-    values, variables = plan.values(0, plan.count), plan.variables
-    points = trim_points(plan.aircraft, variables, values, plan.condition, start=plan.start, progress=progress)
-    reasons = reasons_of(points, plan.aircraft, variables, values, plan.condition)
-    trimmed = points.status == TRIMMED
-    points.states[~trimmed], points.inputs[~trimmed] = np.nan, np.nan
-    model = plan.aircraft.model
+    task, model = task_of(plan, 0, plan.count), plan.model
+    rows = run_points(*task, progress)
+    trimmed = rows["status"] == TRIMMED
+    reasons = reasons_of(rows["status"], rows["inputs"], rows["failures"], *task[:4])
+    states, inputs = (np.where(trimmed[:, None], rows[name], np.nan) for name in ("states", "inputs"))
     model_states = tuple(model.states) if full else model.linear
-    rows = [list(model.states).index(name) for name in model_states]
-    A, B = points.A[:, rows][:, :, rows], points.B[:, rows]
-    eigenvalues = np.full((plan.count, len(rows)), np.nan, dtype=complex)
-    mode_names: tuple[str, ...] = ()
+    chosen = [list(model.states).index(name) for name in model_states]
+    A, B = rows["A"][:, chosen][:, :, chosen], rows["B"][:, chosen]
+    eigenvalues, names = np.full((plan.count, len(chosen)), np.nan, dtype=complex), tuple[str, ...]()
     if trimmed.any():
         eigenvalues[trimmed] = track_modes(A[trimmed], model_states, _neighbours(plan.sizes, trimmed), model)
         first = int(np.argmax(trimmed))
-        mode_names = _column_names(A[first], eigenvalues[first], model_states, model)
-    constants, exact = parameters_at(model, variables, values), np.concatenate([points.A, points.B], axis=2)
-    kinks = kinks_in(model, points.states, points.inputs, constants, exact)
-    found = (points.states, points.inputs, A, B, eigenvalues, model_states, mode_names, kinks)
-    return Sweep(plan, values, reasons, *found)
+        modes = modes_of(A[first], model_states, model.modes)
+        up = [complex(value.real, abs(value.imag)) for value in eigenvalues[first]]
+        names = tuple(min(modes, key=lambda mode: abs(mode.eigenvalue - value)).name for value in up)
+    return Sweep(plan, rows["values"], reasons, states, inputs, A, B, eigenvalues, model_states, names, rows["kinked"])
 
 
 def _neighbours(sizes: list[int], trimmed: np.ndarray) -> np.ndarray:
@@ -347,10 +402,3 @@ def _neighbours(sizes: list[int], trimmed: np.ndarray) -> np.ndarray:
         same = line[1:] == line[:-1]
         pairs.append(np.stack([along[:-1][same], along[1:][same]], axis=-1))
     return np.asarray(numbers[np.concatenate(pairs)])
-
-
-def _column_names(A: np.ndarray, eigenvalues: np.ndarray, states: tuple[str, ...], model: Model) -> tuple[str, ...]:
-    """The mode of each eigenvalue column, at the first trimmed point."""
-    modes = modes_of(A, states, model.modes)
-    up = [complex(value.real, abs(value.imag)) for value in eigenvalues]
-    return tuple(min(modes, key=lambda mode: abs(mode.eigenvalue - value)).name for value in up)

@@ -1,12 +1,11 @@
-"""What a sweep visits: which variables take which values, any part of it on demand, and what lies beyond the
-paper's range of dihedral."""
+"""What a sweep visits: which variables take which values, and any part of it on demand."""
 
 from __future__ import annotations
 
 import hashlib
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from typing import Any
@@ -14,12 +13,10 @@ from typing import Any
 import numpy as np
 
 from hfa_model.aircraft import Aircraft
-from hfa_model.parameters import FIELDS, Parameters
-from hfa_model.variants import Variant, variant_named
 from hfa_support.errors import BadInputError, numbers_in, shown
 from hfa_support.model import Model
-from trim.point.condition import LEVEL_FLIGHT, TrimCondition
-from trim.point.operating_point import OperatingPoint
+from trim.point.condition import TrimCondition, usual_condition
+from trim.point.operating_point import OperatingPoint, beyond_range
 from trim.sweeps.points import condition_at
 
 #: Of a grid, which is never made as a whole.
@@ -36,8 +33,10 @@ class Steps:
     step: float
     count: int
 
-    def at(self, index: np.ndarray) -> np.ndarray:
-        """The values of the given indices."""
+    def __len__(self) -> int:
+        return self.count
+
+    def __getitem__(self, index: Any) -> Any:
         return self.start + self.step * index
 
 
@@ -48,39 +47,35 @@ class SweepPlan:
     axes: variable -> its values on a grid, listed or as `Steps` (all combinations, the last variable running
     fastest), or, when `samples` > 0, variable -> (lowest, highest; twice the same for a constant) of a Latin
     hypercube of that many points under `seed` (scipy.stats.qmc). listed: the axes are columns of equal length, a point
-    a row. Internal units. parameters, dynamics: the HFA where
-    it is not varied; dynamics by name or a `Variant`, or any other `Model`, which has its own parameters. condition:
-    what the other variables do. start: where the search begins at each point. BadInputError when a name or a range is
-    wrong.
+    a row. Internal units. condition: what the other variables do, the model's own trim unless given. start: where the
+    search begins at each point. BadInputError when a name or a range is wrong.
     """
 
-    axes: Mapping[str, Sequence[float] | np.ndarray | Steps]
-    parameters: Parameters | None
-    dynamics: str | Variant | Model
+    axes: Mapping[str, Any]
+    aircraft: Aircraft | Model
+    condition: TrimCondition = None  # type: ignore[assignment]  # replaced below
     samples: int = 0
     seed: int = 0
-    condition: TrimCondition = LEVEL_FLIGHT
     start: OperatingPoint | None = None
     listed: bool = False
 
     def __post_init__(self) -> None:
         """Check everything before anything runs."""
-        model = self.condition.model
+        model = self.model
+        if self.condition is None:
+            object.__setattr__(self, "condition", usual_condition(model))
         if not self.axes:
             raise BadInputError(f"nothing to sweep; choose from {', '.join((*model.holdable, *model.parameters))}")
-        ends_of, listed = {}, {}
+        axes: dict[str, Any] = {}
         for name, values in self.axes.items():
             model.refuse_unheld("cannot sweep", name, tuple(model.parameters))
-            ends = values.at(np.array([0, values.count - 1])) if isinstance(values, Steps) else numbers_in(name, values)
-            if ends.ndim != 1 or not ends.size:
+            axes[name] = values if isinstance(values, Steps) else numbers_in(name, values)
+            if not isinstance(values, Steps) and (axes[name].ndim != 1 or not axes[name].size):
                 raise BadInputError(f"the values of {name} are {shown(values)}; give a list of numbers")
-            ends_of[name], listed[name] = ends, values if isinstance(values, Steps) else tuple(ends.tolist())
-            if self.parameters and name in FIELDS._fields and getattr(FIELDS, name).positive and not min(ends) > 0:
-                raise BadInputError(f"{name} is {min(ends):g} in the sweep; it must be positive")
             if self.samples and (isinstance(values, Steps) or len(values) != 2 or not values[0] <= values[1]):
                 raise BadInputError(f"{name} needs a range lowest:highest for random samples")
-        object.__setattr__(self, "axes", listed)
-        if self.listed and len(set(self._lengths)) > 1:
+        object.__setattr__(self, "axes", axes)
+        if self.listed and len({len(values) for values in axes.values()}) > 1:
             raise BadInputError(f"the columns of a list of conditions have {shown(self._lengths)} values; give as many")
         if not 0 <= self.samples <= MOST_SAMPLES:
             raise BadInputError(f"samples is {self.samples}; it must lie between 0 and {MOST_SAMPLES:,}")
@@ -88,20 +83,19 @@ class SweepPlan:
             raise BadInputError(
                 f"the sweep has {self.count:,.15g} points, at most {MOST_POINTS:,} are allowed; take larger steps"
             )
-        if isinstance(self.dynamics, str):
-            variant_named(self.dynamics)
-        for corner in (np.argmin, np.argmax):
-            condition_at(self.condition, self.variables, np.array([ends[corner(ends)] for ends in ends_of.values()]))
-
-    @cached_property
-    def aircraft(self) -> Aircraft | Model:
-        """What is not varied of the aircraft."""
-        return self.dynamics if isinstance(self.dynamics, Model) else Aircraft(self.parameters, self.dynamics)
+        for name in {*axes} & {*model.parameters}:
+            lowest, highest, most = *self._ends[name], model.parameters[name]
+            if not most.min <= lowest <= highest <= most.max:
+                allowed = f"between {model.describe(name, most.min)} and {model.describe(name, most.max)}"
+                said = " to ".join(dict.fromkeys(model.describe(name, each) for each in (lowest, highest)))
+                raise BadInputError(f"{name} is {said} in the sweep; it must lie {allowed}")
+        for corner in np.array(list(self._ends.values())).T:
+            condition_at(self.condition, self.variables, corner)
 
     @property
-    def dynamics_name(self) -> str:
-        """Name of the dynamics."""
-        return self.dynamics if isinstance(self.dynamics, str) else self.dynamics.name
+    def model(self) -> Model:
+        """Whose trims these are."""
+        return self.aircraft.model
 
     @property
     def variables(self) -> tuple[str, ...]:
@@ -111,69 +105,64 @@ class SweepPlan:
     @property
     def units(self) -> tuple[str, ...]:
         """Unit of each variable, in order."""
-        return self.condition.model.units(self.variables)
+        return self.model.units(self.variables)
 
     @property
-    def grid(self) -> dict[str, dict[str, Any]]:
-        """Variable -> its unit and its values: listed, or start, step and count; of samples lowest and highest."""
-        found: dict[str, dict[str, Any]] = {}
-        for (name, values), unit in zip(self.axes.items(), self.units, strict=True):
-            if isinstance(values, Steps):
-                found[name] = asdict(values) | {"unit": unit}
-            elif self.samples:
-                found[name] = {"lowest": values[0], "highest": values[1], "unit": unit}
-            else:
-                found[name] = {"values": list(values), "unit": unit}
-        return found
+    def _ends(self) -> dict[str, tuple[float, float]]:
+        """Variable -> its lowest and highest value."""
+        ends = {name: np.array([v[0], v[len(v) - 1]]) if isinstance(v, Steps) else v for name, v in self.axes.items()}
+        return {name: (float(values.min()), float(values.max())) for name, values in ends.items()}
 
     @property
-    def varied(self) -> dict[str, Any]:
-        """What varies, over which values and about which condition, as JSON data."""
-        return {
-            "variables": list(self.variables),
-            "variable_units": list(self.units),
-            "grid": self.grid,
-            "condition": self.condition.to_dict(),
-        }
-
-    @cached_property
-    def count(self) -> int:
-        """Number of points."""
-        return self.samples or math.prod(self.sizes)
-
-    def values(self, start: int, stop: int) -> np.ndarray:
-        """Rows start .. stop - 1 of the (N, variables) table of values."""
-        if self.samples:
-            return self._hypercube[start:stop]
-        if self.listed:
-            return np.column_stack([np.asarray(values) for values in self.axes.values()])[start:stop]
-        indices = np.unravel_index(np.arange(start, stop), self.sizes)
-        columns = [
-            values.at(index) if isinstance(values, Steps) else np.asarray(values)[index]
-            for values, index in zip(self.axes.values(), indices, strict=True)
-        ]
-        return np.stack(columns, axis=-1)
+    def _lengths(self) -> list[int]:
+        return [len(values) for values in self.axes.values()]
 
     @property
     def sizes(self) -> list[int]:
         """Number of values of each variable of a grid, in order; of a list the number of its rows."""
         return self._lengths[:1] if self.listed else self._lengths
 
+    @cached_property
+    def count(self) -> int:
+        """Number of points."""
+        return self.samples or math.prod(self.sizes)
+
     @property
-    def _lengths(self) -> list[int]:
-        return [values.count if isinstance(values, Steps) else len(values) for values in self.axes.values()]
+    def warnings(self) -> list[str]:
+        """What a user should know before trusting a sweep: the farthest value of each variable beyond a range."""
+        return beyond_range(self.model, {name: max(ends, key=abs) for name, ends in self._ends.items()})
+
+    def _axes_data(self) -> dict[str, Any]:
+        return {name: asdict(v) if isinstance(v, Steps) else v.tolist() for name, v in self.axes.items()}
+
+    @property
+    def varied(self) -> dict[str, Any]:
+        """What varies, over which values and about which condition, as JSON data; `grid`: variable -> its unit and its
+        values, listed, or start, step and count; of samples lowest and highest."""
+        grid = {}
+        for (name, values), unit in zip(self._axes_data().items(), self.units, strict=True):
+            kind = values if isinstance(values, dict) else {"values": values}
+            kind = dict(zip(("lowest", "highest"), values, strict=True)) if self.samples else kind
+            grid[name] = kind | {"unit": unit}
+        names, units = list(self.variables), list(self.units)
+        return {"variables": names, "variable_units": units, "grid": grid, "condition": self.condition.to_dict()}
+
+    def values(self, start: int, stop: int) -> np.ndarray:
+        """Rows start .. stop - 1 of the (N, variables) table of values."""
+        if self.samples:
+            return self._hypercube[start:stop]
+        index = np.arange(start, stop)
+        indices = [index] * len(self.axes) if self.listed else np.unravel_index(index, self.sizes)
+        return np.stack([values[each] for values, each in zip(self.axes.values(), indices, strict=True)], axis=-1)
 
     def to_dict(self) -> dict[str, Any]:
         """The plan as JSON data; two plans with the same data visit the same points."""
         return {
-            "axes": {
-                name: asdict(values) if isinstance(values, Steps) else list(values)
-                for name, values in self.axes.items()
-            },
-            "parameters": {name: each.start for name, each in self.aircraft.model.parameters.items()},
-            "dynamics": self.dynamics_name,
-            **({"source": list(self.dynamics.source)} if isinstance(self.dynamics, Model) else {}),
-            **({"listed": True} if self.listed else {}),
+            "axes": self._axes_data(),
+            "parameters": {name: each.start for name, each in self.model.parameters.items()},
+            "dynamics": self.model.name,
+            "source": list(self.model.source),
+            "listed": self.listed,
             "samples": self.samples,
             "seed": self.seed,
             "condition": self.condition.to_dict(),
@@ -190,27 +179,5 @@ class SweepPlan:
         from scipy.stats import qmc
 
         unit = qmc.LatinHypercube(d=len(self.axes), rng=np.random.default_rng(self.seed)).random(self.samples)
-        bounds = np.array(list(self.axes.values()))
-        return np.asarray(bounds[:, 0] + unit * (bounds[:, 1] - bounds[:, 0]))
-
-
-def plan_warnings(plan: SweepPlan) -> list[str]:
-    """What a user should know before trusting a sweep of any size; a grid is counted without making its points."""
-    model, found = plan.condition.model, []
-    for name, (most, whose) in model.range.items():
-        if name not in plan.axes:
-            continue
-        values, limit = plan.axes[name], most * (1 + 1e-12)
-        if isinstance(values, Steps):
-            # Of i = 0 ... count - 1 the ones between `first` and `last` have -limit <= start + i step <= limit.
-            first = max(math.ceil((-limit - values.start) / values.step), 0)
-            last = min(math.floor((limit - values.start) / values.step), values.count - 1)
-            beyond, each = values.count - max(last - first + 1, 0), plan.count // values.count
-        else:
-            listed = plan.values(0, plan.count)[:, plan.variables.index(name)] if plan.samples else np.asarray(values)
-            beyond, each = int(np.count_nonzero(np.abs(listed) > limit)), plan.count // len(listed)
-        if beyond:
-            lie = f"{beyond * each} of {plan.count} points {'lies' if beyond * each == 1 else 'lie'}"
-            where = f"beyond {whose} of {name}, which ends at {model.describe(name, most)}"
-            found.append(f"{lie if plan.count > 1 else 'the point lies'} {where}")
-    return found
+        lowest, highest = np.array(list(self.axes.values())).T
+        return np.asarray(lowest + unit * (highest - lowest))

@@ -16,7 +16,7 @@ from controller.flight.monte_carlo import fly_members
 from hfa_model import Aircraft, State, default_parameters
 from hfa_support.native.bound import cached_per_thread
 from trim.point.condition import LEVEL_FLIGHT
-from trim.sweeps.stored_sweep import run_points
+from trim.sweeps.sweep import run_points
 
 PARAMETERS = default_parameters().values
 Rows = Mapping[str, NDArray]

@@ -17,7 +17,7 @@ from trim import TrimError, find_operating_point, level_flight, linearize, relea
 from trim.point.condition import LEVEL_FLIGHT
 from trim.sweeps import points as many
 from trim.sweeps.points import BEYOND_LIMITS, NO_TRIM, TRIMMED
-from trim.sweeps.stored_sweep import run_points
+from trim.sweeps.sweep import run_points
 
 LEVEL = ("dihedral", "speed", "altitude", "alpha", "gamma")
 LOWEST, HIGHEST = [0.0, 60.0, 20_000.0, 0.035, -0.05], [0.35, 75.0, 45_000.0, 0.07, 0.05]
