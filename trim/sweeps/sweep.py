@@ -374,7 +374,7 @@ def run_plan(plan: SweepPlan, *, full: bool = False, progress: Progress | None =
     if plan.samples or plan.count > MOST_POINTS:
         raise BadInputError(f"the sweep has {plan.count:,} points; a grid of at most {MOST_POINTS:,} fits in memory")
     task, model = task_of(plan, 0, plan.count), plan.model
-    rows = run_points(*task, progress)
+    rows = run_points(*task, progress)  # type: ignore[call-arg]
     trimmed = rows["status"] == TRIMMED
     reasons = reasons_of(rows["status"], rows["inputs"], rows["failures"], *task[:4])
     states, inputs = (np.where(trimmed[:, None], rows[name], np.nan) for name in ("states", "inputs"))
