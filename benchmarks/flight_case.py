@@ -6,6 +6,7 @@ import ctypes
 import subprocess
 import tempfile
 from collections.abc import Callable
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +14,8 @@ import numpy as np
 
 from benchmarks.report import FOLDER
 from controller.flight.closed_loop import ClosedLoop
-from controller.flight.integrator import RungeKutta, integrate
 from controller.flight.plants import LinearPlant
+from controller.flight.scenario import Scenario
 from controller.flight.simulation import CompiledLoop
 from controller.game.basis import basis
 from controller.game.zero_sum import published_game
@@ -69,15 +70,20 @@ class FlightCase:
             (Harmonic(0.1, 1.1 * np.array([0.1, 0.2, 0, 0.1, 0, 0.1]), 1.1 * np.array([0, 0, 0.2, 0, 0.1, 0])),),
         )
         policy = CriticPolicy(self.law, zero(6))
-        loop = ClosedLoop(LinearPlant(game.A, game.B), policy, self.reference, self.disturbance, zero(6))
-        self.compiled = CompiledLoop(loop)
+        self.plant, self.policy = LinearPlant(game.A, game.B), policy
         weights = self.law.start()["weights"]
         self.start = np.concatenate([[5.0, 0.05, 0, 0, 0, 0], weights])
+        self.compiled = lru_cache(self._compiled)
 
     def fly(self, compile_code: bool, steps: int = STEPS) -> np.ndarray:
         """Our loop: every state at every step."""
-        method = RungeKutta(self.compiled.rate, STEP, min(steps, 1000), compile_code=compile_code)
-        return integrate(method, self.start, lambda tick: np.ones(1), max(1, steps // 1000))[:, 1:]
+        flight = self.compiled(compile_code, steps).fly(self.start[:6], lambda tick: np.ones(1), memory=self.start[6:])
+        return np.hstack([flight.states, flight.memory])
+
+    def _compiled(self, compile_code: bool, steps: int) -> CompiledLoop:
+        tick = STEP * min(steps, 1000)
+        scenario = Scenario(steps * STEP, STEP, tick, reference=self.reference, disturbance=self.disturbance)
+        return CompiledLoop(ClosedLoop(self.plant, self.policy, scenario), flights=STEPS * compile_code)
 
     def data(self) -> dict[str, Any]:
         """Everything that the loop depends on, as arrays."""

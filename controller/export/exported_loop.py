@@ -19,6 +19,7 @@ from controller.export.c_model import c_positions, c_table, comment_lines, displ
 from controller.flight.actuators import Actuators
 from controller.flight.closed_loop import ClosedLoop
 from controller.flight.plants import UPDRAFT, NonlinearPlant
+from controller.flight.scenario import Scenario
 from controller.policy.policies import GainPolicy, Memoryless, Policy, Seen, Unvaried, gain_constants
 from controller.policy.servo_policy import ServoPolicy, servo_law
 from controller.policy.signals import CommandSteps
@@ -260,7 +261,8 @@ def _closed(
     """Y = [X; actuators; memory], its rate, and U."""
     told: dict[str, Any] = {} if reference is None else {"reference": Given(reference)}
     trim, gust = np.array(point.inputs), Given(w) if w.numel() else None
-    loop = ClosedLoop(NonlinearPlant(aircraft, point), policy, gust=gust, actuators=actuators, trim=trim, **told)
+    scenario = Scenario(gust=gust, actuators=actuators, **told)
+    loop = ClosedLoop(NonlinearPlant(aircraft, point), policy, scenario, trim)
     t, Y, _ = loop.symbols()
     offsets = np.zeros(Y.numel())
     offsets[: len(point.states)] = point.states

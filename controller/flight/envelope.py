@@ -6,13 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-import casadi as ca
 import numpy as np
 
 from hfa_model.aircraft import Aircraft
 from hfa_support.errors import BadInputError, pair_of, refuse_unknown
-from hfa_support.model import Model, components, record
-from hfa_support.native.bound import RowsFunction, cached_per_thread
+from hfa_support.model import Model, record
 from hfa_support.reporting.text import degrees, short_number, shown_unit
 from trim.point.operating_point import OperatingPoint
 
@@ -20,9 +18,6 @@ from trim.point.operating_point import OperatingPoint
 ALPHA, ANGLE_OF_ATTACK = "alpha", "angle_of_attack"
 #: Said where the air moves.
 OVER_GROUND = f"alpha is over ground; the envelope limits {ANGLE_OF_ATTACK}, which is through the air"
-
-#: Disturbance -> its values, (N,): the air in which rows of states are; none in still air.
-WindRows = Mapping[str, np.ndarray]
 
 
 class Departure(NamedTuple):
@@ -92,42 +87,9 @@ def limited_names(model: Model, moving_air: bool) -> tuple[str, ...]:
     return tuple(instead.get(name, name) for name in model.states)
 
 
-def through_air(model: Model, x: Any, winds: Mapping[str, Any]) -> ca.SX:
-    """`ANGLE_OF_ATTACK` of a model at states, a list of n expressions, in winds.
-
-    BadInputError where it depends on an input: then it is no angle of the flow alone.
-    """
-    u = ca.SX.sym("u", len(model.inputs))
-    w = [winds.get(name, 0.0) for name in model.disturbances]
-    angle = model.layout.expressions((x, components(u), model.p.tolist()), (ANGLE_OF_ATTACK,), w)[1]
-    if ca.depends_on(angle, u):
-        raise BadInputError(f"{model.name}: {ANGLE_OF_ATTACK} depends on an input; rename that output")
-    return angle
-
-
-def angles_of_attack(model: Model, states: np.ndarray, winds: WindRows | None) -> np.ndarray:
-    """Alpha through the air, (N,), rad, of absolute states (N, n); winds: None in still air."""
-    if not winds:
-        return np.asarray(states[:, list(model.states).index(ALPHA)])
-    rows = np.column_stack(list(winds.values()))
-    return np.asarray(_angle_of_attack(model, tuple(winds))(len(states), states, rows)[0].ravel())
-
-
-@cached_per_thread(4)
-def _angle_of_attack(model: Model, names: tuple[str, ...]) -> RowsFunction:
-    """(x (n,), w (k,)) -> alpha through the air: asked at every tick of a flight, so that it is built once."""
-    (x,), w = model.layout.symbols("x"), ca.SX.sym("w", len(names))
-    angle = through_air(model, components(x), dict(zip(names, components(w), strict=True)))
-    return RowsFunction(ca.Function("angle_of_attack", [x, w], [angle]))
-
-
 @dataclass(frozen=True)
 class Envelope:
-    """lowest, highest: absolute limits of every state of a model, by name; of alpha: through the air.
-
-    Its methods take the winds in which the states are; None: still air, where alpha over ground is alpha through the
-    air.
-    """
+    """lowest, highest: absolute limits of every state of a model, by name; of alpha: through the air."""
 
     lowest: Any
     highest: Any
@@ -145,15 +107,9 @@ class Envelope:
             return "none"
         return f"{short_number(self.lowest[index], unit)} to {short_number(self.highest[index], unit)}"
 
-    def inside(self, states: np.ndarray, winds: WindRows | None = None) -> np.ndarray:
-        """Which rows of (N, n) absolute states are within all limits; a number that is not finite is not."""
-        limited = self._limited(states, winds)
-        within = (limited >= np.array(self.lowest)) & (limited <= np.array(self.highest)) & np.isfinite(limited)
-        return np.asarray(within.all(axis=-1))
-
-    def refuse_start(self, states: np.ndarray, winds: WindRows | None = None) -> None:
-        """BadInputError when a flight from these absolute states, (n,), in winds of one row, begins outside."""
-        found = self.departure(np.zeros(1), states[None], winds)
+    def refuse_start(self, limited: np.ndarray, moving_air: bool = False) -> None:
+        """BadInputError when a flight begins outside; limited: one row, (1, n), as of `departure`."""
+        found = self.departure(np.zeros(1), limited, moving_air)
         if found is not None:
             (value, unit), (limit, _) = (degrees(x, found.unit) for x in (found.value, found.limit))
             raise BadInputError(
@@ -161,29 +117,27 @@ class Envelope:
                 f"{unit}; begin inside the envelope, or widen it"
             )
 
-    def departure(self, times: np.ndarray, states: np.ndarray, winds: WindRows | None = None) -> Departure | None:
-        """The first row of (N, n) absolute states outside, and its state with the largest excess in half-widths."""
-        outside = ~self.inside(states, winds)
-        if not outside.any():
-            return None
-        row = int(np.argmax(outside))
-        limited = self._limited(states, winds)[row]
-        lowest, highest = np.array(self.lowest), np.array(self.highest)
-        width = np.where(np.isfinite(highest - lowest), highest - lowest, 1.0)
-        excess = np.maximum(limited - highest, lowest - limited) / width
-        index = int(np.argmax(np.where(np.isfinite(limited), excess, np.inf)))
-        value = float(limited[index])
-        limit = lowest[index] if value < lowest[index] else highest[index]
-        unit, name = self.model.unit(tuple(self.model.states)[index]), limited_names(self.model, bool(winds))[index]
-        return Departure(name, float(times[row]), value, float(limit), unit)
+    def outside(self, limited: np.ndarray) -> np.ndarray:
+        """Which rows of (N, n) are not within all limits; a number that is not finite is not."""
+        within = (limited >= np.array(self.lowest)) & (limited <= np.array(self.highest)) & np.isfinite(limited)
+        return np.asarray(~within.all(axis=-1))
 
-    def _limited(self, states: np.ndarray, winds: WindRows | None) -> np.ndarray:
-        """What the limits count on, (N, n)."""
-        if not winds or not flown_through_air(self.model):
-            return states
-        limited = states.copy()
-        limited[:, list(self.model.states).index(ALPHA)] = angles_of_attack(self.model, states, winds)
-        return limited
+    def departure(self, times: np.ndarray, limited: np.ndarray, moving_air: bool = False) -> Departure | None:
+        """The first row outside, and its state with the largest excess in half-widths; None without one.
+
+        limited: (N, n), absolute states, alpha through the air.
+        """
+        if not self.outside(np.array([limited.min(axis=0), limited.max(axis=0)])).any():
+            return None
+        row = int(np.argmax(self.outside(limited)))
+        lowest, highest, at = np.array(self.lowest), np.array(self.highest), limited[row]
+        width = np.where(np.isfinite(highest - lowest), highest - lowest, 1.0)
+        excess = np.maximum(at - highest, lowest - at) / width
+        index = int(np.argmax(np.where(np.isfinite(at), excess, np.inf)))
+        value = float(at[index])
+        limit = lowest[index] if value < lowest[index] else highest[index]
+        name = limited_names(self.model, moving_air)[index]
+        return Departure(name, float(times[row]), value, float(limit), self.model.unit(tuple(self.model.states)[index]))
 
 
 def flight_envelope(

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from controller.flight.gusts import OneMinusCosine
 from controller.flight.scenario import Scenario
-from controller.flight.simulation import Flight
 from controller.policy.signals import CommandedStates, Signal
 from hfa_support.model import Model
 from hfa_support.reporting.text import short_number, shown_unit
+
+if TYPE_CHECKING:
+    from controller.flight.simulation import Flight
 
 #: An oscillation: about its line of least squares it changes sign this often in each of the last two quarters ...
 CROSSINGS = 4
@@ -36,10 +38,13 @@ class LimitCycle(NamedTuple):
 
 
 def limit_cycle(model: Model, scenario: Scenario, flight: Flight) -> LimitCycle | None:
-    """The oscillation that is left at the end of a flight; None without one, or while something drives the flight."""
+    """The oscillation that is left at the end of a flight; None without one, or while something drives the flight.
+
+    flight: all of its rows, or those of its second half.
+    """
     times = flight.times
     begin = times[-1] / 2
-    if len(times) < 8 * CROSSINGS or _driven(scenario, begin):
+    if len(times) < 8 * CROSSINGS or is_driven(scenario, begin):
         return None
     found = []
     values = np.hstack([flight.inputs, flight.states])
@@ -58,7 +63,7 @@ def limit_cycle(model: Model, scenario: Scenario, flight: Flight) -> LimitCycle 
     return max(found)[1] if found else None
 
 
-def _driven(scenario: Scenario, since: float) -> bool:
+def is_driven(scenario: Scenario, since: float) -> bool:
     """Whether anything but the loop itself moves the aircraft after a time, s."""
     if scenario.samples is not None or (scenario.gust is not None and not isinstance(scenario.gust, OneMinusCosine)):
         return True

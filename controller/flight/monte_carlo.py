@@ -1,4 +1,4 @@
-"""A Monte Carlo of flights: a plan of random scenarios, its members in chunks into a store, and their summary."""
+"""A Monte Carlo of flights: a plan of random scenarios, its members in chunks into a store, and their report."""
 
 from __future__ import annotations
 
@@ -13,7 +13,6 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from controller.flight.actuators import LONGEST_STEP
 from controller.flight.closed_loop import ClosedLoop
 from controller.flight.envelope import (
     ANGLE_OF_ATTACK,
@@ -23,10 +22,9 @@ from controller.flight.envelope import (
     flown_through_air,
     limited_names,
 )
-from controller.flight.integrator import COMPILE_FROM_STEPS
 from controller.flight.nonlinear_flight import names_and_units
 from controller.flight.plants import NonlinearPlant
-from controller.flight.scenario import Scenario, Uncertainty, loop_of
+from controller.flight.scenario import Scenario, Uncertainty
 from controller.flight.simulation import Summary, SummedLoop
 from controller.policy.policies import FlownLaw
 from controller.policy.signals import CommandedStates, Signal
@@ -37,7 +35,7 @@ from hfa_support.jobs.stream import stream
 from hfa_support.model import VECTORS, Model, components
 from hfa_support.native.bound import cached_per_thread
 from hfa_support.reporting.fields import Shown
-from hfa_support.reporting.report import Report, Reported
+from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Table, short_number, shown_unit
 from trim.point.operating_point import OperatingPoint
 
@@ -47,9 +45,10 @@ CHUNK_STEPS = 1_000_000
 #: Shares of the members inside their envelope up to which a quantity stays below its quantile.
 QUANTILES = (0.05, 0.5, 0.95, 1.0)
 
-
-#: Array of a store beside `left` -> its meaning, and its axis or, of one number a member, its unit.
+#: Array of a store -> its meaning, and its axis or, of one number a member, its unit.
 _KEPT = {
+    "left": ("number in the attribute left; -1: stayed inside", ""),
+    "cycle": ("number among inputs and states of what still oscillates at the end; -1: nothing", ""),
     "factors": ("factor on a parameter", "error"),
     "flown": ("time inside the envelope", "s"),
     "rms_error": ("root mean square error", "error_state"),
@@ -92,16 +91,13 @@ class MonteCarlo(Shown):
                 raise BadInputError(f"the {name} of a Monte Carlo must be a Signal, whose formula says what it is")
         if self.scenario.samples is not None:
             raise BadInputError("the scenario of a Monte Carlo is drawn already; give the one that it was drawn from")
-        if self.law.fastest * self.scenario.step > LONGEST_STEP:
-            raise BadInputError(
-                f"law {self.law.name} has a mode of {self.law.fastest:.4g} 1/s; at a step of {self.scenario.step:g} s "
-                f"it must be below {LONGEST_STEP / self.scenario.step:g} 1/s: make the step shorter"
-            )
-        self.envelope.refuse_start(np.array(self.point.states) + self.scenario.initial)
+        self.envelope.refuse_start((np.array(self.point.states) + self.scenario.initial)[None])
         for name in self.scenario.uncertainty.errors:
             if self.model.parameters[name].start == 0.0:
                 raise BadInputError(f"{name} is 0, so that a relative error does nothing; leave it out")
-        self.loop(self.member(0))  # turbulence and gains that cannot be flown are refused here rather than in a worker
+        ClosedLoop(
+            self.plant, self.law.policy, self.member(0), np.array(self.point.inputs)
+        )  # turbulence and gains that cannot be flown are refused here rather than in a worker
 
     @property
     def model(self) -> Model:
@@ -112,10 +108,10 @@ class MonteCarlo(Shown):
         """What happens in one member; turbulence is met at the trimmed speed."""
         return self.scenario.drawn(self.seed, number, self.point)
 
-    def loop(self, scenario: Scenario) -> ClosedLoop:
-        """The loop of a member."""
-        plant = NonlinearPlant(self.aircraft, self.point, uncertain=True)
-        return loop_of(plant, self.law.policy, scenario, self.point)
+    @property
+    def plant(self) -> NonlinearPlant:
+        """The aircraft, whose parameters differ from member to member."""
+        return NonlinearPlant(self.aircraft, self.point, uncertain=True)
 
     def parameters_of(self, member: Scenario) -> np.ndarray:
         """The parameters of a member, (l,)."""
@@ -128,7 +124,7 @@ class MonteCarlo(Shown):
             "seed": self.seed,
             "parameters": {name: each.start for name, each in self.model.parameters.items()},
             "dynamics": self.model.name,
-            **({} if isinstance(self.aircraft, Aircraft) else {"model": _told_apart(self.model)}),
+            "model": _told_apart(self.model),
             "states": self.point.states._asdict(),
             "inputs": self.point.inputs._asdict(),
             "law": {"name": self.law.name, **self.law.identity},
@@ -155,14 +151,12 @@ class MonteCarlo(Shown):
         }
         units = {axis: model.units(names) for axis, names in axes.items() if axis != "error"}
         sizes = {axis: len(names) for axis, names in axes.items()} | {"memory_state": len(self.law.memory)}
-
-        arrays = {"left": Array((), "int8", -1, (), described("number in the attribute left; -1: stayed inside"))}
+        arrays = {}
         for name, (meaning, axis) in _KEPT.items():
-            if axis in sizes:
-                about = described(meaning, units_of=f"{axis}_unit" if axis in units else "")
-                arrays[name] = Array((sizes[axis],), "float64", np.nan, (axis,), about)
-            else:
-                arrays[name] = Array((), "float64", np.nan, (), described(meaning, axis))
+            kind, fill = ("int8", -1) if name in ("left", "cycle") else ("float64", np.nan)
+            about = described(meaning, "" if axis in sizes else axis, f"{axis}_unit" if axis in units else "")
+            own = (axis,) if axis in sizes else ()
+            arrays[name] = Array(tuple(sizes[each] for each in own), kind, fill, own, about)
         labels: dict[str, Any] = {axis: (axis, names) for axis, names in axes.items()}
         labels |= {f"{axis}_unit": (axis, each) for axis, each in units.items()}
         attributes = {
@@ -205,25 +199,13 @@ def _told_apart(model: Model) -> tuple[str, ...]:
 @cached_per_thread(maxsize=4)
 def member_loop(plan: MonteCarlo) -> SummedLoop:
     """The loop of a plan, compiled at the first call in a thread."""
-    scenario = plan.scenario
-    return SummedLoop(
-        plan.loop(plan.member(0)),
-        plan.point,
-        plan.envelope,
-        step=scenario.step,
-        steps_per_tick=scenario.steps_per_tick,
-        stops=True,
-        compile_code=plan.members * scenario.ticks * scenario.steps_per_tick >= COMPILE_FROM_STEPS,
-    )
+    return SummedLoop(plan.plant, plan.point, plan.law, plan.member(0), plan.envelope, plan.members)
 
 
 def fly_member(plan: MonteCarlo, member: int) -> tuple[Scenario, Summary]:
     """Draw and simulate one member."""
     scenario = plan.member(member)
-    loop = plan.loop(scenario)
-    constants = loop.constants(plan.law.constants, plan.parameters_of(scenario))
-    start = loop.start(scenario.initial, plan.law.memory)
-    return scenario, member_loop(plan).fly(start, constants, scenario.duration)
+    return scenario, member_loop(plan).fly(scenario, plan.parameters_of(scenario))
 
 
 def fly_members(plan: MonteCarlo, start: int, stop: int) -> Mapping[str, np.ndarray]:
@@ -242,102 +224,79 @@ def stream_monte_carlo(plan: MonteCarlo, path: Path, **options: Any) -> Store:
     return stream(plan, path, **options)
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class MonteCarloResult(Reported):
-    """How many members stayed within their limits, and what the others did.
+def member_report(plan: MonteCarlo, store: Store, where: str = "") -> Report:
+    """How many of the members in a store stayed within their limits, and what the others did; where: they are kept.
 
-    inside: those that did not leave their envelope. within_limits: those of them whose inputs stayed within the control
-    limits. left: members by the state that left first, the earliest after `first_left` s. exceeded: members by the
-    input that went beyond its control limit. quantiles: quantity -> variable -> `QUANTILES` over those inside; None
-    where none was. errors: parameter -> relative standard deviation asked for, mean and deviation of its factor.
+    Angles in degrees for people; data in English units and radians. data: held, members that did not leave their
+    envelope; within_limits: those of them whose inputs stayed within the control limits and that settle; left: members
+    by the state that left first, the earliest after `first_left` s; exceeded: by the input that went beyond its control
+    limit; limit_cycle: by what still oscillates at the end; quantity -> variable -> `QUANTILES` over those inside, None
+    where none was; errors: parameter -> relative standard deviation asked for, mean and deviation of its factor.
     """
-
-    plan: MonteCarlo
-    inside: int
-    within_limits: int
-    left: Mapping[str, int]
-    first_left: float | None
-    exceeded: Mapping[str, int]
-    quantiles: Mapping[str, Mapping[str, list[float] | None]]
-    errors: Mapping[str, Mapping[str, float | None]]
-    where: str = ""
-
-    @classmethod
-    def of(cls, plan: MonteCarlo, store: Store, where: str = "") -> MonteCarloResult:
-        """From the members in a store. where: what the report says about where they are."""
-        left, flown, factors = store.read("left"), store.read("flown"), store.read("factors")
-        inside, model = left < 0, plan.model
-        beyond = np.any([beyond_control_limits(model, store.read(f"{end}_input")) for end in ("lowest", "highest")], 0)
-        shown = {"rms_error": model.linear, "peak_error": model.linear, "effort": tuple(model.inputs)}
-        peak = store.read("peak_angle_of_attack")[inside, None]
-        names = limited_names(model, plan.scenario.moving_air)
-        return cls(
-            plan,
-            inside=int(inside.sum()),
-            within_limits=int((inside & ~beyond.any(axis=1)).sum()),
-            left={name: int((left == index).sum()) for index, name in enumerate(names)},
-            first_left=None if inside.all() else float(flown[~inside].min()),
-            exceeded=dict(zip(model.inputs, beyond.sum(axis=0).tolist(), strict=True)),
-            quantiles={
-                **{name: _quantiles(store.read(name)[inside], of) for name, of in shown.items()},
-                **({"peak_deviation": _quantiles(peak, (ANGLE_OF_ATTACK,))} if flown_through_air(model) else {}),
-            },
-            errors={
-                name: {
-                    "asked": asked,
-                    "mean": float(drawn.mean()),
-                    "deviation": float(drawn.std(ddof=1)) if plan.members > 1 else None,
-                }
-                for (name, asked), drawn in zip(plan.scenario.uncertainty.errors.items(), factors.T, strict=True)
-            },
-            where=where,
+    model, duration = plan.model, plan.scenario.duration
+    left, flown, cycle = store.read("left"), store.read("flown"), store.read("cycle")
+    inside, names = left < 0, limited_names(model, plan.scenario.moving_air)
+    beyond = np.any([beyond_control_limits(model, store.read(f"{end}_input")) for end in ("lowest", "highest")], 0)
+    within = int((inside & ~beyond.any(axis=1) & (cycle < 0)).sum())
+    counts = {
+        "left": {name: int((left == index).sum()) for index, name in enumerate(names)},
+        "exceeded": dict(zip(model.inputs, beyond.sum(axis=0).tolist(), strict=True)),
+        "limit_cycle": {name: int((cycle == index).sum()) for index, name in enumerate((*model.inputs, *model.states))},
+    }
+    first = None if inside.all() else float(flown[~inside].min())
+    shown = {"rms_error": model.linear, "peak_error": model.linear, "effort": tuple(model.inputs)}
+    quantiles = {name: _quantiles(store.read(name)[inside], of) for name, of in shown.items()}
+    if flown_through_air(model):
+        quantiles["peak_deviation"] = _quantiles(store.read("peak_angle_of_attack")[inside, None], (ANGLE_OF_ATTACK,))
+    asked = plan.scenario.uncertainty.errors
+    alone = plan.members == 1
+    errors = {
+        name: {"asked": size, "mean": float(of.mean()), "deviation": None if alone else float(of.std(ddof=1))}
+        for (name, size), of in zip(asked.items(), store.read("factors").T, strict=True)
+    }
+    lines = [f"stayed within limits: {within} of {plan.members}"]
+    if first is not None:
+        listed = f"{_counted(counts['left'])}; the first after {first:.3g} s"
+        lines.append(f"left the envelope, by the state that left first: {listed}")
+    for name, words in (("exceeded", "exceeded control limits"), ("limit_cycle", "limit cycle that does not decay")):
+        if any(counts[name].values()):
+            lines.append(f"{words}: {_counted(counts[name])}")
+    parts: list[str | Table] = ["\n".join(lines)]
+    if inside.any():
+        through_air = plan.scenario.moving_air and flown_through_air(model)
+        parts.append(
+            _quantile_table({k: v for k, v in quantiles.items() if through_air or k != "peak_deviation"}, model)
         )
-
-    def report(self) -> Report:
-        """Angles in degrees for people; data in English units and radians, None where no member counts."""
-        plan, duration = self.plan, self.plan.scenario.duration
-        moving_air = plan.scenario.moving_air and flown_through_air(plan.model)
-        title = (
-            f"Monte Carlo, {plan.point.called}, nonlinear aircraft, law {plan.law.name}: "
-            f"{plan.members} members of {duration:g} s, seed {plan.seed}" + (f", {self.where}" if self.where else "")
-        )
-        outcome = [f"stayed within limits: {self.within_limits} of {plan.members}"]
-        if self.first_left is not None:
-            first = f"; the first after {self.first_left:.3g} s"
-            outcome.append(f"left the envelope, by the state that left first: {_counted(self.left)}{first}")
-        if any(self.exceeded.values()):
-            outcome.append(f"exceeded control limits: {_counted(self.exceeded)}")
-        parts: list[str | Table] = ["\n".join(outcome)]
-        if self.inside:
-            shown = {k: v for k, v in self.quantiles.items() if moving_air or k != "peak_deviation"}
-            parts.append(_quantile_table(shown, plan.model))
-            parts += [OVER_GROUND] if moving_air else []
-        if self.errors:
-            rows = [
-                (name, *("-" if value is None else f"{value:.4g}" for value in drawn.values()))
-                for name, drawn in self.errors.items()
-            ]
-            parts.append(Table(("parameter", "relative deviation", "drawn mean", "drawn deviation"), rows))
-        data = {
-            "schema": SUMMARY_SCHEMA,
-            "dynamics": plan.model.name,
-            "plant": "nonlinear",
-            "law": plan.law.name,
-            "members": plan.members,
-            "seed": plan.seed,
-            "duration": duration,
-            "within_limits": self.within_limits,
-            "held": self.inside,
-            "left": self.left,
-            "first_left": self.first_left,
-            "exceeded": self.exceeded,
-            "quantiles": list(QUANTILES),
-            **self.quantiles,
-            "errors": self.errors,
-        }
-        alike = plan.scenario.uncertainty == Uncertainty()
-        notes = ["nothing differs from member to member: give parameter errors, noise or turbulence"] if alike else []
-        return Report(title, parts, notes, data)
+        parts += [OVER_GROUND] * through_air
+    if errors:
+        rows = [
+            (name, *("-" if value is None else f"{value:.4g}" for value in drawn.values()))
+            for name, drawn in errors.items()
+        ]
+        parts.append(Table(("parameter", "relative deviation", "drawn mean", "drawn deviation"), rows))
+    title = (
+        f"Monte Carlo, {plan.point.called}, nonlinear aircraft, law {plan.law.name}: "
+        f"{plan.members} members of {duration:g} s, seed {plan.seed}" + (f", {where}" if where else "")
+    )
+    data = {
+        "schema": SUMMARY_SCHEMA,
+        "dynamics": model.name,
+        "plant": "nonlinear",
+        "law": plan.law.name,
+        "members": plan.members,
+        "seed": plan.seed,
+        "duration": duration,
+        "within_limits": within,
+        "held": int(inside.sum()),
+        "first_left": first,
+        **counts,
+        "quantiles": list(QUANTILES),
+        **quantiles,
+        "errors": errors,
+    }
+    alike = plan.scenario.uncertainty == Uncertainty()
+    notes = ["nothing differs from member to member: give parameter errors, noise or turbulence"] if alike else []
+    return Report(title, parts, notes, data)
 
 
 def _counted(counts: Mapping[str, int]) -> str:

@@ -8,7 +8,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from controller.design.design import SHORT_PERIOD
-from controller.flight.actuators import LONGEST_STEP
 from controller.flight.closed_loop import ClosedLoop
 from controller.flight.envelope import (
     ALPHA,
@@ -17,14 +16,13 @@ from controller.flight.envelope import (
     ControlExcess,
     Departure,
     Envelope,
-    angles_of_attack,
     beyond_control_limits,
     control_excesses,
     flown_through_air,
 )
 from controller.flight.limit_cycle import LimitCycle, limit_cycle
 from controller.flight.plants import UPDRAFT, LinearizedAircraft, NonlinearPlant
-from controller.flight.scenario import Scenario, Uncertainty, loop_of, with_errors
+from controller.flight.scenario import Scenario, Uncertainty, with_errors
 from controller.flight.simulation import CompiledLoop, Flight
 from controller.policy.policies import FlownLaw, OpenLoop
 from controller.policy.servo_policy import MeasuredOutputs, ServoPolicy
@@ -62,10 +60,11 @@ def fly(
     """
     scenario = scenario.on(aircraft.model)
     result = fly_law(NonlinearPlant(with_errors(aircraft, scenario), point), law, scenario, envelope, progress=progress)
-    ticks = (len(result.flight.times) - 1) // scenario.steps_per_tick
     model = LinearizedAircraft.at(aircraft, point, result.loop.wind_names)
-    predicted = CompiledLoop(loop_of(model, law.policy, scenario, point))
-    return replace(result, predicted=_flown(predicted, law, scenario, ticks))
+    predicted = CompiledLoop(replace(result.loop, plant=model), law.fastest)
+    ticks = (len(result.flight.times) - 1) // scenario.steps_per_tick
+    flight = predicted.fly(scenario.initial, law.constants, memory=law.memory, ticks=ticks)
+    return replace(result, predicted=flight)
 
 
 def fly_law(
@@ -83,35 +82,21 @@ def fly_law(
     if scenario.uncertainty != Uncertainty():
         raise BadInputError("part of the scenario is still to be drawn; simulate scenario.drawn(seed, member, point)")
     scenario, offsets = scenario.on(plant.model), np.array(plant.point.states)
-    loop = loop_of(plant, law.policy, scenario, plant.point)
-    compiled = CompiledLoop(loop)
-    start = loop.start(scenario.initial, law.memory)
-    air = compiled.winds(np.zeros(1), start[None], loop.constants(law.constants)(0))
-    envelope.refuse_start(scenario.initial + offsets, air)
-
-    def left(rows: np.ndarray, p: np.ndarray) -> bool:
-        times, y = rows[:, 0], rows[:, 1:]
-        return not bool(envelope.inside(loop.parts(y)[0] + offsets, compiled.winds(times, y, p)).all())
-
-    flight = _flown(compiled, law, scenario, scenario.ticks, progress=progress, stop=left)
-    departure = envelope.departure(flight.times, flight.states + offsets, flight.winds)
+    loop = ClosedLoop(plant, law.policy, scenario, np.array(plant.point.inputs))
+    compiled = CompiledLoop(loop, law.fastest)
+    start = next(compiled.blocks(loop.start(scenario.initial, law.memory), loop.constants(law.constants), 0))
+    envelope.refuse_start(start.limited + offsets, scenario.moving_air)
+    flight = compiled.fly(
+        scenario.initial,
+        law.constants,
+        memory=law.memory,
+        stop=lambda rows: envelope.outside(rows.limited + offsets),
+        progress=progress,
+    )
+    departure = envelope.departure(flight.times, flight.limited + offsets, scenario.moving_air)
     loose = departure is not None or isinstance(law.policy, OpenLoop)
     cycle = None if loose else limit_cycle(plant.model, scenario, flight)
     return NonlinearFlight(scenario, plant.point, envelope, loop, flight, None, departure, cycle)
-
-
-def _flown(compiled: CompiledLoop, law: FlownLaw, scenario: Scenario, ticks: int, **options: Any) -> Flight:
-    """So many ticks of the scenario; stiff where the law has modes that Runge-Kutta 4 cannot follow with its step."""
-    return compiled.fly(
-        scenario.initial,
-        law.constants,
-        step=scenario.step,
-        steps_per_tick=scenario.steps_per_tick,
-        ticks=ticks,
-        memory=law.memory,
-        stiff=law.fastest * scenario.step > LONGEST_STEP,
-        **options,
-    )
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -140,7 +125,8 @@ class NonlinearFlight(Reported):
     @property
     def angles_of_attack(self) -> np.ndarray:
         """Alpha of the center of mass through the air, absolute, (N,), rad; alpha itself in still air."""
-        return angles_of_attack(self.point.model, self.states, self.flight.winds)
+        alpha = list(self.point.model.states).index(ALPHA)
+        return np.asarray(self.flight.limited[:, alpha] + self.point.states[alpha])
 
     @property
     def inputs(self) -> np.ndarray:

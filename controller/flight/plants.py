@@ -10,6 +10,7 @@ from typing import Any, NamedTuple, Protocol
 import casadi as ca
 import numpy as np
 
+from controller.flight.envelope import ALPHA, ANGLE_OF_ATTACK, flown_through_air
 from controller.policy.policies import Unvaried
 from hfa_model.aircraft import Aircraft
 from hfa_support.errors import BadInputError
@@ -52,9 +53,20 @@ class Plant(Protocol):
     def seen(self, x: ca.SX) -> ca.SX:
         """The deviations of the states of the linear model, (k,)."""
 
+    def through_air(self, x: ca.SX, winds: Winds) -> ca.SX:
+        """The deviation of alpha through the air where it is not alpha, (1,); else (0,)."""
+
+
+class _StillAir:
+    """A plant whose alpha is the state of that name."""
+
+    def through_air(self, x: ca.SX, winds: Winds) -> ca.SX:
+        """Nothing, (0,)."""
+        return ca.SX(0, 1)
+
 
 @dataclass(frozen=True, eq=False)
-class LinearPlant(Unvaried):
+class LinearPlant(Unvaried, _StillAir):
     """x' = A x + B u + d (paper Eq. 12). A: (n, n), B: (n, m).
 
     It knows nothing of moving air: BadInputError when it is simulated in a gust (`LinearizedAircraft` can be).
@@ -79,7 +91,7 @@ class LinearPlant(Unvaried):
         return x
 
 
-class ModelPlant:
+class ModelPlant(_StillAir):
     """A plant with all states of a model."""
 
     model: Model
@@ -132,6 +144,21 @@ class NonlinearPlant(ModelPlant):
         parameters = components(p) if self.uncertain and p is not None else model.p.tolist()
         w = [(winds or {}).get(name, 0.0) for name in model.disturbances]
         return self.disturbed(model.layout.expressions((X, U, parameters), (), w)[0], d)
+
+    def through_air(self, x: ca.SX, winds: Winds) -> ca.SX:
+        """The output `ANGLE_OF_ATTACK` in winds, of a model that has one beside alpha.
+
+        BadInputError where it depends on an input: then it is no angle of the flow alone.
+        """
+        model = self.model
+        if not winds or not flown_through_air(model):
+            return ca.SX(0, 1)
+        u, X = ca.SX.sym("u", len(model.inputs)), components(ca.DM(np.array(self.point.states)) + x)
+        w = [winds.get(name, 0.0) for name in model.disturbances]
+        angle = model.layout.expressions((X, components(u), model.p.tolist()), (ANGLE_OF_ATTACK,), w)[1]
+        if ca.depends_on(angle, u):
+            raise BadInputError(f"{model.name}: {ANGLE_OF_ATTACK} depends on an input; rename that output")
+        return angle - getattr(self.point.states, ALPHA)
 
 
 @dataclass(frozen=True, eq=False)

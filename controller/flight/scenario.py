@@ -10,10 +10,8 @@ from typing import Any
 import numpy as np
 
 from controller.flight.actuators import Actuators
-from controller.flight.closed_loop import ClosedLoop
 from controller.flight.gusts import Dryden, Gust
-from controller.flight.plants import UPDRAFT, Plant
-from controller.policy.policies import GainPolicy, Policy
+from controller.flight.plants import UPDRAFT
 from controller.policy.signals import CommandedStates, Signal, TimeVector, zero
 from hfa_model.aircraft import Aircraft
 from hfa_support.errors import BadInputError, is_finite, refuse_unknown, refuse_unless_positive, shown
@@ -219,32 +217,6 @@ def with_errors(aircraft: Aircraft | Model, scenario: Scenario) -> Model:
     model = aircraft.model
     wrong = {name: model.parameters[name].start * factor for name, factor in scenario.errors.items()}
     return model.with_parameters(**wrong) if wrong else model
-
-
-def loop_of(plant: Plant, policy: Policy, scenario: Scenario, point: OperatingPoint) -> ClosedLoop:
-    """The loop of a plant about a point, under a policy, with everything that happens in the scenario.
-
-    BadInputError for a gain of another shape than the plant's.
-    """
-    k, m = plant.sizes[1:]
-    if isinstance(policy, GainPolicy) and (policy.inputs, policy.states) != (m, k):
-        raise BadInputError(
-            f"the gain has shape {policy.inputs, policy.states}; this aircraft takes {m} x {k}, inputs by states"
-        )
-    return ClosedLoop(
-        plant,
-        policy,
-        scenario.reference,
-        scenario.disturbance,
-        scenario.noise,
-        scenario.gust,
-        scenario.samples,
-        scenario.actuators,
-        np.array(point.inputs),
-        scenario.tick,
-        scenario.air,
-        scenario.delayed_ticks,
-    )
 
 
 def _check_times(duration: float, step: float, tick: float) -> None:

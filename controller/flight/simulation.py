@@ -1,33 +1,33 @@
-"""A closed loop compiled and simulated: with all its rows, or with the numbers that sum it up."""
+"""A closed loop compiled and simulated: one loop over its ticks, from which histories and sums are made."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, fields
 from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
 
-from controller.flight.closed_loop import ClosedLoop, Delayed
-from controller.flight.envelope import ALPHA, Envelope, WindRows, flown_through_air, limited_names, through_air
-from controller.flight.integrator import (
-    COMPILE_FROM_STEPS,
-    BackwardDifferentiation,
-    Constants,
-    Method,
-    RungeKutta,
-    Stop,
-    integrate,
-)
-from controller.flight.plants import UPDRAFT, Sizes
-from hfa_support.native.bound import RowsFunction
+from controller.flight.actuators import LONGEST_STEP
+from controller.flight.closed_loop import ClosedLoop, Constants
+from controller.flight.envelope import ALPHA, Envelope, limited_names
+from controller.flight.limit_cycle import is_driven, limit_cycle
+from controller.flight.plants import UPDRAFT, Plant
+from controller.flight.scenario import Scenario
+from controller.policy.policies import FlownLaw, OpenLoop
+from hfa_support.errors import BadInputError, NoSolutionError
+from hfa_support.native.bound import BoundFunction
+from hfa_support.native.machine_code import machine_code
 from hfa_support.progress import Progress
 from hfa_support.reporting.fields import Shown
 from trim.point.operating_point import OperatingPoint
 
-#: Steps whose outputs are computed in one go: one map of all steps takes a gigabyte.
-_BLOCK = 10_000
+#: Runs at least this long are worth compiling to machine code.
+COMPILE_FROM_STEPS = 50_000
+#: Steps that are handed on at once, and the most parts into which the modes of a law divide one.
+_ROWS, _MOST_PARTS = 1000, 10_000
 
 
 @dataclass(frozen=True, repr=False)
@@ -35,8 +35,8 @@ class Flight(Shown):
     """What was flown, one row a step.
 
     times: (N,), s. states: (N, n) of the plant, deviations. errors: (N, k), z = x - x_d, without noise.
-    inputs: (N, m), deviations. disturbances: (N, k). memory: (N, l), the policy's own states. winds: disturbance of the
-    model that is not 0 -> (N,).
+    inputs: (N, m), deviations. disturbances: (N, k). memory: (N, l), the policy's own states. limited: (N, n), the
+    states with alpha through the air in place of alpha. winds: disturbance of the model that is not 0 -> (N,).
     """
 
     times: np.ndarray
@@ -45,87 +45,157 @@ class Flight(Shown):
     inputs: np.ndarray
     disturbances: np.ndarray
     memory: np.ndarray
-    winds: WindRows
+    limited: np.ndarray
+    winds: dict[str, np.ndarray]
 
     @property
     def updrafts(self) -> np.ndarray:
         """The updraft of the air, (N,)."""
         return self.winds.get(UPDRAFT, np.zeros(len(self.times)))
 
+    @classmethod
+    def joined(cls, parts: list[Flight], count: int | None = None) -> Flight:
+        """One after the other; so many rows."""
+        names = [each.name for each in fields(cls) if each.name != "winds"]
+        whole = {name: np.concatenate([getattr(part, name) for part in parts])[:count] for name in names}
+        air = {name: np.concatenate([part.winds[name] for part in parts])[:count] for name in parts[0].winds}
+        return cls(**whole, winds=air)
+
 
 class CompiledLoop:
-    """A loop as CasADi Functions of (t, y, p), compiled once, simulated many times."""
+    """A loop compiled once and simulated many times by the classical Runge-Kutta method of order 4.
 
-    def __init__(self, loop: ClosedLoop) -> None:
-        self.loop = loop
+    fastest: mode of the law, 1/s, that divides each step into as many parts as it needs; BadInputError when these are
+    too many. flights: how many are to come, which decides whether machine code pays.
+    Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, Table II.1.2.
+    """
+
+    def __init__(self, loop: ClosedLoop, fastest: float = 0.0, flights: int = 1) -> None:
+        self.loop, scenario = loop, loop.scenario
+        parts = max(1, math.ceil(fastest * scenario.step / LONGEST_STEP - 1e-9))
+        if parts > _MOST_PARTS:
+            most = LONGEST_STEP * _MOST_PARTS / scenario.step
+            raise BadInputError(
+                f"the law has a mode of {fastest:.4g} 1/s; at a step of {scenario.step:g} s it must be below {most:.3g}"
+                " 1/s: make the step shorter"
+            )
         arguments = loop.symbols()
         now = loop.at(*arguments)
         self.rate = ca.Function("loop_rate", [*arguments], [ca.densify(now.rate)], {"cse": True})
-        seen = [ca.densify(part) for part in (now.error, now.inputs, now.disturbance, now.winds)]
-        self._seen = RowsFunction(ca.Function("loop_seen", [*arguments], seen))
-        self._winds = RowsFunction(ca.Function("loop_winds", [*arguments], [ca.densify(now.winds)]))
-        self._command = ca.Function("command", [*arguments], [ca.densify(now.command)]) if loop.delay else None
-        self._methods: dict[tuple[float, int, bool, bool], Method] = {}
+        seen = ca.densify(ca.vertcat(now.error, now.inputs, now.disturbance, now.winds, now.angle))
+        self._ends = np.cumsum([each.numel() for each in (now.error, now.inputs, now.disturbance, now.winds)]).tolist()
+        self._observed = ca.Function("loop_seen", [*arguments], [seen], {"cse": True})
+        self._command = ca.Function("command", [*arguments], [ca.densify(now.command)]) if scenario.delay else None
+        self._alpha = list(loop.plant.model.states).index(ALPHA) if now.angle.numel() else -1  # type: ignore[attr-defined]
+        tick = _tick(self.rate, self._observed, scenario.step, scenario.steps_per_tick, parts)
+        whole = flights * scenario.ticks * scenario.steps_per_tick * parts
+        self._tick = BoundFunction(machine_code(tick) if whole >= COMPILE_FROM_STEPS else tick)
+
+    def blocks(self, start: np.ndarray, constants: Constants, ticks: int | None = None) -> Iterator[Flight]:
+        """The rows at the beginnings of all steps, some ticks at a time, and at last that of the end.
+
+        start: y(0). constants: tick -> p. ticks: those of the scenario unless given. Numbers may not be finite.
+        """
+        scenario, each = self.loop.scenario, self.loop.scenario.steps_per_tick
+        ticks = scenario.ticks if ticks is None else ticks
+        now, held = self._tick.inputs
+        after = self._tick.results[0].reshape(each, len(now))
+        seen = self._tick.results[1].reshape(each, -1)
+        last, y, p, sent, tick = after[-1, 1:], start, held, list[np.ndarray](), 0
+        while tick < ticks:
+            count = min(max(1, _ROWS // each), ticks - tick)
+            rows, observed = np.empty((count * each + 1, len(now) - 1)), np.empty((count, *seen.shape))
+            rows[0], later = y, rows[1:].reshape(count, each, -1)
+            for place in range(count):
+                p = constants(tick)
+                now[0], now[1:] = tick * each * scenario.step, y
+                if self._command is not None:
+                    self._hand_over(tick, now, p, sent)
+                held[:] = p
+                self._tick()
+                later[place], observed[place] = after[:, 1:], seen
+                tick, y = tick + 1, last
+            yield self._flight((tick - count) * each, rows[:-1], observed.reshape(count * each, -1))
+        end = np.array(self._observed(ticks * scenario.tick, y, p)).T
+        yield self._flight(ticks * each, y[None].copy(), end)
+
+    def _hand_over(self, tick: int, now: np.ndarray, p: np.ndarray, sent: list[np.ndarray]) -> None:
+        """Write the commands of so many ticks ago into p, between which the loop interpolates: 0, the trim, before the
+        delay has passed."""
+        sent.append(np.array(self._command(now[0], now[1:], p)).ravel())  # type: ignore[misc]
+        due, calm = tick - self.loop.scenario.delayed_ticks, np.zeros(self.loop.trim.size)
+        early, late = (sent[due], sent[due + 1]) if due >= 0 else (calm, calm)
+        p[p.size - 1 - 2 * calm.size :] = [now[0], *early, *late]
+
+    def _flight(self, first: int, y: np.ndarray, observed: np.ndarray) -> Flight:
+        """Rows y (N, n) and what was observed there, from step `first` on."""
+        states, memory = self.loop.parts(y)
+        errors, inputs, disturbances, winds, angle = np.split(observed, self._ends, axis=1)
+        limited = states
+        if self._alpha >= 0:
+            limited = states.copy()
+            limited[:, self._alpha] = angle[:, 0]
+        times = self.loop.scenario.step * np.arange(first, first + len(y))
+        air = dict(zip(self.loop.wind_names, winds.T, strict=True))
+        return Flight(times, states, errors, inputs, disturbances, memory, limited, air)
 
     def fly(
         self,
         initial: np.ndarray,
         constants: Constants,
         *,
-        step: float,
-        steps_per_tick: int,
-        ticks: int,
         memory: np.ndarray | None = None,
-        stiff: bool = False,
-        stop: Stop | None = None,
+        ticks: int | None = None,
+        stop: Callable[[Flight], np.ndarray] | None = None,
         progress: Progress | None = None,
     ) -> Flight:
-        """From x(0) = `initial`, memory(0) = `memory`; constants: of the policy. stiff: by `BackwardDifferentiation`.
+        """From x(0) = `initial`, memory(0) = `memory`; constants: of the policy. ticks: those of the scenario unless
+        given.
 
-        ticks, stop, progress: as in `integrate`, with rows [t, y].
+        stop: rows -> which of them end the flight, with the tick of the first one. NoSolutionError, naming the time,
+        when a number is no longer finite and no `stop` asks about it.
         """
-        start, every = self.loop.start(initial, memory), self.loop.constants(constants)
-        method = self._method(step, steps_per_tick, stiff, steps_per_tick * ticks >= COMPILE_FROM_STEPS)
-        late = self.delayed(method)
-        path = integrate(late or method, start, every, ticks, stop=stop, progress=progress)
-        times, y = step * np.arange(len(path)), path[:, 1:]
-        # Row i of a tick's constants belongs to the steps that begin in that tick; the last row to the last tick.
-        last = (len(path) - 1) // steps_per_tick - 1
-        rows = np.minimum(np.arange(len(path)) // steps_per_tick, last)
-        by_tick = np.array([every(tick).copy() for tick in range(last + 1)]).reshape(last + 1, -1)
-        if late is not None:
-            by_tick[:, -late.handed[0].size :] = late.handed[: last + 1]
-        table, blocks = by_tick[rows], []
-        for begin in range(0, len(path), _BLOCK):
-            part = slice(begin, begin + _BLOCK)
-            blocks.append(self._seen(len(times[part]), times[part, None], y[part], table[part]))
-        errors, inputs, disturbances, winds = (np.vstack(parts) for parts in zip(*blocks, strict=True))
-        states, own = self.loop.parts(y)
-        air = dict(zip(self.loop.wind_names, winds.T, strict=True))
-        return Flight(times, states, errors, inputs, disturbances, own, air)
+        scenario, parts, count = self.loop.scenario, list[Flight](), 0
+        last, end = (scenario.ticks if ticks is None else ticks), math.inf
+        for block in self.blocks(self.loop.start(initial, memory), self.loop.constants(constants), last):
+            parts.append(block)
+            over = ~np.isfinite(block.states).all(axis=1) if stop is None else stop(block)
+            if end == math.inf and over.any():
+                first = count + int(np.argmax(over))
+                if stop is None:
+                    raise NoSolutionError(
+                        f"the flight left every bound at t = {first * scenario.step:.6g} s; the loop is unstable or the"
+                        " step too long"
+                    )
+                end = math.ceil(first / scenario.steps_per_tick) * scenario.steps_per_tick
+            count += len(block.times)
+            if progress is not None:
+                progress(last if end < count else count // scenario.steps_per_tick, last)
+            if end < count:
+                break
+        return Flight.joined(parts, None if end == math.inf else int(end) + 1)
 
-    def delayed(self, method: Method) -> Delayed | None:
-        """The method for one flight of a loop with a delay; None for a loop without."""
-        if self._command is None:
-            return None
-        return Delayed(method, self.loop.delay, self._command, self._command.numel_in(1))
 
-    def winds(self, times: np.ndarray, y: np.ndarray, p: np.ndarray) -> WindRows | None:
-        """Winds at times (N,) and rows y (N, n) under the constants p of one tick; None in still air."""
-        if not self.loop.wind_names:
-            return None
-        found = self._winds(len(times), times[:, None], y, p)[0]
-        return dict(zip(self.loop.wind_names, found.T, strict=True))
-
-    def _method(self, step: float, steps_per_tick: int, stiff: bool, compile_code: bool) -> Method:
-        key = step, steps_per_tick, stiff, compile_code
-        if key not in self._methods:
-            self._methods[key] = (
-                BackwardDifferentiation(self.rate, step, steps_per_tick)
-                if stiff
-                else RungeKutta(self.rate, step, steps_per_tick, compile_code=compile_code)
-            )
-        return self._methods[key]
+def _tick(rate: ca.Function, observed: ca.Function, step: float, count: int, parts: int) -> ca.Function:
+    """([t; y], p) -> [t; y] after each of the steps of a tick, and what is observed at the beginning of each."""
+    now, p, h = ca.SX.sym("now", 1 + rate.numel_in(1)), ca.SX.sym("p", rate.numel_in(2)), step / parts
+    t, y = now[0], now[1:]
+    k1 = rate(t, y, p)
+    k2 = rate(t + h / 2, y + h / 2 * k1, p)
+    k3 = rate(t + h / 2, y + h / 2 * k2, p)
+    k4 = rate(t + h, y + h * k3, p)
+    later = ca.vertcat(t + h, y + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4))
+    seen = ca.densify(observed(t, y, p))
+    x, held = ca.MX.sym("x", now.numel()), ca.MX.sym("p", p.numel())
+    if parts == 1:
+        one = ca.Function("step", [now, p], [ca.densify(later), seen], {"cse": True})
+    else:
+        whole = ca.vertcat(now, p)
+        part = ca.Function("part", [whole], [ca.densify(ca.vertcat(later, p))], {"cse": True}).fold(parts)
+        moved = part(ca.vertcat(x, held))[: now.numel()]
+        one = ca.Function("step", [x, held], [moved, observed(x[0], x[1:], held)])
+    many = one.mapaccum("steps", count)
+    return ca.Function("tick", [x, held], list(many(x, ca.repmat(held, 1, count))))
 
 
 class Summary(NamedTuple):
@@ -136,7 +206,7 @@ class Summary(NamedTuple):
     peak_error: max |z|, (k,), over ground. peak_angle_of_attack: max |α_a - α0|, rad, through the air, from trim; 0 of
     a model without alpha. effort: sqrt(1/T ∫ u² dt), (m,), of each input's deviation from trim. lowest_input,
     highest_input: min U and max U, (m,), absolute. final: x at the end, (n,), a deviation from trim. memory: the
-    policy's own states at the end.
+    policy's own states at the end. cycle: the input or state that still oscillates at the end, -1 when none does.
     """
 
     left: int
@@ -149,113 +219,87 @@ class Summary(NamedTuple):
     highest_input: np.ndarray
     final: np.ndarray
     memory: np.ndarray
+    cycle: int
 
 
 class SummedLoop:
-    """A loop about a trim whose flights keep no history: sums and peaks are made in the compiled loop.
+    """A law on a plant about a trim, whose flights are summed up: the members of a Monte Carlo, the points of a map.
 
-    stops: whether a flight ends at the first step outside the envelope; else it goes on, and only its sums end there.
+    scenario: one of the flights, which differ in numbers alone. flights: how many are to come.
     """
 
     def __init__(
-        self,
-        loop: ClosedLoop,
-        point: OperatingPoint,
-        envelope: Envelope,
-        *,
-        step: float,
-        steps_per_tick: int,
-        stops: bool,
-        compile_code: bool,
+        self, plant: Plant, point: OperatingPoint, law: FlownLaw, scenario: Scenario, envelope: Envelope, flights: int
     ) -> None:
-        self._compiled, self._envelope, self._stops = CompiledLoop(loop), envelope, stops
-        self._trim, self._trimmed_inputs = np.array(point.states), np.array(point.inputs)
-        keep = _summed(loop, self._trim, envelope, step)
-        rate = self._compiled.rate
-        self._method = RungeKutta(rate, step, steps_per_tick, after_step=keep, compile_code=compile_code)
+        self._plant, self._law, self._envelope = plant, law, envelope
+        self._states, self._inputs = np.array(point.states), np.array(point.inputs)
+        self._compiled = CompiledLoop(self._loop(scenario), law.fastest, flights)
 
-    def rate(self, y: np.ndarray, p: np.ndarray) -> np.ndarray:
-        """y' at t = 0, (n,)."""
-        return np.array(self._compiled.rate(0.0, y, p)).ravel()
+    def _loop(self, scenario: Scenario) -> ClosedLoop:
+        return ClosedLoop(self._plant, self._law.policy, scenario, self._inputs)
+
+    def rate(self, states: np.ndarray, scenario: Scenario) -> np.ndarray:
+        """x' at t = 0, (n,), of deviations x."""
+        loop = self._loop(scenario)
+        p = loop.constants(self._law.constants)(0)
+        return np.array(self._compiled.rate(0.0, loop.start(states, self._law.memory), p)).ravel()[: len(states)]
 
     def fly(
         self,
-        start: np.ndarray,
-        constants: Constants,
-        seconds: float,
-        lost: Callable[[np.ndarray], bool] | None = None,
+        scenario: Scenario,
+        of_plant: np.ndarray | None = None,
+        lost: Callable[[np.ndarray], np.ndarray] | None = None,
     ) -> Summary:
-        """A flight of `seconds`, a whole number of ticks, from y(0) = `start` with p = constants(tick).
+        """One flight; of_plant: constants of the plant.
 
-        lost: asked after each tick with x, (n,), of a loop that does not stop; the flight ends when it says yes.
+        It ends at the first step outside the envelope. With `lost`, states (N, n) -> (N,), only its sums end there, and
+        it goes on to the first tick that is lost.
         """
-        n, method, sizes = len(start), self._method, self._compiled.loop.plant.sizes
-        extremes = np.repeat([np.inf, -np.inf], sizes.inputs)
-        kept = np.concatenate([start, [0.0], start, np.zeros(2 * sizes.seen + sizes.inputs + 1), extremes])
-
-        def stop(rows: np.ndarray, p: np.ndarray) -> bool:
-            if self._stops:
-                return bool(rows[-1, 1 + n] < rows[-1, 0])
-            return lost is not None and lost(rows[-1, 1 : 1 + sizes.states])
-
-        ticks = round(seconds / (method.step * method.steps_per_tick))
-        end = integrate(self._compiled.delayed(method) or method, kept, constants, ticks, stop=stop)[-1]
-        last = min(round(end[1 + n] / method.step) // method.steps_per_tick, ticks - 1)
-        return self._summary(end, n, seconds, constants(last), sizes)
-
-    def _summary(self, end: np.ndarray, n: int, seconds: float, p: np.ndarray, sizes: Sizes) -> Summary:
-        _, k, m = sizes
-        now, kept, squares, peak, efforts, angle, lowest, highest = np.split(
-            end, np.cumsum([1 + n, 1 + n, k, k, m, 1, m])
-        )
-        loop = self._compiled.loop
-        x, memory = loop.parts(kept[1:] if self._stops else now[1:])
-        winds = self._compiled.winds(kept[:1], kept[None, 1:], p)
-        departure = self._envelope.departure(kept[:1], loop.parts(kept[1:])[0][None] + self._trim, winds)
-        if departure is None:
-            left, flown = -1, seconds
-        else:
-            left = limited_names(self._envelope.model, winds is not None).index(departure.state)
-            flown = departure.time
+        loop, law, moving = self._loop(scenario), self._law, scenario.moving_air
+        (n, k, m), step, steps = self._plant.sizes, scenario.step, scenario.ticks * scenario.steps_per_tick
+        squares, peak, efforts, angle = np.zeros(k), np.zeros(k), np.zeros(m), 0.0
+        lowest, highest, left, flown = np.full(m, np.inf), np.full(m, -np.inf), -1, scenario.duration
+        names, watched = limited_names(self._envelope.model, moving), list[Flight]()
+        settles = lost is None and not isinstance(law.policy, OpenLoop) and not is_driven(scenario, flown / 2)
+        alpha = list(self._envelope.model.states).index(ALPHA) if ALPHA in self._envelope.model.states else None
+        constants = loop.constants(law.constants, np.zeros(0) if of_plant is None else of_plant)
+        final, memory = np.zeros(n), law.memory
+        for block in self._compiled.blocks(loop.start(scenario.initial, law.memory), constants):
+            final, memory = block.states[-1], block.memory[-1]
+            if left < 0:
+                gone = self._envelope.departure(block.times, block.limited + self._states, moving)
+                count = len(block.times)
+                if gone is not None:
+                    left, flown, count = names.index(gone.state), gone.time, int(np.argmax(block.times >= gone.time))
+                    final, memory = block.states[count], block.memory[count]
+                counted = slice(min(count, steps - round(block.times[0] / step)))  # the last row begins no step
+                z, u = block.errors[counted], block.inputs[counted]
+                squares, efforts = (a + step * np.einsum("ij,ij->j", x, x) for a, x in ((squares, z), (efforts, u)))
+                peak = np.fmax(peak, np.abs(z).max(axis=0, initial=0.0))
+                lowest = np.fmin(lowest, u.min(axis=0, initial=np.inf))
+                highest = np.fmax(highest, u.max(axis=0, initial=-np.inf))
+                if alpha is not None:
+                    angle = max(angle, float(np.abs(block.limited[counted, alpha]).max(initial=0.0)))
+                if settles and block.times[-1] >= scenario.duration / 2:
+                    watched.append(block)
+            if lost is None and left >= 0:
+                break
+            if lost is not None and (over := lost(block.states[:: scenario.steps_per_tick])).any():
+                final = block.states[:: scenario.steps_per_tick][int(np.argmax(over))]
+                break
+        cycle = limit_cycle(self._envelope.model, scenario, Flight.joined(watched)) if settles and left < 0 else None
+        among = (*self._envelope.model.inputs, *self._envelope.model.states)
         lasted = flown or 1.0  # turbulence may be outside at the start: the sums are 0
-        rms, effort = np.sqrt(squares / lasted), np.sqrt(efforts / lasted)
-        inputs = lowest + self._trimmed_inputs, highest + self._trimmed_inputs
-        return Summary(left, flown, rms, peak, float(angle[0]), effort, *inputs, x, memory)
-
-
-def _summed(loop: ClosedLoop, trim: np.ndarray, envelope: Envelope, step: float) -> ca.Function:
-    """([t; y], p, [t; y] one step later, kept) -> kept, kept = [t; y; ∫ z² dt; max |z|; ∫ u² dt; max |α_a - α0|; min u;
-    max u], u and z as deviations.
-
-    From the first step outside the envelope on the kept values no longer change. The sums take z and u at the
-    beginning of
-    each step, where the Runge-Kutta step has them anyway.
-    """
-    t, y, p = loop.symbols()
-    states, k, m = loop.plant.sizes
-    model, n = envelope.model, 1 + y.numel()
-    moved, kept = ca.SX.sym("moved", n), ca.SX.sym("kept", n + 2 * k + m + 1 + 2 * m)
-    ends = np.cumsum([0, k, k, m, 1, m, m]).tolist()
-    squares, peak, efforts, angle, lowest, highest = ca.vertsplit(kept[n:], ends)
-    now = loop.at(t, y, p)
-    alpha = list(model.states).index(ALPHA) if ALPHA in model.states else None
-
-    def limited(t: ca.SX, y: ca.SX) -> list[ca.SX]:
-        X = ca.vertsplit(y[:states] + ca.DM(trim))
-        if alpha is not None and loop.wind_names and flown_through_air(model):
-            X[alpha] = through_air(model, list(X), loop.winds(t, y, p))
-        return list(X)
-
-    deviation = ca.SX(0) if alpha is None else ca.fabs(limited(t, y)[alpha] - trim[alpha])
-    sums = (
-        squares + step * now.error**2,
-        ca.fmax(peak, ca.fabs(now.error)),
-        efforts + step * now.inputs**2,
-        ca.fmax(angle, deviation),
-        ca.fmin(lowest, now.inputs),
-        ca.fmax(highest, now.inputs),
-    )
-    X = ca.vertcat(*limited(kept[0], kept[1:n]))
-    inside = ca.mmin(ca.logic_and(ca.DM(np.array(envelope.lowest)) <= X, ca.DM(np.array(envelope.highest)) >= X))
-    later = ca.if_else(inside, ca.vertcat(moved, *sums), kept)
-    return ca.Function("summed", [ca.vertcat(t, y), p, moved, kept], [later], {"cse": True})
+        return Summary(
+            left,
+            flown,
+            np.sqrt(squares / lasted),
+            peak,
+            angle,
+            np.sqrt(efforts / lasted),
+            lowest + self._inputs,
+            highest + self._inputs,
+            final,
+            memory,
+            -1 if cycle is None else among.index(cycle.name),
+        )

@@ -58,7 +58,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Fly and report; exit 1 when no member stayed within its limits."""
-    from controller.flight.monte_carlo import MonteCarloResult, stream_monte_carlo
+    from controller.flight.monte_carlo import member_report, stream_monte_carlo
 
     options.refuse_files(arguments, ("output",), "a store is in ft")
     target = check_target(arguments.output, (".zarr",))
@@ -74,10 +74,9 @@ def run(arguments: argparse.Namespace) -> int:
             provenance=provenance().to_dict(),
             progress=ProgressLine("simulate"),
         )
-        outcome = MonteCarloResult.of(plan, store, "members not kept" if target is None else f"members in {target}")
-    report = outcome.report()
+        report = member_report(plan, store, "members not kept" if target is None else f"members in {target}")
     tell(replace(report, data={**report.data, "store": arguments.output}), [plan.point], arguments, None)
-    return 0 if outcome.within_limits else 1
+    return 0 if report.data["within_limits"] else 1
 
 
 def _plan(arguments: argparse.Namespace) -> MonteCarlo:

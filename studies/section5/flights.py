@@ -10,7 +10,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from controller import FlownLaw, Game, Signal, Stack, basis, learn, published_game, random_pool
+from controller import FlownLaw, Game, Scenario, Signal, Stack, basis, learn, published_game, random_pool
 from controller.flight.closed_loop import ClosedLoop
 from controller.flight.plants import LinearPlant
 from controller.flight.simulation import CompiledLoop, Flight
@@ -210,7 +210,9 @@ def simulate_plan(setting: Setting, plan: FlightPlan, section: str) -> FlightRec
     flown, learned = law_of(setting, case, plan.law, T_w, configuration.frozen(section), reference)
     plant = LinearPlant((1.0 + plan.uncertainty) * case.game.A, case.game.B)
     noise = configuration.noise if plan.noise else zero(_N)
-    loop = CompiledLoop(ClosedLoop(plant, flown.policy, reference, configuration.disturbance, noise))
+    settings, signals = configuration.flight, (reference, configuration.disturbance, noise)
+    scenario = Scenario(settings.duration, settings.step, settings.tick, np.zeros(0), *signals)
+    loop = CompiledLoop(ClosedLoop(plant, flown.policy, scenario))
     start = configuration.initial if plan.commanded else np.zeros(_N)
     flight, lost_at = _flown(configuration, loop, flown, start)
     times, errors = flight.times[::each], flight.errors[::each]
@@ -241,16 +243,18 @@ def _flown(
     configuration: Configuration, loop: CompiledLoop, flown: FlownLaw, start: np.ndarray
 ) -> tuple[Flight, float]:
     """The flight up to the last step at which it is not lost, and when it is (inf: never)."""
-    settings, limit = configuration.flight, configuration.flight.lost_beyond
+    limit = configuration.flight.lost_beyond
     with np.errstate(invalid="ignore", over="ignore"):
         flight = loop.fly(
             start,
             flown.constants,
-            step=settings.step,
-            steps_per_tick=configuration.steps_per_tick(),
-            ticks=round(settings.duration / settings.tick),
             memory=flown.memory,
-            stop=lambda rows, _: not (np.all(np.abs(rows[:, 1 : 1 + _N]) <= limit) and np.all(np.isfinite(rows))),
+            stop=lambda rows: (
+                ~(
+                    np.all(np.abs(rows.states) <= limit, axis=1)
+                    & np.isfinite(np.hstack([rows.states, rows.memory])).all(1)
+                )
+            ),
         )
         sound = np.all(np.abs(np.hstack([flight.states, flight.inputs])) <= limit, axis=1)
         sound &= np.all(np.isfinite(flight.memory), axis=1)

@@ -71,7 +71,7 @@ def test_python_control_trims_and_linearizes_the_same_aircraft() -> None:
 
 
 def test_the_rate_in_numpy_is_that_of_the_compiled_loop(case: FlightCase) -> None:
-    rate, ours = python_rate(np, case.data()), case.compiled.rate
+    rate, ours = python_rate(np, case.data()), case.compiled(False, 1).rate
     rng = np.random.default_rng(5)
     for _ in range(20):
         y = case.start * rng.uniform(0.5, 1.5, case.start.size) + np.pad(rng.normal(0, 0.1, 6), (0, 25))

@@ -4,18 +4,16 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from functools import partial
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
-import casadi as ca
 import numpy as np
 
-from controller.flight.closed_loop import ClosedLoop
 from controller.flight.envelope import Envelope, control_excesses
 from controller.flight.plants import LinearizedAircraft, NonlinearPlant
+from controller.flight.scenario import Scenario
 from controller.flight.simulation import SummedLoop
-from controller.policy.policies import Memoryless, Seen, gain_constants
+from controller.policy.policies import gain_law
 from controller.riccati.balancing import spectrum
 from hfa_model.aircraft import Aircraft
 from hfa_support.errors import BadInputError, refuse_unknown
@@ -41,22 +39,6 @@ _LOST_WIDTHS, _LOST_SPEED = 100.0, 0.1
 #: A flight is at rest on its target when each state is this close to it, as a fraction of its scale.
 CLOSE = 0.01
 PLANTS = ("nonlinear", "linear")
-
-
-@dataclass(frozen=True)
-class _CommandedGain(Memoryless):
-    """u = -K (z - c): the gain K and a constant command c (k,) are constants of each flight."""
-
-    inputs: int
-    states: int
-
-    @property
-    def constants_size(self) -> int:
-        return self.inputs * self.states + self.states
-
-    def control(self, t: ca.SX, seen: Seen, memory: ca.SX, p: ca.SX) -> ca.SX:
-        K, c = ca.vertsplit(p, [0, self.inputs * self.states, self.constants_size])
-        return -ca.mtimes(ca.reshape(K, self.inputs, self.states), seen.error - c)
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,16 +101,20 @@ def _linear(model: Model) -> tuple[list[int], np.ndarray]:
 
 
 class ManyFlights:
-    """A plant under u = -K (x - c), flown from many starts to many commands, wherever it goes."""
+    """A plant under u = -K (x - c), flown for a time from many starts to many commands, wherever it goes."""
 
     def __init__(
-        self, plant: NonlinearPlant | LinearizedAircraft, point: OperatingPoint, envelope: Envelope, gain: np.ndarray
+        self,
+        plant: NonlinearPlant | LinearizedAircraft,
+        point: OperatingPoint,
+        envelope: Envelope,
+        gain: np.ndarray,
+        seconds: float,
     ) -> None:
-        model, each = plant.model, round(TICK / STEP)
-        loop = ClosedLoop(plant, _CommandedGain(*gain.shape))
-        self._loop = SummedLoop(loop, point, envelope, step=STEP, steps_per_tick=each, stops=False, compile_code=True)
-        self._model, self._gain = model, gain
-        offsets = np.array(point.states)
+        model, offsets = plant.model, np.array(point.states)
+        rounded = float(TICK * np.ceil(seconds / TICK - 1e-9))
+        self._model, self._scenario = model, Scenario(rounded, STEP, TICK, np.zeros(len(offsets)))
+        self._loop = SummedLoop(plant, point, gain_law("map", gain), self._commanded({}), envelope, MOST_POINTS)
         lowest, highest = np.array(envelope.lowest) - offsets, np.array(envelope.highest) - offsets
         self._far_below = lowest - _LOST_WIDTHS * (highest - lowest)
         self._far_above = highest + _LOST_WIDTHS * (highest - lowest)
@@ -138,37 +124,36 @@ class ManyFlights:
 
     def fly(
         self,
-        seconds: float,
         starts: Mapping[str, np.ndarray] | None = None,
         commands: Mapping[str, np.ndarray] | None = None,
         progress: Callable[[], None] | None = None,
     ) -> Outcomes:
-        """Flights of `seconds` (rounded up to whole seconds); starts, commands: state -> deviations, all of one shape.
-
-        progress: called after each flight.
-        """
-        model, (rows, scales) = self._model, _linear(self._model)
-        shape = np.shape(next(iter({**(starts or {}), **(commands or {})}.values())))
-        left, when, exceeded = np.full(shape, -1), np.full(shape, np.inf), np.full(shape, -1)
-        final, settled = np.empty((*shape, len(model.states))), np.zeros(shape, dtype=bool)
-        k, inputs = len(model.linear), tuple(model.inputs)
-        p, rounded = np.append(gain_constants(self._gain), np.zeros(k)), TICK * np.ceil(seconds / TICK - 1e-9)
+        """starts, commands: state -> deviations, all of one shape. progress: called after each flight."""
+        model, (rows, scales), found = self._model, _linear(self._model), []
+        shape, inputs = np.shape(next(iter({**(starts or {}), **(commands or {})}.values()))), tuple(model.inputs)
         for index in np.ndindex(shape):
-            p[-k:] = [(commands or {}).get(name, np.zeros(shape))[index] for name in model.linear]
             start = np.array([(starts or {}).get(name, np.zeros(shape))[index] for name in model.states])
-            flown = self._loop.fly(start, lambda _: p, rounded, self._lost)
-            final[index] = np.nan if self._lost(flown.final) else flown.final
-            if flown.left >= 0:
-                left[index], when[index] = flown.left, flown.flown
-            for excess in control_excesses(model, flown.lowest_input, flown.highest_input)[:1]:
-                exceeded[index] = inputs.index(excess.input)
-            settled[index] = (np.abs(self._loop.rate(final[index], p)[rows]) / scales <= CLOSE).all()
+            command = {name: float(each[index]) for name, each in (commands or {}).items()}
+            scenario = replace(self._commanded(command), initial=start)
+            flown = self._loop.fly(scenario, lost=self._lost)
+            final = np.full(len(model.states), np.nan) if self._lost(flown.final[None]).any() else flown.final
+            excess = control_excesses(model, flown.lowest_input, flown.highest_input)[:1]
+            over = inputs.index(excess[0].input) if excess else -1
+            settled = bool((np.abs(self._loop.rate(final, scenario)[rows]) / scales <= CLOSE).all())
+            found.append((flown.left, flown.flown if flown.left >= 0 else np.inf, over, final, settled))
             if progress is not None:
                 progress()
-        return Outcomes(left, when, exceeded, final, settled, model)
+        left, when, exceeded, finals, still = (np.array(each) for each in zip(*found, strict=True))
+        left, when, exceeded, still = (each.reshape(shape) for each in (left, when, exceeded, still))
+        return Outcomes(left, when, exceeded, finals.reshape(*shape, -1), still, model)
 
-    def _lost(self, x: np.ndarray) -> bool:
-        return not bool(((x >= self._far_below) & (x <= self._far_above)).all())
+    def _commanded(self, command: Mapping[str, float]) -> Scenario:
+        """A command is an offset of what is measured, which no flight needs to compile."""
+        offset = [-command.get(name, 0.0) for name in self._model.linear]
+        return replace(self._scenario, samples=np.tile(offset, (self._scenario.ticks, 1)))
+
+    def _lost(self, x: np.ndarray) -> np.ndarray:
+        return np.asarray(~((x >= self._far_below) & (x <= self._far_above)).all(axis=-1))
 
 
 class Edge(NamedTuple):
@@ -252,8 +237,7 @@ def recoverable_map(
     found, edges = {}, list[Edge]()
     plants: tuple[NonlinearPlant | LinearizedAircraft, ...] = NonlinearPlant(aircraft, point), linear
     for name, plant in zip(PLANTS, plants, strict=True):
-        flights = ManyFlights(plant, point, envelope, gain)
-        fly = partial(flights.fly, TIME_CONSTANTS / -abscissa)
+        fly = ManyFlights(plant, point, envelope, gain, TIME_CONSTANTS / -abscissa).fly
         found[name] = fly(grid, progress=each_done)
         rays: list[tuple[str, np.ndarray, bool, Callable[[np.ndarray], Outcomes]]] = [
             *((state, values, False, lambda v, s=state, fly=fly: fly({s: v})) for state, values in starts.items()),

@@ -16,8 +16,8 @@ from controller import Actuators, CommandSteps, Scenario, Signal
 from controller.export import fmu
 from controller.export.exported_loop import ExportedLoop, aircraft_loop, controller_loop, gain_loop
 from controller.export.fmu import description, write_fmu
+from controller.flight.closed_loop import ClosedLoop
 from controller.flight.plants import NonlinearPlant
-from controller.flight.scenario import loop_of
 from controller.flight.simulation import CompiledLoop
 from controller.policy.policies import GainPolicy, gain_constants
 from controller.policy.servo_policy import servo_law
@@ -74,7 +74,7 @@ def made(
     commands = CommandSteps(("dihedral",), np.zeros(1), np.array([[0.02]]))
     law = servo_law(controller, commands, aircraft, point)
     scenario = scenario_of(point, reference=CommandedStates(commands, LINEAR_STATES), actuators=ACTUATORS)
-    loop = CompiledLoop(loop_of(NonlinearPlant(aircraft, point), law.policy, scenario, point))
+    loop = CompiledLoop(ClosedLoop(NonlinearPlant(aircraft, point), law.policy, scenario, np.array(point.inputs)))
     known = absolute(loop, point, scenario, law.constants, memory=law.memory)
     return controller_loop(aircraft, point, controller, ACTUATORS), {"command_dihedral": 0.02}, known
 
@@ -82,7 +82,7 @@ def made(
 def flown(aircraft: Aircraft, point: OperatingPoint, gain: np.ndarray, follow: Signal) -> np.ndarray:
     scenario = scenario_of(point, reference=follow)
     loop = CompiledLoop(
-        loop_of(NonlinearPlant(aircraft, point), GainPolicy(5, 6), scenario, point),
+        ClosedLoop(NonlinearPlant(aircraft, point), GainPolicy(5, 6), scenario, np.array(point.inputs)),
     )
     constants = gain_constants(gain)
     return absolute(loop, point, scenario, lambda _: constants)
@@ -96,7 +96,7 @@ def scenario_of(point: OperatingPoint, **given: Any) -> Scenario:
 def absolute(
     loop: CompiledLoop, point: OperatingPoint, scenario: Scenario, constants: Any, memory: np.ndarray | None = None
 ) -> np.ndarray:
-    flight = loop.fly(scenario.initial, constants, step=STEP, steps_per_tick=100, ticks=600, memory=memory)
+    flight = loop.fly(scenario.initial, constants, memory=memory)
     return np.asarray(flight.states[::100] + np.array(point.states))
 
 

@@ -45,9 +45,9 @@ def flown(
     model = published_models()[0]
     at = np.zeros(M) if trim is None else trim
     plant = LinearPlant(model.A, model.B)
-    loop = CompiledLoop(ClosedLoop(plant, Commanded(M, N, command), actuators=actuators, trim=at, tick=0.1))
+    loop = CompiledLoop(ClosedLoop(plant, Commanded(M, N, command), Scenario(2.0, tick=0.1, actuators=actuators), at))
     initial = np.zeros(N) if start is None else start
-    return loop.fly(initial, lambda _: gain_constants(gain), step=0.001, steps_per_tick=100, ticks=20)
+    return loop.fly(initial, lambda _: gain_constants(gain))
 
 
 def constant(*values: float) -> Signal:

@@ -29,12 +29,11 @@ def slopes(plant: NonlinearPlant, linear: LinearizedAircraft, law: FlownLaw) -> 
 
     2 where the linear model is the derivative (Taylor), 1 where it is not.
     """
-    loops = [CompiledLoop(ClosedLoop(each, law.policy)) for each in (plant, linear)]
+    scenario = Scenario(2.0, 0.001, 0.05)
+    loops = [CompiledLoop(ClosedLoop(each, law.policy, scenario)) for each in (plant, linear)]
     errors = []
     for size in SIZES:
-        one, other = (
-            loop.fly(size * DIRECTION, law.constants, step=0.001, steps_per_tick=50, ticks=40).states for loop in loops
-        )
+        one, other = (loop.fly(size * DIRECTION, law.constants).states for loop in loops)
         errors.append(np.abs(one - other).max(axis=0) / np.array(STATE_SCALES))
     return np.asarray(np.polyfit(np.log(SIZES), np.log(errors), 1)[0])
 

@@ -15,6 +15,7 @@ from scipy.integrate import solve_ivp
 from controller import Actuators, CommandSteps, Game, MonteCarlo, Scenario, flight_envelope, fly, gain_law
 from controller.flight.closed_loop import ClosedLoop
 from controller.flight.limit_cycle import limit_cycle
+from controller.flight.monte_carlo import fly_member
 from controller.flight.nonlinear_flight import NonlinearFlight
 from controller.flight.plants import LinearPlant
 from controller.flight.simulation import CompiledLoop, Flight
@@ -98,10 +99,10 @@ def test_disturbances_are_those_of_the_model() -> None:
 def test_a_delay_is_a_delay(delay: float) -> None:
     """x' = -x(t - D), x(0) = 1, no command before 0; by the method of steps x = 1 + Σ_k (-1)^k (t - k D)_+^k / k!."""
     tick = 0.005
-    plant, late = LinearPlant(np.zeros((1, 1)), np.ones((1, 1))), round(delay / tick)
-    loop = CompiledLoop(ClosedLoop(plant, GainPolicy(1, 1), tick=tick, delay=late))
+    plant, scenario = LinearPlant(np.zeros((1, 1)), np.ones((1, 1))), Scenario(3.0, tick / 5, tick, delay=delay)
+    loop = CompiledLoop(ClosedLoop(plant, GainPolicy(1, 1), scenario))
     gain = gain_constants(np.ones((1, 1)))
-    flight = loop.fly(np.ones(1), lambda _: gain, step=tick / 5, steps_per_tick=5, ticks=round(3 / tick))
+    flight = loop.fly(np.ones(1), lambda _: gain)
     t = flight.times
     np.testing.assert_allclose(flight.states[t < delay, 0], 1.0, atol=1e-12)
     exact = _by_steps(t, delay)
@@ -119,7 +120,8 @@ def test_what_still_oscillates_is_a_limit_cycle(navion: Model) -> None:
     """Planted: a sine that lasts, one that decays, one that something drives, one that is too small to be seen."""
     t = np.arange(0.0, 20.0, 0.01)
     columns = len(navion.states)
-    still = Flight(t, np.zeros((len(t), columns)), t[:, None], np.zeros((len(t), 4)), t[:, None], t[:, None], {})
+    zeros = np.zeros((len(t), columns))
+    still = Flight(t, zeros, t[:, None], np.zeros((len(t), 4)), t[:, None], t[:, None], zeros, {})
 
     def found(signal: np.ndarray, **scenario: object) -> object:
         inputs = still.inputs.copy()
@@ -157,5 +159,8 @@ def test_a_loop_that_its_delay_destabilizes_ends_in_a_limit_cycle(navion: Model)
         assert (result.cycle is None, result.within_limits) == (settles, settles)
         assert result.report().data["held"] == settles
         assert ("limit cycle: pitch_rate goes on" in result.report().title) == (not settles)
+        plan = MonteCarlo(1, 0, navion, point, law, scenario, flight_envelope(navion, point))
+        cycle = fly_member(plan, 0)[1].cycle
+        assert cycle == (-1 if settles else [*navion.inputs, *navion.states].index("pitch_rate"))
     with pytest.raises(BadInputError, match="make it a whole number of ticks"):
         Scenario(delay=0.015)

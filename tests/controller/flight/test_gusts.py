@@ -9,10 +9,14 @@ import numpy as np
 import pytest
 from random_points import random_points
 
-from controller import Dryden, OneMinusCosine
+from controller import Dryden, OneMinusCosine, Scenario
+from controller.flight.closed_loop import ClosedLoop
 from controller.flight.gusts import Gust
-from controller.flight.integrator import RungeKutta, integrate
+from controller.flight.plants import UPDRAFT, LinearizedAircraft
+from controller.flight.simulation import CompiledLoop
+from controller.policy.policies import OpenLoop
 from hfa_model import STATES, VARIANTS, Input, Parameters, State
+from hfa_model.aircraft import HFA
 from hfa_model.atmosphere import density
 from hfa_model.dynamics import rates
 from hfa_model.variants import Newton, Variant
@@ -120,11 +124,9 @@ def test_one_minus_cosine_has_its_length_and_its_peak() -> None:
 
 def sampled(gust: Gust, interval: float, ticks: int) -> np.ndarray:
     """w at the ticks of a flight, by the integrator of the loop."""
-    t, y, p = ca.SX.sym("t"), ca.SX.sym("y", gust.memory_size), ca.SX.sym("p", gust.constants_size)
-    rate = ca.Function("air", [t, y, p], [ca.densify(gust.memory_rate(t, y, p))])
-    path = integrate(RungeKutta(rate, interval / 5, 5, compile_code=True), gust.start(), gust.constants, ticks)
-    out: Any = ca.Function("out", [y], [gust.updraft(t, y, p)])
-    return np.array(out.map(ticks + 1)(path[::5, 1:].T)).ravel()
+    plant = LinearizedAircraft(HFA, np.zeros((7, 7)), np.zeros((7, 5)), {UPDRAFT: np.zeros(7)})
+    loop = CompiledLoop(ClosedLoop(plant, OpenLoop(5), Scenario(ticks * interval, interval / 5, interval, gust=gust)))
+    return np.asarray(loop.fly(np.zeros(7), lambda _: np.zeros(5)).updrafts[::5])
 
 
 def turbulence(interval: float, ticks: int, seed: int = 0) -> Dryden:

@@ -13,7 +13,7 @@ from member_plans import EVERYTHING, PARAMETERS, with_scenario
 
 from controller import MonteCarlo, OneMinusCosine, Scenario, Uncertainty, flight_envelope, fly, gain_law
 from controller.flight import monte_carlo
-from controller.flight.monte_carlo import MonteCarloResult, fly_member, fly_members, stream_monte_carlo
+from controller.flight.monte_carlo import fly_member, fly_members, member_report, stream_monte_carlo
 from controller.policy.signals import zero
 from hfa_model import LINEAR_STATES, STATES, Aircraft, Input, Parameters, State
 from hfa_model.dynamics import rates
@@ -265,7 +265,7 @@ def test_a_resumed_run_simulates_only_what_is_missing(
 
 def test_a_summary_without_members_that_held_says_so(plan: MonteCarlo, tmp_path: Path) -> None:
     lost = replace(plan, members=1, law=gain_law("wrong sign", -np.array(plan.law.identity["K"])))
-    report = MonteCarloResult.of(lost, stream_monte_carlo(lost, tmp_path / "a.zarr")).report()
+    report = member_report(lost, stream_monte_carlo(lost, tmp_path / "a.zarr"))
     data = report.data
     assert (
         "stayed within limits: 0 of 1\nleft the envelope, by the state that left first: pitch_rate 1" in report.text()
@@ -283,6 +283,6 @@ def test_members_beyond_their_control_limits_are_counted_and_the_input_is_named(
     start = np.zeros(7)
     start[0] = 0.35
     pushed = replace(with_scenario(plan, initial=start, uncertainty=Uncertainty()), members=2)
-    found = MonteCarloResult.of(pushed, stream_monte_carlo(pushed, tmp_path / "a.zarr"))
-    assert (found.inside, found.within_limits, found.exceeded["elevator_outer"]) == (2, 0, 2)
-    assert "exceeded control limits: " in found.report().text()
+    found = member_report(pushed, stream_monte_carlo(pushed, tmp_path / "a.zarr"))
+    assert (found.data["held"], found.data["within_limits"], found.data["exceeded"]["elevator_outer"]) == (2, 0, 2)
+    assert "exceeded control limits: " in found.text()

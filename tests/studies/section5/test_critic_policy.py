@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from flight_cases import seen
 
-from controller import Signal, basis as basis_of, published_game, random_pool
+from controller import Scenario, Signal, basis as basis_of, published_game, random_pool
 from controller.flight.closed_loop import ClosedLoop
 from controller.flight.plants import LinearPlant
 from controller.flight.simulation import CompiledLoop
@@ -136,11 +136,10 @@ def test_it_flies_as_an_adaptive_integrator_says() -> None:
         initial_weights=weights,
         recorded_weights=weights,
     )
-    loop = CompiledLoop(
-        ClosedLoop(LinearPlant(game.A, game.B), CriticPolicy(law, zero(6)), REFERENCE, zero(6), zero(6))
-    )
+    scenario = Scenario(0.3, 1e-4, 0.01, reference=REFERENCE)
+    loop = CompiledLoop(ClosedLoop(LinearPlant(game.A, game.B), CriticPolicy(law, zero(6)), scenario))
     x, W, on = np.array([5.0, 0.05, 0.0, 0.0, 0.0, 0.0]), law.start()["weights"], np.ones(1)
-    flight = loop.fly(x, lambda tick: on, step=1e-4, steps_per_tick=100, ticks=30, memory=W)
+    flight = loop.fly(x, lambda tick: on, memory=W)
     adaptive = solve_ivp(
         lambda t, y: np.array(loop.rate(t, y, on)).ravel(),
         (0.0, flight.times[-1]),

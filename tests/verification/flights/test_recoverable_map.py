@@ -83,8 +83,8 @@ def test_control_limits_are_those_of_the_flight_itself(newton: FlownCase, recove
 
 def test_commands_arrive_or_not(newton: FlownCase) -> None:
     plant, asked = NonlinearPlant(newton.aircraft, newton.point), np.radians([-30.0, -5.0, 0.0, 5.0])
-    flights = ManyFlights(plant, newton.point, newton.envelope, newton.law.gains[0]).fly(
-        24.0, None, {"dihedral": asked}
+    flights = ManyFlights(plant, newton.point, newton.envelope, newton.law.gains[0], 24.0).fly(
+        None, {"dihedral": asked}
     )
     assert flights.arrived("dihedral", asked).tolist() == [False, True, True, True]
     assert flights.inside.tolist() == [False, True, True, True]
