@@ -78,7 +78,7 @@ COMMANDS = {name: about for _, commands in GROUPS.values() for name, about in co
 #: Commands that take a user's own aircraft.
 WITH_AIRCRAFT = (
     *("trim", "linearize", "sweep", "solve", "learn", "verify"),
-    *("fly", "schedule", "map", "monte-carlo", "export", "prove", "lpv"),
+    *("fly", "schedule", "map", "monte-carlo", "export", "prove", "lpv", "design"),
 )
 
 #: Former commands, for one release -> the study that took their place.

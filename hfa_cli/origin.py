@@ -69,6 +69,8 @@ def _own(arguments: argparse.Namespace) -> dict[str, object]:
     """What the trims of a user's own aircraft impose beside its declaration, and its parameters that --hold changes."""
     from hfa_cli.options.shared_options import flight_of, swept_condition_of
 
+    if not hasattr(arguments, "hold"):
+        return {}
     flight = swept_condition_of(arguments) if hasattr(arguments, "samples") else flight_of(arguments)
     own, held = arguments.aircraft, arguments.hold or {}
     return {**flight.to_dict(), "parameters": {name: held[name] for name in own.parameters if name in held}}

@@ -15,7 +15,7 @@ from hfa_model.atmosphere import density, refuse_beyond_the_atmosphere
 from hfa_model.outputs import OUTPUTS, Watched, moment_of
 from hfa_model.parameters import FIELDS, Parameters, default_parameters
 from hfa_model.printed_matrices import published_data
-from hfa_model.variants import Variant, variant_named
+from hfa_model.variants import VARIANTS, Variant, variant_named
 from hfa_model.vectors import INPUT_SIGNALS, INPUTS, LINEAR_STATES, STATE_SIGNALS, STATES, Input, State
 from hfa_model.winds import DISTURBANCE_UNIT, DISTURBANCES, winds_named
 from hfa_support.errors import BadInputError, is_finite, numbers_in, shown
@@ -103,6 +103,9 @@ HFA = Model(
         "altitude": ("altitude",),
     },
     replaced={"pitch": "gamma"},
+    # Of the vertical acceleration: SimVFA's A_z.
+    parts={"short_period": ("alpha",)},
+    variants=tuple(VARIANTS),
     # The paper calls its linear model applicable up to this dihedral angle (Section 5.1).
     envelope=flight_limits,
     check=check_in_range,

@@ -86,6 +86,8 @@ class Model:
     linear: the states of the linear model; all of them unless given. schedule: the name of the state, input or
     parameter that sweeps, gain tables and proofs run over. modes: name of a mode -> the states that take part most.
     replaced: state -> output, affine in it, that people name in its place in a trim: pitch -> gamma.
+    parts: ending -> linear states; OUTPUT_ending names the part of an output that these states, the inputs and the
+    disturbances cause, for controllers. variants: names of its other equations, which a design may treat differently.
     range: state -> (largest absolute value, whose): beyond it models come with a warning.
     envelope: (x, p) of a trim, by name -> limits of the states that a flight about it keeps where they are not min and
     max: state -> (lowest, highest).
@@ -107,6 +109,8 @@ class Model:
     schedule: str = ""
     modes: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     replaced: Mapping[str, str] = field(default_factory=dict)
+    parts: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    variants: tuple[str, ...] = ()
     range: Mapping[str, tuple[float, str]] = field(default_factory=dict)
     envelope: Callable[[Any, Any], Mapping[str, tuple[float, float]]] | None = None
     check: Callable[[Any], None] | None = None
@@ -138,6 +142,11 @@ class Model:
             ("linear names the unknown state", self.linear, self.states),
             ("trim imposes the unknown variable", self.trim, (*self.variables, *self.outputs)),
             ("schedule is the unknown variable", [self.schedule] * bool(self.schedule), [*self.signals]),
+            (
+                "parts names the unknown linear state",
+                [each for part in self.parts.values() for each in part],
+                self.linear,
+            ),
         ):
             for name in names:
                 refuse_unknown(f"{self.name}: {what}", name, known)
@@ -184,6 +193,18 @@ class Model:
     def holdable(self) -> tuple[str, ...]:
         """What a trim can impose: variables and outputs."""
         return tuple(dict.fromkeys((*self.variables, *self.outputs)))
+
+    @cached_property
+    def measurable(self) -> tuple[str, ...]:
+        """What a controller can measure: states, outputs and the parts of outputs."""
+        return (*self.states, *self.outputs, *(f"{name}_{part}" for part in self.parts for name in self.outputs))
+
+    def part(self, name: str) -> tuple[str, tuple[str, ...]]:
+        """The output or state that a name of `measurable` is about, and the linear states whose effect on it counts."""
+        for ending, states in self.parts.items():
+            if (whole := name.removesuffix(f"_{ending}")) != name and whole in self.outputs:
+                return whole, states
+        return name, self.linear
 
     @cached_property
     def rates(self) -> dict[str, Signal]:

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
 from controller.design.design import Actuator, Design, Shaping
 from controller.design.design_model import DesignModel, design_model
 from controller.design.loop_shaping import following_model, output_weights, shaped_controller
-from controller.design.scheduled_controller import COMMAND_SIGNALS, ScheduledController
+from controller.design.scheduled_controller import COMMAND_SIGNALS, ScheduledController, identity
 from controller.riccati.gare import solve_game
 from controller.riccati.output_feedback import (
     OutputGame,
@@ -20,10 +19,9 @@ from controller.riccati.output_feedback import (
 )
 from controller.riccati.smallest_delta import minimum_delta
 from hfa_model.aircraft import Aircraft
-from hfa_model.provenance import parameter_hash
-from hfa_model.vectors import LINEAR_STATES
 from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.jsonable import finite_or_none
+from hfa_support.model import Model
 from hfa_support.progress import Progress, told
 from hfa_support.reporting.checks import Check
 from trim.linear.linear_model import LinearModel, level_model
@@ -44,36 +42,45 @@ class LinearController:
 
 
 def design_controller(
-    aircraft: Aircraft,
+    aircraft: Aircraft | Model,
     design: Design,
-    dihedrals: np.ndarray,
+    places: np.ndarray,
     feedback: str = "",
     *,
     progress: Progress | None = None,
 ) -> ScheduledController:
-    """The controllers of a design at `dihedrals` (N,), rad, increasing, in one table.
+    """The controllers of a design at `places` (N,), increasing values of the scheduling variable, in one table.
 
-    feedback: "state", "output", or "" for output where the design has sensors.
-    Raises NoSolutionError that names the angle at which there is no trim or no certified controller.
+    feedback: "state", "output", or "" for output where the design has sensors. BadInputError for a model that is not
+    scheduled over one of its linear states. Raises NoSolutionError that names the place at which there is no trim or no
+    certified controller.
     """
-    design = design.of(aircraft.variant.name)
+    own = aircraft.model
+    if own.schedule not in own.linear:
+        raise BadInputError(
+            f"{own.name} declares the schedule {own.schedule!r}; a controller is scheduled over a linear state, one of "
+            f"{', '.join(own.linear)}"
+        )
+    design = design.of(own)
     feedback = feedback or ("output" if design.sensors else "state")
     found, models = [], []
-    for dihedral in told(dihedrals.tolist(), progress):
+    for place in told(places.tolist(), progress):
         try:
-            model = level_model(aircraft, dihedral)
-            models.append(model)
-            found.append(controller_at(aircraft, model, design, feedback))
+            models.append(level_model(aircraft, place))
+            found.append(controller_at(aircraft, models[-1], design, feedback))
         except NoSolutionError as error:
-            raise NoSolutionError(
-                f"design {design.name} at dihedral {math.degrees(dihedral):g} deg: {error}"
-            ) from error
+            where = f"{own.schedule} {own.describe(own.schedule, place)}"
+            raise NoSolutionError(f"design {design.name} at {where}: {error}") from error
     states, commands, command_filter = _names(design, feedback)
-    rows = [_row(model, design, each) for model, each in zip(models, found, strict=True)]
+    at, limit = [model.point.values[own.schedule] for model in models], "gamma_min" if design.shaping else "delta_min"
+    rows = [
+        {own.schedule: value, limit: each.limit, "checks": [check.to_dict() for check in each.checks]}
+        for value, each in zip(at, found, strict=True)
+    ]
     return ScheduledController(
         name=design.name,
         feedback=feedback,
-        dihedrals=np.array([model.point.states.dihedral for model in models]),
+        places=np.array(at),
         **{part: np.array([getattr(each, part) for each in found]) for part in "ABCDW"},
         states=states,
         measurements=measurements(design, feedback),
@@ -81,18 +88,19 @@ def design_controller(
         inputs=design.inputs,
         trim_states=np.array([model.point.states for model in models]),
         trim_inputs=np.array([model.point.inputs for model in models]),
-        dynamics=aircraft.variant.name,
-        parameters=parameter_hash(aircraft.parameters),
+        dynamics=own.name,
+        parameters=identity(own),
         command_filter=command_filter,
         about={"delta": finite_or_none(design.delta), "angles": rows},
+        model=own,
     )
 
 
-def controller_at(aircraft: Aircraft, model: LinearModel, design: Design, feedback: str) -> LinearController:
+def controller_at(aircraft: Aircraft | Model, model: LinearModel, design: Design, feedback: str) -> LinearController:
     """The exact controller of one linear model; NoSolutionError when it is not certified."""
     built = design_model(aircraft, model, design)
-    if design.shaping is not None:
-        return _shaped(aircraft, built, design.shaping)
+    if built.design.shaping is not None:
+        return _shaped(aircraft, built, built.design.shaping)
     if feedback == "state":
         found = _state_feedback(built)
     elif not design.sensors:
@@ -102,7 +110,7 @@ def controller_at(aircraft: Aircraft, model: LinearModel, design: Design, feedba
     return _with_commands(design, measurements(design, feedback), found)
 
 
-def _shaped(aircraft: Aircraft, built: DesignModel, shaping: Shaping) -> LinearController:
+def _shaped(aircraft: Aircraft | Model, built: DesignModel, shaping: Shaping) -> LinearController:
     """The robust controller of the shaped plant, and the model that the commands go through."""
     design, following = built.design, shaping.following
     slow = dict.fromkeys(design.inputs, Actuator(bandwidth=following.bandwidth))
@@ -121,7 +129,7 @@ def _shaped(aircraft: Aircraft, built: DesignModel, shaping: Shaping) -> LinearC
     found = shaped_controller(
         plant,
         gains,
-        output_weights(shaping.outputs_at(built.model.point.states.dihedral)),
+        output_weights(shaping.outputs_at(built.model.point.values[design.model.schedule])),
         shaping.factor,
         model,
         sensed,
@@ -137,7 +145,11 @@ def _names(design: Design, feedback: str) -> tuple[tuple[str, ...], tuple[str, .
         return estimates + design.integral_states, commands, ()
     following, own = design.shaping.following, output_weights(design.shaping.outputs).states
     positions = tuple(f"model_{name}_position" for name in design.inputs)
-    model = (*(f"model_{name}" for name in LINEAR_STATES), *positions, *(f"{name}_command" for name in design.inputs))
+    model = (
+        *(f"model_{name}" for name in design.model.linear),
+        *positions,
+        *(f"{name}_command" for name in design.inputs),
+    )
     estimates = tuple(f"{name}_estimate" for name in (*design.plant_states, *own))
     commands = tuple(f"{name}{signal}" for signal in COMMAND_SIGNALS for name in following.outputs)
     return (*model, *own, *estimates), commands, following.filter
@@ -184,13 +196,6 @@ def _output_feedback(built: DesignModel) -> LinearController:
         limit=minimum_output_delta(problem)[0],
         checks=exact.checks,
     )
-
-
-def _row(model: LinearModel, design: Design, found: LinearController) -> dict[str, Any]:
-    """What the table of the design has of one angle."""
-    limit = "delta_min" if design.shaping is None else "gamma_min"
-    checks = [check.to_dict() for check in found.checks]
-    return {"dihedral": model.point.states.dihedral, limit: found.limit, "checks": checks}
 
 
 def measurements(design: Design, feedback: str) -> tuple[str, ...]:

@@ -1,5 +1,5 @@
 """The choices of a design: which inputs act through which actuators, which outputs are integrated, at what weight; and
-the files that hold them, those of the package and the user's own.
+the files that hold them, those of the package and the user's own, for any `Model`.
 
 Names of states and signals say their unit.
 """
@@ -9,40 +9,24 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from hfa_model.outputs import OUTPUTS, unit_of
-from hfa_model.variants import VARIANTS
-from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, STATES
-from hfa_support.errors import BadInputError, refuse_unknown, refuse_unless_positive, said_of, shortened, shown
+from hfa_model.aircraft import HFA
+from hfa_support.errors import BadInputError, refuse_unknown, refuse_unless_positive, said_of, shortened
+from hfa_support.model import Model
 from hfa_support.schema import NUMBER, POSITIVE, Number, checked, read_named
 
 #: Designs that come with the package: name -> file.
-NAMED = {
-    "paper": "paper.toml",
-    "simvfa-1": "simvfa_1.toml",
-    "simvfa-2": "simvfa_2.toml",
-    "servo": "servo.toml",
-}
-#: Behind the name of an output: only its dependence on alpha, the inputs and the air is integrated (the peer's A_z).
-SHORT_PERIOD = "_short_period"
-#: Where the disturbance of the game enters.
-DISTURBANCES = ("states", "updraft", "commands")
+NAMED = {"paper": "paper.toml", "servo": "servo.toml"}
+#: Where the disturbance of the game enters, beside the disturbances of the model.
+DISTURBANCES = ("states", "commands")
 #: Bandwidth, rad/s, and damping of the command filter unless said: those of SimVFA (Thomsen 2018).
 COMMAND_FILTER = (0.5, 2.0)
 #: How names end -> what the unit of the rest is multiplied with.
-_ENDS = {
-    "_command_end": "",
-    "_command_rate": "/s",
-    "_command": "",
-    "_estimate": "",
-    "_integral": " s",
-    "_position": "",
-}
-_INPUT_RATES = {f"{name}_rate": f"{unit}/s" for name, unit in INPUT_UNITS._asdict().items()}
+_ENDS = {"_command_end": "", "_rate": "/s", "_command": "", "_estimate": "", "_integral": " s", "_position": ""}
 
 
 @dataclass(frozen=True)
@@ -88,19 +72,20 @@ class Following(NamedTuple):
 
 
 class Shaping(NamedTuple):
-    """Loop shaping: gain of each input, weight of each measured output, γ / γ_min, and the angles (rad) between which
-    the controller is interpolated. schedule: output -> factor on its gain at each of them."""
+    """Loop shaping: gain of each input, weight of each measured output, γ / γ_min, and the values of the scheduling
+    variable (angles in rad) between which the controller is interpolated. schedule: output -> factor on its gain at
+    each of them."""
 
     inputs: Mapping[str, float]
     outputs: Mapping[str, OutputWeight]
     factor: float
-    dihedrals: tuple[float, ...]
+    places: tuple[float, ...]
     schedule: Mapping[str, Sequence[float]]
     following: Following
 
-    def outputs_at(self, dihedral: float) -> dict[str, OutputWeight]:
-        """The weights with their gains at an angle, rad."""
-        factors = {name: float(np.interp(dihedral, self.dihedrals, row)) for name, row in self.schedule.items()}
+    def outputs_at(self, place: float) -> dict[str, OutputWeight]:
+        """The weights with their gains at a value of the scheduling variable."""
+        factors = {name: float(np.interp(place, self.places, row)) for name, row in self.schedule.items()}
         return {name: each._replace(gain=each.gain * factors.get(name, 1.0)) for name, each in self.outputs.items()}
 
 
@@ -108,17 +93,17 @@ class Shaping(NamedTuple):
 class Design:
     """The design model is the linear model with `inputs` alone, their actuators, and e' = y for `integrals`.
 
-    actuators: input -> actuator; an input without one acts at once. disturbances: where they enter -> intensity, which
-    scales the squared columns of E; "states": the rates of the six states (the paper's), "updraft": the vertical
-    velocity of the air, ft/s, "commands": the inputs. state_weights, input_weights: diagonal of Q and R by name, in the
-    names of `DesignModel.states` and `inputs`; a state without a weight has 0. delta: of the game, inf for an LQR.
-    sensors: state or output -> intensity of its noise. shaping: of a controller by loop shaping, which has no game.
-    variants: dynamics -> what the design is for them.
-    BadInputError when a name is unknown or given twice.
+    inputs: all of the model unless given. actuators: input -> actuator; an input without one acts at once.
+    disturbances: where they enter -> intensity, which scales the squared columns of E; "states": the rates of the
+    linear states (the paper's), "commands": the inputs, or a disturbance of the model. state_weights, input_weights:
+    diagonal of Q and R by name, in the names of `states` and `inputs`; a state without a weight has 0. delta: of the
+    game, inf for an LQR. sensors: state or output -> intensity of its noise. shaping: of a controller by loop shaping,
+    which has no game. variants: name of a model's equations -> what the design is for them. model: whose names these
+    are. BadInputError when a name is unknown or given twice.
     """
 
     name: str
-    inputs: tuple[str, ...] = INPUTS
+    inputs: tuple[str, ...] = ()
     actuators: Mapping[str, Actuator] = field(default_factory=dict)
     integrals: tuple[str, ...] = ()
     disturbances: Mapping[str, float] = field(default_factory=lambda: {"states": 1.0})
@@ -128,78 +113,65 @@ class Design:
     sensors: Mapping[str, float] = field(default_factory=dict)
     shaping: Shaping | None = None
     variants: Mapping[str, Design] = field(default_factory=dict)
+    model: Model = field(default=HFA, compare=False)
 
-    def of(self, dynamics: str) -> Design:
-        """This design for the dynamics of that name: its own where the file has a table of that name."""
-        return self.variants.get(dynamics, self)
+    def of(self, model: Model) -> Design:
+        """This design for a model: what its file has for equations of that name, in that model's names."""
+        return replace(self.variants.get(model.name, self), model=model)
 
     def __post_init__(self) -> None:
         """Check the declaration before anything is built."""
-        if not self.inputs:
-            raise BadInputError(f"design {self.name}: no input is left; name at least one of {', '.join(INPUTS)}")
-        for name, actuator in self.actuators.items():
-            if not isinstance(actuator, Actuator):
-                raise BadInputError(
-                    f"design {self.name}: the actuator of {name} is {shown(actuator)}; give an Actuator"
-                )
-        outputs = (*OUTPUTS, *(f"{name}{SHORT_PERIOD}" for name in OUTPUTS))
-        for what, names, choices in (
-            ("input", self.inputs, INPUTS),
-            ("integrated output", self.integrals, (*STATES, *outputs)),
-            ("actuator", tuple(self.actuators), self.inputs),
-            ("weight of a state", tuple(self.state_weights), self.states),
-            ("weight of an input", tuple(self.input_weights), self.inputs),
-            ("sensor", tuple(self.sensors), (*self.plant_states, *self.integral_states, *outputs)),
-            ("disturbance", tuple(self.disturbances), DISTURBANCES),
-        ):
+        model, where = self.model, f"design {self.name}:"
+        object.__setattr__(self, "inputs", tuple(self.inputs or model.inputs))
+        seen, shaping = (*self.plant_states, *self.integral_states, *model.measurable), self.shaping
+        known: list[tuple[str, Sequence[str], Sequence[str]]] = [
+            ("input", self.inputs, [*model.inputs]),
+            ("integrated output", self.integrals, model.measurable),
+            ("actuator", [*self.actuators], self.inputs),
+            ("weight of a state", [*self.state_weights], self.states),
+            ("weight of an input", [*self.input_weights], self.inputs),
+            ("sensor", [*self.sensors], seen),
+            ("disturbance", [*self.disturbances], (*DISTURBANCES, *model.disturbances)),
+        ]
+        if shaping is not None:
+            following, outputs = shaping.following, [*shaping.outputs]
+            known += [
+                ("rate of an input", [*following.rates], self.inputs),
+                ("weight of a state", [*following.states], model.linear),
+                ("scheduled output", [*shaping.schedule], outputs),
+                ("followed output, which must be measured", [*following.outputs], outputs),
+            ]
+        for what, names, choices in known:
             for name in names:
-                refuse_unknown(f"design {self.name}: unknown {what}", name, choices)
+                refuse_unknown(f"{where} unknown {what}", name, choices)
                 if names.count(name) > 1:
-                    raise BadInputError(f"design {self.name}: {what} {name} is named twice; name it once")
+                    raise BadInputError(f"{where} {what} {name} is named twice; name it once")
         for what, numbers in (("noise of sensor", self.sensors), ("intensity of disturbance", self.disturbances)):
             for name, value in numbers.items():
-                refuse_unless_positive(f"design {self.name}: the {what} {name}", value)
-        if self.shaping is not None:
-            self._check_shaping(self.shaping)
-        missing = [name for name in self.inputs if name not in self.input_weights]
-        if missing:
-            raise BadInputError(f"design {self.name}: input {missing[0]} has no weight; every input needs one")
-
-    def _check_shaping(self, shaping: Shaping) -> None:
-        following = shaping.following
-        for what, names, choices in (
-            ("rate of an input", following.rates, self.inputs),
-            ("weight of a state", following.states, LINEAR_STATES),
-            ("scheduled output", shaping.schedule, tuple(shaping.outputs)),
-            ("followed output, which must be measured", following.outputs, tuple(shaping.outputs)),
-        ):
-            for name in names:
-                refuse_unknown(f"design {self.name}: unknown {what}", name, choices)
-        missing = [name for name in self.inputs if name not in shaping.inputs or name not in following.rates]
-        if missing or set(self.actuators) != set(self.inputs):
-            name = (*missing, *(name for name in self.inputs if name not in self.actuators))[0]
-            raise BadInputError(
-                f"design {self.name}: input {name} needs an actuator, a gain in shaping.inputs and a weight in "
-                "shaping.following.rates; give all three"
-            )
-        for name, factors in shaping.schedule.items():
-            if len(factors) != len(shaping.dihedrals):
-                raise BadInputError(f"design {self.name}: shaping.schedule.{name} needs one factor for each dihedral")
-        if (
-            len(following.filter) != 2
-            or list(shaping.dihedrals) != sorted(set(shaping.dihedrals))
-            or not shaping.dihedrals
-        ):
-            raise BadInputError(
-                f"design {self.name}: shaping.following.filter is a bandwidth and a damping, and the dihedrals increase"
-            )
+                refuse_unless_positive(f"{where} the {what} {name}", value)
+        for name in self.inputs:
+            if shaping and not (name in shaping.inputs and name in shaping.following.rates and name in self.actuators):
+                raise BadInputError(
+                    f"{where} input {name} needs an actuator, a gain in shaping.inputs and a weight in "
+                    "shaping.following.rates; give all three"
+                )
+            if name not in self.input_weights:
+                raise BadInputError(f"{where} input {name} has no weight; every input needs one")
+        if shaping is not None:
+            for name, factors in shaping.schedule.items():
+                if len(factors) != len(shaping.places):
+                    raise BadInputError(f"{where} shaping.schedule.{name} needs one factor for each {model.schedule}")
+            if len(shaping.following.filter) != 2 or list(shaping.places) != (sorted({*shaping.places}) or [0]):
+                raise BadInputError(
+                    f"{where} shaping.following.filter is a bandwidth and a damping, and the {model.schedule}s increase"
+                )
 
     @property
     def plant_states(self) -> tuple[str, ...]:
-        """The aircraft's six, then actuator positions, actuator rates."""
+        """Those of the linear model, then actuator positions, actuator rates."""
         moving = [name for name in self.inputs if name in self.actuators]
         second = [name for name in moving if self.actuators[name].order == 2]
-        return (*LINEAR_STATES, *(f"{name}_position" for name in moving), *(f"{name}_rate" for name in second))
+        return (*self.model.linear, *(f"{name}_position" for name in moving), *(f"{name}_rate" for name in second))
 
     @property
     def integral_states(self) -> tuple[str, ...]:
@@ -212,17 +184,14 @@ class Design:
         return (*self.plant_states, *self.integral_states)
 
 
-def signal_unit(name: str) -> str:
+def signal_unit(model: Model, name: str) -> str:
     """ft/s of speed_estimate, ft/s^2 s of the integral of an acceleration; "" of a name that says none."""
-    rest = re.sub(r"_lag_\d+$", "", name).removeprefix("model_").removesuffix(SHORT_PERIOD)
-    known = _INPUT_RATES | INPUT_UNITS._asdict()
-    if rest in known:
-        return known[rest]
-    if rest in STATES or rest in OUTPUTS:
-        return unit_of(rest)
+    rest = re.sub(r"_lag_\d+$", "", name).removeprefix("model_")
+    if (known := model.part(rest)[0]) in model.signals:
+        return model.unit(known)
     for end, times in _ENDS.items():
         if rest.endswith(end):
-            unit = signal_unit(rest.removesuffix(end))
+            unit = signal_unit(model, rest.removesuffix(end))
             return re.sub(r"^(.*/.*)/s$", r"(\1)/s", f"{unit}{times}") if unit else ""
     return ""
 
@@ -241,7 +210,6 @@ _FILE = {
     "sensors": _WEIGHTS,
     "shaping": {
         "factor": Number(1.0, above=True),
-        "dihedrals": [NUMBER],
         "schedule": {str: [POSITIVE]},
         "inputs*": _POSITIVE,
         "outputs*": {str: {"gain*": POSITIVE, "corner": Number(0.0), "lag": Number(0.0)}},
@@ -256,32 +224,32 @@ _FILE = {
 }
 
 
-def load_design(name: str) -> Design:
-    """A design that comes with the package, by its name in `NAMED`, or one of the user's, by its file.
+def load_design(name: str, model: Model = HFA) -> Design:
+    """A design that comes with the package, by its name in `NAMED`, or one of the user's, by its file, for a model.
 
-    inputs, integrals: lists of names. disturbance: where it enters, "states", "updraft" or "commands", or the table
-    [disturbance] of several with their intensities. delta: a number, inf for none. [actuators.INPUT]: order, bandwidth
-    (rad/s), damping, effectiveness. [weights.states], [weights.inputs]: name = weight. [sensors]: output or state =
-    its intensity. Or [shaping]: factor, dihedrals (deg); [shaping.inputs], [shaping.outputs.NAME] gain, corner,
-    lag; [shaping.schedule]; [shaping.following] filter, bandwidth, and by name outputs, states, rates: `Shaping`,
-    `Following`. [newton.TABLE]: entries that replace those above for these dynamics.
-    BadInputError names the file, the entry and the fault.
+    inputs, integrals: lists of names. disturbance: where it enters, "states", "commands" or one of the model's, or the
+    table [disturbance] of several with their intensities. delta: a number, inf for none. [actuators.INPUT]: order,
+    bandwidth (rad/s), damping, effectiveness. [weights.states], [weights.inputs]: name = weight. [sensors]: output or
+    state = its intensity. Or [shaping]: factor, dihedrals (deg; speeds where the model is scheduled over speed);
+    [shaping.inputs], [shaping.outputs.NAME] gain, corner, lag; [shaping.schedule]; [shaping.following] filter,
+    bandwidth, and by name outputs, states, rates: `Shaping`, `Following`. [newton.TABLE]: entries that replace those
+    above for these equations. BadInputError names the file, the entry and the fault.
     """
-    return design_of(name, read_design(name))
+    return design_of(name, read_design(name), model)
 
 
 def read_design(name: str) -> dict[str, Any]:
     """The entries of a design file, which `design_of` checks."""
+    if name in ("simvfa-1", "simvfa-2"):
+        raise BadInputError(f"{name} is now the file studies/servo/designs/{name}.toml of the project; name the file")
     return dict(read_named("design", name, NAMED, "controller.designs", {...: None}))
 
 
-def design_of(name: str, data: Mapping[str, Any]) -> Design:
+def design_of(name: str, data: Mapping[str, Any], model: Model = HFA) -> Design:
     """The design of the entries of a file; BadInputError as `load_design`."""
-    if "feedforward" in data:
-        study = "make the controller with the study: python -m studies.servo design FILE.toml -o FILE.npz"
-        raise BadInputError(f"{name}: a design has no table [feedforward]; remove it, or {study}")
-    changes = {key: data[key] for key in VARIANTS if key in data}
-    data = checked(name, {key: value for key, value in data.items() if key not in changes}, _FILE)
+    changes, places = {key: data[key] for key in model.variants if key in data}, f"{model.schedule}s"
+    form = {**_FILE, "shaping": {**_FILE["shaping"], f"{places}*": [NUMBER]}}  # type: ignore[dict-item]
+    data = checked(name, {key: value for key, value in data.items() if key not in changes}, form)
     entering = data.get("disturbance", "states")
     several = entering if isinstance(entering, dict) else {checked(name, entering, str, "disturbance"): 1.0}
     weights, shaping = data.get("weights", {}), None
@@ -289,10 +257,10 @@ def design_of(name: str, data: Mapping[str, Any]) -> Design:
         for other in ("integrals", "disturbance", "delta", "weights", "sensors"):
             if other in data:
                 raise BadInputError(f"{name}: {other} belongs to a game, [shaping] has none; leave one of them out")
-        shaping = _shaping_of(data["shaping"])
+        shaping = _shaping_of(data["shaping"], places, model)
     return Design(
         name=name,
-        inputs=tuple(data.get("inputs", INPUTS)),
+        inputs=tuple(data.get("inputs", ())),
         integrals=tuple(data.get("integrals", ())),
         disturbances=checked(name, several, _WEIGHTS, "disturbance"),
         delta=data.get("delta", math.inf),
@@ -302,8 +270,10 @@ def design_of(name: str, data: Mapping[str, Any]) -> Design:
         sensors=data.get("sensors", {}) if shaping is None else dict.fromkeys(shaping.outputs, 1.0),
         shaping=shaping,
         variants={
-            key: design_of(name, _merged(data, checked(name, each, {...: None}, key))) for key, each in changes.items()
+            key: design_of(name, _merged(data, checked(name, each, {...: None}, key)), model)
+            for key, each in changes.items()
         },
+        model=model,
     )
 
 
@@ -313,13 +283,13 @@ def _merged(whole: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, A
     return {**whole, **changes, **both}
 
 
-def _shaping_of(table: Mapping[str, Any]) -> Shaping:
+def _shaping_of(table: Mapping[str, Any], places: str, model: Model) -> Shaping:
     following = {"states": {}, "filter": list(COMMAND_FILTER), "bandwidth": 2.0} | table["following"]
     following["filter"] = tuple(following["filter"])
     outputs = {name: OutputWeight(**each) for name, each in table["outputs"].items()}
-    angles = tuple(math.radians(angle) for angle in table.get("dihedrals", range(21)))
+    at = tuple(map(math.radians if model.schedule_unit == "deg" else float, table[places]))
     return Shaping(
-        table["inputs"], outputs, table.get("factor", 1.1), angles, table.get("schedule", {}), Following(**following)
+        table["inputs"], outputs, table.get("factor", 1.1), at, table.get("schedule", {}), Following(**following)
     )
 
 

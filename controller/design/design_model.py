@@ -8,12 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from controller.design.design import SHORT_PERIOD, Design
+from controller.design.design import Design, signal_unit
 from controller.game.zero_sum import Game
 from hfa_model.aircraft import Aircraft
-from hfa_model.outputs import OUTPUTS, unit_of
-from hfa_model.vectors import LINEAR_STATES, STATES
 from hfa_support.errors import BadInputError
+from hfa_support.model import Model
 from hfa_support.reporting.fields import Shown
 from trim.linear.linear_model import LinearModel, linearize
 from trim.point.operating_point import OperatingPoint
@@ -24,12 +23,11 @@ RANK = 1e-10
 
 @dataclass(frozen=True, eq=False, repr=False)
 class DesignModel(Shown):
-    """z' = A z + B u + E w,  y = C z + D u + F w + noise,  of `design` about the operating point of `model`.
+    """z' = A z + B u + E w,  y = C z + D u + noise,  of `design` about the operating point of `model`.
 
     z: the states of the linear model, then actuator positions and rates, integrals (`states`).
     A: (n, n). B: (n, m). E: (n, k), the columns of each disturbance times the root of its intensity. C: (p, n),
-    D: (p, m) of the sensors. gust: (n, 1), F: (p, 1), the columns of an updraft of 1 ft/s, whether E has it or not.
-    Units: those of the linear model; an integral has its output's times s.
+    D: (p, m) of the sensors. Units: those of the linear model; an integral has its output's times s.
     """
 
     design: Design
@@ -39,10 +37,6 @@ class DesignModel(Shown):
     E: np.ndarray
     C: np.ndarray
     D: np.ndarray
-    gust: np.ndarray
-    F: np.ndarray
-    state_units: tuple[str, ...]
-    input_units: tuple[str, ...]
 
     @property
     def states(self) -> tuple[str, ...]:
@@ -60,10 +54,19 @@ class DesignModel(Shown):
         return tuple(self.design.sensors)
 
     @property
+    def state_units(self) -> tuple[str, ...]:
+        """Unit of each state, in order."""
+        return tuple(signal_unit(self.design.model, name) for name in self.states)
+
+    @property
+    def input_units(self) -> tuple[str, ...]:
+        """Unit of each input, in order."""
+        return self.design.model.units(self.inputs)
+
+    @property
     def sensor_units(self) -> tuple[str, ...]:
         """Unit of each sensor, in order."""
-        of_states = dict(zip(self.states, self.state_units, strict=True))
-        return tuple(of_states.get(name) or unit_of(name.removesuffix(SHORT_PERIOD)) for name in self.sensors)
+        return tuple(signal_unit(self.design.model, name) for name in self.sensors)
 
     @property
     def V(self) -> np.ndarray:
@@ -100,75 +103,69 @@ class DesignModel(Shown):
                 )
 
 
-def design_model(aircraft: Aircraft, model: LinearModel, design: Design) -> DesignModel:
+def design_model(aircraft: Aircraft | Model, model: LinearModel, design: Design) -> DesignModel:
     """x' = A x + B a + E w,  actuators from commands to a,  e' and y = C x + D a + F w,  y also a state of z.
 
-    model: of six states, made of this aircraft. BadInputError when an output is not one, or when a sensor sees a
-    disturbance itself: its noise must not depend on the disturbance.
+    model: made of this aircraft. BadInputError when an output is not one, or when a sensor sees a disturbance itself:
+    its noise must not depend on the disturbance.
     """
-    n, k, names = len(LINEAR_STATES), len(design.integrals), design.states
-    watched = (*design.integrals, *design.sensors)
+    design = design.of(aircraft.model)
+    n, k, names, own = len(model.states), len(design.integrals), design.states, aircraft.model
+    watched, winds = (
+        (*design.integrals, *design.sensors),
+        [*(each for each in design.disturbances if each in own.disturbances)],
+    )
     columns = [model.inputs.index(name) for name in design.inputs]
-    of_x, of_a, of_w, wind = watched_outputs(aircraft, model.point, watched)
+    of_x, of_a, of_w, wind = watched_outputs(aircraft, model.point, watched, disturbances=tuple(winds))
     A, B = np.zeros((len(names), len(names))), np.zeros((len(names), len(columns)))
     C, D = np.zeros((len(watched), len(names))), np.zeros((len(watched), len(columns)))
     A[:n, :n], C[:, :n] = model.A, of_x
     for number, (name, column) in enumerate(zip(design.inputs, columns, strict=True)):
-        moved = name in design.actuators
-        place = names.index(f"{name}_position") if moved else number
-        (A if moved else B)[:n, place], (C if moved else D)[:, place] = model.B[:, column], of_a[:, column]
-        if moved:
-            _connect(A, B, number, names, name, design)
-    gust = np.vstack([wind, np.zeros((len(names) - n, 1))])
+        actuator = design.actuators.get(name)
+        place = number if actuator is None else names.index(f"{name}_position")
+        (B if actuator is None else A)[:n, place] = model.B[:, column]
+        (D if actuator is None else C)[:, place] = of_a[:, column]
+        if actuator is not None:
+            w, last = actuator.bandwidth, names.index(f"{name}_rate") if actuator.order == 2 else place
+            if actuator.order == 2:
+                A[place, last], A[last, last] = 1.0, -2 * actuator.damping * w
+            A[last, place], B[last, number] = -(w**actuator.order), w**actuator.order * actuator.effectiveness
+    blown = np.vstack([wind, np.zeros((len(names) - n, len(winds)))])
     for row, name in enumerate(watched):
         if row < k:
             place = len(names) - k + row
-            A[place], B[place], gust[place] = C[row], D[row], of_w[row]
+            A[place], B[place], blown[place] = C[row], D[row], of_w[row]
         elif name in names:
             C[row, names.index(name)] = 1.0
-    sources = {"states": np.eye(len(names), n), "updraft": gust, "commands": B}
-    for name, *seen in zip(design.sensors, D[k:], of_w[k:], strict=True):
-        for source, column in zip(("commands", "updraft"), seen, strict=True):
-            if source in design.disturbances and np.any(column):
+    sources = {"states": np.eye(len(names), n), "commands": B} | dict(zip(winds, blown.T[:, :, None], strict=True))
+    felt = {"commands": D} | dict(zip(winds, of_w.T[:, :, None], strict=True))
+    for source in design.disturbances:
+        for name, seen in zip(design.sensors, felt.get(source, np.zeros((len(watched), 1)))[k:], strict=True):
+            if np.any(seen):
                 raise BadInputError(
                     f"design {design.name}: sensor {name} sees the {source} itself; measure a state instead"
                 )
     E = np.hstack([math.sqrt(size) * sources[name] for name, size in design.disturbances.items()])
-    units = dict(zip(model.inputs, model.input_units, strict=True))
-    of_inputs = tuple(units[name] for name in design.inputs)
-    return DesignModel(design, model, A, B, E, C[k:], D[k:], gust, of_w[k:], _units(design, model), of_inputs)
-
-
-def _connect(A: np.ndarray, B: np.ndarray, number: int, names: tuple[str, ...], name: str, design: Design) -> None:
-    """The rows of one actuator."""
-    actuator, position = design.actuators[name], names.index(f"{name}_position")
-    w = actuator.bandwidth
-    if actuator.order == 1:
-        A[position, position], B[position, number] = -w, w * actuator.effectiveness
-        return
-    rate = names.index(f"{name}_rate")
-    A[position, rate] = 1.0
-    A[rate, position], A[rate, rate] = -(w**2), -2 * actuator.damping * w
-    B[rate, number] = w**2 * actuator.effectiveness
+    return DesignModel(design, model, A, B, E, C[k:], D[k:])
 
 
 def watched_outputs(
-    aircraft: Aircraft, point: OperatingPoint, names: tuple[str, ...], **winds: Any
+    aircraft: Aircraft | Model, point: OperatingPoint, names: tuple[str, ...], **winds: Any
 ) -> tuple[np.ndarray, ...]:
-    """C, D, F of the named outputs, rows of zeros for names that are no output, and E of the updraft, (6, 1).
+    """C, D, F of the named outputs and parts of outputs (`Model.measurable`), rows of zeros for other names, and E.
 
-    Of a short-period output alpha, the inputs and the air count only. winds: of `linearize`.
+    winds: of `linearize`.
     """
-    plain = [name.removesuffix(SHORT_PERIOD) for name in names]
-    known = dict.fromkeys(name for name in plain if name in (*STATES, *OUTPUTS))
-    found = linearize(aircraft, point, outputs=tuple(known), **winds)
+    model = aircraft.model
+    found = linearize(
+        aircraft, point, outputs=tuple({model.part(each)[0]: 0 for each in names if each in model.measurable}), **winds
+    )
     C, D, F = (np.zeros((len(names), part.shape[1])) for part in (found.C, found.D, found.F))
-    for row, (name, output) in enumerate(zip(names, plain, strict=True)):
+    for row, (output, states) in enumerate(map(model.part, names)):
         if output in found.outputs:
             source = found.outputs.index(output)
             C[row], D[row], F[row] = found.C[source], found.D[source], found.F[source]
-        if name.endswith(SHORT_PERIOD):
-            C[row, [state != "alpha" for state in LINEAR_STATES]] = 0.0
+            C[row, [state not in states for state in model.linear]] = 0.0
     return C, D, F, found.E
 
 
@@ -179,12 +176,3 @@ def _full_rank(rows: np.ndarray) -> bool:
         size = np.linalg.norm(scaled, axis=axis, keepdims=True)
         scaled = scaled / np.where(size > 0.0, size, 1.0)
     return bool(len(rows) <= rows.shape[1] and np.linalg.svd(scaled, compute_uv=False)[-1] > RANK)
-
-
-def _units(design: Design, model: LinearModel) -> tuple[str, ...]:
-    inputs = dict(zip(model.inputs, model.input_units, strict=True))
-    found = dict(zip(model.states, model.state_units, strict=True))
-    found |= {f"{name}_position": unit for name, unit in inputs.items()}
-    found |= {f"{name}_rate": f"{unit}/s" for name, unit in inputs.items()}
-    found |= {f"{name}_integral": f"{unit_of(name.removesuffix(SHORT_PERIOD))} s" for name in design.integrals}
-    return tuple(found[name] for name in design.states)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -16,10 +16,11 @@ from controller.design.scheduled_controller import ScheduledController
 from controller.riccati.balancing import spectrum
 from hfa_model.aircraft import Aircraft
 from hfa_support.errors import NoSolutionError
+from hfa_support.model import Model
 from hfa_support.progress import Progress, told
 from hfa_support.reporting.checks import Check, Checked, below, checks_block
 from hfa_support.reporting.report import Report, Reported
-from hfa_support.reporting.text import Table, in_degrees
+from hfa_support.reporting.text import Table, shown_value
 from trim.linear.linear_model import LinearModel, level_model
 
 #: Ends of the ranges of the corners: share of a command that arrives, and rad/s.
@@ -58,17 +59,18 @@ class ServoLoop:
 
 
 def servo_plant(
-    aircraft: Aircraft, model: LinearModel, controller: ScheduledController, actuators: Mapping[str, Actuator]
+    aircraft: Aircraft | Model, model: LinearModel, controller: ScheduledController, actuators: Mapping[str, Actuator]
 ) -> DesignModel:
     """The linear model with these actuators, its sensors the measurements of the controller."""
     ones = dict.fromkeys(controller.measurements, 1.0), dict.fromkeys(controller.inputs, 1.0)
-    loop = Design("loop", controller.inputs, actuators, sensors=ones[0], input_weights=ones[1])
+    own = controller.model
+    loop = Design("loop", controller.inputs, actuators, sensors=ones[0], input_weights=ones[1], model=own)
     return design_model(aircraft, model, loop)
 
 
 def servo_loop(plant: DesignModel, controller: ScheduledController) -> ServoLoop:
-    """The controller at the dihedral of the plant. Where inputs move a measured output at once, that path is closed."""
-    Ak, Bk, Ck, Dk = controller.at(plant.model.point.states.dihedral)
+    """The controller where the plant is. Where inputs move a measured output at once, that path is closed."""
+    Ak, Bk, Ck, Dk = controller.at(plant.model.point.values[controller.model.schedule])
     measured = len(controller.measurements)
     Bk, Dk = Bk[:, :measured], Dk[:, :measured]
     if np.any(plant.D):  # u = Ck x_c + Dk (C x + D u)
@@ -154,9 +156,10 @@ def _crossings(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 class LoopRow(NamedTuple):
-    """At one angle, rad, behind the actuator of each input: the abscissa, 1/s, and the margins, () where unstable."""
+    """At one value of the scheduling variable, behind the actuator of each input: the abscissa, 1/s, and the margins,
+    () where unstable."""
 
-    dihedral: float
+    place: float
     actuators: tuple[Actuator, ...]
     abscissa: float
     loops: tuple[LoopMargin, ...]
@@ -192,36 +195,44 @@ class LoopTable(Checked, Reported):
     @property
     def checks(self) -> tuple[Check, ...]:
         """Every loop is stable."""
-        where = f"worst at {in_degrees(self.worst.dihedral):g} deg, {self.worst.text}"
+        where = f"worst at {self._at(self.worst)}, {self.worst.text}"
         reason = f"unstable in {self.unstable} of {len(self.rows)} loops, {where}"
         return (below("largest_abscissa", self.worst.abscissa, 0.0, reason),)
 
+    def _at(self, row: LoopRow) -> str:
+        """5 deg."""
+        return self.controller.model.describe(self.controller.model.schedule, row.place)
+
     def report(self) -> Report:
         """The verdict, and the smallest margins of each loop and of each angle."""
+        by, unit = (model := self.controller.model).schedule, model.unit(model.schedule)
         by_loop: dict[tuple[str, ...], list[tuple[LoopRow, LoopMargin]]] = {}
         by_angle: dict[tuple[str, ...], list[tuple[LoopRow, LoopMargin]]] = {}
         for row, each in [(one, each) for one in self.rows for each in one.loops]:
             by_loop.setdefault((row.text, each.loop), []).append((row, each))
             if each.loop != TOGETHER:
-                by_angle.setdefault((f"{in_degrees(row.dihedral):g}",), []).append((row, each))
+                by_angle.setdefault((shown_value(row.place, unit),), []).append((row, each))
         header = ("gain dB", "at", "phase deg", "rad/s", "at", "delay ms")
         tables = [
             Table(
-                (*names, *header), [(*place, *_smallest(found, names == ("dihedral",))) for place, found in by.items()]
+                (*names, *header),
+                [(*place, *_smallest(found, names == (by,), self._at)) for place, found in grouped.items()],
             )
-            for names, by in ((("actuators", "loop"), by_loop), (("dihedral",), by_angle))
-            if by
+            for names, grouped in ((("actuators", "loop"), by_loop), ((by,), by_angle))
+            if grouped
         ]
         stable = f"{len(self.rows) - self.unstable} of {len(self.rows)} loops stable"
-        title = f"{self.what} of controller {self.controller.name}, {self.controller.dynamics} dynamics"
+        title = f"{self.what} of controller {self.controller.name}, {self.controller.called}"
         verdict = "PASS" if self.ok else "FAIL"
         return Report(f"{title}: {verdict}, {stable}", (*tables, checks_block(self.checks)), data=self.to_dict())
 
     def to_dict(self) -> dict[str, Any]:
         """Ready for JSON: angles in rad, delays in s."""
+        by = self.controller.model.schedule
         rows = [
             {
-                **row._asdict(),
+                by: row.place,
+                "abscissa": row.abscissa,
                 "actuators": list(map(vars, row.actuators)),
                 "loops": [each._asdict() for each in row.loops],
             }
@@ -230,11 +241,11 @@ class LoopTable(Checked, Reported):
         return {"ok": self.ok, "rows": rows, "checks": [check.to_dict() for check in self.checks]}
 
 
-def _smallest(found: list[tuple[LoopRow, LoopMargin]], by_angle: bool) -> tuple[str, ...]:
+def _smallest(found: list[tuple[LoopRow, LoopMargin]], by_angle: bool, at: Callable[[LoopRow], str]) -> tuple[str, ...]:
     """Cells of the smallest gain, phase and delay, and where: the loop and its actuators, or the angle."""
 
     def place(row: LoopRow, each: LoopMargin) -> str:
-        return f"{each.loop}, {row.text}" if by_angle else f"{in_degrees(row.dihedral):g} deg"
+        return f"{each.loop}, {row.text}" if by_angle else at(row)
 
     gain = min(found, key=lambda pair: pair[1].gain)
     phase = min(found, key=lambda pair: pair[1].phase)
@@ -244,23 +255,23 @@ def _smallest(found: list[tuple[LoopRow, LoopMargin]], by_angle: bool) -> tuple[
 
 
 def check_margins(
-    aircraft: Aircraft,
+    aircraft: Aircraft | Model,
     controller: ScheduledController,
-    dihedrals: np.ndarray,
+    places: np.ndarray,
     bandwidths: Sequence[float],
     *,
     progress: Progress | None = None,
 ) -> LoopTable:
-    """Margins about the level trims at `dihedrals` (N,), rad, behind actuators of both orders and these bandwidths
-    (rad/s), alike in all inputs; without any where `bandwidths` is empty. BadInputError as `check_corners`."""
+    """Margins about the trims at `places` (N,), behind actuators of both orders and these bandwidths (rad/s),
+    alike in all inputs; without any where `bandwidths` is empty. BadInputError as `check_corners`."""
     count, rates = len(controller.inputs), {f"{name}_rate" for name in controller.inputs}
     orders = ORDERS[1:] if rates & set(controller.measurements) else ORDERS
     kinds = [(Actuator(*kind),) * count for kind in itertools.product(orders, bandwidths)] or [()]
-    return LoopTable(controller, "Margins", tuple(_rows(aircraft, controller, dihedrals, kinds, True, progress)))
+    return LoopTable(controller, "Margins", tuple(_rows(aircraft, controller, places, kinds, True, progress)))
 
 
 def check_corners(
-    aircraft: Aircraft, controller: ScheduledController, *, progress: Progress | None = None
+    aircraft: Aircraft | Model, controller: ScheduledController, *, progress: Progress | None = None
 ) -> LoopTable:
     """Stability at every corner of `EFFECTIVENESS` and `BANDWIDTH`, each input by itself, for both orders.
 
@@ -273,24 +284,24 @@ def check_corners(
         for order in ORDERS
         for each in itertools.product(ends, repeat=len(controller.inputs))
     ]
-    rows = _rows(aircraft, controller, controller.dihedrals, kinds, False, progress)
+    rows = _rows(aircraft, controller, controller.places, kinds, False, progress)
     return LoopTable(controller, "Corners of the actuators", tuple(rows))
 
 
 def _rows(
-    aircraft: Aircraft,
+    aircraft: Aircraft | Model,
     controller: ScheduledController,
-    dihedrals: np.ndarray,
+    places: np.ndarray,
     kinds: Iterable[tuple[Actuator, ...]],
     margins: bool,
     progress: Progress | None,
 ) -> Iterable[LoopRow]:
-    controller.refuse_other(aircraft, float(dihedrals.min()), float(dihedrals.max()))
-    for dihedral in told(dihedrals.tolist(), progress):
-        model = level_model(aircraft, dihedral)
+    controller.refuse_other(aircraft, float(places.min()), float(places.max()))
+    for place in told(places.tolist(), progress):
+        model = level_model(aircraft, place)
         for kind in kinds:
             actuators = dict(zip(controller.inputs, kind, strict=False))
             loop = servo_loop(servo_plant(aircraft, model, controller, actuators), controller)
             known = margins and loop.abscissa < 0.0
             loops = loop_margins(loop, controller.inputs, controller.measurements) if known else ()
-            yield LoopRow(dihedral, kind, loop.abscissa, loops)
+            yield LoopRow(place, kind, loop.abscissa, loops)

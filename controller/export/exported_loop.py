@@ -26,6 +26,7 @@ from controller.policy.signals import CommandSteps
 from hfa_model.aircraft import Aircraft
 from hfa_support.model import Model
 from hfa_support.native.c_code import c_function
+from hfa_support.reporting.text import shown_value
 from trim.point.operating_point import OperatingPoint
 
 HEADER, SOURCE = "hfa_controller.h", "hfa_controller.c"
@@ -85,7 +86,7 @@ def controller_function(policy: ServoPolicy) -> ca.Function:
     own, r, slope = ca.vertsplit(memory, [0, *np.cumsum([len(made.states), len(names), len(names)]).tolist()])
     told = replace(policy, commands=Given(r, slope, command, names), outputs=Given(measured))
     states = ca.SX(len(model.linear), 1)
-    states[model.linear.index(model.schedule)] = dihedral - policy.dihedral
+    states[model.linear.index(model.schedule)] = dihedral - policy.place
     nothing = ca.SX(0, 1)
     seen, t = Seen(states, states, nothing, nothing), ca.SX.sym("t")
     u = ca.fmin(ca.fmax(told.control(t, seen, own, nothing), lowest), highest)
@@ -118,11 +119,12 @@ def c_controller_texts(
     """
     made, names = controller, commandable(controller)
     policy, longest = trimmed_policy(controller, aircraft, point), longest_step(controller)
-    arguments = ("dihedral", "measured", "memory", "command", "lowest", "highest")
+    scheduled = made.model.schedule
+    arguments = (scheduled, "measured", "memory", "command", "lowest", "highest")
     memory = [*made.states, *(f"{name}{signal}" for signal in COMMAND_SIGNALS[:2] for name in names)] or [_UNUSED]
     names_and_units: dict[str, tuple[Sequence[str], Sequence[str]]] = {
-        "measured": (made.measurements, [signal_unit(name) for name in made.measurements]),
-        "command": (names, [signal_unit(name) for name in names]) if names else ([_UNUSED], [""]),
+        "measured": (made.measurements, [signal_unit(made.model, name) for name in made.measurements]),
+        "command": (names, [signal_unit(made.model, name) for name in names]) if names else ([_UNUSED], [""]),
     }
     tables = [
         c_table(f"const char *const hfa_{kind}_{what}", [f'"{word}"' for word in words])
@@ -134,8 +136,9 @@ def c_controller_texts(
             "hfa_controller.h.in",
             origin=comment_lines(origin),
             name=comment_lines(made.name),
-            lowest=float(np.degrees(made.dihedrals[0])),
-            highest=float(np.degrees(made.dihedrals[-1])),
+            lowest=shown_value(made.places[0], made.model.unit(scheduled)),
+            highest=made.model.describe(scheduled, made.places[-1]),
+            scheduled=scheduled,
             memory=c_positions(memory, [""] * len(memory), "MEMORY_"),
             measured=c_positions(*names_and_units["measured"], "MEASURED_"),
             command=c_positions(*names_and_units["command"], "COMMAND_"),
@@ -146,6 +149,7 @@ def c_controller_texts(
             "hfa_controller.c.in",
             origin=comment_lines(origin),
             tables="\n".join(tables),
+            scheduled=scheduled,
             function=c_function(controller_function(policy), "controller", arguments, ("u", "rate")),
             longest=repr(longest),
         ),
@@ -213,7 +217,7 @@ def controller_loop(
     function = ca.Function(
         "loop", [ca.vertcat(Y, r, slope), ca.vertcat(w, goal)], [ca.vertcat(rate, filtered), U], {"cse": True}
     )
-    units = [signal_unit(name) for name in names]
+    units = [signal_unit(controller.model, name) for name in names]
     states = (
         *_states(point),
         *_actuator_states(actuators, point.model),
@@ -313,7 +317,7 @@ def controller_example(
     function, states = held_loop(aircraft, point, controller, actuators)
     names, trim = commandable(controller), np.array(point.inputs)
     model, (state, amount) = point.model, displaced(point.model)
-    commanded = f"{COMMANDED:g} {signal_unit(names[0])} of {names[0]}" if names else "nothing"
+    commanded = f"{COMMANDED:g} {signal_unit(controller.model, names[0])} of {names[0]}" if names else "nothing"
     return filled(
         f"{EXAMPLE}.in",
         origin=comment_lines(origin),
@@ -324,6 +328,7 @@ def controller_example(
         displaced=list(model.states).index(state),
         amount=amount,
         unit=model.unit(state),
+        scheduled=model.schedule,
         dihedral=list(model.states).index(model.schedule),
         tables="\n".join(
             [

@@ -7,7 +7,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from controller.design.design import SHORT_PERIOD
 from controller.flight.closed_loop import ClosedLoop
 from controller.flight.envelope import (
     ALPHA,
@@ -242,7 +241,7 @@ def tracked(flight: Flight, outputs: MeasuredOutputs, commands: CommandSteps) ->
     z = flight.states[:, _rows(model)] @ outputs.C.T + flight.inputs @ outputs.D.T
     if outputs.F.size:
         z += flight.updrafts[:, None] @ outputs.F.T
-    units = model.units([name.removesuffix(SHORT_PERIOD) for name in commands.names])
+    units = model.units([model.part(name)[0] for name in commands.names])
     return tuple(map(Tracked, commands.names, z.T, commands.sampled(flight.times).T, units))
 
 

@@ -23,35 +23,34 @@ from trim.point.operating_point import OperatingPoint
 _UPDRAFT = "updraft"
 
 
-class DihedralTable:
+class ScheduledTable:
     """Matrices (N, rows, columns) each, as a `LinearTable`: one function that is called and not written out."""
 
-    def __init__(self, dihedrals: np.ndarray, stacks: Sequence[np.ndarray]) -> None:
+    def __init__(self, places: np.ndarray, stacks: Sequence[np.ndarray]) -> None:
         self._shapes = [stack.shape[1:] for stack in stacks]
         flat = np.hstack([stack.transpose(0, 2, 1).reshape(len(stack), -1) for stack in stacks])
         eta = ca.SX.sym("eta")
-        looked_up = ca.densify(LinearTable(dihedrals, flat).expression(eta))
+        looked_up = ca.densify(LinearTable(places, flat).expression(eta))
         self._function = ca.Function("table", [eta], [looked_up], {"never_inline": True})
 
-    def at(self, dihedral: ca.SX) -> tuple[ca.SX, ...]:
-        """Each matrix at a dihedral, rad."""
+    def at(self, place: ca.SX) -> tuple[ca.SX, ...]:
+        """Each matrix at a value of the scheduling variable."""
         ends = np.cumsum([0, *(rows * columns for rows, columns in self._shapes)]).tolist()
-        parts = ca.vertsplit(self._function(dihedral), ends)
+        parts = ca.vertsplit(self._function(place), ends)
         return tuple(ca.reshape(part, *shape) for part, shape in zip(parts, self._shapes, strict=True))
 
 
 class MeasuredOutputs:
     """y - Y0 = C x + D a + F w of named outputs of the linear model at a trim, x and a as deviations from it.
 
-    w: the updraft, of a model that has one: an accelerometer feels alpha through the air. Behind a name
-    `_short_period` only the dependence on alpha, the inputs and w counts. INPUT_position and INPUT_rate are
-    those of the actuators.
+    w: the updraft, of a model that has one: an accelerometer feels alpha through the air. INPUT_position
+    and INPUT_rate are those of the actuators.
     """
 
     def __init__(self, aircraft: Aircraft | Model, point: OperatingPoint, names: tuple[str, ...]) -> None:
         self.names, self.model = names, point.model
         inputs, air = tuple(self.model.inputs), (_UPDRAFT,) * (_UPDRAFT in self.model.disturbances)
-        self.C, self.D, self.F, _ = watched_outputs(aircraft, point, names, disturbances=air)  # type: ignore[arg-type]
+        self.C, self.D, self.F, _ = watched_outputs(aircraft, point, names, disturbances=air)
         self.rates = np.zeros_like(self.D)
         for row, name in enumerate(names):
             of, _, what = name.rpartition("_")
@@ -77,14 +76,14 @@ class ServoPolicy(Unvaried):
     """x' = A(η) x + B(η) y + W(η) (u_applied - u),  u = C(η) x + D(η) y,  η the measured scheduling state.
 
     commands: names, and at(t), rate(t), end(t) of each, as `CommandSteps`. outputs: at(seen), what it measures.
-    regulated: what is commanded. dihedral: η of the trim in which the flight begins.
+    regulated: what is commanded. place: η of the trim in which the flight begins.
     """
 
     controller: ScheduledController
     commands: Any
     outputs: Any
     regulated: MeasuredOutputs
-    dihedral: float
+    place: float
 
     @property
     def memory_size(self) -> int:
@@ -120,7 +119,7 @@ class ServoPolicy(Unvaried):
     def _at(self, seen: Seen) -> tuple[ca.SX, ...]:
         """A, B, C, D, W at the measured η."""
         model = self.regulated.model
-        return self._table.at(self.dihedral + seen.states[model.linear.index(model.schedule)])
+        return self._table.at(self.place + seen.states[model.linear.index(model.schedule)])
 
     @property
     def _chosen(self) -> np.ndarray:
@@ -130,9 +129,9 @@ class ServoPolicy(Unvaried):
         )
 
     @cached_property
-    def _table(self) -> DihedralTable:
+    def _table(self) -> ScheduledTable:
         made = self.controller
-        return DihedralTable(made.dihedrals, [getattr(made, name) for name in ("A", "B", "C", "D", "W")])
+        return ScheduledTable(made.places, [getattr(made, name) for name in ("A", "B", "C", "D", "W")])
 
 
 def servo_law(
@@ -148,18 +147,16 @@ def servo_law(
     for name in commands.names:
         refuse_unknown(f"controller {controller.name} follows no command of", name, told)
     schedule = point.model.schedule
-    if isinstance(aircraft, Model):
-        raise BadInputError(f"controller {controller.name} was designed for the HFA, not for {aircraft.name}")
     at = point.values[schedule]
     reached = np.append(at + commands.values[:, np.array(commands.names) == schedule], at)
-    if len(controller.dihedrals) == 1:  # not scheduled: flown as it is at any angle
-        reached = controller.dihedrals
+    if len(controller.places) == 1:  # not scheduled: flown as it is at any angle
+        reached = controller.places
     controller.refuse_other(aircraft, float(reached.min()), float(reached.max()))
     outputs, regulated = (
         MeasuredOutputs(aircraft, point, names) for names in (controller.measurements, commands.names)
     )
     policy = ServoPolicy(controller, commands, outputs, regulated, at)
-    stacks = {name: getattr(controller, name) for name in ("dihedrals", "A", "B", "C", "D", "W")}
+    stacks = {name: getattr(controller, name) for name in ("places", "A", "B", "C", "D", "W")}
     follows = {"times": commands.times, "values": commands.values, "filter": [commands.bandwidth, commands.damping]}
     identity = {"controller": stacks, "commands": {"names": list(commands.names), **follows}}
     fastest = float(np.abs(np.linalg.eigvals(controller.A)).max(initial=0.0))

@@ -123,7 +123,7 @@ def _write_controller(arguments: argparse.Namespace, aircraft: Aircraft | Model,
     from controller.export.exported_loop import EXAMPLE, c_controller_texts, controller_example, controller_loop
     from controller.export.fmu import write_fmu
 
-    controller, place = load_controller(arguments.controller), arguments.output
+    controller, place = load_controller(arguments.controller, aircraft.model), arguments.output
     actuators = actuators_of(arguments)
     if place.suffix and actuators is not None:
         write_fmu(controller_loop(aircraft, point, controller, actuators), place, provenance())

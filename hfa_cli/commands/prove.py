@@ -18,13 +18,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from controller.design.design import load_design
 from controller.design.scheduled_controller import load_controller
 from controller.game.zero_sum import Game, usual_game
 from controller.policy.gain_table import load_gains
 from controller.riccati.gare import solve_game
 from hfa_cli.options import shared_options as options
-from hfa_cli.options.argument_types import input_file, number, parsed
+from hfa_cli.options.argument_types import input_file, number
 from hfa_cli.options.games import MATRIX_FILES, NamedGame, add_weights, game_of, weights_of
 from hfa_cli.options.parser import add_value
 from hfa_cli.origin import provenance
@@ -62,7 +61,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     about = "gains K over dihedral_deg; default: the exact game's"
     add_value(parser, "--weights", input_file(*MATRIX_FILES), "FILE", about)
     about = "of `schedule`: --weights is a controller with memory, on the actuators of this design"
-    add_value(parser, "--design", parsed(load_design), "NAME", about)
+    options.add_design(parser, about)
     parser.add_argument("--rate", action="store_true", help="of `schedule`: also how fast the dihedral may move")
     about = "of `schedule`: for all parameters within N standard errors; default 0"
     add_value(parser, "--error", _not_negative, "N", about, default=0.0)
@@ -253,7 +252,8 @@ def _given_table(arguments: argparse.Namespace, model: Model, speed: float, unce
     from verification.proof.scheduled_loop import LoopTable, servo_table
 
     if arguments.design is not None:
-        return servo_table(load_controller(arguments.weights), arguments.design.actuators, speed, model, **uncertain)
+        controller = load_controller(arguments.weights, model)
+        return servo_table(controller, arguments.design.of(model).actuators, speed, model, **uncertain)
     table = LoopTable.of(load_gains(arguments.weights, model))
     return table.through(**uncertain) if uncertain else table
 

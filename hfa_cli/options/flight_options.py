@@ -179,7 +179,7 @@ def policy_of(
     if arguments.controller is not None:
         if arguments.actuators is None:
             raise BadInputError("--controller flies behind actuators; add --actuators LAG:RATE")
-        controller = load_controller(arguments.controller)
+        controller = load_controller(arguments.controller, aircraft.model)
         steps = CommandSteps(steps.names, steps.times, steps.values, *controller.command_filter)
         follow = CommandedStates(steps, point.model.linear)
         return servo_law(controller, steps, aircraft, point), replace(scenario, reference=follow)

@@ -11,7 +11,6 @@ from typing import Any
 
 import casadi as ca
 
-from controller.design.design import NAMED as DESIGNS, load_design
 from controller.design.design_model import DesignModel, design_model
 from controller.game.array_file import MATRIX_FILES, PlantNames
 from controller.game.model_file import parse_diagonal, stored_game
@@ -69,8 +68,7 @@ def add_game(parser: argparse.ArgumentParser) -> None:
     options.add_own(parser)
     options.add_aircraft(parser)
     about = f"a plant of your own: A, B, optionally E, Q, R ({' '.join(MATRIX_FILES)})"
-    design = f"actuators, integrals, weights: {', '.join(DESIGNS)} (default: paper), or a .toml file"
-    add_value(parser, "--design", parsed(load_design), "NAME", design)
+    options.add_design(parser)
     add_value(parser, "--model", input_file(*MATRIX_FILES), "FILE", about)
     add_weights(parser)
 
@@ -132,10 +130,13 @@ def _game_of_own(arguments: argparse.Namespace) -> NamedGame:
     Of the unsteady dynamics it is the paper's game, with weight 0 on the lag states.
     """
     what = "--dynamics unsteady" if arguments.aircraft is None else "--aircraft"
-    options.refuse(arguments, ("model", "design"), f"does not go with {what}; leave one out")
+    options.refuse(arguments, ("model",), f"does not go with {what}; leave one out")
     own = options.own_of(arguments)
     assert own is not None
     model = linearize(own, options.operating_point_of(arguments, own))
+    if arguments.design is not None:
+        built = design_model(own, model, arguments.design)
+        return _designed(built, own.title, weights_of(arguments, built.state_units))
     units, warnings = (model.state_units, model.input_units), (*model.point.warnings, *model.kinks)
     if arguments.aircraft is None:
         origin = f"the aircraft at dihedral {math.degrees(model.point.states.dihedral):g} deg, {own.title}"

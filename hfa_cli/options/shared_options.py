@@ -84,6 +84,14 @@ def add_aircraft(parser: argparse.ArgumentParser) -> None:
     add_parameters(parser)
 
 
+def add_design(parser: argparse.ArgumentParser, about: str = "") -> None:
+    """--design: of the HFA or the user's own aircraft."""
+    from controller.design.design import NAMED as DESIGNS, load_design
+
+    about = about or f"actuators, integrals, sensors, weights: {', '.join(DESIGNS)}, or a .toml file"
+    add_value(parser, "--design", parsed(lambda name: load_design(name, OWN.get() or HFA)), "NAME", about)
+
+
 def add_parameters(parser: argparse.ArgumentParser) -> None:
     """--parameters: the aircraft, whatever its equations."""
     about = f"parameters file, or {' or '.join(NAMED)} (default: identified)"

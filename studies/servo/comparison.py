@@ -128,9 +128,9 @@ def _flown(on: Start, controller: ScheduledController) -> FlownLaw:
 @lru_cache(maxsize=2)
 def designed_servo(aircraft: Aircraft) -> ScheduledController:
     """The servo of the package, at the angles of its design; the same for all cases."""
-    design = load_design("servo").of(aircraft.variant.name)
+    design = load_design("servo").of(aircraft.model)
     assert design.shaping is not None
-    return design_controller(aircraft, design, np.array(design.shaping.dihedrals))
+    return design_controller(aircraft, design, np.array(design.shaping.places))
 
 
 def _paper(on: Start) -> FlownLaw:
@@ -219,7 +219,7 @@ def run_case(
         "duration": duration,
         "laws": list(laws_of(case.actuator.order, controllers, only)),
         "controllers": {
-            key: {part: getattr(made, part) for part in ("dihedrals", "A", "B", "C", "D", "W")}
+            key: {part: getattr(made, part) for part in ("places", "A", "B", "C", "D", "W")}
             for key, made in controllers.items()
         },
     }

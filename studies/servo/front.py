@@ -24,14 +24,14 @@ FACTORS, SECONDS, LARGEST = (0.25, 0.5, 1.0, 1.5, 2.0), 211.0, 60.0
 
 def front(aircraft: Aircraft) -> Report:
     """At 11 deg, order 1: rms of A_z with the fault of `order-1-fault`, largest updrafts held, smallest margins."""
-    design, model = load_design("servo").of(aircraft.variant.name), level_model(aircraft, math.radians(TRIM_DEG))
+    design, model = load_design("servo").of(aircraft.model), level_model(aircraft, math.radians(TRIM_DEG))
     assert design.shaping is not None
     points: list[dict[str, Any]] = []
     for factor in FACTORS:
         weight = design.shaping.outputs[REGULATED[1]]
         outputs = {**design.shaping.outputs, REGULATED[1]: weight._replace(gain=factor * weight.gain)}
         own = replace(design, name=f"{factor:g}", shaping=design.shaping._replace(outputs=outputs))
-        made = design_controller(aircraft, own, np.array(design.shaping.dihedrals))
+        made = design_controller(aircraft, own, np.array(design.shaping.places))
         margins = check_margins(aircraft, made, np.radians([TRIM_DEG]), (2.0, 10.0))
         single = [each for row in margins.rows for each in row.loops if each.loop != "all inputs"]
         (flight,) = fly_case(aircraft, CASES["order-1-fault"], {own.name: made}, SECONDS, only=[own.name])

@@ -8,25 +8,26 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+from pathlib import Path
 from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
 
 from controller import CommandSteps, FlownLaw, ScheduledController, design_model, load_design
-from controller.design.design import COMMAND_FILTER, SHORT_PERIOD
+from controller.design.design import COMMAND_FILTER, Design
 from controller.design.design_model import DesignModel
 from controller.policy.policies import Seen, Unvaried
-from controller.policy.servo_policy import DihedralTable, MeasuredOutputs
+from controller.policy.servo_policy import MeasuredOutputs, ScheduledTable
 from hfa_model import INPUTS, LINEAR_STATES, Aircraft
 from hfa_model.provenance import parameter_hash
 from trim import OperatingPoint, level_model
 from verification import solve_game
 
 #: What is measured besides the integrals, and what is regulated.
-RATE, REGULATED = "pitch_rate", ("dihedral", f"vertical_acceleration{SHORT_PERIOD}")
+RATE, REGULATED = "pitch_rate", ("dihedral", "vertical_acceleration_short_period")
 #: Coefficients of α0 + α1 s (+ α2 s²), by the order of the actuators.
 ALPHAS = {1: (1.0, 0.5), 2: (2.0, np.sqrt(2.0), 1.0)}
 #: Weights q I and r of the LQR that places the zeros of the squared-up plant; ε of R⁻¹; shift of A in R⁻¹, 1/s.
@@ -103,12 +104,17 @@ def _third_row(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> np.ndarray:
     return np.concatenate([whole[p], gain[0]]) @ T
 
 
+def simvfa_design(name: str) -> Design:
+    """SimVFA's settings with actuators of order 1 or 2: `simvfa-1` or `simvfa-2`."""
+    return replace(load_design(str(Path(__file__).parent / "designs" / f"{name}.toml")), name=name)
+
+
 def reference_servo(aircraft: Aircraft, design: str, dihedrals: np.ndarray) -> ScheduledController:
     """The LQR with its reference model, tabled over the dihedral, rad; `simvfa-1` or `simvfa-2`.
 
     x = [e; x_m]: e' = z - r of the regulated outputs, and the reference model corrected by [pitch rate; e].
     """
-    chosen = load_design(design)
+    chosen = simvfa_design(design)
     built = [design_model(aircraft, level_model(aircraft, dihedral), chosen) for dihedral in dihedrals.tolist()]
     tables = [reference_model(each) for each in built]
     n = len(tables[0].A)
@@ -126,7 +132,7 @@ def reference_servo(aircraft: Aircraft, design: str, dihedrals: np.ndarray) -> S
     return ScheduledController(
         name=f"{design}, reference model",
         feedback="output",
-        dihedrals=dihedrals,
+        places=dihedrals,
         A=A,
         B=B,
         C=C,
@@ -310,8 +316,9 @@ class AdaptivePolicy(Unvaried, ABC):
         return u, parts.rate
 
     @cached_property
-    def _table(self) -> DihedralTable:
-        return DihedralTable(self.angles, [np.array([getattr(each, name) for each in self.models]) for name in _TABLED])
+    def _table(self) -> ScheduledTable:
+        stacks = [np.array([getattr(each, name) for each in self.models]) for name in _TABLED]
+        return ScheduledTable(self.angles, stacks)
 
 
 class AdaptiveDegree2(AdaptivePolicy):
@@ -438,7 +445,7 @@ def adaptive_law(
 ) -> FlownLaw:
     """The law for actuators of this order, from its nominal parameters. angles: of its tables, rad."""
     kind = AdaptiveDegree2 if order == 1 else AdaptiveDegree3
-    design = load_design(f"simvfa-{order}")
+    design = simvfa_design(f"simvfa-{order}")
     models = [
         reference_model(design_model(aircraft, level_model(aircraft, angle), design)) for angle in angles.tolist()
     ]

@@ -29,6 +29,7 @@ from controller import (
 )
 from hfa_model import LINEAR_STATES, UNSTEADY, Aircraft
 from hfa_support import Model
+from studies.servo.simvfa import simvfa_design
 from trim import LinearModel, level_model, linearize
 from verification import solve_game
 
@@ -121,7 +122,8 @@ def main() -> None:
     angles = (0.0, 5.0, 11.0, 15.0, 20.0)
     print("servo, designed on, angle, flown on: 1/s, disk margin of the worst actuator, of order 1 and 2")
     for name, of in (("servo", "published"), ("servo", "newton"), ("simvfa-1", "published")):
-        table = design_controller(Aircraft(dynamics=of), load_design(name), np.radians(angles))
+        design = load_design(name) if name == "servo" else simvfa_design(name)
+        table = design_controller(Aircraft(dynamics=of), design, np.radians(angles))
         for degrees in angles:
             for plant in PLANTS:
                 orders = (1, 2) if name == "servo" else (1,)

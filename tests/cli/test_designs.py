@@ -11,9 +11,9 @@ from cli import answer, assert_refused, hfa
 from game_files import AT_15, QUICK
 from known_models import model_at
 from scipy.io import loadmat
+from servo_cases import SIMVFA, simvfa_design
 
-from controller import design_model, load_controller, load_design
-from controller.design.design import NAMED
+from controller import design_model, load_controller
 from hfa_model import Aircraft
 
 AT_11 = ("--dihedral", "11")
@@ -22,15 +22,15 @@ PEER = Path(__file__).parents[1] / "controller" / "design" / "peer_gains.json"
 
 @pytest.mark.parametrize(("name", "size"), [("simvfa-1", 10), ("simvfa-2", 12)])
 def test_the_exact_gain_of_a_design_with_names_and_units(name: str, size: int, published_aircraft: Aircraft) -> None:
-    data = answer("solve", "--design", name, *AT_11)
+    data = answer("solve", "--design", SIMVFA[name], *AT_11)
     theirs = np.array(json.loads(PEER.read_text(encoding="utf-8"))["gains"][name]["11"])
     assert np.linalg.norm(data["K"] - theirs) <= 2e-5 * np.linalg.norm(theirs)
     assert data["certificate"]["ok"] is True
     assert (data["delta"], len(data["states"])) == (None, size)
-    built = design_model(published_aircraft, model_at(11.0), load_design(name))
+    built = design_model(published_aircraft, model_at(11.0), simvfa_design(name))
     for key in ("states", "inputs", "state_units", "input_units"):
         assert data[key] == list(getattr(built, key))
-    assert data["plant"] == f"design {name} of the aircraft at dihedral 11 deg, published dynamics"
+    assert data["plant"] == f"design {SIMVFA[name]} of the aircraft at dihedral 11 deg, published dynamics"
 
 
 def test_the_paper_s_design_is_the_default_game() -> None:
@@ -39,12 +39,12 @@ def test_the_paper_s_design_is_the_default_game() -> None:
 
 
 def test_a_critic_of_a_servo_is_learned_and_certified() -> None:
-    learned = answer("learn", "--design", "simvfa-1", *AT_11, *QUICK, "-o", "servo.npz")
+    learned = answer("learn", "--design", SIMVFA["simvfa-1"], *AT_11, *QUICK, "-o", "servo.npz")
     assert (learned["converged"], len(learned["W"]), len(learned["states"])) == (True, 55, 10)
-    checked = answer("verify", "--design", "simvfa-1", *AT_11, "--weights", "servo.npz")
+    checked = answer("verify", "--design", SIMVFA["simvfa-1"], *AT_11, "--weights", "servo.npz")
     assert checked["ok"] is True
     assert max(checked["P_rel_error"], checked["K_rel_error"]) <= 1e-8
-    run = answer("verify", "--design", "simvfa-1", *AT_11, *QUICK)
+    run = answer("verify", "--design", SIMVFA["simvfa-1"], *AT_11, *QUICK)
     assert run["P_rel_error"] == checked["P_rel_error"]
 
 
@@ -60,7 +60,7 @@ load_factor = 1e-3
 
 def own(name: str, sensors: str = SENSORS, **changed: str) -> str:
     """A file with the settings of `simvfa-1`, some words changed, and sensors."""
-    text = (Path(__file__).parents[2] / "controller" / "designs" / NAMED["simvfa-1"]).read_text(encoding="utf-8")
+    text = Path(SIMVFA["simvfa-1"]).read_text(encoding="utf-8")
     for old, new in changed.items():
         assert old in text
         text = text.replace(old, new)
@@ -71,7 +71,7 @@ def own(name: str, sensors: str = SENSORS, **changed: str) -> str:
 def test_a_design_with_sensors_is_solved_from_its_measurements_too() -> None:
     words = ("--design", own("own.toml"), *AT_11, "--delta", "200")
     data = answer("solve", *words)
-    assert data["K"] == answer("solve", "--design", "simvfa-1", *AT_11, "--delta", "200")["K"]
+    assert data["K"] == answer("solve", "--design", SIMVFA["simvfa-1"], *AT_11, "--delta", "200")["K"]
     measured = data["output_feedback"]
     assert measured["sensors"] == ["vertical_acceleration_short_period_integral", "dihedral_integral", "load_factor"]
     assert measured["sensor_units"] == ["ft/s^2 s", "rad s", "1"]
@@ -83,7 +83,7 @@ def test_a_design_with_sensors_is_solved_from_its_measurements_too() -> None:
     result = hfa("solve", *words[:-1], str(below))
     assert_refused(result, 1, "is below delta_min = ", "where the coupling condition fails")
     assert "From measured outputs alone: delta 200, smallest possible" in hfa("solve", *words).out
-    assert "output_feedback" not in answer("solve", "--design", "simvfa-1", *AT_11)
+    assert "output_feedback" not in answer("solve", "--design", SIMVFA["simvfa-1"], *AT_11)
 
 
 @pytest.mark.parametrize(
@@ -109,22 +109,22 @@ def test_what_no_controller_can_do_is_one_line(sensors: str, changed: dict[str, 
 
 
 def test_a_design_becomes_a_file_that_prints_the_same_table() -> None:
-    made = hfa("design", "--design", "simvfa-1", "--dihedral", "9:11:2", "-o", "servo.npz")
+    made = hfa("design", "--design", SIMVFA["simvfa-1"], "--dihedral", "9:11:2", "-o", "servo.npz")
     assert made.code == 0
     again = hfa("design", "servo.npz")
     table = made.out.split("\n\n")[:-1]  # the last paragraph is the provenance
     assert again.out.split("\n\n")[:-1] == table
-    assert "simvfa-1: state feedback, 2 states, 2 angles from 9 to 11 deg" in table[0]
-    assert "Margins of controller simvfa-1, published dynamics: PASS, 12 of 12 loops stable" in made.out
+    assert "simvfa-1.toml: state feedback, 2 states, 2 angles from 9 to 11 deg" in table[0]
+    assert f"Margins of controller {SIMVFA['simvfa-1']}, published dynamics: PASS, 12 of 12 loops stable" in made.out
     controller = load_controller("servo.npz")
-    assert controller.about["provenance"]["command"].startswith("hfa design --design simvfa-1")
+    assert controller.about["provenance"]["command"].startswith(f"hfa design --design {SIMVFA['simvfa-1']}")
     data = answer("design", "servo.npz")
     np.testing.assert_array_equal(data["C"], controller.C)
-    assert [row["dihedral"] for row in data["angles"]] == pytest.approx(controller.dihedrals)
+    assert [row["dihedral"] for row in data["angles"]] == pytest.approx(controller.places)
 
 
 def test_the_corners_decide_the_exit_code_and_matrices_go_to_other_tools(published_aircraft: Aircraft) -> None:
-    found = hfa("design", "--design", "simvfa-1", "--dihedral", "11", "--corners", "-o", "servo.mat")
+    found = hfa("design", "--design", SIMVFA["simvfa-1"], "--dihedral", "11", "--corners", "-o", "servo.mat")
     assert found.code == 1
     assert "FAIL largest_abscissa: unstable in" in found.out
     assert loadmat("servo.mat")["D"].shape == (2, 11, 1) or loadmat("servo.mat")["D"].shape == (2, 11)

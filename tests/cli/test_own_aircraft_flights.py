@@ -106,3 +106,37 @@ def test_exports_have_its_names() -> None:
 def test_what_does_not_fit_the_model_is_one_line(words: str, named: str) -> None:
     command, *more = words.split()
     assert_refused(hfa(command, "--aircraft", NAVION, *more), 2, named)
+
+
+def test_a_controller_is_designed_flown_and_exported_over_the_speed_of_the_user_s_model() -> None:
+    for name in ("gtm.py", "gtm.toml"):
+        shutil.copy(EXAMPLES / name, ".")
+    gtm, at = ("--aircraft", "gtm.py:GTM"), ("--hold", "speed=45")
+    made = json.loads(hfa("design", "gtm.toml", *gtm, "--at", "40,45,50", "-o", "gtm.npz", "--json").out)
+    assert (made["schedule"], made["places"], made["commands"]) == (
+        "speed",
+        [40.0, 45.0, 50.0],
+        ["gamma_command", "speed_command"],
+    )
+    assert made["signal_units"][:5] == ["m/s", "rad", "rad/s", "rad", "rad"]
+    assert made["signal_units"][5:] == ["%", "rad", "rad", "m/s"]
+    assert [row["speed"] for row in made["margins"]["rows"][::4]] == [40.0, 42.5, 45.0, 47.5, 50.0]
+    exact = np.array(json.loads(hfa("solve", "--design", "gtm.toml", *gtm, *at, "--json").out)["K"])
+    np.testing.assert_allclose(made["C"][1], -exact[:, 6:], rtol=1e-9)
+    np.testing.assert_allclose(np.array(made["D"])[1, :, :6], -exact[:, :6], rtol=1e-9)
+    flight = ("--controller", "gtm.npz", "--actuators", "0.05:60", "--duration", "10", "--step", "0.01")
+    flown = json.loads(hfa("fly", *gtm, *at, *flight, "--command", "speed=1:2", "--json").out)
+    assert (flown["within_limits"], flown["commanded"]["speed"]["unit"]) == (True, "m/s")
+    assert flown["commanded"]["speed"]["rms_error"] < 1.0
+    assert hfa("export", *gtm, *at, "--controller", "gtm.npz", "-o", "c").code == 0
+    header = Path("c/hfa_controller.h").read_text("utf-8")
+    assert "in the measured\n   speed between" in header
+    assert "40 to 50 m/s" in header
+    of_gtm = ("--controller", "gtm.npz", "--actuators", "0.05:60")
+    assert_refused(hfa("fly", *gtm, "--hold", "speed=60", *of_gtm), 2, "covers speed 40 to 50 m/s; 60 to 60 m/s is")
+    assert_refused(hfa("fly", "--dihedral", "5", *of_gtm), 2, "the controller was made for GTM, not for published dynamics")
+    assert_refused(hfa("fly", "--aircraft", F16, *of_gtm), 2, "the controller was made for GTM, not for F-16")
+    prove = ("prove", "schedule", *gtm, "--at", "40:45", "--design", "gtm.toml", "--weights", "gtm.npz")
+    assert_refused(hfa(*prove), 2, "a proof takes no measurement of elevator_position")
+    assert_refused(hfa("design", "gtm.toml", *gtm), 2, "give the values of speed by --at RANGE")
+    assert_refused(hfa("design", "gtm.toml"), 2, "unknown input 'elevator'")

@@ -118,7 +118,7 @@ REFUSED = {
     ],
     "design": [
         ("given.npz", "given.npz: this is no controller file"),
-        ("--design simvfa-1 --dihedral 0:5", "--dihedral is LOW:HIGH"),
+        ("--design paper --dihedral 0:5", "--dihedral is LOW:HIGH"),
         ("--design servo --units si -o a.npz", "a controller is in ft, slug, lbf"),
     ],
     "fly": [

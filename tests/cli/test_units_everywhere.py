@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 from cli import answer, hfa
+from servo_cases import SIMVFA
 
 from hfa_cli.main import COMMANDS
 from hfa_cli.options.shared_options import IN_FEET
@@ -23,7 +24,7 @@ RUNS: dict[str, tuple[str, ...]] = {
     "linearize": (*AT, "--outputs", "vertical_acceleration,alpha"),
     "sweep": ("--dihedral", "10,12", "--speed", "60ft,68ft", "--game"),
     "validate": (),
-    "solve": (*AT, "--design", "simvfa-1", "--delta", "inf"),
+    "solve": (*AT, "--design", SIMVFA["simvfa-1"], "--delta", "inf"),
     "learn": AT,
     "verify": AT,
     "design": ("--design", "servo", "--dihedral", "5,10"),

@@ -23,7 +23,8 @@ def text_of(path: Path) -> str:
 @pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: path.stem)
 def test_blocks_run_and_print_what_is_shown(path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "examples").symlink_to(ROOT / "examples")
+    for folder in ("examples", "studies"):
+        (tmp_path / folder).symlink_to(ROOT / folder)
     assert "\n\n".join(complaints(text_of(path), name=path.name)) == ""
     if path.stem == "README":
         assert_is_that_of_the_documents(tmp_path / "verify.png")

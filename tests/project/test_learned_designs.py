@@ -11,9 +11,10 @@ from known_models import model_at
 from learning_samples import abscissa, random_start
 from project import ROOT
 from reference_riccati import relative_error
+from servo_cases import SIMVFA, simvfa_design
 
 from controller import Game, basis, design_model, learn, load_design
-from controller.design.design import NAMED, Actuator, Design
+from controller.design.design import Actuator, Design
 from controller.training_data.recording import natural_spread
 from hfa_model import Aircraft
 from verification import OutputGame, solve_game
@@ -35,8 +36,8 @@ SIZES = {
 def design_of(name: str) -> Design:
     """three inputs: of `simvfa-2` with the ailerons of the center panel moved too."""
     if name != "three inputs":
-        return load_design(name if name in NAMED else str(SEARCHED))
-    two = load_design("simvfa-2")
+        return simvfa_design(name) if name in SIMVFA else load_design(str(SEARCHED))
+    two = simvfa_design("simvfa-2")
     more = {"aileron_center": Actuator(2)}
     weights = {**two.input_weights, "aileron_center": 50.0}
     return replace(two, inputs=(*two.inputs, *more), actuators={**two.actuators, **more}, input_weights=weights)

@@ -20,7 +20,7 @@ def small_controller(aircraft: Aircraft, **changed: object) -> ScheduledControll
     settings = {
         "name": "small",
         "feedback": "output",
-        "dihedrals": angles,
+        "places": angles,
         **stacks,
         "states": ("dihedral_integral",),
         "measurements": ("pitch_rate", "dihedral"),

@@ -20,7 +20,6 @@ import zipfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import chdir
 from functools import cache
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -107,7 +106,7 @@ LINES = (
     "sweep --dihedral 0:20:10 --alpha 1:2:0.5 -o a.csv",
     "sweep --dihedral 0:20 --vary panel_mass=0.5:2 --samples 5 --seed 1 -o a.zarr",
     "solve --dihedral 15 --delta 300 --Q 1,1,1,1,1,1 --R 1,1,1,1,1",
-    "solve --dihedral 15 --design simvfa-1 -o a.mat",
+    "solve --dihedral 15 --design paper -o a.mat",
     "verify --dihedral 15 --law certified --seed 3 --limit-error 0.1 --limit-cost 5",
     "learn --dihedral 15 --law certified --set predefined_time=2 -o a.npz",
     "fly --dihedral 15 --duration 0.02 --initial speed=1 --gust 25:3:0 --turbulence 1:500 --noise alpha=0.1:1:3",
@@ -118,7 +117,7 @@ LINES = (
     "prove solution --dihedral 15",
     "prove --check a.json",
     "lpv --dihedral 10:10.1 --tolerance 0.01 -o a.c",
-    "design --design simvfa-1 --dihedral 10 -o a.npz",
+    "design --design paper --dihedral 10 -o a.npz",
     "export --dihedral 15 --c folder",
     "regenerate --dynamics newton --parameters identified --json",
     "validate --units si",
@@ -285,6 +284,7 @@ def seeds() -> Mapping[str, bytes]:
     """Files as the commands write them, name -> content; those of a store by their path."""
     from controllers import small_controller
     from proof_cases import exact_table
+    from servo_cases import SIMVFA
 
     from controller import save_controller
     from hfa_model import Aircraft, default_parameters, save_parameters
@@ -292,7 +292,7 @@ def seeds() -> Mapping[str, bytes]:
     with tempfile.TemporaryDirectory() as name, chdir(name):
         save_parameters(default_parameters(), Path("parameters.toml"), "a copy")
         Path("condition.toml").write_text(CONDITION, encoding="utf-8")
-        Path("design.toml").write_bytes(files("controller.designs").joinpath("simvfa_1.toml").read_bytes())
+        Path("design.toml").write_bytes(Path(SIMVFA["simvfa-1"]).read_bytes())
         save_controller(Path("controller.npz"), small_controller(Aircraft()))
         table = exact_table(14.9, 15.1)
         np.savez("table.npz", dihedral_deg=table.places, K=table.K)

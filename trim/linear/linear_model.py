@@ -15,7 +15,7 @@ from hfa_support.reporting.text import Table, degrees, matrix_table
 from hfa_support.reporting.unit_system import unit_in_force
 from trim.linear.kinks import kinks_of
 from trim.linear.modes import Mode, modes_of, modes_table
-from trim.point.condition import TrimCondition, level_flight
+from trim.point.condition import usual_condition
 from trim.point.operating_point import OperatingPoint, at_scheduled, scheduled_data
 from trim.point.solve import find_operating_point
 
@@ -345,7 +345,10 @@ def linearize(
     return model if full else model.select(own.linear)
 
 
-def level_model(aircraft: Aircraft | Model, dihedral: float) -> LinearModel:
-    """A, B at the paper's level flight with this dihedral, rad. Raises TrimError when there is no such trim."""
-    condition = TrimCondition(level_flight(dihedral).imposed, model=aircraft.model)
-    return linearize(aircraft, find_operating_point(aircraft, condition))
+def level_model(aircraft: Aircraft | Model, scheduled: float) -> LinearModel:
+    """A, B at the model's own trim with this value of its scheduling variable, of the HFA the paper's level flight with
+    this dihedral, rad. Raises TrimError when there is no such trim."""
+    model = aircraft.model
+    return linearize(
+        aircraft, find_operating_point(aircraft, usual_condition(model).at(hold={model.schedule: scheduled}))
+    )

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from controller.design.design import SHORT_PERIOD, Actuator
+from controller.design.design import Actuator
 from controller.design.scheduled_controller import ScheduledController
 from controller.policy.gain_table import GainTable
 from hfa_support.errors import BadInputError
@@ -115,7 +115,7 @@ def closed_loop(table: LoopTable, forms: ModelForms) -> TaylorModel:
 
 #: Of the angles, deg: they were degrees before they became radians.
 _DIGITS = 10
-_ACCELERATION = f"vertical_acceleration{SHORT_PERIOD}"
+_ACCELERATION = "vertical_acceleration_short_period"
 
 
 def servo_table(
@@ -134,9 +134,9 @@ def servo_table(
         raise BadInputError(f"controller {controller.name}: {missing[0]} has no actuator; name a design that has one")
     own = [actuators[name] for name in inputs]
     second = [i for i, each in enumerate(own) if each.order == 2]
-    m, nx, alpha = len(inputs), len(linear), linear.index("alpha")
+    m, nx, alpha = len(inputs), len(linear), linear.index("alpha") if "alpha" in linear else 0
     start = nx + m + len(second)
-    count, size = len(controller.dihedrals), start + len(controller.states)
+    count, size = len(controller.places), start + len(controller.states)
     K, M = np.zeros((count, len(all_inputs), size)), np.zeros((count, size, size))
     N, X = np.zeros((count, size, nx)), np.zeros((count, nx, size))
     X[:, alpha, alpha] = 1.0
@@ -145,7 +145,7 @@ def servo_table(
     for row, name in enumerate(controller.measurements):
         if name in linear:
             measured[row, linear.index(name)] = 1.0
-        elif name != _ACCELERATION:
+        elif name != _ACCELERATION or model.part(name)[1] != ("alpha",):
             raise BadInputError(f"controller {controller.name}: a proof takes no measurement of {name}")
         elif D[..., row].any():
             raise BadInputError(f"controller {controller.name}: {name} reaches the inputs at once; filter it")
@@ -163,7 +163,9 @@ def servo_table(
             row = nx + m + second.index(i)
             lag[nx + i, row], lag[row, row] = 1.0, -2.0 * each.damping
         lag[row, nx + i], G[row, i] = -1.0, 1.0
-    table = LoopTable(np.round(np.degrees(controller.dihedrals), _DIGITS), K, M, N, X)
+    in_degrees = model.schedule_unit == "deg"
+    places = np.round(np.degrees(controller.places), _DIGITS) if in_degrees else controller.places
+    table = LoopTable(places, K, M, N, X)
     if uncertain:
         return replace(table, actuators=Actuators(lag, G, U, **uncertain))
     # Each actuator as it is: in its rows times its bandwidth, with its effectiveness.

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from known_models import model_at
-from servo_cases import A_Z, measured_servo
+from servo_cases import A_Z, measured_servo, simvfa_design
 
-from controller import design_model, load_design
+from controller import design_model
 from controller.design.controllers import LinearController, controller_at, design_controller
 from controller.design.design import Design
 from controller.design.servo_loop import servo_plant
@@ -41,7 +41,7 @@ def same_poles(loop: np.ndarray, poles: np.ndarray) -> None:
 
 @pytest.mark.parametrize("name", ["simvfa-1", "simvfa-2"])
 def test_state_feedback_has_the_poles_of_the_exact_gain(published_aircraft: Aircraft, name: str) -> None:
-    design = load_design(name)
+    design = simvfa_design(name)
     game = design_model(published_aircraft, model_at(11.0), design).game()
     loop, _ = whole(published_aircraft, design, "state")
     same_poles(loop, np.linalg.eigvals(game.A - game.B @ solve_game(game).K))
@@ -65,7 +65,7 @@ def test_names_tell_what_is_measured_and_commanded(published_aircraft: Aircraft)
     assert output.commands == ("dihedral_command", f"{A_Z}_command")
     assert output.states[-2:] == ("dihedral_integral", f"{A_Z}_integral")
     assert [row["dihedral"] for row in output.about["angles"]] == pytest.approx(ANGLES)
-    state = design_controller(published_aircraft, load_design("simvfa-2"), ANGLES)
+    state = design_controller(published_aircraft, simvfa_design("simvfa-2"), ANGLES)
     assert (state.feedback, state.command_filter, output.command_filter) == ("state", (), ())
     assert {"speed", "aileron_outer_position", "elevator_center_rate", A_Z} <= set(state.measurements)
     assert state.commands == ("dihedral_command", f"{A_Z}_command")
@@ -73,7 +73,7 @@ def test_names_tell_what_is_measured_and_commanded(published_aircraft: Aircraft)
 
 def test_what_cannot_be_designed_says_why_and_where(published_aircraft: Aircraft) -> None:
     with pytest.raises(BadInputError, match="design simvfa-1 has no sensors"):
-        design_controller(published_aircraft, load_design("simvfa-1"), ANGLES, "output")
+        design_controller(published_aircraft, simvfa_design("simvfa-1"), ANGLES, "output")
     with pytest.raises(NoSolutionError, match="design simvfa-1 at dihedral 9 deg: the control Riccati equation"):
         design_controller(published_aircraft, measured_servo(delta=50.0), ANGLES)
     with pytest.raises(NoSolutionError, match="at dihedral 9 deg: the sensors do not see the mode with eigenvalue"):

@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 from controllers import small_controller
 from known_models import model_at
+from servo_cases import simvfa_design
 
-from controller import ScheduledController, load_design
+from controller import ScheduledController
 from controller.design.controllers import design_controller
 from controller.design.servo_loop import check_corners, servo_loop, servo_plant
 from hfa_model import Aircraft
@@ -21,7 +22,7 @@ from hfa_support import BadInputError
 def gentle(aircraft: Aircraft, gain: float) -> ScheduledController:
     """aileron_outer = gain pitch_rate at 5 deg, its state decays by itself."""
     table = small_controller(aircraft)
-    first = {name: getattr(table, name)[:1] for name in ("dihedrals", "trim_states", "trim_inputs")}
+    first = {name: getattr(table, name)[:1] for name in ("places", "trim_states", "trim_inputs")}
     zero = {name: 0.0 * getattr(table, name)[:1] for name in "BCW"}
     return replace(table, A=-np.ones((1, 1, 1)), D=np.array([[[gain, 0.0, 0.0, 0.0]]]), **first, **zero)
 
@@ -50,7 +51,7 @@ def test_a_planted_unstable_controller_is_found_with_its_corner(published_aircra
 
 
 def test_each_input_has_its_own_corner_and_the_published_servo_fails_there(published_aircraft: Aircraft) -> None:
-    table = design_controller(published_aircraft, load_design("simvfa-1"), np.radians([11.0]))
+    table = design_controller(published_aircraft, simvfa_design("simvfa-1"), np.radians([11.0]))
     found = check_corners(published_aircraft, table)
     assert (len(found.rows), found.ok) == (32, False)
     assert found.worst.actuators[0].order == 2

@@ -95,9 +95,9 @@ def test_a_mode_that_is_not_seen_has_no_controller() -> None:
 @cache
 def servo(dynamics: str, degrees: tuple[float, ...] = ()) -> ScheduledController:
     """The designed servo at its own angles, or at these."""
-    aircraft, design = Aircraft(dynamics=dynamics), load_design("servo").of(dynamics)
+    aircraft, design = Aircraft(dynamics=dynamics), load_design("servo").of(Aircraft(dynamics=dynamics).model)
     assert design.shaping is not None
-    return design_controller(aircraft, design, np.radians(degrees) if degrees else np.array(design.shaping.dihedrals))
+    return design_controller(aircraft, design, np.radians(degrees) if degrees else np.array(design.shaping.places))
 
 
 @pytest.mark.parametrize("dynamics", ["published", "newton"])

@@ -34,7 +34,7 @@ def test_matrices_are_linear_between_the_angles(
     [
         ({"A": np.zeros((3, 2, 2))}, r"A is \(3, 2, 2\); it must be \(3, 1, 1\)"),
         ({"D": np.full((3, 1, 4), math.nan)}, "D has a number that is not finite"),
-        ({"dihedrals": np.array([0.2, 0.1, 0.3])}, "dihedrals must increase"),
+        ({"places": np.array([0.2, 0.1, 0.3])}, "dihedrals must increase"),
         ({"measurements": ("pitch_rate", "lift")}, "unknown measurement 'lift'"),
         ({"states": ("A = 1000",)}, "a state is called 'A = 1000'; give letters, digits and _ as in C"),
         ({"commands": ("dihedral_command", "dihedral_wish")}, "unknown command 'dihedral_wish'"),

@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 from known_models import model_at
 from reference_riccati import reference_solution, relative_error
+from servo_cases import simvfa_design
 
-from controller import Game, design_model, load_design
+from controller import Game, design_model
 from controller.riccati import generalized_plant
 from hfa_model import Aircraft
 from hfa_support import BadInputError, NoSolutionError
@@ -23,7 +24,7 @@ MEASURED = ("pitch_rate", "dihedral_integral", "vertical_acceleration_short_peri
 @pytest.fixture(scope="module", params=["simvfa-1", pytest.param("simvfa-2", marks=pytest.mark.slow)])
 def servo(request: pytest.FixtureRequest, published_aircraft: Aircraft) -> OutputGame:
     """The peer's servo at 11 deg from its three measurements, with a disturbance in every aircraft state."""
-    built = design_model(published_aircraft, model_at(11.0), load_design(request.param))
+    built = design_model(published_aircraft, model_at(11.0), simvfa_design(request.param))
     C = np.array([[float(state == name) for state in built.states] for name in MEASURED])
     return OutputGame(built.game().with_delta(200.0), C, np.zeros((3, 2)), np.diag([1e-4, 1e-4, 1e-2]))
 

@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from controller import design_model, load_design
+from controller import design_model
 from controller.policy.policies import Seen
 from hfa_model import INPUTS, Aircraft
 from studies.servo.simvfa import (
@@ -26,6 +26,7 @@ from studies.servo.simvfa import (
     ReferenceModel,
     reference_model,
     reference_servo,
+    simvfa_design,
 )
 from trim import level_model
 
@@ -42,7 +43,7 @@ def test_the_error_of_the_mixed_output_is_positive_real_at_order_2_and_above_a_t
     """
     for angle in ANGLES:
         model = level_model(published_aircraft, angle)
-        found = reference_model(design_model(published_aircraft, model, load_design(f"simvfa-{order}")))
+        found = reference_model(design_model(published_aircraft, model, simvfa_design(f"simvfa-{order}")))
         powers = [np.linalg.matrix_power(found.A, k) @ found.squared_up for k in range(order + 1)]
         B1 = sum(a * each for a, each in zip(ALPHAS[order], powers, strict=True))
         np.testing.assert_allclose(found.squared_up[:, :2], found.B)
@@ -68,7 +69,7 @@ def test_the_error_of_the_mixed_output_is_positive_real_at_order_2_and_above_a_t
 def test_the_servo_is_the_model_and_its_correction(published_aircraft: Aircraft) -> None:
     controller = reference_servo(published_aircraft, "simvfa-1", ANGLES[1:])
     model = level_model(published_aircraft, ANGLES[1])
-    built = design_model(published_aircraft, model, load_design("simvfa-1"))
+    built = design_model(published_aircraft, model, simvfa_design("simvfa-1"))
     found = reference_model(built)
     A, B, C, D = controller.at(ANGLES[1])
     rng = np.random.default_rng(4)

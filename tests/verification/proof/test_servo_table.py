@@ -40,7 +40,7 @@ def filtered(gain: float = 1.0, lag: float = 0.002, direct: float = 0.0) -> Sche
     return ScheduledController(
         name="filtered",
         feedback="state",
-        dihedrals=angles,
+        places=angles,
         A=-eye,
         B=eye,
         C=C,
