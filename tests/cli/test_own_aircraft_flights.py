@@ -134,7 +134,7 @@ def test_a_controller_is_designed_flown_and_exported_over_the_speed_of_the_user_
     assert "40 to 50 m/s" in header
     of_gtm = ("--controller", "gtm.npz", "--actuators", "0.05:60")
     assert_refused(hfa("fly", *gtm, "--hold", "speed=60", *of_gtm), 2, "covers speed 40 to 50 m/s; 60 to 60 m/s is")
-    assert_refused(hfa("fly", "--dihedral", "5", *of_gtm), 2, "the controller was made for GTM, not for published dynamics")
+    assert_refused(hfa("fly", "--dihedral", "5", *of_gtm), 2, "made for GTM, not for published dynamics")
     assert_refused(hfa("fly", "--aircraft", F16, *of_gtm), 2, "the controller was made for GTM, not for F-16")
     prove = ("prove", "schedule", *gtm, "--at", "40:45", "--design", "gtm.toml", "--weights", "gtm.npz")
     assert_refused(hfa(*prove), 2, "a proof takes no measurement of elevator_position")
