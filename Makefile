@@ -54,9 +54,7 @@ lint: .venv/ready
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-logo
 
-# The peers of the benchmarks stay out of the lock: nothing else needs them.
 bench: .venv/ready
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps -r benchmarks/requirements.txt
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m benchmarks
 
 # Executes the notebooks and stores their outputs in them, without times.

@@ -1,4 +1,4 @@
-"""The benchmark flight as data, and the same flight written in C, NumPy and JAX."""
+"""The benchmark flight as data, and the same flight written in C."""
 
 from __future__ import annotations
 
@@ -27,9 +27,6 @@ from studies.section5.critic_policy import CriticPolicy
 from studies.update_law.published_law import PublishedSettings, published_law
 
 STEP, STEPS = 1e-4, 200_000
-_QUARTIC = (0, 1, 3, 4)
-
-Contestant = Callable[[], np.ndarray]
 
 
 def difference(one: np.ndarray, other: np.ndarray) -> float:
@@ -44,7 +41,7 @@ def difference(one: np.ndarray, other: np.ndarray) -> float:
 
 
 class FlightCase:
-    """The loop of paper Section 5.1 at 5 degrees with a bounded setting of its law, as data for every contestant."""
+    """The loop of paper Section 5.1 at 5 degrees with a bounded setting of its law, as data for the peer."""
 
     def __init__(self) -> None:
         model = next(model for model in published_models() if model.dihedral_deg == 5.0)
@@ -122,7 +119,7 @@ class _Loop(ctypes.Structure):
     ]
 
 
-def c_flight(case: FlightCase, steps: int = STEPS) -> Contestant:
+def c_flight(case: FlightCase, steps: int = STEPS) -> Callable[[], np.ndarray]:
     """The hand-written C loop as a function () -> history."""
     folder = tempfile.mkdtemp()
     library = Path(folder) / "flight_loop.so"
@@ -146,78 +143,3 @@ def c_flight(case: FlightCase, steps: int = STEPS) -> Contestant:
 
     fly.keep = arrays  # type: ignore[attr-defined]
     return fly
-
-
-def python_rate(np_: Any, data: dict[str, Any]):
-    """(t, y) -> y' with arrays of `np_` (NumPy or jax.numpy)."""
-    i, j = np.triu_indices(6)
-    quartic = np.array(_QUARTIC)
-    A, B, RB, scales, S, Q = (np_.asarray(data[name]) for name in ("A", "B", "RB", "scales", "S", "Q"))
-    regressors, residuals = np_.asarray(data["regressors"]), np_.asarray(data["residuals"])
-    reference, disturbance = np_.asarray(data["reference"]), np_.asarray(data["disturbance"])
-    gamma, alpha1, alpha2, eta = (float(data[name]) for name in ("gamma", "alpha1", "alpha2", "eta"))
-    # ∂ψ/∂z as a constant tensor on z (quadratic part); the quartic part is added by hand.
-    tensor = np.zeros((25, 6, 6))
-    for k, (a, b) in enumerate(zip(i, j, strict=True)):
-        tensor[k, a, b] += 1
-        tensor[k, b, a] += 1
-    tensor = np_.asarray(tensor)
-    place = np.zeros((25, 6))
-    place[21 + np.arange(4), quartic] = 4.0
-    place = np_.asarray(place)
-
-    def powers(e):
-        size = np_.abs(e)
-        low = size ** (1 - eta)
-        return np_.sign(e) * ((alpha1 + 1) * low + (alpha2 + 1) * (size * size / (low + 2.2e-308)))
-
-    def rate(t, y):
-        x, w = y[:6], y[6:]
-        z = x - (reference[0] + reference[1] * t + reference[2] * np_.sin(0.5 * t))
-        v = z / scales
-        jacobian = tensor @ v + place * v**3
-        g = jacobian.T @ w
-        u = -0.5 * RB @ (g / scales)
-        d = disturbance[0] * np_.sin(0.1 * t) + disturbance[1] * np_.cos(0.1 * t)
-        pushed = S @ g
-        sigma = jacobian @ (A @ z / scales - 0.5 * pushed)
-        e = w @ sigma + v @ Q @ v + 0.25 * g @ pushed
-        n = np_.sqrt(1 + sigma @ sigma)
-        push = regressors.T @ powers(regressors @ w + residuals) + sigma / n * powers(e / n)
-        return np_.concatenate([A @ x + B @ u + d, -gamma * push])
-
-    return rate
-
-
-def runge_kutta(rate, t, y, h):
-    """One classical step."""
-    k1 = rate(t, y)
-    k2 = rate(t + h / 2, y + h / 2 * k1)
-    k3 = rate(t + h / 2, y + h / 2 * k2)
-    k4 = rate(t + h, y + h * k3)
-    return y + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
-
-
-def numpy_flight(case: FlightCase, steps: int) -> np.ndarray:
-    """The loop in NumPy, step by step."""
-    rate = python_rate(np, case.data())
-    history = np.empty((steps + 1, len(case.start)))
-    history[0] = case.start
-    for step in range(steps):
-        history[step + 1] = runge_kutta(rate, step * STEP, history[step], STEP)
-    return history
-
-
-def jax_flight(case: FlightCase, steps: int = STEPS) -> Contestant:
-    """The loop as a JAX scan on the CPU, in double precision; ImportError where it is not installed."""
-    import jax
-
-    jax.config.update("jax_enable_x64", True)
-    rate = python_rate(jax.numpy, case.data())
-
-    def step(y, k):
-        following = runge_kutta(rate, k * STEP, y, STEP)
-        return following, following
-
-    scan = jax.jit(lambda y: jax.lax.scan(step, y, jax.numpy.arange(steps))[1])
-    return lambda: np.vstack([case.start, np.asarray(scan(case.start))])

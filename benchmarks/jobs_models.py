@@ -5,7 +5,10 @@ from __future__ import annotations
 import subprocess
 import sys
 import warnings
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -14,9 +17,13 @@ from benchmarks.report import Row, in_turn
 from controller.game.zero_sum import published_game
 from controller.riccati.gare_batch import solve_games
 from hfa_model import LINEAR_STATES, STATES, Aircraft, default_parameters
+from hfa_support.model import load_model
+from hfa_support.native.bound import BoundFunction
 from hfa_support.native.machine_code import c_compiler
 from trim.linear.linear_model import level_model
 from trim.linear.modes import track_modes
+from trim.point.condition import TrimCondition, usual_condition
+from trim.point.solve import find_operating_point
 from trim.sweeps.points import TRIMMED, trim_points
 
 _STATE = np.array([68.0, np.radians(2.8), np.radians(2.8), 0.0, 0.0, 0.0])
@@ -29,6 +36,7 @@ def rows(quick: bool = False) -> list[Row]:
         # python-control counts the states that it is told to hold as constraints, and warns of too many of them.
         warnings.filterwarnings("ignore", "number of constraints", UserWarning)
         trims = [_one_point(), *_many_points(angles, peer_angles), _optimizer(angles, peer_angles // 2)]
+        trims += [row for turning in (False, True) for row in _f16(turning, angles, peer_angles)]
     return [*_startup(1 if quick else 11), *trims, _games(20 if quick else 1000)]
 
 
@@ -164,6 +172,94 @@ def _many_points(count: int, peer_count: int) -> list[Row]:
             20.0,
         )
     )
+    return found
+
+
+#: Held by a flight straight ahead, which leaves 5 unknowns of the 12 of a turn: angle of attack, pitch, power,
+#: throttle and elevator.
+_AHEAD = ("beta", "roll", "roll_rate", "pitch_rate", "yaw_rate", "aileron", "rudder")
+
+
+def f16_case(turning: bool) -> tuple[TrimCondition, str, float, float]:
+    """The F-16's condition, what varies in it, and from where to where: the turn rate at 502 ft/s, or the speed."""
+    model = load_model(f"{Path(__file__).parents[1] / 'examples' / 'f16.py'}:F16")
+    usual = usual_condition(model)
+    if turning:
+        return usual, "turn_rate", 0.0, 0.2
+    imposed = {name: value for name, value in usual.imposed.items() if name in model.variables or name == "gamma"}
+    steady = dict.fromkeys(("speed", "alpha", "pitch_rate", "power"), 0.0)
+    return TrimCondition(imposed | dict.fromkeys(_AHEAD, 0.0), steady, model=model), "speed", 300.0, 700.0
+
+
+def f16_peer(condition: TrimCondition) -> Callable[[str, Sequence[float]], list[Any]]:
+    """(name, its values) -> python-control's operating points and linear models, each started from the one before. Its
+    system calls the equations compiled by CasADi."""
+    import casadi as ca
+    import control
+
+    model, named = condition.model, [name for name in condition.imposed if name in condition.model.outputs]
+    bound = []
+    for outputs in ((), tuple(named)):
+        vectors = model.layout.symbols("x", "u", "p")
+        parts = model.layout.expressions([ca.vertsplit(each) for each in vectors], outputs)
+        bound.append(BoundFunction(ca.Function("peer", vectors, [parts[len(outputs) > 0]])))
+        bound[-1].inputs[2][:] = model.p
+
+    def called(function: BoundFunction) -> Callable[..., np.ndarray]:
+        def at(t: float, x: np.ndarray, u: np.ndarray, params: Any) -> np.ndarray:
+            function.inputs[0][:], function.inputs[1][:] = x, u
+            function()
+            return function.results[0].copy()
+
+        return at
+
+    system = control.nlsys(*map(called, bound), states=len(model.states), inputs=len(model.inputs), outputs=len(named))
+    states, inputs = list(model.states), list(model.inputs)
+    first = find_operating_point(model, condition)
+
+    def points(varied: str, values: Sequence[float]) -> list[Any]:
+        x, u, found = np.array(first.states), np.array(first.inputs), []
+        for value in values:
+            imposed = {**condition.imposed, varied: value}
+            if varied in states:
+                x[states.index(varied)] = value
+            point = control.find_operating_point(
+                system,
+                x,
+                u,
+                [imposed[name] for name in named],
+                state_indices=[states.index(name) for name in imposed if name in states],
+                input_indices=[inputs.index(name) for name in imposed if name in inputs],
+                deriv_indices=[states.index(name) for name in condition.equations[0]],
+            )
+            x, u = np.array(point.states), np.array(point.inputs)
+            found.append((point, control.linearize(system, x, u)))
+        return found
+
+    return points
+
+
+def _f16(turning: bool, count: int, peer_count: int) -> list[Row]:
+    """Straight ahead (5 unknowns) and in a turn (12)."""
+    condition, name, low, high = f16_case(turning)
+    values, peer = np.linspace(low, high, count), f16_peer(condition)
+
+    def ours(compile_code: bool) -> None:
+        found = trim_points(condition.model, (name,), values[:, None], condition, compile_code=compile_code)
+        assert (found.status == TRIMMED).all()
+
+    job = f"{count} points of an F-16 with {len(condition.free)} unknowns"
+    found = []
+    for compiled, target in ((False, 10.0), (True, 100.0 if turning else 300.0)):
+        if compiled <= (c_compiler() is not None):
+            timing = in_turn(
+                partial(ours, compiled),
+                lambda: peer(name, values[:: count // peer_count]),
+                units=count,
+                peer_units=peer_count,
+            )
+            how = "generated C" if compiled else "no compiler"
+            found.append(Row(f"{job}, {how}", "python-control (hybr, from the neighbour) + linearize", timing, target))
     return found
 
 

@@ -1,4 +1,4 @@
-"""Jobs that grow: Monte Carlo on all cores, Dask compared with the built-in pool, and cost and memory against size.
+"""Jobs that grow: Monte Carlo on all cores, and cost and memory against size.
 
 `python -m benchmarks.jobs_scale sweep 1000` runs one job of that size and prints its time, memory and disk; the time
 is from an empty store to a full one, without the start of the process and the import of the libraries.
@@ -13,9 +13,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from dataclasses import fields, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -31,9 +29,6 @@ from controller.riccati.gare import solve_game
 from hfa_model.aircraft import HFA, Aircraft
 from hfa_model.parameters import default_parameters
 from hfa_model.vectors import State
-from hfa_support.jobs.store import Layout
-from hfa_support.jobs.stream import stream
-from hfa_support.jobs.workers import workers as crew
 from studies.section5.critic_policy import CriticPolicy, critic_law
 from trim.linear.linear_model import level_model
 from trim.point.condition import level_flight
@@ -48,22 +43,12 @@ _LINEAR = 0.8
 _SIZES, _QUICK_SIZES = (1_000, 10_000, 100_000, 300_000, 1_000_000), (1, 3)
 #: A job of more rows takes minutes and is run once.
 _THRICE = 100_000
-#: Members of a chunk on Dask: half a second of a core.
-_CHUNK = 25
 _UNCERTAIN = Uncertainty(
     errors={"panel_mass": 0.02, "lift_slope": 0.02, "hinge_damping": 0.05},
     noise={"alpha": 0.001, "pitch_rate": 0.001},
     turbulence=(1.0, 1750.0),
 )
 _EVERYWHERE = Envelope(State(*[-1e9] * 7), State(*[1e9] * 7), HFA)
-#: Monitors that wake each worker 150 times a second by default and so take 2 % of its core (docs/scaling.md).
-_QUIET = {
-    "distributed.worker.profile.enabled": False,
-    "distributed.worker.memory.monitor-interval": "2s",
-    "distributed.admin.tick.interval": "5s",
-    "distributed.admin.system-monitor.interval": "5s",
-    "distributed.scheduler.work-stealing-interval": "1s",
-}
 
 
 def rows(quick: bool = False) -> list[Row]:
@@ -74,7 +59,7 @@ def rows(quick: bool = False) -> list[Row]:
         for job, name in (("sweep", "points of a sweep into a store"), ("members", "members of 0.1 s into a store"))
         for row in growth(name, [_median(job, count, 1 if quick or count > _THRICE else 3) for count in sizes])
     ]
-    return [_monte_carlo(quick), *_dask(quick), *grown]
+    return [_monte_carlo(quick), *grown]
 
 
 def critic_plan(members: int, duration: float = 20.0) -> MonteCarlo:
@@ -125,71 +110,6 @@ def _monte_carlo(quick: bool) -> Row:
     job = f"Monte Carlo of that flight (errors, noise, turbulence) on {workers} processes, per member"
     remark = f"{timing.ratio / cores:.2f} of {cores} cores, {members} members a run with the start of the processes"
     return Row(job, "the members one by one", timing, _EFFICIENCY * cores, remark)
-
-
-class _HalfSeconds(MonteCarlo):
-    """The plan with chunks of half a second."""
-
-    @property
-    def layout(self) -> Layout:  # type: ignore[override]
-        return replace(super().layout, chunk=_CHUNK)
-
-
-def _dask(quick: bool) -> list[Row]:
-    """As many processes as there are cores on either side. The cluster is running; the pool is started by each job."""
-    import dask
-    from distributed import LocalCluster
-
-    workers = max(2, os.cpu_count() or 1)
-    peer = f"the built-in pool of {workers} processes"
-    members, duration, repeats = (3 * workers * _CHUNK, 0.05, 1) if quick else (1000, 20.0, 7)
-    plan, chunks = gain_plan(members, duration), 20 if quick else 2000
-    with (
-        dask.config.set(_QUIET),
-        LocalCluster(n_workers=workers, threads_per_worker=1, processes=True, dashboard_address=":0") as cluster,
-    ):
-        address = cluster.scheduler_address
-        _flown(plan, workers, scheduler=address)  # uncounted: the workers of a running cluster have their imports
-        pairs = [
-            (_flown(plan, workers, scheduler=address), _flown(plan, workers, count=workers)) for _ in range(repeats)
-        ]
-        empty = in_turn(
-            lambda: _hand_out(chunks, scheduler=address),
-            lambda: _hand_out(chunks, count=workers),
-            units=chunks,
-            peer_units=chunks,
-            repeats=3,
-        )
-    whole, steady = (Comparison.of(*([pair[side][at] for pair in pairs] for side in (0, 1))) for at in (0, 1))
-    job = f"{members} members on Dask, {workers} worker processes, nonlinear aircraft under a gain, per member"
-    remark = f"chunks of {_CHUNK} members, {_CHUNK * workers * steady.ours:.2f} s each"
-    return [
-        Row(job, peer, whole, 1.0, remark),
-        Row(f"{job}, in the steady state", peer, steady, None),
-        Row("an empty chunk on Dask", f"{peer}, its start included", empty, None),
-    ]
-
-
-def _flown(plan: MonteCarlo, workers: int, **where: Any) -> tuple[float, float]:
-    """Seconds a member: of the whole job, and from the time when each worker had finished a chunk."""
-    finished: list[float] = []
-    with tempfile.TemporaryDirectory() as folder:
-        start, path = time.perf_counter(), Path(folder) / "members.zarr"
-        store = stream(
-            _HalfSeconds(**{each.name: getattr(plan, each.name) for each in fields(plan)}),
-            path,
-            progress=lambda *_: finished.append(time.perf_counter()),
-            **where,
-        )
-        assert store.missing() == []
-    rest = plan.members * (len(finished) - workers) / len(finished)
-    return (finished[-1] - start) / plan.members, (finished[-1] - finished[workers - 1]) / rest
-
-
-def _hand_out(chunks: int, **where: Any) -> None:
-    """Hand out empty chunks and hear that they are done."""
-    with crew(**where) as run_on:
-        assert len(list(run_on(abs, ((number, (-number,)) for number in range(chunks))))) == chunks
 
 
 def growth(name: str, sizes: list[Size]) -> list[Row]:

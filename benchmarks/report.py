@@ -19,7 +19,7 @@ from hfa_support.reporting.figure import new_figure, save
 FOLDER = Path(__file__).parent
 RESULTS = FOLDER / "results.json"
 PICTURE = FOLDER.parent / "docs" / "pictures" / "benchmarks.png"
-_PACKAGES = ("casadi", "numpy", "scipy", "control", "zarr", "distributed", "jax")
+_PACKAGES = ("casadi", "numpy", "scipy", "control", "zarr")
 
 
 class Comparison(NamedTuple):

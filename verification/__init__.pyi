@@ -27,7 +27,6 @@ from .exact_solution import (
 )
 from .flights.flight_figures import flight_figure as flight_figure
 from .flights.recoverable_map import recoverable_map as recoverable_map
-from .physics.lagrangian import mechanical_energy as mechanical_energy
 from .proof.lpv_grid import coarsest_grid as coarsest_grid
 from .proof.rate_proof import prove_rate as prove_rate
 from .proof.schedule_proof import prove_schedule as prove_schedule

@@ -5,6 +5,7 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 import pytest
+from lagrangian import lagrangian_rates
 from random_points import random_points, state_rates, symbols
 
 from hfa_model import STATES, VARIANTS, Input, Parameters, State, kinematics
@@ -13,7 +14,6 @@ from hfa_model.dynamics import rates
 from hfa_model.variants import Newton, Variant
 from hfa_model.vectors import RATE_SCALES
 from hfa_model.winds import DISTURBANCES, Wind, Winds, winds_named
-from verification.physics.lagrangian import lagrangian_rates
 
 NAMES = tuple(DISTURBANCES)
 

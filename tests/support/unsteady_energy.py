@@ -13,12 +13,7 @@ from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
-
-from hfa_model.aerodynamics import panel_loads
-from hfa_model.kinematics import Flow, flow_of
-from hfa_model.vectors import Quantity, State
-from hfa_model.winds import Winds
-from verification.physics.lagrangian import (
+from lagrangian import (
     Panel,
     at_state,
     euler_lagrange,
@@ -27,6 +22,11 @@ from verification.physics.lagrangian import (
     panels_at,
     virtual_work,
 )
+
+from hfa_model.aerodynamics import panel_loads
+from hfa_model.kinematics import Flow, flow_of
+from hfa_model.vectors import Quantity, State
+from hfa_model.winds import Winds
 
 #: (A_1, A_2), (b_1, b_2): Jones's approximations of Wagner's and Küssner's functions.
 MOTION, GUST = ((0.165, 0.335), (0.0455, 0.3)), ((0.5, 0.5), (0.13, 1.0))

@@ -7,6 +7,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
+from lagrangian import lagrangian_rates
 from random_points import random_points
 
 from controller import Dryden, OneMinusCosine, Scenario
@@ -22,7 +23,6 @@ from hfa_model.dynamics import rates
 from hfa_model.variants import Newton, Variant
 from hfa_model.vectors import RATE_SCALES
 from hfa_support import BadInputError
-from verification.physics.lagrangian import lagrangian_rates
 
 # The model.
 

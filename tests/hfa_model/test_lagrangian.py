@@ -5,6 +5,7 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 import pytest
+from lagrangian import lagrangian_rates, mechanical_energy
 from random_points import by_name, random_points, rates_function, symbols
 
 from hfa_model import STATES, Input, Parameters, State
@@ -13,8 +14,6 @@ from hfa_model.atmosphere import density
 from hfa_model.dynamics import rates_from_loads
 from hfa_model.variants import Newton, Published, Variant
 from hfa_model.vectors import RATE_SCALES, Quantity
-from verification import mechanical_energy
-from verification.physics.lagrangian import lagrangian_rates
 
 
 @pytest.fixture(scope="module")

@@ -1,1 +1,0 @@
-"""The equations of motion derived a second time."""
