@@ -19,7 +19,7 @@ from .game.critic_file import History as History, load_critic as load_critic
 from .game.model_file import load_game as load_game
 from .game.zero_sum import Game as Game, published_game as published_game
 from .laws.certified import learn as learn
-from .laws.run import Process as Process, run as run
+from .laws.run import run as run
 from .policy.gain_table import GainTable as GainTable
 from .policy.policies import FlownLaw as FlownLaw, gain_law as gain_law
 from .policy.signals import CommandSteps as CommandSteps, Signal as Signal

@@ -85,8 +85,7 @@ def _npz(path: Path) -> dict[str, Any]:
         with np.load(file, allow_pickle=False) as arrays:
             found = {key: arrays[key] for key in arrays.files}
     for array in found.values():
-        if array.dtype.kind == "U":
-            array.tolist()  # ValueError for letters beyond Unicode
+        array.dtype.kind == "U" and array.tolist()  # ValueError for letters beyond Unicode
     return found
 
 
@@ -147,28 +146,25 @@ def _entry_by_entry(rows: list[list[str]]) -> dict[str, Any]:
 
     A column "unit" says the units of the states, by the columns of A, P and K: the last brackets of (rad)/(ft/s).
     """
-    places = [rows[0].index(name) for name in _LONG]
-    unit = rows[0].index("unit") if "unit" in rows[0] else None
-    entries: dict[str, dict[tuple[str, str], str]] = {}
-    units: dict[str, str] = {}
+    tables: dict[str, dict[tuple[str, str], str]] = {}
+    sides, matrices, units = {}, {}, {}
     for line in rows[1:]:
         if len(line) != len(rows[0]):
             raise ValueError(f"a row has {len(line)} cells and the header {len(rows[0])}")
-        name, row, column, value = (line[place] for place in places)
-        if (row, column) in entries.setdefault(name, {}):
+        entry = dict(zip(rows[0], line, strict=True))
+        name, row, column, value = (entry[key] for key in _LONG)
+        if (row, column) in tables.setdefault(name, {}):
             raise ValueError(f"{name}({row}, {column}) comes twice")
-        entries[name][row, column] = value
-        if unit is not None and name in ("A", "P", "K") and (match := re.search(r"\(([^()]*)\)+$", line[unit])):
+        tables[name][row, column] = value
+        if name in ("A", "P", "K") and (match := re.search(r"\(([^()]*)\)+$", entry.get("unit", ""))):
             units[column] = match[1]
-    sides, matrices = {}, {}
-    for name, cells in entries.items():
-        if name in (*PLANT, *CRITIC):  # and not offsets and outputs
-            rows_of, columns = (list(dict.fromkeys(side)) for side in zip(*cells, strict=True))
-            if len(cells) != len(rows_of) * len(columns):
-                raise ValueError(f"{name} has {len(cells)} entries for {len(rows_of)} rows and {len(columns)} columns")
-            table = [[cells[row, column] for column in columns] for row in rows_of]
-            matrices[name] = _numbers(name, table, len(columns))
-            sides[name] = [rows_of, columns]
+    for name in tables.keys() & {*PLANT, *CRITIC}:  # and not offsets and outputs
+        cells = tables[name]
+        rows_of, columns = (list(dict.fromkeys(side)) for side in zip(*cells, strict=True))
+        if len(cells) != len(rows_of) * len(columns):
+            raise ValueError(f"{name} has {len(cells)} entries for {len(rows_of)} rows and {len(columns)} columns")
+        matrices[name] = _numbers(name, [[cells[row, each] for each in columns] for row in rows_of], len(columns))
+        sides[name] = [rows_of, columns]
     return {"state_units": list(units.values())} | _named(sides) | matrices
 
 
@@ -210,11 +206,11 @@ def _named(sides: Mapping[str, list[list[str]]]) -> dict[str, list[str]]:
 
 def _over_time(rows: list[list[str]]) -> dict[str, Any]:
     """`time`, from the first column, and the columns named W1 ..., K11 ... or P11 ... by letter, else all others."""
-    alone = "a matrix without times goes into a file called A.csv, P.csv or K.csv, weights into W.csv"
     names: list[str] = []
     if rows and not _is_number(rows[0][0]):
         names, rows = [cell.strip() for cell in rows[0]], rows[1:]
         if not names[0].lower().startswith("t"):
+            alone = "a matrix without times goes into a file called A.csv, P.csv or K.csv, weights into W.csv"
             raise ValueError(f"the first column is {shortened(names[0])!r}; it must be the time; {alone}")
     used = [place for place, name in enumerate(names) if re.match(r"[WPK][\d_( ]", name)]
     width = len(names or next(iter(rows), []))
@@ -223,9 +219,9 @@ def _over_time(rows: list[list[str]]) -> dict[str, Any]:
         return {"time": table[:, 0], "columns": table[:, 1:]}
     found: dict[str, Any] = {"time": table[:, 0]}
     for letter in dict.fromkeys(names[place][0] for place in used):
-        columns = [column for column, place in enumerate(used, start=1) if names[place][0] == letter]
-        found[letter] = table[:, columns]
-        found[f"units of {letter}"] = [names[used[each - 1]].partition("[")[2].removesuffix("]") for each in columns]
+        columns = {column: names[place] for column, place in enumerate(used, start=1) if names[place][0] == letter}
+        found[letter] = table[:, list(columns)]
+        found[f"units of {letter}"] = [name.partition("[")[2].removesuffix("]") for name in columns.values()]
     return found
 
 
@@ -268,12 +264,10 @@ def checked_matrix(name: str, value: Any, largest: float, ndim: int = 2) -> np.n
     array = numbers_in(name, value)
     if array.ndim != ndim:
         raise BadInputError(f"{name} has {array.ndim} dimension(s); it must have {ndim}")
-    bad = np.argwhere(~np.isfinite(array))
-    if len(bad):
-        place = "".join(f"[{index}]" for index in bad[0])
-        raise BadInputError(f"{name}{place} is {array[tuple(bad[0])]}; every entry must be finite")
-    if (found := np.abs(array).max(initial=0.0)) > largest:
-        raise BadInputError(f"{name} has an entry of {found:g}; entries must not exceed {largest:g}")
+    for bad in np.argwhere(~(np.abs(array) <= largest)):
+        place, found = "".join(f"[{index}]" for index in bad), array[tuple(bad)]
+        rule = f"entries must not exceed {largest:g}" if np.isfinite(found) else "every entry must be finite"
+        raise BadInputError(f"{name}{place} is {found:g}; {rule}")
     array.setflags(write=False)
     return array
 

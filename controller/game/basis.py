@@ -47,62 +47,25 @@ class Basis(Shown):
     def _upper(self) -> tuple[np.ndarray, np.ndarray]:
         return np.triu_indices(self.states)
 
-    @cached_property
-    def _weight_of_entry(self) -> np.ndarray:
-        """Which quadratic weight P_ij comes from, (n, n)."""
-        places = np.zeros((self.states, self.states), dtype=int)
-        places[self._upper] = places.T[self._upper] = np.arange(self.quadratic_size)
-        return places
-
-    @cached_property
-    def _entry_of_weight(self) -> np.ndarray:
-        """P_ij of each quadratic weight: W on the diagonal, W/2 off it."""
-        row, column = self._upper
-        return np.where(row == column, 1.0, 0.5)
-
-    @cached_property
-    def _orders(self) -> np.ndarray:
-        """p = 0 .. the highest exponent."""
-        return np.arange(self.exponents.max() + 1.0)
-
-    @cached_property
-    def _factors(self) -> tuple[np.ndarray, np.ndarray]:
-        """Places of each factor z_c^p in the table of powers: of ψ_m (M, k), of ∂ψ_m/∂z_i (M, n, k), k channels each.
-
-        A derivative of a factor that is not there gets the exponent 0 and is multiplied by the exponent 0.
-        """
-        absent = self.exponents == 0
-        channels = np.argsort(absent, axis=1, kind="stable")[:, : np.count_nonzero(~absent, axis=1).max()]
-        place = np.arange(self.states) * len(self._orders)
-        lowered = np.maximum(self.exponents[:, None, :] - np.eye(self.states, dtype=int)[None], 0)
-        return (
-            np.take_along_axis(place + self.exponents, channels, axis=-1),
-            np.take_along_axis(place + lowered, channels[:, None, :], axis=-1),
-        )
-
-    def _products(self, z: np.ndarray, factors: np.ndarray) -> np.ndarray:
-        """Of the powers of z (..., n) at these places: (..., *factors.shape[:-1])."""
-        powers = (z[..., :, None] ** self._orders).reshape(*z.shape[:-1], -1)
-        product: np.ndarray = powers[..., factors].prod(axis=-1)
-        return product
-
     def psi(self, z: np.ndarray) -> np.ndarray:
         """ψ(z): (..., n) -> (..., M)."""
-        return self._products(z, self._factors[0])
+        return np.asarray(np.prod(z[..., None, :] ** self.exponents, axis=-1))
 
     def gradient(self, z: np.ndarray) -> np.ndarray:
         """∂ψ/∂z: (..., n) -> (..., M, n)."""
-        return self.exponents * self._products(z, self._factors[1])
+        lowered = np.maximum(self.exponents[:, None, :] - np.eye(self.states, dtype=int), 0)
+        return np.asarray(self.exponents * np.prod(z[..., None, None, :] ** lowered, axis=-1))
 
     def matrix(self, weights: np.ndarray) -> np.ndarray:
         """P of the quadratic part z'Pz of W'ψ(z): P_ii = W, P_ij = W/2; (n, n) symmetric."""
-        P: np.ndarray = (self._entry_of_weight * weights[: self.quadratic_size])[self._weight_of_entry]
-        return P
+        P = np.zeros((self.states, self.states))
+        P[self._upper] = 0.5 * np.asarray(weights)[: self.quadratic_size]
+        return P + P.T
 
     def weights(self, P: np.ndarray) -> np.ndarray:
         """W with W'ψ(z) = z'Pz, (M,): weights beyond the quadratic ones are 0. P: (n, n) symmetric."""
         weights = np.zeros(self.size)
-        weights[: self.quadratic_size] = np.asarray(P)[self._upper] / self._entry_of_weight
+        weights[: self.quadratic_size] = (2.0 * P - np.diag(np.diag(P)))[self._upper]
         return weights
 
     def scaling(self, scales: np.ndarray) -> np.ndarray:
@@ -111,11 +74,10 @@ class Basis(Shown):
 
     def weight_units(self, state_units: tuple[str, ...]) -> list[str]:
         """Of each weight, V having none: 1/((ft/s) (rad))."""
-        factors = (
-            [f"({unit})" for unit, power in zip(state_units, row, strict=True) for _ in range(power)]
+        return [
+            f"1/({' '.join(f'({unit})' for unit, power in zip(state_units, row, strict=True) for _ in range(power))})"
             for row in self.exponents.tolist()
-        )
-        return [f"1/({' '.join(each)})" for each in factors]
+        ]
 
 
 def basis(name: str, states: int) -> Basis:

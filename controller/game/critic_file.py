@@ -57,28 +57,32 @@ class History(Shown):
 
     def __post_init__(self) -> None:
         """Name the first row that is wrong."""
-        object.__setattr__(self, "times", numbers_in("time", self.times))
-        for name in ("W", "P", "K"):
-            if getattr(self, name) is not None:
-                object.__setattr__(self, name, numbers_in(name, getattr(self, name)))
-        if self.times.ndim != 1 or not len(self.times):
-            raise BadInputError(f"time has shape {self.times.shape}; give one time for each row")
-        _refuse("time", self.times, np.isfinite(self.times), "is not finite")
-        late = np.flatnonzero(np.diff(self.times) <= 0.0)
-        if len(late):
-            row = int(late[0]) + 1
-            before, after = self.times[row - 1 : row + 1].tolist()
-            raise BadInputError(f"time goes from {before:g} to {after:g} s at row {row + 1}; it must increase")
-        _refuse("time", self.times, self.times >= 0.0, "is negative, and a predefined time counts from 0,")
+        given = {
+            name: numbers_in(name, value) for name in ("W", "P", "K") if (value := getattr(self, name)) is not None
+        }
+        times = numbers_in("time", self.times)
+        for name, values in {"times": times, **given}.items():
+            object.__setattr__(self, name, values)
+        if times.ndim != 1 or not len(times):
+            raise BadInputError(f"time has shape {times.shape}; give one time for each row")
+        late = np.append(False, np.diff(times) <= 0.0)
+        if late.any():
+            row = int(np.argmax(late))
+            raise BadInputError(
+                f"time goes from {times[row - 1]:g} to {times[row]:g} s at row {row + 1}; it must increase"
+            )
+        wrong = [("time", ~(times >= 0.0) | ~np.isfinite(times), "is negative or not finite")]
         if not self._over_time():
             raise BadInputError("a history needs W (rows of weights), P or K (a matrix for each time)")
         for name, values in self._over_time().items():
-            if len(values) != len(self.times):
-                raise BadInputError(f"{name} has {len(values)} rows and there are {len(self.times)} times")
-            flat = values.reshape(len(values), -1)
-            _refuse(name, self.times, np.isfinite(flat).all(axis=1), "is not finite")
-            small = np.abs(flat).max(axis=1, initial=0.0) <= LARGEST_CRITIC_ENTRY
-            _refuse(name, self.times, small, f"has an entry beyond {LARGEST_CRITIC_ENTRY:g}")
+            if len(values) != len(times):
+                raise BadInputError(f"{name} has {len(values)} rows and there are {len(times)} times")
+            good = np.abs(values.reshape(len(values), -1)) <= LARGEST_CRITIC_ENTRY
+            wrong.append((name, ~good.all(axis=1), f"is not finite, or beyond {LARGEST_CRITIC_ENTRY:g},"))
+        for name, rows, what in wrong:
+            if rows.any():
+                row = int(np.argmax(rows))
+                raise BadInputError(f"{name} {what} at row {row + 1} (t = {times[row]:g} s)")
 
     def row(self, index: int) -> StoredCritic:
         """What is known at one time."""
@@ -98,16 +102,19 @@ class History(Shown):
         return {name: values for name, (values, ndim) in given.items() if values is not None and values.ndim == ndim}
 
 
-def _refuse(name: str, times: np.ndarray, good: np.ndarray, what: str) -> None:
-    if not good.all():
-        row = int(np.argmin(good))
-        raise BadInputError(f"{name} {what} at row {row + 1} (t = {times[row]:g} s)")
-
-
 def critic_in(
     path: str | Path, game: Game, functions: str | None = None, plant: PlantNames = UNNAMED
 ) -> StoredCritic | History:
-    """`load_history` of a file with times, else `load_critic`; the file is read once."""
+    """The history in a file, or where it has no times the single critic of `load_critic`.
+
+    .npz, .mat, .json: `time` (or `times`, `t`) and W (N, M) (or `weights`), P (N, n, n) or K (N, m, n) (or `gains`);
+    matrices also row by row, (N, m n), or as MATLAB stacks them, (m, n, N). .csv: a line for each time, the time first,
+    then W1, W2, ... or the entries of K or P row by row; without names in the first line their number decides. Behind
+    the names of weights may be their units in brackets, as `hfa learn` writes them. An array without a name is what its
+    shape says.
+    functions: name of the basis of W; by default the one that the file names, or `quadratic`.
+    A file that says other units than the plant is converted. Raises BadInputError, one line that names the file.
+    """
     stored = read_arrays(path)
     with said_of(path):
         if UNKNOWN in stored:
@@ -125,24 +132,6 @@ def _by_shape(array: np.ndarray, game: Game) -> str:
         said = " or ".join(fitting) or "neither weights, nor P, nor K of this plant"
         raise BadInputError(f"the array of shape {array.shape} is {said}; name the file W.npy, P.npy or K.npy")
     return fitting[0]
-
-
-def load_history(
-    path: str | Path, game: Game, functions: str | None = None, plant: PlantNames = UNNAMED
-) -> History | None:
-    """The history in a file, or None where it has no times and is a single critic.
-
-    .npz, .mat, .json: `time` (or `times`, `t`) and W (N, M) (or `weights`), P (N, n, n) or K (N, m, n) (or `gains`);
-    matrices also row by row, (N, m n), or as MATLAB stacks them, (m, n, N). .csv: a line for each time, the time first,
-    then W1, W2, ... or the entries of K or P row by row; without names in the first line their number decides. Behind
-    the names of weights may stand their units in brackets, as `hfa learn` writes them.
-    functions: name of the basis of W; by default the one that the file names, or `quadratic`.
-    A file that says other units than the plant is converted.
-    Raises BadInputError, one line that names the file.
-    """
-    stored = read_arrays(path)
-    with said_of(path):
-        return _history(stored, game, functions, plant)
 
 
 def load_critic(path: str | Path, plant: PlantNames = UNNAMED, functions: Basis | None = None) -> StoredCritic:
@@ -196,17 +185,18 @@ def _history(stored: dict[str, Any], game: Game, functions: str | None, plant: P
         raise BadInputError("basis must be one name, such as 'quadratic'")
     (n, m), psi = game.B.shape, basis(functions or said[0], len(game.A))
     sizes = {"W": (psi.size,), "P": (n, n), "K": (m, n)}
-    what = {"W": f"basis {psi.name!r} on {n} states has {psi.size} weights", "P": f"P is {n} x {n}"}
-    what["K"] = f"K is {m} x {n}"
     rows = {key: stored[key] for key in _NDIM if key in stored}
     if "columns" in stored:
         count = stored["columns"].shape[1]
         fitting = [key for key, size in sizes.items() if math.prod(size) == count]
         if len(fitting) != 1:
-            which = "may be " + " or ".join(fitting) if fitting else "are none of: " + "; ".join(what.values())
+            which = (
+                f"may be {' or '.join(fitting)}" if fitting else f"are not W ({psi.size}), P ({n * n}) or K ({m * n})"
+            )
             raise BadInputError(f"the {count} columns beside the time {which}; name them, as in t,W1,W2")
         rows = {fitting[0]: stored["columns"]}
-    found = {key: _rows(key, value, len(times), sizes[key], what[key]) for key, value in rows.items()}
+    said_of_W = f"basis {psi.name!r} on {n} states has {psi.size} weights"
+    found = {key: _rows(key, value, len(times), sizes[key], said_of_W) for key, value in rows.items()}
     if all(values.shape == sizes[key] for key, values in found.items()):
         return None
     # Units of columns like "W1 [1/((m/s) (m/s))]": those of the plant unless all say the SI ones.
@@ -216,7 +206,7 @@ def _history(stored: dict[str, Any], game: Game, functions: str | None, plant: P
     return History(times, **in_scales(found, file_scales(stored, plant), psi), basis=psi.name)
 
 
-def _rows(name: str, value: Any, count: int, size: tuple[int, ...], what: str) -> np.ndarray:
+def _rows(name: str, value: Any, count: int, size: tuple[int, ...], said: str) -> np.ndarray:
     """(N, *size), or the matrix of the last row alone."""
     array = numbers_in(name, value)
     if array.shape in ((count, *size), size):
@@ -226,4 +216,5 @@ def _rows(name: str, value: Any, count: int, size: tuple[int, ...], what: str) -
     if array.shape == (count, math.prod(size)):
         return array.reshape(count, *size)
     found, wanted = (" x ".join(map(str, each)) for each in (array.shape, (count, *size)))
-    raise BadInputError(f"{name} is {found}; {what} and there are {count} times, so it must be {wanted}")
+    of = f"{said} and there" if name == "W" else "there"
+    raise BadInputError(f"{name} is {found}; {of} are {count} times, so it must be {wanted}")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import asdict, dataclass, field, fields
-from enum import StrEnum
 from typing import Any
 
 import numpy as np
@@ -17,13 +16,6 @@ from hfa_support.reporting.text import RowsMade, Table, matrix_table, numbered
 
 SCHEMA = "hfa.learning-result/1"
 _HISTORY = ("times", "weights", "residual_norm", "law_residual_norm")
-
-
-class LearningStatus(StrEnum):
-    """What became of a run: every certificate holds, or not."""
-
-    CONVERGED = "converged"
-    FAILED = "failed"
 
 
 @dataclass(frozen=True)
@@ -76,15 +68,10 @@ class LearningResult(Reported):
         return all(row.ok for row in self.certificates)
 
     @property
-    def status(self) -> LearningStatus:
-        """Whether every certificate holds, as a word."""
-        return LearningStatus.CONVERGED if self.converged else LearningStatus.FAILED
-
-    @property
     def outcome(self) -> str:
-        """The status, and behind "failed: " every certificate that does not hold."""
+        """converged, or "failed: " and every certificate that does not hold."""
         failed = [row.sentence for row in self.certificates if not row.ok]
-        return f"{self.status}: {'; '.join(failed)}" if failed else str(self.status)
+        return f"failed: {'; '.join(failed)}" if failed else "converged"
 
     def report(
         self,
@@ -110,11 +97,14 @@ class LearningResult(Reported):
             (row.name, f"{row.value:.3g}", f"{row.relation} {row.limit:.3g}", verdict_text(row.ok))
             for row in self.certificates
         ]
+        units = basis(self.basis, n).weight_units(of_states) if any(of_states) else []
+        columns = [f"W{i}{f' [{units[i - 1]}]' if units else ''}" for i in range(1, len(self.weights[0]) + 1)]
+        over_time = self.times, self.residual_norm, self.law_residual_norm
         data = self.to_dict()
         rows = {name: data.pop(name) for name in _HISTORY}
-        data |= {"W": self.weights[-1].tolist(), "converged": self.converged}
-        if any(of_states):
-            data["weight_units"] = basis(self.basis, n).weight_units(of_states)
+        data |= {"W": self.weights[-1].tolist(), "converged": self.converged} | (
+            {"weight_units": units} if units else {}
+        )
         return Report(
             title=f"Law {self.law!r}, basis {self.basis!r}{f', on {origin}' if origin else ''}: {self.outcome}",
             parts=(
@@ -127,28 +117,17 @@ class LearningResult(Reported):
                 *([Table(("number of the law", "value"), numbers)] if numbers else []),
             ),
             data=data | rows if history else data,
-            records=self._records(of_states),
-        )
-
-    def _records(self, state_units: tuple[str, ...]) -> Table:
-        """One row a recorded time: residuals and weights, with units where they are known."""
-        units = ["" for _ in self.weights[0]]
-        if any(state_units):
-            units = [f" [{unit}]" for unit in basis(self.basis, len(state_units)).weight_units(state_units)]
-        weights = (f"W{i}{unit}" for i, unit in enumerate(units, start=1))
-        header = ("time [s]", "residual_norm", "law_residual_norm", *weights)
-        columns = self.times, self.residual_norm, self.law_residual_norm
-        return Table(
-            header, RowsMade(len(self.times), lambda i: (*(column[i] for column in columns), *self.weights[i]))
+            records=Table(
+                ("time [s]", "residual_norm", "law_residual_norm", *columns),
+                RowsMade(len(self.times), lambda i: (*(column[i] for column in over_time), *self.weights[i])),
+            ),
         )
 
     def to_dict(self) -> dict[str, Any]:
         """Everything as plain JSON values; a number that is not finite becomes None."""
         parts = "name", "value", "relation", "limit", "ok"
         certificates = [{part: getattr(row, part) for part in parts} for row in self.certificates]
-        names = [each.name for each in fields(self)]
-        names.insert(names.index("certificates") + 1, "status")
-        values = {name: getattr(self, name) for name in names}
+        values = {each.name: getattr(self, each.name) for each in fields(self)}
         structured = {"excitation": asdict(self.excitation), "certificates": certificates, "status": self.outcome}
         plain: dict[str, Any] = jsonable({"schema": SCHEMA} | values | structured)
         return plain

@@ -103,32 +103,35 @@ def _game_in(found: dict[str, Any], **changes: Any) -> StoredGame:
     given |= {key: value for key, value in changes.items() if value is not None}
     for key in ("A", "B"):
         if key not in given:
-            raise BadInputError(
-                f"there is no {key}; a model file holds A and B (.csv, .npy: A.csv with B.csv beside it)"
-                f"{found_in(stored)}"
-            )
+            beside = "a model file holds A and B (.csv, .npy: A.csv with B.csv beside it)"
+            raise BadInputError(f"there is no {key}; {beside}{found_in(stored)}")
         given[key] = checked_matrix(key, given[key], LARGEST)
     (n, _), (rows, m) = given["A"].shape, given["B"].shape
     if rows == 1 != n:
         raise BadInputError(f"B is one row, 1 x {m}; with {n} states it must have {n} rows: give one input as a column")
-    notes += _notes(stored, given)
+    unused = sorted(set(stored) - {*MODEL_KEYS, *_NAMES})
+    if unused and not "".join(words(stored, "schema")[:1]).startswith("hfa."):
+        notes.append(f"{shortened(', '.join(unused), 200)} not used; a model file holds {', '.join(MODEL_KEYS)}")
+    missing = [key for key in MODEL_KEYS if key not in given]
+    taken = ", ".join(f"{key} {'the identity' if key == 'E' else 'as in the paper'}" for key in missing)
+    if missing:
+        wind = "disturbances" in stored and "E" in missing
+        absent = "its E is that of the wind and not used" if wind else f"there is no {', '.join(missing)}"
+        notes.append(f"{absent}; taken: {taken}")
     names: dict[str, tuple[str, ...]] = {}
-    for key, size in (("states", n), ("inputs", m), ("state_units", n), ("input_units", m)):
-        named = words(stored, key)
-        if len(named) == size and (key.endswith("units") or len(set(named)) == size):
+    for key, size in zip(_NAMES, (n, m, n, m), strict=True):
+        named, is_unit = words(stored, key), key.endswith("units")
+        if len(named) == size and (is_unit or len(set(named)) == size):
             names[key] = named
         elif key in stored:
-            letter, what = ("x", "u")[key.startswith("input")], ("name", "unit")[key.endswith("units")]
-            instead = "none is used" if what == "unit" else f"they are called {letter}1 and so on"
-            notes.append(f"{key} has not one {what} for each; {instead}")
+            instead = "none is used" if is_unit else f"they are called {'xu'[key == 'inputs']}1 and so on"
+            notes.append(f"{key} has not one {'unit' if is_unit else 'name'} for each; {instead}")
     given = _of_the_paper(names, n, m) | given
     for key, size, of in (("Q", n, "states"), ("R", m, "inputs")):
         if key not in given:
             count = len(published_data()["game"][f"{key}_diag"])
-            raise BadInputError(
-                f"the model has {size} {of} and the {key} of the paper is for {count}; give {key} in the file or as an "
-                "argument"
-            )
+            said = f"the model has {size} {of} and the {key} of the paper is for {count}"
+            raise BadInputError(f"{said}; give {key} in the file or as an argument")
     given["delta"] = one_number("delta", given["delta"])
     return StoredGame(Game(**given), tuple(notes), names, _provenance(stored))
 
@@ -164,21 +167,6 @@ def _provenance(stored: dict[str, Any]) -> dict[str, str]:
     return {name: said[0] for name, said in texts.items() if len(said) == 1 and said[0]}
 
 
-def _notes(stored: dict[str, Any], given: dict[str, Any]) -> list[str]:
-    """Which entries were not used, unless this project wrote them, and which defaults were taken."""
-    notes = []
-    unused = sorted(set(stored) - {*MODEL_KEYS, *_NAMES})
-    if unused and not "".join(words(stored, "schema")[:1]).startswith("hfa."):
-        notes.append(f"{shortened(', '.join(unused), 200)} not used; a model file holds {', '.join(MODEL_KEYS)}")
-    missing = [key for key in MODEL_KEYS if key not in given]
-    taken = ", ".join(f"{key} {'the identity' if key == 'E' else 'as in the paper'}" for key in missing)
-    if "disturbances" in stored and "E" in missing:
-        notes.append(f"its E is that of the wind and not used; taken: {taken}")
-    elif missing:
-        notes.append(f"there is no {', '.join(missing)}; taken: {taken}")
-    return notes
-
-
 def parse_diagonal(name: str, text: str) -> np.ndarray:
     """diag(a, b, ...) from "a,b,...", (n, n): how Q and R are given on the command line.
 
@@ -189,7 +177,6 @@ def parse_diagonal(name: str, text: str) -> np.ndarray:
         try:
             entries.append(float(entry))
         except ValueError as error:
-            raise BadInputError(
-                f"{name}: entry {position} is {entry.strip()!r}; give the diagonal as numbers, as in 1,0.5,2"
-            ) from error
+            said = f"{name}: entry {position} is {entry.strip()!r}"
+            raise BadInputError(f"{said}; give the diagonal as numbers, as in 1,0.5,2") from error
     return np.diag(entries)

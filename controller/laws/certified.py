@@ -416,7 +416,7 @@ class CertifiedLaw:
         return here._replace(weights=weights, solves=here.solves + solves)
 
     def observe(self, tick: int, memory: Memory) -> Mapping[str, Any]:
-        """See `run.Process`."""
+        """See `run.run`."""
         here, normaliser, _ = memory
         return {
             "time": self.time(tick),

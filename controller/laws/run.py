@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -16,27 +16,6 @@ MOST_ROWS = 20_001
 REPORTS = 50
 
 
-class Process(Protocol):
-    """A learning law on one game and its data: a start, a pure step, and what to write down.
-
-    memory: whatever the law carries from one tick to the next. Any object with these methods is a law.
-    """
-
-    @property
-    def ticks(self) -> int:
-        """Number of steps of a whole run."""
-
-    def start(self) -> Any:
-        """The memory before the first tick."""
-
-    def advance(self, tick: int, memory: Any) -> Any:
-        """The memory after tick number `tick` (0 .. ticks - 1)."""
-
-    def observe(self, tick: int, memory: Any) -> Mapping[str, Any]:
-        """The row of history after `tick` ticks (0 .. ticks): "time", s, and what else is to be kept, each time the
-        same names; with "law_residual_norm", the residual that the law drives to zero, the progress shows it."""
-
-
 @dataclass(frozen=True, eq=False)
 class Run:
     """memory: at the last tick. history: rows by name, (rows, ...)."""
@@ -45,8 +24,14 @@ class Run:
     history: dict[str, np.ndarray]
 
 
-def run(process: Process, *, progress: Progress | None = None) -> Run:
-    """Run all ticks of a law."""
+def run(process: Any, *, progress: Progress | None = None) -> Run:
+    """Run all ticks of a law, any object with four members.
+
+    ticks: number of steps. start(): the memory before the first, whatever the law carries from one tick to the next.
+    advance(tick, memory): the memory after tick number `tick` (0 .. ticks - 1), a pure function. observe(tick, memory):
+    the row after `tick` ticks (0 .. ticks): "time", s, and what else is to be kept, each time the same names;
+    with "law_residual_norm", the residual that the law drives to zero, the progress shows it.
+    """
     memory = process.start()
     rows = [_row(process, 0, memory)]
     every = -(-process.ticks // (MOST_ROWS - 1))
@@ -61,7 +46,7 @@ def run(process: Process, *, progress: Progress | None = None) -> Run:
     return Run(memory, {name: np.array([row[name] for row in rows]) for name in rows[0]})
 
 
-def _row(process: Process, tick: int, memory: Any) -> Mapping[str, Any]:
+def _row(process: Any, tick: int, memory: Any) -> Mapping[str, Any]:
     """A row of history; a residual that overflows is inf in it, and the law itself says when it cannot go on."""
     with np.errstate(over="ignore", invalid="ignore"):
         return process.observe(tick, memory)

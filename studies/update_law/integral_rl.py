@@ -180,7 +180,7 @@ class IntegralLearning:
         return {"weights": weights, "misfit": np.array(misfit)}
 
     def observe(self, tick: int, memory: Memory) -> Mapping[str, Any]:
-        """See `run.Process`; the law's residual is the misfit of the last least squares."""
+        """See `controller.run`; the law's residual is the misfit of the last least squares."""
         return {
             "time": (self.intervals + tick) * self.settings.interval,
             "weights": self.equations.unscaled(memory["weights"]),

@@ -1,7 +1,7 @@
 """The critic update of the paper, Eq. (46), the gains of its Theorem 1, and the step that they ask for.
 
 It is also an example of a learning law of one's own. A law is an object with `ticks`, `start`, `advance` and `observe`
-(`controller.Process`); `controller.run` runs it, and `conclude` turns its last weights into P and K with certificates.
+that `controller.run` runs, and `conclude` turns its last weights into P and K with certificates.
 """
 
 from __future__ import annotations
@@ -200,7 +200,7 @@ def proximal_step(
 
 @dataclass(frozen=True, eq=False)
 class PublishedLaw:
-    """W' = -Γ Σ_{0..N_h} σ̄_j [(α₁+1) sig^(1-η)(ē_j) + (α₂+1) sig^(1+η)(ē_j)], Eq. (46), a `controller.Process`.
+    """W' = -Γ Σ_{0..N_h} σ̄_j [(α₁+1) sig^(1-η)(ē_j) + (α₂+1) sig^(1+η)(ē_j)], Eq. (46), for `controller.run`.
 
     Sample 0 is the current one, with the policies of the current weights; it exists in flight only.
     """
@@ -306,7 +306,7 @@ class PublishedLaw:
     def _steps_done(self, tick: int) -> int:
         return tick * self._steps // self.ticks
 
-    # The four that make it a Process.
+    # The four members that `controller.run` asks for.
 
     @property
     def ticks(self) -> int:

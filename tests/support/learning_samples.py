@@ -95,7 +95,7 @@ def build(game: Game, name: str = "quadratic", samples: int = 60, seed: int = 0)
 
 
 def assert_exact(result: LearningResult, exact: Reference, limit: float = 1e-9) -> None:
-    assert result.status == "converged"
+    assert result.outcome == "converged"
     assert all(row.ok for row in result.certificates)
     assert relative_error(result.P, exact.P) <= limit
     assert relative_error(result.K, exact.K) <= limit

@@ -14,11 +14,10 @@ import numpy as np
 
 from controller.game.zero_sum import Game
 from controller.riccati.balancing import spectrum
-from controller.riccati.frequency_response import square_root, swept_gain
 from controller.riccati.gare import GameSolution
 from hfa_support.jsonable import finite_or_none
 from hfa_support.native.bound import BoundFunction
-from hfa_support.reporting.checks import Check, at_most, below
+from hfa_support.reporting.checks import Check, at_most
 from verification.critic.candidate import Candidate, Nonlinear
 from verification.critic.critic_errors import SMALL
 
@@ -43,10 +42,9 @@ class Found(NamedTuple):
 class NetworkSearch(NamedTuple):
     """What was found of a function of the state beside its linearization, over the box.
 
-    lost, mean: percent of V* that it costs more than the optimum from `flights` starts. gain: met by the worst sine
-    wave of its linear loop that fills the box. reach: the largest multiple of the box from which it returns, on the
-    linear plant, on the nonlinear one, and there of the exact policy, None where that is not known. The others as in
-    `Nonlinear`.
+    lost, mean: percent of V* that it costs more than the optimum from `flights` starts. reach: the largest multiple of
+    the box from which it returns, on the linear plant, on the nonlinear one, and there of the exact policy, None where
+    that is not known. The others as in `Nonlinear`.
     """
 
     output: str
@@ -56,7 +54,6 @@ class NetworkSearch(NamedTuple):
     lost: float = 0.0
     mean: float = 0.0
     flights: int = 0
-    gain: float = 0.0
     reach: float = math.nan
     reach_nonlinear: float | None = None
     exact_reach: float | None = None
@@ -77,7 +74,7 @@ class NetworkSearch(NamedTuple):
             f"Network of {self.output}, {self.precision} weights, linearized exactly at the origin{constant}",
             f"Largest errors in the box (searched, {STARTS} starts; not a bound): {'; '.join(errors)}",
             f"Flown from {self.flights} starts in the box (not a bound): cost lost {self.lost:.3g} percent at most, "
-            f"{self.mean:.3g} on average; L2 gain met {self.gain:.4g}",
+            f"{self.mean:.3g} on average",
             f"Returns to trim from {far} ({FEW} starts each, doubled up to {2**DOUBLINGS})",
         )
 
@@ -93,7 +90,6 @@ class NetworkSearch(NamedTuple):
             "value_at_origin": finite_or_none(self.constant),
             "cost_lost_flown_percent": finite_or_none(self.lost),
             "cost_lost_flown_mean_percent": finite_or_none(self.mean),
-            "l2_gain_flown": finite_or_none(self.gain),
             "reach": finite_or_none(self.reach),
             "reach_nonlinear": self.reach_nonlinear,
             "reach_nonlinear_exact": self.exact_reach,
@@ -128,16 +124,12 @@ def network_checks(
         checks.append(at_most(f"searched_{name}_error", error, limit, f"{SAID[name]} is off by {error:.2g} in the box"))
     facts = facts._replace(found=found)
     if not flights:
-        return checks, facts._replace(lost=math.inf, mean=math.inf, gain=math.inf, reach=0.0)
-    lost, gain = flown_losses(game, candidate, exact, b, flights), flown_gain(game, candidate, b)
-    if math.isfinite(game.delta):
-        said = f"the closed loop meets an L2 gain of {gain:.4g} in the box, not below delta"
-        checks.append(below("flown_l2_gain", gain, game.delta, said))
-    z, u = about.z, about.policy(game)
+        return checks, facts._replace(lost=math.inf, mean=math.inf, reach=0.0)
+    lost, z, u = flown_losses(game, candidate, exact, b, flights), about.z, about.policy(game)
     rates = [ca.DM(game.A) @ z + ca.DM(game.B) @ u]
     rates += [plant(z, each) for each in (u, -ca.DM(exact.K) @ z) if plant is not None]
     far = [reach(_Flight(z, each), exact, game, b) for each in rates]
-    facts = facts._replace(lost=float(lost.max()), mean=float(lost.mean()), flights=flights, gain=gain, reach=far[0])
+    facts = facts._replace(lost=float(lost.max()), mean=float(lost.mean()), flights=flights, reach=far[0])
     return checks, facts if plant is None else facts._replace(reach_nonlinear=far[1], exact_reach=far[2])
 
 
@@ -207,14 +199,14 @@ def _floored(sizes: np.ndarray) -> np.ndarray:
 
 
 class _Flight:
-    """z' = rates(t, z) and cost' = running(t, z), CasADi expressions of z (n,) and t, integrated by LSODA."""
+    """z' = rates(z) and cost' = running(z), CasADi expressions of z (n,), integrated by LSODA."""
 
-    def __init__(self, z: Any, rates: Any, running: Any = 0.0, t: Any = None) -> None:
-        t, y = ca.SX.sym("t") if t is None else t, ca.vertcat(z, ca.SX.sym("cost"))
-        self._bound = BoundFunction(ca.Function("slopes", [t, y], [ca.densify(ca.vertcat(rates, running))]))
+    def __init__(self, z: Any, rates: Any, running: Any = 0.0) -> None:
+        y = ca.vertcat(z, ca.SX.sym("cost"))
+        self._bound = BoundFunction(ca.Function("slopes", [y], [ca.densify(ca.vertcat(rates, running))]))
 
-    def _slopes(self, t: float, y: np.ndarray) -> np.ndarray:
-        self._bound.inputs[0][0], self._bound.inputs[1][:] = t, y
+    def _slopes(self, y: np.ndarray, _: float) -> np.ndarray:
+        self._bound.inputs[0][:] = y
         self._bound()
         return self._bound.results[0]
 
@@ -224,7 +216,7 @@ class _Flight:
 
         steps = {"rtol": 1e-7, "atol": 1e-9 * np.abs(start).max(), "mxstep": STEPS, "full_output": True}
         with np.errstate(all="ignore"), warnings.catch_warnings(action="ignore"):  # of LSODA, where it gives up
-            (_, end), about = odeint(self._slopes, np.append(start, 0.0), [0.0, time], tfirst=True, **steps)
+            (_, end), about = odeint(self._slopes, np.append(start, 0.0), [0.0, time], **steps)
         good = about["message"] == "Integration successful." and np.all(np.isfinite(end))
         return (end[:-1], float(end[-1])) if good else None
 
@@ -265,30 +257,6 @@ def flown_losses(game: Game, candidate: Candidate, exact: GameSolution, b: np.nd
             return np.full(flights, math.inf)
         lost.append(100.0 * float((found[1] + found[0] @ rest @ found[0]) / (start @ exact.P @ start)))
     return np.array(lost)
-
-
-def flown_gain(game: Game, candidate: Candidate, b: np.ndarray) -> float:
-    """√(∫ z'Qz + u'Ru dt / ∫ d'd dt) over a period of the sine wave d that the linear loop amplifies most, so large
-    that that loop's state touches the box; inf where the flight fails. 0 without a disturbance."""
-    about, n = candidate.nonlinear, len(b)
-    assert about is not None
-    loop = game.A - game.B @ candidate.K
-    if not math.isfinite(game.delta) or not game.E.any() or spectrum(loop).abscissa >= 0.0:
-        return 0.0 if spectrum(loop).abscissa < 0.0 else math.inf
-    frequency = max(swept_gain(game, candidate.K).frequency, 0.1 * abs(spectrum(loop).abscissa))
-    response = np.linalg.solve(1j * frequency * np.eye(n) - loop, game.E.astype(complex))
-    cost = square_root(game.Q + candidate.K.T @ game.R @ candidate.K)
-    d = np.linalg.svd(cost @ response)[2][0].conj()
-    d /= float((np.abs(response @ d) / b).max()) or 1.0
-    t, z, u = ca.SX.sym("t"), about.z, about.policy(game)
-    wave = ca.DM(d.real) * ca.cos(frequency * t) - ca.DM(d.imag) * ca.sin(frequency * t)
-    running = z.T @ ca.DM(game.Q) @ z + u.T @ ca.DM(game.R) @ u
-    rates = ca.DM(game.A) @ z + ca.DM(game.B) @ u + ca.DM(game.E) @ wave
-    flight, period = _Flight(z, rates, running, t), 2.0 * math.pi / frequency
-    first = flight.end((response @ d).real, period)
-    second = None if first is None else flight.end(first[0], period)
-    power = 0.5 * period * float(np.sum(np.abs(d) ** 2))
-    return math.inf if second is None else math.sqrt(max(second[1], 0.0) / power)
 
 
 def reach(flight: _Flight, exact: GameSolution, game: Game, b: np.ndarray) -> float:

@@ -30,7 +30,7 @@ SMALL: dict[str, Any] = {
         ({"A": [[1.0, 2.0], [3.0]]}, "A does not consist of rows of real numbers"),
         ({"A": np.ma.masked_equal(np.eye(2), 0.0)}, "A has masked entries"),
         ({"A": [[1.0, math.nan], [0.0, 1.0]]}, r"A\[0\]\[1\] is nan; every entry must be finite"),
-        ({"A": [[1e150, 0.0], [0.0, 1.0]]}, r"A has an entry of 1e\+150; entries must not exceed 1e\+100"),
+        ({"A": [[1e150, 0.0], [0.0, 1.0]]}, r"A\[0\]\[0\] is 1e\+150; entries must not exceed 1e\+100"),
         ({"A": np.zeros((0, 0))}, "a game needs a state and an input"),
         ({"B": [[1.0]]}, "B is 1 x 1; with this A and B it must be 2 x 1"),
         ({"Q": [[1.0, 0.1], [0.0, 1.0]]}, "Q is not symmetric"),

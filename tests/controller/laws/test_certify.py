@@ -152,7 +152,7 @@ def test_few_inputs_against_many_disturbances(seed: int, states: int) -> None:
     game = one_input(seed, states)
     exact = reference_solution(game)
     result = learn(game, tick=0.2)
-    assert result.status == "converged"
+    assert result.outcome == "converged"
     assert relative_error(result.P, exact.P) < 1e-10
     assert result.settling_time < 10.0
 
@@ -167,7 +167,7 @@ def test_random_games_need_no_looser_limit(games: int) -> None:
         game = Game(A, B, E, np.eye(n), np.eye(m) * 10.0 ** rng.uniform(-2.0, 2.0), 1.0)
         game = game.with_delta(1.2 * minimum_delta(game).value)
         result = learn(game, tick=0.5)
-        assert result.status == "converged", (n, m, k)
+        assert result.outcome == "converged", (n, m, k)
         assert relative_error(result.P, reference_solution(game).P) < 1e-9
 
 

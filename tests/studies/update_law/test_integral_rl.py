@@ -65,7 +65,7 @@ def test_each_iteration_is_the_value_of_the_last_policies(form: str) -> None:
 def test_game_of_the_stable_model_from_nothing(seed: int) -> None:
     game, exact = published("published-5")
     result = learn_by_integrals(game, seed)
-    assert result.status == "converged"
+    assert result.outcome == "converged"
     assert relative_error(result.P, exact.P) < 1e-9
     assert relative_error(result.K, exact.K) < 1e-9
     errors = [relative_error(QUADRATIC.matrix(w), exact.P) for w in result.weights]
@@ -80,7 +80,7 @@ def test_lq_form_ignores_the_disturbance_weight(name: str) -> None:
     _, exact = lq(name)
     start = tuple(QUADRATIC.weights(1.5 * exact.P))
     result = learn_by_integrals(game, form="lqr", initial_weights=start)
-    assert result.status == "converged"
+    assert result.outcome == "converged"
     assert relative_error(result.P, exact.P) < 1e-9
 
 
