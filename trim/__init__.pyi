@@ -5,20 +5,11 @@ from .linear.entry_bands import entry_bands as entry_bands
 from .linear.linear_model import LinearModel as LinearModel, level_model as level_model, linearize as linearize
 from .linear.modes import modes_of as modes_of
 from .linear.varying import InterpolatedModel as InterpolatedModel, models_along as models_along
-from .point.condition import (
-    TrimCondition as TrimCondition,
-    level_flight as level_flight,
-    release as release,
-    usual_condition as usual_condition,
-)
+from .point.condition import TrimCondition as TrimCondition, level_flight as level_flight, release as release
+from .point.hfa_report import trim_figure as trim_figure
 from .point.named_condition import load_condition as load_condition
-from .point.operating_point import (
-    OperatingPoint as OperatingPoint,
-    load_operating_point as load_operating_point,
-    save_operating_point as save_operating_point,
-)
+from .point.operating_point import OperatingPoint as OperatingPoint
 from .point.solve import TrimError as TrimError, find_operating_point as find_operating_point
-from .point.trim_figure import trim_figure as trim_figure
 from .point.trim_report import trim_report as trim_report
 from .sweeps.points import trim_points as trim_points
 from .sweeps.sweep import sweep as sweep

@@ -6,7 +6,7 @@ import argparse
 
 from hfa_cli.options import shared_options as options
 from hfa_cli.output import draw, failure_as_data, show
-from trim.point.trim_figure import trim_figure
+from trim.point.hfa_report import trim_figure
 from trim.point.trim_report import trim_report
 
 

@@ -33,7 +33,7 @@ from hfa_support.reporting.report import Report
 from hfa_support.reporting.unit_system import SYSTEMS
 from trim.point.condition import LEVEL_FLIGHT, TrimCondition, release, usual_condition
 from trim.point.named_condition import NAMED as NAMED_CONDITIONS, load_condition
-from trim.point.operating_point import OperatingPoint, load_operating_point
+from trim.point.operating_point import OperatingPoint
 from trim.point.solve import TrimError, find_operating_point
 
 if TYPE_CHECKING:
@@ -137,7 +137,7 @@ def _condition(text: str) -> TrimCondition | Path:
 def _start(text: str) -> OperatingPoint | dict[str, float]:
     """A saved operating point, or the values of some variables."""
     if "=" not in text or Path(text).exists():
-        return load_operating_point(Path(text), OWN.get() or HFA)
+        return OperatingPoint.load(Path(text), OWN.get() or HFA)
     words = dict(word.partition("=")[::2] for word in text.split(","))
     for name in words:
         refuse_unknown("no variable is called", name, (OWN.get() or HFA).variables)

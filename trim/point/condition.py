@@ -163,32 +163,21 @@ def _refuse_infinite(name: str, value: object) -> None:
         raise BadInputError(f"{name} is {shown(value)}; give a finite number")
 
 
-def level_flight(
-    dihedral: float,
-    *,
-    speed: float | None = None,
-    altitude: float | None = None,
-    alpha: float | None = None,
-    gamma: float = 0.0,
-    limits: Mapping[str, tuple[float, float]] | None = None,
-) -> TrimCondition:
-    """The paper's trim (Section 5.1): speed, altitude, α = θ and dihedral imposed, center aileron at zero;
-    throttle, outer aileron and both elevators free. Four equations, four unknowns.
-
-    Angles in rad, speed in ft/s, altitude in ft; values that are not given are the paper's. gamma: flight-path angle.
-    """
-    given = {"dihedral": dihedral, "gamma": gamma, "speed": speed, "altitude": altitude, "alpha": alpha}
-    changes = {name: value for name, value in given.items() if value is not None}
-    return TrimCondition({**HFA.trim, **changes}, limits=dict(limits or {}))
-
-
 def usual_condition(model: Model) -> TrimCondition:
     """What a model's declaration imposes."""
     return TrimCondition(model.trim, model=model)
 
 
-#: The paper's, with a flat wing: `at` takes another dihedral angle.
-LEVEL_FLIGHT = level_flight(0.0)
+#: The paper's (Section 5.1), with a flat wing: `at` takes another dihedral angle.
+LEVEL_FLIGHT = usual_condition(HFA)
+
+
+def level_flight(
+    dihedral: float, *, limits: Mapping[str, tuple[float, float]] | None = None, **held: float
+) -> TrimCondition:
+    """The paper's trim at a dihedral angle, rad: center aileron at zero; throttle, outer aileron and both elevators
+    free. Four equations, four unknowns. held: what is imposed in place of the paper's values, in rad, ft, s."""
+    return TrimCondition({**HFA.trim, HFA.schedule: dihedral, **held}, limits=dict(limits or {}))
 
 
 def release(

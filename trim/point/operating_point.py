@@ -17,9 +17,8 @@ from hfa_support.errors import BadInputError, said_of
 from hfa_support.files import read_json, write_text
 from hfa_support.jsonable import json_text
 from hfa_support.model import Model, record
-from hfa_support.reporting.report import Report, Reported
-from hfa_support.reporting.text import Cell, Table, degrees, in_degrees
-from hfa_support.reporting.unit_system import english, in_force, unit_in_force
+from hfa_support.reporting.text import in_degrees
+from hfa_support.reporting.unit_system import english
 from hfa_support.schema import NUMBER, checked
 
 if TYPE_CHECKING:
@@ -52,8 +51,8 @@ _FILE: dict[Any, Any] = {
 }
 
 
-@dataclass(frozen=True, repr=False)
-class OperatingPoint(Reported):
+@dataclass(frozen=True)
+class OperatingPoint:
     """X0, U0 with dX/dt(X0, U0) - imposed rate = residual, equation by equation; of imposed outputs likewise.
 
     states, inputs: named tuples, in the units of the model. residuals: balanced equation -> residual, in its own unit.
@@ -92,11 +91,6 @@ class OperatingPoint(Reported):
         return f"{self.dynamics} dynamics" if self.model is HFA else self.model.title
 
     @property
-    def title(self) -> str:
-        """Which model, and what became of the point."""
-        return f"Trim, {self.called}: {self.status}"
-
-    @property
     def warnings(self) -> list[str]:
         """What a user should know before trusting a model at this point."""
         return beyond_range(self.model, self.states._asdict())
@@ -121,48 +115,6 @@ class OperatingPoint(Reported):
         """The residual that an equation may have, in its own unit."""
         return BALANCE * self._scale(equation)
 
-    def balances(self, equation: str) -> bool:
-        """Whether the residual of an equation is small enough."""
-        return abs(self.scaled_residuals[equation]) <= BALANCE
-
-    def report(self) -> Report:
-        """State, inputs and residuals: what a point holds, without the aircraft and the condition."""
-        parts = self._values("state", self.states), self._values("input", self.inputs), self.equations()
-        return Report(self.title, parts, self.warnings, self.to_dict(), self.records())
-
-    def _values(self, kind: str, values: Any) -> Table:
-        rows = [(name, *degrees(value, self.model.unit(name))) for name, value in values._asdict().items()]
-        return Table((kind, "value", "unit"), rows)
-
-    def equations(self, imposed: Mapping[str, float] | None = None) -> Table:
-        """One row an equation, those that do not balance first; without the imposed rates where all are zero."""
-        rates = imposed if imposed and any(imposed.values()) else {}
-        rows = []
-        for name, value in sorted(self.residuals.items(), key=lambda item: self.balances(item[0])):
-            unit = self.equation_unit(name)
-            rows.append(
-                (
-                    f"rate of {name}" if name in self.model.states else name,
-                    *((f"{in_force(rates.get(name, 0.0), unit):.6g}",) if rates else ()),
-                    *(f"{in_force(each, unit):.2e}" for each in (value, self.tolerance(name))),
-                    unit_in_force(unit),
-                    f"{self.scaled_residuals[name]:.2e}",
-                    Cell("PASS", "good") if self.balances(name) else Cell("FAIL", "bad"),
-                )
-            )
-        header = ("equation", *("imposed",) * bool(rates), "residual", "tolerance", "unit", "scaled", "verdict")
-        return Table(header, rows)
-
-    def records(self) -> Table:
-        """Header and rows (kind, name, value, unit), angles in radians."""
-        unit = self.model.unit
-        rows: list[tuple[Any, ...]] = [
-            *(("state", name, value, unit(name)) for name, value in self.states._asdict().items()),
-            *(("input", name, value, unit(name)) for name, value in self.inputs._asdict().items()),
-            *(("residual", name, value, self.equation_unit(name)) for name, value in self.residuals.items()),
-        ]
-        return Table(("kind", "name", "value", "unit"), rows)
-
     def to_control(self) -> control.OperatingPoint:
         """The same point as python-control's `OperatingPoint` of all states and inputs."""
         import control
@@ -181,6 +133,30 @@ class OperatingPoint(Reported):
             "input_units": {name: self.model.unit(name) for name in self.model.inputs},
             "residuals": self.residuals,
         }
+
+    def save(self, path: Path) -> None:
+        """Write the point as JSON that `load` reads back bit for bit."""
+        write_text(path, json_text(self.to_dict()) + "\n")
+
+    @staticmethod
+    def load(path: Path, model: Model = HFA) -> OperatingPoint:
+        """A saved point of a model, alone or inside a saved trim or linear model; BadInputError names the fault."""
+        try:
+            data = read_json(path)
+        except OSError as error:
+            raise BadInputError(f"{path}: cannot be read ({error.strerror}); give a saved operating point") from error
+        if isinstance(data, dict):
+            data = data.get("operating_point", data)
+        if not isinstance(data, dict) or data.get("schema") != SCHEMA:
+            raise BadInputError(f"{path}: is not an operating point of schema {SCHEMA}")
+        names = {kind: {f"{name}*": NUMBER for name in getattr(model, kind)} for kind in ("states", "inputs")}
+        found = checked(str(path), data, {**_FILE, "states*": names["states"], "inputs*": names["inputs"]})
+        stated, values = found.get("state_units", {}), found["states"]
+        with said_of(path):
+            for name in model.states:
+                values[name] = english(values[name], stated.get(name, model.unit(name)), model.unit(name))
+        states, inputs = (record(tuple(getattr(model, kind)))(**found[kind]) for kind in ("states", "inputs"))
+        return OperatingPoint(states, inputs, found["residuals"], found["dynamics"], Status(found["status"]), model)
 
 
 def beyond_range(model: Model, values: Mapping[str, float]) -> list[str]:
@@ -204,28 +180,3 @@ def scheduled_data(point: OperatingPoint) -> dict[str, Any]:
     if name == "dihedral":
         return {"dihedral_deg": in_degrees(point.states.dihedral)}
     return {"dihedral_deg": None, "scheduled": {name: point.values[name]} if name in point.values else {}}
-
-
-def save_operating_point(point: OperatingPoint, path: Path) -> None:
-    """Write a point as JSON that `load_operating_point` reads back bit for bit."""
-    write_text(path, json_text(point.to_dict()) + "\n")
-
-
-def load_operating_point(path: Path, model: Model = HFA) -> OperatingPoint:
-    """Read a saved point of a model, alone or inside a saved trim or linear model; BadInputError names the fault."""
-    try:
-        data = read_json(path)
-    except OSError as error:
-        raise BadInputError(f"{path}: cannot be read ({error.strerror}); give a saved operating point") from error
-    if isinstance(data, dict):
-        data = data.get("operating_point", data)
-    if not isinstance(data, dict) or data.get("schema") != SCHEMA:
-        raise BadInputError(f"{path}: is not an operating point of schema {SCHEMA}")
-    names = {kind: {f"{name}*": NUMBER for name in getattr(model, kind)} for kind in ("states", "inputs")}
-    found = checked(str(path), data, {**_FILE, "states*": names["states"], "inputs*": names["inputs"]})
-    stated, values = found.get("state_units", {}), found["states"]
-    with said_of(path):
-        for name in model.states:
-            values[name] = english(values[name], stated.get(name, model.unit(name)), model.unit(name))
-    states, inputs = (record(tuple(getattr(model, kind)))(**found[kind]) for kind in ("states", "inputs"))
-    return OperatingPoint(states, inputs, found["residuals"], found["dynamics"], Status(found["status"]), model)

@@ -12,10 +12,12 @@ from hfa_support.jsonable import finite_or_none
 from hfa_support.model import Model
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Cell, Table, degrees, short_number, shown_unit, shown_value
+from hfa_support.reporting.unit_system import in_force, unit_in_force
 from trim.point.condition import TrimCondition
 from trim.point.operating_point import BALANCE, OperatingPoint, Status, scheduled_data
 from trim.point.solve import STARTS, other_trims, trim_problem
 
+TRIM_SCHEMA = "hfa.trim/1"
 #: A variable is at its limit when it is this close to it, in its scaled unit and relative to the limit.
 _CLOSE = 1e-6
 
@@ -23,8 +25,8 @@ _CLOSE = 1e-6
 class Margin(NamedTuple):
     """A variable between its limits, in its own unit: rad, ft, lbf.
 
-    role: "free", "held", or "follows" for a state or an output that is neither. A limit that does not exist is
-    infinite. scale: one scaled unit.
+    role: "free", "held", "left" where the search begins, or "follows" for a state or an output that is neither. A limit
+    that does not exist is infinite. scale: one scaled unit.
     """
 
     name: str
@@ -64,8 +66,27 @@ class Margin(NamedTuple):
 
     @property
     def binds(self) -> bool:
-        """Whether a limit keeps the variable where it is: one that is held stands where it was put."""
+        """Whether a limit keeps the variable where it is: one that is held stays where it was put."""
         return self.at_limit and self.role != "held"
+
+    def row(self) -> tuple[str, ...]:
+        """Name, value, unit, status, limits, margin with its place between both, and the nearer limit; angles in
+        degrees."""
+        limits = ("" if math.isinf(limit) else shown_value(limit, self.unit) for limit in (self.lowest, self.highest))
+        margin, width = degrees(self.distance, self.unit)[0] if self.nearer else "", self.highest - self.lowest
+        if math.isfinite(width):
+            margin = Cell(margin, place=(self.value - self.lowest) / width)
+        role = "imposed" if self.role == "held" else self.role
+        return self.name, *degrees(self.value, self.unit), role, *limits, margin, self.nearer
+
+    def to_dict(self) -> dict[str, Any]:
+        """Ready for JSON; a limit that does not exist is null."""
+        numbers = {"lowest": self.lowest, "highest": self.highest, "margin": self.distance}
+        return {
+            **{"value": self.value, "unit": self.unit, "role": self.role},
+            **{name: finite_or_none(number) for name, number in numbers.items()},
+            **{"nearer": self.nearer, "at_limit": self.at_limit},
+        }
 
 
 def all_margins(condition: TrimCondition, point: OperatingPoint) -> dict[str, Margin]:
@@ -75,90 +96,126 @@ def all_margins(condition: TrimCondition, point: OperatingPoint) -> dict[str, Ma
     role |= dict.fromkeys(trim_problem(model, condition, point).idle, "left")
     if set(condition.free) <= set(model.inputs):  # then all states are held, those that outputs replace too
         role |= dict.fromkeys(model.replaced, "held")
-    outputs = [
-        name
-        for name, signal in model.outputs.items()
-        if name in model.variables
-        or name in condition.imposed
-        or math.isfinite(signal.max)
-        or math.isfinite(signal.min)
-    ]
+    limited = {name for name, each in model.outputs.items() if math.isfinite(each.max) or math.isfinite(each.min)}
+    outputs = [name for name in model.outputs if name in {*model.variables, *condition.imposed, *limited}]
     if missing := [name for name in outputs if name not in found]:
         found = found | model.outputs_at(point.states, point.inputs, missing)
     limits = {name: condition.limits_of(name) for name in (*model.states, *outputs, *model.inputs)}
     for state, output in model.replaced.items():
-        limits[output] = _limits_left(condition, point, state, output)
+        # What its own limits and those of the state x leave of the output y in its place, y = y0 + slope (x - x0).
+        x, nominal, y = getattr(point.states, state), model.states[state].nominal, found[output]
+        moved = model.outputs_at(point.states._replace(**{state: x + nominal}), point.inputs, [output])[output]
+        ends, own = sorted(y + (moved - y) / nominal * (end - x) for end in limits[state]), limits[output]
+        limits[output] = max(own[0], ends[0]), min(own[1], ends[1])
     return {
         name: Margin(name, found[name], role.get(name, "follows"), *ends, model.unit(name), model.signals[name].nominal)
         for name, ends in limits.items()
     }
 
 
-def _limits_left(condition: TrimCondition, point: OperatingPoint, state: str, output: str) -> tuple[float, float]:
-    """What its own limits and those of a state x leave of the output y in its place, y = y0 + slope (x - x0)."""
-    x, nominal = getattr(point.states, state), point.model.states[state].nominal
-    moved = point.model.outputs_at(point.states._replace(**{state: x + nominal}), point.inputs, [output])
-    slope = (moved[output] - point.values[output]) / nominal
-    ends = sorted(point.values[output] + slope * (end - x) for end in condition.limits_of(state))
-    own = condition.limits_of(output)
-    return max(own[0], ends[0]), min(own[1], ends[1])
-
-
-def margins(condition: TrimCondition, point: OperatingPoint) -> dict[str, float]:
-    """Input or free variable -> distance to the nearer of its limits, in its own unit; negative beyond the limit.
-
-    What follows is there too, such as the pitch angle. What has no limits has no margin.
-    """
-    return {each.name: each.distance for each in margins_that_count(condition, point)}
-
-
-def margins_that_count(condition: TrimCondition, point: OperatingPoint) -> list[Margin]:
-    """The limited inputs, free variables and what follows: what the trim used up, or could."""
+def margins(condition: TrimCondition, point: OperatingPoint) -> dict[str, Margin]:
+    """The limited inputs, free variables and what follows, such as the pitch angle: what the trim used up, or could."""
     every = all_margins(condition, point)
     following = (each.name for each in every.values() if each.role == "follows")
     names = dict.fromkeys((*point.model.inputs, *condition.free, *following))
-    return [every[name] for name in names if every[name].nearer]
+    return {name: every[name] for name in names if every[name].nearer}
 
 
 def nearest_limits(condition: TrimCondition, point: OperatingPoint) -> list[Margin]:
     """The three margins that are the least share of their range, and all others that are at a limit; least first."""
-    ordered = sorted(margins_that_count(condition, point), key=lambda each: each.share)
+    ordered = sorted(margins(condition, point).values(), key=lambda each: each.share)
     return [each for index, each in enumerate(ordered) if index < 3 or each.at_limit]
-
-
-TRIM_SCHEMA = "hfa.trim/1"
 
 
 def trim_report(aircraft: Aircraft | Model, condition: TrimCondition, point: OperatingPoint) -> Report:
     """Every variable between its limits, the limits that bind, the verdict on each equation, what the search found
     beside this point, the rates that are not balanced; of the HFA loads and performance, of other models their outputs;
-    angles in degrees for people."""
-    every, model = all_margins(condition, point), aircraft.model
+    angles in degrees for people, radians, feet and pounds in the data."""
+    every, near, model = all_margins(condition, point), nearest_limits(condition, point), aircraft.model
     search, said = _search(aircraft, condition, point)
+    imposed = {**condition.imposed, **(condition.rates or {})}
     rates = model.rates_at(point.states, point.inputs)
     left = {name: rate for name, rate in rates.items() if name not in (condition.rates or {})}
-    own = () if isinstance(aircraft, Aircraft) else _outputs(model, point)
-    report = Report(
-        title=point.title,
-        parts=(
-            _variables("state", [each for name, each in every.items() if name not in model.inputs]),
-            _variables("input", [every[name] for name in model.inputs]),
-            _nearest(nearest_limits(condition, point)),
-            point.equations(condition.rates),
-            *said,
-            *[_left(model, left)] * bool(left),
-            *own,
-        ),
-        notes=point.warnings,
-        data=_data(condition, point) | {"search": search, "rates_left": left},
-        records=point.records(),
-    )
+    header = "value", "unit", "status", "lowest", "highest", "margin", "nearest limit"
+    parts: list[Any] = [
+        Table(("state", *header), [each.row() for name, each in every.items() if name not in model.inputs]),
+        Table(("input", *header), [every[name].row() for name in model.inputs]),
+        Table(("nearest limit", "limit", "margin", "unit", "of its range", "verdict"), list(map(_near, near))),
+        _equations(condition, point),
+        *said,
+    ]
+    if left:
+        rows = [(name, *degrees(rate, model.rate_unit(name))) for name, rate in left.items()]
+        parts.append(Table(("not balanced", "rate", "unit"), rows))
+    data = {
+        "schema": TRIM_SCHEMA,
+        "status": str(point.status),
+        **scheduled_data(point),
+        "dynamics": point.dynamics,
+        "operating_point": point.to_dict(),
+        "scaled_residuals": point.scaled_residuals,
+        "balance_limit": BALANCE,
+        "margins": {name: each.distance for name, each in margins(condition, point).items()},
+        "variables": {name: each.to_dict() for name, each in every.items()},
+        "nearest_limits": [each.name for each in near],
+        "binding": [each.name for each in near if each.binds],
+        "equations": {
+            name: {
+                **{"imposed": imposed[name], "residual": value, "tolerance": point.tolerance(name)},
+                **{"unit": point.equation_unit(name), "ok": abs(point.scaled_residuals[name]) <= BALANCE},
+            }
+            for name, value in point.residuals.items()
+        },
+        "warnings": point.warnings,
+        "search": search,
+        "rates_left": left,
+    }
+    unit, records = model.unit, list[tuple[Any, ...]]()
+    for kind, values in (("state", point.states._asdict()), ("input", point.inputs._asdict())):
+        records += [(kind, name, value, unit(name)) for name, value in values.items()]
+    records += [("residual", name, value, point.equation_unit(name)) for name, value in point.residuals.items()]
+    title, table = f"Trim, {point.called}: {point.status}", Table(("kind", "name", "value", "unit"), records)
     if isinstance(aircraft, Aircraft):
         from trim.point.hfa_report import with_loads
 
-        return with_loads(report, aircraft, point)
-    values = model.outputs_at(point.states, point.inputs)
-    return report.with_data(performance=values, performance_units={name: model.unit(name) for name in values})
+        return with_loads(Report(title, parts, point.warnings, data, table), aircraft, point)
+    outputs = model.outputs_at(point.states, point.inputs)
+    if outputs:
+        rows = [(name, short_number(value, unit(name)), shown_unit(unit(name))) for name, value in outputs.items()]
+        parts.append(Table(("performance", "value", "unit"), rows))
+    data |= {"performance": outputs, "performance_units": {name: unit(name) for name in outputs}}
+    return Report(title, parts, point.warnings, data, table)
+
+
+def _near(each: Margin) -> tuple[str, ...]:
+    return (
+        f"{each.name}, {each.nearer}",
+        shown_value(each.nearer_limit, each.unit),
+        degrees(each.distance, each.unit)[0],
+        shown_unit(each.unit),
+        f"{100 * each.share:.1f} %",
+        Cell("BINDS", "far") if each.binds else "held there" if each.at_limit else "-",
+    )
+
+
+def _equations(condition: TrimCondition, point: OperatingPoint) -> Table:
+    """One row an equation, those that do not balance first; without the imposed rates where all are zero."""
+    rates = condition.rates if condition.rates and any(condition.rates.values()) else {}
+    rows, scaled = [], point.scaled_residuals
+    for name in sorted(point.residuals, key=lambda each: abs(scaled[each]) <= BALANCE):
+        unit, numbers = point.equation_unit(name), (point.residuals[name], point.tolerance(name))
+        rows.append(
+            (
+                f"rate of {name}" if name in point.model.states else name,
+                *((f"{in_force(rates.get(name, 0.0), unit):.6g}",) if rates else ()),
+                *(f"{in_force(each, unit):.2e}" for each in numbers),
+                unit_in_force(unit),
+                f"{scaled[name]:.2e}",
+                Cell("PASS", "good") if abs(scaled[name]) <= BALANCE else Cell("FAIL", "bad"),
+            )
+        )
+    header = ("equation", *("imposed",) * bool(rates), "residual", "tolerance", "unit", "scaled", "verdict")
+    return Table(header, rows)
 
 
 def _search(
@@ -166,8 +223,7 @@ def _search(
 ) -> tuple[dict[str, Any], list[str]]:
     """How the point was found, as data and in sentences: none about the usual case."""
     model, problem = point.model, trim_problem(aircraft.model, condition, point)
-    at = problem.unknowns_at(point.values)
-    equations, unknowns = problem.count
+    at, (equations, unknowns) = problem.unknowns_at(point.values), problem.count
     trimmed, said = point.status == Status.TRIMMED, []
     others = other_trims(aircraft, condition, point) if trimmed else []
     if unknowns > equations and trimmed:
@@ -191,99 +247,3 @@ def _search(
     search: dict[str, Any] = {"equations": equations, "unknowns": unknowns, "least_effort": unknowns > equations}
     search |= {"start": point.started, "idle": list(problem.idle)}
     return search | {"other_trims": [{name: each.values[name] for name in problem.free} for each in others]}, said
-
-
-def _left(model: Model, rates: dict[str, float]) -> Table:
-    """The states whose rates the trim does not balance."""
-    rows = [(name, *degrees(rate, model.rate_unit(name))) for name, rate in rates.items()]
-    return Table(("not balanced", "rate", "unit"), rows)
-
-
-def _outputs(model: Model, point: OperatingPoint) -> tuple[Table, ...]:
-    """The declared outputs, in a table; none without them."""
-    rows = [
-        (name, short_number(value, model.unit(name)), shown_unit(model.unit(name)))
-        for name, value in model.outputs_at(point.states, point.inputs).items()
-    ]
-    return (Table(("performance", "value", "unit"), rows),) * bool(rows)
-
-
-def _variables(kind: str, standing: list[Margin]) -> Table:
-    rows = [
-        (
-            each.name,
-            *degrees(each.value, each.unit),
-            {"held": "imposed"}.get(each.role, each.role),
-            *("" if math.isinf(limit) else shown_value(limit, each.unit) for limit in (each.lowest, each.highest)),
-            _margin(each),
-            each.nearer,
-        )
-        for each in standing
-    ]
-    return Table((kind, "value", "unit", "status", "lowest", "highest", "margin", "nearest limit"), rows)
-
-
-def _margin(each: Margin) -> str:
-    """The distance to the nearer limit, and where in its range the value lies; nothing where there is no limit."""
-    if not each.nearer:
-        return ""
-    shown = degrees(each.distance, each.unit)[0]
-    width = each.highest - each.lowest
-    return shown if math.isinf(width) else Cell(shown, place=(each.value - each.lowest) / width)
-
-
-def _nearest(nearest: list[Margin]) -> Table:
-    rows = [
-        (
-            f"{each.name}, {each.nearer}",
-            shown_value(each.nearer_limit, each.unit),
-            degrees(each.distance, each.unit)[0],
-            shown_unit(each.unit),
-            f"{100 * each.share:.1f} %",
-            Cell("BINDS", "far") if each.binds else "held there" if each.at_limit else "-",
-        )
-        for each in nearest
-    ]
-    return Table(("nearest limit", "limit", "margin", "unit", "of its range", "verdict"), rows)
-
-
-def _data(condition: TrimCondition, point: OperatingPoint) -> dict[str, Any]:
-    """Radians, feet, pounds, as stored in the point."""
-    nearest = nearest_limits(condition, point)
-    return {
-        "schema": TRIM_SCHEMA,
-        "status": str(point.status),
-        **scheduled_data(point),
-        "dynamics": point.dynamics,
-        "operating_point": point.to_dict(),
-        "scaled_residuals": point.scaled_residuals,
-        "balance_limit": BALANCE,
-        "margins": margins(condition, point),
-        "variables": {name: _variable_data(each) for name, each in all_margins(condition, point).items()},
-        "nearest_limits": [each.name for each in nearest],
-        "binding": [each.name for each in nearest if each.binds],
-        "equations": {
-            name: {
-                "imposed": {**condition.imposed, **(condition.rates or {})}[name],
-                "residual": value,
-                "tolerance": point.tolerance(name),
-                "unit": point.equation_unit(name),
-                "ok": point.balances(name),
-            }
-            for name, value in point.residuals.items()
-        },
-        "warnings": point.warnings,
-    }
-
-
-def _variable_data(variable: Margin) -> dict[str, Any]:
-    return {
-        "value": variable.value,
-        "unit": variable.unit,
-        "role": variable.role,
-        "lowest": finite_or_none(variable.lowest),
-        "highest": finite_or_none(variable.highest),
-        "margin": finite_or_none(variable.distance),
-        "nearer": variable.nearer,
-        "at_limit": variable.at_limit,
-    }

@@ -18,8 +18,8 @@ from hfa_model.aircraft import Aircraft
 from hfa_support.jsonable import jsonable
 from hfa_support.reporting.report import Picture
 from hfa_support.reporting.unit_system import in_force, unit_in_force
+from trim.point.hfa_report import panels_from_the_front, scale_text, shown_panel, trim_figure
 from trim.point.operating_point import OperatingPoint
-from trim.point.trim_figure import panels_from_the_front, scale_text, shown_panel, trim_figure
 from trim.sweeps.sweep import Sweep
 from verification.page.main_job import Angle
 

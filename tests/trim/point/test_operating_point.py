@@ -14,7 +14,7 @@ from refused_files import refusal
 
 from hfa_model import Aircraft
 from hfa_support import BadInputError
-from trim import OperatingPoint, find_operating_point, level_flight, load_operating_point, save_operating_point
+from trim import OperatingPoint, find_operating_point, level_flight
 
 
 @pytest.fixture(scope="module")
@@ -26,8 +26,8 @@ def test_round_trip_is_bit_for_bit(point: OperatingPoint, tmp_path: Path) -> Non
     awkward = replace(point, inputs=point.inputs._replace(throttle=0.1 + 0.2, aileron_center=-5e-324))
     for each in (point, awkward):
         path = tmp_path / "point.json"
-        save_operating_point(each, path)
-        assert load_operating_point(path) == each
+        each.save(path)
+        assert OperatingPoint.load(path) == each
     assert [each.name for each in tmp_path.iterdir()] == ["point.json"]
 
 
@@ -60,12 +60,12 @@ def test_wrong_files_are_refused(
     text, count = re.subn(pattern, replacement, json.dumps(point.to_dict()), count=1, flags=re.S)
     assert count == 1
     path.write_text(text, encoding="utf-8")
-    assert words in refusal(load_operating_point, path)
+    assert words in refusal(OperatingPoint.load, path)
 
 
 def test_missing_files_and_folders_are_refused(point: OperatingPoint, tmp_path: Path) -> None:
     with pytest.raises(BadInputError, match="cannot be read"):
-        load_operating_point(tmp_path / "nowhere.json")
+        OperatingPoint.load(tmp_path / "nowhere.json")
     with pytest.raises(BadInputError, match="nowhere"):
-        save_operating_point(point, tmp_path / "nowhere" / "point.json")
+        point.save(tmp_path / "nowhere" / "point.json")
     assert list(tmp_path.iterdir()) == []

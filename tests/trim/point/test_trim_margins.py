@@ -27,18 +27,20 @@ def test_a_free_state_has_its_distance_to_the_nearer_limit(published_aircraft: A
     known = find_operating_point(published_aircraft, BASE)
     condition, point = solved(published_aircraft, release(BASE, free=(free,), hold={hold: getattr(known.inputs, hold)}))
     value, (lowest, highest) = getattr(point.states, free), LIMITS[free]
-    assert margins(condition, point)[free] == min(value - lowest, highest - value)
+    assert margins(condition, point)[free].distance == min(value - lowest, highest - value)
     assert all_margins(condition, point)[free].role == "free"
     assert all_margins(condition, point)[hold].role == "held"
 
 
 def test_the_pitch_angle_follows_and_limits_gamma(published_aircraft: Aircraft) -> None:
     condition, point = solved(published_aircraft, release(BASE, free=("gamma",), hold={"throttle": 0.0}))
-    assert margins(condition, point)["pitch"] == pytest.approx(np.radians(60.0) - abs(point.states.pitch))
+    assert margins(condition, point)["pitch"].distance == pytest.approx(np.radians(60.0) - abs(point.states.pitch))
     found = all_margins(condition, point)
     assert (found["pitch"].role, found["gamma"].role) == ("follows", "free")
     np.testing.assert_allclose(np.degrees([found["gamma"].lowest, found["gamma"].highest]), (-62.8, 57.2), rtol=1e-12)
-    assert margins(condition, point)["gamma"] == pytest.approx(margins(condition, point)["pitch"], rel=1e-12)
+    assert margins(condition, point)["gamma"].distance == pytest.approx(
+        margins(condition, point)["pitch"].distance, rel=1e-12
+    )
 
 
 def test_a_limit_that_binds_is_named_first(published_aircraft: Aircraft) -> None:
