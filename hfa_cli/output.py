@@ -10,9 +10,11 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from hfa_cli.options.argument_types import OWN
 from hfa_cli.options.shared_options import REPORTS
 from hfa_cli.origin import provenance, signed
 from hfa_cli.progress import say_notes
+from hfa_model.aircraft import HFA
 from hfa_model.units_of_data import in_units_in_force
 from hfa_support.files import write_text
 from hfa_support.reporting.report import Report
@@ -58,7 +60,7 @@ def show_verdict(found: Regeneration | Validation, arguments: argparse.Namespace
 
 def stated(report: Report, arguments: argparse.Namespace) -> Report:
     """The report in the units that --units names, where the command has it, and with its provenance."""
-    return signed(in_units_in_force(report) if hasattr(arguments, "units") else report)
+    return signed(in_units_in_force(report, OWN.get() or HFA) if hasattr(arguments, "units") else report)
 
 
 def _style() -> Style:

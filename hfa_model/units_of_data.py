@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from hfa_model.vectors import INPUT_UNITS, LINEAR_STATES, LINEAR_UNITS, RATE_UNITS, STATE_UNITS, UNITS
+from hfa_model.aircraft import HFA
+from hfa_support.model import Model
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import RowsMade, Table
 from hfa_support.reporting.unit_system import entries_in_force, in_force, system_in_force, unit_in_force
@@ -39,8 +40,8 @@ _ARRAYS: dict[str, _Axes] = {
     "state_offsets": ((_STATE, 1),),
     "input_offsets": ((_INPUT, 1),),
     "output_offsets": ((_OUTPUT, 1),),
-    "operating_states": ((tuple(STATE_UNITS), 1),),
-    "operating_inputs": ((tuple(INPUT_UNITS), 1),),
+    **dict.fromkeys(("operating_states", "initial"), (("all_state_units", 1),)),
+    "operating_inputs": (("all_input_units", 1),),
     "values": (("variable_units", 1),),
 }
 #: The same of a controller, whose table has `signal_units`: x' = A x + B y + W u, u = C x + D y.
@@ -51,35 +52,49 @@ _CONTROLLER: dict[str, _Axes] = {
     "D": ((_INPUT, 1), (_SIGNAL, -1)),
     "W": ((_STATE, 1), (_INPUT, -1)),
 }
-_RATES = RATE_UNITS._asdict()
-_OF_SIGNAL = dict.fromkeys(("constant", "slope", "sine", "cosine"), LINEAR_UNITS)
 #: Columns of records whose unit stands in the column "unit".
 _IN_UNIT = ("value", "band", "learned", "exact", "printed", "computed")
 _MOMENTS = ("pitching_moment", "hinge_moment", "center_moment", "outer_moment")
 #: Tables that state their own units: of what was typed, and of what is compared with the print.
 _AS_THEY_ARE = ("provenance", "regeneration")
 #: In a table with one unit beside its numbers, what is not in it.
-_APART = ("time", "sign", "zeros", "poles")
-#: Table of numbers by name -> their units, and of arrays those of the last axis, where none stand beside them; so for
-#: the tables within it.
-_BY_NAME: dict[str, Mapping[str, str | tuple[str, ...]]] = {
-    "residuals": _RATES,
-    "rates": _RATES,
-    **dict.fromkeys(("margins", "imposed", "limits", "envelope", "final", "largest_deviation", "rms_error"), UNITS),
-    **dict.fromkeys(("peak_error", "peak_deviation", "largest_difference_from_linear"), UNITS),
-    **dict.fromkeys(("reference", "noise"), _OF_SIGNAL),
-    "disturbance": dict.fromkeys(_OF_SIGNAL, tuple(_RATES[name] for name in LINEAR_STATES)),
-    "gust": {"length": "ft", "scale": "ft", **dict.fromkeys(("peak", "intensity", "speed"), "ft/s")},
-    "history": {"states": tuple(STATE_UNITS), "errors": LINEAR_UNITS, "updrafts": "ft/s"},
-}
+_APART = ("time", "sign", "zeros", "poles", "frequency")
+#: Name in `known` of `_by_name_of` a model.
+_NAMED = "named"
 
 
-def in_units_in_force(report: Report) -> Report:
-    """Data with `units`, and records, in the system that `shown_in` says."""
+def _by_name_of(model: Model) -> dict[str, Mapping[str, str | tuple[str, ...]]]:
+    """Table of numbers by name -> their units, and of arrays those of the last axis, where none stand beside them; so
+    for the tables within it."""
+    signals = {name: each.unit for name, each in model.signals.items()}
+    rates = {name: model.rate_unit(name) for name in model.states}
+    of_signal = ("constant", "slope", "sine", "cosine")
+    air = signals.get("updraft", "1")
+    length = dict.fromkeys(("length", "scale"), air.removesuffix("/s"))
+    inputs = model.units(tuple(model.inputs))
+    states: str | tuple[str, ...] = model.units(tuple(model.states))
+    history = {"states": states, "inputs": inputs, "updrafts": air}
+    return {
+        **dict.fromkeys(("residuals", "rates"), rates),
+        **dict.fromkeys(("margins", "imposed", "limits", "envelope", "final", "largest_deviation"), signals),
+        **dict.fromkeys(("rms_error", "peak_error", "peak_deviation", "effort", "scheduled"), signals),
+        "largest_difference_from_linear": signals,
+        **dict.fromkeys(("reference", "noise"), dict.fromkeys(of_signal, model.units(model.linear))),
+        "disturbance": dict.fromkeys(of_signal, tuple(rates[name] for name in model.linear)),
+        "gust": {**length, **dict.fromkeys(("peak", "intensity", "speed"), air)},
+        "actuators": dict.fromkeys(("lowest", "highest", "rate"), inputs),
+        "history": {**history, "errors": model.units(model.linear)},
+    }
+
+
+def in_units_in_force(report: Report, model: Model = HFA) -> Report:
+    """Data with `units`, and records, in the system that `shown_in` says. model: whose names are in them."""
     data = {**report.data, "units": system_in_force()}
     if system_in_force() == "english":
         return replace(report, data=data)
-    return replace(report, data=_tree(data, {}), records=_records(report.records))
+    whole = {f"all_{kind}_units": model.units(tuple(getattr(model, f"{kind}s"))) for kind in ("state", "input")}
+    known = {_NAMED: _by_name_of(model), **whole}
+    return replace(report, data=_tree(data, known), records=_records(report.records))
 
 
 def _tree(data: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any]:
@@ -105,7 +120,7 @@ def _entry(key: str, value: Any, data: Mapping[str, Any], known: Mapping[str, An
     if axes and value is not None and all(len(units) for units, _ in axes):
         found = entries_in_force(np.array(value, dtype=float), *axes)
         return found if isinstance(value, np.ndarray) else found.tolist()
-    one = data.get(f"{key.removesuffix('s')}_units", _BY_NAME.get(key))
+    one = data.get(f"{key.removesuffix('s')}_units", known[_NAMED].get(key))
     if isinstance(one, str):
         return _scaled(value, one)
     if key == "loads":

@@ -14,6 +14,7 @@ import numpy as np
 from controller.flight.actuators import ActuatorFault, Actuators
 from controller.flight.envelope import Envelope, control_limits, flight_envelope
 from controller.flight.gusts import Dryden, Gust, OneMinusCosine
+from controller.flight.plants import UPDRAFT
 from controller.flight.scenario import Scenario, Uncertainty, met_at
 from controller.game.array_file import PlantNames
 from controller.game.zero_sum import Game
@@ -58,10 +59,7 @@ def add_aircraft(parser: argparse.ArgumentParser) -> None:
 
 def aircraft_of(arguments: argparse.Namespace) -> Aircraft | Model:
     """The user's own aircraft, or the HFA that the options name."""
-    own = options.own_of(arguments)
-    if own is not None and getattr(arguments, "units", None) == "si":
-        raise BadInputError("--units si does not go with --aircraft here: a flight is in the units of its model")
-    return own or options.aircraft_of(arguments)
+    return options.own_of(arguments) or options.aircraft_of(arguments)
 
 
 def _model() -> Model:
@@ -239,7 +237,9 @@ def add_scenario(parser: argparse.ArgumentParser, duration: str = "20", *, membe
     add_value(parser, "--fault", parsed(_fault), _FAULT, about)
     add_value(parser, "--delay", number, "S", "time by which every command of the policy comes late")
     about = "Dryden turbulence, ft/s and ft, from --seed"
-    add_value(parser, "--turbulence", numbers(_TURBULENCE, 2, "ft/s", "ft"), _TURBULENCE, about)
+    wind = _model().unit(UPDRAFT) if UPDRAFT in _model().disturbances else "ft/s"
+    length = wind.removesuffix("/s")
+    add_value(parser, "--turbulence", numbers(_TURBULENCE, 2, wind, length), _TURBULENCE, about)
     if members:
         about = "relative standard deviation of a parameter"
         add_named(parser, "--error", lambda _, text: number(text), "NAME=DEVIATION", about)
@@ -250,7 +250,7 @@ def add_scenario(parser: argparse.ArgumentParser, duration: str = "20", *, membe
         add_named(parser, "--error", lambda _, text: number(text), "NAME=FACTOR", about)
         _add_signal(parser, "--noise", "added to what a sensor says", _model().linear)
         about = "1-cosine updraft, ft, ft/s and s"
-        add_value(parser, "--gust", numbers(_GUST, 2, "ft", "ft/s", "s"), _GUST, about)
+        add_value(parser, "--gust", numbers(_GUST, 2, length, wind, "s"), _GUST, about)
     add_envelope(parser)
 
 

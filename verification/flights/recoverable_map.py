@@ -355,8 +355,9 @@ def _one_map(each: RecoverableMap) -> dict[str, Any]:
         "operating_point": each.point.to_dict(),
         "envelope": each.envelope.to_dict(),
         **{f"{name}s": values for name, values in each.axes.items()},
-        "speed_units": each.envelope.model.unit(next(iter(each.axes))),
+        **{f"{name}_units": each.envelope.model.unit(name) for name in each.axes},
         "commands": next(iter(each.commands.values())),
+        "command_units": each.envelope.model.unit(next(iter(each.commands))),
         "edges": [{**edge._asdict(), "held": edge.inside} for edge in each.edges],
         **{plant: each.starts[plant].of_starts() for plant in PLANTS},
     }

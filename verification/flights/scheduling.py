@@ -195,6 +195,7 @@ def schedule_report(result: NonlinearFlight, certified: Schedule, change: Schedu
     grid = {
         "law": law,
         "dihedrals": certified.dihedrals,
+        "dihedral_units": model.unit(model.schedule),
         "gains": certified.gains.values,
         "state_units": list(model.units(model.linear)),
         "control_abscissae": [row.control_abscissa for row in certified.grid],
