@@ -12,17 +12,13 @@ from .critic.critic_errors import relative_error as relative_error
 from .enclosures.trim_branch import Family as Family
 from .exact_solution import (
     GeneralizedPlant as GeneralizedPlant,
-    OutputGame as OutputGame,
     analyse_game as analyse_game,
     bounded_real_gain as bounded_real_gain,
     disk_margin as disk_margin,
     minimum_delta as minimum_delta,
-    minimum_output_delta as minimum_output_delta,
-    minimum_plant_delta as minimum_plant_delta,
     solve_discounted as solve_discounted,
     solve_game as solve_game,
     solve_games as solve_games,
-    solve_output_feedback as solve_output_feedback,
     solve_plant as solve_plant,
 )
 from .flights.flight_figures import flight_figure as flight_figure

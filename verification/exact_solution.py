@@ -7,12 +7,6 @@ from controller.riccati.gare import GameSolution as GameSolution, solve_game as 
 from controller.riccati.gare_batch import solve_games as solve_games
 from controller.riccati.generalized_plant import (
     GeneralizedPlant as GeneralizedPlant,
-    minimum_plant_delta as minimum_plant_delta,
     solve_plant as solve_plant,
-)
-from controller.riccati.output_feedback import (
-    OutputGame as OutputGame,
-    minimum_output_delta as minimum_output_delta,
-    solve_output_feedback as solve_output_feedback,
 )
 from controller.riccati.smallest_delta import minimum_delta as minimum_delta

@@ -12,11 +12,7 @@ from controller.design.design_model import DesignModel, design_model
 from controller.design.loop_shaping import following_model, output_weights, shaped_controller
 from controller.design.scheduled_controller import COMMAND_SIGNALS, ScheduledController, identity
 from controller.riccati.gare import solve_game
-from controller.riccati.output_feedback import (
-    OutputGame,
-    minimum_output_delta,
-    solve_output_feedback,
-)
+from controller.riccati.generalized_plant import OutputFeedback, solve_plant
 from controller.riccati.smallest_delta import minimum_delta
 from hfa_model.aircraft import Aircraft
 from hfa_support.errors import BadInputError, NoSolutionError
@@ -177,8 +173,9 @@ def _state_feedback(built: DesignModel) -> LinearController:
 
 def _output_feedback(built: DesignModel) -> LinearController:
     """The central controller of both equations, control and filter; the integrals among the sensors are its own."""
-    problem = OutputGame(built.game(), built.C, built.D, built.V)
-    exact = solve_output_feedback(problem)
+    plant = built.measured_plant()
+    exact = solve_plant(plant, built.design.delta)
+    assert isinstance(exact, OutputFeedback)
     names, own = measurements(built.design, "output"), built.design.integral_states
     B, from_own = np.zeros((len(exact.Ak), len(names))), np.zeros((len(exact.Ak), len(own)))
     for column, sensor in enumerate(built.sensors):
@@ -193,7 +190,7 @@ def _output_feedback(built: DesignModel) -> LinearController:
         C=np.hstack([exact.Ck, np.zeros((m, q))]),
         D=np.zeros((m, len(names))),
         W=np.vstack([built.B - exact.Bk @ built.D, np.zeros((q, m))]),
-        limit=minimum_output_delta(problem)[0],
+        limit=minimum_delta(plant).value,
         checks=exact.checks,
     )
 

@@ -21,13 +21,13 @@ import numpy as np
 
 from controller.game.array_file import checked_matrix, read_arrays
 from controller.game.model_file import entries_of, one_number
-from controller.game.zero_sum import LARGEST, Game
+from controller.game.zero_sum import LARGEST, Game, check_definite
 from controller.riccati.balancing import RANK, balanced_units, in_units, is_hurwitz, normal_form, spectrum
 from controller.riccati.certificate import Certificate, relative_residual
 from controller.riccati.frequency_response import square_root
 from controller.riccati.gare import GameSolution, solve_certified
 from controller.riccati.gare_schur import quick_solution, schur_solution
-from controller.riccati.smallest_delta import bracketed, dependence, has_value
+from controller.riccati.smallest_delta import DeltaMin, bracketed, dependence, has_value
 from hfa_support.errors import BadInputError, NoSolutionError, said_of, shortened
 from hfa_support.reporting.checks import Check, at_most, below
 from hfa_support.reporting.fields import Shown
@@ -171,6 +171,25 @@ class GeneralizedPlant(Shown):
             return float(np.linalg.norm(self.D11, 2)) if self.D11.size else 0.0
         return max(side.feedthrough for side in self.sides)
 
+    @classmethod
+    def measured(cls, game: Game, C: np.ndarray, V: np.ndarray, D: np.ndarray | None = None) -> GeneralizedPlant:
+        """The game of who sees only y = C z + D u + n, n noise of intensity V: from w = (d, v) to z = (Q^½ x, R^½ u)
+        with n = V^½ v. C: (p, n), D: (p, m) or 0, V: (p, p) positive definite. Its controller is the LQG one at δ inf.
+        """
+        V = checked_matrix("V", V, LARGEST)
+        check_definite("V", V, strictly=True)
+        (n, m), k, p = game.B.shape, game.E.shape[1], len(V)
+        return cls(
+            A=game.A,
+            B1=np.hstack([game.E, np.zeros((n, p))]),
+            B2=game.B,
+            C1=np.vstack([scaled_root(game.Q).T, np.zeros((m, n))]),
+            D12=np.vstack([np.zeros((n, m)), square_root(game.R)]),
+            C2=C,
+            D21=np.hstack([np.zeros((p, k)), square_root(V)]),
+            D22=D,
+        )
+
     def transposed(self) -> GeneralizedPlant:
         """The plant whose controller is the transpose of this one's."""
         return GeneralizedPlant(
@@ -265,7 +284,11 @@ class StateFeedback(Shown):
 
 
 def solve_plant(plant: GeneralizedPlant, delta: float) -> OutputFeedback | StateFeedback:
-    """The central controller with ‖z‖ < δ ‖w‖, or without C2 the gain K. delta = inf: the H2 optimal one.
+    """The central controller with ‖z‖ < δ ‖w‖, or without C2 the gain K. delta = inf: the H2 optimal one (LQG).
+
+    Where nothing crosses and D11 = 0:  A'X + XA + C1'C1 - X (B2 R⁻¹B2' - δ⁻²B1 B1') X = 0, Y the same of the transposed
+    plant, R = D12'D12, V = D21 D21';  Ck = -R⁻¹B2'X,  Bk = (I - δ⁻² Y X)⁻¹ Y C2'V⁻¹,  Ak = A + δ⁻²B1 B1'X + B2 Ck - Bk C2.
+    Source: Doyle, Glover, Khargonekar, Francis, IEEE Trans. Automatic Control 34 (1989), 831-847, Theorem 3.
 
     Conditions: δ above what D11 lets past every controller, X >= 0 and Y >= 0 stabilize, ρ(XY) < δ².
     NoSolutionError names the one that fails, the mode that violates an assumption, or the check.
@@ -392,19 +415,8 @@ def loop_gain_is_below(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarra
     return bool(np.linalg.norm(T, 2, axis=(1, 2)).max() < level)
 
 
-class PlantDeltaMin(NamedTuple):
-    """Smallest δ of a plant, bracketed: refused < δ_min <= value, and the condition that ends there.
-
-    value / refused <= 1 + `TOLERANCE`, or more where rounding hides the minimum; both are 0 where no δ is refused.
-    """
-
-    value: float
-    refused: float
-    condition: str
-
-
-def minimum_plant_delta(plant: GeneralizedPlant) -> PlantDeltaMin:
-    """Bisection of log δ on the conditions of `solve_plant`, to `TOLERANCE`; NoSolutionError when no δ will do."""
+def minimum_of_plant(plant: GeneralizedPlant) -> DeltaMin:
+    """`minimum_delta` of a plant: bisection of log δ on the conditions of `solve_plant`, to `TOLERANCE`."""
     check_modes(plant)
     found = _conditions(plant, math.inf)
     if found[0] is False:
@@ -425,7 +437,7 @@ def minimum_plant_delta(plant: GeneralizedPlant) -> PlantDeltaMin:
         said = said if held else fails
         return held
 
-    return PlantDeltaMin(*bracketed(good, upper, TOLERANCE), said or "none")
+    return DeltaMin(*bracketed(good, upper, TOLERANCE), said or "none")
 
 
 def check_modes(plant: GeneralizedPlant) -> None:

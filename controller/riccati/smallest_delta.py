@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -21,6 +21,9 @@ from controller.riccati.certificate import (
 from controller.riccati.frequency_response import bounded_real_gain, swept_gain
 from hfa_support.errors import NoSolutionError
 from hfa_support.progress import Progress
+
+if TYPE_CHECKING:
+    from controller.riccati.generalized_plant import GeneralizedPlant
 
 #: An eigenvalue of X1'X2 up to this is rounding, a hundred times that of a well-conditioned Schur form,
 SIGNLESS = 1e-13
@@ -67,14 +70,15 @@ def _solution_holds(game: Game) -> bool:
 
 
 class DeltaMin(NamedTuple):
-    """delta_min = inf{δ : the game has a value}, bracketed: refused < delta_min <= value.
+    """delta_min = inf{δ : there is a solution}, bracketed: refused < delta_min <= value.
 
     value / refused <= 1 + 1e-6, or more where rounding hides the minimum (`uncertain`).  Both are 0 when the
-    disturbance does not reach what is paid for.
+    disturbance does not reach what is paid for. condition: of a generalized plant, the one that ends there, or "none".
     """
 
     value: float
     refused: float
+    condition: str = ""
 
     def margin(self, delta: float) -> float:
         """delta / delta_min: above 1 the game has a value."""
@@ -100,8 +104,10 @@ class DeltaMin(NamedTuple):
         return f"delta = {delta:.9g} is well above delta_min = {self.value:.7g}; check the scaling of A, B, Q and R"
 
 
-def minimum_delta(game: Game, progress: Progress | None = None) -> DeltaMin:
-    """Bisection of log δ on `has_value`, to 1e-6 relative. The game's own delta plays no part.
+def minimum_delta(problem: Game | GeneralizedPlant, progress: Progress | None = None) -> DeltaMin:
+    """The smallest δ of a game or of a generalized plant, to 1e-6 relative: bisection of log δ.
+
+    Of a game on `has_value`; its own delta plays no part.
 
     The set of good δ is an interval (delta_min, inf]: a disturbance that pays more can do less. The search
     starts above the L2 gain of the LQR policy, which is never below delta_min because that policy attains it.
@@ -109,7 +115,11 @@ def minimum_delta(game: Game, progress: Progress | None = None) -> DeltaMin:
     Raises NoSolutionError when neither can, naming the mode if one is found that rules out every solution.
     Source: Basar and Bernhard, H-infinity Optimal Control, Theorem 4.11.
     """
-    given, (game, _) = game, reached(game)
+    if not isinstance(problem, Game):
+        from controller.riccati.generalized_plant import minimum_of_plant
+
+        return minimum_of_plant(problem)
+    given, (game, _) = problem, reached(problem)
     K = game.gain(_some_solution(game, given))
     if not game.E.any():
         return DeltaMin(0.0, 0.0)

@@ -37,10 +37,11 @@ def run(arguments: argparse.Namespace) -> int:
     built = named.built
     if built is not None and built.sensors:
         from controller.analysis.plant_report import output_report
-        from controller.riccati.output_feedback import OutputGame
+        from controller.riccati.generalized_plant import GeneralizedPlant
 
-        problem = OutputGame(named.game, built.C, built.D, built.V)
-        measured = output_report(problem, built.sensors, built.sensor_units)
+        noise = [*map(float, built.design.sensors.values())]
+        plant = GeneralizedPlant.measured(named.game, built.C, built.V, built.D)
+        measured = output_report(plant, named.game.delta, noise, built.sensors, built.sensor_units)
         report = replace(report, parts=(*report.parts, measured)).with_data(output_feedback=measured.data)
     show(report, arguments, target=arguments.output)
     say_notes(named.warnings)

@@ -19,7 +19,7 @@ from controller import Game
 from controller.riccati import generalized_plant
 from controller.riccati.generalized_plant import central_controller, closed_loop, plant_of, stored_plant
 from hfa_support import BadInputError, NoSolutionError
-from verification import GeneralizedPlant, minimum_delta, minimum_plant_delta, solve_game, solve_plant
+from verification import GeneralizedPlant, minimum_delta, solve_game, solve_plant
 
 DOUBLE = {"A": [[0.0, 1.0], [0.0, 0.0]], "B1": [[0.0, 0.0], [1.0, 0.0]], "B2": [[0.0], [1.0]]}
 DOUBLE |= {"C1": [[1.0, 0.0], [0.0, 0.0]], "D12": [[0.0], [1.0]], "C2": [[1.0, 0.0]], "D21": [[0.0, 0.1]]}
@@ -65,7 +65,7 @@ def gain_of(plant: GeneralizedPlant, found: Any) -> float:
 def test_the_smallest_gain_is_that_of_slycot_and_the_loop_keeps_it(seed: int) -> None:
     """Of 30 plants slycot stops too high at some and states a gain that its loop has not at others: none goes below."""
     plant = random_plant(seed, seed % 3)
-    smallest, (stated, reached) = minimum_plant_delta(plant), of_slycot(plant)
+    smallest, (stated, reached) = minimum_delta(plant), of_slycot(plant)
     if smallest.value == 0.0:
         assert stated < 1e-6
         return
@@ -82,7 +82,7 @@ def test_the_smallest_gain_is_that_of_slycot_and_the_loop_keeps_it(seed: int) ->
 def test_X_and_Y_solve_the_general_equations_and_to_sixty_digits(seed: int) -> None:
     """With R = [D11 D12]'[D11 D12] - blkdiag(δ² I, 0), as the book has them (Theorem 17.1), and as games."""
     plant = random_plant(seed)
-    delta = 1.2 * minimum_plant_delta(plant).value
+    delta = 1.2 * minimum_delta(plant).value
     found: Any = solve_plant(plant, delta)
     transposed = plant.transposed()
     for each, X in ((plant, found.X), (transposed, found.Y)):
@@ -102,7 +102,7 @@ def test_state_feedback_is_the_game_where_nothing_crosses(game: Game) -> None:
     root = np.sqrt(np.diag(game.Q))
     C1, D12 = np.vstack([np.diag(root), np.zeros((m, n))]), np.vstack([np.zeros((n, m)), np.sqrt(game.R)])
     plant = GeneralizedPlant(game.A, game.E, game.B, C1, D12)
-    assert minimum_plant_delta(plant).value == pytest.approx(minimum_delta(game).value, rel=3e-6)
+    assert minimum_delta(plant).value == pytest.approx(minimum_delta(game).value, rel=3e-6)
     found, exact = solve_plant(plant, game.delta), solve_game(game)
     assert relative_error(found.K, exact.K) < 1e-10
     assert relative_error(found.disturbance_gain, exact.disturbance_gain) < 1e-10
@@ -113,14 +113,14 @@ def test_state_feedback_is_the_limit_of_measuring_every_state_ever_better(seed: 
     """With cross terms and D11, whose whole size bounds delta: the gain does not see w."""
     plant = random_plant(seed, 0.3)
     state = replace(plant, C2=None, D21=None, D22=None)
-    smallest, (n, k) = minimum_plant_delta(state), plant.B1.shape
+    smallest, (n, k) = minimum_delta(state), plant.B1.shape
     assert smallest.value >= np.linalg.norm(plant.D11, 2)
     r, D21 = len(plant.C1), np.hstack([np.zeros((n, k)), 1e-4 * np.eye(n)])
     noisy = GeneralizedPlant(
         plant.A, np.hstack([plant.B1, np.zeros((n, n))]), plant.B2, plant.C1, plant.D12, np.eye(n), D21,
         np.hstack([plant.D11, np.zeros((r, n))]),
     )  # fmt: skip
-    assert smallest.value == pytest.approx(minimum_plant_delta(noisy).value, rel=1e-4)
+    assert smallest.value == pytest.approx(minimum_delta(noisy).value, rel=1e-4)
     found: Any = solve_plant(state, 1.01 * smallest.value)
     loop = control.ss(plant.A - plant.B2 @ found.K, plant.B1, plant.C1 - plant.D12 @ found.K, plant.D11)
     assert control.linfnorm(loop)[0] < 1.01 * smallest.value
@@ -129,9 +129,9 @@ def test_state_feedback_is_the_limit_of_measuring_every_state_ever_better(seed: 
 
 def test_what_u_adds_to_y_at_once_changes_nothing() -> None:
     plant = random_plant(8)
-    smallest = minimum_plant_delta(plant).value
+    smallest = minimum_delta(plant).value
     without = replace(plant, D22=np.zeros_like(plant.D22))
-    assert minimum_plant_delta(without).value == pytest.approx(smallest, rel=2e-6)
+    assert minimum_delta(without).value == pytest.approx(smallest, rel=2e-6)
     loops = []
     for each in (plant, without):
         found: Any = solve_plant(each, 2.0 * smallest)
@@ -147,7 +147,7 @@ def test_a_planted_error_in_the_controller_is_seen(monkeypatch: pytest.MonkeyPat
         return tuple((1.01 if name == part else 1.0) * value for name, value in parts.items())
 
     plant = random_plant(8)
-    delta = 1.001 * minimum_plant_delta(plant).value
+    delta = 1.001 * minimum_delta(plant).value
     monkeypatch.setattr(generalized_plant, "central_controller", wrong)
     with pytest.raises(NoSolutionError, match="the controller is not certified: "):
         solve_plant(plant, delta)
@@ -212,14 +212,14 @@ def test_the_plants_of_public_issues_are_refused_by_name() -> None:
     with pytest.raises(BadInputError, match="D12 has only zeros in column 1: every u needs a cost of its own in z"):
         plant_of(no_cost, 1, 1)
     with pytest.raises(NoSolutionError, match=r"no input reaches the mode with eigenvalue \+?-?0\.0000"):
-        minimum_plant_delta(with_noise(octave_13(), 0.1))
+        minimum_delta(with_noise(octave_13(), 0.1))
 
 
 @pytest.mark.parametrize("size", [1e-3, 0.1])
 @pytest.mark.parametrize("system", [python_control_367, octave_14, lambda: octave_14(False)])
 def test_the_plants_of_public_issues_with_noise_agree_with_slycot_and_octave(system: Any, size: float) -> None:
     plant = with_noise(system(), size)
-    smallest = minimum_plant_delta(plant).value
+    smallest = minimum_delta(plant).value
     assert of_slycot(plant)[0] == pytest.approx(smallest, rel=1e-6)
     assert gain_of(plant, solve_plant(plant, 1.001 * smallest)) < 1.001 * smallest
     if shutil.which("octave"):
@@ -241,7 +241,7 @@ def test_mixed_sensitivity_agrees_with_slycot(plant: Any, error: Any, effort: fl
     G, W1, W2 = (control.ss(control.tf(*each)) for each in (plant, error, ([effort], [1.0])))
     W3 = control.ss(control.tf(*noise)) if noise else None
     augmented = plant_of(control.augw(G, W1, W2, W3), 1, 1)
-    smallest = minimum_plant_delta(augmented).value
+    smallest = minimum_delta(augmented).value
     assert of_slycot(augmented)[0] == pytest.approx(smallest, rel=1e-6)
     assert gain_of(augmented, solve_plant(augmented, 1.001 * smallest)) < 1.001 * smallest
 
@@ -273,7 +273,7 @@ def of_octave(plant: GeneralizedPlant) -> float:
 )
 def test_modes_that_rule_out_every_delta_are_named(changes: dict[str, Any], words: str) -> None:
     plant = GeneralizedPlant(**DOUBLE | changes)
-    for solve in (minimum_plant_delta, lambda each: solve_plant(each, 1e3)):
+    for solve in (minimum_delta, lambda each: solve_plant(each, 1e3)):
         with pytest.raises(NoSolutionError, match=words):
             solve(plant)
 
@@ -301,7 +301,7 @@ def test_the_command_solves_a_file_and_says_what_to_change(tmp_path: Any) -> Non
     path = tmp_path / "plant.json"
     path.write_text(json.dumps(DOUBLE), "utf-8")
     data = json.loads(hfa("solve", "--model", str(path), "--json").out)
-    smallest = minimum_plant_delta(GeneralizedPlant(**DOUBLE)).value
+    smallest = minimum_delta(GeneralizedPlant(**DOUBLE)).value
     assert (data["feedback"], data["delta_min"], data["certificate"]["ok"]) == ("output", smallest, True)
     assert data["delta"] == pytest.approx(1.01 * smallest)
     assert [np.shape(data[name]) for name in ("Ak", "Bk", "Ck", "Dk")] == [(2, 2), (2, 1), (1, 2), (1, 1)]
