@@ -287,7 +287,8 @@ def solve_plant(plant: GeneralizedPlant, delta: float) -> OutputFeedback | State
     """The central controller with ‖z‖ < δ ‖w‖, or without C2 the gain K. delta = inf: the H2 optimal one (LQG).
 
     Where nothing crosses and D11 = 0:  A'X + XA + C1'C1 - X (B2 R⁻¹B2' - δ⁻²B1 B1') X = 0, Y the same of the transposed
-    plant, R = D12'D12, V = D21 D21';  Ck = -R⁻¹B2'X,  Bk = (I - δ⁻² Y X)⁻¹ Y C2'V⁻¹,  Ak = A + δ⁻²B1 B1'X + B2 Ck - Bk C2.
+    plant,  Ck = -R⁻¹B2'X,  Bk = (I - δ⁻² Y X)⁻¹ Y C2'V⁻¹,  Ak = A + δ⁻²B1 B1'X + B2 Ck - Bk C2, R = D12'D12,
+    V = D21 D21'.
     Source: Doyle, Glover, Khargonekar, Francis, IEEE Trans. Automatic Control 34 (1989), 831-847, Theorem 3.
 
     Conditions: δ above what D11 lets past every controller, X >= 0 and Y >= 0 stabilize, ρ(XY) < δ².
