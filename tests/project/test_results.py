@@ -16,7 +16,6 @@ import hfa_support
 import trim
 import verification
 from controller.policy.gain_table import GainTable
-from trim.identification.identify import fit
 
 #: Result -> a line that its report has at the prompt.
 SHOWN = {
@@ -26,7 +25,6 @@ SHOWN = {
     "LinearModel": "dihedral (slow)",
     "Bands": "A ±",
     "Sweep": "Sweep, published dynamics: 2 of 3 points trimmed",
-    "Fit": "Fit to 35 printed entries",
     "Regeneration": "Both pairs regenerated: yes",
     "RegeneratedPair": "Dihedral 15 deg, published dynamics",
     "LearningResult": "Law 'certified', basis 'quadratic': converged",
@@ -52,7 +50,6 @@ COMPARED = (
     "LinearModel",
     "Bands",
     "Sweep",
-    "Fit",
     "Regeneration",
     "RegeneratedPair",
 )
@@ -76,7 +73,6 @@ def results() -> dict[str, Any]:
         model,
         trim.entry_bands(hfa_model.default_parameters(), condition, model),
         trim.sweep(aircraft, {"speed": [20.0, 66.0, 68.0]}),
-        fit(hfa_model.published_models()[:1], hfa_model.VARIANTS["published"], prior=True),
         regeneration,
         regeneration.pairs[0],
         controller.learn(game),

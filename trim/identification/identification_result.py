@@ -32,8 +32,8 @@ IDENTIFIED: tuple[str, ...] = tuple(name for name in Parameters._fields if name 
 SCHEMA = "hfa.identification/1"
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class Fit(ByValue, Reported):
+@dataclass(frozen=True, eq=False)
+class Fit(ByValue):
     """One least-squares fit.
 
     parameters: with sources and covariance. inputs: fitted trim inputs, one `Input` a printed angle.
@@ -53,13 +53,6 @@ class Fit(ByValue, Reported):
     largest: float
     singular_values: np.ndarray
     directions: np.ndarray
-
-    def report(self) -> Report:
-        """How well, which parameters, what the print determines."""
-        return Report(
-            title=f"Fit to {self.entries} printed entries\n{self.quality()}",
-            parts=(self.parameters.table(), self.determination()),
-        )
 
     def quality(self) -> str:
         """The sum of squares and the largest difference."""

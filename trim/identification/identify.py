@@ -10,19 +10,19 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-import casadi as ca
 import numpy as np
 
 from hfa_model.aircraft import HFA, Aircraft, Equations
 from hfa_model.parameters import Parameters, ParameterSet, save_parameters
 from hfa_model.printed_matrices import PublishedModel, published_models
 from hfa_model.variants import Newton, Published, Variant
-from hfa_model.vectors import INPUTS, LINEAR_ROWS, LINEAR_STATES, STATES, Input, Quantity
+from hfa_model.vectors import INPUTS, LINEAR_ROWS, LINEAR_STATES, Input
 from hfa_support.errors import NoSolutionError
 from hfa_support.native.bound import BoundFunction
 from hfa_support.progress import Progress
 from trim.identification.identification_result import ASSUMED, IDENTIFIED, Fit, Identification, LeftOut, Structure
 from trim.linear.compare import EntryRow, compare, regenerate
+from trim.linear.entry_bands import entries_at
 from trim.point.condition import level_flight
 from trim.sweeps.points import newton_functions
 
@@ -190,93 +190,59 @@ def fit(
 
 
 class _Problem:
-    """The weighted entries of the printed pairs and their Jacobian as functions of the unknown parameters."""
+    """The weighted entries of the printed pairs and their Jacobian as functions of the unknown parameters θ."""
 
     def __init__(self, models: Sequence[PublishedModel], structure: Variant) -> None:
-        theta = ca.SX.sym("theta", len(IDENTIFIED))
-        known = {name: value for name, (value, _, _) in ASSUMED.items()}
-        p = Parameters(**known, **dict(zip(IDENTIFIED, ca.vertsplit(theta), strict=True)))
-        self._cases = [_Condition(model, theta, p, structure) for model in models]
+        self._layout, names = replace(HFA, equations=Equations(structure)).layout, HFA.variables
+        self._held = [level_flight(model.dihedral).imposed for model in models]
+        given, rates = tuple(self._held[0]), tuple((name, 0.0, HFA.rate_scale(name)) for name in HFA.steady)
+        functions = newton_functions(self._layout, given, _FREE_INPUTS, rates)
+        assert functions is not None
+        self._step, self._free = BoundFunction(functions[0]), [names.index(name) for name in _FREE_INPUTS]
+        #: The rows θ' = q and η' = η' are the same for every aircraft.
+        moved = [i for i, name in enumerate(LINEAR_STATES) if name not in ("pitch", "dihedral")]
+        self._rows = [LINEAR_ROWS[i] for i in moved]
+        self._entries = [i + len(LINEAR_STATES) * j for j in range(len(LINEAR_STATES + INPUTS)) for i in moved]
+        printed = [np.hstack(each).ravel("F") for m in models for each in ((m.A, m.B), (m.half_unit_A, m.half_unit_B))]
+        self._printed = [each[self._entries] for each in printed]
+        self._p = np.array([ASSUMED.get(name, (0.0,))[0] for name in Parameters._fields])
+        self._known = [Parameters._fields.index(name) for name in IDENTIFIED]
         self._last: tuple[np.ndarray, tuple[np.ndarray, np.ndarray]] | None = None
 
     def trim_inputs(self, theta: np.ndarray) -> list[np.ndarray]:
-        """The free inputs that balance each printed condition."""
-        return [case.trim_inputs(theta) for case in self._cases]
+        """The free inputs that balance each printed condition, by Newton's method (the loads are nearly affine)."""
+        self._p[self._known] = theta
+        return [self._trimmed(list(held.values())) for held in self._held]
+
+    def _trimmed(self, held: list[float]) -> np.ndarray:
+        inputs = best = _ROUGH_INPUTS
+        smallest, step = np.inf, self._step
+        step.inputs[0][:], step.inputs[2][:] = held, self._p
+        for _ in range(_TRIM_STEPS):
+            step.inputs[1][:] = inputs
+            step()
+            if not step.results[1][0] < smallest:
+                break
+            best, smallest, inputs = inputs, step.results[1][0], step.results[0].copy()
+        return best
 
     def entries(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(entry - print) / half unit of every printed entry that the structure can move, and its Jacobian.
+        """(entry - print) / half unit of every printed entry that the structure can move, and its Jacobian with the
+        trim's share in it.
 
         The last answer is kept: the solver asks for values and Jacobian one after the other.
         """
         if self._last is None or not np.array_equal(self._last[0], theta):
-            values, jacobians = zip(*(case.entries(theta) for case in self._cases), strict=True)
+            values, jacobians = [], []
+            for k, inputs in enumerate(self.trim_inputs(theta)):
+                v = np.array([self._held[k].get(name, 0.0) for name in HFA.variables])
+                v[self._free] = inputs
+                found, by_p = entries_at(self._layout, v, self._p, self._free, self._rows)
+                printed, half = self._printed[2 * k : 2 * k + 2]
+                values.append((found[self._entries] - printed) / half)
+                jacobians.append(by_p[np.ix_(self._entries, self._known)] / half[:, None])
             self._last = theta.copy(), (np.concatenate(values), np.vstack(jacobians))
         return self._last[1]
-
-
-class _Condition:
-    """One printed condition as compiled functions of the parameters θ and the free inputs v."""
-
-    def __init__(self, model: PublishedModel, theta: ca.SX, p: Parameters, variant: Variant) -> None:
-        layout = replace(HFA, equations=Equations(variant)).layout
-        (x, u), inputs = layout.symbols("x", "u"), ca.SX.sym("v", len(_FREE_INPUTS))
-        f, _ = layout.expressions((ca.vertsplit(x), ca.vertsplit(u), list(p)), ())
-        A, B = ca.jacobian(f, x)[LINEAR_ROWS, LINEAR_ROWS], ca.jacobian(f, u)[LINEAR_ROWS, :]
-        # The rows θ' = q and η' = η' are the same for every aircraft.
-        moved = [i for i, name in enumerate(LINEAR_STATES) if name not in ("pitch", "dihedral")]
-        entries = ca.vertcat(
-            *((A[i, j] - model.A[i, j]) / model.half_unit_A[i, j] for i in moved for j in range(A.shape[1])),
-            *((B[i, j] - model.B[i, j]) / model.half_unit_B[i, j] for i in moved for j in range(B.shape[1])),
-        )
-        balance = ca.vertcat(*(f[LINEAR_ROWS[i]] for i in moved))
-        flight = level_flight(model.dihedral)
-        state = {**flight.imposed, "pitch": flight.imposed["alpha"] + flight.imposed["gamma"]}
-        point = ca.vertcat(*(state[name] for name in STATES), *_as_input(ca.vertsplit(inputs)))
-        entries, balance = (ca.substitute(part, ca.vertcat(x, u), point) for part in (entries, balance))
-        given, rates = tuple(flight.imposed), tuple((name, 0.0, HFA.rate_scale(name)) for name in HFA.steady)
-        functions = newton_functions(layout, given, _FREE_INPUTS, rates)
-        assert functions is not None
-        after, size = functions[0](ca.DM([flight.imposed[name] for name in given]), inputs, ca.vertcat(*p))
-        self._step = _bound([theta, inputs], (after, size))
-        by_both = [ca.jacobian(part, by) for part in (balance, entries) for by in (theta, inputs)]
-        self._everything = _bound([theta, inputs], (entries, *by_both))
-
-    def trim_inputs(self, theta: np.ndarray) -> np.ndarray:
-        """v with balance(θ, v) = 0 by Newton's method (the loads are nearly affine)."""
-        inputs = best = _ROUGH_INPUTS
-        smallest = np.inf
-        for _ in range(_TRIM_STEPS):
-            after, size = self._step(theta, inputs)
-            if not size.item() < smallest:
-                break
-            best, smallest, inputs = inputs, size.item(), after.ravel().copy()
-        return best
-
-    def entries(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The weighted entries at the trim, and their Jacobian by θ with the trim's share in it."""
-        entries, balance_by_theta, balance_by_inputs, by_theta, by_inputs = self._everything(
-            theta, self.trim_inputs(theta)
-        )
-        inputs_by_theta = -np.linalg.solve(balance_by_inputs, balance_by_theta)
-        return entries.ravel().copy(), by_theta + by_inputs @ inputs_by_theta
-
-
-def _bound(arguments: list[ca.SX], results: Sequence[ca.SX]) -> Callable[..., list[np.ndarray]]:
-    """The results as matrices of the arguments' values; each call overwrites them."""
-    bound = BoundFunction(ca.Function("printed_condition", arguments, [ca.densify(each) for each in results]))
-    matrices = [flat.reshape(each.shape, order="F") for flat, each in zip(bound.results, results, strict=True)]
-
-    def evaluate(*values: np.ndarray) -> list[np.ndarray]:
-        for target, value in zip(bound.inputs, values, strict=True):
-            target[:] = value
-        bound()
-        return matrices
-
-    return evaluate
-
-
-def _as_input(free: Sequence[Quantity]) -> Input:
-    return Input(aileron_center=0.0, **dict(zip(_FREE_INPUTS, free, strict=True)))
 
 
 def _as_fit(problem: _Problem, theta: np.ndarray, prior: bool) -> Fit:
@@ -290,7 +256,7 @@ def _as_fit(problem: _Problem, theta: np.ndarray, prior: bool) -> Fit:
     rounding = _rounding_covariance(relative)
     spread = relative.T @ rounding @ relative + prior_information / 3
     covariance = inverse @ spread @ inverse * np.outer(np.abs(theta), np.abs(theta))
-    moved = _moved(relative)
+    moved = np.abs(relative).max(axis=1) > 1e-3  # by some parameter, by more than rounding errors are
     values = {name: value for name, (value, _, _) in ASSUMED.items()}
     values |= dict(zip(IDENTIFIED, theta.tolist(), strict=True))
     parameters = ParameterSet(
@@ -301,7 +267,10 @@ def _as_fit(problem: _Problem, theta: np.ndarray, prior: bool) -> Fit:
     )
     return Fit(
         parameters=parameters,
-        inputs=tuple(_as_input(inputs.tolist()) for inputs in problem.trim_inputs(theta)),
+        inputs=tuple(
+            Input(aileron_center=0.0, **dict(zip(_FREE_INPUTS, inputs.tolist(), strict=True)))
+            for inputs in problem.trim_inputs(theta)
+        ),
         sum_of_squares=float(printed @ printed),
         # Structural zeros (no parameter moves them) carry no rounding.
         expected_sum=float(np.trace(rounding[moved][:, moved]) - np.trace(fitted.T @ rounding @ fitted)),
@@ -310,11 +279,6 @@ def _as_fit(problem: _Problem, theta: np.ndarray, prior: bool) -> Fit:
         singular_values=singular_values,
         directions=directions,
     )
-
-
-def _moved(relative: np.ndarray) -> np.ndarray:
-    """Which entries some parameter moves by more than rounding errors do."""
-    return np.asarray(np.abs(relative).max(axis=1) > 1e-3)
 
 
 def _rounding_covariance(relative: np.ndarray) -> np.ndarray:

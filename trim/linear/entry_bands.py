@@ -2,25 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cache
 
 import casadi as ca
 import numpy as np
 
 from hfa_model.aircraft import HFA, Equations
 from hfa_model.parameters import Parameters, ParameterSet, default_parameters
-from hfa_model.variants import Variant, variant_named
+from hfa_model.variants import variant_named
 from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_ROWS, LINEAR_STATES, LINEAR_UNITS, STATES
 from hfa_support.errors import BadInputError
 from hfa_support.model import Layout, components
+from hfa_support.native.bound import BoundFunction, cached_per_thread
 from hfa_support.reporting.fields import ByValue
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.text import matrix_table
 from hfa_support.reporting.unit_system import entries_in_force
 from trim.linear.linear_model import LinearModel
 from trim.point.condition import TrimCondition
-from trim.point.operating_point import OperatingPoint
 
 #: Parameters identified with another seed, or on another machine, differ by less than this from the packaged ones.
 _SAME = 1e-7
@@ -96,36 +96,46 @@ def entry_bands(parameters: ParameterSet, condition: TrimCondition, model: Linea
             "bands are known for the identified parameters with their covariance only; "
             "use the parameters.toml of `hfa identify`, unchanged"
         )
-    variant = variant_named(model.point.dynamics)
-    jacobian = _total_derivative(parameters, variant, condition, model.point)
-    n, m = len(LINEAR_STATES), len(INPUTS)
+    own = replace(HFA, equations=Equations(variant_named(model.point.dynamics)))
+    at = np.array([model.point.values[name] for name in own.variables]), np.array(parameters.values)
+    free, rows = (
+        [own.variables.index(name) for name in condition.free],
+        [STATES.index(n) for n in condition.equations[0]],
+    )
+    known = [Parameters._fields.index(name) for name in parameters.identified]
+    jacobian = entries_at(own.layout, *at, free, rows)[1][:, known]
     both = 2 * np.sqrt(np.einsum("ij,jk,ik->i", jacobian, parameters.covariance, jacobian))
-    # CasADi stacks columns.
-    return Bands(*np.split(both.reshape(n, n + m, order="F"), [n], axis=1))
+    return Bands(*np.split(both.reshape(len(LINEAR_STATES), -1, order="F"), [len(LINEAR_STATES)], axis=1))
 
 
-def _total_derivative(
-    parameters: ParameterSet, variant: Variant, condition: TrimCondition, point: OperatingPoint
-) -> np.ndarray:
-    """d vec(A, B) / d(identified parameters) along the trim, (66, number of identified parameters)."""
-    own = replace(HFA, equations=Equations(variant))
-    found = _derivatives(own.layout)([point.values[name] for name in own.variables], list(parameters.values))
-    entries_by_v, entries_by_p, rates_by_v, rates_by_p = map(np.array, found)
-    free = [own.variables.index(name) for name in condition.free]
-    rows = [STATES.index(name) for name in condition.equations[0]]
-    free_by_p = -np.linalg.lstsq(rates_by_v[np.ix_(rows, free)], rates_by_p[rows], rcond=None)[0]
-    total = entries_by_p + entries_by_v[:, free] @ free_by_p
-    return np.asarray(total[:, [Parameters._fields.index(name) for name in parameters.identified]])
+def entries_at(
+    layout: Layout, v: np.ndarray, p: np.ndarray, free: Sequence[int], rows: Sequence[int]
+) -> tuple[np.ndarray, np.ndarray]:
+    """vec(A, B) of the paper's six states, column by column (66,), and its derivative by the parameters p (66, P) along
+    the trim: the variables v that are free (numbers) follow from the rates of some states (numbers of rows)."""
+    zero = tuple(i for i in np.flatnonzero(v == 0.0).tolist() if i not in free)
+    bound = _derivatives(layout, tuple(free), zero)
+    bound.inputs[0][:], bound.inputs[1][:] = v, p
+    bound()
+    columns = len(free), len(p), len(free), len(p)
+    by_v, by_p, rates_by_v, rates_by_p = (
+        part.reshape(-1, width, order="F") for part, width in zip(bound.results[1:], columns, strict=True)
+    )
+    free_by_p = -np.linalg.lstsq(rates_by_v[rows], rates_by_p[rows])[0]
+    return bound.results[0].copy(), by_p + by_v @ free_by_p
 
 
-@cache
-def _derivatives(layout: Layout) -> ca.Function:
-    """(v, p) -> ∂ vec(A, B)/∂v, ∂ vec(A, B)/∂p, ∂f/∂v, ∂f/∂p, with the paper's six states in A and B; v: the variables
-    of a trim, on which the state and the input depend."""
+@cached_per_thread(maxsize=16)
+def _derivatives(layout: Layout, free: tuple[int, ...], zero: tuple[int, ...]) -> BoundFunction:
+    """(v, p) -> e = vec(A, B) of the six states, ∂e/∂v, ∂e/∂p, ∂f/∂v, ∂f/∂p; v: the variables of a trim, on which
+    state and input depend; derivatives by the free ones. zero: those that are always 0."""
     (x, u, p), v = layout.symbols("x", "u", "p"), ca.SX.sym("v", len(layout.variables))
+    values = {name: ca.SX(0) if i in zero else v[i] for i, name in enumerate(layout.variables)}
     f, _ = layout.expressions(list(map(components, (x, u, p))), ())
     A, B = ca.jacobian(f, x)[LINEAR_ROWS, LINEAR_ROWS], ca.jacobian(f, u)[LINEAR_ROWS, :]
     entries = ca.vertcat(ca.vec(ca.densify(A)), ca.vec(ca.densify(B)))
-    at = layout.in_variables(dict(zip(layout.variables, ca.vertsplit(v), strict=True)), p, ())[:2]
-    jacobians = [ca.jacobian(part, by) for part in ca.substitute([entries, f], [x, u], at) for by in (v, p)]
-    return ca.Function("entry_derivatives", [v, p], list(map(ca.densify, jacobians)))
+    at = layout.in_variables(values, p, ())[:2]
+    entries, f = ca.substitute([entries, f], [x, u], at)
+    moving = ca.vertcat(*(v[i] for i in free))
+    jacobians = [ca.jacobian(part, by) for part in (entries, f) for by in (moving, p)]
+    return BoundFunction(ca.Function("entry_derivatives", [v, p], list(map(ca.densify, (entries, *jacobians)))))

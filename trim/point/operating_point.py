@@ -17,7 +17,8 @@ from hfa_support.errors import BadInputError, said_of
 from hfa_support.files import read_json, write_text
 from hfa_support.jsonable import json_text
 from hfa_support.model import Model, record
-from hfa_support.reporting.text import in_degrees
+from hfa_support.reporting.report import Report, Reported
+from hfa_support.reporting.text import Table, degrees, in_degrees
 from hfa_support.reporting.unit_system import english
 from hfa_support.schema import NUMBER, checked
 
@@ -51,8 +52,8 @@ _FILE: dict[Any, Any] = {
 }
 
 
-@dataclass(frozen=True)
-class OperatingPoint:
+@dataclass(frozen=True, repr=False)
+class OperatingPoint(Reported):
     """X0, U0 with dX/dt(X0, U0) - imposed rate = residual, equation by equation; of imposed outputs likewise.
 
     states, inputs: named tuples, in the units of the model. residuals: balanced equation -> residual, in its own unit.
@@ -114,6 +115,25 @@ class OperatingPoint:
     def tolerance(self, equation: str) -> float:
         """The residual that an equation may have, in its own unit."""
         return BALANCE * self._scale(equation)
+
+    @property
+    def title(self) -> str:
+        """Which model, and what became of the point."""
+        return f"Trim, {self.called}: {self.status}"
+
+    def records(self) -> Table:
+        """Rows (kind, name, value, unit), angles in radians."""
+        unit, rows = self.model.unit, list[tuple[str, str, float, str]]()
+        for kind, values in (("state", self.states._asdict()), ("input", self.inputs._asdict())):
+            rows += [(kind, name, value, unit(name)) for name, value in values.items()]
+        rows += [("residual", name, value, self.equation_unit(name)) for name, value in self.residuals.items()]
+        return Table(("kind", "name", "value", "unit"), rows)
+
+    def report(self) -> Report:
+        """State and inputs; `trim_report` says more."""
+        records = self.records()
+        rows = [(kind, name, *degrees(value, unit)) for kind, name, value, unit in records.rows if kind != "residual"]
+        return Report(self.title, [Table(records.header, rows)], self.warnings, self.to_dict(), records)
 
     def to_control(self) -> control.OperatingPoint:
         """The same point as python-control's `OperatingPoint` of all states and inputs."""

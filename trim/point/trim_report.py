@@ -170,11 +170,7 @@ def trim_report(aircraft: Aircraft | Model, condition: TrimCondition, point: Ope
         "search": search,
         "rates_left": left,
     }
-    unit, records = model.unit, list[tuple[Any, ...]]()
-    for kind, values in (("state", point.states._asdict()), ("input", point.inputs._asdict())):
-        records += [(kind, name, value, unit(name)) for name, value in values.items()]
-    records += [("residual", name, value, point.equation_unit(name)) for name, value in point.residuals.items()]
-    title, table = f"Trim, {point.called}: {point.status}", Table(("kind", "name", "value", "unit"), records)
+    title, table, unit = point.title, point.records(), model.unit
     if isinstance(aircraft, Aircraft):
         from trim.point.hfa_report import with_loads
 
