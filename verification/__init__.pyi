@@ -24,7 +24,6 @@ from .exact_solution import (
 from .flights.flight_figures import flight_figure as flight_figure
 from .flights.recoverable_map import recoverable_map as recoverable_map
 from .proof.lpv_grid import coarsest_grid as coarsest_grid
-from .proof.rate_proof import prove_rate as prove_rate
 from .proof.schedule_proof import prove_schedule as prove_schedule
 from .proof.solution_proof import prove_critic as prove_critic, prove_solution as prove_solution
 from .regeneration.regeneration import regenerate_all as regenerate_all

@@ -169,9 +169,7 @@ def _certificate(arguments: argparse.Namespace) -> Path | None:
 
 
 def _schedule(arguments: argparse.Namespace) -> int:
-    from verification.proof.certificate_file import ScheduleCertificate
-    from verification.proof.proof_report import schedule_proof_report
-    from verification.proof.rate_proof import prove_rate
+    from verification.proof.certificate import CertificateFile
     from verification.proof.schedule_proof import prove_schedule
 
     target = _certificate(arguments)
@@ -179,42 +177,32 @@ def _schedule(arguments: argparse.Namespace) -> int:
         raise BadInputError("--resume needs the certificate to go on with; add -o FILE.json")
     family = options.family_of(arguments, arguments.error)
     low, high = options.interval_of(arguments, family)
-    file = ScheduleCertificate(family, _table(arguments, family, low, high), low, high, target, provenance())
-    result = prove_schedule(
-        family,
-        file.table,
-        low,
-        high,
-        known=file.known() if arguments.resume else None,
-        save=file.save,
-        progress=ProgressLine("prove"),
-    )
-    motion = prove_rate(family, file.table, low, high, progress=ProgressLine("rate")) if arguments.rate else None
-    file.finish(result, motion)
-    show(schedule_proof_report(result, motion), arguments, target=None)
-    return 0 if result.proved and (motion is None or motion.rate > 0.0) else 1
+    table = _table(arguments, family, low, high)
+    file = None if target is None else CertificateFile(target, provenance(), resume=arguments.resume)
+    progress = ProgressLine("prove")
+    proof = prove_schedule(family, table, low, high, moving=arguments.rate, file=file, progress=progress)
+    show(proof.report(), arguments, target=None)
+    return 0 if proof.proved else 1
 
 
 def _solution(arguments: argparse.Namespace) -> int:
-    from verification.proof.certificate_file import write_certificate
-    from verification.proof.proof_report import solution_proof_report
-    from verification.proof.solution_proof import prove_solution, solution_claim
+    from verification.proof.proof_report import game_report
+    from verification.proof.solution_proof import prove_solution
 
     target = _certificate(arguments)
     named, family, degrees = _game(arguments)
     proof = prove_solution(named.game, family, degrees)
     if target is not None and proof.proved:
-        write_certificate(target, provenance(), "game", *solution_claim(proof))
-    show(solution_proof_report(proof, named.states, named.origin), arguments, target=None)
+        proof.write(target, provenance())
+    show(game_report(proof, named.states, named.origin), arguments, target=None)
     return 0 if proof.proved else 1
 
 
 def _critic(arguments: argparse.Namespace) -> int:
     from controller.game.basis import basis
     from controller.game.critic_file import load_critic
-    from verification.proof.certificate_file import write_certificate
-    from verification.proof.proof_report import critic_proof_report
-    from verification.proof.solution_proof import critic_claim, prove_critic
+    from verification.proof.proof_report import game_report
+    from verification.proof.solution_proof import prove_critic
 
     if arguments.file is None:
         raise BadInputError("name the file of the critic: `hfa prove critic FILE --dihedral DEG`")
@@ -225,8 +213,8 @@ def _critic(arguments: argparse.Namespace) -> int:
     with said_of(arguments.file):
         proof = prove_critic(named.game, stored, functions, family, degrees)
     if target is not None:
-        write_certificate(target, provenance(), "game", *critic_claim(proof))
-    show(critic_proof_report(proof, str(arguments.file), named.origin), arguments, target=None)
+        proof.write(target, provenance())
+    show(game_report(proof, named.states, named.origin, str(arguments.file)), arguments, target=None)
     return 0
 
 

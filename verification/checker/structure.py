@@ -1,13 +1,12 @@
-"""What a certificate may hold: every key, shape, order, unit and number of it, required before any arithmetic.
+"""What a certificate may hold, declared: every entry, shape, order, unit and number, required before any arithmetic.
 
-Whatever is not understood is refused, so that the checker computes with what it was written for and nothing else.
+Whatever is not declared is refused, so that the checker computes with what it was written for and nothing else.
 """
 
 from __future__ import annotations
 
 import math
 import re
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -18,22 +17,50 @@ from hfa_model.variants import VARIANTS
 from hfa_support.errors import BadInputError, NoSolutionError, shown
 from hfa_support.model import Model
 
+# A declaration is a shape, "g m n", of a nested list of finite numbers: a letter is the same length wherever it comes,
+# * any, and . any or none; numbers may be in quotes after "decimal". Or (shape, test of the array), a table of entries
+# of which those that end in ? need not be there, [declaration] of a list that is not empty, or a test of the value.
 Content = dict[str, Any]
 _DECIMAL = re.compile(r"-?\d{1,80}(\.\d{1,80})?(e[+-]?\d{1,3})?", re.ASCII)
-_FLIGHT = ("parameters", "spread", "imposed", "limits", "range")
-_BOX, _MODES, _ROOT = ("range", "unstable", "rate"), ("H", "turn"), ("units", "P", "reach", "H", "turn")
 #: Rounding that may make the lowest eigenvalue of a semidefinite Q negative, relative.
 _ROUNDING = 1e-12
-#: Kind -> the lists of boxes that it always has, and those that it may have.
-LISTS = {
-    "schedule": (("loop", "modes", "least", "most"), ("motion",)),
-    "game": (("solution", "loop"), ("modes", "value", "refused")),
-    "lpv": (("cells",), ()),
-}
 
 
 class Malformed(NoSolutionError):
     """A certificate holds an unknown entry."""
+
+
+def _semidefinite(Q: np.ndarray) -> bool:
+    return np.array_equal(Q, Q.T) and bool(np.linalg.eigvalsh(Q)[0] >= -_ROUNDING * np.abs(Q).max())
+
+
+def _any(_: Any) -> bool:
+    return True
+
+
+POSITIVE = "", lambda x: x > 0.0
+INTERVAL = "2", lambda ends: 0.0 < ends[0] <= ends[1]
+LIMITS, DISTANCE = ("2", lambda ends: ends[0] < ends[1]), ("2", lambda ends: 0.0 <= ends[0] <= ends[1])
+PLACES = "g", lambda places: len(places) > 1 and np.all(np.diff(places) > 0.0)
+MODES, PIECE = {"H": "n n", "turn": "n n"}, {"bandwidth": "2", "H": "n n", "X": "b", "turn": "w w"}
+MOVING = {"place_rate": POSITIVE, "lyapunov": {"places": ("l", PLACES[1]), "P": "l n n"}}
+ACTUATORS = {"own": "n n", "G": "n a", "U": "g a n", "bandwidth": INTERVAL, "effectiveness": INTERVAL}
+GAME = {
+    "Q": ("n n", _semidefinite),
+    "R": ("m m", lambda R: np.array_equal(R, R.T)),
+    "E": "n *",
+    "delta": lambda delta: delta == "inf" or _array("delta", delta, "", {}) > 0.0,
+}
+#: Kind -> its table, the lists of boxes that it always has, and those that come with `place_rate` or `delta_min`.
+KINDS: dict[str, tuple[Content, tuple[str, ...], tuple[str, ...]]] = {
+    "schedule": (
+        {"places": PLACES, "K": "g m n", "M": "g n n", "N": "g n x", "X": "g x n"},
+        ("loop", "modes", "least", "most"),
+        ("motion",),
+    ),
+    "game": ({"K": "m n", "W?": "* 1", "P?": "n n"}, ("solution", "loop"), ("modes", "value", "refused")),
+    "lpv": ({"places": PLACES, "A": "g n n", "B": "g n m", "inputs": "g m 1", "K": "g m n"}, ("cells",), ()),
+}
 
 
 def model_of(claim: Content, own: Model | None) -> Model:
@@ -69,214 +96,124 @@ def check_structure(content: Content, model: Model | None) -> None:
 
     model: that of the statement, None where it is a plant.
     """
-    kind = str(content.get("kind"))
-    _require(content.get("kind") in tuple(LISTS), "kind", kind)
-    closing = ("schema", "kind", "toolchain", "statement", "boxes", "digest", "provenance", "checksum")
-    _keys("the certificate", content, closing + ("open",) * (kind == "schedule"))
-    claim, boxes = content["statement"], content["boxes"]
-    also = {"schedule": "place_rate", "game": "delta_min", "lpv": ""}[kind]
-    more = isinstance(claim, dict) and also in claim
-    extra = {"schedule": ("place_rate", "lyapunov"), "game": ("delta_min",), "lpv": ()}[kind] if more else ()
-    own = ("table",) if kind == "schedule" else ("table", "game", "distances")
-    uncertain = ("actuators",) if kind == "schedule" and isinstance(claim, dict) and "actuators" in claim else ()
-    flight = ("A", "B", "range") if model is None else (*facts_of(model), *_FLIGHT)
-    _keys("the statement", claim, flight + own + extra + uncertain)
-    low, high = _numbers("range", claim["range"], (2,)).tolist()
-    _require(low == high if kind == "game" else low < high, "range", [low, high])
-    free = set[str]()
+    kind, claim = str(content.get("kind")), content["statement"]
+    _require(kind in KINDS and isinstance(claim, dict) and (kind == "game" or model is not None), "kind", kind)
+    (table, lists, more), lengths = KINDS[kind], dict[str, int]()
+    moves = {"schedule": "place_rate", "game": "delta_min", "lpv": ""}[kind] in claim
+    lists += more if moves else ()
+    ends = "2", lambda ends: ends[0] == ends[1] if kind == "game" else ends[0] < ends[1]
+    whole: Content = dict.fromkeys(("schema", "kind", "toolchain", "boxes", "digest", "provenance", "checksum"), _any)
     if model is None:
-        _require(kind == "game", "kind", kind)
-        n = len(claim["A"]) if isinstance(claim["A"], list) else 0
-        m = _numbers("B", claim["B"], (n, None)).shape[1]
-        _numbers("A", claim["A"], (n, n))
-        _require(low == 0.0, "range", low)
+        declared: Content = {"A": "n n", "B": "n m", "range": ("2", lambda ends: not ends.any())}
     else:
-        n, m, free = len(model.linear), len(model.inputs), _flight(claim, model, spread=kind == "schedule")
+        lengths = {"x": len(model.linear), "m": len(model.inputs), "n": len(model.linear)}
+        declared = _flight(claim, model, spread=kind == "schedule") | {"range": ends}
     if kind == "schedule":
-        size = _schedule(claim, n, m)
-        intervals = _keys("open", content["open"], LISTS[kind][0][:2], LISTS[kind][1] if more else ())
-        for name, gaps in intervals.items():
-            _numbers(f"open {name}", gaps, (None, 2), empty=True)
+        lengths.pop("n")
+        whole["open"] = {
+            name if name in ("loop", "modes") else f"{name}?": ". 2" for name in ("loop", "modes", *lists[4:])
+        }
+        declared |= {"actuators": ACTUATORS | {"delay": ("", lambda s: s >= 0.0)}} if "actuators" in claim else {}
+        declared |= MOVING if moves else {}
     else:
-        size = n
-        _game(kind, claim, n, m)
-    _keys("boxes", boxes, LISTS[kind][0] + LISTS[kind][1] * more)
-    for name, each in boxes.items():
-        count = len(each) if isinstance(each, list) else -1
-        _require(count == 1 if kind == "game" else count >= (kind == "lpv"), name)
-        for place, box in enumerate(each):
-            of_A = name in ("modes", "least", "most")
-            _box(f"{name} {place}", kind, name, box, claim, free, (n, m, n if of_A else size))
+        names = [key if kind == "lpv" else key + "?" for key in claim["table"] if key != "places"]
+        declared |= {"game": GAME, "distances": dict.fromkeys(names, DISTANCE)}
+        declared |= {"delta_min": ("2", lambda ends: 0.0 < ends[0] < ends[1])} if moves else {}
+    _check("", content, whole | {"statement": declared | {"table": table}}, lengths)
+    n, a = lengths["n"], lengths.get("a", 0)
+    lengths |= {"x": lengths.get("x", n), "b": 2 * a, "w": n + 2 * a, "z": 4 + len(claim.get("spread", ()))}
+    _require(n >= lengths["x"] and not (a and moves), "K", f"{n} columns")
+    _require(kind == "schedule" or bool(claim["distances"]), "distances")
+    _require("W" not in claim["table"] or len(claim["table"]["W"]) >= n * (n + 1) // 2, "W")
+    _check("boxes", content["boxes"], dict.fromkeys(lists, lambda boxes: isinstance(boxes, list)), lengths)
+    free = () if model is None else tuple({*model.variables} - {model.schedule, *claim["imposed"]})
+    for name, boxes in content["boxes"].items():
+        _require(len(boxes) == 1 if kind == "game" else len(boxes) >= (kind == "lpv"), name)
+        for place, box in enumerate(boxes):
+            axis = name == "refused" and isinstance(box, dict) and "axis" in box
+            _check(f"{name} {place}", box, {"range": ends} | _box(kind, name, claim, free, axis, lengths), lengths)
 
 
-def _flight(claim: Content, model: Model, *, spread: bool) -> set[str]:
-    """The unknowns of the trims of a flight; everything else of them is imposed, once."""
-    over = model.schedule
-    for key, value in facts_of(model).items():
-        _require(claim[key] == value, key, claim[key])
-    _table("parameters", claim["parameters"], set(model.parameters))
-    widths = claim["spread"]
-    known = isinstance(widths, dict) and widths.keys() <= {*model.parameters} - {over} and (spread or not widths)
-    _require(known and min(_table("spread", widths, set(widths)), default=1.0) > 0.0, "spread", widths)
-    imposed = claim["imposed"]
-    _require(isinstance(imposed, dict) and imposed.keys() <= {*model.holdable} - {over}, "imposed", imposed)
-    _table("imposed", imposed, set(imposed))
-    free = {*model.variables} - {over} - set(imposed)
-    bounded = {
-        name
-        for name in (*model.states, *model.inputs, *model.variables, *model.outputs)
-        if np.isfinite(model.limits.get(name, math.inf)).any()
-    } - {over, *imposed}
-    _require(bool(free), "imposed", imposed)
-    limits = claim["limits"]
-    known = isinstance(limits, dict) and bounded <= limits.keys() <= {*model.limits} - {over, *imposed}
-    _require(known, "limits", limits)
-    for name, ends in limits.items():
-        _require(bool(np.all(np.diff(_numbers(f"limits of {name}", ends, (2,))) > 0.0)), f"limits of {name}", ends)
-    return free
+def _flight(claim: Content, model: Model, *, spread: bool) -> Content:
+    """What is stated of the trims; what is not imposed is unknown, and there is some."""
+    over, imposed = model.schedule, claim["imposed"]
+    _require(isinstance(imposed, dict) and not {*model.variables} <= {over, *imposed}, "imposed", imposed)
+    known = {name: ends for name, ends in model.limits.items() if name not in (over, *imposed)}
+    unlimited = {name for name, ends in known.items() if name in model.disturbances or not np.isfinite(ends).any()}
+    return {key: lambda value, fact=fact: value == fact for key, fact in facts_of(model).items()} | {
+        "parameters": dict.fromkeys(model.parameters, ""),
+        "spread": {f"{name}?": POSITIVE for name in model.parameters if spread and name != over},
+        "imposed": {f"{name}?": "" for name in model.holdable if name != over},
+        "limits": {name + "?" * (name in unlimited): LIMITS for name in known},
+    }
 
 
-def _schedule(claim: Content, nx: int, m: int) -> int:
-    """The table of gains over increasing places, what drives them, and of a rate the table of P; returns the size of
-    the loop."""
-    table = _keys("table", claim["table"], ("places", *"KMNX"))
-    count = _places("table", table["places"])
-    n = _numbers("K", table["K"], (count, m, None)).shape[2]
-    _require(n >= nx, "K", f"{n} columns")
-    for key, shape in {"M": (n, n), "N": (n, nx), "X": (nx, n)}.items():
-        _numbers(key, table[key], (count, *shape))
-    if "actuators" in claim:
-        own = _keys("actuators", claim["actuators"], ("own", "G", "U", "bandwidth", "effectiveness", "delay"))
-        a = _numbers("G", own["G"], (n, None)).shape[1]
-        for key, each in {"own": (n, n), "U": (count, a, n), "bandwidth": (2,), "effectiveness": (2,)}.items():
-            found = _numbers(key, own[key], each)
-            _require(found.ndim > 1 or 0.0 < found[0] <= found[1], key, own[key])
-        _require(float(_numbers("delay", own["delay"], ())) >= 0.0, "delay", own["delay"])
-        _require("place_rate" not in claim, "place_rate")
-    if "place_rate" in claim:
-        rate = float(_numbers("place_rate", claim["place_rate"], ()))
-        lyapunov = _keys("lyapunov", claim["lyapunov"], ("places", "P"))
-        _numbers("P", lyapunov["P"], (_places("lyapunov", lyapunov["places"]), n, n))
-        _require(rate > 0.0, "place_rate", rate)
-    return n
-
-
-def _game(kind: str, claim: Content, n: int, m: int) -> None:
-    """The game, the critic compared with its solution, and the claimed distances."""
-    game = _keys("game", claim["game"], ("Q", "R", "E", "delta"))
-    Q, R = _numbers("Q", game["Q"], (n, n)), _numbers("R", game["R"], (m, m))
-    _numbers("E", game["E"], (n, None))
-    _require(bool(np.all(Q == Q.T)) and np.linalg.eigvalsh(Q)[0] >= -_ROUNDING * np.abs(Q).max(), "Q")
-    _require(bool(np.all(R == R.T)), "R")
-    _require(game["delta"] == "inf" or float(_numbers("delta", game["delta"], ())) > 0.0, "delta", game["delta"])
-    if "delta_min" in claim:
-        bracket = _numbers("delta_min", claim["delta_min"], (2,))
-        _require(0.0 < bracket[0] < bracket[1], "delta_min", claim["delta_min"])
-    shapes: dict[str, tuple[int | None, ...]] = {"W": (None, 1), "P": (n, n), "K": (m, n)}
-    if kind == "lpv":
-        shapes = {"A": (n, n), "B": (n, m), "inputs": (m, 1), "K": (m, n)}
-        table = _keys("table", claim["table"], ("places", *shapes))
-        count = _places("table", table["places"])
-        shapes = {key: (count, *shape) for key, shape in shapes.items()}
-        compared = _keys("distances", claim["distances"], tuple(shapes))
-    else:
-        table = _keys("table", claim["table"], ("K",), ("W", "P"))
-        compared = _keys("distances", claim["distances"], (), tuple(shapes.keys() & table.keys()))
-    for key in shapes.keys() & table.keys():
-        values = _numbers(key, table[key], shapes[key])
-        _require(key != "W" or len(values) >= n * (n + 1) // 2, "W", f"{len(values)} weights")
-    for key, ends in compared.items():
-        least, most = _numbers(f"distances of {key}", ends, (2,)).tolist()
-        _require(0.0 <= least <= most, f"distances of {key}", ends)
-    _require(bool(compared), "distances", compared)
-
-
-def _box(
-    where: str, kind: str, name: str, box: Any, claim: Content, free: set[str], shape: tuple[int, int, int]
-) -> None:
-    """One box: its places, its unstable modes, its trims, the entries of A and B, and the proof."""
-    (nx, m, n), pieces = shape, name == "loop" and "actuators" in claim
-    keys = _BOX + (("decimals", "trim") if free else ()) + (("A", "B") if kind != "game" else ())
-    if name == "refused" and isinstance(box, dict) and "axis" in box:
-        keys += ("axis",)
-        _numbers(f"{where}: axis", box["axis"], (None,))
-    elif name in ("solution", "value", "refused", "cells"):
-        keys += _ROOT
-    else:
-        keys += ("turn",) if name == "motion" else ("pieces",) if pieces else _MODES
-    _keys(where, box, keys)
-    low, high = _numbers(f"{where}: range", box["range"], (2,)).tolist()
-    _require(low <= high if kind == "game" else low < high, f"{where}: range", [low, high])
-    counted = type(box["unstable"]) is int and 0 <= box["unstable"] <= n
-    _require(counted and (name in ("loop", "modes", "least", "most") or box["unstable"] == 0), f"{where}: unstable")
-    rate = float(_numbers(f"{where}: rate", box["rate"], ()))
-    _require(rate == 0.0 or (kind == "schedule" and name != "motion" and not pieces), f"{where}: rate", rate)
-    if pieces:
-        a = len(claim["actuators"]["G"][0])
-        _require(box["unstable"] == 0 and isinstance(box["pieces"], list) and bool(box["pieces"]), f"{where}: pieces")
-        for each in box["pieces"]:
-            shapes = {"bandwidth": (2,), "H": (n, n), "X": (2 * a,), "turn": (n + 2 * a,) * 2}
-            _keys(f"{where}: pieces", each, tuple(shapes))
-            for key, sides in shapes.items():
-                _numbers(f"{where}: {key}", each[key], sides)
+def _box(kind: str, name: str, claim: Content, free: tuple[str, ...], axis: bool, lengths: dict[str, int]) -> Content:
+    """One box: its unstable modes, its trims, the entries of A and B, and the proof."""
+    of_A, pieces = name in ("modes", "least", "most"), name == "loop" and "actuators" in claim
+    most = lengths["x" if of_A else "n"] if (of_A or name == "loop") and not pieces else 0
+    moved = kind == "schedule" and name != "motion" and not pieces
+    declared: Content = {
+        "unstable": lambda count: type(count) is int and 0 <= count <= most,
+        "rate": ("", lambda rate: rate == 0.0 or moved),
+    }
     if free:
         # Statements hold for every decimal that reads as these doubles; a critic, and delta_min, for the doubles alone.
         wide = kind != "game" or ("delta_min" in claim and name in ("solution", "loop"))
-        _require(box["decimals"] is True or (box["decimals"] is False and not wide), f"{where}: decimals")
-        for unknown, parts in _keys(f"{where}: trim", box["trim"], tuple(free)).items():
-            found = _numbers(f"{where}: {unknown}", parts, (4 + len(claim["spread"]),), decimals=kind == "game")
-            _require(found[3] > 0.0, f"{where}: radius of {unknown}", parts[3])
-    for key, columns in (("A", nx), ("B", m)) if kind != "game" else ():
-        _numbers(f"{where}: {key}", box[key], (nx, columns, 2))
-    for key in ("H", "turn"):
-        if key in keys:
-            _numbers(f"{where}: {key}", box[key], (n, n))
-    if "reach" in keys:
-        parts = _numbers(f"{where}: P", box["P"], (None, n, n), decimals=True)
-        _require(len(parts) == 1 if kind == "game" else len(parts) == 3, f"{where}: P", f"{len(parts)} parts")
-        sizes = [*_numbers(f"{where}: units", box["units"], (n,)), float(_numbers(f"{where}: reach", box["reach"], ()))]
-        _require(min(sizes) > 0.0, f"{where}: units or reach")
+        declared["decimals"] = lambda decimals: decimals is True or (decimals is False and not wide)
+        trim = "z decimal" if kind == "game" else "z", lambda parts: parts[3] > 0.0
+        declared["trim"] = dict.fromkeys(free, trim)
+    declared |= {} if kind == "game" else {"A": "x x 2", "B": "x m 2"}
+    if name in ("solution", "value", "refused", "cells"):
+        root = {"units": ("n", lambda units: np.all(units > 0.0)), "reach": POSITIVE}
+        P = {"P": "1 n n decimal" if kind == "game" else "3 n n decimal"}
+        return declared | ({"axis": "*"} if axis else MODES | root | P)
+    if name == "motion":
+        return declared | {"turn": "n n"}
+    return declared | ({"pieces": [PIECE]} if pieces else {"H": "x x", "turn": "x x"} if of_A else MODES)
 
 
-def _places(where: str, places: Any) -> int:
-    """The number of places, two at least, that increase."""
-    found = _numbers(f"{where}: places", places, (None,)).tolist()
-    _require(len(found) >= 2 and all(a < b for a, b in pairwise(found)), f"{where}: places", found)
-    return len(found)
+def _check(where: str, value: Any, declared: Any, lengths: dict[str, int]) -> None:
+    if isinstance(declared, (str, tuple)):
+        shape, holds = declared if isinstance(declared, tuple) else (declared, _any)
+        _require(bool(holds(_array(where, value, shape, lengths))), where, value)
+    elif isinstance(declared, dict):
+        _require(isinstance(value, dict), where, value)
+        kinds = {name.removesuffix("?"): each for name, each in declared.items()}
+        odd = {*value} - {*kinds} | {name for name in declared if name[-1] != "?"} - {*value}
+        _require(not odd, f"{where or 'it'}: missing or unknown entry", sorted(odd)[:1])
+        for name in kinds:
+            if name in value:
+                _check(f"{where}: {name}" if where else name, value[name], kinds[name], lengths)
+    elif isinstance(declared, list):
+        _require(isinstance(value, list) and bool(value), where, value)
+        for each in value:
+            _check(where, each, declared[0], lengths)
+    else:
+        _require(bool(declared(value)), where, value)
 
 
-def _keys(where: str, table: Any, names: tuple[str, ...], optional: tuple[str, ...] = ()) -> Content:
-    """A table with these entries and no others."""
-    _require(isinstance(table, dict), where, table)
-    odd = sorted(({*names} - table.keys()) | (table.keys() - {*names, *optional}))
-    _require(not odd, f"{where}: missing or unknown entry", odd[:1])
-    return dict(table)
+def _array(where: str, value: Any, shape: str, lengths: dict[str, int]) -> np.ndarray:
+    """The numbers of a nested list of this shape."""
+    sides = shape.removesuffix(" decimal").split()
 
-
-def _table(where: str, table: Any, names: set[str]) -> list[float]:
-    """The numbers of a table of names."""
-    return [float(_numbers(f"{where}: {name}", x, ())) for name, x in _keys(where, table, tuple(names)).items()]
-
-
-def _numbers(
-    where: str, value: Any, shape: tuple[int | None, ...], *, decimals: bool = False, empty: bool = False
-) -> np.ndarray:
-    """A nested list of finite numbers with this shape, None: any length but 0; of decimals in quotes where allowed."""
-
-    def walk(part: Any, left: tuple[int | None, ...]) -> Any:
+    def walk(part: Any, left: list[str]) -> Any:
         if left:
-            fits = isinstance(part, list) and (len(part) == left[0] if left[0] is not None else len(part) or empty)
-            _require(bool(fits), where, part)
+            size = len(part) if isinstance(part, list) else -1
+            wanted = (
+                size if left[0] in "*." else int(left[0]) if left[0].isdigit() else lengths.setdefault(left[0], size)
+            )
+            _require(size == wanted and size >= (left[0] != "."), where, part)
             return [walk(each, left[1:]) for each in part]
-        if decimals and isinstance(part, str) and _DECIMAL.fullmatch(part):
+        if shape[-7:] == "decimal" and isinstance(part, str) and _DECIMAL.fullmatch(part):
             part = float(part)
         _require(type(part) in (int, float) and abs(part) <= 1e300 and math.isfinite(part), where, part)
         _require(type(part) is float or abs(part) <= 2**53, where, part)
         return float(part)
 
     try:
-        return np.array(walk(value, shape))
-    except ValueError as error:  # a dimension without a fixed length whose rows differ
+        return np.array(walk(value, sides))
+    except ValueError as error:  # rows of any length that differ
         raise Malformed(f"{where} has rows that differ in length") from error
 
 

@@ -78,15 +78,14 @@ class BallGame:
 
 @dataclass(frozen=True, eq=False)
 class Enclosed:
-    """One and only one solution of the Riccati equation lies within `reach` of P's midpoint, and it lies in P.
+    """One and only one solution of the Riccati equation lies near P's midpoint, and it lies in P.
 
-    P: balls, in the units of the game. reach: Frobenius norm, in the balanced units `units`.
-    stabilizing: A - S P is Hurwitz. stable: A - B K is Hurwitz. signs: of the eigenvalues of P; None when open.
+    P: balls, in the units of the game. units: balanced ones. stabilizing: A - S P is Hurwitz. stable: A - B K is.
+    signs: of the eigenvalues of P; None when open.
     """
 
     P: arb_mat
     units: np.ndarray
-    reach: arb
     stabilizing: bool
     stable: bool
     signs: tuple[int, ...] | None
@@ -135,7 +134,6 @@ def enclose_solution(ball_game: BallGame, start: np.ndarray | None = None) -> En
     return Enclosed(
         back * solution * back,
         units,
-        1 / (2 * curvature),
         is_hurwitz(own.A - S * solution),
         is_hurwitz(own.A - own.B * own.gain_of(solution)),
         None if found is None else tuple(1 if pivot > 0 else -1 for pivot in found),

@@ -118,11 +118,18 @@ class Family:
 
 #: Attempts to widen a box of unknowns until Krawczyk's operator maps it into itself.
 _ATTEMPTS = 6
+#: Least half width of a box of unknowns: what is known exactly still needs an interior.
+_TINY = 1e-30
+#: Widest box with errors of the parameters, whose derivatives are enclosed to first order, in steps of the family.
+_WIDEST_WITH_ERRORS = 0.25
+#: Half width, relative, of the first box of unknowns for all parameters.
+_FIRST = 1e-4
+Series = Sequence[Sequence[arb]]
 
 
 @dataclass(frozen=True, eq=False)
 class TrimEquations:
-    """F(w, η) = 0; w: the free variables, the rest is imposed.
+    """F(w, η) = 0; w: the free variables, of which a series has a list of coefficients for each.
 
     known: name of an imposed variable or a parameter -> ball, one of which may be a series.
     """
@@ -131,8 +138,8 @@ class TrimEquations:
     flight: SteadyFlight
     known: dict[str, Any]
 
-    def arguments(self, place: Any, series: Sequence[Sequence[arb]], length: int) -> tuple[list[Any], list[Any]]:
-        """Variables and parameters; a place, or a series of it, and the unknowns as coefficients."""
+    def arguments(self, place: Any, series: Series, length: int) -> tuple[list[Any], list[Any]]:
+        """Variables and parameters at a place, or a series of it, in the model's unit."""
         values: dict[str, Any] = self.known | {self.family.over: place}
         for name, own in zip(self.flight.free, series, strict=True):
             values[name] = arb_series(list(own[:length]), prec=length)
@@ -143,34 +150,35 @@ class TrimEquations:
         """The scheduling variable at places + τ as a series of `length` coefficients."""
         return arb_series([self.family.value(places), self.family.value(exact(1.0))], prec=length)
 
-    def residual(self, place: Any, series: Sequence[Sequence[arb]], length: int) -> list[list[arb]]:
+    def residual(self, place: Any, series: Series, length: int) -> list[list[arb]]:
         """Coefficients of F, a list for each equation that the unknowns move."""
         found = self.flight.residual(*self.arguments(place, series, length))[0]
         for i, name in enumerate(self.flight.equations):
             wanted = self.known.get(name, 0) if name not in self.family.model.states else 0
-            found[i] = coefficients(found[i] - wanted, length)
+            found[i] = _coefficients(found[i] - wanted, length)
             if i not in self.flight.rows and any(each != 0 for each in found[i]):
                 raise BadInputError(f"the rate of {name} is not 0 whatever is free; change --hold and --free")
         return [found[i] for i in self.flight.rows]
 
-    def model_of(self, place: Any, series: Any, length: int) -> dict[str, list[arb_mat]]:
+    def model_of(self, place: Any, series: Series, length: int) -> dict[str, list[arb_mat]]:
         """The coefficients of the values that have limits, of A and B, and of the unknowns."""
         values, _, A, B = self.flight.full(*self.arguments(place, series, length))
-        entries, n = {"values": values, "A": A, "B": B}, len(self.family.model.linear)
-        flat = {name: [coefficients(entry, length) for entry in each] for name, each in entries.items()}
-        flat["unknowns"] = [list(each) for each in series]
-        heights = {"A": n, "B": n}
-        return {
-            name: [_columns(list(each), heights.get(name, len(each))) for each in zip(*own, strict=True)]
-            for name, own in flat.items()
+        parts = {
+            "values": (values, 1),
+            "A": (A, len(self.family.model.linear)),
+            "B": (B, len(self.family.model.inputs)),
         }
+        found = {"unknowns": [arb_mat([[each[j]] for each in series]) for j in range(length)]}
+        for name, (entries, columns) in parts.items():
+            rows, each = len(entries) // columns, [_coefficients(entry, length) for entry in entries]
+            found[name] = [arb_mat(columns, rows, [one[j] for one in each]).transpose() for j in range(length)]
+        return found
 
     def derivative(self, places: arb, values: list[arb]) -> arb_mat:
         """F_w at constant arguments."""
-        arguments = self.arguments(self.family.value(places), [[value] for value in values], 1)
-        height, flat = len(self.flight.equations), self.flight.full(*arguments)[1]
-        columns = range(len(self.flight.free))
-        return arb_mat([[coefficients(flat[height * j + i], 1)[0] for j in columns] for i in self.flight.rows])
+        flat = self.flight.full(*self.arguments(self.family.value(places), [[value] for value in values], 1))[1]
+        height, columns = len(self.flight.equations), range(len(self.flight.free))
+        return arb_mat([[_coefficients(flat[height * j + i], 1)[0] for j in columns] for i in self.flight.rows])
 
     def inverse(self, places: arb, values: list[arb]) -> arb_mat:
         """A matrix of balls that holds the inverse of F_w."""
@@ -185,7 +193,7 @@ class TrimEquations:
         """C F(w, η) and C, the inverse of F_w rounded to doubles."""
         inverse = matrix(np.linalg.inv(doubles(self.derivative(places.mid(), values))))
         residual = self.residual(self.family.value(places), [[value] for value in values], 1)
-        return (inverse * arb_mat([[series[0]] for series in residual])).entries(), inverse
+        return (inverse * arb_mat(residual)).entries(), inverse
 
     def contracted(self, places: arb, middle: list[arb], widths: list[arb]) -> list[arb]:
         """Balls about `middle` that Krawczyk's operator maps into their interior, as it leaves them."""
@@ -202,6 +210,13 @@ class TrimEquations:
             widths = [abs(before.union(after)).upper() for before, after in zip(offsets, mapped, strict=True)]
         raise Undecided("Krawczyk's operator does not map a box of unknowns into itself")
 
+    def around(self, places: arb, start: list[arb], widths: list[arb]) -> list[arb]:
+        """Such balls, which hold the known part too."""
+        found = self.contracted(places, [value.mid() for value in start], widths)
+        if not all(ball.contains(value) for ball, value in zip(found, start, strict=True)):
+            raise Undecided("the trim at the middle of the box is not the one found around it")
+        return found
+
     def branch(self, places: arb, start: list[arb], length: int) -> list[list[arb]]:
         """Taylor coefficients w_0 .. in the place of the branch through `start`; a list an unknown."""
         series, solved = [[value] for value in start], self.inverse(places, start)
@@ -213,37 +228,22 @@ class TrimEquations:
         return series
 
 
-def _columns(entries: list[arb], height: int) -> arb_mat:
-    """A matrix that is stored column by column."""
-    return arb_mat(len(entries) // height, height, entries).transpose()
-
-
-def coefficients(value: Any, length: int) -> list[arb]:
+def _coefficients(value: Any, length: int) -> list[arb]:
     """Of a series or a ball, `length` of them."""
-    if isinstance(value, arb):
-        return [value] + [arb(0)] * (length - 1)
-    return [value[index] for index in range(length)]
-
-
-#: Least half width of a box of unknowns: what is known exactly still needs an interior.
-_TINY = 1e-30
-#: Widest box with errors of the parameters, whose derivatives are enclosed to first order, in steps of the family.
-_WIDEST_WITH_ERRORS = 0.25
-#: Half width, relative, of the first box of unknowns for all parameters.
-_FIRST = 1e-4
+    return [value] + [arb(0)] * (length - 1) if isinstance(value, arb) else [value[index] for index in range(length)]
 
 
 @dataclass(frozen=True, eq=False)
 class ModelForms:
     """Over a box: `values` of all that may have limits, (k, 1), A(η), (n, n), B(η), (n, m), of the linear model.
 
-    unknowns: the free variables of the trim, (f, 1). polynomials: c_0, c_1, c_2 and what each error does to each of
-    them, in doubles; steps: how far Newton's step goes from there. The parameters with a half width are the errors.
+    unknowns: the free variables of the trim, (f, 1). trim: free variable -> c_0, c_1, c_2 of its polynomial, how far
+    Newton's step goes from there, and what each error does to it, in doubles. The parameters with a half width are the
+    errors.
     """
 
     box: PlaceBox
-    polynomials: list[list[float]]
-    steps: list[float]
+    trim: dict[str, list[float]]
     values: TaylorModel
     A: TaylorModel
     B: TaylorModel
@@ -260,52 +260,59 @@ class TrimBranch:
 
     def __init__(self, family: Family) -> None:
         flint_or_refusal()
-        self.family, model = family, family.model
-        imposed = family.imposed()
-        self.limits = family.limits()
+        self.family, model, imposed = family, family.model, family.imposed()
         flight, ball = steady_flight(model, imposed), as_read if family.decimals else exact
-        self.free, self.rows = flight.free, flight.rows
+        self.free, self.rows, self._names = flight.free, flight.rows, flight.names
         values = {name: signal.start for name, signal in model.parameters.items()} | imposed
         known = {name: ball(value) for name, value in values.items()}
+        self._widths = {name: exact(width) for name, width in family.spread.items() if width > 0.0}
+        widened = {name: known[name] + symmetric(width) for name, width in self._widths.items()}
         self._known = TrimEquations(family, flight, known)
-        self._uncertain = [(name, exact(width)) for name, width in family.spread.items() if width > 0.0]
-        widened = {name: known[name] + symmetric(width) for name, width in self._uncertain}
-        self._all = replace(self._known, known=known | widened)
-        self.names = flight.names
+        self._all = TrimEquations(family, flight, known | widened)
         self._input_rows = matrix(np.eye(len(flight.names))[[flight.names.index(name) for name in model.inputs]])
 
     def forms(self, box: PlaceBox) -> ModelForms:
         """The model over a box. Undecided when the box is too wide, TrimError when its middle has no trim."""
-        if self._uncertain and box.radius > _WIDEST_WITH_ERRORS * self.family.step / 2:
+        if self._widths and box.radius > _WIDEST_WITH_ERRORS * self.family.step / 2:
             raise Undecided("the errors of the parameters are enclosed on narrower boxes only")
-        at_middle = self._known.branch(box.middle, self.trim_at(float(box.middle)), ORDER)
-        everywhere = self._everywhere(box, at_middle)
-        thin, wide = (
-            self._known.model_of(self._known.along(places, length), series, length)
-            for places, series, length in (
-                (box.middle, at_middle, ORDER),
-                (box.places, self._known.branch(box.places, everywhere, ORDER + 1), ORDER + 1),
+        known, at_middle = self._known, self._known.branch(box.middle, self.trim_at(float(box.middle)), ORDER)
+        # A ball for each unknown that holds the branch on the whole box: w(η) = w(η_0) + w'(ξ) (η - η_0).
+        start = [series[0] for series in at_middle]
+        widths = [series[0].rad() + abs(series[1]).upper() * box.radius + exact(_TINY) for series in at_middle]
+        slopes = known.branch(box.places, known.around(box.places, start, widths), 2)
+        everywhere = [value + symmetric(box.radius) * series[1] for value, series in zip(start, slopes, strict=True)]
+        thin = known.model_of(known.along(box.middle, ORDER), at_middle, ORDER)
+        far = known.branch(box.places, everywhere, ORDER + 1)
+        wide = known.model_of(known.along(box.places, ORDER + 1), far, ORDER + 1)
+        errors = list(self._errors(box, everywhere)) if self._widths else []
+        # F(η_0 + s r) = F_0 + F_1 r s + F_2 r² s² + F_3(ξ) r³ s³, F_3 anywhere on the box (Lagrange).
+        powers, last = [box.radius**j for j in range(ORDER)], symmetric(box.radius**ORDER)
+        forms = {
+            name: TaylorModel(
+                *(part * power for part, power in zip(thin[name], powers, strict=True)),
+                wide[name][ORDER] * last,
+                *(each[name] for each in errors),
             )
-        )
-        errors = list(self._errors(box, everywhere)) if self._uncertain else []
-        forms = {name: _form(box, thin[name], wide[name], [each[name] for each in errors]) for name in thin}
-        polynomials = [
-            [float(part[i, 0].mid()) for part in (*forms["unknowns"].parts[:3], *forms["unknowns"].parts[4:])]
-            for i in range(len(self.free))
-        ]
-        return ModelForms(box, polynomials, self._steps(box, polynomials, everywhere), **forms)
+            for name in thin
+        }
+        c0, c1, c2, _, *z = ([float(entry.mid()) for entry in part.entries()] for part in forms["unknowns"].parts)
+        polynomials = list(zip(c0, c1, c2, *z, strict=True))
+        steps = self._steps(box, polynomials, everywhere)
+        trim = {name: [*row[:3], step, *row[3:]] for name, row, step in zip(self.free, polynomials, steps, strict=True)}
+        return ModelForms(box, trim, **forms)
 
-    def _steps(self, box: PlaceBox, polynomials: list[list[float]], everywhere: list[arb]) -> list[float]:
+    def _steps(self, box: PlaceBox, polynomials: list[tuple[float, ...]], everywhere: list[arb]) -> list[float]:
         """Bounds of C F along polynomials of the unknowns, C about the inverse of F_w, in the checker's arithmetic."""
-        none, widths = arb(0), dict(self._uncertain)
+        none, F, model = arb(0), self._known.flight, self.family.model
         values = {
-            name: TaylorModel(ball, none, none, none, *(width * (name == other) for other, width in widths.items()))
+            name: TaylorModel(
+                ball, none, none, none, *(width * (name == other) for other, width in self._widths.items())
+            )
             for name, ball in self._known.known.items()
         }
         values[self.family.over] = TaylorModel(*map(self.family.value, (box.middle, box.radius)))
         for name, (c0, c1, c2, *slopes) in zip(self.free, polynomials, strict=True):
             values[name] = TaylorModel(*map(arb, (c0, c1, c2)), none, *map(arb, slopes))
-        F, model = self._known.flight, self.family.model
         found = F.residual([values[name] for name in model.variables], [values[name] for name in model.parameters])[0]
         wanted = [0 if name in model.states else values[name] for name in F.equations]
         left = arb_mat([[(TaylorModel.of(found[i]) - wanted[i]).range()] for i in self.rows])
@@ -335,28 +342,11 @@ class TrimBranch:
     def beyond_limits(self, forms: ModelForms) -> str | None:
         """What may leave its limits somewhere on the box; None when all is proved to stay within."""
         values = dict(zip(self.free, forms.unknowns.range().entries(), strict=True))
-        values |= zip(self.names, forms.values.range().entries(), strict=True)
-        for name, (low, high) in self.limits.items():
+        values |= zip(self._names, forms.values.range().entries(), strict=True)
+        for name, (low, high) in self.family.limits().items():
             if not (exact(low) <= values[name] <= exact(high)):
                 return name
         return None
-
-    def _everywhere(self, box: PlaceBox, at_middle: list[list[arb]]) -> list[arb]:
-        """A ball for each unknown that holds the branch on the whole box: w(η) = w(η_0) + w'(ξ) (η - η_0)."""
-        start = [series[0] for series in at_middle]
-        widths = [series[0].rad() + abs(series[1]).upper() * box.radius + exact(_TINY) for series in at_middle]
-        found = self._around(self._known, box, start, widths)
-        slopes = self._known.branch(box.places, found, 2)
-        tau = symmetric(box.radius)
-        return [value + tau * series[1] for value, series in zip(start, slopes, strict=True)]
-
-    @staticmethod
-    def _around(equations: TrimEquations, box: PlaceBox, start: list[arb], widths: list[arb]) -> list[arb]:
-        """Krawczyk's box about the known part."""
-        found = equations.contracted(box.places, [value.mid() for value in start], widths)
-        if not all(ball.contains(value) for ball, value in zip(found, start, strict=True)):
-            raise Undecided("the trim at the middle of the box is not the one found around it")
-        return found
 
     def _errors(self, box: PlaceBox, known: list[arb]) -> Iterator[dict[str, arb_mat]]:
         """What each parameter does; `known`: the unknowns on the box without errors.
@@ -364,10 +354,10 @@ class TrimBranch:
         w(η, p) = w(η, p_0) + Σ_k ∂w/∂p_k (p_k - p_0k), with the derivatives -F_w⁻¹ F_p anywhere between.
         """
         widths = [value.rad() * 2 + abs(value).upper() * _FIRST for value in known]
-        found, place = self._around(self._all, box, known, widths), self.family.value(box.places)
+        found, place = self._all.around(box.places, known, widths), self.family.value(box.places)
         moved = [
             replace(self._all, known=self._all.known | {name: arb_series([self._all.known[name], width], prec=2)})
-            for name, width in self._uncertain
+            for name, width in self._widths.items()
         ]
         slopes: list[arb_mat] = []
         for _ in range(2):  # the second time with the narrower unknowns that the first time gives
@@ -379,9 +369,3 @@ class TrimBranch:
         for equations, slope in zip(moved, slopes, strict=True):
             series = [[value, rise] for value, rise in zip(found, slope.entries(), strict=True)]
             yield {name: parts[1] for name, parts in equations.model_of(place, series, 2).items()}
-
-
-def _form(box: PlaceBox, thin: list[arb_mat], wide: list[arb_mat], errors: Sequence[arb_mat]) -> TaylorModel:
-    """F(η_0 + s r) = F_0 + F_1 r s + F_2 r² s² + F_3(ξ) r³ s³, F_3 anywhere on the box (Lagrange)."""
-    middle = [thin[j] * box.radius**j for j in range(ORDER)]
-    return TaylorModel(*middle, wide[ORDER] * symmetric(box.radius**ORDER), *errors)

@@ -6,38 +6,34 @@ how far they are from the chord of two nodes.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
-from pathlib import Path
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 from flint import arb_mat
 
-from controller.export.c_model import c_table, comment_lines
 from controller.game.zero_sum import Game, usual_game
 from controller.riccati.balancing import balanced_units, in_units
 from controller.riccati.gare_schur import schur_solution
-from hfa_model.provenance import Provenance
 from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.jsonable import jsonable
-from hfa_support.model import Model
 from hfa_support.progress import Progress, told
-from hfa_support.reporting.fields import Shown
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Table
 from hfa_support.reporting.unit_system import gain_unit
 from verification.arithmetic.ball_function import Undecided
 from verification.arithmetic.balls import doubles, exact, matrix, norm
 from verification.arithmetic.taylor_model import TaylorModel
+from verification.checker.checker import Rejected, distances, model_on, solution_on
 from verification.enclosures.eigenvalue_signs import counted
 from verification.enclosures.game_balls import lyapunov_operator
 from verification.enclosures.place_box import PlaceBox, bisected
 from verification.enclosures.trim_branch import Family, ModelForms, TrimBranch
-from verification.proof.certificate_file import box_entry, flights_claim, write_certificate
-from verification.proof.proof_report import scheduled
-from verification.proof.stated_model import stated
+from verification.proof.certificate import Content, Proof, flights_claim, proved_box
+from verification.proof.proof_report import place_data
 
+SCHEMA = "hfa.lpv/1"
 #: How much wider than what Newton's step shows the solution of the game is sought.
 _REACH = 4.0
 #: Cells, in steps of the family: every node of a grid is an end of one.
@@ -48,57 +44,31 @@ _NARROWEST = 2.0**-8
 _LOOSE = 0.5
 #: What the error is stated larger than it is found, relative.
 _ROUNDING = 1e-9
+_PARTS = ("A", "B", "inputs", "K")
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class LpvGrid(Shown):
-    """A(η), B(η), U0(η) and the usual game's K(η) at the nodes; between two nodes they are interpolated linearly.
-
-    places: (G,). A: (G, n, n), B: (G, n, m), inputs: (G, m), K: (G, m, n). error: proved bounds, at every place
-    between the first and the last node, of |A - Â| / |A|, |B - B̂| / |B|, |K - K̂| / |K| (Frobenius) and of |U0 - Û0| in
-    nominal units of the inputs (Euclidean). claim, cells: what a certificate says of it, and of each cell.
-    """
-
-    model: Model
-    places: np.ndarray
-    A: np.ndarray
-    B: np.ndarray
-    inputs: np.ndarray
-    K: np.ndarray
-    error: dict[str, float]
-    claim: dict[str, Any]
-    cells: tuple[dict[str, Any], ...]
-
-
-@dataclass(frozen=True)
-class _Cell:
+class _Cell(NamedTuple):
     """What is proved on a part of the interval: A, B, K and the inputs as Taylor models."""
 
-    entry: dict[str, Any]
+    entry: Content
     known: dict[str, TaylorModel]
-
-    def at(self, name: str, s: float) -> np.ndarray:
-        """In doubles, at an end: s = -1 or 1."""
-        c0, c1, c2, *_ = self.known[name].parts
-        return doubles(c0 + s * c1 + c2)
 
 
 def coarsest_grid(
     family: Family, low: float, high: float, tolerance: float, *, progress: Progress | None = None
-) -> LpvGrid:
-    """As few nodes as the bound allows: from `low` on, every step is the longest whose error is proved to stay below
-    the tolerance, which is of every error in `LpvGrid.error`.
+) -> Proof:
+    """A, B, the trimmed inputs and the usual game's K at as few nodes as the bound allows: from `low` on, every step is
+    the longest that is proved to keep every error, at every place between two nodes, below the tolerance.
 
+    data: dihedral_deg or scheduled, the nodes, (G,); A (G, n, n), B, inputs_offset (G, m), K (G, m, n) there; error:
+    the bounds of |A - Â| / |A|, |B - B̂| / |B|, |K - K̂| / |K| (Frobenius) and of |U0 - Û0| in nominal units (Euclidean).
     Nodes are ends of cells of 1/16 of a step, or less. NoSolutionError when no step is fine enough.
     """
-    from verification.checker.checker import Rejected, distances, model_on, solution_on
-
     if not low < high:
         raise BadInputError(f"the interval goes from {low:g} to {high:g}; give the lower end first")
     branch, model, cells = TrimBranch(family), family.model, list[_Cell]()
     narrowest = _NARROWEST * family.step
-    point = branch.model_at(low)
-    game = usual_game(model, *map(doubles, point[:2]))
+    game = usual_game(model, *map(doubles, branch.model_at(low)[:2]))
     weights = {name: getattr(game, name) for name in "QRE"} | {"delta": game.delta if game.delta < np.inf else "inf"}
     claim = jsonable(flights_claim(family, low, high) | {"game": weights, "distances": dict.fromkeys(_PARTS)})
 
@@ -108,15 +78,16 @@ def coarsest_grid(
         found = [distances(claim | {"table": table}, each.entry, each.known) for each in cells[first:last]]
         return {name: max(float(each[name][1]) for each in found) * (1.0 + _ROUNDING) for name in _PARTS}
 
-    def tables(nodes: list[int]) -> dict[str, Any]:
+    def tables(nodes: list[int]) -> Content:
         """Places and matrices where these cells begin, and at the end of the last one."""
         at = [(cells[k], -1.0) if k < len(cells) else (cells[-1], 1.0) for k in nodes]
-        found = {name: [cell.at(name, s) for cell, s in at] for name in _PARTS}
+        parts = {name: [(cell.known[name].parts, s) for cell, s in at] for name in _PARTS}
+        found = {name: [doubles(c0 + s * c1 + c2) for (c0, c1, c2, *_), s in own] for name, own in parts.items()}
         return {"places": [cell.entry["range"][int(s > 0.0)] for cell, s in at], **found}
 
     def proved(box: PlaceBox) -> _Cell | None:
         forms = branch.forms(box)
-        entry = jsonable(box_entry(box, stated(forms, family), family.decimals, **_game_on(forms, game)))
+        entry = jsonable(proved_box(forms, family, **_game_on(forms, game)))
         try:
             known = model_on(claim, entry, model)
             cell = _Cell(entry, known | solution_on(claim["game"], known, entry, 1))
@@ -149,19 +120,23 @@ def coarsest_grid(
         errors.append(error)
     largest, table = {name: max(each[name] for each in errors) for name in _PARTS}, tables(nodes)
     claim |= jsonable({"table": table, "distances": {name: [0.0, most] for name, most in largest.items()}})
-    places, A, B, inputs, K = map(np.array, table.values())
-    return LpvGrid(model, places, A, B, inputs[..., 0], K, largest, claim, tuple(cell.entry for cell in cells))
+    data = {
+        "schema": SCHEMA,
+        "dynamics": model.name,
+        "tolerance": tolerance,
+        "error": largest,
+        **place_data(model, np.array(table["places"])),
+        **{name: np.array(table[name]) for name in "ABK"},
+        "inputs_offset": np.array(table["inputs"])[..., 0],
+        "states": list(model.linear),
+        "inputs": list(model.inputs),
+        "state_units": list(model.units(model.linear)),
+        "input_units": list(model.units(tuple(model.inputs))),
+    }
+    return Proof("lpv", claim, {"cells": [cell.entry for cell in cells]}, model=model, data=data)
 
 
-_PARTS = ("A", "B", "inputs", "K")
-
-
-def certify(grid: LpvGrid, path: Path, origin: Provenance) -> None:
-    """Write the certificate of a grid."""
-    write_certificate(path, origin, "lpv", grid.claim, {"cells": list(grid.cells)})
-
-
-def _game_on(forms: ModelForms, first: Game) -> dict[str, Any]:
+def _game_on(forms: ModelForms, first: Game) -> Content:
     """What a certificate says of the solution of the game on a box: P(τ) to second order, and how far off it may be."""
     game = replace(first, A=doubles(forms.A.parts[0]), B=doubles(forms.B.parts[0]))
     units = balanced_units(game)
@@ -198,100 +173,38 @@ def _solution(game: Game, A: list[np.ndarray], S: list[np.ndarray]) -> list[np.n
     return P
 
 
-SCHEMA = "hfa.lpv/1"
-
-
-def lpv_report(grid: LpvGrid, tolerance: float) -> Report:
+def lpv_report(proof: Proof) -> Report:
     """The proved bounds and where the nodes are; the matrices are data."""
-    steps, model = np.diff(grid.places), grid.model
-    low, high, unit = grid.places[0], grid.places[-1], model.schedule_unit
+    data, model = proof.data, proof.model
+    assert model is not None
+    places, unit, inputs = np.array(proof.statement["table"]["places"]), model.schedule_unit, tuple(model.inputs)
     rows = [
         (
             f"|{name} - interpolated| / |{name}|" if name != "inputs" else "|U0 - interpolated|, in nominal units",
             f"{value:.3g}",
         )
-        for name, value in grid.error.items()
+        for name, value in data["error"].items()
     ]
-    data: dict[str, Any] = {
-        "schema": SCHEMA,
-        "dynamics": model.name,
-        "tolerance": tolerance,
-        "error": grid.error,
-        **scheduled(model, grid.places),
-        **{name: getattr(grid, name) for name in "ABK"},
-        "inputs_offset": grid.inputs,
-        "states": list(model.linear),
-        "inputs": list(model.inputs),
-        "state_units": list(model.units(model.linear)),
-        "input_units": list(model.units(tuple(model.inputs))),
-    }
+    steps, every = np.diff(places), "angle" if unit == "deg" else model.schedule
+    records = [
+        (place, name, row, column, value, unit_of(row, column))
+        for k, place in enumerate(places.tolist())
+        for name, entries, names, columns, unit_of in (
+            ("A", data["A"], model.linear, model.linear, model.entry_unit),
+            ("B", data["B"], model.linear, inputs, model.entry_unit),
+            ("K", data["K"], inputs, model.linear, lambda u, x: gain_unit(model.unit(u), model.unit(x))),
+            ("U0", data["inputs_offset"][..., None], inputs, ("",), lambda u, _: model.unit(u)),
+        )
+        for row, values in zip(names, entries[k].tolist(), strict=True)
+        for column, value in zip(columns, values, strict=True)
+    ]
     return Report(
-        title=f"Proved: {len(grid.places)} models from {low:g} to {high:g} {unit}, {model.title}, interpolate "
-        f"linearly within {tolerance:g}",
+        title=f"Proved: {len(places)} models from {places[0]:g} to {places[-1]:g} {unit}, {model.title}, interpolate "
+        f"linearly within {data['tolerance']:g}",
         parts=[
-            Table((f"error at every {'angle' if unit == 'deg' else model.schedule} between, at most", "bound"), rows),
+            Table((f"error at every {every} between, at most", "bound"), rows),
             f"steps from {steps.min():g} to {steps.max():g} {unit}",
         ],
         data=data,
-        records=_records(grid),
+        records=Table((model.schedule_key, "matrix", "row", "column", "value", "unit"), records),
     )
-
-
-def c_source(grid: LpvGrid, origin: str) -> str:
-    """A C99 function that interpolates A, B, U0 and K, row by row; it needs no library. origin: stated at its top."""
-    model, key = grid.model, grid.model.schedule_key
-    parts = {"A": grid.A, "B": grid.B, "U0": grid.inputs, "K": grid.K}
-    bounds = ", ".join(f"{name} {value:.3g}" for name, value in grid.error.items())
-    sizes = {name: values[0].size for name, values in parts.items()}
-    tables = [
-        c_table(f"static const double {name}_at", values.reshape(len(values), -1)) for name, values in parts.items()
-    ]
-    tables.append(c_table("static const double node", grid.places))
-    calls = "\n    ".join(
-        f"between({name}_at[k], {name}_at[k + 1], share, {size}, {name});" for name, size in sizes.items()
-    )
-    units = ", ".join(f"{name} {model.unit(name)}" for name in (*model.linear, *model.inputs))
-    return f"""/* {comment_lines(origin)} */
-/* Linear models over the {model.schedule}, linear between the nodes; proved errors: {bounds}.
-   States: {", ".join(model.linear)}. Inputs: {", ".join(model.inputs)}. Units: {units}. */
-#include <stddef.h>
-{chr(10).join(tables)}
-static void between(const double *first, const double *last, double share, size_t size, double *out)
-{{
-    for (size_t i = 0; i < size; i++) out[i] = first[i] + share * (last[i] - first[i]);
-}}
-/* {", ".join(f"{name}[{size}]" for name, size in sizes.items())}, u = -K x; matrices row by row. Returns 0, or 1 and
-   nothing when {key} is outside the nodes. */
-int hfa_lpv(double {key}, double *A, double *B, double *U0, double *K)
-{{
-    size_t k = 0;
-    if (!({key} >= node[0] && {key} <= node[{len(grid.places) - 1}])) return 1;
-    while (k + 2 < {len(grid.places)} && {key} > node[k + 1]) k++;
-    double share = ({key} - node[k]) / (node[k + 1] - node[k]);
-    {calls}
-    return 0;
-}}
-"""
-
-
-def _records(grid: LpvGrid) -> Table:
-    model, rows = grid.model, list[tuple[Any, ...]]()
-    states, inputs = model.linear, tuple(model.inputs)
-    per_gain = lambda row, column: gain_unit(model.unit(row), model.unit(column))  # noqa: E731
-    for k, place in enumerate(grid.places.tolist()):
-        for name, names, columns, unit in (
-            ("A", states, states, model.entry_unit),
-            ("B", states, inputs, model.entry_unit),
-            ("K", inputs, states, per_gain),
-        ):
-            values = getattr(grid, name)[k].tolist()
-            rows += [
-                (place, name, row, column, values[i][j], unit(row, column))
-                for i, row in enumerate(names)
-                for j, column in enumerate(columns)
-            ]
-        rows += [
-            (place, "U0", name, "", value, model.unit(name))
-            for name, value in zip(inputs, grid.inputs[k].tolist(), strict=True)
-        ]
-    return Table((model.schedule_key, "matrix", "row", "column", "value", "unit"), rows)

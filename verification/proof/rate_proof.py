@@ -3,25 +3,21 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise
-from typing import NamedTuple
 
 import numpy as np
 from flint import arb_mat
 
-from controller.policy.gain_table import GainTable
 from hfa_support.progress import Progress, told
-from hfa_support.reporting.fields import Shown
 from verification.arithmetic.ball_function import Undecided
 from verification.arithmetic.balls import doubles, exact, is_positive_definite, matrix
 from verification.arithmetic.taylor_model import TaylorModel
 from verification.enclosures.eigenvalue_signs import roomy
 from verification.enclosures.place_box import PlaceBox, bisected
-from verification.enclosures.trim_branch import Family, TrimBranch
+from verification.enclosures.trim_branch import TrimBranch
+from verification.proof.certificate import Content, proved_box
 from verification.proof.scheduled_loop import LoopTable, closed_loop, segments
-from verification.proof.stated_model import StatedModel, stated
 
 #: Largest distance between two places at which P is given, in steps of the family.
 _STEP = 0.125
@@ -37,25 +33,60 @@ _POWER = 8
 Rows = np.ndarray
 
 
-class MotionBox(NamedTuple):
-    """A box on which V is proved to decrease, its trims, and the coordinates, (n, n), in which it is proved."""
+def proved_motion(
+    branch: TrimBranch, table: LoopTable, low: float, high: float, *, progress: Progress | None = None
+) -> tuple[Content, list[Content]]:
+    """place_rate and lyapunov (places, P) of a statement, and the boxes that prove it; no boxes when none are found.
 
-    box: PlaceBox
-    model: StatedModel
-    turn: np.ndarray
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class RateProof(Shown):
-    """The closed loop is stable for every motion of η in the interval with |η'| <= rate, per second; 0 when open.
-
-    places: (G,), P: (G, n, n): V = ζ'P(η)ζ with P linear between these places decreases on every such motion.
+    V = ζ'P(η)ζ decreases on every motion with |η'| <= place_rate: V' = z'(A_c'P + P A_c + η' dP/dη) z < 0 for both
+    signs of η' = ± rate, hence for all rates between. P solves A_c'P + P A_c = -W at some places, with one W for all,
+    and is linear between: V is continuous, its derivative is the above where η is inside a piece, and P is as smooth
+    as A_c, whatever its modes do.
     """
+    family, places = branch.family, list[float]()
+    for part in segments(table, low, high):
+        pieces = math.ceil((part.high - part.low) / (_STEP * family.step))
+        places += np.linspace(part.low, part.high, pieces + 1)[:-1].tolist()
+    places.append(high)
+    boxes = [PlaceBox(a, b) for a, b in pairwise(places)]
+    try:
+        loops = [closed_loop(table, branch.forms(box)) for box in boxes]
+    except Undecided:
+        return {}, []
+    scales = [1.0 / float(box.radius) for box in boxes]
+    points = [(doubles(each.parts[0]), doubles(each.parts[1]) * s) for each, s in zip(loops, scales, strict=True)]
+    if max(np.linalg.eigvals(A).real.max() for A, _ in points) >= 0.0:
+        return {}, []
+    suggested, W = _weight([*points[::_STRIDE], points[-1]])
+    last = loops[-1].parts
+    ends = [doubles(c0 - c1 + c2) for c0, c1, c2, *_ in (loop.parts for loop in loops)]
+    ends += [doubles(last[0] + last[1] + last[2])]
+    P = [_lyapunov(A, W) for A in ends]
 
-    rate: float
-    places: np.ndarray
-    P: np.ndarray
-    boxes: tuple[MotionBox, ...] = ()
+    def prove(rate: float, index: int, box: PlaceBox) -> Content | None:
+        forms = branch.forms(box)
+        first, width = exact(places[index]), exact(places[index + 1]) - exact(places[index])
+        rise = (matrix(P[index + 1]) - matrix(P[index])) * (1 / width)
+        value = matrix(P[index]) + (box.middle - first) * rise
+        turn = _decreases(closed_loop(table, forms), TaylorModel(value, rise * box.radius), exact(rate) * rise)
+        return None if turn is None else proved_box(forms, family, turn=turn)
+
+    def proved(rate: float) -> list[Content]:
+        """The boxes on which the rate is proved; none when it is not on all of them."""
+        found: list[Content] = []
+        for index, whole in told(list(enumerate(boxes)), progress):
+            for _, box in bisected([whole], partial(prove, rate, index), _NARROWEST * family.step):
+                if box is None:
+                    return []
+                found.append(box)
+        return found
+
+    for share in _SHARES if all(is_positive_definite(matrix(each)) for each in P) else ():
+        unit = math.floor(math.log10(share * suggested)) - 1  # two digits, rounded down
+        rate = float(f"{math.floor(share * suggested / 10.0**unit)}e{unit}")
+        if found := proved(rate):
+            return {"place_rate": rate, "lyapunov": {"places": places, "P": P}}, found
+    return {}, []
 
 
 def _decreases(loop: TaylorModel, P: TaylorModel, motion: arb_mat) -> np.ndarray | None:
@@ -70,76 +101,6 @@ def _decreases(loop: TaylorModel, P: TaylorModel, motion: arb_mat) -> np.ndarray
     turned, moved = decrease.map(lambda part: T.transpose() * part * T), T.transpose() * motion * T
     corners = [each for corner in roomy(turned).corners() for each in (corner + moved, corner - moved)]
     return turn if all(map(is_positive_definite, corners)) else None
-
-
-def prove_rate(
-    family: Family,
-    table: GainTable | LoopTable,
-    low: float,
-    high: float,
-    *,
-    progress: Progress | None = None,
-) -> RateProof:
-    """V' = z'(A_c'P + P A_c + η' dP/dη) z < 0 for both signs of η' = ± rate, hence for all rates between.
-
-    P solves A_c'P + P A_c = -W at some places, with one W for all, and is linear between: V is continuous, its
-    derivative is the above where η is inside a piece, and P is as smooth as A_c, whatever its modes do.
-    """
-    branch, table = TrimBranch(family), LoopTable.of(table)
-    places = _places(segments(table, low, high), _STEP * family.step)
-    boxes = [PlaceBox(a, b) for a, b in pairwise(places)]
-    nothing = RateProof(0.0, np.array(places), np.zeros(0))
-    try:
-        loops = [closed_loop(table, branch.forms(box)) for box in boxes]
-    except Undecided:
-        return nothing
-    scales = [1.0 / float(box.radius) for box in boxes]
-    points = [(doubles(each.parts[0]), doubles(each.parts[1]) * s) for each, s in zip(loops, scales, strict=True)]
-    if max(np.linalg.eigvals(A).real.max() for A, _ in points) >= 0.0:
-        return nothing
-    suggested, W = _weight([*points[::_STRIDE], points[-1]])
-    last = loops[-1].parts
-    ends = [doubles(c0 - c1 + c2) for c0, c1, c2, *_ in (loop.parts for loop in loops)]
-    ends += [doubles(last[0] + last[1] + last[2])]
-    P = np.array([_lyapunov(A, W) for A in ends])
-
-    def proved_box(rate: float, index: int, box: PlaceBox) -> MotionBox | None:
-        forms = branch.forms(box)
-        first, width = exact(places[index]), exact(places[index + 1]) - exact(places[index])
-        rise = (matrix(P[index + 1]) - matrix(P[index])) * (1 / width)
-        value = matrix(P[index]) + (box.middle - first) * rise
-        turn = _decreases(closed_loop(table, forms), TaylorModel(value, rise * box.radius), exact(rate) * rise)
-        return None if turn is None else MotionBox(box, stated(forms, family), turn)
-
-    def proved_boxes(rate: float) -> tuple[MotionBox, ...]:
-        """The boxes on which the rate is proved; none when it is not on all of them."""
-        found: list[MotionBox] = []
-        for index, whole in told(list(enumerate(boxes)), progress):
-            for _, proved in bisected([whole], partial(proved_box, rate, index), _NARROWEST * family.step):
-                if proved is None:
-                    return ()
-                found.append(proved)
-        return tuple(found)
-
-    if all(is_positive_definite(matrix(each)) for each in P):
-        for share in _SHARES:
-            rate = _two_digits(share * suggested)
-            found = proved_boxes(rate)
-            if found:
-                return RateProof(rate, np.array(places), P, found)
-    return nothing
-
-
-def _two_digits(rate: float) -> float:
-    """A rate, rounded down: what the search found beyond is not worth stating."""
-    unit = math.floor(math.log10(rate)) - 1
-    return float(f"{math.floor(rate / 10.0**unit)}e{unit}")
-
-
-def _places(parts: list[PlaceBox], step: float) -> list[float]:
-    """The ends of the parts, and between them places at most a step apart."""
-    cuts = [np.linspace(s.low, s.high, math.ceil((s.high - s.low) / step) + 1)[:-1] for s in parts]
-    return [*np.concatenate(cuts).tolist(), parts[-1].high]
 
 
 def _lyapunov(A: Rows, W: Rows) -> Rows:

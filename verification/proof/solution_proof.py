@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
-from functools import cached_property
+from contextlib import suppress
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -18,19 +18,26 @@ from controller.riccati.balancing import balanced_units
 from controller.riccati.gare import solve_game
 from controller.riccati.smallest_delta import DeltaMin, minimum_delta
 from hfa_support.errors import BadInputError, NoSolutionError
-from hfa_support.reporting.fields import Shown
 from verification.arithmetic import flint_or_refusal
 from verification.arithmetic.balls import doubles, exact, map_entries, matrix, norm, symmetric
 from verification.enclosures.eigenvalue_signs import counted
-from verification.enclosures.game_balls import BallGame, Enclosed, enclose_solution, is_hurwitz, unstable_modes
+from verification.enclosures.game_balls import BallGame, Enclosed, enclose_solution, unstable_modes
 from verification.enclosures.trim_branch import Family, TrimBranch
-from verification.proof.certificate_file import flights_claim
-from verification.proof.stated_model import stated_point
+from verification.proof.certificate import FINEST, Content, Proof, flights_claim
+from verification.proof.proof_report import SCHEMA
 
 #: Relative width of the bracket, where the middle of a wider one can be decided.
 WIDTH = 1e-6
 #: Distances from the middle of what was found, relative, that are tried on either side.
 _DISTANCES = (1e-7, 2e-7, 5e-7, 1e-6, 1e-5, 1e-4, 1e-3)
+#: The certificate states a radius and a reach this much larger than proved: the checker encloses in another way.
+_WIDER = 4.0
+#: Least reach, relative: far below what a statement needs, far above the rounding of the checker.
+_LEAST = 1e-28
+#: Part of a distance by which the certificate states it wider.
+_SHARP = 1e-6
+#: Decimals of an entry of P or of a trim: the checker's own digits, and some.
+_DIGITS = 55
 
 
 class ProvedDelta(NamedTuple):
@@ -38,7 +45,7 @@ class ProvedDelta(NamedTuple):
 
     value: float
     refused: float
-    reason: str
+    why: Enclosed | tuple[float, float]
 
     @property
     def width(self) -> float:
@@ -59,17 +66,15 @@ def prove_delta_min(game: BallGame, found: DeltaMin) -> ProvedDelta | None:
     high = next((delta for delta in highs if value_is_proved(game.with_delta(delta))), None)
     lows = (middle * (1.0 - distance) for distance in _DISTANCES)
     refused = next(((delta, why) for delta in lows if (why := none_exists(game.with_delta(delta)))), None)
-    return None if high is None or refused is None else _narrowed(game, ProvedDelta(high, *refused))
-
-
-def _narrowed(game: BallGame, bracket: ProvedDelta) -> ProvedDelta:
-    """Halved until it is as narrow as `WIDTH`, or its middle cannot be decided."""
+    if high is None or refused is None:
+        return None
+    bracket = ProvedDelta(high, *refused)
     while bracket.width > WIDTH:
         middle = math.sqrt(bracket.value * bracket.refused)
         if value_is_proved(game.with_delta(middle)):
             bracket = bracket._replace(value=middle)
-        elif reason := none_exists(game.with_delta(middle)):
-            bracket = bracket._replace(refused=middle, reason=reason)
+        elif why := none_exists(game.with_delta(middle)):
+            bracket = bracket._replace(refused=middle, why=why)
         else:
             break
     return bracket
@@ -83,23 +88,16 @@ def value_is_proved(game: BallGame) -> bool:
         return False
 
 
-def none_exists(game: BallGame) -> str | None:
-    """Why the game has no value, proved; None when it is not."""
-    try:
-        if enclose_solution(game).is_indefinite:
-            return "the stabilizing solution has a negative eigenvalue"
-    except NoSolutionError:
-        pass
-    if frequencies_around_axis(game):
-        return "the Hamiltonian has an eigenvalue on the imaginary axis"
-    return None
+def none_exists(game: BallGame) -> Enclosed | tuple[float, float] | None:
+    """Why the game has no value, proved; None when it is not: a stabilizing solution with a negative eigenvalue, or
+    two ω between which the Hamiltonian has an eigenvalue j ω.
 
-
-def frequencies_around_axis(game: BallGame) -> tuple[float, float] | None:
-    """Two ω between which the Hamiltonian has an eigenvalue j ω; None when none is proved.
-
-    det(j ω I - H) is real, because the spectrum is symmetric: it changes its sign.
+    det(j ω I - H) is real, because the spectrum is symmetric: there it changes its sign.
     """
+    with suppress(NoSolutionError):
+        found = enclose_solution(game)
+        if found.is_indefinite:
+            return found
     own = game.scaled(balanced_units(game.game))
     values = np.linalg.eigvals(np.block([[own.game.A, -own.game.S], [-own.game.Q, -own.game.A.T]]))
     near = sorted(np.abs(values[np.argsort(np.abs(values.real))][:4].imag).tolist())
@@ -107,55 +105,126 @@ def frequencies_around_axis(game: BallGame) -> tuple[float, float] | None:
     A, S, Q = own.A, own.S(), own.Q()
     rows = [[*row, *other] for row, other in zip(A.tolist(), (-S).tolist(), strict=True)]
     rows += [[*row, *other] for row, other in zip((-Q).tolist(), (-A.transpose()).tolist(), strict=True)]
-    H, one, found = acb_mat(rows), acb_mat(matrix(np.eye(len(rows)))), dict[bool, float]()
+    H, one, signs = acb_mat(rows), acb_mat(matrix(np.eye(len(rows)))), dict[bool, float]()
     for frequency in (*ends, *((a + b) / 2 for a, b in pairwise(ends))):
         value = (one * acb(0, exact(frequency)) - H).det().real
         if value > 0 or value < 0:
-            found[bool(value > 0)] = frequency
-    return (found[True], found[False]) if len(found) == 2 else None
+            signs[bool(value > 0)] = frequency
+    return (signs[True], signs[False]) if len(signs) == 2 else None
 
 
-@dataclass(frozen=True, eq=False)
-class StatedGame:
+class StatedGame(NamedTuple):
     """The game of a statement: of the model of a family at a place, or without these of its matrices."""
 
     game: Game
     family: Family | None = None
     place: float | None = None
 
-    @cached_property
-    def sharp(self) -> BallGame:
-        """Of the doubles."""
-        return self._balls(decimals=False)
-
-    @cached_property
-    def wide(self) -> BallGame:
-        """Of every decimal that reads as these doubles."""
-        return self._balls(decimals=True)
-
-    def _balls(self, *, decimals: bool) -> BallGame:
+    def balls(self, *, decimals: bool) -> tuple[BallGame, Content]:
+        """About the doubles, or about every decimal that reads as them; and what a certificate has of the trim."""
+        modes: Content = {"unstable": 0, "rate": 0.0}
         if self.family is None or self.place is None:
-            return BallGame.of(self.game)
-        return BallGame(self.game, *self._branch(self.family, decimals).model_at(self.place)[:2])
+            return BallGame.of(self.game), modes | {"range": [0.0, 0.0]}
+        branch, trim = TrimBranch(replace(self.family, spread={}, decimals=decimals)), Content()
+        for name, value in zip(branch.free, branch.trim_at(self.place), strict=True):
+            radius = 2 * float(value.rad()) + FINEST * self.family.model.signals[name].nominal
+            trim[name] = [value.mid().str(_DIGITS, radius=False), 0.0, 0.0, radius]
+        point = {"range": [self.place, self.place], "decimals": decimals, "trim": trim}
+        return BallGame(self.game, *branch.model_at(self.place)[:2]), modes | point
 
-    @staticmethod
-    def _branch(family: Family, decimals: bool) -> TrimBranch:
-        return TrimBranch(replace(family, spread={}, decimals=decimals))
-
-    def claim(self) -> dict[str, Any]:
-        """What a certificate says of the plant and the game."""
+    def proof(self, data: Content, table: Content, distances: Content, boxes: dict[str, Content], **more: Any) -> Proof:
+        """With the statement of the plant and of the game. data: what JSON has, beside which game it is."""
         game, delta = self.game, self.game.delta if np.isfinite(self.game.delta) else "inf"
-        own = {"E": game.E, "delta": delta, "Q": (game.Q + game.Q.T) / 2, "R": (game.R + game.R.T) / 2}
-        if self.family is None or self.place is None:
-            return {"A": game.A, "B": game.B, "range": [0.0, 0.0], "game": own}
-        return flights_claim(self.family, self.place, self.place) | {"game": own}
-
-    def point(self, decimals: bool) -> dict[str, Any]:
-        """What a certificate says of the trim, about the decimals as they were read or about the doubles."""
-        own: dict[str, Any] = {"range": [0.0, 0.0]}
+        claim: Content = {"A": game.A, "B": game.B, "range": [0.0, 0.0]}
+        model = None if self.family is None else self.family.model
         if self.family is not None and self.place is not None:
-            own = stated_point(self.place, self._branch(self.family, decimals))
-        return {"unstable": 0, "rate": 0.0} | own
+            claim = flights_claim(self.family, self.place, self.place)
+        own = {"E": game.E, "delta": delta, "Q": (game.Q + game.Q.T) / 2, "R": (game.R + game.R.T) / 2}
+        claim |= {"game": own, "table": table, "distances": distances} | more
+        lists = {name: [box] for name, box in boxes.items()}
+        return Proof("game", claim, lists, model=model, data={"schema": SCHEMA} | data)
+
+
+def prove_solution(game: Game, family: Family | None = None, place: float | None = None) -> Proof:
+    """The stabilizing solution, enclosed, of the model of a family at a place or of a game given by its matrices.
+
+    data: P, the printed one; relative_radius: the exact solution lies within it, Frobenius, also for every parameter
+    that reads as the same decimal where the game is the aircraft's. Proved: P > 0, A - S P and A - B K Hurwitz, delta
+    above the proved bracket of delta_min. NoSolutionError when the game has no value, or when it cannot be enclosed.
+    """
+    flint_or_refusal()
+    about, P = StatedGame(game, family, place), solve_game(game).P
+    (sharp, point), (wide, decimals) = about.balls(decimals=False), about.balls(decimals=True)
+    enclosed, around = enclose_solution(sharp, P), enclose_solution(wide, P)
+    if not around.is_value:
+        raise NoSolutionError("the rounding of the decimals is too much for a proof that the solution is the value")
+    radius = max(distance(P, each.P).at_most for each in (enclosed, around))
+    delta, above = prove_delta_min(sharp, minimum_delta(game)), math.inf
+    if delta is not None:
+        above = delta.value
+    data = {
+        "statement": "solution",
+        "proved": enclosed.is_value and enclosed.stable and game.delta > above,
+        "P": P,
+        "relative_radius": radius,
+        "positive_definite": enclosed.is_value,
+        "worst_case_hurwitz": enclosed.stabilizing,
+        "closed_loop_hurwitz": enclosed.stable,
+        "delta": game.delta if math.isfinite(game.delta) else None,
+        "delta_min_above": None if delta is None else delta.refused,
+        "delta_min_at_most": None if delta is None else delta.value,
+        "unstable_modes": unstable_modes(sharp.A),
+    }
+    if delta is None or not data["proved"]:
+        return about.proof(data, {}, {}, {})
+    gain, why = wide.gain_of(matrix(P)), delta.why
+    boxes = {
+        "solution": decimals | _solution(wide, around),
+        "loop": decimals | _modes(wide.A - wide.B * gain),
+        "modes": point | _modes(sharp.A),
+        "value": point | _solution(sharp.with_delta(delta.value)),
+        "refused": point
+        | ({"axis": why} if isinstance(why, tuple) else _solution(sharp.with_delta(delta.refused), why)),
+    }
+    distances = {"P": [0.0, _WIDER * radius]}
+    bracket = [delta.refused, delta.value]
+    return about.proof(data, {"K": doubles(gain), "P": P}, distances, boxes, delta_min=bracket)
+
+
+def prove_critic(
+    game: Game, stored: StoredCritic, basis: Basis, family: Family | None = None, place: float | None = None
+) -> Proof:
+    """How far W, P (of W where there is none) and K of a file are from the exact ones, and whether its gain makes
+    A - B K Hurwitz. BadInputError when a shape does not fit the game."""
+    flint_or_refusal()
+    about, (n, m) = StatedGame(game, family, place), game.B.shape
+    sharp, point = about.balls(decimals=False)
+    enclosed, shapes = enclose_solution(sharp, solve_game(game).P), {"W": (basis.size,), "P": (n, n), "K": (m, n)}
+    given = {name: value for name in shapes if (value := getattr(stored, name)) is not None}
+    for name, value in given.items():
+        if value.shape != shapes[name]:
+            raise BadInputError(f"{name} has shape {value.shape}; with this game it must be {shapes[name]}")
+    if "W" in given:
+        given.setdefault("P", basis.matrix(given["W"]))
+        given["W"] = given["W"][:, None]
+    gain = matrix(given["K"]) if "K" in given else sharp.gain_of(matrix(given["P"]))
+    values = {name: matrix(value) for name, value in given.items()} | {"K": gain}
+    targets = {"W": _weights(enclosed.P, basis), "P": enclosed.P, "K": sharp.gain_of(enclosed.P)}
+    found = {name: distance(values[name], targets[name]) for name in targets if name in values}
+    loop = sharp.A - sharp.B * gain
+    count = unstable_modes(loop)
+    boxes = {} if count is None else {"solution": point | _solution(sharp, enclosed), "loop": point | _modes(loop)}
+    # The solution in a certificate is not as sharp as the proof's own.
+    wider = {
+        name: [max(0.0, low * (1.0 - _SHARP) - _LEAST), high * (1.0 + _SHARP) + _LEAST]
+        for name, (low, high) in found.items()
+    }
+    data = {
+        "statement": "critic",
+        "distances": {name: each._asdict() for name, each in found.items()},
+        "closed_loop_hurwitz": None if count is None else count == 0,
+    }
+    return about.proof(data, {"K": doubles(gain)} | given, wider, boxes)
 
 
 class Distance(NamedTuple):
@@ -163,80 +232,6 @@ class Distance(NamedTuple):
 
     at_least: float
     at_most: float
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class SolutionProof(Shown):
-    """The stabilizing solution of the game, enclosed.
-
-    enclosed: about the game of the doubles. radius: of the printed P, relative, Frobenius: the exact solution lies
-    within it, also for every parameter that reads as the same decimal where the game is the aircraft's. P: (n, n), the
-    printed one. delta: the bracket of delta_min, None when open. unstable: modes of A, None when open.
-    """
-
-    about: StatedGame
-    P: np.ndarray
-    enclosed: Enclosed
-    radius: float
-    delta: ProvedDelta | None
-    unstable: int | None
-
-    @property
-    def proved(self) -> bool:
-        """P > 0, A - S P and A - B K Hurwitz, delta above the proved bracket of delta_min."""
-        above = self.delta is not None and self.about.game.delta > self.delta.value
-        return self.enclosed.is_value and self.enclosed.stable and above
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class CriticProof(Shown):
-    """Distances of what a file holds from the exact solution, by name; whether its gain makes A - B K Hurwitz.
-
-    given: W, P, K of the file, P of its W where there is none.
-    """
-
-    about: StatedGame
-    given: dict[str, np.ndarray]
-    distances: dict[str, Distance]
-    stabilizes: bool | None
-
-
-def prove_solution(game: Game, family: Family | None = None, place: float | None = None) -> SolutionProof:
-    """Enclose the solution; of the model of a family at a place, or of a game given by its matrices.
-
-    NoSolutionError when the game has no value, or when it cannot be enclosed.
-    """
-    flint_or_refusal()
-    about, P = StatedGame(game, family, place), solve_game(game).P
-    enclosed, around = enclose_solution(about.sharp, P), enclose_solution(about.wide, P)
-    if not around.is_value:
-        raise NoSolutionError("the rounding of the decimals is too much for a proof that the solution is the value")
-    radius = max(distance(P, each.P).at_most for each in (enclosed, around))
-    delta = prove_delta_min(about.sharp, minimum_delta(game))
-    return SolutionProof(about, P, enclosed, radius, delta, unstable_modes(about.sharp.A))
-
-
-def prove_critic(
-    game: Game, stored: StoredCritic, basis: Basis, family: Family | None = None, place: float | None = None
-) -> CriticProof:
-    """How far W, P and K of a file are from the exact ones. BadInputError when a shape does not fit the game."""
-    flint_or_refusal()
-    about = StatedGame(game, family, place)
-    sharp, exact = about.sharp, enclose_solution(about.sharp, solve_game(game).P).P
-    n, m = game.B.shape
-    shapes = {"W": (basis.size,), "P": (n, n), "K": (m, n)}
-    given = {name: value for name in shapes if (value := getattr(stored, name)) is not None}
-    for name, value in given.items():
-        if value.shape != shapes[name]:
-            raise BadInputError(f"{name} has shape {value.shape}; with this game it must be {shapes[name]}")
-    if "W" in given:
-        given.setdefault("P", basis.matrix(given["W"]))
-    gain = matrix(given["K"]) if "K" in given else sharp.gain_of(matrix(given["P"]))
-    values = {name: matrix(value[:, None] if name == "W" else value) for name, value in given.items()} | {"K": gain}
-    targets = {"W": _weights(exact, basis), "P": exact, "K": sharp.gain_of(exact)}
-    found = {name: distance(values[name], targets[name]) for name in targets if name in values}
-    loop = sharp.A - sharp.B * gain
-    return CriticProof(about, given, found, None if unstable_modes(loop) is None else is_hurwitz(loop))
 
 
 def distance(values: np.ndarray | arb_mat, target: arb_mat) -> Distance:
@@ -256,59 +251,9 @@ def _weights(P: arb_mat, basis: Basis) -> arb_mat:
     return arb_mat([[entry] for entry in [*entries, *[arb(0)] * (basis.size - len(entries))]])
 
 
-#: The certificate states a radius and a reach this much larger than proved: the checker encloses in another way.
-_WIDER = 4.0
-#: Least reach, relative: far below what a statement needs, far above the rounding of the checker.
-_LEAST = 1e-28
-#: Part of a distance by which the certificate states it wider.
-_SHARP = 1e-6
-#: Decimals of an entry of P: the checker's own digits, and some.
-_DIGITS = 55
-Parts = tuple[dict[str, Any], dict[str, list[dict[str, Any]]]]
-
-
-def solution_claim(proof: SolutionProof) -> Parts:
-    """Statement and boxes of a proved solution, with the bracket of delta_min."""
-    assert proof.delta is not None
-    about, wide, sharp = proof.about, proof.about.wide, proof.about.sharp
-    gain = wide.gain_of(matrix(proof.P))
-    claim = about.claim() | {
-        "table": {"K": doubles(gain), "P": proof.P},
-        "distances": {"P": [0.0, _WIDER * proof.radius]},
-        "delta_min": [proof.delta.refused, proof.delta.value],
-    }
-    below = sharp.with_delta(proof.delta.refused)
-    axis = frequencies_around_axis(below) if "axis" in proof.delta.reason else None
-    decimals, point = about.point(True), about.point(False)
-    return claim, {
-        "solution": [decimals | _solution(wide)],
-        "loop": [decimals | _modes(wide.A - wide.B * gain)],
-        "modes": [point | _modes(sharp.A)],
-        "value": [point | _solution(sharp.with_delta(proof.delta.value))],
-        "refused": [point | ({"axis": axis} if axis else _solution(below))],
-    }
-
-
-def critic_claim(proof: CriticProof) -> Parts:
-    """Statement and boxes of the distances of a critic. NoSolutionError when a mode of its loop may lie on the axis."""
-    about, sharp, point = proof.about, proof.about.sharp, proof.about.point(False)
-    given = {name: value[:, None] if name == "W" else value for name, value in proof.given.items()}
-    gain = matrix(given["K"]) if "K" in given else sharp.gain_of(matrix(given["P"]))
-    distances = {name: _widened(found) for name, found in proof.distances.items()}
-    return about.claim() | {"table": {"K": doubles(gain)} | given, "distances": distances}, {
-        "solution": [point | _solution(sharp)],
-        "loop": [point | _modes(sharp.A - sharp.B * gain)],
-    }
-
-
-def _widened(found: Distance) -> list[float]:
-    """The solution in a certificate is not as sharp as the proof's own."""
-    return [max(0.0, found.at_least * (1.0 - _SHARP) - _LEAST), found.at_most * (1.0 + _SHARP) + _LEAST]
-
-
-def _solution(game: BallGame) -> dict[str, Any]:
+def _solution(game: BallGame, found: Enclosed | None = None) -> Content:
     """P in balanced units, how far about it the solution is, and what makes A - S P Hurwitz."""
-    found = enclose_solution(game)
+    found = found or enclose_solution(game)
     up, own = matrix(np.diag(found.units)), game.scaled(found.units)
     P = up * found.P * up
     radii = map_entries(lambda entry: entry.rad(), P)
@@ -318,7 +263,7 @@ def _solution(game: BallGame) -> dict[str, Any]:
     return {"units": found.units, "P": [middle], "reach": float(reach)} | _modes(own.A - own.S() * around)
 
 
-def _modes(A: arb_mat) -> dict[str, Any]:
+def _modes(A: arb_mat) -> Content:
     found = counted(A)
     if found is None:
         raise NoSolutionError("a mode may lie on the axis; there is nothing to certify")
