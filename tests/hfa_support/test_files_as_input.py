@@ -52,7 +52,7 @@ def test_no_result_takes_the_place_of_a_fifo(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: tuple[str, ...]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    suffix = ".png" if words[-1] == "--picture" else {"lpv": ".c", "export": ".fmu"}.get(words[0], ".json")
+    suffix = ".png" if words[-1] == "--picture" else {"export": ".fmu"}.get(words[0], ".json")
     fifo = tmp_path / f"fifo{suffix}"
     os.mkfifo(fifo)
     assert_refused(hfa(*words, str(fifo)), 2, "it is not a regular file; name another")

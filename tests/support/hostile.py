@@ -116,7 +116,7 @@ LINES = (
     "schedule --dihedral 15 --to 15.1 --over 0.1 --duration 0.1 --law exact --disturbance alpha=0:0.1:1",
     "prove solution --dihedral 15",
     "prove --check a.json",
-    "lpv --dihedral 10:10.1 --tolerance 0.01 -o a.c",
+    "lpv --dihedral 10:10.1 --limit-error 0.01 -o a.npz",
     "design --design paper --dihedral 10 -o a.npz",
     "export --dihedral 15 --c folder",
     "regenerate --dynamics newton --parameters identified --json",

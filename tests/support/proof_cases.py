@@ -1,19 +1,24 @@
-"""What the tests prove: the identified aircraft, the exact game's gains, and a table unstable between its angles."""
+"""What the tests prove: the identified aircraft with tables of gains; one proof of every kind, made once a process."""
 
 from __future__ import annotations
 
 import json
+import tempfile
+from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from known_models import exact_gain, model_at
+from known_models import exact_gain, game_at, model_at
 
-from controller import Game, published_game
+from controller import Game, basis, published_game
+from controller.game.critic_file import StoredCritic
 from hfa_model import Aircraft, default_parameters
 from hfa_model.provenance import Provenance
-from verification import Family, solve_game
+from verification import Family, coarsest_grid, prove_critic, prove_schedule, prove_solution, solve_game
 from verification.checker.checker import sealed
+from verification.proof.certificate import Proof
 from verification.proof.scheduled_loop import LoopTable
 
 #: What the certificates of the tests bear.
@@ -82,6 +87,7 @@ def delayed_abscissa(
     return float(np.linalg.eigvals(generator).real.max())
 
 
+@cache
 def unstable_between(low: float, high: float) -> LoopTable:
     """Gains that stabilize at both angles and not halfway, found by trying."""
     models = [model_at(angle) for angle in (low, (low + high) / 2, high)]
@@ -105,3 +111,56 @@ def forge(path: Path, content: dict[str, Any]) -> Path:
     head = json.dumps({key: value for key, value in content.items() if key not in closing})[:-1]
     path.write_text(sealed(head, json.dumps(content["provenance"])))
     return path
+
+
+def _with_memory() -> LoopTable:
+    """Throttle and elevators through lags that are states of the loop."""
+    exact, rows = exact_table(14.0, 14.125), np.arange(5)
+    K, M = np.zeros((2, 5, 11)), np.zeros((2, 11, 11))
+    K[:, rows, 6 + rows], M[:, 6 + rows, 6 + rows], M[:, 6:, :6] = -1.0, -400.0, -400.0 * exact.K
+    return replace(LoopTable.of_gains(exact.places, K, 6), M=M)
+
+
+def _critic(game: Game, *flights: Any) -> Proof:
+    """W and K that are off by 1e-6 and 1e-3."""
+    exact, functions = solve_game(game), basis("quadratic", len(game.A))
+    stored = StoredCritic(functions.weights(exact.P) * (1 + 1e-6), None, exact.K * (1 + 1e-3))
+    return prove_critic(game, stored, functions, *flights)
+
+
+PLANT = Game(A=[[0.0, 1.0], [2.0, -1.0]], B=[[0.0], [1.0]], E=np.eye(2), Q=np.eye(2), R=[[1.0]], delta=50.0)
+#: Every kind of certificate, with every part that one may have.
+PROOFS = {
+    "rate": lambda: prove_schedule(family(), exact_table(14.0, 14.125), 14.0, 14.125, moving=True),
+    "memory": lambda: prove_schedule(family(), _with_memory(), 14.0, 14.0625),
+    "actuators": lambda: prove_schedule(family(), through_actuators(14.0, 14.125), 14.0, 14.125),
+    "crossing": lambda: prove_schedule(family(), exact_table(16.6875, 16.6895), 16.6875, 16.6895),
+    "errors": lambda: prove_schedule(
+        replace(family(), spread=default_parameters().standard_errors), exact_table(14.0, 14.0625), 14.0, 14.0625
+    ),
+    "solution": lambda: prove_solution(game_at(14.5), family(), 14.5),
+    "critic": lambda: _critic(game_at(14.5), family(), 14.5),
+    "scalar": lambda: prove_solution(scalar_game(2.0)),
+    "plant": lambda: _critic(PLANT),
+    "lpv": lambda: coarsest_grid(family(), 14.0, 14.0625, 1e-2),
+}
+
+
+@cache
+def proved(kind: str) -> Proof:
+    return PROOFS[kind]()
+
+
+def content(proof: Proof) -> dict[str, Any]:
+    """Of its certificate."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "certificate.json"
+        proof.write(path, ORIGIN)
+        found: dict[str, Any] = json.loads(path.read_text())
+        return found
+
+
+@cache
+def certificate(kind: str) -> dict[str, Any]:
+    """The content of a certificate; not to be changed."""
+    return content(proved(kind))

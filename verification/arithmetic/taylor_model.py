@@ -37,6 +37,8 @@ class TaylorModel:
         return TaylorModel(*map(linear, self.parts))
 
     def __add__(self, other: Any) -> TaylorModel:
+        if not isinstance(other, TaylorModel):
+            return TaylorModel(self.parts[0] + other, *self.parts[1:])
         return TaylorModel(*(a + b for a, b in zip_longest(self.parts, TaylorModel.of(other).parts, fillvalue=0)))
 
     def __neg__(self) -> TaylorModel:
@@ -46,7 +48,8 @@ class TaylorModel:
         return self + -TaylorModel.of(other)
 
     def __mul__(self, other: Any) -> TaylorModel:
-        other = TaylorModel.of(other)
+        if not isinstance(other, TaylorModel):
+            return self.map(lambda part: part * other)
         (a0, a1, a2, rest, *za), (b0, b1, b2, other_rest, *zb) = self.parts, other.parts
         # What is kept of the product of the two aways is a1 b1 s².
         rest = rest * b0 + a0 * other_rest + self.away(0) * other.away() + _ALL * a1 * other.away(0)
@@ -57,13 +60,13 @@ class TaylorModel:
         return self * TaylorModel.of(other).through(lambda series: 1 / series)
 
     def __radd__(self, other: Any) -> TaylorModel:
-        return TaylorModel.of(other) + self
+        return self + other
 
     def __rsub__(self, other: Any) -> TaylorModel:
         return TaylorModel.of(other) - self
 
     def __rmul__(self, other: Any) -> TaylorModel:
-        return TaylorModel.of(other) * self
+        return self.map(lambda part: other * part)
 
     def __rtruediv__(self, other: Any) -> TaylorModel:
         return TaylorModel.of(other) / self

@@ -178,7 +178,8 @@ def model_on(claim: Content, box: Content, model: Model | None) -> dict[str, Any
     degree, at, arguments = arb.pi() / 180 if claim["unit"] == "deg" else arb(1), {}, []
     for name, x in (claim["imposed"] | claim["parameters"]).items():
         errors = [arb(width * (name == other)) for other, width in claim["spread"].items()]
-        at[name] = TaylorModel(arb(x, abs(x) * reading), arb(0), arb(0), arb(0), *errors)
+        known = arb(x, abs(x) * reading)
+        at[name] = TaylorModel(known, arb(0), arb(0), arb(0), *errors) if errors else known
     at[model.schedule] = TaylorModel((low + high) / 2 * degree, (high - low) / 2 * degree)
     for size in (0, 1):  # along the polynomials, and all about them
         for name, (c0, c1, c2, radius, *z) in box["trim"].items():
@@ -194,7 +195,7 @@ def model_on(claim: Content, box: Content, model: Model | None) -> dict[str, Any
         raise Rejected("there are not as many equations as unknowns")
     radii = [arb(box["trim"][name][3]) for name in free]
     root = check_root(_stacked([[residual[i]] for i in moved]), _stacked([rows[i] for i in moved]), radii)
-    found = dict(zip(flight.names, map(TaylorModel.of, values), strict=True)) | at
+    found = {name: TaylorModel.of(value) for name, value in (*zip(flight.names, values, strict=True), *at.items())}
     for name, (least, most) in claim["limits"].items():
         if not arb(least) <= found[name].range() <= arb(most):
             raise Rejected(f"{name} may lie beyond its limits")

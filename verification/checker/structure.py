@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 import re
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -72,10 +73,15 @@ def model_of(claim: Content, own: Model | None) -> Model:
             return UNSTEADY
         if source or name not in VARIANTS:
             raise BadInputError(f"the certificate is about {shown(name)}; name its file by --aircraft FILE.py:NAME")
-        return Aircraft(dynamics=name).model
+        return _aircraft(name)
     if (own.name, own.source[1]) != (name, source):
         raise BadInputError(f"the certificate is about {shown(name)} of another file than that of {own.name}")
     return own
+
+
+@cache
+def _aircraft(dynamics: str) -> Model:
+    return Aircraft(dynamics=dynamics).model
 
 
 def facts_of(model: Model) -> Content:

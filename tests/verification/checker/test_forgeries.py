@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from proof_cases import delayed_abscissa, forge
+from proof_cases import PROOFS, certificate, delayed_abscissa, forge
 
 from controller import Game, basis
 from controller.riccati.gare import solve_game
@@ -25,7 +25,7 @@ from verification.checker.checker import Rejected
 from verification.proof.scheduled_loop import Actuators, LoopTable
 
 Content = dict[str, Any]
-KINDS = ("rate", "memory", "actuators", "crossing", "errors", "solution", "critic", "scalar", "plant", "lpv")
+KINDS = tuple(PROOFS)
 #: Rounding that the judge allows for: it computes in doubles.
 ROUNDING = 1e-10
 
@@ -243,17 +243,17 @@ def _judge_lpv(claim: Content, found: Content, random: np.random.Generator) -> N
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_the_judge_agrees_with_what_was_proved(certificates: dict[str, Content], kind: str, tmp_path: Path) -> None:
-    judge(certificates[kind], forge(tmp_path / "same.json", certificates[kind]))
+def test_the_judge_agrees_with_what_was_proved(kind: str, tmp_path: Path) -> None:
+    judge(certificate(kind), forge(tmp_path / "same.json", certificate(kind)))
 
 
 @pytest.mark.parametrize("count", [20, pytest.param(560, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("kind", KINDS)
-def test_no_false_theorem_is_accepted(certificates: dict[str, Content], kind: str, count: int, tmp_path: Path) -> None:
+def test_no_false_theorem_is_accepted(kind: str, count: int, tmp_path: Path) -> None:
     """One thing changed at a time: numbers, shapes, order, names, units, blocks; the digest is right."""
     random, accepted = np.random.default_rng([count, KINDS.index(kind)]), 0
     for number in range(count):
-        content = _forged(certificates[kind], random)
+        content = _forged(certificate(kind), random)
         path = forge(tmp_path / "forged.json", content)
         try:
             check_certificate(path)
@@ -348,9 +348,9 @@ UNPROVED: dict[str, tuple[str, Callable[[Content], None]]] = {
 
 
 @pytest.mark.parametrize("name", UNPROVED)
-def test_a_forgery_with_a_right_digest_is_rejected(certificates: dict[str, Content], name: str, tmp_path: Path) -> None:
+def test_a_forgery_with_a_right_digest_is_rejected(name: str, tmp_path: Path) -> None:
     kind, change = UNPROVED[name]
-    content = copy.deepcopy(certificates[kind])
+    content = copy.deepcopy(certificate(kind))
     change(content)
     with pytest.raises(Rejected):
         check_certificate(forge(tmp_path / "forged.json", content))
@@ -403,10 +403,8 @@ def _doubles_alone(content: Content) -> None:
         ("lpv", put(None, "statement", "imposed", "gamma")),
     ],
 )
-def test_a_known_forgery_is_rejected(
-    certificates: dict[str, Content], kind: str, change: Callable[[Content], None], tmp_path: Path
-) -> None:
-    content = copy.deepcopy(certificates[kind])
+def test_a_known_forgery_is_rejected(kind: str, change: Callable[[Content], None], tmp_path: Path) -> None:
+    content = copy.deepcopy(certificate(kind))
     change(content)
     with pytest.raises(Rejected, match=r"is not what a certificate holds"):
         check_certificate(forge(tmp_path / "forged.json", content))
