@@ -305,8 +305,9 @@ class Sweep(ByValue, Reported):
         coordinates: dict[str, Any] = {name: list(each) for name, each in names.items() if each}
         coordinates |= {f"{name}_unit": (name, list(model.units(names[name]))) for name in ("state", "input")}
         for i, (name, unit) in enumerate(zip(plan.variables, plan.units, strict=True)):
-            axis, along = (place[0], self.values[:, i]) if plan.listed else (name, plan.axes[name][np.arange(shape[i])])
-            coordinates[name] = (axis, along, {"units": unit})
+            steps = 1 if plan.listed else int(np.prod(shape[i + 1 :]))
+            along = self.values[::steps, i][: shape[0 if plan.listed else i]]
+            coordinates[name] = (place[0] if plan.listed else name, along, {"units": unit})
         data: dict[str, Any] = {"reason": (place, np.array(self.reasons).reshape(shape))}
         for name in ("states", "inputs", "A", "B", "eigenvalues"):
             array, about = getattr(self, name), arrays_of(plan)[name]

@@ -72,6 +72,7 @@ class SweepPlan:
             axes[name] = values if isinstance(values, Steps) else numbers_in(name, values)
             if not isinstance(values, Steps) and (axes[name].ndim != 1 or not axes[name].size):
                 raise BadInputError(f"the values of {name} are {shown(values)}; give a list of numbers")
+            axes[name] = values if isinstance(values, Steps) else tuple(axes[name].tolist())
             if self.samples and (isinstance(values, Steps) or len(values) != 2 or not values[0] <= values[1]):
                 raise BadInputError(f"{name} needs a range lowest:highest for random samples")
         object.__setattr__(self, "axes", axes)
@@ -110,8 +111,8 @@ class SweepPlan:
     @property
     def _ends(self) -> dict[str, tuple[float, float]]:
         """Variable -> its lowest and highest value."""
-        ends = {name: np.array([v[0], v[len(v) - 1]]) if isinstance(v, Steps) else v for name, v in self.axes.items()}
-        return {name: (float(values.min()), float(values.max())) for name, values in ends.items()}
+        ends = {name: (v[0], v[len(v) - 1]) if isinstance(v, Steps) else v for name, v in self.axes.items()}
+        return {name: (min(values), max(values)) for name, values in ends.items()}
 
     @property
     def _lengths(self) -> list[int]:
@@ -133,7 +134,7 @@ class SweepPlan:
         return beyond_range(self.model, {name: max(ends, key=abs) for name, ends in self._ends.items()})
 
     def _axes_data(self) -> dict[str, Any]:
-        return {name: asdict(v) if isinstance(v, Steps) else v.tolist() for name, v in self.axes.items()}
+        return {name: asdict(v) if isinstance(v, Steps) else list(v) for name, v in self.axes.items()}
 
     @property
     def varied(self) -> dict[str, Any]:
@@ -153,7 +154,8 @@ class SweepPlan:
             return self._hypercube[start:stop]
         index = np.arange(start, stop)
         indices = [index] * len(self.axes) if self.listed else np.unravel_index(index, self.sizes)
-        return np.stack([values[each] for values, each in zip(self.axes.values(), indices, strict=True)], axis=-1)
+        axes = (values if isinstance(values, Steps) else np.array(values) for values in self.axes.values())
+        return np.stack([values[each] for values, each in zip(axes, indices, strict=True)], axis=-1)
 
     def to_dict(self) -> dict[str, Any]:
         """The plan as JSON data; two plans with the same data visit the same points."""
