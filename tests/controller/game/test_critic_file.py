@@ -34,23 +34,19 @@ def lines(values: np.ndarray, first: str = "") -> str:
 
 
 @pytest.mark.parametrize("suffix", ["npz", "json"])
-@pytest.mark.parametrize(
-    "content",
-    [
-        {"time": TIMES, "W": W},
+def test_arrays_by_name(suffix: str) -> None:
+    for content in (
         {"times": TIMES, "weights": W, "other": 1.0},
         {"t": TIMES, "W": W, "K": K},
-        {"t": TIMES, "W": W, "gains": np.moveaxis(K, 0, -1)},
+        {"time": TIMES, "W": W, "gains": np.moveaxis(K, 0, -1)},
         {"t": TIMES, "W": W, "K": K.reshape(3, 2)},
-    ],
-)
-def test_arrays_by_name(suffix: str, content: dict[str, Any]) -> None:
-    history = critic_in(stored(f"h.{suffix}", **content), GAME)
-    assert history is not None
-    np.testing.assert_array_equal(history.times, TIMES)
-    np.testing.assert_array_equal(history.W, W)
-    if len(content) == 3 and "other" not in content:
-        np.testing.assert_array_equal(history.K, K)
+    ):
+        history = critic_in(stored(f"h.{suffix}", **content), GAME)
+        assert isinstance(history, History)
+        np.testing.assert_array_equal(history.times, TIMES)
+        np.testing.assert_array_equal(history.W, W)
+        if "other" not in content:
+            np.testing.assert_array_equal(history.K, K)
 
 
 @pytest.mark.parametrize(
@@ -109,19 +105,13 @@ EVEN = np.array([0.0, 0.5, 1.0])
 ROWS = np.arange(9.0).reshape(3, 3)
 
 
-def changed(place: tuple[int, int], value: float) -> np.ndarray:
-    rows = ROWS.copy()
-    rows[place] = value
-    return rows
-
-
 @pytest.mark.parametrize(
     ("content", "said"),
     [
         ({"times": [0.0, 1.0, 0.5], "W": ROWS}, "time goes from 1 to 0.5 s at row 3; it must increase"),
         ({"times": [-1.0, 0.0, 1.0], "W": ROWS}, "time is negative or not finite at row 1"),
-        ({"times": EVEN, "W": changed((1, 2), np.nan)}, r"W is not finite, or beyond 1e\+50, at row 2 \(t = 0.5 s\)"),
-        ({"times": EVEN, "W": changed((2, 0), 1e60)}, r"W is not finite, or beyond 1e\+50, at row 3"),
+        ({"times": EVEN, "W": ROWS * [[1.0], [np.inf], [1.0]]}, r"W is not finite, .* at row 2 \(t = 0.5 s\)"),
+        ({"times": EVEN, "W": ROWS * [[1.0], [1.0], [1e60]]}, r"W is not finite, or beyond 1e\+50, at row 3"),
         ({"times": EVEN[:2], "W": ROWS}, "W has 3 rows and there are 2 times"),
         ({"times": EVEN, "K": np.eye(3)}, "a history needs W"),
     ],

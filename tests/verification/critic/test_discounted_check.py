@@ -10,7 +10,7 @@ from planted_critics import gain, value
 
 from controller import Game
 from hfa_cli.main import BAD_INPUT, FAILED
-from verification import from_gain, from_value, solve_discounted, solve_game
+from verification import from_gain, from_value, solve_discounted
 from verification.critic.critic_check import check_discounted
 
 DISCOUNT, DT = 0.99, 0.01
@@ -35,12 +35,12 @@ def test_the_exact_critic_passes_and_planted_mistakes_are_named(game: Game) -> N
 
 
 def test_the_cost_lost_is_that_of_the_steps_summed_up(game: Game) -> None:
-    """Under w = L x, from the worst start among many: the sum of 4000 steps."""
+    """Under w = L x, from the worst start among many: the sum of 3000 steps."""
     exact = solve_discounted(game, DISCOUNT, DT)
     step, K, rng = exact.game, 1.1 * exact.K, np.random.default_rng(0)
     check = check_discounted(game, from_gain(game, K), DISCOUNT, DT)
-    x = np.linalg.solve(np.linalg.cholesky(exact.P).T, rng.normal(size=(6, 4000)))
-    V, J, factor = np.sum(x * (exact.P @ x), axis=0), np.zeros(4000), 1.0
+    x = np.linalg.solve(np.linalg.cholesky(exact.P).T, rng.normal(size=(6, 1000)))
+    V, J, factor = np.sum(x * (exact.P @ x), axis=0), np.zeros(1000), 1.0
     for _ in range(3000):
         u, w = -K @ x, exact.disturbance_gain @ x
         paid = np.sum(x * (step.Q @ x), axis=0) + np.sum(u * (step.R @ u), axis=0)
@@ -51,13 +51,11 @@ def test_the_cost_lost_is_that_of_the_steps_summed_up(game: Game) -> None:
 
 
 def test_the_command_compares_with_the_problem_that_is_said_and_never_guesses(game: Game) -> None:
-    exact = solve_discounted(game, DISCOUNT, DT)
-    file = stored("P.npz", P=exact.P)
-    assert answer("verify", *AT_15, "--weights", file, *WORDS)["ok"] is True
+    file = stored("P.npz", P=solve_discounted(game, DISCOUNT, DT).P)
+    found = answer("verify", *AT_15, "--weights", file, *WORDS)
+    assert (found["ok"], found["schema"], found["dt"]) == (True, "hfa.discounted-check/1", DT)
     said = hfa("verify", *AT_15, "--weights", file, *WORDS).out
     assert said.startswith("PASS by the error limit 1e-06: exact within 1e-06, stabilizing, no cost lost")
+    assert answer("verify", *AT_15, "--weights", file, code=FAILED)["ok"] is False
     one = hfa("verify", *AT_15, "--weights", file, "--discount", "0.99")
     assert (one.code, "--discount and --dt belong together; neither has a default" in one.err) == (BAD_INPUT, True)
-    assert (
-        answer("verify", *AT_15, "--weights", stored("Q.npz", P=solve_game(game).P), *WORDS, code=FAILED)["ok"] is False
-    )

@@ -13,7 +13,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
-from cli import answer, hfa
+from cli import answer
 from game_files import AT_15
 from known_models import game_at
 from network_files import torch_file
@@ -21,7 +21,9 @@ from network_files import torch_file
 from controller import Game
 from hfa_cli.main import FAILED
 from verification import check_critic, from_network, solve_game
+from verification.critic.critic_check import LIMIT
 from verification.critic.critic_errors import ordinary_box
+from verification.critic.diagnosis import diagnose
 from verification.critic.network_check import search
 
 TRAINED = Path(__file__).parent / "trained"
@@ -63,8 +65,16 @@ MISTAKES: dict[str, tuple[dict[str, Any], dict[str, Any], str]] = {
 }
 
 
-#: Two of a kind, by default one.
-SLOW = ("slopes swapped", "no input scaling, dV/dz", "ReLU for tanh, V", "states permuted", "half cost")
+#: By default one of a kind.
+SLOW = (
+    "slopes swapped",
+    "no input scaling, dV/dz",
+    "ReLU for tanh, V",
+    "states permuted",
+    "half cost",
+    "u = +K z",
+    "degrees",
+)
 
 
 @pytest.mark.parametrize(
@@ -76,7 +86,7 @@ def test_a_planted_mistake_fails_and_is_named(game: Game, mistake: str) -> None:
         changes = {**changes, "out": np.diag(game.R)}
     path = torch_file("critic.pt", layers(**changes))
     candidate = from_network(game, path, **({"activation": "tanh", "scale": 1.0 / BOX} | how))
-    check = check_critic(game, candidate, at_dihedral=game_at, flights=4)
+    check = check_critic(game, candidate, at_dihedral=game_at, flights=1)
     assert not check.ok
     assert words in check.diagnosis
 
@@ -85,18 +95,19 @@ def test_the_right_networks_have_no_cause_but_what_v_hides(game: Game) -> None:
     for name, said in (("policy", ""), ("gradient", ""), ("V", "V is near and its policy off by")):
         path = torch_file("critic.pt", layers(name))
         candidate = from_network(game, path, activation="tanh", scale=1.0 / BOX)
-        check = check_critic(game, candidate, flights=4)
-        assert check.diagnosis.startswith(said)
-        assert bool(check.diagnosis) == bool(said)
+        found = diagnose(game, solve_game(game), candidate, LIMIT, None, BOX)
+        assert found.startswith(said)
+        assert bool(found) == bool(said)
 
 
-@pytest.mark.parametrize("name", ["V", "policy", "gradient"])
+@pytest.mark.parametrize(
+    "name", ["policy", *(pytest.param(each, marks=pytest.mark.slow) for each in ("V", "gradient"))]
+)
 def test_a_network_of_64_64_is_judged_within_5_seconds(name: str) -> None:
     path, begin = str(TRAINED / f"{name}.npz"), time.process_time()
     found = answer("verify", *AT_15, "--weights", path, "--activation", "tanh", "--scale", SCALE, code=FAILED)
     assert time.process_time() - begin < 5.0
     assert (found["network"]["precision"], found["network"]["output"]) == ("float32", name)
-    assert hfa("verify", *AT_15, "--weights", path, "--activation", "tanh", "--scale", SCALE).out.startswith("FAIL by ")
 
 
 @pytest.mark.slow
@@ -118,11 +129,11 @@ def test_the_search_finds_what_a_grid_of_a_million_points_finds(game: Game) -> N
 
 def test_a_folder_of_checkpoints_is_a_learning_curve() -> None:
     Path("runs").mkdir()
-    for step, share in ((2, 0.5), (10, 0.9), (100, 1.0)):
-        np.savez(f"runs/step_{step}.npz", **layers("policy", out=share))
+    for step, share in ((2, 3.0), (10, 1.5)):
+        np.savez(f"runs/step_{step}.npz", **layers("gamma_120", out=share))
     words = ("verify", *AT_15, "--weights", "runs", "--activation", "tanh", "--scale", SCALE)
     found = answer(*words, "--picture", "curve.png", code=FAILED)["critics"]
-    assert list(found) == [f"runs/step_{step}.npz" for step in (2, 10, 100)]
+    assert list(found) == [f"runs/step_{step}.npz" for step in (2, 10)]
     errors = [each["K_rel_error"] for each in found.values()]
     assert errors == sorted(errors, reverse=True)
     assert Path("curve.png").stat().st_size > 10_000
