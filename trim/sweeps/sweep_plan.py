@@ -40,7 +40,7 @@ class Steps:
         return self.start + self.step * index
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SweepPlan:
     """N points over named variables, for one aircraft.
 
@@ -93,6 +93,12 @@ class SweepPlan:
         for corner in np.array(list(self._ends.values())).T:
             condition_at(self.condition, self.variables, corner)
 
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, SweepPlan) and self.identity == other.identity
+
+    def __hash__(self) -> int:
+        return hash(self.identity)
+
     @property
     def model(self) -> Model:
         """Whose trims these are."""
@@ -112,7 +118,7 @@ class SweepPlan:
     def _ends(self) -> dict[str, tuple[float, float]]:
         """Variable -> its lowest and highest value."""
         ends = {name: (v[0], v[len(v) - 1]) if isinstance(v, Steps) else v for name, v in self.axes.items()}
-        return {name: (min(values), max(values)) for name, values in ends.items()}
+        return {name: (float(np.min(values)), float(np.max(values))) for name, values in ends.items()}
 
     @property
     def _lengths(self) -> list[int]:
