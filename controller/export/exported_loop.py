@@ -1,14 +1,14 @@
-"""Loops for other tools: the aircraft alone, under a gain, or under a scheduled controller behind actuators; the
-controller as a pair of C files for a flight computer; and an example, a loop of 100 Hz in C around it.
+"""Loops for other tools: the aircraft alone, under a gain, or under a scheduled controller behind actuators; linear
+models between the points of a sweep; the controller as a pair of C files, with a loop of 100 Hz as an example.
 
 What a simulation works out, commands, measured outputs, updraft and held inputs, an exported loop gets as arguments.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -17,7 +17,7 @@ from controller.design.design import COMMAND_FILTER, signal_unit
 from controller.design.scheduled_controller import COMMAND_SIGNALS, ScheduledController
 from controller.export.c_model import c_positions, c_table, comment_lines, displaced, filled
 from controller.flight.actuators import Actuators
-from controller.flight.closed_loop import ClosedLoop
+from controller.flight.closed_loop import ClosedLoop, Expressions
 from controller.flight.plants import UPDRAFT, NonlinearPlant
 from controller.flight.scenario import Scenario
 from controller.policy.policies import GainPolicy, Memoryless, Policy, Seen, Unvaried, gain_constants
@@ -28,6 +28,9 @@ from hfa_support.model import Model
 from hfa_support.native.c_code import c_function
 from hfa_support.reporting.text import shown_value
 from trim.point.operating_point import OperatingPoint
+
+if TYPE_CHECKING:
+    from trim.linear.varying import InterpolatedModel
 
 HEADER, SOURCE = "hfa_controller.h", "hfa_controller.c"
 #: C has no empty arrays: the one number of a memory or of commands that a controller does not have.
@@ -73,25 +76,26 @@ def filter_rates(controller: ScheduledController, r: ca.SX, slope: ca.SX, goal: 
 
 
 def controller_function(policy: ServoPolicy) -> ca.Function:
-    """(dihedral, measured, memory, command, lowest, highest) -> (u, memory'), u within the limits.
+    """(place, measured, memory, command, lowest, highest) -> (u, memory'), u within the limits.
 
-    memory = [controller; r; r'], command: what r is on its way to. Deviations from trim; the dihedral absolute, rad.
+    place: value of the scheduling variable, absolute; the rest as deviations from trim. memory = [controller; r; r'].
+    command: what r is on its way to.
     """
     made, names = policy.controller, commandable(policy.controller)
     model = policy.regulated.model
     measured = ca.SX.sym("measured", len(made.measurements))
     memory = ca.SX.sym("memory", len(made.states) + 2 * len(names))
-    dihedral, command = ca.SX.sym("dihedral"), ca.SX.sym("command", len(names))
+    place, command = ca.SX.sym("place"), ca.SX.sym("command", len(names))
     lowest, highest = (ca.SX.sym(name, len(model.inputs)) for name in ("lowest", "highest"))
     own, r, slope = ca.vertsplit(memory, [0, *np.cumsum([len(made.states), len(names), len(names)]).tolist()])
     told = replace(policy, commands=Given(r, slope, command, names), outputs=Given(measured))
     states = ca.SX(len(model.linear), 1)
-    states[model.linear.index(model.schedule)] = dihedral - policy.place
+    states[model.linear.index(model.schedule)] = place - policy.place
     nothing = ca.SX(0, 1)
     seen, t = Seen(states, states, nothing, nothing), ca.SX.sym("t")
     u = ca.fmin(ca.fmax(told.control(t, seen, own, nothing), lowest), highest)
     rate = ca.vertcat(told.memory_rate(t, seen, own, nothing, u), filter_rates(made, r, slope, command))
-    arguments = [dihedral, measured, memory, command, lowest, highest]
+    arguments = [place, measured, memory, command, lowest, highest]
     return ca.Function("controller", arguments, [ca.densify(u), ca.densify(rate)], {"cse": True})
 
 
@@ -182,128 +186,101 @@ class ExportedLoop:
     longest_step: float = 1e-3
 
 
-def aircraft_loop(aircraft: Aircraft | Model, point: OperatingPoint) -> ExportedLoop:
-    """X' = f(X, U, w): v = [U; w], w the updraft of a model that has one."""
-    model, w = aircraft.model, _updraft(aircraft)
-    U = ca.SX.sym("U", len(model.inputs))
-    X, rate, _ = _closed(aircraft, point, Given(U - ca.DM(np.array(point.inputs))), w)
-    function = ca.Function("loop", [X, ca.vertcat(U, w)], [rate, ca.DM(0, 1)])
-    return ExportedLoop(function, _states(point), (), (*_inputs(point), *_air(model)), len(model.states))
-
-
-def gain_loop(aircraft: Aircraft | Model, point: OperatingPoint, gain: np.ndarray) -> ExportedLoop:
-    """U = U0 - K (x - X0 - reference): v = [w; reference (k,)]."""
-    model, w = aircraft.model, _updraft(aircraft)
-    reference, policy = ca.SX.sym("reference", len(model.linear)), GainPolicy(*gain.shape)
-    X, rate, U = _closed(aircraft, point, policy, w, constants=gain_constants(gain), reference=reference)
-    told = tuple(Channel(f"reference_{name}", model.unit(name)) for name in model.linear)
-    function = ca.Function("loop", [X, ca.vertcat(w, reference)], [rate, U])
-    return ExportedLoop(function, _states(point), _inputs(point), (*_air(model), *told), len(model.states))
-
-
-def controller_loop(
-    aircraft: Aircraft | Model, point: OperatingPoint, controller: ScheduledController, actuators: Actuators
+def exported_loop(
+    aircraft: Aircraft | Model,
+    point: OperatingPoint,
+    gain: np.ndarray | None = None,
+    controller: ScheduledController | None = None,
+    actuators: Actuators | None = None,
 ) -> ExportedLoop:
-    """The loop that `fly` integrates, with the command filter as states: v = [w; commanded values].
+    """X' = f(X, U, w), w the updraft of a model that has one, with what sets U: v, with a gain U = U0 - K (x - X0 - v),
+    or the controller behind the actuators, with the command filter as states: v = what is commanded. Then v = [w; v].
 
     y = [X; actuators; controller; r; r']: actuators and commands as deviations from trim. BadInputError when the
     controller was made for another aircraft or other angles, or an actuator cannot hold the trim.
     """
-    names, w = commandable(controller), _updraft(aircraft)
-    r, slope, goal = (ca.SX.sym(name, len(names)) for name in ("r", "slope", "goal"))
-    policy = replace(trimmed_policy(controller, aircraft, point), commands=Given(r, slope, goal, names))
-    Y, rate, U = _closed(aircraft, point, policy, w, actuators=actuators)
-    filtered = filter_rates(controller, r, slope, goal)
+    model, U0 = aircraft.model, np.array(point.inputs)
+    policy: Policy | None = None
+    w = ca.SX.sym("w", int(UPDRAFT in model.disturbances))
+    air = tuple(Channel(UPDRAFT, model.unit(UPDRAFT)) for _ in range(w.numel()))
+    inputs = tuple(Channel(*each, model.inputs[each[0]].nominal) for each in _named(model.inputs, model, point.inputs))
+    states = _states(point, actuators)
+    step, constants, reference, filtered, rates = 1e-3, np.zeros(0), None, ca.SX(0, 1), ca.SX(0, 1)
+    if controller is not None:
+        names, step = commandable(controller), longest_step(controller)
+        r, slope, v = (ca.SX.sym(name, len(names)) for name in ("r", "slope", "goal"))
+        policy = replace(trimmed_policy(controller, aircraft, point), commands=Given(r, slope, v, names))
+        filtered, rates = ca.vertcat(r, slope), filter_rates(controller, r, slope, v)
+        units = dict(zip(names, (signal_unit(model, name) for name in names), strict=True))
+        told = tuple(Channel(f"command_{name}", unit) for name, unit in units.items())
+        states += tuple(Channel(f"controller_{name}", None) for name in controller.states)
+        states += tuple(Channel(f"command_{name}_filtered", unit) for name, unit in units.items())
+        states += tuple(Channel(f"command_{name}_filtered_rate", None) for name in names)
+    elif gain is not None:
+        v, policy, constants = ca.SX.sym("reference", len(model.linear)), GainPolicy(*gain.shape), gain_constants(gain)
+        told, reference = tuple(Channel(f"reference_{name}", model.unit(name)) for name in model.linear), Given(v)
+    else:
+        v, told = ca.SX.sym("U", len(U0)), inputs
+    sets: Policy = Given(v - ca.DM(U0)) if policy is None else policy
+    scenario = Scenario(gust=Given(w) if w.numel() else None, reference=reference, actuators=actuators)
+    Y, now = _closed(aircraft, point, sets, scenario, constants)
+    U = ca.DM(0, 1) if policy is None else ca.densify(now.inputs + ca.DM(U0))
+    arguments, results = [ca.vertcat(Y, filtered), ca.vertcat(w, v)], [ca.densify(ca.vertcat(now.rate, rates)), U]
+    function = ca.Function("loop", arguments, results, {"cse": True})
+    outputs = () if policy is None else inputs
+    return ExportedLoop(function, states, outputs, (*air, *told), len(model.states), step)
+
+
+def interpolated_loop(between: InterpolatedModel) -> ExportedLoop:
+    """x' = A(s) (x - X0(s)) + B(s) (u - U0(s)) of the states of the sweep; v = [u; s], s the variables of the sweep as
+    inputs `scheduled_NAME`, from the middle of the grid on."""
+    sweep, model = between.sweep, between.sweep.model
+    middle = {name: float(axis[0] + axis[-1]) / 2 for name, axis in zip(sweep.variables, between.axes, strict=True)}
+    trimmed, rows = between.at(**middle), [list(model.states).index(name) for name in sweep.model_states]
+    x, u, s = (ca.SX.sym(name, size) for name, size in (("x", len(rows)), ("u", len(model.inputs)), ("s", len(middle))))
+    X0, U0, A, B = between.to_casadi()(s)
     function = ca.Function(
-        "loop", [ca.vertcat(Y, r, slope), ca.vertcat(w, goal)], [ca.vertcat(rate, filtered), U], {"cse": True}
+        "loop", [x, ca.vertcat(u, s)], [ca.mtimes(A, x - X0[rows]) + ca.mtimes(B, u - U0), ca.DM(0, 1)], {"cse": True}
     )
-    units = [signal_unit(controller.model, name) for name in names]
-    states = (
-        *_states(point),
-        *_actuator_states(actuators, point.model),
-        *(Channel(f"controller_{name}", None) for name in controller.states),
-        *(Channel(f"command_{name}_filtered", unit) for name, unit in zip(names, units, strict=True)),
-        *(Channel(f"command_{name}_filtered_rate", None) for name in names),
+    states = tuple(
+        Channel(name, unit, value, model.states[name].nominal, model.rate_unit(name))
+        for name, unit, value in _named(sweep.model_states, model, trimmed.states[rows])
     )
-    inputs = tuple(Channel(f"command_{name}", unit) for name, unit in zip(names, units, strict=True))
-    told = (*_air(aircraft.model), *inputs)
-    return ExportedLoop(function, states, _inputs(point), told, len(point.states), longest_step(controller))
+    inputs = [Channel(*each) for each in _named(model.inputs, model, trimmed.inputs)]
+    scheduled = [Channel(f"scheduled_{name}", model.unit(name), value) for name, value in middle.items()]
+    return ExportedLoop(function, states, (), (*inputs, *scheduled), len(states))
 
 
-def held_loop(
-    aircraft: Aircraft | Model, point: OperatingPoint, controller: ScheduledController, actuators: Actuators
-) -> tuple[ca.Function, tuple[Channel, ...]]:
-    """(y, u) -> (y', dihedral, measured) of the inputs u (m,) that a computer holds, y = [X; actuators], and y.
-
-    u, actuators and measured as deviations from trim. BadInputError as in `controller_loop`, and when the controller
-    measures what these actuators do not have.
-    """
-    policy, u = trimmed_policy(controller, aircraft, point), ca.SX.sym("u", len(point.inputs))
-    Y, rate, _ = _closed(aircraft, point, Given(u), ca.SX(0, 1), actuators=actuators)
-    n = len(point.states)
-    X, moved = Y[:n], Y[n:]
-    x = NonlinearPlant(aircraft, point).seen(X - ca.DM(np.array(point.states)))
-    seen = Seen(x, x, actuators.position(moved, np.array(point.inputs)), actuators.rates(moved))
-    scheduled = list(point.model.states).index(point.model.schedule)
-    sensed = [X[scheduled], ca.densify(policy.outputs.at(seen))]
-    return ca.Function("loop", [Y, u], [rate, *sensed], {"cse": True}), (
-        *_states(point),
-        *_actuator_states(actuators, point.model),
-    )
+def _named(names: Iterable[str], model: Model, values: Iterable[float]) -> list[tuple[str, str, float]]:
+    """Each name with its unit and its value."""
+    return [(name, model.unit(name), float(value)) for name, value in zip(names, values, strict=True)]
 
 
 def _closed(
-    aircraft: Aircraft | Model,
-    point: OperatingPoint,
-    policy: Policy,
-    w: ca.SX,
-    *,
-    constants: np.ndarray | None = None,
-    reference: ca.SX | None = None,
-    actuators: Actuators | None = None,
-) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """Y = [X; actuators; memory], its rate, and U."""
-    told: dict[str, Any] = {} if reference is None else {"reference": Given(reference)}
-    trim, gust = np.array(point.inputs), Given(w) if w.numel() else None
-    scenario = Scenario(gust=gust, actuators=actuators, **told)
-    loop = ClosedLoop(NonlinearPlant(aircraft, point), policy, scenario, trim)
+    aircraft: Aircraft | Model, point: OperatingPoint, policy: Policy, scenario: Scenario, constants: np.ndarray
+) -> tuple[ca.SX, Expressions]:
+    """Y = [X; actuators; memory], X absolute, and the loop there."""
+    loop = ClosedLoop(NonlinearPlant(aircraft, point), policy, scenario, np.array(point.inputs))
     t, Y, _ = loop.symbols()
     offsets = np.zeros(Y.numel())
     offsets[: len(point.states)] = point.states
-    now = loop.at(t, Y - ca.DM(offsets), ca.SX(ca.DM(np.zeros(0) if constants is None else constants)))
-    return Y, ca.densify(now.rate), ca.densify(now.inputs + ca.DM(trim))
+    return Y, loop.at(t, Y - ca.DM(offsets), ca.SX(ca.DM(constants)))
 
 
-def _updraft(aircraft: Aircraft | Model) -> ca.SX:
-    """The updraft of a model that has one, else (0, 1)."""
-    return ca.SX.sym("w", int(UPDRAFT in aircraft.model.disturbances))
-
-
-def _air(model: Model) -> tuple[Channel, ...]:
-    return (Channel(UPDRAFT, model.unit(UPDRAFT)),) if UPDRAFT in model.disturbances else ()
-
-
-def _states(point: OperatingPoint) -> tuple[Channel, ...]:
+def _states(point: OperatingPoint, actuators: Actuators | None) -> tuple[Channel, ...]:
+    """X; the actuators as deviations from trim, with order 2 their rates."""
     model = point.model
-    return tuple(
-        Channel(name, each.unit, getattr(point.states, name), each.nominal, model.rate_unit(name))
-        for name, each in model.states.items()
-    )
-
-
-def _inputs(point: OperatingPoint) -> tuple[Channel, ...]:
-    given = point.model.inputs.items()
-    return tuple(Channel(name, each.unit, getattr(point.inputs, name), each.nominal) for name, each in given)
-
-
-def _actuator_states(actuators: Actuators, model: Model) -> list[Channel]:
-    """Deviations from trim, and with order 2 their rates."""
-    suffixes = ("actuator", "actuator_rate")[: actuators.order]
-    return [
+    X = [
+        Channel(*each, model.states[each[0]].nominal, model.rate_unit(each[0]))
+        for each in _named(model.states, model, point.states)
+    ]
+    suffixes = () if actuators is None else ("actuator", "actuator_rate")[: actuators.order]
+    moved = [
         Channel(f"{name}_{suffix}", each.unit if suffix == "actuator" else None, size=each.nominal)
         for suffix in suffixes
         for name, each in model.inputs.items()
     ]
+    return (*X, *moved)
 
 
 def controller_example(
@@ -313,23 +290,32 @@ def controller_example(
     actuators: Actuators,
     origin: str,
 ) -> str:
-    """The text of `EXAMPLE`; it needs `hfa_controller.h` and `.c`. BadInputError as in `held_loop`."""
-    function, states = held_loop(aircraft, point, controller, actuators)
-    names, trim = commandable(controller), np.array(point.inputs)
-    model, (state, amount) = point.model, displaced(point.model)
-    commanded = f"{COMMANDED:g} {signal_unit(controller.model, names[0])} of {names[0]}" if names else "nothing"
+    """The text of `EXAMPLE`, which needs `hfa_controller.h` and `.c`: a computer holds the inputs, y = [X; actuators].
+
+    BadInputError as in `exported_loop`, and when the controller measures what these actuators do not have.
+    """
+    model, trim, (state, amount) = point.model, np.array(point.inputs), displaced(point.model)
+    policy, u, scheduled = trimmed_policy(controller, aircraft, point), ca.SX.sym("u", len(trim)), model.schedule
+    Y, now = _closed(aircraft, point, Given(u), Scenario(actuators=actuators), np.zeros(0))
+    X, moved = Y[: len(point.states)], Y[len(point.states) :]
+    x = NonlinearPlant(aircraft, point).seen(X - ca.DM(np.array(point.states)))
+    measured = policy.outputs.at(Seen(x, x, actuators.position(moved, trim), actuators.rates(moved)))
+    place = list(model.states).index(scheduled)
+    results = [ca.densify(now.rate), X[place], ca.densify(measured)]
+    function = ca.Function("loop", [Y, u], results, {"cse": True})
+    states, names = _states(point, actuators), commandable(controller)
     return filled(
         f"{EXAMPLE}.in",
         origin=comment_lines(origin),
-        command=commanded,
+        command=f"{COMMANDED:g} {signal_unit(model, names[0])} of {names[0]}" if names else "nothing",
         commanded=COMMANDED if names else 0.0,
         seconds=SECONDS,
         states=len(states),
         displaced=list(model.states).index(state),
         amount=amount,
         unit=model.unit(state),
-        scheduled=model.schedule,
-        dihedral=list(model.states).index(model.schedule),
+        scheduled=scheduled,
+        place=place,
         tables="\n".join(
             [
                 c_table("static const char *const name", [f'"{each.name}"' for each in states]),
@@ -338,5 +324,5 @@ def controller_example(
                 c_table("static const double highest", actuators.highest - trim),
             ]
         ),
-        function=c_function(function, "loop", ("y", "u"), ("rate", "dihedral", "measured")),
+        function=c_function(function, "loop", ("y", "u"), ("rate", scheduled, "measured")),
     )

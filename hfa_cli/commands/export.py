@@ -101,7 +101,7 @@ def _check(arguments: argparse.Namespace) -> None:
 def _write_gain(arguments: argparse.Namespace, aircraft: Aircraft | Model, point: OperatingPoint) -> list[Path]:
     """The aircraft, with the gain of a law where one is asked for; C has the exact one unless another is."""
     from controller.export.c_model import c_model_texts
-    from controller.export.exported_loop import aircraft_loop, gain_loop
+    from controller.export.exported_loop import exported_loop
     from controller.export.fmu import write_fmu
 
     alone = arguments.law is None
@@ -112,7 +112,7 @@ def _write_gain(arguments: argparse.Namespace, aircraft: Aircraft | Model, point
     gain = flown_law_of(arguments, model).gains[0]
     if not place.suffix:
         return write_texts(place, c_model_texts(aircraft, model, gain, origin_lines()))
-    write_fmu(aircraft_loop(aircraft, point) if alone else gain_loop(aircraft, point, gain), place, provenance())
+    write_fmu(exported_loop(aircraft, point, None if alone else gain), place, provenance())
     return [place]
 
 
@@ -120,13 +120,13 @@ def _write_controller(arguments: argparse.Namespace, aircraft: Aircraft | Model,
     """The aircraft under a scheduled controller behind actuators; in C both beside each other."""
     from controller.design.scheduled_controller import load_controller
     from controller.export.c_model import c_model_texts
-    from controller.export.exported_loop import EXAMPLE, c_controller_texts, controller_example, controller_loop
+    from controller.export.exported_loop import EXAMPLE, c_controller_texts, controller_example, exported_loop
     from controller.export.fmu import write_fmu
 
     controller, place = load_controller(arguments.controller, aircraft.model), arguments.output
     actuators = actuators_of(arguments)
     if place.suffix and actuators is not None:
-        write_fmu(controller_loop(aircraft, point, controller, actuators), place, provenance())
+        write_fmu(exported_loop(aircraft, point, None, controller, actuators), place, provenance())
         return [place]
     without = c_model_texts(aircraft, linearize(aircraft, point), None, origin_lines())
     texts = without | c_controller_texts(controller, aircraft, point, origin_lines())

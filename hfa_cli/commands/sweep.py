@@ -3,7 +3,8 @@
 Whatever a trim can hold can be swept, --hold speed=60:70:2, and any parameter of the aircraft, --hold
 panel_mass=9:11:1. What else a trim imposes, frees and limits is typed as in `hfa trim`.
 
-A sweep that outgrows memory goes to a Zarr store (-o FILE.zarr): any number of points, random samples (--samples),
+-o FILE.fmu writes the models between the points of a grid as an FMU, whose inputs are those of the aircraft and the swept
+variables. A sweep that outgrows memory goes to a Zarr store (-o FILE.zarr): any number of points, random samples (--samples),
 several processes or machines (--workers), and it can be continued after an interruption (--resume).
 """
 
@@ -32,8 +33,8 @@ from trim.sweeps.points import condition_at
 from trim.sweeps.sweep import MOST_POINTS, run_plan, stored_sweep_report, stream_sweep
 from trim.sweeps.sweep_plan import SweepPlan
 
-#: Suffix of a store, and the options that only a store and only a game has.
-STORE = ".zarr"
+#: Suffixes of a store and of a unit of the models between the points; options that only a store and only a game has.
+STORE, UNIT = ".zarr", ".fmu"
 OF_A_GAME = ("delta", "Q", "R")
 OF_A_STORE = ("samples", "seed", "workers", "resume")
 
@@ -49,7 +50,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     options.add_aircraft(parser)
     parser.add_argument("--game", action="store_true", help="solve the game at every point: K, delta_min, margins")
     add_weights(parser)
-    options.add_output(parser, STORE)
+    options.add_output(parser, STORE, UNIT)
     store = parser.add_argument_group(f"for a store (-o FILE{STORE})")
     about = "N points of a Latin hypercube; ranges are LOW:HIGH or one number"
     add_value(store, "--samples", whole(1), "N", about)
@@ -77,7 +78,8 @@ def run(arguments: argparse.Namespace) -> int:
     plan = _plan(arguments, ranges, stored, listing)
     report, trimmed = (_in_store if stored else _in_memory)(plan, arguments)
     # The notes on standard error: the table on standard output stays a table.
-    show(replace(report, notes=()), arguments, target=None if stored else arguments.output)
+    written = stored or (arguments.output is not None and arguments.output.suffix.lower() == UNIT)
+    show(replace(report, notes=()), arguments, target=None if written else arguments.output)
     say_notes(report.notes)
     return 0 if trimmed else 1
 
@@ -125,6 +127,12 @@ def _in_memory(plan: SweepPlan, arguments: argparse.Namespace) -> tuple[Report, 
         notes.append(f"nothing to draw: {arguments.picture} is not written")
     else:
         draw(arguments.picture, result.root_locus.figure)
+    if arguments.output is not None and arguments.output.suffix.lower() == UNIT:
+        from controller.export.exported_loop import interpolated_loop
+        from controller.export.fmu import write_fmu
+        from trim.linear.varying import InterpolatedModel
+
+        write_fmu(interpolated_loop(InterpolatedModel(result)), arguments.output, provenance())
     report = result.report()
     report = replace(report, notes=[*report.notes, *notes])
     if arguments.game:

@@ -86,3 +86,14 @@ def test_an_fmu_without_a_compiler_is_one_line(tmp_path: Path, monkeypatch: pyte
     monkeypatch.setattr(fmu, "c_compiler", lambda: None)
     assert_refused(hfa("export", "-o", str(tmp_path / "a.fmu")), 1, "needs a C compiler", "install gcc")
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.skipif(c_compiler() is None, reason="there is no C compiler")
+def test_a_grid_of_trims_is_an_fmu_with_the_swept_variables_as_inputs(tmp_path: Path) -> None:
+    path, words = tmp_path / "models.fmu", ("sweep", "--dihedral", "5,15", "--hold", "speed=64,68")
+    assert hfa(*words, "-o", str(path)).code == 0
+    with zipfile.ZipFile(path) as archive:
+        described = archive.read("modelDescription.xml").decode()
+    for name in ("scheduled_dihedral", "scheduled_speed", "aileron_outer", "pitch_rate"):
+        assert f'name="{name}"' in described
+    assert_refused(hfa("sweep", "--dihedral", "5", "-o", str(path)), 2, "dihedral has one value in the sweep")

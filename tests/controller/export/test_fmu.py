@@ -11,10 +11,12 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 from controllers import integrating_controller
+from own_models import NAVION
+from scipy.integrate import solve_ivp
 
 from controller import Actuators, CommandSteps, Scenario, Signal
 from controller.export import fmu
-from controller.export.exported_loop import ExportedLoop, aircraft_loop, controller_loop, gain_loop
+from controller.export.exported_loop import ExportedLoop, exported_loop, interpolated_loop
 from controller.export.fmu import description, write_fmu
 from controller.flight.closed_loop import ClosedLoop
 from controller.flight.plants import NonlinearPlant
@@ -24,7 +26,7 @@ from controller.policy.servo_policy import servo_law
 from controller.policy.signals import CommandedStates, zero
 from hfa_model import LINEAR_STATES, STATES, Aircraft, Input
 from hfa_model.provenance import Provenance
-from trim import OperatingPoint
+from trim import InterpolatedModel, OperatingPoint, sweep
 
 fmpy = pytest.importorskip("fmpy", reason="FMPy is not installed")
 pytest.importorskip("fmpy.validation")  # not loaded with FMPy
@@ -66,17 +68,17 @@ def made(
 ) -> tuple[ExportedLoop, dict[str, float], np.ndarray]:
     """The loop, its inputs besides `START`, and our states each tenth of a second, (601, 7)."""
     if kind == "aircraft":
-        return aircraft_loop(aircraft, point), {}, flown(aircraft, point, np.zeros((5, 6)), zero(len(LINEAR_STATES)))
+        return exported_loop(aircraft, point), {}, flown(aircraft, point, np.zeros((5, 6)), zero(len(LINEAR_STATES)))
     if kind == "gain":
         half_a_foot = Signal(np.eye(6)[0] * 0.5, np.zeros(6), ())
-        return gain_loop(aircraft, point, gain), {"reference_speed": 0.5}, flown(aircraft, point, gain, half_a_foot)
+        return exported_loop(aircraft, point, gain), {"reference_speed": 0.5}, flown(aircraft, point, gain, half_a_foot)
     controller = integrating_controller(aircraft, W=np.full((3, 1, 1), 0.1))
     commands = CommandSteps(("dihedral",), np.zeros(1), np.array([[0.02]]))
     law = servo_law(controller, commands, aircraft, point)
     scenario = scenario_of(point, reference=CommandedStates(commands, LINEAR_STATES), actuators=ACTUATORS)
     loop = CompiledLoop(ClosedLoop(NonlinearPlant(aircraft, point), law.policy, scenario, np.array(point.inputs)))
     known = absolute(loop, point, scenario, law.constants, memory=law.memory)
-    return controller_loop(aircraft, point, controller, ACTUATORS), {"command_dihedral": 0.02}, known
+    return exported_loop(aircraft, point, None, controller, ACTUATORS), {"command_dihedral": 0.02}, known
 
 
 def flown(aircraft: Aircraft, point: OperatingPoint, gain: np.ndarray, follow: Signal) -> np.ndarray:
@@ -171,3 +173,22 @@ def test_the_sources_have_no_warning(unit: Unit, tmp_path: Path) -> None:
         archive.extractall(tmp_path)
     words = ["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Werror", "-fsyntax-only", fmu.WRAPPER, fmu.SOURCE]
     assert subprocess.run([compiler, *words], cwd=tmp_path / "sources", capture_output=True).stderr == b""
+
+
+def test_a_model_interpolated_over_two_variables_is_an_fmu(tmp_path: Path) -> None:
+    """Between the points of the grid, against another integrator with NumPy's A and B there; and of any model."""
+    between = InterpolatedModel(sweep(NAVION, {"speed": [170.0, 180.0, 190.0], "gamma": [0.0, 0.02]}))
+    write_fmu(interpolated_loop(between), tmp_path / "a.fmu", ORIGIN)
+    assert fmpy.validation.validate_fmu(str(tmp_path / "a.fmu")) == []
+    at = {"speed": 183.0, "gamma": 0.013}
+    start = {f"scheduled_{name}": value for name, value in at.items()} | {"pitch_rate": 0.02, "elevator": 0.01}
+    found = fmpy.simulate_fmu(
+        str(tmp_path / "a.fmu"), fmi_type="CoSimulation", stop_time=2.0, output_interval=0.1, start_values=start
+    )
+    middle, here = between.at(speed=180.0, gamma=0.01), between.at(**at)
+    rows = [list(NAVION.states).index(name) for name in NAVION.linear]
+    x, u = middle.states[rows].copy(), middle.inputs.copy()
+    x[NAVION.linear.index("pitch_rate")], u[list(NAVION.inputs).index("elevator")] = 0.02, 0.01
+    rate = lambda _, x: here.A @ (x - here.states[rows]) + here.B @ (u - here.inputs)  # noqa: E731
+    known = solve_ivp(rate, (0.0, 2.0), x, rtol=1e-10, atol=1e-12).y[:, -1]
+    np.testing.assert_allclose([found[name][-1] for name in NAVION.linear], known, rtol=1e-7, atol=1e-9)
