@@ -3,9 +3,9 @@
 Whatever a trim can hold can be swept, --hold speed=60:70:2, and any parameter of the aircraft, --hold
 panel_mass=9:11:1. What else a trim imposes, frees and limits is typed as in `hfa trim`.
 
--o FILE.fmu writes the models between the points of a grid as an FMU, whose inputs are those of the aircraft and the swept
-variables. A sweep that outgrows memory goes to a Zarr store (-o FILE.zarr): any number of points, random samples (--samples),
-several processes or machines (--workers), and it can be continued after an interruption (--resume).
+-o FILE.fmu writes the models between the points of a grid as an FMU; its inputs are those of the aircraft and the swept
+variables. A sweep that outgrows memory goes to a Zarr store (-o FILE.zarr): any number of points, random samples
+(--samples), several processes or machines (--workers), and it can be continued after an interruption (--resume).
 """
 
 from __future__ import annotations
