@@ -15,10 +15,10 @@ from hfa_cli.options.shared_options import REPORTS
 from hfa_cli.origin import provenance, signed
 from hfa_cli.progress import say_notes
 from hfa_model.aircraft import HFA
-from hfa_model.units_of_data import in_units_in_force
 from hfa_support.files import write_text
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Style
+from hfa_support.reporting.units_of_data import in_units_in_force
 from hfa_support.streams import say
 
 if TYPE_CHECKING:

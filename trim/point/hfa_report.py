@@ -50,11 +50,14 @@ def with_loads(report: Report, aircraft: Aircraft, point: OperatingPoint) -> Rep
     flat = {name: getattr(loads, name) for name in Loads._fields if name not in ("center", "outer")}
     for panel in ("center", "outer"):
         flat |= {f"{panel}_{name}": getattr(getattr(loads, panel), name) for name in PanelLoads._fields}
+    load_units = {name: "ft lbf" if name.endswith("moment") else "lbf" for name in flat}
     units = {name: unit for name, (unit, _) in PERFORMANCE.items()}
     shown = [name for name in dict.fromkeys((*_SHOWN_FIRST, *PERFORMANCE)) if PERFORMANCE[name][1]]
     rows = [(PERFORMANCE[name][1], short_number(numbers[name], units[name]), shown_unit(units[name])) for name in shown]
     parts = (*report.parts, _loads(loads, numbers), Table(("performance", "value", "unit"), rows))
-    return replace(report, parts=parts).with_data(loads=flat, performance=numbers, performance_units=units)
+    return replace(report, parts=parts).with_data(
+        loads=flat, load_units=load_units, performance=numbers, performance_units=units
+    )
 
 
 def performance(aircraft: Aircraft, point: OperatingPoint) -> dict[str, float]:

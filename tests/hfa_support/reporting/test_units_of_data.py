@@ -7,16 +7,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hfa_model.units_of_data import in_units_in_force
+from hfa_model.aircraft import HFA
 from hfa_support import Report, shown_in
 from hfa_support.reporting.text import Table
+from hfa_support.reporting.units_of_data import in_units_in_force
 
 FT, LBF = 0.3048, 4.4482216152605
 
 
 def in_si(data: dict[str, Any], records: Table | None = None) -> Report:
     with shown_in("si"):
-        return in_units_in_force(Report("", (), data=data, records=records or Table((), [])))
+        return in_units_in_force(Report("", (), data=data, records=records or Table((), [])), HFA)
 
 
 @pytest.mark.parametrize(
