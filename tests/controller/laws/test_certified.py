@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from game_samples import game_models, random_game
+from game_samples import random_game
 from known_models import game_at
 from learning_samples import (
     PUBLISHED,
@@ -52,16 +52,7 @@ def test_published_models_from_the_papers_start(name: str, start: float) -> None
 @pytest.mark.parametrize("name", PUBLISHED)
 @pytest.mark.parametrize(
     ("predefined_time", "tick"),
-    [
-        (0.5, 0.001),
-        (0.5, 0.1),
-        (10.0, 0.1),
-        (60.0, 0.1),
-        pytest.param(2.0, 0.1, marks=pytest.mark.slow),
-        pytest.param(2.0, 0.001, marks=pytest.mark.slow),
-        pytest.param(10.0, 0.001, marks=pytest.mark.slow),
-        pytest.param(60.0, 0.001, marks=pytest.mark.slow),
-    ],
+    [(0.5, 0.1), (60.0, 0.1), *(pytest.param(T_w, 0.001, marks=pytest.mark.slow) for T_w in (0.5, 2.0, 10.0, 60.0))],
 )
 def test_settles_within_any_predefined_time(name: str, predefined_time: float, tick: float) -> None:
     game, exact = published(name)
@@ -71,15 +62,10 @@ def test_settles_within_any_predefined_time(name: str, predefined_time: float, t
     assert result.settling_time <= predefined_time
 
 
-@pytest.mark.parametrize("name", game_models())
-def test_every_model_of_the_aircraft(name: str) -> None:
-    game = game_models()[name]
-    assert_exact(learn(game, tick=0.1), reference_solution(game))
-
-
-def assert_every_start_ends_right(indices: range) -> None:
+@pytest.mark.parametrize("starts", [8, pytest.param(1000, marks=pytest.mark.slow)])
+def test_random_starts_end_at_the_solution(starts: int) -> None:
     wrong, stabilizing = [], 0
-    for index in indices:
+    for index in range(starts):
         game, exact = published(PUBLISHED[index // 4 % 2])
         weights = random_start(index, game, exact.P)
         stabilizing += abscissa(game.A - game.S_control @ QUADRATIC.matrix(weights)) < 0.0
@@ -89,12 +75,7 @@ def assert_every_start_ends_right(indices: range) -> None:
         if not (result.converged and max(errors) <= 1e-9 and result.settling_time <= 10.0):
             wrong.append((index, errors, result.outcome))
     assert wrong == []
-    assert 0.05 * len(indices) < stabilizing < 0.95 * len(indices)
-
-
-@pytest.mark.parametrize("starts", [16, pytest.param(1000, marks=pytest.mark.slow)])
-def test_random_starts_end_at_the_solution(starts: int) -> None:
-    assert_every_start_ends_right(range(starts))
+    assert 0.05 * starts < stabilizing < 0.95 * starts
 
 
 @pytest.mark.parametrize("name", [name for name in BASES if name != "quadratic"])
@@ -107,7 +88,7 @@ def test_richer_bases_learn_that_the_value_is_quadratic(name: str) -> None:
     assert np.all(result.weights[0] == pytest.approx(100.0))
 
 
-@pytest.mark.parametrize("games", [6, pytest.param(24, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("games", [5, pytest.param(24, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("scaled", [False, True])
 def test_random_games_are_solved_or_refused_rightly(scaled: bool, games: int) -> None:
     rng = np.random.default_rng(5)
@@ -145,7 +126,7 @@ def test_one_state() -> None:
 @pytest.mark.parametrize("dynamics", VARIANTS)
 @pytest.mark.parametrize(
     "degrees",
-    [degrees if degrees % 10 == 5 else pytest.param(degrees, marks=pytest.mark.slow) for degrees in range(21)],
+    [degrees if degrees == 5 else pytest.param(degrees, marks=pytest.mark.slow) for degrees in range(21)],
 )
 def test_at_every_dihedral_angle_with_both_equations(dynamics: str, degrees: int) -> None:
     game = game_at(degrees, dynamics)
@@ -232,7 +213,7 @@ def test_learning_reads_the_recorded_data_and_not_A() -> None:
 @pytest.mark.parametrize("duration", [5.0, 20.0])
 def test_one_probing_flight_is_enough(name: str, duration: float) -> None:
     game, exact = published(name)
-    for seed in range(3):
+    for seed in range(2):
         states, _, _ = probing_flight(game, seed, np.linspace(0.0, duration, 500), (0.05, 0.05))
         assert_exact(learn(game, tick=0.2, pool=record(game, states)), exact)
 
@@ -292,14 +273,7 @@ def test_zero_within_theta_T_from_anywhere(start: float, eta: float) -> None:
     rate = decay_rate(time=5.0, eta=eta, theta=0.9)
     assert after(start, rate, eta, 0.9 * 5.0 * (1.0 + 1e-12)) == 0.0
     assert 0.0 < after(start, rate, eta, 1e-12 * min(1.0, start**eta)) <= start
-
-
-def test_bound_is_sharp() -> None:
-    assert after(1e12, RATE, ETA, 0.9 * 5.0 * 0.999) > 0.0
-
-
-def test_two_half_steps_are_one_step() -> None:
-    assert after(after(7.0, RATE, ETA, 0.3), RATE, ETA, 0.4) == pytest.approx(after(7.0, RATE, ETA, 0.7), rel=1e-12)
+    assert after(1e12, RATE, ETA, 0.9 * 5.0 * 0.999) > 0.0  # the bound is sharp
 
 
 def norm_at(f: float, parts: tuple[np.ndarray, np.ndarray, np.ndarray]) -> float:

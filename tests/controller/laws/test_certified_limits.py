@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -123,21 +122,25 @@ def test_a_plant_that_no_input_stabilizes_is_refused() -> None:
         learn(game, tick=0.1)
 
 
-def bad_settings() -> Iterator[tuple[dict[str, Any], str]]:
-    yield {"predefined_time": 0.0}, "predefined_time is 0.0"
-    yield {"tick": 11.0}, "must not exceed the predefined time"
-    yield {"eta": 1.0}, "eta is 1.0"
-    yield {"samples": 20}, "20 samples cannot determine 21 weights"
-    yield {"samples": 30.5}, "samples is 30.5"
-    yield {"pool_samples": 40}, "the pool holds 40 samples and 50 were asked for"
-    yield {"pool_samples": 10**11}, "pool_samples is 100000000000; give a whole number from 1 to 100000"
-    yield {"pool": 40}, "pool must be a Stack"
-    yield {"basis": "cubic"}, "unknown basis 'cubic'"
-    yield {"initial_weights": (1.0, 2.0)}, r"initial weights are \(2,\); basis 'quadratic' has 21"
-    yield {"initial_weights": np.nan}, "initial weight 0 is nan"
-
-
-@pytest.mark.parametrize(("options", "message"), bad_settings())
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"predefined_time": 0.0}, "predefined_time is 0.0"),
+        ({"tick": 11.0}, "must not exceed the predefined time"),
+        ({"eta": 1.0}, "eta is 1.0"),
+        ({"samples": 20}, "20 samples cannot determine 21 weights"),
+        ({"samples": 30.5}, "samples is 30.5"),
+        ({"pool_samples": 40}, "the pool holds 40 samples and 50 were asked for"),
+        ({"pool_samples": 10**11}, "pool_samples is 100000000000; give a whole number from 1 to 100000"),
+        ({"pool": 40}, "pool must be a Stack"),
+        ({"basis": "cubic"}, "unknown basis 'cubic'"),
+        ({"initial_weights": (1.0, 2.0)}, r"initial weights are \(2,\); basis 'quadratic' has 21"),
+        ({"initial_weights": np.nan}, "initial weight 0 is nan"),
+        ({"gamma": 0.01}, "law 'certified' has no setting 'gamma'; choose from predefined_time, tick"),
+        ({"law": "magic"}, "unknown law 'magic'; choose from certified"),
+        ({"law": "irl"}, "law 'irl' is a study now"),
+    ],
+)
 def test_bad_requests_name_the_setting(options: dict[str, Any], message: str) -> None:
     with pytest.raises(BadInputError, match=message):
         learn(published(PUBLISHED[0])[0], **options)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from learning_samples import PUBLISHED, published, stable_game
+from learning_samples import PUBLISHED, published
 from reference_riccati import reference_solution, relative_error
 
 from controller import Game, learn, random_pool, run
@@ -62,18 +62,6 @@ def test_results_are_plain_json() -> None:
     assert plain["excitation"]["rank"] == 21
 
 
-def test_unknown_laws_and_settings_name_the_choices() -> None:
-    game = stable_game()
-    with pytest.raises(BadInputError, match="unknown law 'magic'; choose from certified"):
-        learn(game, "magic")
-    with pytest.raises(BadInputError, match="law 'irl' is a study now"):
-        learn(game, "irl")
-    with pytest.raises(
-        BadInputError, match=r"law 'certified' has no setting 'gamma'; choose from predefined_time, tick"
-    ):
-        learn(game, gamma=0.01)
-
-
 def test_recorded_data_can_be_handed_in() -> None:
     game, exact = published(PUBLISHED[0])
     result = learn(game, pool=random_pool(game, 60, seed=8), tick=0.1)
@@ -100,9 +88,8 @@ def test_the_samples_taken_by_default_are_enough_for_the_plant() -> None:
 
 
 def test_the_samples_of_the_aircraft_stay_fifty_of_five_hundred() -> None:
-    game = published(PUBLISHED[0])[0]
     for functions in BASES:
-        settings = certified_law(game, CertifiedSettings(basis=functions), 0).settings
+        settings = certified_law(published(PUBLISHED[0])[0], CertifiedSettings(basis=functions), 0).settings
         assert (settings.samples, settings.pool_samples) == (50, 500)
 
 
@@ -127,28 +114,24 @@ def test_a_report_names_states_and_inputs_or_numbers_them() -> None:
 class Counting:
     """x = 0, 1, 2, ..."""
 
-    def __init__(self, ticks: int, **also: float) -> None:
-        self.ticks, self._also = ticks, also
+    ticks = 10
 
-    def start(self) -> dict[str, np.ndarray]:
-        return {"x": np.zeros(2)}
+    def start(self) -> np.ndarray:
+        return np.zeros(2)
 
-    def advance(self, tick: int, memory: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-        assert memory["x"][0] == tick
-        return {"x": memory["x"] + 1.0}
+    def advance(self, tick: int, memory: np.ndarray) -> np.ndarray:
+        assert memory[0] == tick
+        return memory + 1.0
 
-    def observe(self, tick: int, memory: dict[str, np.ndarray]) -> Mapping[str, Any]:
-        return {"time": 0.5 * tick, "weights": memory["x"], **self._also}
+    def observe(self, tick: int, memory: np.ndarray) -> Mapping[str, Any]:
+        return {"time": 0.5 * tick, "weights": memory}
 
 
-def test_every_row_is_kept_with_the_start_and_the_end() -> None:
-    found = run(Counting(10))
+def test_rows_are_kept_evenly_with_the_start_and_the_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = run(Counting())
     assert sorted(found.history) == ["time", "weights"]
     np.testing.assert_array_equal(found.history["time"], 0.5 * np.arange(11))
     np.testing.assert_array_equal(found.history["weights"], np.tile(np.arange(11.0)[:, None], (1, 2)))
-    np.testing.assert_array_equal(found.memory["x"], [10.0, 10.0])
-
-
-def test_of_a_long_run_rows_are_kept_evenly_and_the_last_always(monkeypatch: pytest.MonkeyPatch) -> None:
+    np.testing.assert_array_equal(found.memory, [10.0, 10.0])
     monkeypatch.setattr(runner, "MOST_ROWS", 5)
-    assert run(Counting(10)).history["time"].tolist() == [0.0, 1.5, 3.0, 4.5, 5.0]
+    assert run(Counting()).history["time"].tolist() == [0.0, 1.5, 3.0, 4.5, 5.0]

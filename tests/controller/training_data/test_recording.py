@@ -60,13 +60,13 @@ def test_natural_spread_solves_its_equation() -> None:
     game = stable_game()
     beta = 0.1 * np.abs(np.linalg.eigvals(game.A)).max()
     shifted, push = game.A - beta * np.eye(2), game.S_control + game.S_disturbance / game.delta**2
-    times = np.linspace(0.0, 60.0, 60_001)
+    times = np.linspace(0.0, 60.0, 12_001)
     step = np.eye(2) + (times[1] - times[0]) * shifted + 0.5 * (times[1] - times[0]) ** 2 * shifted @ shifted
     X, current = np.zeros((2, 2)), np.eye(2)
     for _ in times:
         X = X + current @ push @ current.T * (times[1] - times[0])
         current = step @ current
-    assert natural_spread(game) == pytest.approx(np.sqrt(np.diag(X)), rel=2e-3)
+    assert natural_spread(game) == pytest.approx(np.sqrt(np.diag(X)), rel=5e-3)
 
 
 @pytest.mark.parametrize("samples", [21, 30, 60])
@@ -87,21 +87,15 @@ def test_rounding_does_not_decide_the_choice(name: str, functions: str) -> None:
     game, _ = published(name)
     pool, rng = random_pool(game, 500, seed=0), np.random.default_rng(1)
     chosen = choose(pool, basis(functions, 6), 50)
-    for _ in range(5):
+    for _ in range(3):
         rounded = Stack(pool.states * (1.0 + 1e-15 * rng.normal(size=pool.states.shape)), pool.drifts)
         assert choose(rounded, basis(functions, 6), 50).states == pytest.approx(chosen.states, rel=1e-12)
 
 
-def unprobed_flight(game: Game) -> Stack:
-    """20 s of free response, 100 samples a second."""
-    states, _, _ = probing_flight(game, 0, np.linspace(0.0, 20.0, 2001), (0.0, 0.0))
-    return record(game, states)
-
-
 def test_pivoting_finds_the_rich_moments_of_an_unprobed_flight() -> None:
-    """Evenly spaced samples have rank 10 of 21: the fast modes are over before the second one."""
+    """Evenly spaced samples of 20 s of free response have rank 10 of 21: the fast modes are over early."""
     game, _ = published("published-5")
-    pool = unprobed_flight(game)
+    pool = record(game, probing_flight(game, 0, np.linspace(0.0, 20.0, 2001), (0.0, 0.0))[0])
     even = Stack(pool.states[::95], pool.drifts[::95])
     assert even.samples == 22
     assert rank(unit_rows(QUADRATIC.psi(even.states / even.channel_scales()))) < 15
