@@ -15,13 +15,10 @@ import scipy.io
 from hostile import damaged
 from scipy.sparse import csc_array, issparse
 
-from controller import basis
 from controller.game import array_file
 from controller.game.array_file import PlantNames, file_scales, read_arrays
-from controller.game.critic_file import in_scales
 from hfa_support import BadInputError
 
-FOOT = 0.3048
 pytestmark = pytest.mark.usefixtures("folder")
 
 # .mat ------------------------------------------------------------------------------------------------------------
@@ -172,23 +169,6 @@ def test_what_is_no_matrix_is_said(texts: dict[str, str], said: str) -> None:
 
 
 # Units -----------------------------------------------------------------------------------------------------------
-
-
-def test_value_and_gain_are_the_same_functions() -> None:
-    random, psi = np.random.default_rng(1), basis("quadratic+quartic", 3)
-    scales = file_scales({"state_units": ["m/s", "rad", "ft"]}, PlantNames(state_units=("ft/s", "rad", "m")))
-    np.testing.assert_allclose(scales, [FOOT, 1.0, 1.0 / FOOT], rtol=1e-15)
-    W, root, K = random.normal(size=psi.size), random.normal(size=(3, 3)), random.normal(size=(2, 3))
-    P, x = root @ root.T, random.normal(size=3)
-    found = in_scales({"W": W, "P": P, "K": K}, scales, psi)
-    assert found["W"] @ psi.psi(x) == pytest.approx(W @ psi.psi(scales * x), rel=1e-13)
-    assert x @ found["P"] @ x == pytest.approx((scales * x) @ P @ (scales * x), rel=1e-13)
-    np.testing.assert_allclose(found["K"] @ x, K @ (scales * x), rtol=1e-13)
-
-
-def test_units_that_the_file_does_not_give_are_not_converted() -> None:
-    for said in ((), ["m/s"], ["", "rad"], [1.0, 2.0], [["m/s"], "rad"], [b"m/s", b"\x93"]):
-        assert np.array_equal(file_scales({"state_units": said}, PlantNames(state_units=("ft/s", "rad"))), [1.0, 1.0])
 
 
 @pytest.mark.parametrize(

@@ -27,8 +27,6 @@ from controller.laws.certified import (
     after,
     certified_law,
     decay_rate,
-    discount_at,
-    fraction_to_reach,
 )
 from hfa_model import VARIANTS
 from hfa_support import NoSolutionError
@@ -274,37 +272,3 @@ def test_zero_within_theta_T_from_anywhere(start: float, eta: float) -> None:
     assert after(start, rate, eta, 0.9 * 5.0 * (1.0 + 1e-12)) == 0.0
     assert 0.0 < after(start, rate, eta, 1e-12 * min(1.0, start**eta)) <= start
     assert after(1e12, RATE, ETA, 0.9 * 5.0 * 0.999) > 0.0  # the bound is sharp
-
-
-def norm_at(f: float, parts: tuple[np.ndarray, np.ndarray, np.ndarray]) -> float:
-    return float(np.linalg.norm(parts[0] + f * parts[1] + f * f * parts[2]))
-
-
-def test_fraction_puts_the_residual_on_target() -> None:
-    rng = np.random.default_rng(0)
-    for _ in range(50):
-        e = rng.normal(size=8)
-        parts = (e, -e, -rng.normal(size=8) * 10.0 ** rng.uniform(-8.0, 0.0))
-        start = norm_at(0.0, parts)
-        lowest = min(norm_at(f, parts) for f in np.linspace(0.0, 1.0, 1001))
-        target = lowest + (start - lowest) * rng.uniform(0.05, 0.999)
-        f = fraction_to_reach(*parts, target)
-        assert norm_at(f, parts) == pytest.approx(target, rel=1e-9)
-        before = [norm_at(x, parts) for x in np.linspace(0.0, f, 200)[:-1]]
-        assert min(before) > target * (1.0 - 1e-9)
-
-
-def test_unreachable_target_gives_the_lowest_residual() -> None:
-    e, b = np.array([1.0, 0.0]), np.array([0.0, 5.0])
-    parts = (e, -e, -b)
-    f = fraction_to_reach(*parts, target=1e-3)
-    grid = np.linspace(1e-4, 1.0, 10_000)
-    assert f == pytest.approx(grid[np.argmin([norm_at(x, parts) for x in grid])], abs=2e-4)
-
-
-@pytest.mark.parametrize("start", [0.1, 7.0])
-def test_the_discount_falls_from_its_start_to_zero(start: float) -> None:
-    way = [discount_at(progress, start) for progress in np.linspace(0.0, 1.0, 11).tolist()]
-    assert (way[0], way[-1]) == (start, 0.0)
-    assert np.all(np.diff(way) < 0.0)
-    assert way[5] == pytest.approx(0.5 * start / (1.0 + start))

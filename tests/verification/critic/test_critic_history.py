@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import pytest
 from planted_critics import weights_of
 
 from controller import Game, History, basis, learn
-from controller.game.learning_result import settled_at
 from hfa_support import BadInputError
 from verification import check_history, solve_game
 from verification.critic.check_result import CriticCheck, check_figure
@@ -104,20 +101,3 @@ def test_the_last_row_is_judged_with_the_gain_that_belongs_to_it(game: Game) -> 
 def test_rows_of_another_length_are_refused(game: Game) -> None:
     with pytest.raises(BadInputError, match="there are 20 weights; basis 'quadratic' on 6 states has 21"):
         check_history(game, History(TIMES, W=np.ones((len(TIMES), 20))))
-
-
-FOUR_TIMES = np.array([0.0, 1.0, 2.0, 3.0])
-
-
-@pytest.mark.parametrize(
-    ("sizes", "settled"),
-    [
-        ([9.0, 0.1, 9.0, 0.1], 3.0),
-        ([0.1, 0.1, 0.1, 0.1], 0.0),
-        ([9.0, 1.0, 1.0, 1.0], 1.0),
-        ([0.1, 0.1, 0.1, 9.0], math.inf),
-        ([0.1, 0.1, 0.1, math.nan], math.inf),
-    ],
-)
-def test_it_settles_where_it_stays_within_the_limit_to_the_end(sizes: list[float], settled: float) -> None:
-    assert settled_at(FOUR_TIMES, np.array(sizes), 1.0) == settled
