@@ -57,49 +57,37 @@ class History(Shown):
 
     def __post_init__(self) -> None:
         """Name the first row that is wrong."""
-        given = {
-            name: numbers_in(name, value) for name in ("W", "P", "K") if (value := getattr(self, name)) is not None
-        }
-        times = numbers_in("time", self.times)
-        for name, values in {"times": times, **given}.items():
-            object.__setattr__(self, name, values)
+        for name in ("times", *_NDIM):
+            if (value := getattr(self, name)) is not None:
+                object.__setattr__(self, name, numbers_in(name.replace("times", "time"), value))
+        times = self.times
         if times.ndim != 1 or not len(times):
             raise BadInputError(f"time has shape {times.shape}; give one time for each row")
-        late = np.append(False, np.diff(times) <= 0.0)
-        if late.any():
-            row = int(np.argmax(late))
-            raise BadInputError(
-                f"time goes from {times[row - 1]:g} to {times[row]:g} s at row {row + 1}; it must increase"
-            )
-        wrong = [("time", ~(times >= 0.0) | ~np.isfinite(times), "is negative or not finite")]
-        if not self._over_time():
+        late = np.flatnonzero(np.diff(times) <= 0.0)
+        if len(late):
+            before, after = times[late[0] : late[0] + 2]
+            raise BadInputError(f"time goes from {before:g} to {after:g} s at row {late[0] + 2}; it must increase")
+        wrong = {"time is negative or not finite": ~(times >= 0.0) | ~np.isfinite(times)}
+        for name in (rows := self._rows()):
+            if len(rows[name]) != len(times):
+                raise BadInputError(f"{name} has {len(rows[name])} rows and there are {len(times)} times")
+            moderate = np.abs(rows[name].reshape(len(times), -1)) <= LARGEST_CRITIC_ENTRY
+            wrong[f"{name} is not finite, or beyond {LARGEST_CRITIC_ENTRY:g},"] = ~moderate.all(axis=1)
+        if not rows:
             raise BadInputError("a history needs W (rows of weights), P or K (a matrix for each time)")
-        for name, values in self._over_time().items():
-            if len(values) != len(times):
-                raise BadInputError(f"{name} has {len(values)} rows and there are {len(times)} times")
-            good = np.abs(values.reshape(len(values), -1)) <= LARGEST_CRITIC_ENTRY
-            wrong.append((name, ~good.all(axis=1), f"is not finite, or beyond {LARGEST_CRITIC_ENTRY:g},"))
-        for name, rows, what in wrong:
-            if rows.any():
-                row = int(np.argmax(rows))
-                raise BadInputError(f"{name} {what} at row {row + 1} (t = {times[row]:g} s)")
+        for what, where in wrong.items():
+            for row in np.flatnonzero(where):
+                raise BadInputError(f"{what} at row {row + 1} (t = {times[row]:g} s)")
 
     def row(self, index: int) -> StoredCritic:
-        """What is known at one time."""
-        found = self._over_time()
-        return StoredCritic(*(found[name][index] if name in found else None for name in StoredCritic._fields))
+        """What is known at one time; of the last row, -1, also its single matrices."""
+        rows = self._rows()
+        alone = {name: getattr(self, name) for name in _NDIM} if index == -1 else {}
+        return StoredCritic(*(rows[name][index] if name in rows else alone.get(name) for name in _NDIM))
 
-    @property
-    def last(self) -> StoredCritic:
-        """The last row, with its P and K."""
-        found = self._over_time()
-        return StoredCritic(
-            *(found[name][-1] if name in found else getattr(self, name) for name in StoredCritic._fields)
-        )
-
-    def _over_time(self) -> dict[str, np.ndarray]:
-        given = {"W": (self.W, 2), "P": (self.P, 3), "K": (self.K, 3)}
-        return {name: values for name, (values, ndim) in given.items() if values is not None and values.ndim == ndim}
+    def _rows(self) -> dict[str, np.ndarray]:
+        given = {name: getattr(self, name) for name in _NDIM}
+        return {name: each for name, each in given.items() if each is not None and each.ndim == _NDIM[name] + 1}
 
 
 def critic_in(
@@ -125,8 +113,7 @@ def critic_in(
 
 def _by_shape(array: np.ndarray, game: Game) -> str:
     """W, P or K, which the shape of an array without a name is."""
-    shapes = {"P": game.A.shape, "K": game.B.T.shape}
-    fitting = [name for name, shape in shapes.items() if array.shape == shape]
+    fitting = [name for name, shape in (("P", game.A.shape), ("K", game.B.T.shape)) if array.shape == shape]
     fitting = fitting or ["W"] * (max(array.shape, default=1) == array.size)
     if len(fitting) != 1:
         said = " or ".join(fitting) or "neither weights, nor P, nor K of this plant"

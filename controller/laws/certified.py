@@ -231,12 +231,6 @@ def enough_for(weights: int, least: int) -> int:
     return max(least, weights + (weights + 1) // 2)
 
 
-def sample_counts(samples: int | None, pool_samples: int | None, basis: Basis) -> tuple[int, int]:
-    """N_h and the size of the pool that it is chosen from, each as given or enough for the basis: 50 of 500 or more."""
-    chosen = enough_for(basis.size, 50) if samples is None else samples
-    return chosen, max(500, 5 * chosen) if pool_samples is None else pool_samples
-
-
 def initial_weights(value: Any, basis: Basis) -> np.ndarray:
     """W(0), (M,): one number for all weights. Raises BadInputError for another size or too large an entry."""
     weights = np.asarray(value, dtype=float)
@@ -271,18 +265,15 @@ class CertifiedSettings:
 
     def __post_init__(self) -> None:
         """Refuse what cannot run, naming the setting."""
-        share = Number(0.0, 1.0, above=True)
-        numbers = {"predefined_time": POSITIVE, "tick": POSITIVE, "eta": share, "theta": share}
-        for name, declared in numbers.items():
-            if declared.of(value := getattr(self, name)) is None:
-                raise BadInputError(f"{name} is {value}; give {declared}")
-        for name in ("samples", "pool_samples"):
+        share, samples = Number(0.0, 1.0, above=True), (self.samples, self.pool_samples)
+        for name, declared in {"predefined_time": POSITIVE, "tick": POSITIVE, "eta": share, "theta": share}.items():
             value = getattr(self, name)
+            if declared.of(value) is None or (declared is share and value == 1.0):
+                raise BadInputError(f"{name} is {value}; give {declared}{' and not 1' * (declared is share)}")
+        for name, value in zip(("samples", "pool_samples"), samples, strict=True):
             whole = isinstance(value, (int, np.integer)) and value is not True
             if value is not None and not (whole and 1 <= value <= MOST_SAMPLES):
                 raise BadInputError(f"{name} is {value}; give a whole number from 1 to {MOST_SAMPLES}")
-        if 1.0 in (self.eta, self.theta):
-            raise BadInputError(f"{'eta' if self.eta == 1.0 else 'theta'} is 1.0; give a number below 1")
         if self.tick > self.predefined_time:
             raise BadInputError(
                 f"tick is {self.tick} s; it must not exceed the predefined time, {self.predefined_time} s"
@@ -449,7 +440,8 @@ def certified_law(game: Game, chosen: CertifiedSettings, seed: int, pool: Stack 
     Of the pool the `samples` most different ones are kept. Raises BadInputError when the pool has not rank M.
     """
     functions = basis(chosen.basis, game.A.shape[0])
-    samples, pool_samples = sample_counts(chosen.samples, chosen.pool_samples, functions)
+    samples = enough_for(functions.size, 50) if chosen.samples is None else chosen.samples
+    pool_samples = max(500, 5 * samples) if chosen.pool_samples is None else chosen.pool_samples
     recorded = recording.random_pool(game, pool_samples, seed) if pool is None else pool
     fitted, misfit = recorded.linear()
     chosen = replace(chosen, samples=samples, pool_samples=pool_samples)

@@ -171,30 +171,21 @@ class StackEquations:
         return self.basis.scaling(self.scales)
 
     def reported_residuals(self, weights: np.ndarray) -> dict[str, float]:
-        """What all laws report of |e| at the game itself.
+        """What all laws report of the residual e of the game's Hamilton-Jacobi-Isaacs equation, with all of ∇V = ∂ψ'W.
 
-        residual_norm: over |z'Qz|. settling_residual: over the size of the terms that cancel in e, in [0, 1]: it tells
-        a settled critic; against z'Qz alone, rounding would never count as settled where Q is small compared with the
-        value.
-        """
-        residuals, size = self.game_residuals(weights)
-        norm = np.linalg.norm(residuals)
-        return {
-            "residual_norm": float(norm / np.linalg.norm(self.state_cost)),
-            "settling_residual": float(norm / np.linalg.norm(size)),
-        }
-
-    def game_residuals(self, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Residual of the game's Hamilton-Jacobi-Isaacs equation with all of ∇V = ∂ψ'W, and its size, (N_h,) each.
-
-        e_j = ∇V'F_j + z'Qz - ¼ ∇V' S ∇V (paper Eq. 33 with the extremal policies put in). Size: the sum of the
-        magnitudes of its terms.
+        e_j = ∇V'F_j + z'Qz - ¼ ∇V' S ∇V (paper Eq. 33 with the extremal policies put in). residual_norm: |e| over
+        |z'Qz|. settling_residual: over the size of the terms that cancel in e, in [0, 1]: it tells a settled critic;
+        against z'Qz alone, rounding would never count as settled where Q is small compared with the value.
         """
         gradient = np.einsum("jmi,m->ji", self.gradient, weights)
-        change = gradient * self.drifts
-        cost = self.state_cost
+        change, cost = gradient * self.drifts, self.state_cost
         _, policy_cost = self._policies(0.5 * gradient, GAME)
-        return change.sum(axis=1) + cost - policy_cost, np.abs(change).sum(axis=1) + cost + np.abs(policy_cost)
+        norm = float(np.linalg.norm(change.sum(axis=1) + cost - policy_cost))
+        size = np.abs(change).sum(axis=1) + cost + np.abs(policy_cost)
+        return {
+            "residual_norm": norm / float(np.linalg.norm(cost)),
+            "settling_residual": norm / float(np.linalg.norm(size)),
+        }
 
 
 def _squares(rows: np.ndarray) -> np.ndarray:

@@ -10,6 +10,7 @@ import ast
 import operator
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -176,9 +177,8 @@ def features_of(text: str, states: int, names: tuple[str, ...] = ()) -> ca.Funct
     except BadInputError:
         raise
     except Exception as error:  # the parser, Python's floats and CasADi each have their own
-        raise BadInputError(
-            f"--features {shortened(text)!r} is no list of expressions, as in 'x1**2, x1*x2'"
-        ) from error
+        said = f"--features {shortened(text)!r} is no list of expressions, as in 'x1**2, x1*x2'"
+        raise BadInputError(said) from error
 
 
 def from_network(
@@ -211,7 +211,7 @@ def from_network(
             (weight, bias), *_ = found.layers
             if len(weight) != 1 or not {*_parts(network)} <= {"", "V"}:
                 raise BadInputError(
-                    f"a layer on the basis has {len(weight)} outputs; V has 1, and only V is read of it"
+                    f"a layer on the basis has {len(weight)} outputs; only V, which has 1, is read of it"
                 )
             if not isinstance(functions, Basis):
                 return from_weights(game, weight[0], functions, float(bias[0]), found.precision)
@@ -223,14 +223,9 @@ def from_network(
         if "V+policy" in outputs:
             both = outputs.pop("V+policy")
             outputs |= {"V": both[0], "policy": both[1:]}
-        how: dict[str, Any] = {"network": network, "scale": scale, "features": features}
+        read = partial(from_network, game, source, network=network, scale=scale, features=features)
         others = [each for each in COMMON if activation and each != activation.partition(",")[0]]
-        variants = {
-            f"the activation is {other}, not {activation}": lambda other=other: from_network(
-                game, source, activation=other, **how
-            )
-            for other in others
-        }
+        variants = {f"the activation is {each}, not {activation}": partial(read, activation=each) for each in others}
         return _linearized(game, z, outputs, found.precision, variants)
 
 
@@ -270,27 +265,20 @@ def _parts(network: str) -> dict[str, str]:
 
 def _kinds(sizes: Mapping[str, int], n: int, m: int) -> dict[str, str]:
     """What each output of a network is, by its name where that is one of `OUTPUTS`, else by its size."""
-    counts = dict(zip(OUTPUTS, (1, n, m, 1 + m), strict=True))
-    found: dict[str, str] = {}
+    counts, found = dict(zip(OUTPUTS, (1, n, m, 1 + m), strict=True)), dict[str, str]()
     for name, size in sizes.items():
-        fitting = [kind for kind, count in counts.items() if count == size]
+        fitting = [kind for kind in ([name] if name in counts else counts) if counts[kind] == size]
         if "gradient" in fitting and m != n:
             fitting = ["gradient"]  # V and a policy have as many where 1 + m = n; then they must be named
-        said = ", ".join(f"{kind} has {count}" for kind, count in counts.items())
-        if name in OUTPUTS:
-            if counts[name] != size:
-                raise BadInputError(f"the network has {size} outputs; on this plant {said}")
-            fitting = [name]
         if not fitting:
+            said = ", ".join(f"{kind} has {count}" for kind, count in counts.items())
             raise BadInputError(f"the network has {size} outputs; on this plant {said}")
         if len(fitting) > 1:
             raise BadInputError(f"{size} outputs may be {' or '.join(fitting)}; say which, as --network {fitting[0]}=")
         found[name] = fitting[0]
     if sorted(found.values()) not in (*([each] for each in OUTPUTS), ["V", "policy"]):
-        raise BadInputError(
-            f"its outputs {shortened(', '.join(sizes))} are {', '.join(found.values())}; name one, or V and a policy, "
-            "as in --network V=value,policy=actor"
-        )
+        said = f"its outputs {shortened(', '.join(sizes))} are {', '.join(found.values())}"
+        raise BadInputError(f"{said}; name one, or V and a policy, as in --network V=value,policy=actor")
     return found
 
 

@@ -113,7 +113,7 @@ def check_history(
     done, rows. BadInputError when a row does not fit the game.
     """
     functions, units = basis(history.basis, len(game.A)), balanced_units(game)
-    last = from_stored(game, history.last, functions)
+    last = from_stored(game, history.row(-1), functions)
     check = check_critic(game, last, limit=limit, box=box, at_dihedral=at_dihedral)
     assert isinstance(check.exact, GameSolution)
     balanced, squared, rows = in_units(game, units), np.outer(units, units), []

@@ -300,38 +300,37 @@ def _repairs_of_sides(seen: _Seen, sides: _Sides) -> Iterator[Repair]:
     """Order, signs, degrees and scales of the states, inputs or slopes that the rows and columns of a matrix are."""
     for kind, axes, degree in sides:
         matrix, exact, weights = (each if 0 in axes else each.T for each in seen[1:4])
+        size, both = len(matrix), len(axes) == 2
 
-        def back(found: np.ndarray, axes: tuple[int, ...] = axes) -> np.ndarray:
-            return found if 0 in axes else found.T
+        def back(by: np.ndarray, matrix: np.ndarray = matrix, axes: tuple[int, ...] = axes) -> np.ndarray:
+            found = by @ matrix
+            return (found @ by.T if len(axes) == 2 else found) if 0 in axes else found.T
 
-        def scaled(by: np.ndarray, axes: tuple[int, ...] = axes, matrix: np.ndarray = matrix) -> np.ndarray:
-            return back(matrix / (np.outer(by, by) if len(axes) == 2 else by[:, None]), axes)
-
-        order = _order(matrix, exact, weights, both=len(axes) == 2)
-        placed = matrix[np.argsort(order)]
-        placed = placed[:, np.argsort(order)] if len(axes) == 2 else placed
-        yield f"the {kind}s are in the order {', '.join(str(place + 1) for place in order)}", back(placed)
+        order = _order(matrix, exact, weights, both=both)
+        said = ", ".join(str(place + 1) for place in order)
+        yield f"the {kind}s are in the order {said}", back(np.eye(size)[order].T)
         with np.errstate(all="ignore"):
             factors = np.sum(matrix * exact * weights**2, axis=1) / np.sum((exact * weights) ** 2, axis=1)
-            if len(axes) == 2:  # each by least squares, the others as they are
-                row = int(np.argmax(np.diag(exact)))
-                factors = np.where(matrix[row] * exact[row] < 0.0, -1.0, 1.0)
-                factors = factors * np.sqrt(np.abs(np.diag(matrix) / np.diag(exact)))
-                factors = -factors if 2 * (factors < 0.0).sum() > len(factors) else factors
-                for place in np.tile(np.arange(len(factors)), 5):
+            if both:  # each by least squares, the others as they are
+                signs = np.sign(matrix * exact)[int(np.argmax(np.diag(exact)))]
+                factors = np.where(signs < 0.0, -1.0, 1.0) * np.sqrt(np.abs(np.diag(matrix) / np.diag(exact)))
+                factors = -factors if 2 * (factors < 0.0).sum() > size else factors
+                for place in np.tile(np.arange(size), 5):
                     line = exact[place] * factors * weights[place] ** 2
                     factors[place] = matrix[place] @ line / (exact[place] * factors @ line)
             angles = np.abs(np.log(np.abs(factors) / degree)) < 1.5
         flipped = factors < 0.0
-        if flipped.any() and not flipped.all():
-            verb = "has" if flipped.sum() == 1 else "have"
-            yield f"{_named(kind, flipped)} {verb} the wrong sign", scaled(np.where(flipped, -1.0, 1.0))
-        if angles.any() and not angles.all():
-            verb = "is" if angles.sum() == 1 else "are"
-            yield f"{_named(kind, angles)} {verb} in degrees", scaled(np.where(angles, degree, 1.0))
-        if _known(seen) >= len(factors) + _REDUNDANT and np.all(np.isfinite(factors) & (factors > 0.0)):
-            by = ", ".join(f"{each:.3g}" for each in factors)
-            yield f"the {kind}s look scaled by {by}", scaled(factors)
+        for which, one, many, by in (
+            (flipped, "has the wrong sign", "have the wrong sign", np.where(flipped, -1.0, 1.0)),
+            (angles, "is in degrees", "are in degrees", np.where(angles, 1.0 / degree, 1.0)),
+        ):
+            if which.any() and not which.all():
+                *places, last = (str(place + 1) for place in np.flatnonzero(which))
+                named = f"{kind}s {', '.join(places)} and {last} {many}" if places else f"{kind} {last} {one}"
+                yield named, back(np.diag(by))
+        if _known(seen) >= size + _REDUNDANT and np.all(np.isfinite(factors) & (factors > 0.0)):
+            said = ", ".join(f"{each:.3g}" for each in factors)
+            yield f"the {kind}s look scaled by {said}", back(np.diag(1.0 / factors))
 
 
 def _known(seen: _Seen) -> int:
@@ -350,12 +349,6 @@ def _order(given: np.ndarray, exact: np.ndarray, weights: np.ndarray, *, both: b
         else:
             away = np.sum(((given[:, None] - exact[None]) * weights[None]) ** 2, axis=-1)
     return np.asarray(linear_sum_assignment(np.nan_to_num(away, nan=1e300, posinf=1e300))[1])
-
-
-def _named(kind: str, where: np.ndarray) -> str:
-    """'state 2', 'states 2, 3 and 5'."""
-    *places, last = (str(place + 1) for place in np.flatnonzero(where))
-    return f"{kind}s {', '.join(places)} and {last}" if places else f"{kind} {last}"
 
 
 def _another_root(game: Game, P: np.ndarray) -> str:

@@ -123,7 +123,7 @@ def test_what_is_no_history_is_refused(content: dict[str, Any], said: str) -> No
 
 def test_a_single_matrix_belongs_to_the_last_row() -> None:
     history = History(EVEN, W=ROWS, K=np.eye(3))
-    assert (history.row(-1).K, history.last.P) == (None, None)
-    np.testing.assert_array_equal(history.last.K, np.eye(3))
+    assert (history.row(2).K, history.row(-1).P) == (None, None)
+    np.testing.assert_array_equal(history.row(-1).K, np.eye(3))
     np.testing.assert_array_equal(history.row(1).W, ROWS[1])
-    np.testing.assert_array_equal(history.last.W, ROWS[2])
+    np.testing.assert_array_equal(history.row(-1).W, ROWS[2])
