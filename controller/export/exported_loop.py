@@ -222,7 +222,8 @@ def exported_loop(
     else:
         v, told = ca.SX.sym("U", len(U0)), inputs
     sets: Policy = Given(v - ca.DM(U0)) if policy is None else policy
-    scenario = Scenario(gust=Given(w) if w.numel() else None, reference=reference, actuators=actuators)
+    blown: Any = Given(w) if w.numel() else None
+    scenario = Scenario(gust=blown, reference=reference, actuators=actuators)
     Y, now = _closed(aircraft, point, sets, scenario, constants)
     U = ca.DM(0, 1) if policy is None else ca.densify(now.inputs + ca.DM(U0))
     arguments, results = [ca.vertcat(Y, filtered), ca.vertcat(w, v)], [ca.densify(ca.vertcat(now.rate, rates)), U]

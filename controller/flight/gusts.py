@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -15,33 +15,6 @@ from hfa_support.errors import BadInputError, refuse_unless_positive
 #: Time scales of turbulence, in ticks: shorter ones a noise that is held for a tick cannot make, longer ones leave
 #: the air as it was to rounding.
 SHORTEST, LONGEST = 1.0, 1e6
-
-
-class Gust(Protocol):
-    """w(t): vertical velocity of the air, ft/s, positive up; with the states of its filter, if it has one.
-
-    p: its input of each tick (a sample of white noise, for example).
-    """
-
-    @property
-    def memory_size(self) -> int:
-        """Number of filter states."""
-
-    @property
-    def constants_size(self) -> int:
-        """Length of p."""
-
-    def updraft(self, t: Any, memory: ca.SX, p: ca.SX) -> Any:
-        """w(t)."""
-
-    def memory_rate(self, t: Any, memory: ca.SX, p: ca.SX) -> ca.SX:
-        """d(memory)/dt, (memory_size,)."""
-
-    def start(self) -> np.ndarray:
-        """The filter states at t = 0, (memory_size,)."""
-
-    def constants(self, tick: int) -> np.ndarray:
-        """p of a tick, (constants_size,)."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +40,7 @@ class OneMinusCosine(Memoryless, Unvaried):
             raise BadInputError(f"the gust's peak is {self.peak} and its begin {self.begin}; give finite numbers")
 
     def updraft(self, t: Any, memory: ca.SX, p: ca.SX) -> Any:
-        """The gust at t; expressions or numbers."""
+        """w at t; expressions or numbers."""
         phase = 2 * np.pi * self.speed * (t - self.begin) / self.length
         return self.peak / 2 * (1 - ca.cos(ca.fmin(ca.fmax(phase, 0.0), 2 * np.pi)))
 
@@ -154,3 +127,7 @@ class Dryden:
         rng = np.random.default_rng(self.seed)
         start = np.linalg.cholesky(variance * unit) @ rng.standard_normal(2)
         return start, np.sqrt(variance) * rng.standard_normal(self.ticks)
+
+
+#: w(t), the vertical velocity of the air, positive up, with the states of its filter; p: its input of each tick.
+Gust = OneMinusCosine | Dryden

@@ -20,7 +20,7 @@ from controller.flight.envelope import (
     flown_through_air,
 )
 from controller.flight.limit_cycle import LimitCycle, limit_cycle
-from controller.flight.plants import UPDRAFT, LinearizedAircraft, NonlinearPlant
+from controller.flight.plants import UPDRAFT, LinearPlant, NonlinearPlant
 from controller.flight.scenario import Scenario, Uncertainty, with_errors
 from controller.flight.simulation import CompiledLoop, Flight
 from controller.policy.policies import FlownLaw, OpenLoop
@@ -59,7 +59,7 @@ def fly(
     """
     scenario = scenario.on(aircraft.model)
     result = fly_law(NonlinearPlant(with_errors(aircraft, scenario), point), law, scenario, envelope, progress=progress)
-    model = LinearizedAircraft.at(aircraft, point, result.loop.wind_names)
+    model = LinearPlant.at(aircraft, point, result.loop.wind_names)
     predicted = CompiledLoop(replace(result.loop, plant=model), law.fastest)
     ticks = (len(result.flight.times) - 1) // scenario.steps_per_tick
     flight = predicted.fly(scenario.initial, law.constants, memory=law.memory, ticks=ticks)
@@ -144,25 +144,6 @@ class NonlinearFlight(Reported):
         """Whether every state stayed inside the envelope, every input within its limits, and no limit cycle is left."""
         return self.departure is None and not self.exceeded and self.cycle is None
 
-    @property
-    def rms_errors(self) -> np.ndarray:
-        """Root mean square of the tracking error z over the second half of the flight, (k,)."""
-        late = self.flight.errors[len(self.flight.errors) // 2 :]
-        return np.asarray(np.sqrt(np.mean(late**2, axis=0)))
-
-    @property
-    def beyond_limits(self) -> np.ndarray:
-        """Share of the flight in which each input lay beyond its limits, (m,)."""
-        return np.asarray(beyond_control_limits(self.point.model, self.inputs).mean(axis=0))
-
-    @property
-    def differences(self) -> np.ndarray | None:
-        """Largest |nonlinear - linear| of each state, (n,); None without a prediction."""
-        if self.predicted is None:
-            return None
-        count = min(len(self.flight.times), len(self.predicted.times))
-        return np.asarray(np.abs(self.flight.states[:count] - self.predicted.states[:count]).max(axis=0))
-
     def title(self, law: str) -> str:
         """Which flight, and whether it stayed within its limits."""
         at = at_scheduled(self.point).removeprefix("at ")
@@ -183,24 +164,111 @@ class NonlinearFlight(Reported):
     def report(self, law: FlownLaw | None = None) -> Report:
         """Outcome, states against the envelope and the linear prediction, inputs against the control limits.
 
-        law: what was flown, for the title and the data. data: without the flight itself, which is `history`.
+        law: what was flown, for the title and the data. data: in the units of the model, without the flight itself,
+        which is `history`; "held": whether the envelope was not left, and no limit cycle is left over.
         """
-        kind = "" if law is None or not len(law.gains) else ", frozen"
-        words = "" if law is None else f", law {law.name}{kind}"
-        parts: list[Part] = [_states(self), *([OVER_GROUND] if _through_air(self) else []), _inputs(self)]
-        commanded = _tracked(self, law)
-        if commanded:
-            parts.insert(0, tracking_table(commanded))
-        still = max(np.abs(self.flight.states).max(), np.abs(self.flight.inputs).max()) <= _STILL
-        return Report(self.title(words), parts, [UNDISTURBED] * bool(still), _data(self, law), _records(self))
+        model, flight, trim = self.point.model, self.flight, self.point.states
+        moving = bool(flight.winds) and flown_through_air(model)
+        largest = dict(zip(model.states, np.abs(flight.states).max(axis=0).tolist(), strict=True))
+        final = dict(zip(model.states, self.states[-1].tolist(), strict=True))
+        if flown_through_air(model):
+            largest[ANGLE_OF_ATTACK] = float(np.abs(self.angles_of_attack - getattr(trim, ALPHA)).max())
+            final[ANGLE_OF_ATTACK] = float(self.angles_of_attack[-1])
+        late = flight.errors[len(flight.errors) // 2 :]
+        data: dict[str, Any] = {
+            "schema": FLIGHT_SCHEMA,
+            "dynamics": self.point.dynamics,
+            **names_and_units(model),
+            "operating_point": self.point.to_dict(),
+            "scenario": self.scenario.to_dict(),
+            "envelope": self.envelope.to_dict(bool(flight.winds)),
+            "within_limits": self.within_limits,
+            "held": self.departure is None and self.cycle is None,
+            "departure": None if self.departure is None else self.departure._asdict(),
+            "limit_cycle": None if self.cycle is None else self.cycle._asdict(),
+            "exceeded": [each._asdict() for each in self.exceeded],
+            "flown": float(flight.times[-1]),
+            "final": final,
+            "largest_deviation": largest,
+            "rms_error": dict(zip(model.linear, np.sqrt(np.mean(late**2, axis=0)).tolist(), strict=True)),
+            "share_beyond_control_limits": dict(
+                zip(model.inputs, beyond_control_limits(model, self.inputs).mean(axis=0).tolist(), strict=True)
+            ),
+            "checks": [],
+        }
+        if self.predicted is not None:
+            count = min(len(flight.times), len(self.predicted.times))
+            off = np.abs(flight.states[:count] - self.predicted.states[:count]).max(axis=0)
+            data["largest_difference_from_linear"] = dict(zip(model.states, off.tolist(), strict=True))
+        followed: tuple[Tracked, ...] = ()
+        if law is not None:
+            data["policy"] = {"law": law.name}
+            if len(law.gains):
+                data["policy"] |= {"state_units": list(model.units(model.linear)), "K": law.gains[-1]}
+            if isinstance(law.policy, ServoPolicy) and isinstance(law.policy.commands, CommandSteps):
+                followed = tracked(flight, law.policy.regulated, law.policy.commands)
+                data["commanded"] = {
+                    each.name: {"rms_error": each.rms, "largest_error": each.largest, "unit": each.unit}
+                    for each in followed
+                }
+        words = "" if law is None else f", law {law.name}{', frozen' * bool(len(law.gains))}"
+        parts: list[Part] = [self._states(data, moving), *[OVER_GROUND] * moving, self._inputs(data)]
+        if followed:
+            rows = [
+                (each.name, shown_unit(each.unit), *(short_number(x, each.unit) for x in (each.rms, each.largest)))
+                for each in followed
+            ]
+            parts.insert(0, Table(("commanded output", "unit", "rms error", "largest error"), rows))
+        still = max(np.abs(flight.states).max(), np.abs(flight.inputs).max()) <= _STILL
+        return Report(self.title(words), parts, [UNDISTURBED] * bool(still), data, self._records())
+
+    def _states(self, data: dict[str, Any], moving: bool) -> Table:
+        """Of each state, and where the air moves of alpha through it, what the data have; the limits beside."""
+        model, rows = self.point.model, []
+        differences = data.get("largest_difference_from_linear")
+        for index, name in enumerate(model.states):
+            unit, limits = model.unit(name), self.envelope.limits_text(index)
+            through_air = name == ALPHA and moving
+            for what in (name, ANGLE_OF_ATTACK)[: 1 + through_air]:
+                deviations = data["largest_deviation"][what], data["final"][what] - self.point.states[index]
+                cells = [what, shown_unit(unit), *(short_number(value, unit) for value in deviations)]
+                cells += [short_number(data["rms_error"][what], unit) if what in model.linear else ""]
+                cells += ["" if through_air and what == name else limits]
+                if differences is not None:
+                    cells += [short_number(differences[what], unit) if what in differences else ""]
+                rows.append(tuple(cells))
+        deviated = ("largest deviation", "final deviation", "rms error, 2nd half")
+        return Table(("state", "unit", *deviated, "envelope", "off the linear model")[: len(rows[0])], rows)
+
+    def _inputs(self, data: dict[str, Any]) -> Table:
+        rows = []
+        for index, (name, share) in enumerate(data["share_beyond_control_limits"].items()):
+            unit, column = self.point.model.unit(name), self.inputs[:, index]
+            ends = (short_number(each, unit) for each in (column.min(), column.max()))
+            rows.append((name, shown_unit(unit), *ends, f"{100 * share:.3g} %"))
+        return Table(("input", "unit", "lowest", "highest", "time beyond control limits"), rows)
 
     def history(self) -> dict[str, Any]:
-        """Once a tick: times (N,), states (N, 7), inputs (N, 5), angles of attack, all absolute; errors, updrafts."""
+        """Once a tick: times (N,), states (N, n), inputs (N, m), angles of attack, all absolute; errors, updrafts."""
         every = slice(None, None, self.scenario.steps_per_tick)
         of_flight = {name: getattr(self.flight, name)[every] for name in ("times", "errors", "updrafts")}
         names = ("states", "inputs", *(("angles_of_attack",) if flown_through_air(self.point.model) else ()))
         absolute = {name: getattr(self, name)[every] for name in names}
         return {"history": of_flight | absolute}
+
+    def _records(self) -> Table:
+        """The history, one row a tick, each column with its unit: an array, because a flight may be long."""
+        flown, model = self.history()["history"], self.point.model
+        units = {"time": "s"} | {name: model.unit(name) for name in (*model.states, *model.inputs)}
+        columns = [flown[name] for name in ("times", "states", "inputs")]
+        if UPDRAFT in model.disturbances:
+            units[UPDRAFT] = model.unit(UPDRAFT)
+            columns.append(flown["updrafts"])
+        if flown_through_air(model):
+            units[ANGLE_OF_ATTACK] = model.unit(ALPHA)
+            columns.append(flown["angles_of_attack"])
+        rows: Any = np.column_stack(columns)
+        return Table(tuple(f"{name} [{unit}]" for name, unit in units.items()), rows)
 
 
 def names_and_units(model: Model) -> dict[str, list[str]]:
@@ -238,122 +306,9 @@ class Tracked(NamedTuple):
 def tracked(flight: Flight, outputs: MeasuredOutputs, commands: CommandSteps) -> tuple[Tracked, ...]:
     """Each commanded output of a flight beside its command, without the noise of the sensors."""
     model = outputs.model
-    z = flight.states[:, _rows(model)] @ outputs.C.T + flight.inputs @ outputs.D.T
+    rows = [list(model.states).index(name) for name in model.linear]
+    z = flight.states[:, rows] @ outputs.C.T + flight.inputs @ outputs.D.T
     if outputs.F.size:
         z += flight.updrafts[:, None] @ outputs.F.T
     units = model.units([model.part(name)[0] for name in commands.names])
     return tuple(map(Tracked, commands.names, z.T, commands.sampled(flight.times).T, units))
-
-
-def _rows(model: Model) -> list[int]:
-    """Where the states of the linear model stand among all."""
-    return [list(model.states).index(name) for name in model.linear]
-
-
-def _through_air(result: NonlinearFlight) -> bool:
-    """Whether alpha through the air is another number than alpha."""
-    return bool(result.flight.winds) and flown_through_air(result.point.model)
-
-
-def tracking_table(followed: tuple[Tracked, ...]) -> Table:
-    """Degrees for angles."""
-    rows = []
-    for each in followed:
-        sizes = (short_number(value, each.unit) for value in (each.rms, each.largest))
-        rows.append((each.name, shown_unit(each.unit), *sizes))
-    return Table(("commanded output", "unit", "rms error", "largest error"), rows)
-
-
-def _tracked(result: NonlinearFlight, law: FlownLaw | None) -> tuple[Tracked, ...]:
-    if law is None or not isinstance(law.policy, ServoPolicy) or not isinstance(law.policy.commands, CommandSteps):
-        return ()
-    return tracked(result.flight, law.policy.regulated, law.policy.commands)
-
-
-def _states(result: NonlinearFlight) -> Table:
-    final, largest, differences = result.flight.states[-1], np.abs(result.flight.states).max(axis=0), result.differences
-    rows: list[tuple[str, ...]] = []
-    model = result.point.model
-    for index, name in enumerate(model.states):
-        unit = model.unit(name)
-        cells = [name, shown_unit(unit), short_number(largest[index], unit), short_number(final[index], unit)]
-        cells += [short_number(result.rms_errors[model.linear.index(name)], unit) if name in model.linear else ""]
-        cells += [result.envelope.limits_text(index)]
-        cells += [] if differences is None else [short_number(differences[index], unit)]
-        rows.append(tuple(cells))
-        if name == ALPHA and _through_air(result):
-            deviations = result.angles_of_attack - result.point.states.alpha
-            shown = (short_number(value, unit) for value in (np.abs(deviations).max(), deviations[-1]))
-            limited = (ANGLE_OF_ATTACK, shown_unit(unit), *shown, "", result.envelope.limits_text(index), "")
-            rows[-1] = (*cells[:5], "", *cells[6:])
-            rows.append(limited[: len(cells)])
-    deviations = ("largest deviation", "final deviation", "rms error, 2nd half")
-    header = ("state", "unit", *deviations, "envelope", "off the linear model")
-    return Table(header[: len(rows[0])], rows)
-
-
-def _inputs(result: NonlinearFlight) -> Table:
-    low, high, beyond = result.inputs.min(axis=0), result.inputs.max(axis=0), result.beyond_limits
-    names = tuple(result.point.model.inputs)
-    rows = [
-        (name, shown_unit(unit), short_number(low[i], unit), short_number(high[i], unit), f"{100 * beyond[i]:.3g} %")
-        for i, (name, unit) in enumerate(zip(names, result.point.model.units(names), strict=True))
-    ]
-    return Table(("input", "unit", "lowest", "highest", "time beyond control limits"), rows)
-
-
-def _data(result: NonlinearFlight, law: FlownLaw | None) -> dict[str, Any]:
-    """Units of the model, radians. held: whether the envelope was not left, and no limit cycle is left over."""
-    departure, model = result.departure, result.point.model
-    final = dict(zip(model.states, result.states[-1].tolist(), strict=True))
-    largest = dict(zip(model.states, np.abs(result.flight.states).max(axis=0).tolist(), strict=True))
-    if flown_through_air(model):
-        angles = result.angles_of_attack
-        final[ANGLE_OF_ATTACK] = float(angles[-1])
-        largest[ANGLE_OF_ATTACK] = float(np.abs(angles - getattr(result.point.states, ALPHA)).max())
-    data: dict[str, Any] = {
-        "schema": FLIGHT_SCHEMA,
-        "dynamics": result.point.dynamics,
-        **names_and_units(model),
-        "operating_point": result.point.to_dict(),
-        "scenario": result.scenario.to_dict(),
-        "envelope": result.envelope.to_dict(bool(result.flight.winds)),
-        "within_limits": result.within_limits,
-        "held": departure is None and result.cycle is None,
-        "departure": None if departure is None else departure._asdict(),
-        "limit_cycle": None if result.cycle is None else result.cycle._asdict(),
-        "exceeded": [each._asdict() for each in result.exceeded],
-        "flown": float(result.flight.times[-1]),
-        "final": final,
-        "largest_deviation": largest,
-        "rms_error": dict(zip(model.linear, result.rms_errors.tolist(), strict=True)),
-        "share_beyond_control_limits": dict(zip(model.inputs, result.beyond_limits.tolist(), strict=True)),
-        "checks": [],
-    }
-    if result.differences is not None:
-        data["largest_difference_from_linear"] = dict(zip(model.states, result.differences.tolist(), strict=True))
-    if law is not None:
-        data["policy"] = {"law": law.name}
-        if len(law.gains):
-            data["policy"] |= {"state_units": list(model.units(model.linear)), "K": law.gains[-1]}
-        if isinstance(law.policy, ServoPolicy):
-            data["commanded"] = {
-                each.name: {"rms_error": each.rms, "largest_error": each.largest, "unit": each.unit}
-                for each in _tracked(result, law)
-            }
-    return data
-
-
-def _records(result: NonlinearFlight) -> Table:
-    """One row a tick: time, states, inputs and the air, each with its unit; an array, because a flight may be long."""
-    flown, model = result.history()["history"], result.point.model
-    units = {"time": "s"} | {name: model.unit(name) for name in (*model.states, *model.inputs)}
-    columns = [flown[name] for name in ("times", "states", "inputs")]
-    if UPDRAFT in model.disturbances:
-        units[UPDRAFT] = model.unit(UPDRAFT)
-        columns.append(flown["updrafts"])
-    if flown_through_air(model):
-        units[ANGLE_OF_ATTACK] = model.unit(ALPHA)
-        columns.append(flown["angles_of_attack"])
-    rows: Any = np.column_stack(columns)
-    return Table(tuple(f"{name} [{unit}]" for name, unit in units.items()), rows)

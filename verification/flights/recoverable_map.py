@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from controller.flight.envelope import Envelope, control_excesses
-from controller.flight.plants import LinearizedAircraft, NonlinearPlant
+from controller.flight.plants import LinearPlant, NonlinearPlant, Plant
 from controller.flight.scenario import Scenario
 from controller.flight.simulation import SummedLoop
 from controller.policy.policies import gain_law
@@ -105,13 +105,13 @@ class ManyFlights:
 
     def __init__(
         self,
-        plant: NonlinearPlant | LinearizedAircraft,
+        plant: Plant,
         point: OperatingPoint,
         envelope: Envelope,
         gain: np.ndarray,
         seconds: float,
     ) -> None:
-        model, offsets = plant.model, np.array(point.states)
+        model, offsets = envelope.model, np.array(point.states)
         rounded = float(TICK * np.ceil(seconds / TICK - 1e-9))
         self._model, self._scenario = model, Scenario(rounded, STEP, TICK, np.zeros(len(offsets)))
         self._loop = SummedLoop(plant, point, gain_law("map", gain), self._commanded({}), envelope, MOST_POINTS)
@@ -228,14 +228,14 @@ def recoverable_map(
     size = next(iter(grid.values())).size
     if size > MOST_POINTS:
         raise BadInputError(f"the map has {size} points; at most {MOST_POINTS} are allowed")
-    linear, (rows, _) = LinearizedAircraft.at(aircraft, point), _linear(model)
+    linear, (rows, _) = LinearPlant.at(aircraft, point), _linear(model)
     abscissa = spectrum(linear.A[np.ix_(rows, rows)] - linear.B[rows] @ gain).abscissa
     if abscissa >= 0.0:
         raise BadInputError(f"A - B K has abscissa {abscissa:+.4g} 1/s; give a gain that stabilizes the linear model")
     done = itertools.count(1)
     each_done = None if progress is None else lambda: progress(next(done), 2 * size)
     found, edges = {}, list[Edge]()
-    plants: tuple[NonlinearPlant | LinearizedAircraft, ...] = NonlinearPlant(aircraft, point), linear
+    plants: tuple[Plant, ...] = NonlinearPlant(aircraft, point), linear
     for name, plant in zip(PLANTS, plants, strict=True):
         fly = ManyFlights(plant, point, envelope, gain, TIME_CONSTANTS / -abscissa).fly
         found[name] = fly(grid, progress=each_done)

@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 from controller import Actuators, Dryden, FlownLaw, OneMinusCosine, Scenario, Signal
 from controller.flight.closed_loop import ClosedLoop
 from controller.flight.nonlinear_flight import NonlinearFlight
-from controller.flight.plants import LinearizedAircraft, NonlinearPlant
+from controller.flight.plants import LinearPlant, NonlinearPlant
 from controller.flight.simulation import CompiledLoop
 from controller.policy.signals import Harmonic
 from hfa_model import LINEAR_STATES, STATES, Input
@@ -24,7 +24,7 @@ SIZES = (0.001, 0.004, 0.016)
 DIRECTION = np.array([1.0, 0.017, 10.0, 0.017, 0.017, 0.017, 0.017])
 
 
-def slopes(plant: NonlinearPlant, linear: LinearizedAircraft, law: FlownLaw) -> np.ndarray:
+def slopes(plant: NonlinearPlant, linear: LinearPlant, law: FlownLaw) -> np.ndarray:
     """d log |x_nonlinear - x_linear| / d log size of the closed loop released from SIZES x DIRECTION, by state, (7,).
 
     2 where the linear model is the derivative (Taylor), 1 where it is not.
@@ -42,7 +42,7 @@ def test_the_linear_prediction_is_wrong_to_second_order_only(newton: FlownCase, 
     """And one made half a degree away is wrong to first order."""
     for case, off in ((at_15, 0.0), (newton, 0.5)):
         other = find_operating_point(case.aircraft, level_flight(float(np.radians(15.0 + off))))
-        linear = LinearizedAircraft.at(case.aircraft, other)
+        linear = LinearPlant.at(case.aircraft, other)
         found = dict(zip(STATES, slopes(NonlinearPlant(case.aircraft, case.point), linear, case.law), strict=True))
         if off:
             assert max(found[name] for name in ("alpha", "pitch", "pitch_rate", "dihedral")) < 1.5

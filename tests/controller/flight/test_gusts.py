@@ -12,12 +12,10 @@ from random_points import random_points
 
 from controller import Dryden, OneMinusCosine, Scenario
 from controller.flight.closed_loop import ClosedLoop
-from controller.flight.gusts import Gust
-from controller.flight.plants import UPDRAFT, LinearizedAircraft
+from controller.flight.plants import UPDRAFT, LinearPlant
 from controller.flight.simulation import CompiledLoop
 from controller.policy.policies import OpenLoop
 from hfa_model import STATES, VARIANTS, Input, Parameters, State
-from hfa_model.aircraft import HFA
 from hfa_model.atmosphere import density
 from hfa_model.dynamics import rates
 from hfa_model.variants import Newton, Variant
@@ -122,9 +120,9 @@ def test_one_minus_cosine_has_its_length_and_its_peak() -> None:
 # Turbulence.
 
 
-def sampled(gust: Gust, interval: float, ticks: int) -> np.ndarray:
+def sampled(gust: Dryden, interval: float, ticks: int) -> np.ndarray:
     """w at the ticks of a flight, by the integrator of the loop."""
-    plant = LinearizedAircraft(HFA, np.zeros((7, 7)), np.zeros((7, 5)), {UPDRAFT: np.zeros(7)})
+    plant = LinearPlant(np.zeros((7, 7)), np.zeros((7, 5)), {UPDRAFT: np.zeros(7)})
     loop = CompiledLoop(ClosedLoop(plant, OpenLoop(5), Scenario(ticks * interval, interval / 5, interval, gust=gust)))
     return np.asarray(loop.fly(np.zeros(7), lambda _: np.zeros(5)).updrafts[::5])
 

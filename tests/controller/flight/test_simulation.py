@@ -12,7 +12,7 @@ import pytest
 
 from controller import Envelope, Scenario, gain_law
 from controller.flight.closed_loop import ClosedLoop
-from controller.flight.plants import LinearPlant, ModelPlant
+from controller.flight.plants import LinearPlant, Plant, Sizes, chosen_states
 from controller.flight.simulation import CompiledLoop, Summary, SummedLoop
 from controller.policy.policies import OpenLoop
 from hfa_model import STATES, State
@@ -23,10 +23,10 @@ from trim import OperatingPoint
 SPEED, ALPHA = STATES.index("speed"), STATES.index("alpha")
 
 
-class Falling(ModelPlant):
+class Falling(Plant):
     """speed' = -1, alpha' = sqrt(0.0105 + speed): not a number from the step on that passes 0.0105 s."""
 
-    constants_size, model = 0, HFA
+    sizes, chosen = Sizes(7, 6, 5), chosen_states(HFA)
 
     def rate(self, x: Any, u: Any, d: Any, winds: Any = None, p: Any = None) -> Any:
         return ca.vertcat(-1.0, ca.sqrt(0.0105 + x[SPEED]), ca.SX.zeros(5))
@@ -71,7 +71,7 @@ class Pendulum(LinearPlant):
 
 def pendulum(fast: float, step: float, *, tick: float = 0.1, duration: float = 30.0, flights: int = 0) -> CompiledLoop:
     """Pushed by p, which jumps at 3.7 s."""
-    plant = Pendulum(np.zeros((3, 3)), np.zeros((3, 1)), fast)
+    plant = Pendulum(np.zeros((3, 3)), np.zeros((3, 1)), fast=fast)
     return CompiledLoop(ClosedLoop(plant, OpenLoop(1), Scenario(duration, step, tick)), fast, flights)
 
 

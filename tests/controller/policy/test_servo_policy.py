@@ -13,7 +13,7 @@ from scipy.integrate import solve_ivp
 
 from controller import Actuators, CommandSteps, Scenario, ScheduledController, flight_envelope, fly
 from controller.flight.nonlinear_flight import NonlinearFlight
-from controller.flight.plants import LinearizedAircraft
+from controller.flight.plants import LinearPlant
 from controller.policy.policies import Seen
 from controller.policy.servo_policy import MeasuredOutputs, ServoPolicy, servo_law
 from controller.policy.signals import CommandedStates
@@ -84,7 +84,7 @@ def test_the_flight_on_the_linear_model_is_the_loop_written_out(
     controller = integrating_controller(published_aircraft)
     result = flown(published_aircraft, point, controller)
     assert result.predicted is not None
-    model, follow = LinearizedAircraft.at(published_aircraft, point), commands(0.01)
+    model, follow = LinearPlant.at(published_aircraft, point), commands(0.01)
     eta, q, column = STATES.index("dihedral"), STATES.index("pitch_rate"), INPUTS.index("aileron_outer")
 
     def rate(t: float, y: np.ndarray) -> np.ndarray:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from known_models import released_simulation
 
-from controller.flight.plants import LinearizedAircraft
+from controller.flight.plants import LinearPlant
 from hfa_model import LINEAR_STATES, STATES, Aircraft, Parameters
 from hfa_model.winds import DISTURBANCES
 from hfa_support import BadInputError
@@ -84,7 +84,7 @@ def test_panels_add_up_to_the_uniform_wind(aircraft: Aircraft) -> None:
     assert (model.disturbances, set(model.disturbance_units)) == (NAMES, {"ft/s"})
     over_ground = linearize(aircraft, point, full=True, disturbances=NAMES, ground_drag=True)
     assert np.abs(over_ground.E - model.E).max() > 1e-2  # a drag of the wrong speed would show
-    gust = LinearizedAircraft.at(aircraft, point, ("updraft",)).E["updraft"]
+    gust = LinearPlant.at(aircraft, point, ("updraft",)).E["updraft"]
     np.testing.assert_allclose(column["updraft"], gust, rtol=1e-12, atol=1e-15)
     # In level trim all forces balance, so that a wind from ahead does what more speed over ground does.
     np.testing.assert_allclose(column["headwind"], model.A[:, STATES.index("speed")], rtol=1e-9, atol=1e-12)
