@@ -11,7 +11,6 @@ from typing import Any
 
 from hfa_model.parameters import FIELDS, Parameters, ParameterSet, default_parameters
 from hfa_support.errors import BadInputError, shown
-from hfa_support.reporting.text import Table
 from hfa_support.version import toolchain_version
 
 SCHEMA = "hfa.provenance/1"
@@ -45,40 +44,31 @@ class Provenance:
 
     def to_dict(self) -> dict[str, Any]:
         """JSON data: angles in radians."""
-        return {
-            "schema": SCHEMA,
-            "version": self.version,
-            "command": self.command,
-            "date": self.date,
-            "dynamics": self.dynamics,
-            "parameters": self.parameters,
-            "parameter_hash": self.parameter_hash,
-            "changed": {name: {"value": value, "identified": known} for name, (value, known) in self.changed.items()},
-            "condition": dict(self.condition),
-            "model": self.model,
-        }
-
-    def table(self) -> Table:
-        """For a page: a row for each thing that is known."""
-        rows = [
-            ("command", self.command),
-            ("version", f"hfa {self.version}"),
-            ("date", self.date),
-            ("plant", self.model),
-            ("dynamics", self.dynamics),
-            ("parameters", f"{self.parameters} ({self.parameter_hash})" if self.parameters else ""),
-            ("not the identified aircraft", "; ".join(self._changes())),
-            ("not the paper's level flight", self.flight),
-        ]
-        return Table(("origin", "value"), [row for row in rows if row[1]])
+        names = (
+            "version",
+            "command",
+            "date",
+            "dynamics",
+            "parameters",
+            "parameter_hash",
+            "changed",
+            "condition",
+            "model",
+        )
+        found = {"schema": SCHEMA, **{name: getattr(self, name) for name in names}, "condition": dict(self.condition)}
+        changed = {name: {"value": value, "identified": known} for name, (value, known) in self.changed.items()}
+        return found | {"changed": changed}
 
     def _changes(self) -> list[str]:
         """The parameters that differ, the relatively largest differences first; of many their number and the first."""
         sizes = {name: abs(value - known) / (abs(known) or 1.0) for name, (value, known) in self.changed.items()}
-        told = [
-            f"{name} {self.changed[name][0]:.6g}{_unit(name)} (identified: {self.changed[name][1]:.6g})"
-            for name in sorted(sizes, key=lambda name: -sizes[name])[:_MOST_TOLD]
-        ]
+        told = []
+        for name in sorted(sizes, key=lambda name: -sizes[name])[:_MOST_TOLD]:
+            (value, known), unit = (
+                self.changed[name],
+                f" {getattr(FIELDS, name).unit}" if name in FIELDS._fields else "",
+            )
+            told.append(f"{name} {value:.6g}{unit} (identified: {known:.6g})")
         return [f"{len(sizes)} parameters differ, most", *told] if len(sizes) > _MOST_TOLD else told
 
     def text(self) -> str:
@@ -94,10 +84,6 @@ class Provenance:
         if self.flight:
             lines.append(f"not the paper's level flight: {self.flight}")
         return "\n".join(lines)
-
-
-def _unit(name: str) -> str:
-    return f" {getattr(FIELDS, name).unit}" if name in FIELDS._fields else ""
 
 
 def parameter_hash(values: Parameters) -> str:

@@ -503,7 +503,6 @@ def load_model(place: str) -> Model:
         if where.endswith(".py"):
             spec = importlib.util.spec_from_file_location(f"aircraft_{Path(where).stem}", where)
             text = Path(where).read_bytes()
-            _refuse_doubled_names(text)
             module = importlib.util.module_from_spec(spec) if spec else None
             exec(compile(text, where, "exec"), module.__dict__)
         else:
@@ -525,17 +524,6 @@ def load_model(place: str) -> Model:
         what = "has no name" if found is None else f"holds {shown(found)}, not a Model, under"
         raise BadInputError(f"{where}: {what} {name}; " + (f"use {', '.join(known)}" if known else "define a Model"))
     return replace(found, source=(place, hashlib.sha256(text).hexdigest()))
-
-
-def _refuse_doubled_names(text: bytes) -> None:
-    """BadInputError for a name that comes twice in one dict of the file: Python would keep the last one in silence."""
-    import ast
-
-    for each in (node for node in ast.walk(ast.parse(text)) if isinstance(node, ast.Dict)):
-        names = [key.value for key in each.keys if isinstance(key, ast.Constant)]
-        for name in names:
-            if names.count(name) > 1:
-                raise BadInputError(f"line {each.lineno}: {shown(name)} comes twice; rename one of them")
 
 
 def _reloaded(source: tuple[str, str], parameters: dict[str, float]) -> Model:

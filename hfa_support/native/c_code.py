@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Callable
 
 import casadi as ca
 
@@ -57,22 +56,9 @@ def c_function(function: ca.Function, name: str, arguments: tuple[str, ...], res
     before it. Avoids compiler warnings about empty and unused variables. BadInputError names an operation that
     is not known here.
     """
-    called = "".join(c_function(each, f"{name}_{each.name()}", ("x",), ("y",)) for each in function.find_functions(0))
+    inner = function.find_functions(0)
+    called = "".join(c_function(each, f"{name}_{each.name()}", ("x",), ("y",)) for each in inner)
     names = ", ".join([*(f"const double *{each}" for each in arguments), *(f"double *{each}" for each in results)])
-    body = _statements(
-        function, name, lambda which, i: f"{arguments[which]}[{i}]", lambda which, i: f"{results[which]}[{i}]"
-    )
-    idle = "".join(f"    (void){each};\n" for each in (*arguments, *results) if f"{each}[" not in body)
-    return f"{called}static void {name}({names})\n{{\n{body}\n{idle}}}\n"
-
-
-def _statements(
-    function: ca.Function,
-    name: str,
-    load: Callable[[int, int], str],
-    store: Callable[[int, int], str],
-) -> str:
-    """Declarations and statements; load, store: how entry i of an argument and of a result is written."""
     lines, used = [], set()
     for index in range(function.n_instructions()):
         code, out, source = (
@@ -84,13 +70,13 @@ def _statements(
         if code == ca.OP_CONST:
             lines.append(f"w{out[0]} = {function.instruction_constant(index)!r};")
         elif code == ca.OP_INPUT:
-            lines.append(f"w{out[0]} = {load(*source)};")
+            lines.append(f"w{out[0]} = {arguments[source[0]]}[{source[1]}];")
         elif code == ca.OP_OUTPUT:
-            lines.append(f"{store(*out)} = w{source[0]};")
-        elif code == ca.OP_CALL and len(function.find_functions(0)) == 1:
+            lines.append(f"{results[out[0]]}[{out[1]}] = w{source[0]};")
+        elif code == ca.OP_CALL and len(inner) == 1:
             given = ", ".join(f"w{each}" for each in source)
             taken = " ".join(f"w{each} = y[{place}];" for place, each in enumerate(out) if each >= 0)
-            callee = f"{name}_{function.find_functions(0)[0].name()}"
+            callee = f"{name}_{inner[0].name()}"
             lines.append(f"{{ const double x[] = {{{given}}}; double y[{len(out)}]; {callee}(x, y); {taken} }}")
         elif code in _OPERATIONS:
             lines.append(f"w{out[0]} = {_OPERATIONS[code].format(*(f'w{each}' for each in source))};")
@@ -98,4 +84,6 @@ def _statements(
             words = [word for word in dir(ca) if word.startswith("OP_") and getattr(ca, word) == code]
             raise BadInputError(f"{name}: the operation {words[0] if words else code} cannot be written as C")
     work = textwrap.fill(", ".join(f"w{index}" for index in sorted(used)), 100)
-    return "\n".join(f"    {line}" for line in [*f"double {work};".splitlines(), *lines])
+    body = "\n".join(f"    {line}" for line in [*f"double {work};".splitlines(), *lines])
+    idle = "".join(f"    (void){each};\n" for each in (*arguments, *results) if f"{each}[" not in body)
+    return f"{called}static void {name}({names})\n{{\n{body}\n{idle}}}\n"

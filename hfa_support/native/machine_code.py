@@ -63,13 +63,9 @@ def cache_folder() -> Path:
 
 def _c_text(function: ca.Function, symbol: str) -> str:
     generator = ca.CodeGenerator("generated.c", {"with_header": False})
-    generator.add(_renamed(function, symbol))
-    return str(generator.dump())
-
-
-def _renamed(function: ca.Function, symbol: str) -> ca.Function:
     arguments: Any = function.sx_in() if function.is_a("SXFunction") else function.mx_in()
-    return ca.Function(symbol, arguments, function.call(arguments))
+    generator.add(ca.Function(symbol, arguments, function.call(arguments)))
+    return str(generator.dump())
 
 
 def _own_folder(folder: Path) -> Path:

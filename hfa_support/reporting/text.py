@@ -147,14 +147,14 @@ def shown_unit(unit: str) -> str:
     return unit.replace("rad", "deg") if unit.startswith("rad") else unit_in_force(unit)
 
 
+def shown_values(values: Any, unit: str) -> Any:
+    """A number, or an array of them, in its `shown_unit`: radians become degrees."""
+    return np.degrees(values) if unit.startswith("rad") else in_force(values, unit)
+
+
 def shown_value(value: float, unit: str, form: str = ".6g") -> str:
-    """A value in its `shown_unit`: radians become degrees."""
-    return format(math.degrees(value) if unit.startswith("rad") else in_force(value, unit), form)
-
-
-def shown_values(values: Any, unit: str) -> np.ndarray:
-    """Numbers in their `shown_unit`, for a picture."""
-    return np.asarray(np.degrees(values) if unit.startswith("rad") else in_force(np.asarray(values), unit))
+    """A value in its `shown_unit`, as text."""
+    return format(float(shown_values(value, unit)), form)
 
 
 def degrees(value: float, unit: str) -> tuple[str, str]:
@@ -169,7 +169,7 @@ def angle_text(angle: float) -> str:
 
 def short_number(value: float, unit: str) -> str:
     """A value in its `shown_unit` with four digits or more; rounding errors become 0."""
-    shown = math.degrees(value) if unit.startswith("rad") else float(in_force(value, unit))
+    shown = float(shown_values(value, unit))
     shown = 0.0 if abs(shown) < ROUNDING else shown
     return f"{shown:.0f}" if 1e4 <= abs(shown) < 1e7 else f"{shown:.4g}"
 

@@ -26,9 +26,7 @@ def test_a_fifo_and_a_device_do_not_keep_us_waiting(tmp_path: Path, read) -> Non
         ("trim", "--dihedral", "15", "--parameters"),
         ("solve", "--model"),
         ("verify", "--dihedral", "15", "--weights"),
-        ("solve", "--dihedral", "15", "--design"),
         ("prove", "--check"),
-        ("fly", "--dihedral", "11", "--actuators", "0.5:60", "--controller"),
         ("report", "--dihedral", "5", "--claims"),
     ],
     ids=lambda words: f"{words[0]} {words[-1]}",
@@ -44,7 +42,6 @@ def test_every_command_refuses_a_fifo(tmp_path: Path, words: tuple[str, ...]) ->
         ("trim", "--dihedral", "15", "-o"),
         ("trim", "--dihedral", "15", "--picture"),
         ("export", "--dihedral", "15", "-o"),
-        ("lpv", "--dihedral", "14:14.01", "-o"),
     ],
     ids=lambda words: f"{words[0]} {words[-1]}",
 )

@@ -322,7 +322,6 @@ def test_wrong_equations_are_said_in_one_line(equations: object, words: str) -> 
 
 
 FAULTS = {
-    "A = {\n'x': 1, 'v': 2, 'x': 3}": "line 1: 'x' comes twice; rename one of them",
     "x = (1": "SyntaxError in line 1: '(' was never closed; correct the file",
     "A = 3": "holds 3, not a Model, under A; define a Model",
     "B = 3": "has no name A; define a Model",

@@ -32,7 +32,7 @@ def page(job: MainJob, report: Report, origin: Provenance) -> str:
     agrees = _verdict(job.learned, "agrees", "DOES NOT agree")
     names = html.escape(json.dumps(sorted(picture.name for picture in report.pictures())))
     first, *parts = (part for part in report.parts if isinstance(part, Report))
-    parts.append(Report("Provenance", (origin.table(),)))
+    parts.append(Report("Provenance", (f"{origin.command}\n{origin.text()}",)))
     sections = "\n".join(_folded(f"part-{number}", part) for number, part in enumerate(parts))
     links = [("any-angle", first.title), *((f"part-{i}", part.title) for i, part in enumerate(parts))]
     contents = "".join(f'<li><a href="#{place}">{html.escape(title)}</a></li>' for place, title in links)

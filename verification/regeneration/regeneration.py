@@ -128,35 +128,18 @@ def check_pair(model: LinearModel, published: PublishedModel) -> RegeneratedPair
     """Every entry of A and B against its print; the spectrum and its stability against those of the printed A."""
     entries = compare(model, published)
     printed, computed = _spectrum(published.A), _spectrum(model.A)
-    errors = eigenvalue_errors(computed, printed)
-    slow = np.abs(printed) < SLOW
+    errors, slow = eigenvalue_errors(computed, printed), np.abs(printed) < SLOW
     worst = max(entries, key=lambda entry: abs(entry.half_units))
-    unstable = int(np.count_nonzero(printed.real > 0)), int(np.count_nonzero(computed.real > 0))
+    off = f"{worst.name} is {worst.computed:.6g}, printed {worst.printed:.6g}"
+    fast, slowly = float((errors / np.abs(printed))[~slow].max()), float(errors[slow].max(initial=0.0))
+    modes = "modes differ from those of the printed A"
+    unstable = [int(np.count_nonzero(each.real > 0)) for each in (printed, computed)]
+    count = f"the printed A has {unstable[0]} unstable eigenvalues, the regenerated one {unstable[1]}"
     checks = (
-        at_most(
-            "largest entry error, half units",
-            abs(worst.half_units),
-            MOST_HALF_UNITS,
-            f"{worst.name} is {worst.computed:.6g}, printed {worst.printed:.6g}",
-        ),
-        at_most(
-            "fast eigenvalues, relative error",
-            float((errors / np.abs(printed))[~slow].max()),
-            MOST_EIGENVALUE_ERROR,
-            "the fast modes differ from those of the printed A",
-        ),
-        at_most(
-            "slow eigenvalues, absolute error, 1/s",
-            float(errors[slow].max(initial=0.0)),
-            MOST_SLOW_EIGENVALUE_ERROR,
-            "the slow modes differ from those of the printed A",
-        ),
-        at_most(
-            "unstable eigenvalues, difference in number",
-            abs(unstable[0] - unstable[1]),
-            0,
-            f"the printed A has {unstable[0]} unstable eigenvalues, the regenerated one {unstable[1]}",
-        ),
+        at_most("largest entry error, half units", abs(worst.half_units), MOST_HALF_UNITS, off),
+        at_most("fast eigenvalues, relative error", fast, MOST_EIGENVALUE_ERROR, f"the fast {modes}"),
+        at_most("slow eigenvalues, absolute error, 1/s", slowly, MOST_SLOW_EIGENVALUE_ERROR, f"the slow {modes}"),
+        at_most("unstable eigenvalues, difference in number", abs(unstable[0] - unstable[1]), 0, count),
     )
     return RegeneratedPair(published, model, entries, printed, computed, checks)
 

@@ -4,47 +4,24 @@ from __future__ import annotations
 
 import pickle
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
 
-from hfa_model import Aircraft, published_models
-from hfa_model.parameters import ParameterSet
+from hfa_model import Aircraft
 from trim import (
     LinearModel,
     OperatingPoint,
     TrimError,
-    entry_bands,
     find_operating_point,
     level_flight,
     linearize,
-    sweep,
 )
 
 
 @pytest.fixture(scope="module")
 def model(published_aircraft: Aircraft, point: OperatingPoint) -> LinearModel:
     return linearize(published_aircraft, point)
-
-
-@pytest.fixture(scope="module")
-def results(published_aircraft: Aircraft, parameter_set: ParameterSet, model: LinearModel) -> dict[str, Any]:
-    """One of each; the sweep has a point without a trim, and nan in its arrays."""
-    return {
-        "parameters": parameter_set,
-        "print": published_models()[0],
-        "model": model,
-        "bands": entry_bands(parameter_set, level_flight(float(model.point.states.dihedral)), model),
-        "sweep": sweep(published_aircraft, {"speed": [30.0, 68.0]}),
-    }
-
-
-@pytest.mark.parametrize("name", ["parameters", "print", "model", "bands", "sweep"])
-def test_a_copy_is_equal_and_another_result_is_not(results: dict[str, Any], name: str) -> None:
-    result = results[name]
-    assert pickle.loads(pickle.dumps(result)) == result
-    assert [other for other, value in results.items() if value == result] == [name]
 
 
 def test_one_changed_entry_is_seen(model: LinearModel) -> None:
