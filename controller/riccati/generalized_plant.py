@@ -24,7 +24,7 @@ from controller.game.model_file import entries_of, one_number
 from controller.game.zero_sum import LARGEST, Game, check_definite
 from controller.riccati.balancing import RANK, balanced_units, in_units, is_hurwitz, normal_form, spectrum
 from controller.riccati.certificate import Certificate, relative_residual
-from controller.riccati.frequency_response import square_root
+from controller.riccati.frequency_response import peak_gain, square_root, without_feedthrough
 from controller.riccati.gare import GameSolution, solve_certified
 from controller.riccati.gare_schur import quick_solution, schur_solution
 from controller.riccati.smallest_delta import DeltaMin, bracketed, dependence, has_value
@@ -41,8 +41,6 @@ TOLERANCE = 2.5e-7
 _CLEAR = 1e-4
 #: Relative residual, in balanced units, up to which a search believes a solution without a certificate.
 _BELIEVED = 1e-9
-#: An eigenvalue of the bounded-real Hamiltonian with |Re λ| up to this part of |λ| may lie on the imaginary axis.
-_MAYBE_ON_AXIS = 1e-3
 #: A mode that rounding may have moved off the axis by this part of |A| is looked for on the axis too.
 _NEAR_AXIS = 1e-6
 
@@ -60,7 +58,6 @@ _OBSTACLES = (
 )
 
 #: Ak, Bk, Ck, Dk.
-Triple = tuple[np.ndarray, np.ndarray, np.ndarray]
 Controller = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
 
@@ -86,7 +83,7 @@ class _Side(NamedTuple):
     def game(self, delta: float) -> Game:
         """The game whose Riccati equation is this side's."""
         _, A, E, C, D = self.reduced()
-        A, E, Q = _without_feedthrough(A, E, C, D, delta)
+        A, E, Q = without_feedthrough(A, E, C, D, delta)
         return Game(A=A, B=self.B, E=E, Q=(Q + Q.T) / 2.0, R=self.N.T @ self.N, delta=delta)
 
     def policies(self, X: np.ndarray, delta: float) -> tuple[np.ndarray, np.ndarray]:
@@ -99,16 +96,6 @@ class _Side(NamedTuple):
     def feedthrough(self) -> float:
         """σ_max of what w reaches in z at once, whatever u does."""
         return float(np.linalg.norm(self.reduced()[4], 2)) if min(self.reduced()[4].shape) else 0.0
-
-
-def _without_feedthrough(A: np.ndarray, E: np.ndarray, C: np.ndarray, D: np.ndarray, delta: float) -> Triple:
-    """A, E and Q = C'C of the system without D that has gain below δ exactly when x' = A x + E w, z = C x + D w has."""
-    if not D.any() or math.isinf(delta):
-        return A, E, C.T @ C
-    free = np.eye(D.shape[1]) - D.T @ D / delta**2
-    root = np.linalg.cholesky(free)
-    Q = C.T @ np.linalg.solve(np.eye(len(D)) - D @ D.T / delta**2, C)
-    return A + E @ np.linalg.solve(free, D.T @ C) / delta**2, np.linalg.solve(root, E.T).T, Q
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -386,34 +373,10 @@ def loop_checks(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, delt
     abscissa = spectrum(A).abscissa
     found = [below("closed_loop_abscissa", abscissa, 0.0, f"the closed loop has a pole at {abscissa:.3g} 1/s")]
     if math.isfinite(delta):
-        kept = abscissa < 0.0 and loop_gain_is_below(A, B, C, D, delta)
+        kept = abscissa < 0.0 and peak_gain(A, B, C, D, delta) < delta
         reason = f"the closed loop's gain from disturbance to what is paid for is not below delta = {delta:.6g}"
         found.append(at_most("gain_above_delta", 0.0 if kept else 1.0, 0.0, reason))
     return tuple(found)
-
-
-def loop_gain_is_below(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, level: float) -> bool:
-    """Whether T = C (sI - A)⁻¹ B + D, A Hurwitz, has a gain below the level.
-
-    |T(jω)| passes the level only where jω is an eigenvalue of the bounded-real Hamiltonian. So T is evaluated at
-    each eigenvalue that rounding may have moved off the axis, between each two, below and above. (How far the
-    Hamiltonian is from an eigenvalue on the axis says little here: near δ_min |T| is nearly δ at every frequency.)
-    Source: Bruinsma and Steinbuch, Systems and Control Letters 14 (1990), 287-293.
-    """
-    if D.size and not np.linalg.norm(D, 2) < level:
-        return False
-    loop, into, Q = _without_feedthrough(A, B, C, D, level)
-    ratio = math.sqrt((np.linalg.norm(into @ into.T) or 1.0) / (np.linalg.norm(Q) or 1.0))
-    H = np.block([[loop, into @ into.T / (level * ratio)], [-Q * (ratio / level), -loop.T]])
-    found = spectrum(H).eigenvalues
-    near = np.unique(np.abs(found.imag[np.abs(found.real) <= _MAYBE_ON_AXIS * np.abs(found)]))
-    poles = np.abs(np.linalg.eigvals(A))
-    points = np.concatenate([[0.0], near, poles, [2.0 * max(poles.max(), near.max(initial=0.0))]])
-    points = np.unique(points)
-    points = np.concatenate([points, (points[1:] + points[:-1]) / 2.0])
-    resolvent = 1j * points[:, None, None] * np.eye(len(A)) - A
-    T = C @ np.linalg.solve(resolvent, np.broadcast_to(B, (len(points), *B.shape))) + D
-    return bool(np.linalg.norm(T, 2, axis=(1, 2)).max() < level)
 
 
 def minimum_of_plant(plant: GeneralizedPlant) -> DeltaMin:
@@ -425,11 +388,6 @@ def minimum_of_plant(plant: GeneralizedPlant) -> DeltaMin:
             f"rounding hides the solution of the {found[1]} without disturbance: some costs in D12 or noises in D21 "
             "are too small beside the rest; make them larger or check the scaling"
         )
-    upper = max(1.0, 2.0 * plant.floor)
-    while (found := _conditions(plant, upper))[0] is not True:
-        upper *= 4.0
-        if upper > 1e12:
-            raise NoSolutionError(f"no delta up to 1e12 will do: {found[1]}; check the scaling")
     said = ""
 
     def good(delta: float) -> bool | None:
@@ -438,7 +396,7 @@ def minimum_of_plant(plant: GeneralizedPlant) -> DeltaMin:
         said = said if held else fails
         return held
 
-    return DeltaMin(*bracketed(good, upper, TOLERANCE), said or "none")
+    return DeltaMin(*bracketed(good, max(1.0, 2.0 * plant.floor), TOLERANCE), said or "none")
 
 
 def check_modes(plant: GeneralizedPlant) -> None:

@@ -119,45 +119,36 @@ def minimum_delta(problem: Game | GeneralizedPlant, progress: Progress | None = 
         from controller.riccati.generalized_plant import minimum_of_plant
 
         return minimum_of_plant(problem)
-    given, (game, _) = problem, reached(problem)
-    K = game.gain(_some_solution(game, given))
+    game, _ = reached(problem)
+    K = game.gain(_some_solution(game, problem))
     if not game.E.any():
         return DeltaMin(0.0, 0.0)
     # A disturbance of the size of 1; a power of two leaves the digits alone.
     size = 2.0 ** round(math.log2(np.linalg.norm(game.E, 2)))
-    found = _smallest_delta(replace(game, E=game.E / size, delta=math.inf), K, progress or (lambda *_: None))
-    return DeltaMin(found.value * size, found.refused * size)
-
-
-def _smallest_delta(game: Game, K: np.ndarray, progress: Progress) -> DeltaMin:
-    """`minimum_delta`, begun above the L2 gain of the policy K: the swept one, or if that will not do the proved."""
-    gain = swept_gain(game, K).gain
-    if not (FAINT < gain < math.inf and has_value(game.with_delta(2.0 * gain))):
-        gain = bounded_real_gain(game, K)
+    sized = replace(game, E=game.E / size, delta=math.inf)
+    gain = swept_gain(sized, K).gain
+    if not FAINT < gain < math.inf:
+        gain = bounded_real_gain(sized, K)
     if gain == 0.0:
         return DeltaMin(0.0, 0.0)
-    if math.isinf(gain):
-        raise NoSolutionError(
-            "a certified policy is so stiff that rounding hides its L2 gain, where the search for delta_min begins; "
-            "check the scaling of A, B, Q and R"
-        )
-    upper = 2.0 * gain
-    if not has_value(game.with_delta(upper)):
-        raise NoSolutionError(
-            f"delta = {upper:.4g} is twice the gain of a certified policy and still without a value; "
-            "check the scaling of A, B, Q and R"
-        )
-    return DeltaMin(*bracketed(lambda delta: has_value(game.with_delta(delta)), upper, TOLERANCE, progress))
+    begin = 2.0 * gain if math.isfinite(gain) else 1.0
+    found = bracketed(lambda delta: has_value(sized.with_delta(delta)), begin, TOLERANCE, progress)
+    return DeltaMin(found[0] * size, found[1] * size)
 
 
 def bracketed(
     good: Callable[[float], bool | None], upper: float, tolerance: float, progress: Progress | None = None
 ) -> tuple[float, float]:
-    """The smallest good δ and a δ just below it that is not, by bisection of log δ from a good one.
+    """The smallest good δ and a δ just below it that is not, by bisection of log δ, begun at a δ that should be good.
 
     good: None where rounding hides the answer. The lower end is 0 or has False; both are 0 where all are good.
+    NoSolutionError where none up to 1e12 times the first is good.
     """
-    told = progress or (lambda *_: None)
+    told, most = progress or (lambda *_: None), upper * 1e12
+    while not good(upper):
+        upper *= 4.0
+        if not upper < most:
+            raise NoSolutionError(f"no delta up to {most:.4g} will do; check the scaling of A, B, Q and R")
     lower = upper / 4.0
     while good(lower):
         lower, upper = lower / 4.0, lower
