@@ -11,7 +11,7 @@ import numpy as np
 
 from controller.analysis.cost import cost_checks, saddle_checks
 from controller.game.zero_sum import Game
-from controller.riccati.balancing import balanced, in_units, normal_form, reached
+from controller.riccati.balancing import in_units, normal_form, reached
 from controller.riccati.frequency_response import (
     DISK_AT_INFINITY,
     DiskMargin,
@@ -31,11 +31,10 @@ from hfa_support.reporting.fields import Shown
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Table, eigenvalue_text, entry_rows, matrix_table
 
-#: A gain below this is a crossover at infinite frequency that rounding moved off zero.
-ROUNDING = 1e-12
-#: How near to the axis an eigenvalue must lie to be tried, and a polished response to its condition to be taken.
-_NEAR, _MET = 1e-3, 1e-9
-_STEPS = 20
+#: A gain below this, or above its inverse, is a crossover at infinite or no frequency that rounding moved.
+ROUNDING = 1e-9
+#: A step of the grid is cut into so many parts so many times, until a crossover has all its digits.
+_PARTS, _ROUNDS = 16, 13
 
 
 class LoopMargin(NamedTuple):
@@ -56,100 +55,46 @@ class LoopMargin(NamedTuple):
 def loop_margins(game: Game, K: np.ndarray) -> tuple[LoopMargin, ...]:
     """Margins of each input, in the order of the inputs. K: (m, n).
 
-    L_i(s) = K_i (sI - A + Σ_{j≠i} B_j K_j)⁻¹ B_i.  Raises NoSolutionError when A - B K is not Hurwitz.
+    With M = S_ii - 1/2, S_ii = 1 / (1 + L_i), the loop is L_i = (1/2 - M) / (1/2 + M): real where M is, and of size 1
+    where M is imaginary. Such frequencies are found where Im M or Re M change their signs between those of a grid,
+    which has every resonance, and then in ever smaller parts. Raises NoSolutionError when A - B K is not Hurwitz.
     Source: Blight, Dailey and Gangsaas, Int. J. Control 59 (1994).
     """
-    peaks = np.abs(balanced_sensitivity(game, K, loop_grid(game, K))).max(axis=0)
-    return tuple(_loop_margin(game, K, i, float(peaks[i, i])) for i in range(game.B.shape[1]))
+    grid = loop_grid(game, K)
+    seen = np.diagonal(balanced_sensitivity(game, K, grid), axis1=1, axis2=2)
+    return tuple(_loop_margin(game, K, i, grid, seen[:, i]) for i in range(game.B.shape[1]))
 
 
-def _loop_margin(game: Game, K: np.ndarray, i: int, largest: float) -> LoopMargin:
-    """largest: |S_ii - 1/2| at its peak; S_ii = 1/(1 + L_i)."""
-    others = [j for j in range(game.B.shape[1]) if j != i]
-    loop = Loop(game.A - game.B[:, others] @ K[others], game.B[:, i], K[i])
-    real = loop.real_responses()
-    gains = 1.0 / -real[real < 0.0]
-    phases = np.abs(np.angle(-loop.unit_responses(), deg=True))
-    disk = min(1.0 / largest, DISK_AT_INFINITY)
+def _loop_margin(game: Game, K: np.ndarray, i: int, grid: np.ndarray, seen: np.ndarray) -> LoopMargin:
+    """seen: M (jω) of the grid."""
+
+    def crossing(part: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
+        """M where this part of it changes its sign."""
+        above = part(seen) > 0.0
+        where = np.flatnonzero(above[1:] != above[:-1])
+        low, high, columns = grid[where], grid[where + 1], np.arange(len(where))
+        for _ in range(_ROUNDS):
+            points = np.linspace(low, high, _PARTS + 1)
+            there = balanced_sensitivity(game, K, points.ravel())[:, i, i].reshape(points.shape)
+            first = np.argmax((part(there[1:]) > 0.0) != above[where], axis=0)
+            low, high = points[first, columns], points[first + 1, columns]
+        return np.asarray(balanced_sensitivity(game, K, high)[:, i, i])
+
+    real = np.append(seen[0].real, crossing(np.imag).real)
+    with np.errstate(divide="ignore"):
+        gains = (real + 0.5) / (real - 0.5)  # -1 / L
+    gains = gains[(gains > ROUNDING) & (gains < 1.0 / ROUNDING)]
+    phases = 2.0 * np.degrees(np.arctan2(0.5, np.abs(crossing(np.real).imag)))
+    disk = min(1.0 / float(np.abs(seen).max()), DISK_AT_INFINITY)
     gain, phase = disk_sizes(disk)
     return LoopMargin(
-        gain_low=float(gains[(gains < 1.0) & (gains > ROUNDING)].max(initial=0.0)),
+        gain_low=float(gains[gains < 1.0].max(initial=0.0)),
         gain_high=float(gains[gains > 1.0].min(initial=math.inf)),
         phase=float(phases.min(initial=math.inf)),
         disk=disk,
         disk_gain=gain,
         disk_phase=phase,
     )
-
-
-@dataclass(frozen=True, eq=False)
-class Loop:
-    """L(s) = c (sI - A)⁻¹ b. A: (n, n), b, c: (n,)."""
-
-    A: np.ndarray
-    b: np.ndarray
-    c: np.ndarray
-
-    def at(self, frequency: float) -> tuple[complex, complex]:
-        """L and dL/dω at jω, nan at a pole."""
-        resolvent = 1j * frequency * np.eye(len(self.A)) - self.A
-        try:
-            x = np.linalg.solve(resolvent, self.b)
-            return complex(self.c @ x), complex(-1j * self.c @ np.linalg.solve(resolvent, x))
-        except np.linalg.LinAlgError:
-            return complex(np.nan), complex(np.nan)
-
-    def real_responses(self) -> np.ndarray:
-        """L(jω) wherever it is real, ω >= 0: at 0, and where c (A² - s²I)⁻¹ b = 0 at s = jω."""
-        from scipy.linalg import eigvals
-
-        n = len(self.A)
-        pencil = np.block([[self.A @ self.A, self.b[:, None]], [self.c[None], np.zeros((1, 1))]])
-        squares = eigvals(balanced(pencil)[0], np.diag([*np.ones(n), 0.0]))
-        candidates = [0.0, *_frequencies(np.emath.sqrt(squares[np.isfinite(squares)]))]
-
-        def met(frequency: float) -> tuple[float, float, float]:
-            response, slope = self.at(frequency)
-            return response.imag, slope.imag, abs(response)
-
-        return np.array([self.at(each)[0].real for each in _polished(candidates, met)])
-
-    def unit_responses(self) -> np.ndarray:
-        """L(jω) wherever |L| = 1, ω >= 0: jω is an eigenvalue of [[A, bb'], [-cc', -A']]."""
-        H = np.block([[self.A, np.outer(self.b, self.b)], [-np.outer(self.c, self.c), -self.A.T]])
-
-        def met(frequency: float) -> tuple[float, float, float]:
-            response, slope = self.at(frequency)
-            return abs(response) ** 2 - 1.0, 2.0 * (np.conj(response) * slope).real, 1.0
-
-        candidates = _frequencies(np.linalg.eigvals(balanced(H)[0]))
-        return np.array([self.at(each)[0] for each in _polished(candidates, met)])
-
-
-def _frequencies(eigenvalues: np.ndarray) -> list[float]:
-    """ω >= 0 of the eigenvalues that may lie on the imaginary axis."""
-    near = np.abs(eigenvalues.real) <= _NEAR * np.abs(eigenvalues)
-    return np.unique(np.abs(eigenvalues[near].imag)).tolist()
-
-
-def _polished(candidates: list[float], met: Callable[[float], tuple[float, float, float]]) -> list[float]:
-    """Where Newton's method on `met` (value, slope, scale) ends near a candidate, and the value is rounding."""
-    found = []
-    for start in candidates:
-        best, least = start, np.inf
-        frequency = start
-        for _ in range(_STEPS):
-            value, slope, scale = met(frequency)
-            if not np.isfinite(value) or abs(frequency - start) > _NEAR * max(start, 1e-300):
-                break
-            if abs(value) < least * scale:
-                best, least = frequency, abs(value) / scale
-            if value == 0.0 or slope == 0.0 or start == 0.0:
-                break
-            frequency -= value / slope
-        if least <= _MET:
-            found.append(best)
-    return found
 
 
 SCHEMA = "hfa.game-solution/1"

@@ -15,13 +15,8 @@ from controller.riccati.exact_product import add, exact, product
 MODERATE = 1e-4
 #: What a rank test may leave of a matrix without full rank, relative to A. A mode reached by less is not reached.
 RANK = 1e-13
-#: Up to so many frequencies, a singular value at each takes less time than a choice among them.
+#: Of more frequencies than this, a singular value is computed at so many that seem nearest.
 FEW = 8
-#: Of more, so many are left after so many steps of the inverse iteration that chooses: those that seem nearest. By then
-#: no smallest singular value is off by more than a tenth.
-NEAREST, STEPS = 4, 160
-#: A random vector has this part of its mean length, or more, along a given one: not in 1 of 10,000 cases.
-UNLIKELY = 0.01
 
 
 class Spectrum(NamedTuple):
@@ -47,8 +42,10 @@ class Spectrum(NamedTuple):
     def nearest_to_axis(self) -> tuple[float, float]:
         """`axis_distance`, and the ω >= 0 where it is, rad/s."""
         frequencies = np.unique(np.abs(self.eigenvalues.imag))
-        if len(frequencies) > FEW:
-            frequencies = _nearly_singular(self.balanced, frequencies)
+        if len(frequencies) > FEW:  # to first order, of each eigenvalue: |Re λ| over its condition
+            values, vectors = np.linalg.eig(self.balanced)
+            near = np.abs(values.real) / np.linalg.norm(np.linalg.pinv(vectors), axis=1)
+            frequencies = np.unique(np.abs(values.imag[np.argsort(near)[: 2 * FEW]]))
         shifted = self.balanced - 1j * frequencies[:, None, None] * np.eye(len(self.balanced))
         smallest = np.linalg.svd(shifted, compute_uv=False)[:, -1]
         place, norm = int(np.argmin(smallest)), float(np.linalg.norm(self.balanced, 2))
@@ -60,39 +57,6 @@ def spectrum(matrix: np.ndarray) -> Spectrum:
     scaled, _ = balanced(matrix)
     eigenvalues = np.linalg.eigvals(scaled)
     return Spectrum(eigenvalues[np.lexsort((eigenvalues.imag, eigenvalues.real))], scaled)
-
-
-def _nearly_singular(M: np.ndarray, frequencies: np.ndarray) -> np.ndarray:
-    """Those ω among which σ_min(M - jω I) is smallest, (k,) of (N,): a fourth-order cost at each would be of order n⁴.
-
-    Inverse iteration for all ω at once: with M = U T U' and random V, T V + V Ω = V_before, where Ω has the block
-    [[0, -ω], [ω, 0]] for the real and the imaginary part of each vector; then the same with the transposes. Step k
-    makes a unit vector at most 1/σ_min longer, and at least (UNLIKELY/√n)^(1/k) of that.
-    Source: Golub and Van Loan, Matrix Computations, Section 8.2 (power method, of the inverse of M - jω I).
-    """
-    from scipy.linalg.lapack import dgees, dtrsyl
-
-    size = len(M)
-    form = dgees(lambda *_: 0, M, compute_v=0)[0]
-    # Eigenvalues of a Hamiltonian come as s and -s*: frequencies that differ by rounding are one.
-    frequencies = frequencies[np.diff(frequencies, prepend=-np.inf) > 4.0 * np.finfo(float).eps * np.linalg.norm(M)]
-    vectors = np.random.default_rng(0).standard_normal((size, 2 * len(frequencies)))
-    vectors /= np.repeat(_lengths(vectors), 2)
-    for step in range(1, STEPS + 1):
-        real = 2 * np.arange(len(frequencies))
-        turns = np.zeros((2 * len(frequencies), 2 * len(frequencies)))
-        turns[real, real + 1], turns[real + 1, real] = -frequencies, frequencies
-        transposed = "NT"[step % 2]
-        vectors, _, _ = dtrsyl(form, turns, vectors, trana=transposed, tranb=transposed)
-        lengths = _lengths(vectors)
-        kept = lengths >= lengths.max() * (UNLIKELY / np.sqrt(size)) ** (1.0 / step)
-        frequencies, vectors = frequencies[kept], (vectors / np.repeat(lengths, 2))[:, np.repeat(kept, 2)]
-    return frequencies[np.argsort(lengths[kept])[-NEAREST:]]
-
-
-def _lengths(vectors: np.ndarray) -> np.ndarray:
-    """Of complex vectors whose real and imaginary parts are columns side by side, (n, 2 N): (N,)."""
-    return np.sqrt((vectors**2).sum(axis=0).reshape(-1, 2).sum(axis=1))
 
 
 def is_hurwitz(matrix: np.ndarray) -> bool:

@@ -22,16 +22,15 @@ import numpy as np
 from controller.game.array_file import checked_matrix, read_arrays
 from controller.game.model_file import entries_of, one_number
 from controller.game.zero_sum import LARGEST, Game, check_definite
-from controller.riccati.balancing import RANK, balanced_units, in_units, is_hurwitz, normal_form, spectrum
+from controller.riccati.balancing import RANK, balanced_units, in_units, is_hurwitz, spectrum
 from controller.riccati.certificate import Certificate, relative_residual
 from controller.riccati.frequency_response import peak_gain, square_root, without_feedthrough
 from controller.riccati.gare import GameSolution, solve_certified
 from controller.riccati.gare_schur import quick_solution, schur_solution
-from controller.riccati.smallest_delta import DeltaMin, bracketed, dependence, has_value
+from controller.riccati.smallest_delta import DeltaMin, bracketed, has_value, obstacle
 from hfa_support.errors import BadInputError, NoSolutionError, said_of, shortened
 from hfa_support.reporting.checks import Check, at_most, below
 from hfa_support.reporting.fields import Shown
-from hfa_support.reporting.text import eigenvalue_text
 
 #: The two derivations of the controller differ by rounding alone: largest relative difference of their responses.
 DERIVATIONS_AGREE = 1e-8
@@ -41,18 +40,16 @@ TOLERANCE = 2.5e-7
 _CLEAR = 1e-4
 #: Relative residual, in balanced units, up to which a search believes a solution without a certificate.
 _BELIEVED = 1e-9
-#: A mode that rounding may have moved off the axis by this part of |A| is looked for on the axis too.
-_NEAR_AXIS = 1e-6
 
 #: On the control side and on the filter side: a mode that is not stable and cannot be moved, a zero on the axis.
 _OBSTACLES = (
     (
-        "no input reaches {}, which is not stable; change B2",
-        "z does not show {}, which does not decay (a zero from u to z on the imaginary axis); let z weigh it",
+        "no input reaches the {}, which is not stable; change B2",
+        "z does not show the {}, which does not decay (a zero from u to z on the imaginary axis); let z weigh it",
     ),
     (
-        "the sensors do not see {}, which is not stable; measure more",
-        "the disturbance does not reach {}, which does not decay, so its estimate would never settle; "
+        "the sensors do not see the {}, which is not stable; measure more",
+        "the disturbance does not reach the {}, which does not decay, so its estimate would never settle; "
         "let the disturbance enter there",
     ),
 )
@@ -404,17 +401,9 @@ def check_modes(plant: GeneralizedPlant) -> None:
 
     NoSolutionError names the mode or the zero: without that a Riccati equation has no stabilizing solution.
     """
-    for side, (unreached, hidden) in zip(plant.sides, _OBSTACLES, strict=False):
-        form = normal_form(side.game(math.inf))
-        size = float(np.linalg.norm(form.A, 2)) or 1.0
-        for value in np.linalg.eigvals(form.A):
-            near = abs(value.real) <= _NEAR_AXIS * size
-            for at in (value, 1j * value.imag) if near else (value,):
-                text = f"the mode with eigenvalue {eigenvalue_text(at)}"
-                if at.real >= -RANK * size and dependence(form.A, at, form.B.T, size) <= RANK:
-                    raise NoSolutionError(unreached.format(text))
-                if abs(at.real) <= RANK * size and dependence(form.A.T, at, form.Q, size) <= RANK:
-                    raise NoSolutionError(hidden.format(text))
+    for side, sentences in zip(plant.sides, _OBSTACLES, strict=False):
+        if said := obstacle(side.game(math.inf), *sentences)[0]:
+            raise NoSolutionError(said)
 
 
 def _check_floor(plant: GeneralizedPlant, delta: float) -> None:

@@ -37,6 +37,8 @@ FAINT, LEAST = 1e-9, 1e-12
 CLOSE = 0.01
 #: An unstable mode that the input reaches by less than this part is named where the game is refused.
 BARELY = 1e-5
+#: A mode that rounding may have moved off the axis by this part of |A| is looked for on the axis too.
+_NEAR_AXIS = 1e-6
 
 
 def has_value(game: Game) -> bool | None:
@@ -180,34 +182,39 @@ def _some_solution(game: Game, given: Game) -> np.ndarray:
 
 
 def lqr_obstacle(game: Game, failure: str) -> str:
-    """One line on why A'P + P A + Q - P B R⁻¹ B' P = 0 has no stabilizing solution; failure: of its certificate.
-
-    It has one exactly when [A - λI, B] has full rank for every eigenvalue λ of A with Re λ >= 0 (stabilizable)
-    and [A - λI; Q] for every λ with Re λ = 0. An unstable mode outside Q is no obstacle: P is then the least
-    cost among the policies that bring the state to rest. Source: Zhou, Doyle and Glover, Theorem 13.7.
-    """
-    form = normal_form(game.with_delta(math.inf))
-    A = form.A
-    size = float(np.linalg.norm(A, 2)) or 1.0
-    eigenvalues = np.linalg.eigvals(A)
-    unstable = eigenvalues[(eigenvalues.real >= -RANK * size) & (eigenvalues.imag >= 0.0)]
-    reach = [(dependence(A, value, form.B.T, size), value) for value in unstable]
-    share, value = min(reach, key=lambda each: each[0], default=(1.0, 0.0))
-    if share <= RANK:
-        return (
-            f"(A, B) is not stabilizable: no input reaches the mode with eigenvalue {_text(value)}; "
-            "change B or leave that mode out of A"
-        )
-    for value in eigenvalues:
-        if abs(value.real) <= RANK * size and dependence(A.T, value, form.Q, size) <= RANK:
-            return (
-                f"(A, Q) is not detectable: the undamped mode with eigenvalue {_text(1j * value.imag)} costs nothing; "
-                "give Q weight on it"
-            )
+    """One line on why A'P + P A + Q - P B R⁻¹ B' P = 0 has no stabilizing solution; failure: of its certificate."""
+    unreached = "(A, B) is not stabilizable: no input reaches the {}; change B or leave that mode out of A"
+    hidden = "(A, Q) is not detectable: the undamped {} costs nothing; give Q weight on it"
+    found, share, mode = obstacle(game, unreached, hidden)
     advice = "check the scaling of A, B, Q, R"
     if share <= BARELY:
-        advice = f"the inputs reach the mode with eigenvalue {_text(value)} by only {share:.2g} of their size; change B"
-    return f"the problem without disturbance (delta = inf) is not certified: {failure}; {advice}"
+        advice = f"the inputs reach the {mode} by only {share:.2g} of their size; change B"
+    return found or f"the problem without disturbance (delta = inf) is not certified: {failure}; {advice}"
+
+
+def obstacle(game: Game, unreached: str, hidden: str) -> tuple[str, float, str]:
+    """Which of two sentences is true of a mode, with its name, or ""; the mode that is not stable and that the input
+    reaches least: how well, relative, and its name.
+
+    The Riccati equation without disturbance has a stabilizing solution exactly when [A - λI, B] has full rank for every
+    eigenvalue λ of A with Re λ >= 0 (stabilizable; else unreached) and [A - λI; Q] for every λ with Re λ = 0 (else
+    hidden). An unstable mode outside Q is no obstacle: P is then the least cost among the policies that bring the state
+    to rest. A mode that rounding may have moved off the axis is looked for on it too.
+    Source: Zhou, Doyle and Glover, Theorem 13.7.
+    """
+    form = normal_form(game.with_delta(math.inf))
+    size, said, least = float(np.linalg.norm(form.A, 2)) or 1.0, "", (1.0, "")
+    for value in np.linalg.eigvals(form.A):
+        for at in {value, 1j * value.imag} if abs(value.real) <= _NEAR_AXIS * size else {value}:
+            real, imag = (float(f"{part / size:.12f}") * size + 0.0 for part in (at.real, abs(at.imag)))
+            text = f"mode with eigenvalue {real:.4g}" + f" ± {imag:.4g}i" * (imag > 0.0)
+            if at.real >= -RANK * size:
+                share = dependence(form.A, at, form.B.T, size)
+                least = min(least, (share, text))
+                said = said or (unreached.format(text) if share <= RANK else "")
+            if abs(at.real) <= RANK * size and dependence(form.A.T, at, form.Q, size) <= RANK:
+                said = said or hidden.format(text)
+    return said, *least
 
 
 def dependence(A: np.ndarray, value: complex, rows: np.ndarray, size: float) -> float:
@@ -216,7 +223,3 @@ def dependence(A: np.ndarray, value: complex, rows: np.ndarray, size: float) -> 
     scaled = rows * (size / (float(np.linalg.norm(rows, 2)) or 1.0))
     stacked = np.vstack([A.T - value * np.eye(len(A)), scaled])
     return float(np.linalg.svd(stacked, compute_uv=False)[-1]) / size
-
-
-def _text(value: complex) -> str:
-    return f"{value.real:+.4g}" if abs(value.imag) <= 1e-12 * abs(value) else f"{value.real:+.4g}{value.imag:+.4g}j"

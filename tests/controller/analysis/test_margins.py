@@ -12,7 +12,6 @@ from game_samples import game_models
 from scipy.optimize import minimize
 
 from controller import Game
-from controller.analysis.solution_report import Loop
 from controller.riccati.balancing import in_units
 from controller.riccati.frequency_response import best_scaling, bounded_real_gain, scaled_norm
 from hfa_support import NoSolutionError
@@ -149,17 +148,14 @@ def test_speeds_in_metres_leave_what_has_no_unit_alone(game: Game) -> None:
     assert np.abs(there.K / here.K - 1.0).max() > 2.0  # K itself has units
 
 
-def loop_of(numerator: list[float], denominator: list[float]) -> Loop:
-    system = control.ss(control.tf(numerator, denominator))
-    return Loop(system.A, system.B[:, 0], system.C[0])
-
-
 def test_a_third_order_loop_in_closed_form() -> None:
     """L = 4 / (s + 1)³: real at ω = √3, where it is -1/2; of size one at ω² = 4^(2/3) - 1."""
-    loop = loop_of([4.0], [1.0, 3.0, 3.0, 1.0])
-    np.testing.assert_allclose(np.sort(loop.real_responses()), [-0.5, 4.0], rtol=1e-12)
+    system = control.ss(control.tf([4.0], [1.0, 3.0, 3.0, 1.0]))
+    game = Game(system.A, system.B, np.eye(3), np.eye(3), [[1.0]], 10.0)
+    (margin,) = loop_margins(game, system.C)
+    assert (margin.gain_low, margin.gain_high) == (0.0, pytest.approx(2.0, rel=1e-12))
     omega = math.sqrt(4 ** (2 / 3) - 1)
-    np.testing.assert_allclose(loop.unit_responses(), [4 / (1 + 1j * omega) ** 3], rtol=1e-12)
+    assert margin.phase == pytest.approx(180.0 - 3.0 * math.degrees(math.atan(omega)), rel=1e-10)
 
 
 @pytest.mark.parametrize("factor", [0.3, 1.0, 3.0])

@@ -126,10 +126,10 @@ def test_without_disturbance_matrix_every_delta_will_do(game: Game) -> None:
 @pytest.mark.parametrize(
     ("A", "B", "Q", "message"),
     [
-        (np.diag([0.5, -1.0]), [[0.0], [1.0]], I2, "not stabilizable: no input reaches the mode with eigenvalue +0.5;"),
-        ([[0.5, 1.0], [-1.0, 0.5]], [[0.0], [0.0]], I2, "not stabilizable: .* eigenvalue +0.5+1j;"),
-        ([[0.0, 1.0], [-1.0, 0.0]], [[0.0], [1.0]], 0.0 * I2, "not detectable: .* eigenvalue +0+1j costs nothing"),
-        (np.diag([0.0, -1.0]), [[1.0], [1.0]], np.diag([0.0, 1.0]), "not detectable: .* eigenvalue +0 costs nothing"),
+        (np.diag([0.5, -1.0]), [[0.0], [1.0]], I2, "not stabilizable: no input reaches the mode with eigenvalue 0.5;"),
+        ([[0.5, 1.0], [-1.0, 0.5]], [[0.0], [0.0]], I2, "not stabilizable: .* eigenvalue 0.5 ± 1i;"),
+        ([[0.0, 1.0], [-1.0, 0.0]], [[0.0], [1.0]], 0.0 * I2, "not detectable: .* eigenvalue 0 ± 1i costs nothing"),
+        (np.diag([0.0, -1.0]), [[1.0], [1.0]], np.diag([0.0, 1.0]), "not detectable: .* eigenvalue 0 costs nothing"),
     ],
 )
 def test_problem_without_lqr_solution_names_the_mode(A: object, B: object, Q: object, message: str) -> None:

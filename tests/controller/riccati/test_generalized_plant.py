@@ -212,7 +212,7 @@ def test_the_plants_of_public_issues_are_refused_by_name() -> None:
     no_cost = control.ss(DOUBLE["A"], [[0.0, 0.0], [1.0, 1.0]], [[1.0, 0.0], [1.0, 0.0]], np.zeros((2, 2)))
     with pytest.raises(BadInputError, match="D12 has only zeros in column 1: every u needs a cost of its own in z"):
         plant_of(no_cost, 1, 1)
-    with pytest.raises(NoSolutionError, match=r"no input reaches the mode with eigenvalue \+?-?0\.0000"):
+    with pytest.raises(NoSolutionError, match=r"no input reaches the mode with eigenvalue 0,"):
         minimum_delta(with_noise(octave_13(), 0.1))
 
 
@@ -269,7 +269,7 @@ def of_octave(plant: GeneralizedPlant) -> float:
         ({"B2": [[0.0], [0.0]]}, r"no input reaches the mode with eigenvalue"),
         ({"C2": [[0.0, 0.0]]}, r"the sensors do not see the mode with eigenvalue"),
         ({"C2": [[0.0, 1.0]]}, r"the sensors do not see the mode with eigenvalue"),
-        ({"A": [[0.0, 1.0], [-1.0, 0.0]], "C1": [[0.0, 0.0], [0.0, 0.0]]}, r"eigenvalue .*1\.0000i"),
+        ({"A": [[0.0, 1.0], [-1.0, 0.0]], "C1": [[0.0, 0.0], [0.0, 0.0]]}, r"eigenvalue 0 ± 1i"),
     ],
 )
 def test_modes_that_rule_out_every_delta_are_named(changes: dict[str, Any], words: str) -> None:
