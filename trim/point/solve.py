@@ -5,8 +5,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import casadi as ca
@@ -64,86 +63,48 @@ class _Found(NamedTuple):
     jacobian: np.ndarray
 
 
-@dataclass(frozen=True)
 class TrimProblem:
-    """f = imposed rates, y = imposed outputs of a model; unknowns and residuals in scaled units. begin: the values of
-    the variables where the search begins."""
+    """f = imposed rates, y = imposed outputs of a model; unknowns and residuals in scaled units.
 
-    model: Model
-    condition: TrimCondition
-    begin: Mapping[str, float]
+    begin: the values of the variables where the search begins. idle: variables that are not imposed and in no equation,
+    which a trim leaves there. free: the unknowns; scales: one scaled unit of each; limits: their lowest and highest
+    scaled values. equations: the states whose rates, then the outputs whose values are imposed, with one scaled unit of
+    each (row_scales) and what is imposed (wanted); moved: which of them the unknowns can move. watched: imposed
+    outputs, and what else has limits: states that an output replaces, limited outputs. held: the value of each variable
+    that is imposed or idle, 0 of the unknowns. count: equations that the unknowns can move, and unknowns.
+    """
 
-    @cached_property
-    def _functions(self) -> _Equations:
-        return _equations(self.model.layout, self.watched)
-
-    @cached_property
-    def _rows(self) -> list[int]:
-        """Of the equations, among f and the watched outputs."""
-        (rates, outputs), states = self.condition.equations, list(self.model.states)
-        return [*map(states.index, rates), *range(len(states), len(states) + len(outputs))]
-
-    @cached_property
-    def idle(self) -> tuple[str, ...]:
-        """The variables that are not imposed and in no equation: a trim leaves them where the search begins."""
-        felt = dict(zip(self.model.variables, self._functions.felt[self._rows].max(axis=0), strict=True))
-        return tuple(name for name in self.condition.free if not felt[name])
-
-    @cached_property
-    def free(self) -> tuple[str, ...]:
-        """The unknowns."""
-        return tuple(name for name in self.condition.free if name not in self.idle)
-
-    @cached_property
-    def scales(self) -> np.ndarray:
-        """One scaled unit of each unknown."""
-        return np.array([self.model.signals[name].nominal for name in self.free])
-
-    @cached_property
-    def equations(self) -> tuple[str, ...]:
-        """The states whose rates, then the outputs whose values are imposed."""
-        rates, outputs = self.condition.equations
-        return (*rates, *outputs)
-
-    @cached_property
-    def row_scales(self) -> np.ndarray:
-        """One scaled unit of each equation."""
-        model, (rates, outputs) = self.model, self.condition.equations
-        return np.array([*map(model.rate_scale, rates), *(model.signals[name].nominal for name in outputs)])
-
-    @cached_property
-    def wanted(self) -> np.ndarray:
-        """What each equation imposes."""
-        (rates, outputs), condition = self.condition.equations, self.condition
-        return np.array([*((condition.rates or {})[name] for name in rates), *(condition.imposed[y] for y in outputs)])
-
-    @cached_property
-    def watched(self) -> tuple[str, ...]:
-        """Imposed outputs, and what else has limits: states that an output replaces, limited outputs."""
-        limited = (name for name, ends in self.model.limits.items() if not all(map(math.isinf, ends)))
-        others = {*limited, *self.condition.limits} - {*self.model.variables, *self.condition.imposed}
-        others -= set(self.model.disturbances)
-        return (*self.condition.equations[1], *(name for name in self.model.limits if name in others))
-
-    @cached_property
-    def held(self) -> np.ndarray:
-        """The value of each variable that is imposed or idle, 0 of the unknowns."""
-        values = {name: self.begin[name] for name in self.idle} | dict(self.condition.imposed)
-        return np.array([values.get(name, 0.0) for name in self.model.variables])
-
-    @cached_property
-    def _columns(self) -> list[int]:
-        return [self.model.variables.index(name) for name in self.free]
-
-    @cached_property
-    def _last(self) -> dict[bytes, _Found]:
-        return {}
+    def __init__(self, model: Model, condition: TrimCondition, begin: Mapping[str, float]) -> None:
+        self.model, self.condition, self.begin = model, condition, begin
+        (rates, outputs), states, variables = condition.equations, list(model.states), model.variables
+        limited = {name for name, ends in model.limits.items() if not all(map(math.isinf, ends))}
+        others = {*limited, *condition.limits} - {*variables, *condition.imposed, *model.disturbances}
+        self.watched = (*outputs, *(name for name in model.limits if name in others))
+        self._functions = _equations(model.layout, self.watched)
+        self._rows = [*map(states.index, rates), *range(len(states), len(states) + len(outputs))]
+        felt = self._functions.felt[self._rows]
+        known = dict(zip(variables, felt.max(axis=0), strict=True))
+        self.idle = tuple(name for name in condition.free if not known[name])
+        self.free = tuple(name for name in condition.free if known[name])
+        self._columns = [variables.index(name) for name in self.free]
+        self.scales = np.array([model.signals[name].nominal for name in self.free])
+        self.equations = (*rates, *outputs)
+        self.row_scales = np.array([*map(model.rate_scale, rates), *(model.signals[y].nominal for y in outputs)])
+        imposed = [*((condition.rates or {})[name] for name in rates), *(condition.imposed[y] for y in outputs)]
+        self.wanted = np.array(imposed)
+        values = {name: begin[name] for name in self.idle} | dict(condition.imposed)
+        self.held = np.array([values.get(name, 0.0) for name in variables])
+        self.moved = np.asarray(felt[:, self._columns].any(axis=1))
+        self.count = int(self.moved.sum()), len(self.free)
+        ends = np.array([condition.limits_of(name) for name in self.free]).reshape(-1, 2)
+        self.limits = ends[:, 0] / self.scales, ends[:, 1] / self.scales
+        self._last: tuple[bytes, _Found] | None = None
 
     def at(self, unknowns: np.ndarray) -> _Found:
         """What is found at given unknowns (scaled). FloatingPointError where it is not finite."""
         key = unknowns.tobytes()
-        if key in self._last:
-            return self._last[key]
+        if self._last is not None and self._last[0] == key:
+            return self._last[1]
         bound, (x, u, f, y, by_f, by_y), _ = self._functions
         bound.inputs[0][:] = self.held
         bound.inputs[0][self._columns] = unknowns * self.scales
@@ -157,25 +118,8 @@ class TrimProblem:
         value, slopes = np.concatenate([f, y])[self._rows], np.hstack([by_f, by_y])[self._columns][:, self._rows].T
         scaled = slopes * self.scales / self.row_scales[:, None]
         found = _Found(x.copy(), u.copy(), y.copy(), (value - self.wanted) / self.row_scales, scaled)
-        self._last.clear()
-        self._last[key] = found
+        self._last = key, found
         return found
-
-    @cached_property
-    def moved(self) -> np.ndarray:
-        """Which equations the unknowns can move."""
-        return np.asarray(self._functions.felt[np.ix_(self._rows, self._columns)].any(axis=1))
-
-    @property
-    def count(self) -> tuple[int, int]:
-        """Equations that the unknowns can move, and unknowns."""
-        return int(self.moved.sum()), len(self.free)
-
-    @cached_property
-    def limits(self) -> tuple[np.ndarray, np.ndarray]:
-        """Lowest and highest scaled unknowns."""
-        pairs = np.array([self.condition.limits_of(name) for name in self.free])
-        return pairs[:, 0] / self.scales, pairs[:, 1] / self.scales
 
     def clip(self, unknowns: np.ndarray) -> np.ndarray:
         """The nearest unknowns within the limits."""
@@ -257,51 +201,39 @@ class TrimProblem:
         equations, count = (0, 0) if can_balance else self.count
         if equations > count:
             why += f"; {equations} equations for {count} unknowns, set more free"
-        if idle := [*self.idle, *self._idle(unknowns)]:
+        effects = np.abs(self.at(unknowns).jacobian).max(axis=0)
+        if idle := [*self.idle, *(name for name, most in zip(self.free, effects, strict=True) if most <= _NOTHING)]:
             why += f"; {' and '.join(idle)} moves none of them, set something else free"
         elif not can_balance and (alike := self._alike(unknowns)):
             why += f"; {'; '.join(alike)}; set something else free"
         what = "equations" if self.condition.equations[1] else "rates"
         return f"no trim: these {what} do not balance: {', '.join(off)} ({why})"
 
-    def _idle(self, unknowns: np.ndarray) -> list[str]:
-        """The free variables that no equation feels: their columns of the Jacobian are 0."""
-        felt = np.abs(self.at(unknowns).jacobian).max(axis=0)
-        return [name for name, most in zip(self.free, felt, strict=True) if most <= _NOTHING]
-
     def _alike(self, unknowns: np.ndarray) -> list[str]:
-        """Which free variables move the equations as others do, where fewer directions are left than equations.
-
-        Column by column of the Jacobian: one that is a sum of multiples of those before it adds nothing.
-        """
-        jacobian = self.at(unknowns).jacobian
-        found: list[str] = []
-        kept: list[int] = []
+        """Which free variables move the equations as others do, where fewer directions are left than equations: a
+        column of the Jacobian that is a sum of multiples of those before it adds nothing."""
+        jacobian, found, kept = self.at(unknowns).jacobian, list[str](), list[int]()
         for column, name in enumerate(self.free):
-            before, here = jacobian.take(kept, axis=1), jacobian[:, column]
+            before, here = jacobian[:, kept], jacobian[:, column]
             shares = np.linalg.lstsq(before, here)[0]
             if np.linalg.norm(here - before @ shares) > _DEPENDENT * np.linalg.norm(here):
                 kept.append(column)
                 continue
             parts = np.linalg.norm(before, axis=0) * np.abs(shares)
             others = [self.free[kept[i]] for i in np.flatnonzero(parts > _DEPENDENT * parts.max())]
-            together = " does" if len(others) == 1 else " do together"
-            found.append(f"{name} moves them only as {' and '.join(others)}{together}")
+            found.append(f"{name} moves them only as {' and '.join(others)} {'does' if len(others) == 1 else 'do'}")
         return found if len(kept) < self.count[0] else []
 
     def _binding(self, unknowns: np.ndarray, wanted: np.ndarray) -> list[str]:
         """The limits that the unknowns lie at, and the wanted values."""
         binding, describe = [], self.model.describe
-        for name, scale, value, other, *limits in zip(
-            self.free, self.scales, unknowns, wanted, *self.limits, strict=True
-        ):
-            for limit, word in zip(limits, ("lowest", "highest"), strict=True):
-                slack = 1e-6 * (1 + abs(limit))
-                if np.isfinite(limit) and abs(value - limit) <= slack:
-                    instead = (
-                        f", would have to be {describe(name, other * scale)}" if abs(other - limit) > slack else ""
-                    )
-                    binding.append(f"{name} at its {word}, {describe(name, limit * scale)}{instead}")
+        for i, name in enumerate(self.free):
+            for ends, word in zip(self.limits, ("lowest", "highest"), strict=True):
+                limit, slack, scale = ends[i], 1e-6 * (1 + abs(ends[i])), self.scales[i]
+                if np.isfinite(limit) and abs(unknowns[i] - limit) <= slack:
+                    would = f", would have to be {describe(name, wanted[i] * scale)}"
+                    more = would if abs(wanted[i] - limit) > slack else ""
+                    binding.append(f"{name} at its {word}, {describe(name, limit * scale)}{more}")
         return binding
 
 
@@ -495,16 +427,8 @@ def _bounded_least_squares(problem: TrimProblem, guess: np.ndarray) -> np.ndarra
 
     lowest, highest = problem.limits
     inside = np.clip(guess, lowest + 1e-9, highest - 1e-9)
-    result = least_squares(
-        residual,
-        inside,
-        jac=lambda unknowns: problem.at(unknowns).jacobian,
-        bounds=(lowest, highest),
-        xtol=1e-15,
-        ftol=1e-15,
-        gtol=1e-15,
-    )
-    return np.asarray(result.x)
+    tight: Any = {"xtol": 1e-15, "ftol": 1e-15, "gtol": 1e-15, "bounds": (lowest, highest)}
+    return np.asarray(least_squares(residual, inside, jac=lambda z: problem.at(z).jacobian, **tight).x)
 
 
 _IPOPT: dict[str, Any] = {"print_level": 0, "sb": "yes", "tol": 1e-10, "bound_relax_factor": 0.0, "max_iter": 200}
