@@ -4,8 +4,8 @@ Whatever a trim can hold can be swept, --hold speed=60:70:2, and any parameter o
 panel_mass=9:11:1. What else a trim imposes, frees and limits is typed as in `hfa trim`.
 
 -o FILE.fmu writes the models between the points of a grid as an FMU; its inputs are those of the aircraft and the swept
-variables. A sweep that outgrows memory goes to a Zarr store (-o FILE.zarr): any number of points, random samples
-(--samples), several processes or machines (--workers), and it can be continued after an interruption (--resume).
+variables. A sweep that outgrows memory goes to a Zarr store (-o FILE.zarr): any number of points, several
+processes or machines (--workers), and it can be continued after an interruption (--resume).
 """
 
 from __future__ import annotations
@@ -20,10 +20,9 @@ from typing import Any
 import numpy as np
 
 from hfa_cli.options import shared_options as options
-from hfa_cli.options.argument_types import whole
 from hfa_cli.options.games import add_weights, weights_of
 from hfa_cli.options.parser import add_value
-from hfa_cli.options.ranges import Range, Span, array_of, grid_values, listed_conditions, sample_limits, value_range
+from hfa_cli.options.ranges import Range, array_of, listed_conditions, value_range
 from hfa_cli.origin import provenance
 from hfa_cli.output import draw, show
 from hfa_cli.progress import ProgressLine, say_notes
@@ -36,7 +35,7 @@ from trim.sweeps.sweep_plan import SweepPlan
 #: Suffixes of a store and of a unit of the models between the points; options that only a store and only a game has.
 STORE, UNIT = ".zarr", ".fmu"
 OF_A_GAME = ("delta", "Q", "R")
-OF_A_STORE = ("samples", "seed", "workers", "resume")
+OF_A_STORE = ("workers", "resume")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -52,9 +51,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_weights(parser)
     options.add_output(parser, STORE, UNIT)
     store = parser.add_argument_group(f"for a store (-o FILE{STORE})")
-    about = "N points of a Latin hypercube; ranges are LOW:HIGH or one number"
-    add_value(store, "--samples", whole(1), "N", about)
-    add_value(store, "--seed", whole(0), "N", "seed of the samples; default 0")
     options.add_workers(store, "sweep")
 
 
@@ -63,14 +59,11 @@ def run(arguments: argparse.Namespace) -> int:
     listing = arguments.condition if isinstance(arguments.condition, Path) else None
     if listing is not None:
         arguments.condition = None
-        options.refuse(arguments, ("samples",), "draws points at random; a list of points has none")
     ranges = _ranges(arguments, listing)
     stored = arguments.output is not None and arguments.output.suffix.lower() == STORE
     if stored:
         why = "does not go with a store, which holds all seven states, in feet, no picture and no games"
         options.refuse(arguments, ("picture", "units", "game", *OF_A_GAME), why)
-        if arguments.seed is not None and arguments.samples is None:
-            raise BadInputError("--seed belongs to --samples; a grid has nothing random")
     else:
         options.refuse(arguments, OF_A_STORE, f"needs a store; add -o FILE{STORE}")
         if not arguments.game:
@@ -95,12 +88,8 @@ def _plan(arguments: argparse.Namespace, ranges: dict[str, Range], stored: bool,
                 raise BadInputError(f"{name} has a column or a range beside the list {listing}; give one value")
             if name in ranges:
                 axes[name] = np.full(rows, values[0])
-    elif arguments.samples:
-        if not any(isinstance(values, Span) for values in ranges.values()):
-            raise BadInputError(f"--samples has nothing to draw; give one of {', '.join(ranges)} as LOW:HIGH")
-        axes = {name: sample_limits(name, values) for name, values in ranges.items()}
     elif stored:
-        axes = {name: grid_values(name, values) for name, values in ranges.items()}
+        axes = dict(ranges)
     else:
         axes = {name: array_of(name, values, MOST_POINTS) for name, values in ranges.items()}
         axes = dict(sorted(axes.items(), key=lambda axis: axis[1].size > 1))
@@ -110,9 +99,8 @@ def _plan(arguments: argparse.Namespace, ranges: dict[str, Range], stored: bool,
             raise BadInputError(
                 f"--picture draws a sweep in one variable, not in {' and '.join(varied)}; fix all but one"
             )
-    random, start = (arguments.samples or 0, arguments.seed or 0), options.start_of(arguments)
     aircraft = own if own is not None else options.aircraft_of(arguments)
-    return SweepPlan(axes, aircraft, condition, *random, start, listing is not None)
+    return SweepPlan(axes, aircraft, condition, options.start_of(arguments), listing is not None)
 
 
 def _in_memory(plan: SweepPlan, arguments: argparse.Namespace) -> tuple[Report, bool]:

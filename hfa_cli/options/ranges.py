@@ -1,4 +1,4 @@
-"""What a sweep visits, from the words `start:stop:step`, `a,b,c`, `LOW:HIGH` or one number."""
+"""What a sweep visits, from the words `start:stop:step`, `a,b,c` or one number."""
 
 from __future__ import annotations
 
@@ -6,25 +6,16 @@ import csv
 import math
 from argparse import ArgumentTypeError
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
-from hfa_cli.options.argument_types import number, quantity, span
+from hfa_cli.options.argument_types import number, quantity
 from hfa_support.errors import BadInputError, shortened
 from trim.point.condition import TrimCondition
 from trim.sweeps.sweep_plan import MOST_POINTS, Steps
 
-
-class Span(NamedTuple):
-    """Lowest and highest value of something that is drawn at random; twice the same for a constant."""
-
-    lowest: float
-    highest: float
-
-
-#: Listed values, evenly spaced ones, or the limits of random ones; internal units.
-Range = tuple[float, ...] | Steps | Span
+#: Listed values or evenly spaced ones; internal units.
+Range = tuple[float, ...] | Steps
 
 
 def value_range(name: str, text: str) -> Range:
@@ -32,8 +23,6 @@ def value_range(name: str, text: str) -> Range:
     parts = text.split(":")
     if len(parts) == 1:
         return tuple(quantity(name, word) for word in text.split(","))
-    if len(parts) == 2:
-        return Span(*span(name, text))
     if len(parts) != 3:
         raise ArgumentTypeError(f"is {shortened(text)!r}; give start:stop:step, a list a,b,c or one number")
     start, stop, step = (_part(word, what) for word, what in zip(parts, ("start", "stop", "step"), strict=True))
@@ -92,30 +81,13 @@ def listed_conditions(path: Path, condition: TrimCondition) -> dict[str, np.ndar
     return dict(zip(names, np.array(table).T, strict=True))
 
 
-def grid_values(name: str, values: Range) -> tuple[float, ...] | Steps:
-    """The values of a variable on a grid; BadInputError when there are only the limits of random ones."""
-    if isinstance(values, Span):
-        raise BadInputError(f"{name} is LOW:HIGH without a step; give start:stop:step, a,b,c or one number")
-    return values
-
-
 def array_of(name: str, values: Range, most: int) -> np.ndarray:
-    """`grid_values` as one array, (N,); BadInputError when there are more than `most`."""
-    listed = grid_values(name, values)
-    if not isinstance(listed, Steps):
-        return np.array(listed)
-    if listed.count > most:
-        raise BadInputError(f"{name} has {listed.count:,} points; at most {most:,} are allowed, take a larger step")
-    return np.asarray(listed[np.arange(listed.count)])
-
-
-def sample_limits(name: str, values: Range) -> Span:
-    """The limits of random values of a variable; BadInputError when it has a grid."""
-    if isinstance(values, tuple) and len(values) == 1:
-        return Span(values[0], values[0])
-    if not isinstance(values, Span):
-        raise BadInputError(f"{name} is a grid; with --samples give LOW:HIGH or one number")
-    return values
+    """A range as one array, (N,); BadInputError when there are more than `most`."""
+    if not isinstance(values, Steps):
+        return np.array(values)
+    if values.count > most:
+        raise BadInputError(f"{name} has {values.count:,} points; at most {most:,} are allowed, take a larger step")
+    return np.asarray(values[np.arange(values.count)])
 
 
 def _part(text: str, what: str) -> float:

@@ -80,10 +80,9 @@ def test_quiet_says_no_note_and_no_progress_but_errors() -> None:
     ("ranges", "farthest"),
     [
         (("--dihedral", "14:20:2"), "20"),
-        (("--dihedral", "16:18", "--samples", "5"), "18"),
         (("--dihedral", "0:15:5"), ""),
     ],
-    ids=["range", "samples", "within"],
+    ids=["range", "within"],
 )
 def test_a_stored_sweep_has_them_in_its_store(tmp_path: Path, ranges: tuple[str, ...], farthest: str) -> None:
     import zarr

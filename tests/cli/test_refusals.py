@@ -77,13 +77,11 @@ REFUSED = {
         ("--dihedral 20:0:1", "runs backwards from 20 to 0"),
         ("--dihedral 0:1:1e-300", "1e+300 points"),
         ("--dihedral 0:1000:1e-6", "1,000,000,001 points"),
-        ("--dihedral 0:20", "dihedral is LOW:HIGH without a step; give start:stop:step"),
+        ("--dihedral 0:20", "dihedral is '0:20'; give start:stop:step"),
         ("--dihedral 0::1", "dihedral stop is ''"),
         ("--dihedral 0:20:0.01 --speed 50:80:0.01", "points"),
         ("--dihedral 0:20:5 --speed 60,70 --picture locus.png", "one variable"),
-        ("--dihedral 0:5:1 --samples 5", "--samples needs a store"),
         ("--dihedral 0:5:1 -o a.zarr --workers 1e308", "--workers is 1e308; give a whole number from 1 to 1000"),
-        ("--dihedral 0:10:5 --seed 3 -o a.zarr", "--seed belongs to --samples"),
         ("--dihedral 0:5:1 --units si -o a.zarr", "--units does not go with a store"),
         ("--dihedral 5 --free dihedral", "dihedral is given by --dihedral and set free by --free"),
         ("--dihedral 5 --hold throttle=0:40:20 --free throttle", "throttle is both set free and held"),
@@ -118,7 +116,7 @@ REFUSED = {
     ],
     "design": [
         ("given.npz", "given.npz: this is no controller file"),
-        ("--design paper --dihedral 0:5", "--dihedral is LOW:HIGH"),
+        ("--design paper --dihedral 0:5", "--dihedral is '0:5'; give start:stop:step"),
         ("--design servo --units si -o a.npz", "a controller is in ft, slug, lbf"),
     ],
     "fly": [

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -11,10 +11,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import casadi as ca
 import numpy as np
 
-from hfa_support.errors import BadInputError, NoSolutionError
-from hfa_support.reporting.report import Report, Reported
-from hfa_support.reporting.text import ROUNDING, Table
-from trim.sweeps.sweep import Sweep, run_plan
+from hfa_support.errors import BadInputError
+from trim.sweeps.sweep import Sweep
 
 if TYPE_CHECKING:
     from hfa_model.aircraft import Aircraft
@@ -32,16 +30,8 @@ class Interpolated(NamedTuple):
     B: np.ndarray
 
 
-class Worst(NamedTuple):
-    """The largest error of an interpolation in a quantity, relative to its largest entry there in nominal units."""
-
-    quantity: str
-    error: float
-    place: dict[str, float]
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class InterpolatedModel(Reported):
+@dataclass(frozen=True, eq=False)
+class InterpolatedModel:
     """Trim, A and B over the grid of a sweep, linear in each of its variables (bilinear in two).
 
     BadInputError when a variable has fewer than two values, or a point of the sweep has no trim.
@@ -53,7 +43,7 @@ class InterpolatedModel(Reported):
         """Name what cannot be interpolated."""
         plan = self.sweep.plan
         for name, count in zip(plan.variables, plan.sizes, strict=not plan.listed):
-            if plan.samples or plan.listed or count < 2:
+            if plan.listed or count < 2:
                 raise BadInputError(f"{name} has one value in the sweep; models are interpolated over two or more")
         for values, reason in zip(self.sweep.values, self.sweep.reasons, strict=True):
             if reason:
@@ -109,49 +99,6 @@ class InterpolatedModel(Reported):
         order, sizes = np.lexsort(self.sweep.values.T[::-1]), tuple(map(len, self.axes))
         found = (getattr(self.sweep, name)[order] for name in _QUANTITIES)
         return [table.reshape(*sizes, *table.shape[1:]) for table in found]
-
-    @cached_property
-    def errors(self) -> list[Worst]:
-        """Of each quantity the worst error at the middles of all cells, where each is trimmed and linearized anew.
-
-        NoSolutionError when the middle of a cell has no trim.
-        """
-        middles = dict(zip(self.sweep.variables, ((axis[1:] + axis[:-1]) / 2 for axis in self.axes), strict=True))
-        full = len(self.sweep.model_states) == len(self.sweep.model.states)
-        exact = run_plan(replace(self.sweep.plan, axes=middles), full=full)
-        if not exact.trimmed.all():
-            raise NoSolutionError(
-                f"no trim at {self._place(exact.values[int(np.argmin(exact.trimmed))])}, between points"
-            )
-        near = self.at(**dict(zip(exact.variables, exact.values.T, strict=True)))
-        found = []
-        for name, scale in zip(_QUANTITIES, self._scales, strict=True):
-            here = getattr(exact, name) / scale
-            axes = tuple(range(1, here.ndim))
-            errors = np.abs(getattr(near, name) / scale - here).max(axis=axes) / np.abs(here).max(axis=axes)
-            worst = int(np.argmax(errors))
-            place = dict(zip(exact.variables, exact.values[worst].tolist(), strict=True))
-            found.append(Worst(name, float(errors[worst]), place))
-        return found
-
-    def report(self) -> Report:
-        """The grid, and the measured error of each quantity."""
-        model, sweep = self.sweep.model, self.sweep
-        grid = ", ".join(f"{len(axis)} of {name}" for name, axis in zip(sweep.variables, self.axes, strict=True))
-        shown = [f"{each.error if each.error > ROUNDING else 0.0:.2g}" for each in self.errors]
-        places = [self._place(list(each.place.values())) for each in self.errors]
-        rows = list(zip(_QUANTITIES, shown, places, strict=True))
-        table = Table(("interpolated", "worst relative error", "at"), rows)
-        return Report(f"{model.title} interpolated over {grid}; errors at the middles of the cells", [table])
-
-    @property
-    def _scales(self) -> tuple[np.ndarray, ...]:
-        """One scaled unit of each quantity's entries."""
-        model, sweep = self.sweep.model, self.sweep
-        states = np.array([each.nominal for each in model.states.values()])
-        inputs = np.array([each.nominal for each in model.inputs.values()])
-        rates = np.array([[model.rate_scale(name)] for name in sweep.model_states])
-        return states, inputs, rates / [model.states[name].nominal for name in sweep.model_states], rates / inputs
 
     def _place(self, values: np.ndarray | list[float]) -> str:
         names = zip(self.sweep.variables, values, strict=True)

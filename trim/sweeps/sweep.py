@@ -39,8 +39,7 @@ _NAN = float("nan")
 
 
 def task_of(plan: SweepPlan, start: int, stop: int) -> Task:
-    """Arguments of `run_points` for rows start .. stop - 1: values, not the plan, because a worker would make the whole
-    of a Latin hypercube for its part."""
+    """Arguments of `run_points` for rows start .. stop - 1."""
     compiled = plan.count >= COMPILE_FROM
     return plan.aircraft, plan.variables, plan.values(start, stop), plan.condition, plan.start, compiled
 
@@ -372,7 +371,7 @@ def sweep(
 
 def run_plan(plan: SweepPlan, *, full: bool = False, progress: Progress | None = None) -> Sweep:
     """Every point of a plan with a grid, in memory; full: all states, not the linear ones alone."""
-    if plan.samples or plan.count > MOST_POINTS:
+    if plan.count > MOST_POINTS:
         raise BadInputError(f"the sweep has {plan.count:,} points; a grid of at most {MOST_POINTS:,} fits in memory")
     task, model = task_of(plan, 0, plan.count), plan.model
     rows = run_points(*task, progress)  # type: ignore[call-arg]

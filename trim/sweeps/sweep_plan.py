@@ -21,8 +21,6 @@ from trim.sweeps.points import condition_at
 
 #: Of a grid, which is never made as a whole.
 MOST_POINTS = 1_000_000_000
-#: Of a Latin hypercube, which is: 10 bytes and more a sample and variable.
-MOST_SAMPLES = 10_000_000
 
 
 @dataclass(frozen=True)
@@ -44,18 +42,15 @@ class Steps:
 class SweepPlan:
     """N points over named variables, for one aircraft.
 
-    axes: variable -> its values on a grid, listed or as `Steps` (all combinations, the last variable running
-    fastest), or, when `samples` > 0, variable -> (lowest, highest; twice the same for a constant) of a Latin
-    hypercube of that many points under `seed` (scipy.stats.qmc). listed: the axes are columns of equal length, a point
-    a row. Internal units. condition: what the other variables do, the model's own trim unless given. start: where the
-    search begins at each point. BadInputError when a name or a range is wrong.
+    axes: variable -> its values on a grid, listed or as `Steps`: all combinations, the last variable running fastest.
+    listed: the axes are columns of equal length, a point a row. Internal units. condition: what the other variables
+    do, the model's own trim unless given. start: where the search begins at each point. BadInputError when a name or a
+    range is wrong.
     """
 
     axes: Mapping[str, Any]
     aircraft: Aircraft | Model
     condition: TrimCondition = None  # type: ignore[assignment]  # replaced below
-    samples: int = 0
-    seed: int = 0
     start: OperatingPoint | None = None
     listed: bool = False
 
@@ -73,13 +68,9 @@ class SweepPlan:
             if not isinstance(values, Steps) and (axes[name].ndim != 1 or not axes[name].size):
                 raise BadInputError(f"the values of {name} are {shown(values)}; give a list of numbers")
             axes[name] = values if isinstance(values, Steps) else tuple(axes[name].tolist())
-            if self.samples and (isinstance(values, Steps) or len(values) != 2 or not values[0] <= values[1]):
-                raise BadInputError(f"{name} needs a range lowest:highest for random samples")
         object.__setattr__(self, "axes", axes)
         if self.listed and len({len(values) for values in axes.values()}) > 1:
             raise BadInputError(f"the columns of a list of conditions have {shown(self._lengths)} values; give as many")
-        if not 0 <= self.samples <= MOST_SAMPLES:
-            raise BadInputError(f"samples is {self.samples}; it must lie between 0 and {MOST_SAMPLES:,}")
         if self.count > MOST_POINTS:
             raise BadInputError(
                 f"the sweep has {self.count:,.15g} points, at most {MOST_POINTS:,} are allowed; take larger steps"
@@ -132,7 +123,7 @@ class SweepPlan:
     @cached_property
     def count(self) -> int:
         """Number of points."""
-        return self.samples or math.prod(self.sizes)
+        return math.prod(self.sizes)
 
     @property
     def warnings(self) -> list[str]:
@@ -145,19 +136,16 @@ class SweepPlan:
     @property
     def varied(self) -> dict[str, Any]:
         """What varies, over which values and about which condition, as JSON data; `grid`: variable -> its unit and its
-        values, listed, or start, step and count; of samples lowest and highest."""
+        values, listed, or start, step and count."""
         grid = {}
         for (name, values), unit in zip(self._axes_data().items(), self.units, strict=True):
             kind = values if isinstance(values, dict) else {"values": values}
-            kind = dict(zip(("lowest", "highest"), values, strict=True)) if self.samples else kind
             grid[name] = kind | {"unit": unit}
         names, units = list(self.variables), list(self.units)
         return {"variables": names, "variable_units": units, "grid": grid, "condition": self.condition.to_dict()}
 
     def values(self, start: int, stop: int) -> np.ndarray:
         """Rows start .. stop - 1 of the (N, variables) table of values."""
-        if self.samples:
-            return self._hypercube[start:stop]
         index = np.arange(start, stop)
         indices = [index] * len(self.axes) if self.listed else np.unravel_index(index, self.sizes)
         axes = (values if isinstance(values, Steps) else np.array(values) for values in self.axes.values())
@@ -171,8 +159,6 @@ class SweepPlan:
             "dynamics": self.model.name,
             "source": list(self.model.source),
             "listed": self.listed,
-            "samples": self.samples,
-            "seed": self.seed,
             "condition": self.condition.to_dict(),
             "start": None if self.start is None else self.start.to_dict(),
         }
@@ -181,11 +167,3 @@ class SweepPlan:
     def identity(self) -> str:
         """A hash of everything that decides the results."""
         return hashlib.sha256(json.dumps(self.to_dict(), sort_keys=True).encode()).hexdigest()
-
-    @cached_property
-    def _hypercube(self) -> np.ndarray:
-        from scipy.stats import qmc
-
-        unit = qmc.LatinHypercube(d=len(self.axes), rng=np.random.default_rng(self.seed)).random(self.samples)
-        lowest, highest = np.array(list(self.axes.values())).T
-        return np.asarray(lowest + unit * (highest - lowest))
