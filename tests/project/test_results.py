@@ -134,8 +134,16 @@ def test_linear_models_are_equal_by_their_values() -> None:
     assert model != replace(model, A=changed)
     assert model != replace(model, states=model.states[::-1])
     assert model != "a model"
+    assert replace(model, A=np.full_like(changed, np.nan)) == replace(model, A=np.full_like(changed, np.nan))
     with pytest.raises(TypeError, match="unhashable"):
         hash(model)
+
+
+def test_a_failed_trim_can_be_sent_too() -> None:
+    with pytest.raises(trim.TrimError) as caught:
+        trim.find_operating_point(results()["Aircraft"], trim.level_flight(0.1, speed=30.0))
+    again = pickle.loads(pickle.dumps(caught.value))
+    assert (str(again), again.attempt) == (str(caught.value), caught.value.attempt)
 
 
 def test_what_failed_in_a_sweep_is_equal_to_itself() -> None:
