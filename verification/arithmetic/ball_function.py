@@ -86,26 +86,12 @@ def constant_part(value: Any) -> Any:
     return value[0] if isinstance(value, arb_series) else value.range()
 
 
-def _at_most(x: Any, y: Any) -> Any:
-    """1 where x <= y, 0 where x > y; both must be certain."""
+def _sorted(x: Any, y: Any) -> tuple[Any, Any]:
+    """The smaller and the larger one, for certain."""
     first, second = constant_part(x), constant_part(y)
-    if first <= second:
-        return arb(1)
-    if first > second:
-        return arb(0)
-    raise Undecided("a comparison in the equations is not decided on this box")
-
-
-def _below(x: Any, y: Any) -> Any:
-    return arb(1) - _at_most(y, x)
-
-
-def _smaller(x: Any, y: Any) -> Any:
-    return x if _at_most(x, y) == 1 else y
-
-
-def _larger(x: Any, y: Any) -> Any:
-    return y if _at_most(x, y) == 1 else x
+    if not (first <= second or first > second):
+        raise Undecided("a comparison in the equations is not decided on this box")
+    return (x, y) if first <= second else (y, x)
 
 
 def _arctangent(y: Any, x: Any) -> Any:
@@ -144,8 +130,7 @@ _OPERATIONS: dict[int, Callable[..., Any]] = {
     ca.OP_ATAN2: _arctangent,
     ca.OP_POW: _power,
     ca.OP_CONSTPOW: _power,
-    ca.OP_FMIN: _smaller,
-    ca.OP_FMAX: _larger,
-    ca.OP_LE: _at_most,
-    ca.OP_LT: _below,
+    ca.OP_FMIN: lambda x, y: _sorted(x, y)[0],
+    ca.OP_FMAX: lambda x, y: _sorted(x, y)[1],
+    ca.OP_LE: lambda x, y: arb(int(_sorted(x, y)[0] is x)),
 }

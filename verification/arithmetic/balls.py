@@ -54,21 +54,6 @@ def radii(values: arb_mat) -> np.ndarray:
     return np.array([[float(entry.rad()) for entry in row] for row in values.tolist()])
 
 
-def filled(rows: int, columns: int, value: Any) -> arb_mat:
-    """A matrix with the same entry everywhere."""
-    return arb_mat([[value] * columns for _ in range(rows)])
-
-
-def symmetric_part(values: arb_mat) -> arb_mat:
-    """(M + M') / 2."""
-    return (values + values.transpose()) * 0.5
-
-
-def map_entries(function: Any, values: arb_mat) -> arb_mat:
-    """The matrix of f(entry)."""
-    return arb_mat([[function(entry) for entry in row] for row in values.tolist()])
-
-
 def inside(inner: Sequence[arb], outer: Sequence[arb]) -> bool:
     """Each ball lies in the interior of its partner, for certain."""
     return all(one.is_finite() and other.contains_interior(one) for one, other in zip(inner, outer, strict=True))

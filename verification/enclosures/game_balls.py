@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from flint import arb, arb_mat
@@ -11,17 +11,7 @@ from controller.game.zero_sum import Game
 from controller.riccati.balancing import balanced_units, in_units
 from controller.riccati.gare_schur import schur_solution
 from hfa_support.errors import NoSolutionError
-from verification.arithmetic.balls import (
-    doubles,
-    exact,
-    filled,
-    map_entries,
-    matrix,
-    norm,
-    pivots,
-    symmetric,
-    symmetric_part,
-)
+from verification.arithmetic.balls import doubles, exact, matrix, norm, pivots, symmetric
 from verification.enclosures.eigenvalue_signs import counted
 
 #: Newton's steps on balls, at most: near the solution the number of digits that are right doubles with each.
@@ -30,8 +20,7 @@ _STEPS = 20
 _SETTLED = 1e-18
 
 
-@dataclass(frozen=True, eq=False)
-class BallGame:
+class BallGame(NamedTuple):
     """A'P + P A + Q - P S P = 0,  S = B R⁻¹ B' - δ⁻² E E', with A and B in balls and E, Q, R, δ exact doubles.
 
     game: the same in doubles, where the search begins. A, B: balls, in the units of the game.
@@ -48,7 +37,7 @@ class BallGame:
 
     def with_delta(self, delta: float) -> BallGame:
         """The same game at another disturbance weight."""
-        return replace(self, game=self.game.with_delta(delta))
+        return self._replace(game=self.game.with_delta(delta))
 
     def scaled(self, units: np.ndarray) -> BallGame:
         """The same game in the state y, z_i = u_i y_i; the units are powers of two, so that nothing is rounded."""
@@ -57,48 +46,40 @@ class BallGame:
 
     def Q(self) -> arb_mat:
         """The symmetric part of the game's Q, on which alone the cost depends."""
-        return symmetric_part(matrix(self.game.Q))
+        return _symmetric_part(matrix(self.game.Q))
 
-    def R(self) -> arb_mat:
-        """The symmetric part of the game's R."""
-        return symmetric_part(matrix(self.game.R))
-
-    def gain_of(self, P: arb_mat) -> arb_mat:
-        """K = R⁻¹ B' P."""
-        return self.R().inv() * self.B.transpose() * P
+    def gain(self) -> arb_mat:
+        """R⁻¹ B'; K = R⁻¹ B' P."""
+        return _symmetric_part(matrix(self.game.R)).inv() * self.B.transpose()
 
     def S(self) -> arb_mat:
         """B R⁻¹ B' - δ⁻² E E'."""
-        control = self.B * self.R().inv() * self.B.transpose()
-        if not np.isfinite(self.game.delta):
-            return control
         E = matrix(self.game.E)
-        return control - E * E.transpose() * (1 / exact(self.game.delta) ** 2)
+        return self.B * self.gain() - E * E.transpose() * (1 / exact(self.game.delta) ** 2)
 
 
-@dataclass(frozen=True, eq=False)
-class Enclosed:
+def _symmetric_part(values: arb_mat) -> arb_mat:
+    return (values + values.transpose()) * 0.5
+
+
+class Enclosed(NamedTuple):
     """One and only one solution of the Riccati equation lies near P's midpoint, and it lies in P.
 
     P: balls, in the units of the game. units: balanced ones. stabilizing: A - S P is Hurwitz. stable: A - B K is.
-    signs: of the eigenvalues of P; None when open.
+    lowest: the sign of the lowest eigenvalue of P; 0 when open. Where P stabilizes, no other solution does: it is the
+    value of the game, or the game has none.
     """
 
     P: arb_mat
     units: np.ndarray
     stabilizing: bool
     stable: bool
-    signs: tuple[int, ...] | None
+    lowest: int
 
     @property
     def is_value(self) -> bool:
         """The value of the game: stabilizing and positive definite."""
-        return self.stabilizing and self.signs is not None and min(self.signs) > 0
-
-    @property
-    def is_indefinite(self) -> bool:
-        """The stabilizing solution, of which there is at most one, has a negative eigenvalue: the game has no value."""
-        return self.stabilizing and self.signs is not None and min(self.signs) < 0
+        return self.stabilizing and self.lowest > 0
 
 
 def enclose_solution(ball_game: BallGame, start: np.ndarray | None = None) -> Enclosed:
@@ -110,34 +91,27 @@ def enclose_solution(ball_game: BallGame, start: np.ndarray | None = None) -> En
     NoSolutionError when that cannot be shown.
     """
     units = balanced_units(ball_game.game)
-    own = ball_game.scaled(units)
+    own, n = ball_game.scaled(units), len(units)
     first = schur_solution(own.game) if start is None else start * np.outer(units, units)
     if not np.isfinite(first).all():
         raise NoSolutionError("the Riccati equation has no finite solution to begin with")
     S, P = own.S(), matrix((first + first.T) / 2)
     for _ in range(_STEPS):
         correction, _ = _newton(own, S, P)
-        P = map_entries(lambda entry: entry.mid(), P - correction)
-        P = map_entries(lambda entry: entry.mid(), symmetric_part(P))
+        P = _symmetric_part((P - correction).mid()).mid()
         if float(norm(correction.entries())) <= _SETTLED * float(norm(P.entries())):
             break
     correction, inverse_norm = _newton(own, S, P)
     eta, curvature = norm(correction.entries()), inverse_norm * norm(S.entries())
     if not 4 * curvature * eta < 1:
         raise NoSolutionError("Kantorovich's condition is not met: the solution is not told from others")
-    radius = 2 * eta
-    size = len(units)
-    solution = P - correction + filled(size, size, symmetric(curvature * radius**2))
-    solution = symmetric_part(solution)  # the solution is symmetric: both triangles enclose the same numbers
-    found = pivots(_graded(solution))
-    back = matrix(np.diag(1.0 / units))
-    return Enclosed(
-        back * solution * back,
-        units,
-        is_hurwitz(own.A - S * solution),
-        is_hurwitz(own.A - own.B * own.gain_of(solution)),
-        None if found is None else tuple(1 if pivot > 0 else -1 for pivot in found),
-    )
+    # It is symmetric: both triangles enclose the same numbers.
+    P = _symmetric_part(P - correction + arb_mat(n, n, [symmetric(curvature * (2 * eta) ** 2)] * n**2))
+    turn, back = matrix(np.linalg.eigh(doubles(P))[1]), matrix(np.diag(1.0 / units))
+    found = pivots(turn.transpose() * P * turn)
+    lowest = 0 if found is None else 1 if all(pivot > 0 for pivot in found) else -1
+    stable = [unstable_modes(own.A - each * P) == 0 for each in (S, own.B * own.gain())]
+    return Enclosed(back * P * back, units, stable[0], stable[1], lowest)
 
 
 def unstable_modes(A: arb_mat) -> int | None:
@@ -148,36 +122,15 @@ def unstable_modes(A: arb_mat) -> int | None:
 
 def _newton(game: BallGame, S: arb_mat, P: arb_mat) -> tuple[arb_mat, arb]:
     """L⁻¹ F(P) and a bound of the norm of L⁻¹ (Frobenius, as n² x n² matrix)."""
-    n = P.nrows()
-    loop = game.A - S * P
-    residual = game.A.transpose() * P + P * game.A + game.Q() - P * S * P
+    n, residual = P.nrows(), game.A.transpose() * P + P * game.A + game.Q() - P * S * P
     try:
-        inverse = lyapunov_operator(loop).inv()
+        inverse = lyapunov_operator(game.A - S * P).inv()
     except ZeroDivisionError as error:
         raise NoSolutionError("the Riccati equation has a multiple root: A - S P is singular") from error
-    flat = inverse * arb_mat([[entry] for entry in residual.entries()])
-    return arb_mat(n, n, [row[0] for row in flat.tolist()]), norm(inverse.entries())
+    return arb_mat(n, n, (inverse * arb_mat(n * n, 1, residual.entries())).entries()), norm(inverse.entries())
 
 
 def lyapunov_operator(loop: arb_mat) -> arb_mat:
-    """L(E) = A_c'E + E A_c as a matrix, (n², n²), of E row by row."""
-    n = loop.nrows()
-    rows = loop.tolist()
-    entries = [[exact(0.0)] * (n * n) for _ in range(n * n)]
-    for i in range(n):
-        for j in range(n):
-            for k in range(n):  # (A_c'E + E A_c)_ij = Σ_k A_c,ki E_kj + E_ik A_c,kj
-                entries[n * i + j][n * k + j] += rows[k][i]
-                entries[n * i + j][n * i + k] += rows[k][j]
-    return arb_mat(entries)
-
-
-def _graded(values: arb_mat) -> arb_mat:
-    """The same signs of eigenvalues, in the eigenvectors of the midpoint."""
-    turn = matrix(np.linalg.eigh(doubles(values))[1])
-    return turn.transpose() * values * turn
-
-
-def is_hurwitz(A: arb_mat) -> bool:
-    """Every matrix in the balls is proved to have its eigenvalues in the open left half plane."""
-    return unstable_modes(A) == 0
+    """L(E) = A_c'E + E A_c as a matrix, (n², n²), of E row by row: (L E)_ij = Σ A_c,ki E_kj + E_im A_c,mj."""
+    places = [divmod(place, loop.nrows()) for place in range(loop.nrows() ** 2)]
+    return arb_mat([[loop[k, i] * (j == m) + loop[m, j] * (i == k) for k, m in places] for i, j in places])

@@ -64,6 +64,11 @@ class Proof(Reported):
         """List of boxes -> low, high and the number of unstable modes of each."""
         return {name: [(*box["range"], box["unstable"]) for box in own] for name, own in self.boxes.items()}
 
+    @property
+    def rate(self) -> float:
+        """Of decay, proved of the loop where it is Hurwitz, 1/s."""
+        return min((box["rate"] for box in self.boxes["loop"] if not box["unstable"]), default=0.0)
+
     def report(self) -> Report:
         """What is proved, in words, tables and data."""
         from verification.proof.lpv_grid import lpv_report

@@ -44,6 +44,8 @@ _NARROWEST = 2.0**-8
 _LOOSE = 0.5
 #: What the error is stated larger than it is found, relative.
 _ROUNDING = 1e-9
+#: P is found in doubles at the zeros of Chebyshev's polynomial of third order, 0 and this on either side.
+_ZERO = 0.75**0.5
 _PARTS = ("A", "B", "inputs", "K")
 
 
@@ -137,15 +139,20 @@ def coarsest_grid(
 
 
 def _game_on(forms: ModelForms, first: Game) -> Content:
-    """What a certificate says of the solution of the game on a box: P(τ) to second order, and how far off it may be."""
+    """What a certificate says of the solution of the game on a box: P(s) to second order, and how far off it may be."""
     game = replace(first, A=doubles(forms.A.parts[0]), B=doubles(forms.B.parts[0]))
     units = balanced_units(game)
     up, down = matrix(np.diag(units)), matrix(np.diag(1.0 / units))
     A, B, own = down * forms.A * up, down * forms.B, in_units(game, units)
-    E = matrix(own.E)
+
+    def solved(s: float) -> np.ndarray:
+        at = [c0 + s * c1 + s * s * c2 for c0, c1, c2 in (map(doubles, form.parts[:3]) for form in (A, B))]
+        return schur_solution(replace(own, A=at[0], B=at[1]))
+
+    before, middle, after = map(solved, (-_ZERO, 0.0, _ZERO))
+    guess = [middle, (after - before) / (2 * _ZERO), ((after + before) / 2 - middle) / _ZERO**2]
+    E, P = matrix(own.E), TaylorModel(*map(matrix, guess))
     S = B * (matrix(own.R).inv() * B.transpose()) - E * E.transpose() * (1 / exact(own.delta) ** 2)
-    guess = _solution(own, *([doubles(part) for part in form.parts[:3]] for form in (A, S)))
-    P = TaylorModel(*map(matrix, guess))
     half, loop = (A - S * P * 0.5).transpose() * P, A - S * P
     inverse = matrix(np.linalg.inv(doubles(lyapunov_operator(loop.parts[0]))))
     step = inverse * arb_mat([[entry] for entry in (half + half.transpose() + matrix(own.Q)).range().entries()])
@@ -154,23 +161,6 @@ def _game_on(forms: ModelForms, first: Game) -> Content:
         raise Undecided("the solution of the game is not found on this box")
     reach = _REACH * float(norm(step.entries()).upper())
     return {"units": units, "P": guess, "reach": reach, "H": modes.H, "turn": modes.turn}
-
-
-def _solution(game: Game, A: list[np.ndarray], S: list[np.ndarray]) -> list[np.ndarray]:
-    """P_0, P_1, P_2 of the Riccati equation along the box, in doubles: one Lyapunov equation an order."""
-    from scipy.linalg import solve_continuous_lyapunov
-
-    P = [schur_solution(game)]
-    loop = A[0] - S[0] @ P[0]
-    for order in (1, 2):
-        known = [*P, np.zeros_like(P[0])]
-        rest = sum(A[i].T @ known[order - i] + known[order - i] @ A[i] for i in range(order + 1))
-        for i in range(order + 1):
-            for j in range(order + 1 - i):
-                rest = rest - known[i] @ S[j] @ known[order - i - j]
-        found = solve_continuous_lyapunov(loop.T, -rest)
-        P.append((found + found.T) / 2)
-    return P
 
 
 def lpv_report(proof: Proof) -> Report:

@@ -20,7 +20,6 @@ from verification.checker.checker import Verified
 from verification.proof.certificate import Content, Proof, Run
 
 SCHEMA = "hfa.proof/1"
-_INTERVALS = ("bandwidth", "effectiveness", "delay")
 #: The least size of an entry of A or B that the text shows.
 _SHOWN = 1e-3
 Found = TypeVar("Found")
@@ -64,119 +63,83 @@ def place_data(model: Model | None, places: Any) -> Content:
     )
 
 
-def schedule_data(proof: Proof, moving: bool) -> Content:
-    """What JSON has of a proved schedule. moving: a rate was asked for."""
-    claim, covers, model = proof.statement, proof.covers, proof.model
-    (low, high), end = claim["range"], "_deg" * (claim["unit"] == "deg")
-
-    def ends(run: tuple[Any, ...]) -> Content:
-        return {f"from{end}": run[0], f"to{end}": run[1]}
-
-    still, counts = gaps(covers["loop"], low, high), {name: joined(covers[name]) for name in ("loop", "modes")}
-    refuted = [ends(run) | {"unstable": run[2]} for run in counts["loop"] if run[2] > 0]
-    open_ = {
-        "loop": [ends(gap) for gap in still],
-        "modes": [ends(run) | {"at_least": run[2][0], "at_most": run[2][1]} for run in crossings(proof)],
-    }
-    data = {
-        "schema": SCHEMA,
-        "statement": "schedule",
-        "proved": not still and not refuted and not (moving and "place_rate" not in claim),
-        "dynamics": claim["dynamics"],
-        **place_data(model, [low, high]),
-        "decay_rate": min((box["rate"] for box in proof.boxes["loop"] if not box["unstable"]), default=0.0),
-    }
-    for name, own in counts.items():
-        data[name] = {"proved": [ends(run) | {"unstable": run[2]} for run in own], "boxes": len(covers[name])}
-        data[name] |= {"open": open_[name]}
-    data |= {"refuted": refuted}
-    data["boxes"] = [place_data(model, box["range"]) | {key: box[key] for key in "AB"} for box in proof.boxes["loop"]]
-    if "actuators" in claim:
-        data["actuators"] = {key: claim["actuators"][key] for key in _INTERVALS}
-    if moving:
-        lyapunov = claim.get("lyapunov", {"places": [low, high], "P": []})
-        data |= {_rate_key(claim): claim.get("place_rate", 0.0)}
-        data |= {"lyapunov": {**place_data(model, lyapunov["places"]), "P": lyapunov["P"]}}
-    return data | {"not_covered": _not_covered(claim)}
-
-
-def schedule_report(proof: Proof) -> Report:
-    """The verdict, how many modes are unstable where, open intervals, and the enclosures of the model's entries."""
-    claim, data, model = proof.statement, proof.data, proof.model
-    assert model is not None
+def loop_statement(found: Proof | Verified, moving: bool) -> tuple[list[Part], Content]:
+    """What is proved of the loop and of the modes of A, in words and as JSON has it. moving: a rate was asked for."""
+    claim, covers = found.statement, found.covers
     (low, high), over, unit = claim["range"], claim["over"], claim["unit"]
-    every, still = "angle" if unit == "deg" else over, gaps(proof.covers["loop"], low, high)
-    refuted = [run for run in joined(proof.covers["loop"]) if run[2] > 0]
-    stable = not (still or refuted)
-    verdict = "Proved" if stable else "Refuted" if refuted else "Left open"
+    every, end = ("angle", "_deg") if unit == "deg" else (over, "")
+
+    def ends(run: tuple[Any, ...], **more: Any) -> Content:
+        return {f"from{end}": run[0], f"to{end}": run[1]} | more
+
+    counts, crossed = {name: joined(covers[name]) for name in ("loop", "modes")}, crossings(found)
+    still, refuted = gaps(covers["loop"], low, high), [run for run in counts["loop"] if run[2] > 0]
+    resting = gaps(covers.get("motion", []), low, high) if moving else []
+    stable, data = not (still or refuted), Content()
     lines = [
         f"the loop has {n} unstable modes at every {every} from {a:.10g} to {b:.10g} {unit}" for a, b, n in refuted
     ]
     lines += [f"open: the loop from {a:.10g} to {b:.10g} {unit}" for a, b in still]
-    uncertain = "actuators" in claim
-    if stable:
-        what = "the loop through the actuators is stable" if uncertain else "A - B K is Hurwitz"
-        lines.append(f"the trim exists within its limits and {what} at every {every}")
-    lines += [] if uncertain else [f"decay rate where the loop is Hurwitz: {data['decay_rate']:.6g} 1/s"]
-    lines.append(f"boxes: {data['loop']['boxes']} for the loop, {data['modes']['boxes']} for the aircraft's modes")
-    parts: list[Part] = ["\n".join(lines)]
-    parts += [("" if stable else "asked ") + _actuators(claim)] if uncertain else []
-    if "lyapunov" in data:
-        parts.append(_motion(claim) if "place_rate" in claim else f"open: no rate of the {over} is proved")
-    entries = []
+    others = "other actuators than the loop's own, delay"
+    what, of_rate = "A - B K is Hurwitz", [f"decay rate where the loop is Hurwitz: {found.rate:.6g} 1/s"]
+    for_all = list[str]()
+    if "actuators" in claim:
+        what, of_rate, others = "the loop through the actuators is stable", [], "other actuators than these"
+        data["actuators"] = {key: claim["actuators"][key] for key in ("bandwidth", "effectiveness", "delay")}
+        (slow, fast), (least, most), delay = data["actuators"].values()
+        for_all = [
+            f"{'' if stable else 'asked '}for every actuator bandwidth from {slow:g} to {fast:g} rad/s, the same of all"
+            f" inputs; for effectiveness from {least:g} to {most:g}\nand delay up to {delay:g} s of each input for "
+            "itself, changing at any time, as when commands are sampled and held"
+        ]
+    lines += [f"the trim exists within its limits and {what} at every {every}"] if stable else []
+    lines += [*of_rate, f"boxes: {len(covers['loop'])} for the loop, {len(covers['modes'])} for the aircraft's modes"]
+    moves = "\n".join(f"open: a moving {over} from {a:.10g} to {b:.10g} {unit}" for a, b in resting)
+    if moving:
+        rate, lyapunov = claim.get("place_rate", 0.0), claim.get("lyapunov", {"places": [low, high], "P": []})
+        data["dihedral_rate_deg_s" if over == "dihedral" else "scheduled_rate"] = 0.0 if resting else rate
+        data["lyapunov"] = {**place_data(found.model, lyapunov["places"]), "P": lyapunov["P"]}
+        moves = moves or f"stable while the {over} moves by at most {rate:.4g} {unit}/s, however it does"
+    data["not_covered"] = (
+        f"not covered: {others}, sampling of a controller's own states, a {over} that the loop\n"
+        "itself moves and that is not imposed from outside, limits of the inputs, the nonlinear aircraft"
+    )
+    data |= {"proved": stable and not resting, "decay_rate": found.rate}
+    data |= {
+        name: {"proved": [ends(run, unstable=run[2]) for run in own], "boxes": len(covers[name])}
+        for name, own in counts.items()
+    }
+    data["loop"]["open"] = [ends(gap) for gap in still]
+    data["modes"]["open"] = [ends(run, at_least=run[2][0], at_most=run[2][1]) for run in crossed]
+    data["refuted"] = [ends(run, unstable=run[2]) for run in refuted]
+    rows: dict[str, list[tuple[float, float, Any]]] = {
+        "loop A - B K": [*counts["loop"], *((*gap, "open") for gap in still)],
+        "aircraft A": [*counts["modes"], *((a, b, f"{n} to {m}") for a, b, (n, m) in crossed)],
+    }
+    tables = [
+        Table(
+            (f"{name}: {over}, {unit}", "unstable modes"),
+            [(f"{a:.10g} to {b:.10g}", str(count)) for a, b, count in sorted(own, key=lambda run: run[0])],
+        )
+        for name, own in rows.items()
+    ]
+    return ["\n".join(lines), *for_all, *([moves] if moving else []), data["not_covered"], *tables], data
+
+
+def schedule_report(proof: Proof) -> Report:
+    """The statement of the loop, and the enclosures of the model's entries."""
+    claim, data, model, entries = proof.statement, proof.data, proof.model, []
+    assert model is not None
+    verdict = "Left open" if data["loop"]["open"] else "Proved"
     for name, columns in (("A", model.linear), ("B", tuple(model.inputs))):
         ends = np.array([box[name] for box in proof.boxes["loop"]] or np.zeros((1, len(model.linear), len(columns), 2)))
         lowest, highest = ends[..., 0].min(axis=0), ends[..., 1].max(axis=0)
         for i, j in np.argwhere(np.maximum(abs(lowest), abs(highest)) > _SHOWN):
             place = f"{name}({model.linear[i]}, {columns[j]})"
             entries.append((place, f"{lowest[i, j]:.5g}", f"{highest[i, j]:.5g}"))
-    parts += [_not_covered(claim), *_mode_tables(proof), Table(("entry", "at least", "at most"), entries)]
-    title = f"{verdict}: every {over} from {low:g} to {high:g} {unit}, {model.title}"
+    parts = [*loop_statement(proof, "lyapunov" in data)[0], Table(("entry", "at least", "at most"), entries)]
+    title = f"{'Refuted' if data['refuted'] else verdict}: every {_interval(claim)}, {model.title}"
     return Report(title, parts, data=data)
-
-
-def _rate_key(claim: Content) -> str:
-    return "dihedral_rate_deg_s" if claim["over"] == "dihedral" else "scheduled_rate"
-
-
-def _actuators(claim: Content) -> str:
-    """For which actuators a loop is proved."""
-    (slow, fast), (least, most), delay = (claim["actuators"][key] for key in _INTERVALS)
-    return (
-        f"for every actuator bandwidth from {slow:g} to {fast:g} rad/s, the same of all inputs; for effectiveness from "
-        f"{least:g} to {most:g}\nand delay up to {delay:g} s of each input for itself, changing at any time, as when "
-        "commands are sampled and held"
-    )
-
-
-def _not_covered(claim: Content) -> str:
-    """What a proof of a loop does not cover."""
-    others = "other actuators than these" if "actuators" in claim else "other actuators than the loop's own, delay"
-    return (
-        f"not covered: {others}, sampling of a controller's own states, a {claim['over']} that the loop\n"
-        "itself moves and that is not imposed from outside, limits of the inputs, the nonlinear aircraft"
-    )
-
-
-def _motion(claim: Content) -> str:
-    most = f"{claim['place_rate']:.4g} {claim['unit']}/s"
-    return f"stable while the {claim['over']} moves by at most {most}, however it does"
-
-
-def _mode_tables(found: Proof | Verified) -> list[Table]:
-    """How many modes of the loop and of A are unstable where, and the open intervals."""
-    covers, (low, high) = found.covers, found.statement["range"]
-    rows: dict[str, list[tuple[float, float, Any]]] = {
-        "loop A - B K": [*joined(covers["loop"]), *((*gap, "open") for gap in gaps(covers["loop"], low, high))],
-        "aircraft A": [*joined(covers["modes"]), *((a, b, f"{n} to {m}") for a, b, (n, m) in crossings(found))],
-    }
-    return [
-        Table(
-            (f"{name}: {found.statement['over']}, {found.statement['unit']}", "unstable modes"),
-            [(f"{a:.10g} to {b:.10g}", str(count)) for a, b, count in sorted(own, key=lambda run: run[0])],
-        )
-        for name, own in rows.items()
-    ]
 
 
 def game_report(proof: Proof, states: tuple[str, ...] = (), origin: str = "a plant", file: str = "it") -> Report:
@@ -290,26 +253,15 @@ def require_same(claim: Content, own: Mapping[str, Any], what: str) -> None:
 
 def _schedule(found: Verified) -> tuple[str, list[Part], Content]:
     claim, covers = found.statement, found.covers
-    (low, high), over, unit = claim["range"], claim["over"], claim["unit"]
-    own: Content = {"decay_rate": found.rate, "crossings": crossings(found), "one_branch": not found.parted}
-    lines = [f"decay rate where the loop is Hurwitz: {found.rate:.6g} 1/s"]
-    if "actuators" in claim:
-        own["actuators"], lines = {key: claim["actuators"][key] for key in _INTERVALS}, [_actuators(claim)]
-    still = gaps(covers["motion"], low, high) if "motion" in covers else []
-    if "motion" in covers and not still:
-        own[_rate_key(claim)] = claim["place_rate"]
-        lines.append(_motion(claim))
-    lines += [f"open: a moving {over} from {a:.10g} to {b:.10g} {unit}" for a, b in still]
-    if claim["spread"]:
-        lines.append(
-            f"for every value of {len(claim['spread'])} parameters within the half widths that the certificate states"
-        )
+    parts, own = loop_statement(found, "motion" in covers)
     parted = ", ".join(f"{at:.10g}" for at in found.parted[:3])
-    branches = f"open: whether the trims before and after {parted} {unit} are one branch"
-    lines += [branches if parted else "the trims of all boxes are one branch", _not_covered(claim)]
-    own |= {name: joined(covers[name]) for name in ("loop", "modes")} | {"open": gaps(covers["loop"], low, high)}
-    own |= {"proved": own["loop"] == [(low, high, 0)] and not still and not found.parted}
-    return "", ["\n".join(lines), *_mode_tables(found)], own
+    lines = [f"open: whether the trims before and after {parted} {claim['unit']} are one branch"] * bool(parted)
+    lines = lines or ["the trims of all boxes are one branch"]
+    if widths := len(claim["spread"]):
+        lines.append(f"for every value of {widths} parameters within the half widths that the certificate states")
+    own |= {name: joined(covers[name]) for name in ("loop", "modes")} | {"open": gaps(covers["loop"], *claim["range"])}
+    own |= {"proved": own["proved"] and not parted, "one_branch": not parted, "crossings": crossings(found)}
+    return "", ["\n".join(lines), *parts], own
 
 
 def _game(found: Verified) -> tuple[str, list[Part], Content]:

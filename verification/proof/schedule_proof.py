@@ -18,7 +18,7 @@ from verification.enclosures.eigenvalue_signs import counted
 from verification.enclosures.place_box import PlaceBox, bisected
 from verification.enclosures.trim_branch import Family, ModelForms, TrimBranch
 from verification.proof.certificate import CertificateFile, Content, Proof, flights_claim, proved_box
-from verification.proof.proof_report import schedule_data
+from verification.proof.proof_report import SCHEMA, loop_statement, place_data
 from verification.proof.rate_proof import proved_motion
 from verification.proof.scheduled_loop import LoopTable, closed_loop, segments
 from verification.proof.uncertain_loop import proved_pieces
@@ -101,7 +101,14 @@ def prove_schedule(
     found = Proof("schedule", statement, boxes, gaps, model)
     if file is not None:
         file.save(found, finished=True)
-    return replace(found, data=schedule_data(found, moving))
+    data: Content = {
+        "schema": SCHEMA,
+        "statement": "schedule",
+        "dynamics": model.name,
+        **place_data(model, [low, high]),
+    }
+    entries = [place_data(model, box["range"]) | {key: box[key] for key in "AB"} for box in boxes["loop"]]
+    return replace(found, data=data | loop_statement(found, moving)[1] | {"boxes": entries})
 
 
 def _bound(forms: Callable[[PlaceBox], ModelForms], box: PlaceBox, family: Family, side: int) -> Content | None:

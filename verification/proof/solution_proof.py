@@ -19,7 +19,7 @@ from controller.riccati.gare import solve_game
 from controller.riccati.smallest_delta import DeltaMin, minimum_delta
 from hfa_support.errors import BadInputError, NoSolutionError
 from verification.arithmetic import flint_or_refusal
-from verification.arithmetic.balls import doubles, exact, map_entries, matrix, norm, symmetric
+from verification.arithmetic.balls import doubles, exact, matrix, norm, symmetric
 from verification.enclosures.eigenvalue_signs import counted
 from verification.enclosures.game_balls import BallGame, Enclosed, enclose_solution, unstable_modes
 from verification.enclosures.trim_branch import Family, TrimBranch
@@ -96,7 +96,7 @@ def none_exists(game: BallGame) -> Enclosed | tuple[float, float] | None:
     """
     with suppress(NoSolutionError):
         found = enclose_solution(game)
-        if found.is_indefinite:
+        if found.stabilizing and found.lowest < 0:
             return found
     own = game.scaled(balanced_units(game.game))
     values = np.linalg.eigvals(np.block([[own.game.A, -own.game.S], [-own.game.Q, -own.game.A.T]]))
@@ -177,14 +177,13 @@ def prove_solution(game: Game, family: Family | None = None, place: float | None
     }
     if delta is None or not data["proved"]:
         return about.proof(data, {}, {}, {})
-    gain, why = wide.gain_of(matrix(P)), delta.why
+    gain, why, below = wide.gain() * matrix(P), delta.why, sharp.with_delta(delta.refused)
     boxes = {
         "solution": decimals | _solution(wide, around),
         "loop": decimals | _modes(wide.A - wide.B * gain),
         "modes": point | _modes(sharp.A),
         "value": point | _solution(sharp.with_delta(delta.value)),
-        "refused": point
-        | ({"axis": why} if isinstance(why, tuple) else _solution(sharp.with_delta(delta.refused), why)),
+        "refused": point | (_solution(below, why) if isinstance(why, Enclosed) else {"axis": why}),
     }
     distances = {"P": [0.0, _WIDER * radius]}
     bracket = [delta.refused, delta.value]
@@ -207,9 +206,9 @@ def prove_critic(
     if "W" in given:
         given.setdefault("P", basis.matrix(given["W"]))
         given["W"] = given["W"][:, None]
-    gain = matrix(given["K"]) if "K" in given else sharp.gain_of(matrix(given["P"]))
+    gain = matrix(given["K"]) if "K" in given else sharp.gain() * matrix(given["P"])
     values = {name: matrix(value) for name, value in given.items()} | {"K": gain}
-    targets = {"W": _weights(enclosed.P, basis), "P": enclosed.P, "K": sharp.gain_of(enclosed.P)}
+    targets = {"W": _weights(enclosed.P, basis), "P": enclosed.P, "K": sharp.gain() * enclosed.P}
     found = {name: distance(values[name], targets[name]) for name in targets if name in values}
     loop = sharp.A - sharp.B * gain
     count = unstable_modes(loop)
@@ -254,12 +253,11 @@ def _weights(P: arb_mat, basis: Basis) -> arb_mat:
 def _solution(game: BallGame, found: Enclosed | None = None) -> Content:
     """P in balanced units, how far about it the solution is, and what makes A - S P Hurwitz."""
     found = found or enclose_solution(game)
-    up, own = matrix(np.diag(found.units)), game.scaled(found.units)
+    up, own, n = matrix(np.diag(found.units)), game.scaled(found.units), len(found.units)
     P = up * found.P * up
-    radii = map_entries(lambda entry: entry.rad(), P)
-    reach = _WIDER * norm(radii.entries()) + _LEAST * norm(P.entries())
+    reach = _WIDER * norm(entry.rad() for entry in P.entries()) + _LEAST * norm(P.entries())
     middle = [[entry.mid().str(_DIGITS, radius=False) for entry in row] for row in P.tolist()]
-    around = P + map_entries(lambda entry: symmetric(reach), P)
+    around = P + arb_mat(n, n, [symmetric(reach)] * n**2)
     return {"units": found.units, "P": [middle], "reach": float(reach)} | _modes(own.A - own.S() * around)
 
 

@@ -6,6 +6,7 @@ import copy
 import json
 from collections.abc import Callable, Iterator
 from functools import cache
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -49,10 +50,7 @@ def _other(value: Any, random: np.random.Generator) -> Any:
         if all(isinstance(each, list) for each in value):
             ways += [lambda: [list(each) for each in zip(*value, strict=False)], lambda: [each[:1] for each in value]]
             if all(isinstance(each[0], float) for each in value if each):
-                ways += [
-                    lambda: np.eye(len(value), len(value[0])).tolist(),
-                    lambda: (0.0 * np.array(value, float)).tolist(),
-                ]
+                ways += [lambda: np.eye(len(value), len(value[0])).tolist(), lambda: (0.0 * np.array(value)).tolist()]
     elif isinstance(value, dict) and value:
         names = list(value)
         one, two = random.choice(names, 2)
@@ -64,17 +62,8 @@ def _other(value: Any, random: np.random.Generator) -> Any:
         ]
         ways += [lambda: value | {"speed": 1.0}, lambda: value | {"wing_color": 1.0}, lambda: value | {"dihedral": 0.2}]
     elif isinstance(value, (int, float)) and not isinstance(value, bool):
-        near = [
-            value * (1 + 1e-9),
-            value * 1.001,
-            value * 1.5,
-            -value,
-            0.0,
-            value + 1,
-            value - 1,
-            value * 1e6,
-            value * 1e-3,
-        ]
+        near = [value * (1 + 1e-9), value * 1.001, value * 1.5, -value, 0.0, value + 1, value - 1, value * 1e6]
+        near.append(value * 1e-3)
         ways += [lambda each=each: each for each in near]  # type: ignore[misc]
         ways += [lambda: str(value), lambda: int(value) + 1, lambda: float("inf")]
     elif isinstance(value, str):
@@ -242,16 +231,12 @@ def _judge_lpv(claim: Content, found: Content, random: np.random.Generator) -> N
             assert np.linalg.norm(given - exact[name]) / size <= most * (1 + 1e-6) + 1e-8, f"{name} at {angle}"
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_the_judge_agrees_with_what_was_proved(kind: str, tmp_path: Path) -> None:
-    judge(certificate(kind), forge(tmp_path / "same.json", certificate(kind)))
-
-
 @pytest.mark.parametrize("count", [20, pytest.param(560, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("kind", KINDS)
 def test_no_false_theorem_is_accepted(kind: str, count: int, tmp_path: Path) -> None:
     """One thing changed at a time: numbers, shapes, order, names, units, blocks; the digest is right."""
     random, accepted = np.random.default_rng([count, KINDS.index(kind)]), 0
+    judge(certificate(kind), forge(tmp_path / "same.json", certificate(kind)))
     for number in range(count):
         content = _forged(certificate(kind), random)
         path = forge(tmp_path / "forged.json", content)
@@ -267,62 +252,68 @@ def test_no_false_theorem_is_accepted(kind: str, count: int, tmp_path: Path) -> 
     assert 0 < accepted < count
 
 
-def _at_place(content: Content, *path: Any) -> Any:
-    for key in path:
-        content = content[key]
-    return content
-
-
 def put(value: Any, *path: Any) -> Callable[[Content], None]:
-    """Another value at a place, or what a function makes of the one there."""
+    """Another value at a place, or what a function makes of the one there; None takes it away."""
 
     def change(content: Content) -> None:
-        holder = _at_place(content, *path[:-1])
-        holder[path[-1]] = value(holder[path[-1]]) if callable(value) else value
+        holder: Any = content
+        for key in path[:-1]:
+            holder = holder[key]
+        if value is None:
+            holder.pop(path[-1])
+        else:
+            holder[path[-1]] = value(holder[path[-1]]) if callable(value) else value
 
     return change
 
 
-def _nearer(content: Content) -> None:
-    """A bracket of delta_min that is a thousandth as wide, from below."""
-    bracket = content["statement"]["delta_min"]
-    bracket[0] = bracket[1] * (1.0 - 1e-12)
+def _array(function: Callable[[np.ndarray], np.ndarray]) -> Callable[[Any], Any]:
+    return lambda values: function(np.array(values)).tolist()
 
 
-def _lower(content: Content) -> None:
-    bracket = content["statement"]["delta_min"]
-    bracket[1] = bracket[0] * (1.0 + 1e-12)
+def _several(*changes: Callable[[Content], None]) -> Callable[[Content], None]:
+    return lambda content: [change(content) for change in changes] and None  # type: ignore[return-value]
 
 
-def _half_an_entry(content: Content) -> None:
-    ends = content["boxes"]["loop"][0]["A"][3][1]
-    ends[1] = (ends[0] + ends[1]) / 2
+def _doubles_alone(content: Content) -> None:
+    for box in chain(*content["boxes"].values()):
+        box["decimals"] = False
 
 
-def _uneven(P: list[Any]) -> list[Any]:
-    """No longer one Lyapunov function: every node has its own size."""
-    return list((np.array(P) * np.linspace(1.0, 2.0, len(P))[:, None, None]).tolist())
+def _one_direction(content: Content) -> None:
+    for box in content["boxes"]["motion"]:
+        box["turn"] = [[row[0]] for row in box["turn"]]
 
 
-LOOP, MODES, TABLE = ("boxes", "loop", 0), ("boxes", "modes", 0), ("statement", "table")
+def _repeated(table: Content) -> Content:
+    """Two more places before the others, which do not increase."""
+    first = {key: [table[key][0], table[key][-1], *table[key]] for key in "KMNX"}
+    return {"places": [0.0, 30.0, *table["places"]], **first}
+
+
+_TINY = {key: [0.0, 1e-30] for key in ("A", "B", "inputs", "K")}
+LOOP, MODES, TABLE, V = ("boxes", "loop", 0), ("boxes", "modes", 0), ("statement", "table"), ("statement", "lyapunov")
 #: Name -> kind, and what is changed in a certificate whose digest is then right.
 UNPROVED: dict[str, tuple[str, Callable[[Content], None]]] = {
     "rate": ("rate", put(0.5, *LOOP, "rate")),
     "negative rate": ("rate", put(-0.1, *LOOP, "rate")),
-    "sign of H": ("rate", put(lambda H: (-np.array(H)).tolist(), *LOOP, "H")),
+    "sign of H": ("rate", put(_array(np.negative), *LOOP, "H")),
     "singular H": ("rate", put(np.diag([1.0, 1.0, 1.0, 1.0, 1.0, 0.0]).tolist(), *LOOP, "H")),
-    "no H": ("rate", lambda content: _at_place(content, *LOOP).pop("H")),
+    "no H": ("rate", put(None, *LOOP, "H")),
     "count": ("rate", put(0, *MODES, "unstable")),
     "gain": ("rate", put(np.zeros((5, 6)).tolist(), *TABLE, "K", 0)),
-    "entry of A": ("rate", _half_an_entry),
+    "entry of A": ("rate", put(lambda ends: [ends[0], sum(ends) / 2], *LOOP, "A", 3, 1)),
     "trim": ("rate", put(lambda x: x + 1e-3, *LOOP, "trim", "throttle", 0)),
     "dynamics": ("rate", put("newton", "statement", "dynamics")),
     "a box twice": ("rate", put(lambda boxes: [boxes[-1], *boxes], "boxes", "modes")),
     "across an angle": ("rate", put([14.0, 14.02], *TABLE, "places")),
     "limit": ("rate", put(1.0, "statement", "limits", "throttle", 1)),
-    "no limit": ("rate", lambda content: _at_place(content, "statement", "limits").pop("throttle")),
+    "no limit": ("rate", put(None, "statement", "limits", "throttle")),
     "motion": ("rate", put(lambda rate: 2.0 * rate, "statement", "place_rate")),
-    "lyapunov": ("rate", put(_uneven, "statement", "lyapunov", "P")),
+    "lyapunov": (
+        "rate",
+        put(_array(lambda P: (P.T * np.linspace(1, 2, len(P))).T), *V, "P"),
+    ),
     "every box at 14 deg": ("rate", put(float(np.radians(14.0)), "statement", "imposed", "dihedral")),
     "throttle imposed": ("rate", put(3.0, "statement", "imposed", "throttle")),
     "error of nothing": ("rate", put({"wing_color": 1.0}, "statement", "spread")),
@@ -332,11 +323,11 @@ UNPROVED: dict[str, tuple[str, Callable[[Content], None]]] = {
     "a piece left out": ("actuators", put([2.0, 10.0], *LOOP, "pieces", 0, "bandwidth")),
     "a negative multiplier": ("actuators", put(lambda X: [-X[0], *X[1:]], *LOOP, "pieces", 0, "X")),
     "another H": ("actuators", put(lambda H: (1e-3 * np.eye(len(H))).tolist(), *LOOP, "pieces", 0, "H")),
-    "commands": ("actuators", put(lambda U: (-np.array(U)).tolist(), "statement", "actuators", "U", 0)),
+    "commands": ("actuators", put(_array(np.negative), "statement", "actuators", "U", 0)),
     "radius": ("solution", put(1e-14, "statement", "distances", "P", 1)),
     "P": ("solution", put("1.0", "boxes", "solution", 0, "P", 0, 0, 0)),
-    "bracket from below": ("solution", _nearer),
-    "bracket from above": ("solution", _lower),
+    "bracket from below": ("solution", put(lambda ends: [ends[1] * (1 - 1e-12), ends[1]], "statement", "delta_min")),
+    "bracket from above": ("solution", put(lambda ends: [ends[0], ends[0] * (1 + 1e-12)], "statement", "delta_min")),
     "count of A": ("solution", put(0, *MODES, "unstable")),
     "trim of a bound": ("solution", put("20.0", "boxes", "value", 0, "trim", "throttle", 0)),
     "Q": ("solution", put(lambda q: q * (1.0 + 1e-6), "statement", "game", "Q", 0, 0)),
@@ -347,64 +338,24 @@ UNPROVED: dict[str, tuple[str, Callable[[Content], None]]] = {
 }
 
 
-@pytest.mark.parametrize("name", UNPROVED)
+#: What is refused before any arithmetic.
+MALFORMED: dict[str, tuple[str, Callable[[Content], None]]] = {
+    "a schedule of doubles": ("rate", _doubles_alone),
+    "a solution of doubles": ("solution", _doubles_alone),
+    "one direction": ("rate", _several(put(1e6, "statement", "place_rate"), _one_direction)),
+    "all is open": ("critic", _several(put([], "boxes", "solution"), put({"solution": [[14.5, 14.5]]}, "open"))),
+    "no cells": ("lpv", _several(put(_TINY, "statement", "distances"), put([], "boxes", "cells"))),
+    "unsorted": ("rate", put(_repeated, *TABLE)),
+    "pitch imposed": ("rate", put(0.3, "statement", "imposed", "pitch")),
+    "a unit": ("solution", put("m/s", "statement", "state_units", 0)),
+    "no number": ("lpv", put([None], "statement", "imposed", "gamma")),
+}
+
+
+@pytest.mark.parametrize("name", UNPROVED | MALFORMED)
 def test_a_forgery_with_a_right_digest_is_rejected(name: str, tmp_path: Path) -> None:
-    kind, change = UNPROVED[name]
+    kind, change = (UNPROVED | MALFORMED)[name]
     content = copy.deepcopy(certificate(kind))
     change(content)
-    with pytest.raises(Rejected):
-        check_certificate(forge(tmp_path / "forged.json", content))
-
-
-def _one_direction(content: Content) -> None:
-    content["statement"]["place_rate"] = 1e6
-    P = np.array(content["statement"]["lyapunov"]["P"])
-    content["statement"]["lyapunov"]["P"] = np.broadcast_to(np.eye(6), P.shape).tolist()
-    for box in content["boxes"]["motion"]:
-        box["turn"] = [[row[0]] for row in box["turn"]]
-
-
-def _all_open(content: Content) -> None:
-    content["statement"]["distances"]["K"] = [0.0, 1e-30]
-    content["open"] = {"solution": [[14.5, 14.5]]}
-    content["boxes"]["solution"] = []
-
-
-def _no_cells(content: Content) -> None:
-    content["statement"]["distances"] = {key: [0.0, 1e-30] for key in content["statement"]["distances"]}
-    content["open"] = {"cells": [content["statement"]["range"]]}
-    content["boxes"]["cells"] = []
-
-
-def _unsorted(content: Content) -> None:
-    table = content["statement"]["table"]
-    table["places"] = [0.0, 30.0, *table["places"]]
-    for key in "KMNX":
-        table[key] = [table[key][0], table[key][-1], *table[key]]
-
-
-def _doubles_alone(content: Content) -> None:
-    for boxes in content["boxes"].values():
-        for box in boxes:
-            box["decimals"] = False
-
-
-@pytest.mark.parametrize(
-    ("kind", "change"),
-    [
-        ("rate", _doubles_alone),
-        ("solution", _doubles_alone),
-        ("rate", _one_direction),
-        ("critic", _all_open),
-        ("lpv", _no_cells),
-        ("rate", _unsorted),
-        ("rate", put(0.3, "statement", "imposed", "pitch")),
-        ("solution", put("m/s", "statement", "state_units", 0)),
-        ("lpv", put(None, "statement", "imposed", "gamma")),
-    ],
-)
-def test_a_known_forgery_is_rejected(kind: str, change: Callable[[Content], None], tmp_path: Path) -> None:
-    content = copy.deepcopy(certificate(kind))
-    change(content)
-    with pytest.raises(Rejected, match=r"is not what a certificate holds"):
+    with pytest.raises(Rejected, match="is not what a certificate holds" if name in MALFORMED else None):
         check_certificate(forge(tmp_path / "forged.json", content))

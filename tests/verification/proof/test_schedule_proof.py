@@ -74,7 +74,7 @@ def test_a_rate_that_the_search_is_wrong_about_is_not_proved(monkeypatch: pytest
     monkeypatch.setattr("verification.proof.rate_proof._SHARES", (1.5,))
     proof = prove_schedule(family(), exact_table(14.0, 14.125), 14.0, 14.125, moving=True)
     assert (proof.proved, proof.data["dihedral_rate_deg_s"]) == (False, 0.0)
-    assert "open: no rate of the dihedral is proved" in proof.report().text()
+    assert "open: a moving dihedral from 14 to 14.125 deg" in proof.report().text()
     assert joined(proof.covers["loop"]) == [(14.0, 14.125, 0)]
 
 
