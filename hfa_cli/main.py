@@ -15,8 +15,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 from hfa_cli.entry import INTERRUPTED
-from hfa_cli.options.parser import Parser, unknown
-from hfa_cli.origin import run_of
+from hfa_cli.options.parser import Option, Parser, unknown
 from hfa_support.errors import BadInputError, NoSolutionError, on_one_line, shortened
 from hfa_support.streams import drop, say_aside
 from hfa_support.version import toolchain_version
@@ -25,7 +24,7 @@ DONE, FAILED, BAD_INPUT = 0, 1, 2
 #: Exceptions that are the user's to answer, each in one line; any other is a bug.
 FAILURES = (BadInputError, NoSolutionError, OverflowError, UnicodeError, MemoryError, OSError)
 #: Options whose values are files that a command writes.
-_WRITTEN = ("output", "picture", "certificate")
+_WRITTEN = ("output", "picture")
 #: Of warnings of the libraries that compute.
 _MOST_NOTES = 5
 
@@ -135,7 +134,7 @@ def _failure(error: BaseException) -> tuple[str, int]:
 
 def _run(words: list[str]) -> int:
     """Parse the words and run the command that they name."""
-    with _units_of(words), _aircraft_of(words):
+    with _as_named(words):
         try:
             module, arguments = _parsed(words)
         except SystemExit:
@@ -144,46 +143,40 @@ def _run(words: list[str]) -> int:
         return _run_parsed(module, arguments, words)
 
 
-def _units_of(words: list[str]) -> contextlib.AbstractContextManager[None]:
-    """The units that --units names, in which the other options are read; wrong ones are refused when it is parsed."""
-    if _values_of("--units", words)[-1:] != ["si"]:
-        return contextlib.nullcontext()
-    from hfa_support.reporting.unit_system import shown_in
-
-    return shown_in("si")
-
-
 @contextlib.contextmanager
-def _aircraft_of(words: list[str]) -> Iterator[None]:
-    """The user's own aircraft that --aircraft names, whose names and units the other options have; its file is run.
-    Or the HFA as `--dynamics unsteady` has it, with more states than seven."""
-    general = words[:1] and words[0] in WITH_AIRCRAFT
-    named = _values_of("--aircraft", words) if general else []
-    lagging = not named and general and _values_of("--dynamics", words)[-1:] == ["unsteady"]
-    if not named and not lagging:
+def _as_named(words: list[str]) -> Iterator[None]:
+    """The units that --units names, and the model of --aircraft, whose file is run, or of `--dynamics unsteady`: the
+    other options are read in its names and units. Wrong words are refused when they are parsed."""
+    named = _value_of("--aircraft", words) if words[:1] and words[0] in WITH_AIRCRAFT else None
+    lagging = words[:1] and words[0] in WITH_AIRCRAFT and _value_of("--dynamics", words) == "unsteady"
+    with contextlib.ExitStack() as around:
+        if _value_of("--units", words) == "si":
+            from hfa_support.reporting.unit_system import shown_in
+
+            around.enter_context(shown_in("si"))
+        if named or lagging:
+            from hfa_cli.options.argument_types import OWN
+
+            if named:
+                from hfa_support.model import load_model
+
+                model = load_model(named)
+            else:
+                from hfa_model.unsteady import UNSTEADY as model
+            around.callback(OWN.reset, OWN.set(model))
         yield
-        return
-    from hfa_cli.options.argument_types import OWN
-
-    if lagging:
-        from hfa_model.unsteady import UNSTEADY as model
-    else:
-        from hfa_support.model import load_model
-
-        model = load_model(named[-1])
-    token = OWN.set(model)
-    try:
-        yield
-    finally:
-        OWN.reset(token)
 
 
-def _values_of(option: str, words: list[str]) -> list[str]:
-    named = [value for word, value in itertools.pairwise(words) if word == option]
-    return named + [word.removeprefix(f"{option}=") for word in words if word.startswith(f"{option}=")]
+def _value_of(option: str, words: list[str]) -> str | None:
+    """The last value of an option among words that are not parsed yet."""
+    given = [value for word, value in itertools.pairwise(words) if word == option]
+    given += [word.removeprefix(f"{option}=") for word in words if word.startswith(f"{option}=")]
+    return given[-1] if given else None
 
 
 def _run_parsed(module: Any, arguments: argparse.Namespace, words: list[str]) -> int:
+    from hfa_cli.output import run_of
+
     with contextlib.ExitStack() as around:
         around.enter_context(run_of(words, arguments))
         if arguments.quiet:
@@ -203,7 +196,7 @@ def _refuse_same_file(words: Sequence[str], arguments: argparse.Namespace) -> No
 
 def _say_warnings(caught: Iterable[warnings.WarningMessage]) -> None:
     """What was warned of, a note each, once there is a result: the message of a failure is enough."""
-    from hfa_cli.progress import say_notes
+    from hfa_cli.output import say_notes
 
     own = dict.fromkeys(str(each.message) for each in caught if each.category is UserWarning)
     others = dict.fromkeys(str(each.message) for each in caught if each.category is not UserWarning)
@@ -226,14 +219,12 @@ def _parsed(words: list[str]) -> tuple[Any, argparse.Namespace]:
 
 def filled(command: Parser, name: str) -> Any:
     """Give a parser the options of a command; its module."""
-    from hfa_cli.options.shared_options import IN_FEET, add_units
+    from hfa_cli.options.trims import IN_FEET, UNITS
 
     module = importlib.import_module(f"hfa_cli.commands.{name.replace('-', '_')}")
     command.description = (module.__doc__ or "").strip()
-    command.add_argument("-q", "--quiet", action="store_true", help="no notes and no progress; errors are still said")
-    module.add_arguments(command)
-    if name not in IN_FEET:
-        add_units(command)
+    command.declare({"-q --quiet": Option("no notes and no progress; errors are still said")})
+    command.declare({**module.options(), **(UNITS if name not in IN_FEET else {})})
     return module
 
 

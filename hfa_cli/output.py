@@ -1,34 +1,96 @@
-"""Where results go: standard output, or a file whose suffix chooses the format."""
+"""What a command prints, writes, draws and says aside, each with where it comes from."""
 
 from __future__ import annotations
 
 import argparse
 import os
+import shlex
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from hfa_cli.options.argument_types import OWN
-from hfa_cli.options.shared_options import REPORTS
-from hfa_cli.origin import provenance, signed
-from hfa_cli.progress import say_notes
-from hfa_model.aircraft import HFA
-from hfa_support.files import write_text
-from hfa_support.reporting.report import Report
-from hfa_support.reporting.text import Style
-from hfa_support.reporting.units_of_data import in_units_in_force
-from hfa_support.streams import say
+from hfa_support.errors import on_one_line
+from hfa_support.streams import say, say_aside
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from hfa_model.aircraft import Aircraft
+    from hfa_model.provenance import Provenance
     from hfa_support.model import Model
+    from hfa_support.reporting.report import Report
+    from hfa_support.reporting.text import Style
     from trim.point.operating_point import OperatingPoint
-    from verification.regeneration.regeneration import Regeneration
-    from verification.validation.comparison import Validation
+
+_RUN: ContextVar[tuple[str, argparse.Namespace]] = ContextVar("run")
+
+
+# Provenance.
+
+
+@contextmanager
+def run_of(words: Sequence[str], arguments: argparse.Namespace) -> Iterator[None]:
+    """What is signed inside comes from these words."""
+    token = _RUN.set((shlex.join(["hfa", *words]), arguments))
+    try:
+        yield
+    finally:
+        _RUN.reset(token)
+
+
+def provenance() -> Provenance:
+    """Of the run that is under way: the program, the aircraft, the condition of its trims."""
+    from hfa_cli.options import trims
+    from hfa_model.provenance import Provenance, changed_parameters, parameter_hash
+
+    command, arguments = _RUN.get()
+    if getattr(arguments, "model", None) is not None:
+        return Provenance(command, model=str(arguments.model))
+    if not hasattr(arguments, "parameters"):
+        return Provenance(command)
+    flights = trims.flights_of(arguments) if hasattr(arguments, "start") else None
+    condition: dict[str, Any] = flights.to_dict() if flights else {}
+    if (own := getattr(arguments, "aircraft", None)) is not None:
+        condition["parameters"] = trims.held_parameters(arguments)
+        return Provenance(command, model=f"{own.source[0]} (SHA-256 {own.source[1][:12]})", condition=condition)
+    if flights is not None and isinstance(arguments.at, float):
+        single = flights.at(arguments.at)
+        limits = {name: list(single.limits_of(name)) for name in single.free}
+        condition = {"imposed": dict(single.imposed), "free": list(single.free), "limits": limits}
+    chosen, dynamics = trims.parameters_of(arguments), getattr(arguments, "dynamics", "both")
+    changed = dict(changed_parameters(chosen))
+    if dynamics == "unsteady" and flights is not None:
+        from hfa_model.unsteady import UNSTEADY
+
+        held = trims.held_parameters(arguments)
+        changed |= {name: (value, UNSTEADY.parameters[name].start) for name, value in held.items()}
+    flight = flights.in_words() if flights else ""
+    known = parameter_hash(chosen.values)
+    return Provenance(command, dynamics, chosen.name, known, changed, condition, flight)
+
+
+def origin_lines() -> str:
+    """The provenance of the run and its command, for the top of a source file."""
+    return f"{provenance().text()}\n{provenance().command}"
+
+
+# Results.
+
+
+def stated(report: Report, arguments: argparse.Namespace) -> Report:
+    """The report in the units that --units names, where the command has it, with the provenance of the run as its last
+    line and in its data."""
+    from hfa_cli.options.argument_types import model
+    from hfa_support.reporting.units_of_data import in_units_in_force
+
+    report = in_units_in_force(report, model()) if hasattr(arguments, "units") else report
+    origin = provenance()
+    return replace(report, source=origin.text()).with_data(provenance=origin.to_dict())
 
 
 def show(
@@ -37,11 +99,15 @@ def show(
     *,
     target: Path | None,
     only_in_files: Mapping[str, Any] | None = None,
+    notes: Iterable[str] = (),
 ) -> None:
-    """Print the report or, with --json, its data; write the file, if one was asked for, first.
+    """Write the file, if one was asked for; print the report or, with --json, its data; then the notes.
 
     only_in_files: data that would drown the rest on a terminal.
     """
+    from hfa_cli.options.trims import REPORTS
+    from hfa_support.files import write_text
+
     if target is not None:
         written = stated(report.with_data(**(only_in_files or {})), arguments)
         if (form := REPORTS.get(target.suffix.lower())) is not None:
@@ -50,24 +116,7 @@ def show(
             written.save(target)
     report = stated(report, arguments)
     say(report.json() if arguments.json else report.text(_style()))
-
-
-def show_verdict(found: Regeneration | Validation, arguments: argparse.Namespace) -> int:
-    """Print the report of a comparison and write it where -o says; the exit code, 1 when a check has failed."""
-    show(found.report(), arguments, target=arguments.output)
-    return 0 if found.ok else 1
-
-
-def stated(report: Report, arguments: argparse.Namespace) -> Report:
-    """The report in the units that --units names, where the command has it, and with its provenance."""
-    return signed(in_units_in_force(report, OWN.get() or HFA) if hasattr(arguments, "units") else report)
-
-
-def _style() -> Style:
-    """Bars on a terminal, and colors unless the user wants none (no-color.org)."""
-    on_terminal = sys.stdout is not None and sys.stdout.isatty()
-    plain = os.environ.get("NO_COLOR") or os.environ.get("TERM") == "dumb"
-    return Style(bars=on_terminal, color=on_terminal and not plain)
+    say_notes(notes)
 
 
 def tell(
@@ -77,26 +126,32 @@ def tell(
     target: Path | None,
     only_in_files: dict[str, Any] | None = None,
 ) -> None:
-    """Print the report, or its data, and write the file; then what should be known of the trims `points`."""
+    """`show`, with what should be known of the trims `points` in the data and as notes."""
     notes = list(dict.fromkeys(warning for point in points for warning in point.warnings))
-    told = report.with_data(warnings=notes)
-    show(told, arguments, target=target, only_in_files=only_in_files)
-    say_notes(notes)
+    show(report.with_data(warnings=notes), arguments, target=target, only_in_files=only_in_files, notes=notes)
+
+
+def _style() -> Style:
+    """Bars on a terminal, and colors unless the user wants none (no-color.org)."""
+    from hfa_support.reporting.text import Style
+
+    on_terminal = sys.stdout is not None and sys.stdout.isatty()
+    plain = os.environ.get("NO_COLOR") or os.environ.get("TERM") == "dumb"
+    return Style(bars=on_terminal, color=on_terminal and not plain)
 
 
 @contextmanager
 def failure_as_data(arguments: argparse.Namespace, aircraft: Aircraft | Model) -> Iterator[None]:
     """With --json a trim that fails is printed as data too: the nearest point within the limits, which limits bind,
     and the reason."""
+    from hfa_cli.options.trims import condition_of
     from trim.point.solve import TrimError
+    from trim.point.trim_report import trim_report
 
     try:
         yield
     except TrimError as error:
         if arguments.json:
-            from hfa_cli.options.shared_options import condition_of
-            from trim.point.trim_report import trim_report
-
             report = trim_report(aircraft, condition_of(arguments), error.attempt)
             show(report.with_data(reason=str(error)), arguments, target=None)
         raise
@@ -108,3 +163,48 @@ def draw(picture: Path | None, figure: Callable[[], Figure]) -> None:
         from hfa_support.reporting.figure import save
 
         save(figure(), picture, provenance().text())
+
+
+# Standard error while a command works.
+
+
+def say_notes(warnings: Iterable[str]) -> None:
+    """What a user should know before trusting a result, on standard error, a line each."""
+    for warning in warnings:
+        say_aside(f"hfa: note: {on_one_line(warning)}")
+
+
+#: Seconds: of work from which its length is estimated, and from which it is announced.
+_TRIAL, _LONG = 3.0, 300.0
+
+
+class ProgressLine:
+    """A `Progress` in one line of standard error, only when that is a terminal; gone when all is done."""
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+        self._first: tuple[float, float] | None = None
+        self._announced = False
+        self._shown = sys.stderr is not None and sys.stderr.isatty()
+        self._last = ""
+
+    def __call__(self, done: float, total: float, what: str = "", /) -> None:
+        """Show the percentage of `done` in `total`, and the current step."""
+        self._announce(done, total)
+        line = f"\r\033[K{self._name}: {int(100 * done / total):3d} %" + (f"  {what}" if what else "")
+        if self._shown and line != self._last:
+            self._last = line
+            say_aside(line, end="\r\033[K" if done >= total else "")
+
+    def _announce(self, done: float, total: float) -> None:
+        """Say once, terminal or not, what will take long: by the pace of the first `_TRIAL` seconds."""
+        now = time.monotonic()
+        if self._first is None or done < self._first[1]:  # the first part, or the next of several
+            self._first = now, done
+        began, before = self._first
+        if self._announced or now - began < _TRIAL or done <= before:
+            return
+        self._announced = True
+        left = (now - began) * (total - done) / (done - before)
+        if left > _LONG:
+            say_notes([f"{self._name}: about {left / 60:.3g} minutes more; Ctrl-C ends it"])

@@ -13,26 +13,15 @@ from __future__ import annotations
 import argparse
 import math
 import re
+from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from hfa_cli.options import games, shared_options as options
-from hfa_cli.options.argument_types import OWN, folder_or_file, input_file, whole
-from hfa_cli.options.flight_options import (
-    LAWS,
-    actuators_of,
-    add_actuators,
-    add_aircraft,
-    aircraft_of,
-    check_policy,
-    flown_law_of,
-)
-from hfa_cli.options.learning_options import add_settings
-from hfa_cli.options.parser import add_value
-from hfa_cli.origin import origin_lines, provenance
-from hfa_cli.output import show
-from hfa_cli.progress import say_notes
+from hfa_cli.options import flights, trims
+from hfa_cli.options.argument_types import OWN, folder_or_file
+from hfa_cli.options.parser import Option, Options
+from hfa_cli.output import origin_lines, provenance, show
 from hfa_support.errors import BadInputError
 from hfa_support.files import write_text, write_texts
 from hfa_support.reporting.report import Report
@@ -47,24 +36,21 @@ if TYPE_CHECKING:
 SCHEMA = "hfa.export/1"
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Options of `hfa export`."""
-    options.add_condition(parser, dihedral_required=False)
-    if OWN.get() is None:
-        parser.set_defaults(dihedral=math.radians(15.0))
-    add_aircraft(parser)
-    about = "a folder for C source, or a file .fmu (FMU) or .m (the function that reads .mat files of models)"
-    kind = folder_or_file(".fmu", ".m")
-    parser.add_argument("-o", "--output", type=kind, metavar="PLACE", required=True, help=about)
-    about = f"the gain: {', '.join(LAWS)}; default exact in C, none in an FMU"
-    add_value(parser, "--law", str, "NAME", about)
-    add_settings(parser)
-    add_value(parser, "--seed", whole(0), "N", "seed of the recorded data; default 0")
-    about = "a scheduled controller of hfa design instead of a gain"
-    add_value(parser, "--controller", input_file(".npz"), "FILE", about)
-    add_actuators(parser)
-    games.add_weights(parser)
-    options.add_json(parser)
+def options() -> Options:
+    """Of `hfa export`."""
+    place = "a folder for C source, or a file .fmu (FMU) or .m (the function that reads .mat files of models)"
+    default = {"default": math.radians(15.0)} if OWN.get() is None else {}
+    return {
+        **{name: replace(each, more=default) for name, each in trims.at().items()},
+        **trims.flights(),
+        **trims.AIRCRAFT,
+        "-o --output": Option(place, "PLACE", folder_or_file(".fmu", ".m"), more={"required": True}),
+        **flights.law(),
+        "--law": Option("the gain: exact, certified; default exact in C, none in an FMU", "NAME"),
+        **flights.CONTROLLER,
+        **flights.ACTUATORS,
+        **trims.JSON,
+    }
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -80,20 +66,19 @@ def run(arguments: argparse.Namespace) -> int:
         show(_report([place]), arguments, target=None)
         return 0
     _check(arguments)
-    aircraft = aircraft_of(arguments)
-    point = options.operating_point_of(arguments, aircraft)
+    aircraft = trims.aircraft_of(arguments)
+    point = trims.point_of(arguments, aircraft)
     write = _write_gain if arguments.controller is None else _write_controller
-    show(_report(write(arguments, aircraft, point)), arguments, target=None)
-    say_notes(point.warnings)
+    show(_report(write(arguments, aircraft, point)), arguments, target=None, notes=point.warnings)
     return 0
 
 
 def _check(arguments: argparse.Namespace) -> None:
     """BadInputError for options that would change nothing."""
     if arguments.controller is None:
-        options.refuse(arguments, ("actuators",), "belongs to --controller; leave it out")
+        trims.refuse(arguments, ("actuators",), "belongs to --controller; leave it out")
         return
-    check_policy(arguments)
+    flights.check_policy(arguments)
     if arguments.output.suffix and arguments.actuators is None:
         raise BadInputError("--controller flies behind actuators in an FMU; add --actuators LAG:RATE")
 
@@ -107,9 +92,9 @@ def _write_gain(arguments: argparse.Namespace, aircraft: Aircraft | Model, point
     alone = arguments.law is None
     if alone:
         arguments.law = "exact"
-    check_policy(arguments)
+    flights.check_policy(arguments)
     model, place = linearize(aircraft, point), arguments.output
-    gain = flown_law_of(arguments, model).gains[0]
+    gain = flights.flown_law_of(arguments, model).gains[0]
     if not place.suffix:
         return write_texts(place, c_model_texts(aircraft, model, gain, origin_lines()))
     write_fmu(exported_loop(aircraft, point, None if alone else gain), place, provenance())
@@ -124,7 +109,7 @@ def _write_controller(arguments: argparse.Namespace, aircraft: Aircraft | Model,
     from controller.export.fmu import write_fmu
 
     controller, place = load_controller(arguments.controller, aircraft.model), arguments.output
-    actuators = actuators_of(arguments)
+    actuators = flights.actuators_of(arguments)
     if place.suffix and actuators is not None:
         write_fmu(exported_loop(aircraft, point, None, controller, actuators), place, provenance())
         return [place]

@@ -10,44 +10,22 @@ from __future__ import annotations
 
 import argparse
 
-from hfa_cli.options import shared_options as options
-from hfa_cli.options.flight_options import (
-    NONE,
-    add_aircraft,
-    add_commands,
-    add_law,
-    add_scenario,
-    add_stored,
-    aircraft_of,
-    check_policy,
-    envelope_of,
-    policy_of,
-    scenario_of,
-    tell_flight,
-)
-from hfa_cli.progress import ProgressLine
+from hfa_cli.options import flights, trims
+from hfa_cli.options.parser import Options
+from hfa_cli.output import ProgressLine
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Options of `hfa fly`."""
-    options.add_condition(parser)
-    add_aircraft(parser)
-    add_law(parser, NONE)
-    add_stored(parser)
-    add_commands(parser)
-    add_scenario(parser)
-    options.add_picture(parser, "the flight")
-    options.add_output(parser)
+def options() -> Options:
+    """Of `hfa fly`."""
+    policy = {**flights.law(flights.NONE), **flights.weights(), **flights.commands()}
+    end = {**trims.picture("the flight"), **trims.output()}
+    return {**trims.trim(required=True), **policy, **flights.scenario(), **end}
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Fly and report; exit 1 when a limit was exceeded."""
     from controller.flight.nonlinear_flight import fly
 
-    check_policy(arguments)
-    aircraft = aircraft_of(arguments)
-    point = options.operating_point_of(arguments, aircraft)
-    law, scenario = policy_of(arguments, aircraft, point, scenario_of(arguments, point))
-    envelope = envelope_of(arguments, aircraft, point)
+    aircraft, point, law, scenario, envelope = flights.flight_of(arguments)
     result = fly(aircraft, point, law, scenario, envelope, progress=ProgressLine("simulate"))
-    return tell_flight(result, result.report(law), [point], arguments)
+    return flights.tell_flight(result, result.report(law), [point], arguments)

@@ -8,24 +8,13 @@ equations are flown; of --aircraft two states of --initial and one of --command 
 from __future__ import annotations
 
 import argparse
-from functools import partial
 
-from hfa_cli.options import shared_options as options
+from controller.flight.envelope import flight_envelope
+from hfa_cli.options import flights, trims
 from hfa_cli.options.argument_types import OWN
-from hfa_cli.options.flight_options import (
-    add_aircraft,
-    add_envelope,
-    add_law,
-    add_stored,
-    aircraft_of,
-    check_policy,
-    envelope_of,
-    flown_law_of,
-)
-from hfa_cli.options.parser import add_named
-from hfa_cli.options.ranges import Range, array_of, value_range
-from hfa_cli.output import draw, tell
-from hfa_cli.progress import ProgressLine
+from hfa_cli.options.parser import Option, Options
+from hfa_cli.options.ranges import array_of, value_range
+from hfa_cli.output import ProgressLine, draw, tell
 from hfa_support.reporting.unit_system import shown_in
 from trim.linear.linear_model import linearize
 
@@ -37,23 +26,18 @@ _RANGES = {
 }
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Options of `hfa map`."""
-    options.add_condition(parser)
-    add_aircraft(parser)
-    add_law(parser)
-    add_stored(parser)
-    own = OWN.get()
+def options() -> Options:
+    """Of `hfa map`."""
+    own, varied = OWN.get(), dict[str, Option]()
     for option, ranges in _RANGES.items():
         known = tuple(ranges) if own is None else tuple((own.states, own.linear)[option == "command"])
         about = f"off trim; default {', '.join(f'{name}={text}' for name, text in ranges.items())}"
-        add_named(parser, f"--{option}", partial(_off_trim, known), "NAME=RANGE", about)
-        if own is None:
-            with shown_in("english"):
-                parser.set_defaults(**{option: {name: value_range(name, text) for name, text in ranges.items()}})
-    add_envelope(parser)
-    options.add_picture(parser, "the map")
-    options.add_output(parser)
+        with shown_in("english"):
+            default = {name: value_range(name, text) for name, text in ranges.items()} if own is None else None
+        kind = flights.among(known, value_range)
+        varied[f"--{option}"] = Option(about, "NAME=RANGE", kind, named=True, more={"default": default})
+    policy, end = {**flights.law(), **flights.weights()}, {**trims.picture("the map"), **trims.output()}
+    return {**trims.trim(required=True), **policy, **varied, **flights.ENVELOPE, **end}
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -63,7 +47,7 @@ def run(arguments: argparse.Namespace) -> int:
     from verification.flights.flight_figures import map_figure
     from verification.flights.recoverable_map import map_report, recoverable_map
 
-    check_policy(arguments)
+    flights.check_policy(arguments)
     starts, commands = (
         {
             name: array_of(f"--{option} {name}", values, _MOST_POINTS)
@@ -71,32 +55,17 @@ def run(arguments: argparse.Namespace) -> int:
         }
         for option in _RANGES
     )
-    aircraft, found, law_name = aircraft_of(arguments), [], ""
+    aircraft, found, law_name = trims.aircraft_of(arguments), [], ""
     flown = [aircraft]
     if isinstance(aircraft, Aircraft):
         flown = [Aircraft(aircraft.parameters, dynamics) for dynamics in VARIANTS]
     for each in flown:
-        point = options.operating_point_of(arguments, each)
-        law = flown_law_of(arguments, linearize(each, point))
-        law_name = law.name
-        result = recoverable_map(
-            each,
-            point,
-            law.gains[-1],
-            envelope_of(arguments, each, point),
-            starts=starts,
-            commands=commands,
-            progress=ProgressLine(f"map, {point.dynamics}"),
-        )
-        found.append(result)
+        point = trims.point_of(arguments, each)
+        law = flights.flown_law_of(arguments, linearize(each, point))
+        envelope, progress = flight_envelope(each, point, arguments.envelope), ProgressLine(f"map, {point.dynamics}")
+        gain, law_name = law.gains[-1], law.name
+        found.append(recoverable_map(each, point, gain, envelope, starts=starts, commands=commands, progress=progress))
     report = map_report(tuple(found), law_name)
     draw(arguments.picture, lambda: map_figure(tuple(found), report.title))
     tell(report, [each.point for each in found], arguments, arguments.output)
     return 0
-
-
-def _off_trim(names: tuple[str, ...], name: str, text: str) -> Range:
-    """The range of one of the quantities that an option takes."""
-    if name not in names:
-        raise argparse.ArgumentTypeError(f"is not among {', '.join(names)}")
-    return value_range(name, text)

@@ -22,13 +22,11 @@ from controller.design.scheduled_controller import load_controller
 from controller.game.zero_sum import Game, usual_game
 from controller.policy.gain_table import load_gains
 from controller.riccati.gare import solve_game
-from hfa_cli.options import shared_options as options
-from hfa_cli.options.argument_types import input_file, number
-from hfa_cli.options.games import MATRIX_FILES, NamedGame, add_weights, game_of, weights_of
-from hfa_cli.options.parser import add_value
-from hfa_cli.origin import provenance
-from hfa_cli.output import show
-from hfa_cli.progress import ProgressLine
+from hfa_cli.options import games, trims
+from hfa_cli.options.argument_types import input_file, number, one_of, places
+from hfa_cli.options.games import MATRIX_FILES, NamedGame
+from hfa_cli.options.parser import Option, Options
+from hfa_cli.output import ProgressLine, provenance, show
 from hfa_support.errors import BadInputError, said_of
 from hfa_support.model import Model
 from trim.linear.linear_model import linearize
@@ -39,10 +37,11 @@ if TYPE_CHECKING:
     from verification.proof.scheduled_loop import LoopTable
 
 #: Statement -> options that do not belong to it.
+_SCHEDULES = ("design", "weights", "resume", "rate", "error", "bandwidth", "effectiveness", "delay")
 STATEMENTS = {
-    "schedule": ("start", "basis", "model"),
-    "solution": ("design", "basis", "weights", "resume", "rate", "error", "bandwidth", "effectiveness", "delay"),
-    "critic": ("design", "weights", "resume", "rate", "error", "bandwidth", "effectiveness", "delay"),
+    "schedule": ("start", "basis", "model", "file"),
+    "solution": ("basis", "file", *_SCHEDULES),
+    "critic": _SCHEDULES,
 }
 #: Distance between two gains of our own table, in steps of the family: of the dihedral 2 deg.
 _STEP = 2.0
@@ -51,32 +50,34 @@ _STEP = 2.0
 _SLOWER = 300.0
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Options of `hfa prove`."""
-    parser.add_argument("statement", nargs="?", choices=tuple(STATEMENTS), help="what to prove")
-    about = f"of `critic`: W, P or K ({' '.join(MATRIX_FILES)})"
-    parser.add_argument("file", nargs="?", metavar="FILE", type=input_file(*MATRIX_FILES), help=about)
-    add_value(parser, "--basis", str, "NAME", "of the W of `critic`; default quadratic")
-    add_value(parser, "--check", input_file(".json"), "FILE", "verify a certificate instead of proving")
-    about = "gains K over dihedral_deg; default: the exact game's"
-    add_value(parser, "--weights", input_file(*MATRIX_FILES), "FILE", about)
-    about = "of `schedule`: --weights is a controller with memory, on the actuators of this design"
-    options.add_design(parser, about)
-    parser.add_argument("--rate", action="store_true", help="of `schedule`: also how fast the dihedral may move")
-    about = "of `schedule`: for all parameters within N standard errors; default 0"
-    add_value(parser, "--error", _not_negative, "N", about, default=0.0)
-    about = "of `schedule`: through actuators of any bandwidth between, rad/s"
-    add_value(parser, "--bandwidth", _interval, "LOW:HIGH", about)
-    about = "with --bandwidth: share of each command that arrives, changing at any time; default 1"
-    add_value(parser, "--effectiveness", _interval, "LOW:HIGH", about)
-    about = "with --bandwidth: each command is late by up to S seconds, changing at any time; default 0"
-    add_value(parser, "--delay", _not_negative, "S", about)
-    parser.add_argument("--resume", action="store_true", help="go on with the unfinished certificate that -o names")
-    options.add_flights(parser, "DEG|LOW:HIGH")
-    about = "a plant of your own: A, B, optionally E, Q, R"
-    add_value(parser, "--model", input_file(*MATRIX_FILES), "FILE", about)
-    add_weights(parser)
-    options.add_output(parser)
+def options() -> Options:
+    """Of `hfa prove`."""
+    matrices, optional = input_file(*MATRIX_FILES), {"nargs": "?"}
+    design = "of `schedule`: --weights is a controller with memory, on the actuators of this design"
+    error = "of `schedule`: for all parameters within N standard errors; default 0"
+    effectiveness = "with --bandwidth: share of each command that arrives, changing at any time; default 1"
+    delay = "with --bandwidth: each command is late by up to S seconds, changing at any time; default 0"
+    of_schedule: Options = {
+        "--weights": Option("gains K over dihedral_deg; default: the exact game's", "FILE", matrices),
+        **trims.design(design),
+        "--rate": Option("of `schedule`: also how fast the dihedral may move"),
+        "--error": Option(error, "N", _not_negative, more={"default": 0.0}),
+        "--bandwidth": Option("of `schedule`: through actuators of any bandwidth, rad/s", "LOW:HIGH", _interval),
+        "--effectiveness": Option(effectiveness, "LOW:HIGH", _interval),
+        "--delay": Option(delay, "S", _not_negative),
+        "--resume": Option("go on with the unfinished certificate that -o names"),
+    }
+    return {
+        "statement": Option("what to prove", "|".join(STATEMENTS), one_of(*STATEMENTS), more=optional),
+        "file": Option(f"of `critic`: W, P or K ({' '.join(MATRIX_FILES)})", "FILE", matrices, more=optional),
+        "--basis": Option("of the W of `critic`; default quadratic", "NAME"),
+        "--check": Option("verify a certificate instead of proving", "FILE", input_file(".json")),
+        **of_schedule,
+        **trims.proved_trims("DEG|LOW:HIGH"),
+        **games.MODEL,
+        **games.WEIGHTS,
+        **trims.output(),
+    }
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -88,10 +89,8 @@ def run(arguments: argparse.Namespace) -> int:
         return _check(arguments)
     if arguments.statement is None:
         raise BadInputError(f"say what to prove, one of {', '.join(STATEMENTS)}, or --check FILE")
-    unused = tuple(name for name in STATEMENTS[arguments.statement] if getattr(arguments, name) not in (0.0, False))
-    options.refuse(arguments, unused, f"does not go with `hfa prove {arguments.statement}`; leave it out")
-    if arguments.file is not None and arguments.statement != "critic":
-        raise BadInputError("a FILE goes with `hfa prove critic` alone; leave it out")
+    unused = tuple(name for name in STATEMENTS[arguments.statement] if getattr(arguments, name) != 0.0)
+    trims.refuse(arguments, unused, f"does not go with `hfa prove {arguments.statement}`; leave it out")
     return {"schedule": _schedule, "solution": _solution, "critic": _critic}[arguments.statement](arguments)
 
 
@@ -103,7 +102,7 @@ def _not_negative(text: str) -> float:
 
 
 def _interval(text: str) -> tuple[float, float]:
-    ends = options.places(text)
+    ends = places(text)
     if not ends[0] > 0.0:
         raise ArgumentTypeError(f"is {text}; it must be positive")
     return ends[0], ends[-1]
@@ -115,11 +114,9 @@ def _check(arguments: argparse.Namespace) -> int:
 
     if arguments.statement is not None:
         raise BadInputError("--check verifies a certificate as it is; leave the statement out")
-    of_certificate = (*options.OF_THE_TRIM, "parameters", "rate", "resume", "basis", "model", "bandwidth")
-    options.refuse(
-        arguments, of_certificate, "does not go with --check: the certificate says which aircraft it is about"
-    )
-    # The output is not signed with the aircraft of the options.
+    of_certificate = (*trims.OF_THE_TRIM, "parameters", "rate", "resume", "basis", "model", "bandwidth")
+    trims.refuse(arguments, of_certificate, "does not go with --check: the certificate says which aircraft it is about")
+    # The output is not signed with the aircraft of the trims.
     del arguments.parameters
     found = check_certificate(arguments.check, ProgressLine("check"), arguments.aircraft)
     _require_same(found, arguments)
@@ -135,10 +132,9 @@ def _require_same(found: Verified, arguments: argparse.Namespace) -> None:
     from controller.game.critic_file import load_critic
     from verification.proof.proof_report import require_same
 
-    for name in ("dihedral", "at"):
-        if ends := getattr(arguments, name):
-            require_same(found.statement, {"range": ends * (2 // len(ends))}, f"--{name}")
-    for name, value in weights_of(arguments).items():
+    if ends := arguments.at:
+        require_same(found.statement, {"range": ends * (2 // len(ends))}, "--at")
+    for name, value in games.weights_of(arguments).items():
         require_same(found.statement.get("game", {}), {name: value}, f"--{name}")
     if arguments.weights is None:
         return
@@ -175,8 +171,8 @@ def _schedule(arguments: argparse.Namespace) -> int:
     target = _certificate(arguments)
     if arguments.resume and target is None:
         raise BadInputError("--resume needs the certificate to go on with; add -o FILE.json")
-    family = options.family_of(arguments, arguments.error)
-    low, high = options.interval_of(arguments, family)
+    family = trims.family_of(arguments, arguments.error)
+    low, high = trims.interval_of(arguments, family)
     table = _table(arguments, family, low, high)
     file = None if target is None else CertificateFile(target, provenance(), resume=arguments.resume)
     progress = ProgressLine("prove")
@@ -220,17 +216,17 @@ def _critic(arguments: argparse.Namespace) -> int:
 
 def _game(arguments: argparse.Namespace) -> tuple[NamedGame, Family | None, float | None]:
     """The game that the options name, with its flights and their place unless it is a plant of a file."""
-    place = options.at_one_place(arguments)
-    named = game_of(arguments)
+    place = trims.at_one_place(arguments)
+    named = games.game_of(arguments)
     if arguments.aircraft is not None:
-        family = options.family_of(arguments)
+        family = trims.family_of(arguments)
         value = {**family.model.trim, **(arguments.hold or {})}
         place = value.get(family.over, family.model.signals[family.over].start)
         place = math.degrees(place) if family.unit == "deg" else place
     elif arguments.model is not None or place is None:
         return named, None, None
     else:
-        family = options.family_of(arguments)
+        family = trims.family_of(arguments)
     family.check(place, place)
     return named, family, place
 
@@ -251,9 +247,7 @@ def _uncertain(actuators: Any) -> dict[str, Any]:
     if isinstance(actuators, argparse.Namespace):
         given = {name: getattr(actuators, name) for name in ("bandwidth", "effectiveness", "delay")}
         if given["bandwidth"] is None:
-            options.refuse(
-                actuators, ("effectiveness", "delay"), "is of actuators: give --bandwidth LOW:HIGH too, rad/s"
-            )
+            trims.refuse(actuators, ("effectiveness", "delay"), "is of actuators: give --bandwidth LOW:HIGH too, rad/s")
         elif actuators.rate:
             raise BadInputError("--rate does not go with --bandwidth; leave one out")
         return {name: value for name, value in given.items() if value is not None}
@@ -265,7 +259,7 @@ def _table(arguments: argparse.Namespace, family: Family, low: float, high: floa
 
     if arguments.design is not None and arguments.weights is None:
         raise BadInputError("--design goes with a controller; name its file by --weights FILE.npz")
-    uncertain, changes = _uncertain(arguments), weights_of(arguments, family.model.units(family.model.linear))
+    uncertain, changes = _uncertain(arguments), games.weights_of(arguments, family.model.units(family.model.linear))
     if arguments.weights is not None:
         if changes:
             raise BadInputError("--weights gives the gains; leave --delta, --Q and --R out")

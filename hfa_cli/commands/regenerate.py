@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import argparse
 
-from hfa_cli.options import shared_options as options
-from hfa_cli.output import show_verdict
+from hfa_cli.options import trims
+from hfa_cli.options.parser import Options
+from hfa_cli.output import show
 from verification.regeneration.regeneration import regenerate_all
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Options of `hfa regenerate`."""
-    options.add_aircraft(parser)
-    options.add_output(parser)
+def options() -> Options:
+    """Of `hfa regenerate`."""
+    return {**trims.HFA_OPTIONS, **trims.output()}
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Regenerate and compare; exit 1 when a check fails."""
-    return show_verdict(regenerate_all(options.aircraft_of(arguments)), arguments)
+    found = regenerate_all(trims.hfa_of(arguments))
+    show(found.report(), arguments, target=arguments.output)
+    return 0 if found.ok else 1

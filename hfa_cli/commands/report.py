@@ -12,13 +12,11 @@ from pathlib import Path
 
 import numpy as np
 
-from hfa_cli.options import shared_options as options
+from hfa_cli.options import trims
 from hfa_cli.options.argument_types import folder_or_file, parsed, some_of
-from hfa_cli.options.parser import add_value
+from hfa_cli.options.parser import Option, Options
 from hfa_cli.options.ranges import Range, array_of, value_range
-from hfa_cli.origin import provenance
-from hfa_cli.output import stated
-from hfa_cli.progress import ProgressLine
+from hfa_cli.output import ProgressLine, provenance, stated
 from hfa_model.outputs import OUTPUTS
 from hfa_model.vectors import STATES
 from hfa_support.errors import BadInputError
@@ -34,20 +32,21 @@ from verification.page.main_job import ASKED, MOST_ASKED, MOST_SWEPT, SWEEP, Mai
 from verification.page.page_html import page, plotly_script
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Options of `hfa report`."""
+def options() -> Options:
+    """Of `hfa report`."""
     angles = partial(value_range, "dihedral")
-    about = "angles shown in full, degrees: a,b,c or start:stop:step; default: the printed 5 and 15"
-    add_value(parser, "--dihedral", angles, "RANGE", about)
-    add_value(parser, "--sweep", angles, "RANGE", "angles of the slider and the root locus; default 0:20:0.5")
-    add_value(parser, "--outputs", some_of(*STATES, *OUTPUTS), "a,b,...", "C and D of these outputs too")
-    about = "claims of the paper to show: the claims.json that `python -m studies.section5` wrote, or its folder"
-    add_value(parser, "--claims", parsed(lambda text: load_claims(Path(text))), "FILE", about)
-    options.add_flight(parser)
-    options.add_aircraft(parser)
-    about = "one self-contained .html file, or a folder for the page, its pictures and its numbers (JSON)"
-    parser.add_argument("-o", "--output", type=folder_or_file(".html"), metavar="PLACE", help=about)
-    parser.add_argument("--json", action="store_true", help="print the numbers as JSON (radians, feet, pounds)")
+    claims = "claims of the paper to show: the claims.json that `python -m studies.section5` wrote, or its folder"
+    place = "one self-contained .html file, or a folder for the page, its pictures and its numbers (JSON)"
+    return {
+        **trims.at(angles, "RANGE", "shown in full: a,b,c or start:stop:step; default: the printed 5 and 15"),
+        "--sweep": Option("angles of the slider and the root locus; default 0:20:0.5", "RANGE", angles),
+        "--outputs": Option("C and D of these outputs too", "a,b,...", some_of(*STATES, *OUTPUTS)),
+        "--claims": Option(claims, "FILE", parsed(lambda text: load_claims(Path(text)))),
+        **trims.flights(),
+        **trims.HFA_OPTIONS,
+        "-o --output": Option(place, "PLACE", folder_or_file(".html")),
+        "--json": Option("print the numbers as JSON (radians, feet, pounds)"),
+    }
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -57,14 +56,14 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.output is not None:
         plotly_script()  # refused before anything is computed
     job = main_job(
-        options.parameters_of(arguments),
+        trims.parameters_of(arguments),
         arguments.dynamics,
-        asked=_angles("--dihedral", arguments.dihedral, np.array(ASKED), MOST_ASKED).tolist(),
+        asked=_angles("--dihedral", arguments.at, np.array(ASKED), MOST_ASKED).tolist(),
         swept=_angles("--sweep", arguments.sweep, SWEEP, MOST_SWEPT),
         outputs=arguments.outputs,
         claims=arguments.claims,
         flight=_flight_of(arguments),
-        start=options.start_of(arguments),
+        start=trims.start_of(arguments),
         progress=ProgressLine("report"),
     )
     report = stated(main_report(job), arguments)
@@ -79,7 +78,7 @@ def _flight_of(arguments: argparse.Namespace) -> TrimCondition:
     """What is trimmed at every angle of the page; the angle itself is the page's."""
     if "dihedral" in (*(arguments.free or ()), *(arguments.hold or {})):
         raise BadInputError("the angles of a report are given by --dihedral and --sweep; do not free or hold dihedral")
-    return options.flight_of(arguments, dihedral_is_free=False)
+    return trims.flights_of(arguments)
 
 
 def _angles(option: str, given: Range | None, default: np.ndarray, most: int) -> np.ndarray:

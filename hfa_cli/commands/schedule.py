@@ -10,25 +10,11 @@ from __future__ import annotations
 import argparse
 from functools import partial
 
-from hfa_cli.options import games, shared_options as options
-from hfa_cli.options.argument_types import OWN, in_unit, input_file, number, whole
-from hfa_cli.options.flight_options import (
-    add_aircraft,
-    add_law,
-    add_scenario,
-    aircraft_of,
-    check_policy,
-    envelope_of,
-    law_of,
-    scenario_of,
-    seed_of,
-    tell_flight,
-)
-from hfa_cli.options.games import MATRIX_FILES
-from hfa_cli.options.learning_options import law_settings
-from hfa_cli.options.parser import add_value
-from hfa_cli.progress import ProgressLine
-from hfa_model.aircraft import HFA
+from controller.flight.envelope import flight_envelope
+from hfa_cli.options import flights, games, trims
+from hfa_cli.options.argument_types import model, number, quantity, whole
+from hfa_cli.options.parser import Option, Options
+from hfa_cli.output import ProgressLine
 from hfa_support.errors import BadInputError, shortened
 from trim.point.solve import find_operating_point
 
@@ -37,74 +23,57 @@ _MOST_POINTS = 1000
 _TO = "VALUE[:S[:POINTS]]"
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Options of `hfa schedule`."""
-    options.add_condition(parser)
+def options() -> Options:
+    """Of `hfa schedule`."""
     about = "the dihedral at the end, degrees; time of the change, default 60; points of the schedule, default 11"
-    parser.add_argument("--to", action="append", metavar=_TO, help=about, required=True)
-    add_aircraft(parser)
-    add_law(parser)
-    about = "use these gains instead of a law: K, or dihedral_deg and K at each of its angles"
-    add_value(parser, "--weights", input_file(*MATRIX_FILES), "FILE", f"{about} ({' '.join(MATRIX_FILES)})")
-    add_scenario(parser, "20 more than the change takes")
-    options.add_picture(parser, "the flight")
-    options.add_output(parser)
+    return {
+        **trims.trim(required=True),
+        "--to": Option(about, _TO, _to, more={"required": True}),
+        **flights.law(),
+        **flights.weights("use these gains instead of a law: K, or dihedral_deg and K at each of its angles"),
+        **flights.scenario("20 more than the change takes"),
+        **trims.picture("the flight"),
+        **trims.output(),
+    }
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Fly and report; exit 1 when a limit was exceeded."""
     from controller.policy.gain_table import load_gains
-    from verification.flights.scheduling import (
-        LEAD,
-        REST,
-        certified_schedule,
-        change_over,
-        fly_schedule,
-        grid_of,
-        schedule_report,
-    )
+    from verification.flights import scheduling
 
-    check_policy(arguments)
-    aircraft, (end, over, points) = aircraft_of(arguments), _to(arguments.to)
-    model, flights = aircraft.model, options.flight_of(arguments)
-    gains = None if arguments.weights is None else load_gains(arguments.weights, model)
-    begin = find_operating_point(aircraft, options.condition_of(arguments), arguments.start)
-    change = change_over(model, begin.values.get(model.schedule, end), end, over)
-    scenario = scenario_of(arguments, begin, LEAD + over + REST)
-    if scenario.duration < LEAD + over:
-        raise BadInputError(
-            f"--duration is {scenario.duration:g} s and the change ends at {LEAD + over:g} s; extend it"
-        )
-    grid, law = grid_of(change, points), law_of(arguments)
-    certified = certified_schedule(
+    flights.check_policy(arguments)
+    aircraft, (end, over, points), path = trims.aircraft_of(arguments), arguments.to, arguments.weights
+    gains = None if path is None else load_gains(path, model())
+    begin = find_operating_point(aircraft, trims.condition_of(arguments), trims.start_of(arguments))
+    change = scheduling.change_over(aircraft.model, begin.values.get(model().schedule, end), end, over)
+    scenario = flights.scenario_of(arguments, begin, scheduling.LEAD + over + scheduling.REST)
+    ended = scheduling.LEAD + over
+    if scenario.duration < ended:
+        raise BadInputError(f"--duration is {scenario.duration:g} s and the change ends at {ended:g} s; extend it")
+    grid, law = scheduling.grid_of(change, points), flights.law_of(arguments)
+    certified = scheduling.certified_schedule(
         aircraft,
         grid if gains is None else gains.grid(grid),
         law=law,
-        seed=seed_of(arguments),
+        seed=flights.seed_of(arguments),
         game=partial(games.game_on, arguments),
-        settings={} if law == "exact" else law_settings(arguments),
+        settings={} if law == "exact" else games.law_settings(arguments),
         gains=gains,
-        condition=flights.at,
+        condition=trims.flights_of(arguments).at,
         progress=ProgressLine("certify"),
     )
     ends = [certified.at(each).point for each in (change.start, end)]
-    envelope = envelope_of(arguments, aircraft, ends[0])
-    result = fly_schedule(aircraft, certified, change, scenario, envelope, progress=ProgressLine("simulate"))
-    law = law if gains is None else f"gain of {arguments.weights}"
-    return tell_flight(result, schedule_report(result, certified, change, law), ends, arguments)
+    envelope, progress = flight_envelope(aircraft, ends[0], arguments.envelope), ProgressLine("simulate")
+    result = scheduling.fly_schedule(aircraft, certified, change, scenario, envelope, progress=progress)
+    report = scheduling.schedule_report(result, certified, change, law if path is None else f"gain of {path}")
+    return flights.tell_flight(result, report, ends, arguments)
 
 
-def _to(texts: list[str]) -> tuple[float, float, int]:
-    """What --to says, and the former --over and --points, which the parser turns into --to :S and --to ::POINTS."""
-    fields = ["", "60", "11"]
-    for text in texts:
-        parts = text.split(":")
-        if len(parts) > len(fields):
-            raise BadInputError(f"--to is {shortened(text)!r}; give {_TO}")
-        fields[: len(parts)] = [new or old for new, old in zip(parts, fields, strict=False)]
-    model = OWN.get() or HFA
-    unit = model.unit(model.schedule) if model.schedule else "1"
-    try:
-        return in_unit(unit, fields[0]), number(fields[1]), whole(2, _MOST_POINTS)(fields[2])
-    except argparse.ArgumentTypeError as error:
-        raise BadInputError(f"--to {error}; give {_TO}") from error
+def _to(text: str) -> tuple[float, float, int]:
+    """The value at the end, the time of the change, the points of the schedule."""
+    parts = text.split(":")
+    if len(parts) > 3:
+        raise argparse.ArgumentTypeError(f"is {shortened(text)!r}; give {_TO}")
+    over, points = (*parts[1:], *("60", "11")[len(parts) - 1 :])
+    return quantity(model().schedule, parts[0]), number(over), whole(2, _MOST_POINTS)(points)

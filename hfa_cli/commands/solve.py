@@ -13,28 +13,24 @@ from typing import Any
 from controller.analysis.solution_report import analyse_game, solution_report
 from controller.game.array_file import read_arrays
 from controller.game.model_file import has_all
-from hfa_cli.options import shared_options as options
-from hfa_cli.options.games import add_game, game_of, refuse_of_the_aircraft
-from hfa_cli.output import show
-from hfa_cli.progress import ProgressLine, say_notes
+from hfa_cli.options import games, trims
+from hfa_cli.options.parser import Options
+from hfa_cli.output import ProgressLine, show
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Options of `hfa solve`."""
-    add_game(parser)
-    options.add_output(parser)
+def options() -> Options:
+    """Of `hfa solve`."""
+    return {**games.game_options(), **trims.output()}
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Solve and report; a game without a certified solution is exit 1 and prints no P."""
-    alone = arguments.model is not None and arguments.dihedral is None and arguments.aircraft is None
-    found = read_arrays(arguments.model) if alone else None
+    found = None if arguments.model is None else read_arrays(arguments.model)
     if found is not None and has_all(found, "B2"):
         return _solve_plant(arguments, found)
-    named = game_of(arguments, found)
-    analysed = analyse_game(named.game, ProgressLine("solve"))
-    report = solution_report(analysed, *named.names).with_data(**named.labels())
-    built = named.built
+    named = games.game_of(arguments, found)
+    report = solution_report(analyse_game(named.game, ProgressLine("solve")), *named.names)
+    report, built = report.with_data(**named.labels()), named.built
     if built is not None and built.sensors:
         from controller.analysis.plant_report import output_report
         from controller.riccati.generalized_plant import GeneralizedPlant
@@ -43,8 +39,7 @@ def run(arguments: argparse.Namespace) -> int:
         plant = GeneralizedPlant.measured(named.game, built.C, built.V, built.D)
         measured = output_report(plant, named.game.delta, noise, built.sensors, built.sensor_units)
         report = replace(report, parts=(*report.parts, measured)).with_data(output_feedback=measured.data)
-    show(report, arguments, target=arguments.output)
-    say_notes(named.warnings)
+    show(report, arguments, target=arguments.output, notes=named.warnings)
     return 0
 
 
@@ -52,11 +47,10 @@ def _solve_plant(arguments: argparse.Namespace, found: dict[str, Any]) -> int:
     from controller.analysis.plant_report import plant_report
     from controller.riccati.generalized_plant import stored_plant
 
-    refuse_of_the_aircraft(arguments)
-    options.refuse(arguments, ("Q", "R"), "is in C1 and D12 of a generalized plant; leave it out")
+    games.refuse_of_the_aircraft(arguments)
+    trims.refuse(arguments, ("Q", "R"), "is in C1 and D12 of a generalized plant; leave it out")
     stored = stored_plant(arguments.model, found)
     delta = stored.delta if arguments.delta is None else arguments.delta
     report = plant_report(stored.plant, delta, str(arguments.model)).with_data(warnings=list(stored.notes))
-    show(report, arguments, target=arguments.output)
-    say_notes(stored.notes)
+    show(report, arguments, target=arguments.output, notes=stored.notes)
     return 0

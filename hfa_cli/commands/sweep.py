@@ -11,6 +11,8 @@ processes or machines (--workers), and it can be continued after an interruption
 from __future__ import annotations
 
 import argparse
+import csv
+import math
 import warnings
 from dataclasses import replace
 from functools import partial
@@ -19,15 +21,14 @@ from typing import Any
 
 import numpy as np
 
-from hfa_cli.options import shared_options as options
-from hfa_cli.options.games import add_weights, weights_of
-from hfa_cli.options.parser import add_value
-from hfa_cli.options.ranges import Range, array_of, listed_conditions, value_range
-from hfa_cli.origin import provenance
-from hfa_cli.output import draw, show
-from hfa_cli.progress import ProgressLine, say_notes
+from hfa_cli.options import games, trims
+from hfa_cli.options.argument_types import model, quantity
+from hfa_cli.options.parser import Option, Options
+from hfa_cli.options.ranges import Range, array_of, value_range
+from hfa_cli.output import ProgressLine, draw, provenance, show
 from hfa_support.errors import BadInputError
 from hfa_support.reporting.report import Report
+from trim.point.condition import TrimCondition
 from trim.sweeps.points import condition_at
 from trim.sweeps.sweep import MOST_POINTS, run_plan, stored_sweep_report, stream_sweep
 from trim.sweeps.sweep_plan import SweepPlan
@@ -38,69 +39,103 @@ OF_A_GAME = ("delta", "Q", "R")
 OF_A_STORE = ("workers", "resume")
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Options of `hfa sweep`."""
-    about = "start:stop:step, a,b,c or one number, degrees; default 0"
-    add_value(parser, "--dihedral", partial(value_range, "dihedral"), "RANGE", about)
-    about = "hold a variable, or a parameter of the aircraft, at a value or a range of them; repeatable"
-    options.add_changes(parser, value_range, "RANGE", about)
-    options.add_picture(parser, "the root locus")
-    options.add_own(parser)
-    options.add_aircraft(parser)
-    parser.add_argument("--game", action="store_true", help="solve the game at every point: K, delta_min, margins")
-    add_weights(parser)
-    options.add_output(parser, STORE, UNIT)
-    store = parser.add_argument_group(f"for a store (-o FILE{STORE})")
-    options.add_workers(store, "sweep")
+def options() -> Options:
+    """Of `hfa sweep`."""
+    held = "hold a variable, or a parameter of the aircraft, at a value or a range of them"
+    return {
+        **trims.at(partial(value_range, model().schedule), "RANGE", "start:stop:step, a,b,c or one number"),
+        **trims.flights(value_range, "RANGE", held),
+        **trims.AIRCRAFT,
+        **trims.picture("the root locus"),
+        "--game": Option("solve the game at every point: K, delta_min, margins"),
+        **games.WEIGHTS,
+        **trims.workers(f"sweep to {STORE}"),
+        **trims.output(STORE, UNIT),
+    }
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Sweep and report; exit 1 when no point has a trim."""
-    listing = arguments.condition if isinstance(arguments.condition, Path) else None
-    if listing is not None:
-        arguments.condition = None
-    ranges = _ranges(arguments, listing)
     stored = arguments.output is not None and arguments.output.suffix.lower() == STORE
     if stored:
         why = "does not go with a store, which holds all seven states, in feet, no picture and no games"
-        options.refuse(arguments, ("picture", "units", "game", *OF_A_GAME), why)
+        trims.refuse(arguments, ("picture", "units", "game", *OF_A_GAME), why)
     else:
-        options.refuse(arguments, OF_A_STORE, f"needs a store; add -o FILE{STORE}")
+        trims.refuse(arguments, OF_A_STORE, f"needs a store; add -o FILE{STORE}")
         if not arguments.game:
-            options.refuse(arguments, OF_A_GAME, "needs the game; add --game")
-    plan = _plan(arguments, ranges, stored, listing)
+            trims.refuse(arguments, OF_A_GAME, "needs the game; add --game")
+    plan = _plan(arguments, stored)
     report, trimmed = (_in_store if stored else _in_memory)(plan, arguments)
     # The notes on standard error: the table on standard output stays a table.
     written = stored or (arguments.output is not None and arguments.output.suffix.lower() == UNIT)
-    show(replace(report, notes=()), arguments, target=None if written else arguments.output)
-    say_notes(report.notes)
+    target = None if written else arguments.output
+    show(replace(report, notes=()), arguments, target=target, notes=report.notes)
     return 0 if trimmed else 1
 
 
-def _plan(arguments: argparse.Namespace, ranges: dict[str, Range], stored: bool, listing: Path | None) -> SweepPlan:
+def _plan(arguments: argparse.Namespace, stored: bool) -> SweepPlan:
     """What is swept; what stays fixed comes first, because it is not drawn."""
-    condition, own = options.swept_condition_of(arguments), options.own_of(arguments)
+    listing = arguments.condition if isinstance(arguments.condition, Path) else None
     if listing is not None:
-        axes: dict[str, Any] = listed_conditions(listing, condition)
-        rows = len(next(iter(axes.values())))
-        for name, values in {**(arguments.hold or {}), **ranges}.items():
+        arguments.condition = None
+    condition, aircraft, by = trims.flights_of(arguments), trims.aircraft_of(arguments), model().schedule
+    held: dict[str, Range] = {} if arguments.at is None else {by: arguments.at}
+    held |= {name: each for name, each in (arguments.hold or {}).items() if not trims.is_constant(name, each)}
+    if listing is not None:
+        axes: dict[str, Any] = _listed(listing, condition)
+        for name, values in {**(arguments.hold or {}), **held}.items():
             if name in axes or not (isinstance(values, tuple) and len(values) == 1):
                 raise BadInputError(f"{name} has a column or a range beside the list {listing}; give one value")
-            if name in ranges:
-                axes[name] = np.full(rows, values[0])
+        rows = len(next(iter(axes.values())))
+        axes |= {name: np.full(rows, values[0]) for name, values in held.items() if isinstance(values, tuple)}
+    elif not held:
+        raise BadInputError("nothing to sweep; give --dihedral RANGE or --hold NAME=RANGE")
     elif stored:
-        axes = dict(ranges)
+        axes = dict(held)
     else:
-        axes = {name: array_of(name, values, MOST_POINTS) for name, values in ranges.items()}
+        axes = {name: array_of(name, values, MOST_POINTS) for name, values in held.items()}
         axes = dict(sorted(axes.items(), key=lambda axis: axis[1].size > 1))
-    if not stored:
-        varied = [name for name, values in axes.items() if np.ptp(values) > 0]
-        if arguments.picture is not None and len(varied) > 1:
-            raise BadInputError(
-                f"--picture draws a sweep in one variable, not in {' and '.join(varied)}; fix all but one"
-            )
-    aircraft = own if own is not None else options.aircraft_of(arguments)
-    return SweepPlan(axes, aircraft, condition, options.start_of(arguments), listing is not None)
+    if arguments.picture is not None and len(varied := [name for name, each in axes.items() if np.ptp(each) > 0]) > 1:
+        raise BadInputError(f"--picture draws a sweep in one variable, not in {' and '.join(varied)}; fix all but one")
+    if listing is None and by == "dihedral" and by not in (*axes, *condition.free, *(arguments.hold or {})):
+        warnings.warn("no --dihedral is given: every point is at 0 deg", stacklevel=2)
+    return SweepPlan(axes, aircraft, condition, trims.start_of(arguments), listing is not None)
+
+
+def _listed(path: Path, condition: TrimCondition) -> dict[str, np.ndarray]:
+    """The columns of a CSV file of conditions: a header of names, then a row a point, typed as in --hold (degrees).
+
+    BadInputError names the row, the header being row 1, and the column.
+    """
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as file:
+            header, *rows = [row for row in csv.reader(file) if any(map(str.strip, row))] or [[]]
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise BadInputError(f"{path}: cannot be read ({reason}); give a CSV file of conditions") from error
+    names, own, table = [name.strip() for name in header], condition.model, []
+    for name in names:
+        own.refuse_unheld(f"{path}: the column of row 1 is unknown:", name, tuple(own.parameters))
+        if names.count(name) > 1:
+            raise BadInputError(f"{path}: column {name} comes twice; leave one out")
+    if not rows:
+        raise BadInputError(f"{path}: has no conditions; give a row of names and a row for each condition")
+    for place, row in enumerate(rows, start=2):
+        if len(row) != len(names):
+            raise BadInputError(f"{path}: row {place} has {len(row)} cells for {len(names)} columns; correct it")
+        values = []
+        for name, text in zip(names, row, strict=True):
+            try:
+                values.append(quantity(name, text))
+            except argparse.ArgumentTypeError as error:
+                raise BadInputError(f"{path}: row {place}, column {name} {error}") from error
+            lowest, highest = condition.limits_of(name) if name in own.limits else (-math.inf, math.inf)
+            if not lowest <= values[-1] <= highest:
+                said, low, high = (own.describe(name, each) for each in (values[-1], lowest, highest))
+                where = f"{path}: row {place}, column {name} is {said}"
+                raise BadInputError(f"{where}; it must lie between {low} and {high}")
+        table.append(values)
+    return dict(zip(names, np.array(table).T, strict=True))
 
 
 def _in_memory(plan: SweepPlan, arguments: argparse.Namespace) -> tuple[Report, bool]:
@@ -109,7 +144,7 @@ def _in_memory(plan: SweepPlan, arguments: argparse.Namespace) -> tuple[Report, 
     notes, failed = [], np.flatnonzero(~result.trimmed)
     if failed.size and set(plan.variables) <= set(plan.condition.model.holdable):
         at = condition_at(plan.condition, plan.variables, result.values[failed[0]])
-        if advice := options.freed_alpha(arguments, plan.aircraft, at):
+        if advice := trims.freed_alpha(arguments, plan.aircraft, at):
             notes.append(f"at the first point without a trim {advice}")
     if arguments.picture is not None and not result.trimmed.any():
         notes.append(f"nothing to draw: {arguments.picture} is not written")
@@ -126,33 +161,14 @@ def _in_memory(plan: SweepPlan, arguments: argparse.Namespace) -> tuple[Report, 
     if arguments.game:
         from controller.analysis.game_sweep import sweep_games, with_games
 
-        report = with_games(
-            report,
-            result,
-            sweep_games(
-                result, ProgressLine("games"), **weights_of(arguments, result.model.units(result.model_states))
-            ),
-        )
+        weights = games.weights_of(arguments, result.model.units(result.model_states))
+        report = with_games(report, result, sweep_games(result, ProgressLine("games"), **weights))
     return report, bool(result.trimmed.any())
 
 
 def _in_store(plan: SweepPlan, arguments: argparse.Namespace) -> tuple[Report, bool]:
     """The report of the store, and whether any point has a trim."""
-    crew, origin = options.crew_of(arguments), provenance().to_dict()
+    crew, origin = trims.crew_of(arguments), provenance().to_dict()
     store = stream_sweep(plan, arguments.output, **crew, provenance=origin, progress=ProgressLine("sweep"))
     report = stored_sweep_report(plan, store, arguments.output)
     return report, bool(report.data["counts"]["trimmed"])
-
-
-def _ranges(arguments: argparse.Namespace, listing: Path | None) -> dict[str, Range]:
-    """Variable or parameter -> its range, of --dihedral and of --hold; none are needed beside a list of points."""
-    if arguments.aircraft is not None:
-        options.refuse(arguments, ("dihedral", "game", *OF_A_GAME), "belongs to the HFA; leave it out with --aircraft")
-    ranges = {} if arguments.dihedral is None else {"dihedral": arguments.dihedral}
-    held = arguments.hold or {}
-    ranges |= {name: values for name, values in held.items() if not options.is_constant(name, values)}
-    if not ranges and listing is None:
-        raise BadInputError("nothing to sweep; give --dihedral RANGE or --hold NAME=RANGE")
-    if listing is None and arguments.aircraft is None and "dihedral" not in (*ranges, *held, *(arguments.free or ())):
-        warnings.warn("no --dihedral is given: every point is at 0 deg", stacklevel=2)
-    return ranges

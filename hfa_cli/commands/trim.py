@@ -4,30 +4,30 @@ from __future__ import annotations
 
 import argparse
 
-from hfa_cli.options import shared_options as options
+from hfa_cli.options import trims
+from hfa_cli.options.parser import Options
 from hfa_cli.output import draw, failure_as_data, show
+from hfa_support.model import Model
 from trim.point.hfa_report import trim_figure
 from trim.point.trim_report import trim_report
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Options of `hfa trim`."""
-    options.add_condition(parser)
-    options.add_own(parser)
-    options.add_aircraft(parser)
-    options.add_picture(parser, "the aircraft from the front with its loads")
-    options.add_output(parser)
+def options() -> Options:
+    """Of `hfa trim`."""
+    return {
+        **trims.trim(required=True),
+        **trims.picture("the aircraft from the front with its loads"),
+        **trims.output(),
+    }
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Solve and report."""
-    own = options.own_of(arguments)
-    aircraft = own or options.aircraft_of(arguments)
-    if own is not None:
-        options.refuse(arguments, ("picture",), "draws the HFA from the front; leave it out with --aircraft")
+    aircraft = trims.aircraft_of(arguments)
+    if isinstance(aircraft, Model):
+        trims.refuse(arguments, ("picture",), "draws the HFA from the front; leave it out with --aircraft")
     with failure_as_data(arguments, aircraft):
-        point = options.operating_point_of(arguments, aircraft)
-    draw(arguments.picture, lambda: trim_figure(options.aircraft_of(arguments), point))
-    report = trim_report(aircraft, options.condition_of(arguments), point)
-    show(report, arguments, target=arguments.output)
+        point = trims.point_of(arguments, aircraft)
+    draw(arguments.picture, lambda: trim_figure(trims.hfa_of(arguments), point))
+    show(trim_report(aircraft, trims.condition_of(arguments), point), arguments, target=arguments.output)
     return 0

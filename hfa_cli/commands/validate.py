@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import argparse
 
-from hfa_cli.options import shared_options as options
-from hfa_cli.output import show_verdict
+from hfa_cli.options import trims
+from hfa_cli.options.parser import Options
+from hfa_cli.output import show
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Options of `hfa validate`."""
-    options.add_aircraft(parser)
-    options.add_output(parser)
+def options() -> Options:
+    """Of `hfa validate`."""
+    return {**trims.HFA_OPTIONS, **trims.output()}
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Compare and report; exit 1 when a difference is beyond its limit."""
     from verification.validation.comparison import validate
 
-    return show_verdict(validate(options.aircraft_of(arguments)), arguments)
+    found = validate(trims.hfa_of(arguments))
+    show(found.report(), arguments, target=arguments.output)
+    return 0 if found.ok else 1

@@ -1,7 +1,7 @@
 """Types of options: one word of a command line becomes a value in internal units, or the reason why not.
 
-A reason is the rest of a sentence that begins with the option: "--speed" and "is 'fast'; give a number". Degrees become
-radians, and with --units si m, kg, N become ft, slug, lbf; no other module converts typed numbers.
+A reason is the rest of a sentence that begins with the option: "--delay" and "is 'short'; give a number". `quantity`
+and `numbers` convert degrees and SI; no other module converts typed numbers.
 """
 
 from __future__ import annotations
@@ -13,7 +13,6 @@ from contextvars import ContextVar
 from pathlib import Path
 from typing import TypeVar
 
-from hfa_model.vectors import UNITS
 from hfa_support.errors import BadInputError, shortened
 from hfa_support.model import Model
 from hfa_support.reporting.data_files import SUFFIXES
@@ -45,39 +44,36 @@ def positive(text: str) -> float:
     return value
 
 
-def angle(text: str) -> float:
-    """Degrees, as radians."""
-    return math.radians(number(text))
+def model() -> Model:
+    """Whose names and units options have."""
+    if (own := OWN.get()) is not None:
+        return own
+    from hfa_model.aircraft import HFA
 
-
-def one_angle(text: str) -> float:
-    """Degrees of one trim, as radians; a list or range is refused with the command that takes it."""
-    if "," in text or ":" in text:
-        raise ArgumentTypeError(f"is {shortened(text)!r}; give one number: `hfa sweep` takes lists and ranges")
-    return angle(text)
+    return HFA
 
 
 def quantity(name: str, text: str) -> float:
-    """The value of a state, an input or a parameter of the aircraft, typed in its shown unit."""
-    return in_unit(_unit(name), text)
+    """What was typed for a name of the model, in the shown unit of the one that it declares: degrees of rad, m of
+    ft with --units si; a plain number where there is none."""
+    known = {**model().rates, **model().signals}
+    unit = known[name].unit if name in known else "1"
+    return math.radians(number(text)) if unit.startswith("rad") else typed(number(text), unit)
 
 
-def in_unit(unit: str, text: str) -> float:
-    """The number typed in the shown unit of an internal one: degrees of rad, m of ft with --units si."""
-    return angle(text) if unit.startswith("rad") else typed(number(text), unit)
+def place(text: str) -> float:
+    """The value of the scheduling variable of one trim; a list or range is refused with the command that takes it."""
+    if "," in text or ":" in text:
+        raise ArgumentTypeError(f"is {shortened(text)!r}; give one number: `hfa sweep` takes lists and ranges")
+    return quantity(model().schedule, text)
 
 
-def _unit(name: str) -> str:
-    """Internal unit of a name, "1" of one that is not known; those of parameters are not shown in degrees."""
-    model = OWN.get()
-    if model is None:
-        if name in UNITS:
-            return UNITS[name]
-        from hfa_model.aircraft import HFA
-
-        model = HFA
-    known = {**model.rates, **model.signals}
-    return known[name].unit if name in known else "1"
+def places(text: str) -> tuple[float, ...]:
+    """`LOW:HIGH` or one place, as written: a proof is about these numbers."""
+    ends = tuple(number(part) for part in text.split(":"))
+    if len(ends) > 2 or (len(ends) == 2 and not ends[0] < ends[1]):
+        raise ArgumentTypeError(f"is {shortened(text)!r}; give LOW:HIGH, the lower end first")
+    return ends
 
 
 def span(name: str, text: str) -> tuple[float, float]:
@@ -89,11 +85,6 @@ def span(name: str, text: str) -> tuple[float, float]:
     if not lowest < highest:
         raise ArgumentTypeError(f"is {shortened(text)!r}; the first limit must be the lower one")
     return lowest, highest
-
-
-def disturbance_weight(text: str) -> float:
-    """delta of a game, or "inf" for no disturbance."""
-    return math.inf if text.strip().lower() in ("inf", "infinity") else number(text)
 
 
 def whole(lowest: int, highest: int = _LARGEST_WHOLE) -> Callable[[str], int]:

@@ -1,11 +1,11 @@
-"""Options that name a game: the aircraft at a dihedral angle, or a plant of the user's own."""
+"""Options of a game and of learning on it: the aircraft at a trim, or a plant of the user's own."""
 
 from __future__ import annotations
 
 import argparse
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import partial
 from typing import Any
 
@@ -13,17 +13,54 @@ import casadi as ca
 
 from controller.design.design_model import DesignModel, design_model
 from controller.game.array_file import MATRIX_FILES, PlantNames
+from controller.game.learning_result import LearningResult
 from controller.game.model_file import parse_diagonal, stored_game
-from controller.game.zero_sum import Game, published_game, usual_game
-from hfa_cli.options import shared_options as options
-from hfa_cli.options.argument_types import OWN, disturbance_weight, input_file, parsed
-from hfa_cli.options.parser import add_value
-from hfa_model.vectors import LINEAR_UNITS
-from hfa_support.errors import BadInputError, said_of
+from controller.game.zero_sum import Game, usual_game
+from hfa_cli.options import trims
+from hfa_cli.options.argument_types import OWN, input_file, number, parsed, whole
+from hfa_cli.options.parser import Option, Options
+from hfa_cli.output import ProgressLine
+from hfa_support.errors import BadInputError, refuse_unknown, said_of
 from hfa_support.model import Model
 from hfa_support.reporting.text import numbered
 from hfa_support.reporting.unit_system import entries_in_force
 from trim.linear.linear_model import LinearModel, linearize
+from trim.point.operating_point import at_scheduled
+
+DEFAULT_LAW = "certified"
+
+
+def _delta(text: str) -> float:
+    return math.inf if text.strip().lower() in ("inf", "infinity") else number(text)
+
+
+#: The weights of the game.
+WEIGHTS: Options = {
+    "--delta": Option("disturbance weight, inf for none; default: the paper's 200", "NUMBER", _delta),
+    **{
+        f"--{name}": Option(
+            f"diagonal of {name}; default: the paper's", "a,b,...", parsed(partial(parse_diagonal, name))
+        )
+        for name in ("Q", "R")
+    },
+}
+MODEL: Options = {
+    "--model": Option(
+        f"a plant of your own: A, B, optionally E, Q, R ({' '.join(MATRIX_FILES)})", "FILE", input_file(*MATRIX_FILES)
+    )
+}
+SETTINGS: Options = {
+    "--seed": Option("seed of the recorded data and of what else is random; default 0", "N", whole(0)),
+    "--set": Option(
+        "a setting of the law, for example predefined_time=2", "NAME=VALUE", lambda _, text: text, named=True
+    ),
+}
+LEARNING: Options = {"--law": Option(f"only {DEFAULT_LAW} (irl: studies/update_law)", "NAME"), **SETTINGS}
+
+
+def game_options() -> Options:
+    """--at, with a design or without, or --model, and the weights."""
+    return {**trims.trim(), **trims.design(), **MODEL, **WEIGHTS}
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,102 +99,63 @@ class NamedGame:
         return {"plant": self.origin, **origin, **named, "delta": delta, "warnings": list(self.warnings)}
 
 
-def add_game(parser: argparse.ArgumentParser) -> None:
-    """--dihedral, with a design or without, or --model, and the weights."""
-    options.add_condition(parser, dihedral_required=False)
-    options.add_own(parser)
-    options.add_aircraft(parser)
-    about = f"a plant of your own: A, B, optionally E, Q, R ({' '.join(MATRIX_FILES)})"
-    options.add_design(parser)
-    add_value(parser, "--model", input_file(*MATRIX_FILES), "FILE", about)
-    add_weights(parser)
-
-
-def add_weights(parser: argparse.ArgumentParser) -> None:
-    """--delta, --Q, --R."""
-    about = "disturbance weight, inf for none; default: the paper's 200"
-    add_value(parser, "--delta", disturbance_weight, "NUMBER", about)
-    for name in ("Q", "R"):
-        diagonal = parsed(partial(parse_diagonal, name))
-        add_value(parser, f"--{name}", diagonal, "a,b,...", f"diagonal of {name}; default: the paper's")
-
-
-def weights_of(arguments: argparse.Namespace, state_units: tuple[str, ...] = LINEAR_UNITS) -> dict[str, Any]:
-    """Changes of the published game that the options name; Q, typed in `unit_in_force`, in these units."""
+def weights_of(arguments: argparse.Namespace, state_units: tuple[str, ...] = ()) -> dict[str, Any]:
+    """Changes of the usual game that the options name; Q, typed in the units in force, in these units."""
     found = {name: value for name in ("Q", "R", "delta") if (value := getattr(arguments, name)) is not None}
     if "Q" in found and len(found["Q"]) == len(state_units):
         found["Q"] = entries_in_force(found["Q"], (state_units, 1), (state_units, 1))
     return found
 
 
+def game_on(arguments: argparse.Namespace, model: LinearModel) -> Game:
+    """The usual game on a linear model, with the weights that the options change."""
+    return usual_game(model.point.model, model.A, model.B, **weights_of(arguments, model.state_units))
+
+
 def game_of(arguments: argparse.Namespace, found: dict[str, Any] | None = None) -> NamedGame:
     """The game that the options name; found: what has been read of --model already."""
-    if OWN.get() is not None and arguments.model is None:
-        return _game_of_own(arguments)
-    if (arguments.model is None) == (arguments.dihedral is None):
-        raise BadInputError("name the plant: either --dihedral DEG or --model FILE")
     if arguments.model is not None:
-        refuse_of_the_aircraft(arguments)
-        game, notes, names, provenance = stored_game(arguments.model, found=found, **weights_of(arguments))
-        n, m = game.B.shape
-        plain = {"states": numbered("x", n), "inputs": numbered("u", m), "state_units": ("",) * n}
-        labels = plain | {"input_units": ("",) * m} | names
-        return NamedGame(game, **labels, origin=str(arguments.model), warnings=notes, plant_provenance=provenance)
-    aircraft = options.aircraft_of(arguments)
-    point = options.operating_point_of(arguments, aircraft)
-    model = linearize(aircraft, point)
-    origin = f"the aircraft at dihedral {math.degrees(arguments.dihedral):g} deg, {aircraft.variant.name} dynamics"
+        return _game_of_file(arguments, found)
+    if OWN.get() is None and arguments.at is None:
+        raise BadInputError("name the plant: either --dihedral DEG or --model FILE")
+    aircraft = trims.aircraft_of(arguments)
+    point = trims.point_of(arguments, aircraft)
+    model, own = linearize(aircraft, point), aircraft.model
+    warnings, origin = (*point.warnings, *model.kinks), own.name
+    if arguments.aircraft is None:
+        origin = f"the aircraft {at_scheduled(point)}, {own.title}"
+    elif len(changed := weights_of(arguments)) < 3:
+        missing = [name for name in ("Q", "R", "delta") if name not in changed]
+        warnings += (
+            f"{' and '.join(missing)} not given: Q, R are 1/nominal^2 on the diagonal, delta is inf (no disturbance)",
+        )
     if arguments.design is not None:
         built = design_model(aircraft, model, arguments.design)
-        return _designed(built, origin, weights_of(arguments, built.state_units))
-    game = published_game(model.A, model.B, **weights_of(arguments))
-    units = model.state_units, model.input_units
-    flown = partial(_about_trim, aircraft.model, model)
-    return NamedGame(game, model.states, model.inputs, *units, origin, tuple(point.warnings), nonlinear=flown)
+        with said_of(f"design {built.design.name}"):
+            game = replace(built.game(), **weights_of(arguments, built.state_units))
+        names = built.states, built.inputs, built.state_units, built.input_units
+        return NamedGame(game, *names, f"design {built.design.name} of {origin}", tuple(point.warnings), built)
+    names = model.states, model.inputs, model.state_units, model.input_units
+    return NamedGame(game_on(arguments, model), *names, origin, warnings, nonlinear=partial(_about_trim, own, model))
+
+
+def _game_of_file(arguments: argparse.Namespace, found: dict[str, Any] | None) -> NamedGame:
+    """The game of --model."""
+    refuse_of_the_aircraft(arguments)
+    game, notes, names, provenance = stored_game(arguments.model, found=found, **weights_of(arguments))
+    n, m = game.B.shape
+    plain = {"states": numbered("x", n), "inputs": numbered("u", m), "state_units": ("",) * n}
+    labels = plain | {"input_units": ("",) * m} | names
+    return NamedGame(game, **labels, origin=str(arguments.model), warnings=notes, plant_provenance=provenance)
 
 
 def refuse_of_the_aircraft(arguments: argparse.Namespace) -> None:
     """BadInputError where an option of the aircraft comes with --model."""
-    of_the_aircraft: tuple[str, ...] = (*options.OF_THE_TRIM, "parameters", "design")
-    of_the_aircraft += ("units",) * hasattr(arguments, "units")
-    of_the_aircraft += ("dynamics",) * (arguments.dynamics != options.DEFAULT_DYNAMICS)
-    options.refuse(arguments, of_the_aircraft, "belongs to the aircraft; leave it out with --model")
-
-
-def _game_of_own(arguments: argparse.Namespace) -> NamedGame:
-    """The game on the linear model of the user's own aircraft, its weights by nominal values unless given.
-
-    Of the unsteady dynamics it is the paper's game, with weight 0 on the lag states.
-    """
-    what = "--dynamics unsteady" if arguments.aircraft is None else "--aircraft"
-    options.refuse(arguments, ("model",), f"does not go with {what}; leave one out")
-    own = options.own_of(arguments)
-    assert own is not None
-    model = linearize(own, options.operating_point_of(arguments, own))
-    if arguments.design is not None:
-        built = design_model(own, model, arguments.design)
-        return _designed(built, own.title, weights_of(arguments, built.state_units))
-    units, warnings = (model.state_units, model.input_units), (*model.point.warnings, *model.kinks)
-    if arguments.aircraft is None:
-        origin = f"the aircraft at dihedral {math.degrees(model.point.states.dihedral):g} deg, {own.title}"
-        return NamedGame(game_on(arguments, model), model.states, model.inputs, *units, origin, warnings)
-    missing = [name for name in ("Q", "R", "delta") if name not in weights_of(arguments, model.state_units)]
-    note = f"{' and '.join(missing)} not given: Q, R are 1/nominal^2 on the diagonal, delta is inf (no disturbance)"
-    notes = (*warnings, *[note] * bool(missing))
-    return NamedGame(
-        game_on(arguments, model),
-        model.states,
-        model.inputs,
-        *units,
-        own.name,
-        notes,
-        nonlinear=partial(_about_trim, own, model),
-    )
-
-
-def game_on(arguments: argparse.Namespace, model: LinearModel) -> Game:
-    """The usual game on a linear model, with the weights that the options change."""
-    return usual_game(model.point.model, model.A, model.B, **weights_of(arguments, model.state_units))
+    if arguments.at is not None:
+        raise BadInputError("name the plant: either --dihedral DEG or --model FILE")
+    of_the_aircraft: tuple[str, ...] = ("aircraft", *trims.OF_THE_TRIM, "parameters", "design", "units")
+    of_the_aircraft += ("dynamics",) * (arguments.dynamics != trims.DEFAULT_DYNAMICS)
+    trims.refuse(arguments, of_the_aircraft, "belongs to the aircraft; leave it out with --model")
 
 
 def _about_trim(model: Model, linear: LinearModel) -> ca.Function:
@@ -170,10 +168,44 @@ def _about_trim(model: Model, linear: LinearModel) -> ca.Function:
     return ca.Function("plant", [z, u], [rates[[list(model.states).index(name) for name in linear.states]]])
 
 
-def _designed(built: DesignModel, origin: str, changes: dict[str, Any]) -> NamedGame:
-    """The game of a design model, with the weights that the options change."""
-    with said_of(f"design {built.design.name}"):
-        game = replace(built.game(), **changes)
-    names = built.states, built.inputs, built.state_units, built.input_units
-    where = f"design {built.design.name} of {origin}"
-    return NamedGame(game, *names, where, tuple(built.model.point.warnings), built)
+# Learning.
+
+
+def law_of(arguments: argparse.Namespace, *more: str) -> str:
+    """The law that the options name: the learning one, or one of the others."""
+    from controller.laws.certified import known_law
+
+    return known_law(DEFAULT_LAW if arguments.law is None else str(arguments.law), (*more, DEFAULT_LAW))
+
+
+def law_settings(arguments: argparse.Namespace) -> dict[str, Any]:
+    """The --set words, each converted to the kind of value that its setting has."""
+    from controller.laws.certified import CertifiedSettings
+
+    kinds = {field.name: str(field.type) for field in fields(CertifiedSettings)}
+    result = {}
+    for name, text in (arguments.set or {}).items():
+        refuse_unknown(f"law {DEFAULT_LAW!r} has no setting", name, kinds)
+        try:
+            result[name] = _converted(text, kinds[name])
+        except argparse.ArgumentTypeError as error:
+            raise BadInputError(f"{name} {error}") from error
+    return result
+
+
+def run_learning(arguments: argparse.Namespace, game: Game) -> LearningResult:
+    """Run the law that the options name."""
+    from controller.laws.certified import learn
+
+    settings = law_settings(arguments)
+    return learn(game, law_of(arguments), arguments.seed or 0, progress=ProgressLine("learn"), **settings)
+
+
+def _converted(text: str, kind: str) -> Any:
+    """The value of a setting whose field is annotated with `kind`, for example "float | tuple[float, ...]"."""
+    if kind.startswith("str"):
+        return text
+    if kind.startswith("int"):
+        return whole(0)(text)
+    values = tuple(number(word) for word in text.split(","))
+    return values[0] if len(values) == 1 and kind.startswith("float") else values

@@ -1,50 +1,64 @@
-"""argparse as `hfa` wants it: one line for each complaint, the unknown option before the missing one."""
+"""argparse as `hfa` wants it: options declared as data, and one line for each complaint."""
 
 from __future__ import annotations
 
 import argparse
-import itertools
 import re
 import sys
 import textwrap
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
 from typing import Any, NoReturn
 
 from hfa_support.errors import BadInputError, shortened
 
-#: Former options, for one release -> the option that says the same, and how its value then begins.
+
+@dataclass(frozen=True)
+class Option:
+    """One option of a command.
+
+    about: its help. form: how help shows its value; "" for a switch. kind: word -> value. named: its words are
+    NAME=VALUE and it may be repeated; kind takes the name and the word, and `alone` is a word in place of all of them.
+    more: further arguments of `add_argument`.
+    """
+
+    about: str
+    form: str = ""
+    kind: Callable[..., Any] = str
+    named: bool = False
+    alone: str | None = None
+    more: Mapping[str, Any] = field(default_factory=dict)
+
+
+#: Names of an option, as in "-o --output" -> what it is.
+Options = Mapping[str, Option]
+
+#: Former options, for one release -> the option that has the same effect, and how its value then begins.
 FORMER = {
-    **{f"--{name}": ("--hold", f"{name}=") for name in ("speed", "altitude", "alpha", "gamma")},
-    "--vary": ("--hold", ""),
-    "--reference": ("--command", ""),
-    "--members": ("--samples", ""),
-    "--over": ("--to", ":"),
-    "--points": ("--to", "::"),
-    "--scheduler": ("--workers", ""),
-    "--table": ("--weights", ""),
-    "--tolerance": ("--limit-error", ""),
-    **dict.fromkeys(("--c", "--fmu", "--matlab"), ("--output", "")),
+    "--predefined-time": ("--set", "predefined_time="),
+    "--activation": ("--set", "activation="),
+    "--scale": ("--set", "scale="),
+    "--features": ("--basis", ""),
+    "--certificate": ("--output", ""),
 }
 
 #: Options that `--help` lists by name only; `--help more` explains them.
 RARE = (
-    "Q R activation at basis condition corners delay disturbance disturbances effectiveness envelope error fault "
-    "features free inputs limit network network-output noise parameters predefined-time quiet resume samples "
-    "scale seed set start step turbulence units workers"
+    "Q R basis condition delay disturbance effectiveness envelope error fault free inputs limit network noise "
+    "parameters quiet resume samples seed set start turbulence units workers"
 )
 
 
-def _in_present_words(words: list[str]) -> Iterator[str]:
+def _in_present_words(words: Iterable[str]) -> Iterator[str]:
     """The words with each former option in the words of this release."""
     rest = iter(words)
     for word in rest:
         option, equals, value = word.partition("=")
-        if option not in FORMER:
+        if option in FORMER:
+            now, begin = FORMER[option]
+            yield from (now, begin + (value if equals else next(rest, "")))
+        else:
             yield word
-            continue
-        now, begin = FORMER[option]
-        yield now
-        yield from (f"{begin}{value}" for value in ([value] if equals else itertools.islice(rest, 1)))
 
 
 class Parser(argparse.ArgumentParser):
@@ -56,11 +70,19 @@ class Parser(argparse.ArgumentParser):
         # "-5:5:1" and "-.5,1" are values too.
         self._negative_number_matcher = re.compile(r"-[\d.]")
 
+    def declare(self, options: Options) -> None:
+        """Add the options."""
+        for names, each in options.items():
+            how: dict[str, Any] = {"type": each.kind, "metavar": each.form} if each.form else {"action": "store_true"}
+            if each.named:
+                how = {"action": _Named, "value": each.kind, "alone": each.alone, "metavar": each.form}
+            self.add_argument(*names.split(), help=each.about, **how, **each.more)
+
     def format_help(self, more: bool = False) -> str:
         """Usage, description and options; without `more` the rare ones by name only."""
         words = {f"--{word}" for word in RARE.split()} if not more else set()
         rare = [each for each in self._actions if words.intersection(each.option_strings)]
-        kept = [(each, each.help) for each in rare]
+        kept = [each.help for each in rare]
         for each in rare:
             each.help = argparse.SUPPRESS
         places = " ".join(f"[{each.metavar or each.dest}]" for each in self._actions if not each.option_strings)
@@ -69,7 +91,7 @@ class Parser(argparse.ArgumentParser):
             text = super().format_help()
         finally:
             self.usage = usage
-            for each, about in kept:
+            for each, about in zip(rare, kept, strict=True):
                 each.help = about
         named = ", ".join(each.option_strings[-1] for each in rare)
         return text + (textwrap.fill(f"more ({self.prog} --help more): {named}", 80) + "\n" if rare else "")
@@ -80,9 +102,8 @@ class Parser(argparse.ArgumentParser):
         for word in words[: words.index("--")] if "--" in words else words:
             option = word.partition("=")[0]
             if option.startswith("--") and option not in self._option_string_actions:
-                raise BadInputError(
-                    unknown(f"option {shortened(option)}", option, self._option_string_actions, self.prog)
-                )
+                known = self._option_string_actions
+                raise BadInputError(unknown(f"option {shortened(option)}", option, known, self.prog))
         # A stray word is named before an option that is missing: `hfa trim 15`.
         required = [action for action in self._actions if action.required]
         for action in required:
@@ -141,25 +162,6 @@ class _Named(argparse.Action):
             setattr(namespace, self.dest, (known or {}) | {name: self._value(name, text)})
         except argparse.ArgumentTypeError as error:
             raise argparse.ArgumentError(self, f"{shortened(name)} {error}") from error
-
-
-def add_value(
-    parser: argparse._ActionsContainer, option: str, kind: Callable[[str], Any], form: str, about: str, **more: Any
-) -> None:
-    """An option with one value. kind: word -> value; form: how `--help` shows the value."""
-    parser.add_argument(option, type=kind, metavar=form, help=about, **more)
-
-
-def add_named(
-    parser: argparse._ActionsContainer,
-    option: str,
-    kind: Callable[[str, str], Any],
-    form: str,
-    about: str,
-    alone: str | None = None,
-) -> None:
-    """A repeatable option whose words name what they are about. kind: name, word -> value; alone: as in `_Named`."""
-    parser.add_argument(option, action=_Named, value=kind, alone=alone, metavar=form, help=about)
 
 
 def unknown(what: str, name: str, known: Iterable[str], program: str) -> str:

@@ -6,9 +6,7 @@ tokens, arrays or bytes of it replaced.
 
 from __future__ import annotations
 
-import argparse
 import contextlib
-import importlib
 import io
 import json
 import random
@@ -27,7 +25,8 @@ import numpy as np
 from cli import Result, hfa, unchecked_hfa
 from game_files import small
 
-from hfa_cli.main import COMMANDS
+from hfa_cli.main import COMMANDS, filled
+from hfa_cli.options.parser import Parser
 from hfa_support.reporting.data_files import SUFFIXES
 
 #: Seconds of the processor that a command may take, unless it announces that it takes long.
@@ -246,8 +245,8 @@ def _hostile_file(name: str, content: bytes, chance: random.Random) -> bytes:
 
 def _hostile_words(chance: random.Random) -> list[str]:
     command, *words = chance.choice(LINES).split()
-    parser = argparse.ArgumentParser(add_help=False)
-    importlib.import_module(f"hfa_cli.commands.{command.replace('-', '_')}").add_arguments(parser)
+    parser = Parser()
+    filled(parser, command)
     more = [name for name in parser._option_string_actions if name != "--workers"]
     for _ in range(chance.randint(1, 3)):
         at = chance.randint(0, len(words))

@@ -1,0 +1,395 @@
+"""Options of a flight: the policy that flies, and what happens; what they name as a law and a `Scenario`."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from controller.flight.actuators import ActuatorFault, Actuators
+from controller.flight.envelope import Envelope, control_limits, flight_envelope
+from controller.flight.gusts import Dryden, Gust, OneMinusCosine
+from controller.flight.plants import UPDRAFT
+from controller.flight.scenario import Scenario, Uncertainty, met_at
+from controller.game.array_file import PlantNames
+from controller.policy import paper_flight
+from controller.policy.signals import CommandedStates, CommandSteps, Harmonic, Signal
+from hfa_cli.options import games, trims
+from hfa_cli.options.argument_types import OWN, Parsed, input_file, model, number, numbers, positive, quantity, span
+from hfa_cli.options.games import MATRIX_FILES
+from hfa_cli.options.parser import Option, Options
+from hfa_cli.output import ProgressLine
+from hfa_model.aircraft import Aircraft
+from hfa_support.errors import BadInputError, refuse_unknown, said_of
+from hfa_support.model import Model, record
+from trim.linear.linear_model import LinearModel, linearize
+from trim.point.operating_point import OperatingPoint
+
+if TYPE_CHECKING:
+    from controller.flight.nonlinear_flight import NonlinearFlight
+    from controller.policy.policies import FlownLaw
+    from hfa_support.reporting.report import Report
+
+#: No law: the commands are of inputs.
+NONE = "none"
+#: In place of NAME=...: what the paper simulates in Section 5 (`controller/policy/paper_flight.py`).
+PAPER = "paper"
+#: How help shows the values of options.
+_COMMAND = "NAME=TIME:VALUE[,TIME:VALUE...]"
+_WAVE = "NAME=CONSTANT[:AMPLITUDE:RAD/S]"
+_GUST, _TURBULENCE = "LENGTH:PEAK[:BEGIN]", "SIGMA:SCALE"
+_ACTUATORS, _FAULT = "LAG:RATE[:ORDER]", "EFFECTIVENESS:BANDWIDTH[:BEGIN]"
+#: What flies in place of a law -> options that then would change nothing.
+_IN_PLACE = {"controller": ("law", "set", "weights", "delta", "Q", "R"), "weights": ("law", "set", "delta", "Q")}
+
+
+def weights(about: str = "use this gain K, or the policy of the critic W or P, instead of a law") -> Options:
+    """--weights."""
+    return {"--weights": Option(f"{about} ({' '.join(MATRIX_FILES)})", "FILE", input_file(*MATRIX_FILES))}
+
+
+def law(*more: str) -> Options:
+    """--law, one of the laws or of `more`, its settings and its game."""
+    about = f"exact, certified{''.join(f', {name}' for name in more)}; default {games.DEFAULT_LAW}"
+    return {"--law": Option(about, "NAME"), **games.SETTINGS, **games.WEIGHTS}
+
+
+CONTROLLER: Options = {
+    "--controller": Option("a scheduled controller of hfa design, instead of a law", "FILE", input_file(".npz"))
+}
+ACTUATORS: Options = {
+    "--actuators": Option(
+        "actuators, s and deg/s, within the trim's control limits; order 1 (default) or 2",
+        _ACTUATORS,
+        numbers(_ACTUATORS, 2, "s", "deg/s", "1"),
+    )
+}
+ENVELOPE: Options = {
+    "--envelope": Option(
+        "other limits of a state, absolute (alpha: through the air); repeatable", "NAME=LOW:HIGH", span, named=True
+    )
+}
+
+
+def commands() -> Options:
+    """--controller and --command."""
+    about = (
+        f"what shall be followed, s and degrees off trim: steps, or {_WAVE}, or `{PAPER}`; with --law {NONE} steps of"
+    )
+    return {
+        **CONTROLLER,
+        "--command": Option(f"{about} inputs; repeatable", _COMMAND, _command, named=True, alone=PAPER),
+    }
+
+
+def scenario(duration: str = "20", *, members: bool = False) -> Options:
+    """What happens in the flight besides a reference; everything is off by default.
+
+    duration: what help calls it. members: --error, --noise and --turbulence are drawn for each member.
+    """
+    states, air = model().linear, (*model().linear, *model().disturbances)
+    wind = model().unit(UPDRAFT) if UPDRAFT in model().disturbances else "ft/s"
+    length = wind.removesuffix("/s")
+    own: Options = {
+        "--error": Option(
+            "factor on a parameter of the simulated aircraft, unknown to the design", "NAME=FACTOR", _number, named=True
+        ),
+        "--noise": _signal("added to what a sensor says", states),
+        "--gust": Option("1-cosine updraft, ft, ft/s and s", _GUST, numbers(_GUST, 2, length, wind, "s")),
+    }
+    drawn: Options = {
+        "--error": Option("relative standard deviation of a parameter", "NAME=DEVIATION", _number, named=True),
+        "--noise": Option(
+            "standard deviation of a sensor, degrees for angles", "NAME=DEVIATION", among(states, quantity), named=True
+        ),
+    }
+    return {
+        "--duration": Option(f"default {duration}", "S", number),
+        "--initial": Option(
+            f"a state off trim at the start, degrees; or `{PAPER}`",
+            "NAME=VALUE",
+            among(tuple(model().states), quantity),
+            named=True,
+            alone=PAPER,
+        ),
+        "--disturbance": _signal("added to the rate of a state, or a disturbance of the model", air),
+        **ACTUATORS,
+        "--fault": Option(
+            "actuators of the surfaces from BEGIN on: share of the command that arrives, bandwidth in rad/s",
+            _FAULT,
+            numbers(_FAULT, 2, "1", "1", "s"),
+        ),
+        "--delay": Option("time by which every command of the policy comes late", "S", number),
+        "--turbulence": Option(
+            "Dryden turbulence, ft/s and ft, from --seed", _TURBULENCE, numbers(_TURBULENCE, 2, wind, length)
+        ),
+        **(drawn if members else own),
+        **ENVELOPE,
+    }
+
+
+def among(names: tuple[str, ...], kind: Callable[[str, str], Parsed]) -> Callable[[str, str], Parsed]:
+    """The kind of the values of some names."""
+
+    def convert(name: str, text: str) -> Parsed:
+        if name not in names:
+            raise argparse.ArgumentTypeError(f"is not among {', '.join(names)}")
+        return kind(name, text)
+
+    return convert
+
+
+def _number(_: str, text: str) -> float:
+    return number(text)
+
+
+def _signal(about: str, names: tuple[str, ...]) -> Option:
+    return Option(f"{about}; or `{PAPER}`", _WAVE, among(names, _constant_or_wave), named=True, alone=PAPER)
+
+
+def _constant_or_wave(name: str, text: str) -> tuple[float, ...]:
+    """(constant,) or (constant, amplitude, rad/s)."""
+    parts = text.split(":")
+    if len(parts) not in (1, 3):
+        raise argparse.ArgumentTypeError(f"is {text!r}; give {name}=CONSTANT or {name}=CONSTANT:AMPLITUDE:RAD/S")
+    try:
+        frequency = [positive(part) for part in parts[2:]]
+    except argparse.ArgumentTypeError as error:
+        raise argparse.ArgumentTypeError(f"frequency {error}") from error
+    return (*(quantity(name, part) for part in parts[:2]), *frequency)
+
+
+def _command(name: str, text: str) -> list[tuple[float, float]] | tuple[float, ...]:
+    """(time, value) pairs, increasing; or a constant or a wave."""
+    if "," not in text and text.count(":") != 1 and name in model().linear:
+        return _constant_or_wave(name, text)
+    pairs = [part.split(":") for part in text.split(",")]
+    if any(len(pair) != 2 for pair in pairs):
+        raise argparse.ArgumentTypeError(f"is {text!r}; give {_COMMAND}")
+    found = [(number(time), quantity(name, value)) for time, value in pairs]
+    if found[0][0] < 0.0 or any(late <= early for (early, _), (late, _) in pairwise(found)):
+        raise argparse.ArgumentTypeError(f"is {text!r}; the times must increase, from 0 on")
+    return found
+
+
+# The policy.
+
+
+def law_of(arguments: argparse.Namespace) -> str:
+    """The law that the options name."""
+    open_loop = hasattr(arguments, "controller") and hasattr(arguments, "command")
+    return games.law_of(arguments, "exact", *[NONE] * open_loop)
+
+
+def seed_of(arguments: argparse.Namespace) -> int:
+    """The seed that the options name."""
+    return 0 if arguments.seed is None else int(arguments.seed)
+
+
+def check_policy(arguments: argparse.Namespace) -> None:
+    """BadInputError for an unknown law, and for options that have no effect on the policy."""
+    law = law_of(arguments)
+    instead = [name for name in _IN_PLACE if trims.given(arguments, name)]
+    for name in instead:
+        trims.refuse(arguments, _IN_PLACE[name], f"changes nothing beside --{name}; leave it out")
+    if law == NONE:
+        trims.refuse(arguments, ("delta", "Q", "R"), f"belongs to a law; leave it out with --law {NONE}")
+    if law != games.DEFAULT_LAW or instead:
+        trims.refuse(arguments, ("set",), f"belongs to a learning law; with --law {law} there is nothing to learn")
+        if not (hasattr(arguments, "samples") or trims.given(arguments, "turbulence")):
+            about = "belongs to a learning law or to --turbulence; here nothing is random"
+            trims.refuse(arguments, ("seed",), about)
+
+
+def flown_law_of(arguments: argparse.Namespace, linear: LinearModel) -> FlownLaw:
+    """The gain that is used: of a file, exact, or learned on the linear model."""
+    from controller.game.basis import basis
+    from controller.game.critic_file import load_critic
+    from controller.policy.learned_gain import learned_value
+    from controller.policy.policies import gain_law
+    from controller.riccati.gare import solve_game
+    from verification.critic.candidate import from_gain, from_stored
+
+    game, law, path = games.game_on(arguments, linear), law_of(arguments), getattr(arguments, "weights", None)
+    if path is None and law == "exact":
+        return gain_law("exact", solve_game(game).K)
+    if path is None:
+        settings = games.law_settings(arguments)
+        return gain_law(law, learned_value(game, law, seed_of(arguments), ProgressLine("learn"), **settings).K)
+    functions = basis("quadratic", len(game.A))
+    stored = load_critic(path, PlantNames(linear.states, linear.inputs, linear.state_units), functions)
+    if stored.W is not None and stored.W.size != functions.size:
+        raise BadInputError(
+            f"{path}: there are {stored.W.size} weights; a simulation takes the {functions.size} of the quadratic basis"
+        )
+    with said_of(path):
+        K = from_stored(game, stored, functions).K if stored.K is None else from_gain(game, stored.K).K
+    return gain_law(f"{'weights' if stored.K is None else 'gain'} of {path}", K)
+
+
+def flight_of(arguments: argparse.Namespace) -> tuple[Aircraft | Model, OperatingPoint, FlownLaw, Scenario, Envelope]:
+    """What flies from where, by which law, through what, within which limits."""
+    check_policy(arguments)
+    aircraft = trims.aircraft_of(arguments)
+    point = trims.point_of(arguments, aircraft)
+    law, happens = _policy_of(arguments, aircraft, point, scenario_of(arguments, point))
+    return aircraft, point, law, happens, flight_envelope(aircraft, point, arguments.envelope)
+
+
+def _policy_of(
+    arguments: argparse.Namespace, aircraft: Aircraft | Model, point: OperatingPoint, happens: Scenario
+) -> tuple[FlownLaw, Scenario]:
+    """What flies: --controller, no law, or a gain; and the scenario with the commands as reference."""
+    from controller.design.scheduled_controller import load_controller
+    from controller.policy.policies import open_loop
+    from controller.policy.servo_policy import servo_law
+
+    given, law = arguments.command or {}, law_of(arguments)
+    stepped = {isinstance(each, list) for each in given.values()} if isinstance(given, dict) else {False}
+    if len(stepped) > 1 or (False in stepped and (arguments.controller is not None or law == NONE)):
+        raise BadInputError(f"--command takes steps here; give {_COMMAND} for each name")
+    steps = _steps_of({} if False in stepped else given)
+    if arguments.controller is not None:
+        if arguments.actuators is None:
+            raise BadInputError("--controller flies behind actuators; add --actuators LAG:RATE")
+        controller = load_controller(arguments.controller, aircraft.model)
+        steps = CommandSteps(steps.names, steps.times, steps.values, *controller.command_filter)
+        follow = CommandedStates(steps, point.model.linear)
+        return servo_law(controller, steps, aircraft, point), replace(happens, reference=follow)
+    if law == NONE:
+        return open_loop(steps, tuple(point.model.inputs), happens.tick, happens.ticks), happens
+    if False in stepped:
+        happens = replace(happens, reference=_signal_of("reference", given, point.model.linear))
+    elif given:
+        for name in steps.names:
+            refuse_unknown("a gain follows no command of", name, point.model.linear)
+        happens = replace(happens, reference=CommandedStates(steps, point.model.linear, filtered=False))
+    return flown_law_of(arguments, linearize(aircraft, point)), happens
+
+
+def _steps_of(given: dict[str, list[tuple[float, float]]]) -> CommandSteps:
+    """The steps of --command on the times of all names."""
+    times = sorted({time for steps in given.values() for time, _ in steps})
+    values = np.zeros((len(times), len(given)))
+    for column, steps in enumerate(given.values()):
+        for time, value in steps:
+            values[times.index(time) :, column] = value
+    return CommandSteps(tuple(given), np.array(times), values)
+
+
+# What happens.
+
+
+def scenario_of(arguments: argparse.Namespace, point: OperatingPoint, duration: float = 20.0) -> Scenario:
+    """The scenario that the options name, about a trim; of members the random quantities of each.
+
+    duration: unless given, s. The tick is 0.01 s, or the longest shorter one of which the delay is a whole number.
+    """
+    duration = duration if arguments.duration is None else arguments.duration
+    delay, own, disturbed = arguments.delay or 0.0, point.model, arguments.disturbance or {}
+    if delay and not 0.0 < delay < duration:
+        raise BadInputError(f"--delay is {delay:g} s; it must lie between 0 and the duration")
+    air = [name for name in disturbed if name in own.disturbances] if isinstance(disturbed, dict) else []
+    common = Scenario(
+        duration=duration,
+        tick=math.gcd(10, round(1000.0 * delay)) / 1000.0,
+        initial=_initial_of(arguments.initial, own),
+        disturbance=_signal_of(
+            "disturbance",
+            {name: each for name, each in disturbed.items() if name not in air}
+            if isinstance(disturbed, dict)
+            else disturbed,
+            own.linear,
+        ),
+        actuators=actuators_of(arguments),
+        delay=delay,
+        air={name: _signal_of("", {name: disturbed[name]}, (name,)) for name in air},
+    )
+    errors, noise = arguments.error or {}, arguments.noise or {}
+    if hasattr(arguments, "samples"):
+        return replace(common, uncertainty=Uncertainty(errors, noise, arguments.turbulence)).on(own)
+    noise = _signal_of("noise", noise, own.linear)
+    return replace(common, noise=noise, errors=errors, gust=_gust(arguments, point, common)).on(own)
+
+
+def _gust(arguments: argparse.Namespace, point: OperatingPoint, happens: Scenario) -> Gust | None:
+    if arguments.gust is not None and arguments.turbulence is not None:
+        raise BadInputError("--gust and --turbulence do not go together; give one of them")
+    if arguments.gust is not None:
+        length, peak, begin = (*arguments.gust, 0.0)[:3]
+        if not 0 <= begin < happens.duration:
+            raise BadInputError(f"--gust begins at {begin:g} s; the flight lasts from 0 to {happens.duration:g} s")
+        return OneMinusCosine(length, peak, met_at(point), begin)
+    if arguments.turbulence is not None:
+        intensity, scale = arguments.turbulence
+        return Dryden(intensity, scale, met_at(point), happens.tick, happens.ticks, seed_of(arguments))
+    return None
+
+
+def _initial_of(given: dict[str, float] | str | None, own: Model) -> np.ndarray:
+    """What --initial says as a deviation from trim, (n,)."""
+    if isinstance(given, str):
+        _refuse_paper(own)
+        given = dict(zip(own.linear, paper_flight.INITIAL.tolist(), strict=True))
+    return np.array([(given or {}).get(name, 0.0) for name in own.states])
+
+
+def _signal_of(what: str, given: dict[str, tuple[float, ...]] | str, names: tuple[str, ...]) -> Signal:
+    """What the option of a signal says of these names: constants, and a sine with its frequency for some."""
+    if isinstance(given, str):
+        _refuse_paper(model())
+        paper = {"reference": paper_flight.REFERENCE, "disturbance": paper_flight.DISTURBANCE}
+        return paper.get(what, paper_flight.NOISE)
+    constant, harmonics = np.zeros(len(names)), []
+    for name, (value, *wave) in given.items():
+        index = names.index(name)
+        constant[index] = value
+        if wave:
+            sine = np.zeros(len(names))
+            sine[index], frequency = wave
+            harmonics.append(Harmonic(frequency, sine, np.zeros(len(sine))))
+    return Signal(constant, np.zeros(len(names)), tuple(harmonics))
+
+
+def _refuse_paper(own: Model) -> None:
+    if OWN.get() is not None:
+        raise BadInputError(f"`{PAPER}` stands for signals of the HFA; name those of {own.name}")
+
+
+def actuators_of(arguments: argparse.Namespace) -> Actuators | None:
+    """The actuators that the options name, None without them: of the surfaces, inputs in rad or deg, with that rate."""
+    fault = getattr(arguments, "fault", None)
+    if arguments.actuators is None:
+        if fault is not None:
+            raise BadInputError("--fault belongs to --actuators; give both")
+        return None
+    lag, degrees_per_second, order = (*arguments.actuators, 1.0)[:3]
+    if degrees_per_second <= 0:
+        raise BadInputError(f"--actuators rate is {degrees_per_second:g} deg/s; it must be positive")
+    own = model()
+    rates = {"rad": math.radians(degrees_per_second), "deg": degrees_per_second}
+    surfaces = tuple(name for name, each in own.inputs.items() if each.unit in rates)
+    effectiveness, bandwidth, begin = (*(fault or (1.0, 1.0)), 0.0)[:3]
+    faults = [] if fault is None else [ActuatorFault(begin, effectiveness, bandwidth, inputs=surfaces)]
+    values: Any = record(tuple(own.inputs))
+    lowest, highest = (values(*ends.tolist()) for ends in control_limits(own))
+    fastest = values(*(rates.get(each.unit, math.inf) for each in own.inputs.values()))
+    lags = values(*[lag] * len(own.inputs))
+    return Actuators(lags, lowest, highest, fastest, order=int(order), faults=tuple(faults))
+
+
+def tell_flight(
+    result: NonlinearFlight, report: Report, points: list[OperatingPoint], arguments: argparse.Namespace
+) -> int:
+    """Draw, print and write a flight; the exit code, 1 when it did not stay within its limits."""
+    from hfa_cli.output import draw, tell
+    from verification.flights.flight_figures import flight_figure
+
+    draw(arguments.picture, lambda: flight_figure(result, report.title))
+    tell(report, points, arguments, arguments.output, result.history())
+    return 0 if result.within_limits else 1
