@@ -6,8 +6,8 @@ value of its present policies u = -K z, d = L z to all samples,
     (dpsi/dz)' W (F - B K z + E L z) = -z'(Q + K'R K - delta² L'L) z,
 
 and goes a tenth of the way there. The aircraft at 5 deg is stable by itself, so that W = 0 is a start. With
-np.savez("mine.npz", **run.history) the same check is `hfa verify --dihedral 5 --weights mine.npz --predefined-time 15`.
-Run it with .venv/bin/python; it prints
+np.savez("mine.npz", **run.history) the same check is `hfa verify --dihedral 5 --weights mine.npz --set
+predefined_time=15`. Run it with .venv/bin/python; it prints
 
     PASS by the error limit 1e-06: exact within 1e-06, stabilizing, no cost lost, L2 gain 148.9 (delta 200)
     the largest error stays within 1e-06 from 18.3 s on

@@ -1,7 +1,7 @@
 """Fit a neural network to the exact game at 15 deg, without torch: CasADi for the gradient, SciPy's L-BFGS.
 
     python examples/train_a_network.py critic.npz --of V --hidden 32,32
-    hfa verify --dihedral 15 --weights critic.npz --activation tanh --scale 0.142857142857,10,10,10,10,10
+    hfa verify --dihedral 15 --weights critic.npz --set activation=tanh --set scale=0.142857142857,10,10,10,10,10
 
 The network takes z_i / b_i, b the half widths of the box of states, and fits V and dV/dz (`--of V`), dV/dz or u.
 """

@@ -55,7 +55,16 @@ def test_trim_json() -> None:
 
 
 def test_degrees_go_in_and_radians_come_out() -> None:
-    words = ("--dihedral", "10", "--gamma", "-1.5", "--hold", "aileron_center=2", "--limit", "elevator_outer=-25:25")
+    words = (
+        "--dihedral",
+        "10",
+        "--hold",
+        "gamma=-1.5",
+        "--hold",
+        "aileron_center=2",
+        "--limit",
+        "elevator_outer=-25:25",
+    )
     point = answer("trim", *words)["operating_point"]
     assert point["states"]["dihedral"] == pytest.approx(np.radians(10.0), rel=1e-15)
     assert point["states"]["pitch"] - point["states"]["alpha"] == pytest.approx(np.radians(-1.5), rel=1e-12)
@@ -89,7 +98,7 @@ def test_linearize_json_keeps_the_contract() -> None:
     for mode in data["modes"]:
         assert np.abs(eigenvalues - complex(*mode["eigenvalue"])).min() < 1e-9
     assert sum(2 if mode["eigenvalue"][1] else 1 for mode in data["modes"]) == 6
-    assert "printed" not in answer("linearize", "--dihedral", "15", "--speed", "70")
+    assert "printed" not in answer("linearize", "--dihedral", "15", "--hold", "speed=70")
 
 
 def test_sweep_text_and_json() -> None:
@@ -109,7 +118,7 @@ def test_sweep_text_and_json() -> None:
 
 
 def test_sweep_in_two_variables_runs_the_last_one_fastest() -> None:
-    data = answer("sweep", "--dihedral", "0,10", "--speed", "64:72:4")
+    data = answer("sweep", "--dihedral", "0,10", "--hold", "speed=64:72:4")
     assert (data["variables"], data["variable_units"]) == (["dihedral", "speed"], ["rad", "ft/s"])
     expected = [(dihedral, speed) for dihedral in (0, 10) for speed in (64, 68, 72)]
     np.testing.assert_allclose(np.array(data["values"]) * [180 / np.pi, 1], expected, atol=1e-12)
@@ -119,7 +128,7 @@ def test_sweep_in_two_variables_runs_the_last_one_fastest() -> None:
 
 def test_sweep_keeps_failed_points_as_rows(tmp_path: Path) -> None:
     table = tmp_path / "sweep.csv"
-    data = answer("sweep", "--dihedral", "0", "--speed", "20,68", "-o", str(table))
+    data = answer("sweep", "--dihedral", "0", "--hold", "speed=20,68", "-o", str(table))
     assert data["reasons"][0].startswith("no trim")
     assert data["reasons"][1] == ""
     assert {value for row in data["A"][0] for value in row} == {None}
@@ -128,7 +137,7 @@ def test_sweep_keeps_failed_points_as_rows(tmp_path: Path) -> None:
     assert len(rows) == 3, "the header, and a row a point"
     assert ",failed," in rows[1]
     assert ",trimmed," in rows[2]
-    said = text("sweep", "--dihedral", "0", "--speed", "20,68")
+    said = text("sweep", "--dihedral", "0", "--hold", "speed=20,68")
     assert "1 of 2 points trimmed" in said
     assert re.search(r"^0 +20( +-)+$", said, re.M)
     assert "20: no trim" in said

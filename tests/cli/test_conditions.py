@@ -17,7 +17,7 @@ TRIMMING = {"trim": (), "linearize": (), "solve": (), "learn": (), "verify": ()}
 
 def test_it_matters_which_variable_is_held() -> None:
     """At 10 deg and 60 ft/s: alpha held as in the paper, or free with the outer aileron at 0."""
-    words = ("--dihedral", "10", "--speed", "60")
+    words = ("--dihedral", "10", "--hold", "speed=60")
     held, free = (
         answer("linearize", *words),
         answer("linearize", *words, "--free", "alpha", "--hold", "aileron_outer=0"),
@@ -33,7 +33,7 @@ def test_it_matters_which_variable_is_held() -> None:
 def test_every_command_takes_the_condition(command: str, tmp_path: Path) -> None:
     """A condition that cannot be trimmed is refused by each: so each has used it."""
     rest = TRIMMING[command]
-    words = ("--dihedral", "10", *rest, "--speed", "60", "--free", "alpha", "--hold", "aileron_outer=0.5")
+    words = ("--dihedral", "10", *rest, "--hold", "speed=60", "--free", "alpha", "--hold", "aileron_outer=0.5")
     assert hfa(command, *words).code == 0
     refused = hfa(command, *words, "--limit", "throttle=0:5")
     assert (refused.code, refused.out) == (1, "")
@@ -48,24 +48,24 @@ def test_every_command_takes_the_condition(command: str, tmp_path: Path) -> None
 
 
 def test_a_held_alpha_that_is_in_the_way_is_said() -> None:
-    refused = hfa("solve", "--dihedral", "10", "--speed", "50")
+    refused = hfa("solve", "--dihedral", "10", "--hold", "speed=50")
     assert refused.code == 1
     assert refused.err.rstrip().endswith("alpha is held at 2.8 deg, free it trims at 5.21893 deg: add --free alpha")
-    given = hfa("trim", "--dihedral", "10", "--speed", "50", "--alpha", "2")
+    given = hfa("trim", "--dihedral", "10", "--hold", "speed=50", "--hold", "alpha=2")
     assert given.err.rstrip().endswith("leave --hold alpha out and add --free alpha")
-    assert hfa("trim", "--dihedral", "10", "--speed", "50", "--free", "alpha").code == 0
-    hopeless = hfa("trim", "--dihedral", "10", "--speed", "5", "--altitude", "60000")
+    assert hfa("trim", "--dihedral", "10", "--hold", "speed=50", "--free", "alpha").code == 0
+    hopeless = hfa("trim", "--dihedral", "10", "--hold", "speed=5", "--hold", "altitude=60000")
     assert "alpha is held" not in hopeless.err
 
 
-GRID = ("--gamma=-2:2:2", "--dihedral", "0:20:10")
+GRID = ("--hold", "gamma=-2:2:2", "--dihedral", "0:20:10")
 ALPHA_FREE = ("--free", "alpha", "--hold", "aileron_outer=0")
 
 
 @pytest.mark.parametrize(
     "words",
     [
-        ("--gamma", "1"),
+        ("--hold", "gamma=1"),
         ALPHA_FREE,
         ("--free", "gamma", "--hold", "throttle=20"),
         ("--limit", "elevator_outer=-2:2"),

@@ -142,7 +142,7 @@ def test_a_job_that_filled_the_disk_goes_on_when_there_is_room(
     [
         ("learn --dihedral 15 -o a.npz", 4),
         pytest.param("trim --dihedral 15 --picture a.png", 4, marks=pytest.mark.slow),
-        ("export --dihedral 15 --c folder", 12),  # room for the header, not for the rest
+        ("export --dihedral 15 -o folder", 12),  # room for the header, not for the rest
     ],
 )
 def test_a_result_that_the_disk_has_no_room_for_is_not_there(small_disk: Path, words: str, left: int) -> None:

@@ -23,8 +23,8 @@ COMMANDS = {
     "linearize": ("linearize", "--dihedral", "11.1"),
     "full": ("linearize", "--dihedral", "11.1", "--states", ",".join(STATES), "--dynamics", "newton"),
     "sweep": ("sweep", "--dihedral", "0:20:4"),
-    "failing": ("sweep", "--dihedral", "0", "--speed", "20,68"),
-    "plane": ("sweep", "--dihedral", "0:20:10", "--speed", "66,70"),
+    "failing": ("sweep", "--dihedral", "0", "--hold", "speed=20,68"),
+    "plane": ("sweep", "--dihedral", "0:20:10", "--hold", "speed=66,70"),
     "regenerate": ("regenerate",),
 }
 

@@ -14,7 +14,7 @@ from controller import save_controller
 from hfa_model import Aircraft
 from studies.servo.simvfa import reference_servo
 
-FLY = ("fly", "--dihedral", "11", "--step", "0.01", "--duration", "5")
+FLY = ("fly", "--dihedral", "11", "--duration", "5")
 FLOWN = (*FLY, "--controller", "servo.npz", "--actuators", "0.5:60", "--command", "dihedral=1:1")
 
 
@@ -56,7 +56,7 @@ def test_a_controller_flies_its_commands_and_says_what_it_missed() -> None:
         (("--command", "vertical_acceleration_short_period=1"), "give NAME=TIME:VALUE"),
         (("--command", "vertical_acceleration_short_period=2:1,1:0"), "the times must increase"),
         (("--law", "exact"), "--law changes nothing beside --controller"),
-        (("--command", "dihedral=1"), "takes steps; give NAME=TIME:VALUE"),
+        (("--command", "dihedral=1"), "takes steps here; give NAME=TIME:VALUE"),
     ],
 )
 def test_controllers_that_do_not_fit_are_refused(words: tuple[str, ...], named: str) -> None:
@@ -74,8 +74,6 @@ def test_members_follow_commands_behind_failing_actuators() -> None:
         "2",
         "--samples",
         "3",
-        "--step",
-        "0.01",
     )
     noisy = ("--noise", "dihedral=0.01", "--turbulence", "0.01:1750", "--command", "dihedral=0:1")
     data = [

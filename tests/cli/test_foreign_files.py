@@ -20,7 +20,7 @@ _LEARNED = ("residual_norm", "law_residual_norm")
 TABLES = {
     "linearize --dihedral 10 --outputs load_factor,gamma": (),
     "sweep --dihedral 0:10:5": (),
-    "sweep --dihedral 5,60 --alpha 1,2 --game": ("delta_min", "disk_margin", "gain_margin"),
+    "sweep --dihedral 5,60 --hold alpha=1,2 --game": ("delta_min", "disk_margin", "gain_margin"),
     "trim --dihedral 10": (),
     "regenerate": _ENTRIES,
     "validate": _ENTRIES,

@@ -10,7 +10,9 @@ import pytest
 from cli import answer, hfa
 from game_files import AT_15
 
-from hfa_model import INPUTS, LINEAR_STATES, STATES
+from hfa_model import INPUTS, LINEAR_STATES, STATES, Aircraft
+from hfa_model.aircraft import HFA
+from trim import find_operating_point, level_flight, linearize
 
 CHOSEN = ("--outputs", "load_factor,dihedral", "--inputs", "elevator_center,throttle", "--states", "dihedral,alpha")
 
@@ -20,10 +22,10 @@ def test_without_names_every_state_is_an_output() -> None:
     assert (data["outputs"], data["output_units"]) == (data["states"], data["state_units"])
     np.testing.assert_array_equal(data["C"], np.eye(6))
     np.testing.assert_array_equal(data["D"], np.zeros((6, 5)))
-    assert (data["disturbances"], data["disturbance_units"]) == (["updraft"], ["ft/s"])
-    assert (np.shape(data["E"]), data["F"]) == ((6, 1), [[0.0]] * 6)
+    assert (data["disturbances"], set(data["disturbance_units"])) == (list(HFA.disturbances), {"ft/s"})
+    assert (np.shape(data["E"]), data["F"]) == ((6, 7), [[0.0] * 7] * 6)
     full = answer("linearize", *AT_15, "--states", ",".join(STATES))
-    assert (full["outputs"], np.shape(full["E"]), np.shape(full["C"])) == (full["states"], (7, 1), (7, 7))
+    assert (full["outputs"], np.shape(full["E"]), np.shape(full["C"])) == (full["states"], (7, 7), (7, 7))
     assert "C  " not in hfa("linearize", *AT_15).out
 
 
@@ -55,21 +57,15 @@ def test_the_text_and_the_csv_show_C_and_D_when_outputs_were_asked_for() -> None
     assert len(rows) == 4 + 4 + 4 + 4 + 2 + 2
 
 
-def test_winds_are_columns_with_names() -> None:
-    winds = ("--disturbances", "updraft,headwind_outer")
-    data = answer("linearize", *AT_15, *CHOSEN, *winds)
-    assert (data["disturbances"], data["disturbance_units"]) == (["updraft", "headwind_outer"], ["ft/s"] * 2)
-    assert (np.shape(data["E"]), np.shape(data["F"])) == ((2, 2), (2, 2))
-    default = answer("linearize", *AT_15, *CHOSEN)
-    np.testing.assert_array_equal(np.array(data["E"])[:, :1], default["E"])
-    text = hfa("linearize", *AT_15, *winds, "-o", "model.csv").out
-    assert "x' = A x + B u + E w" in text
-    assert "E              updraft  headwind_outer" in text
-    assert "E  " not in hfa("linearize", *AT_15).out
-    assert "E,speed,headwind_outer" in Path("model.csv").read_text(encoding="utf-8")
-    hfa("linearize", *AT_15, *winds, "-o", "model.npz")
+def test_every_file_has_the_columns_of_all_winds(published_aircraft: Aircraft) -> None:
+    assert "E  " not in hfa("linearize", *AT_15, *CHOSEN, "-o", "model.npz").out
+    point = find_operating_point(published_aircraft, level_flight(np.radians(15.0)))
+    winds = tuple(HFA.disturbances)
+    model = linearize(published_aircraft, point, full=True, outputs=("load_factor", "dihedral"), disturbances=winds)
     with np.load("model.npz") as stored:
-        assert (stored["E"].shape, stored["disturbances"].tolist()) == ((6, 2), ["updraft", "headwind_outer"])
+        assert tuple(stored["disturbances"]) == winds
+        np.testing.assert_array_equal(stored["E"], model.E[[STATES.index(name) for name in ("dihedral", "alpha")]])
+        np.testing.assert_array_equal(stored["F"], model.F)
 
 
 @pytest.mark.parametrize("suffix", ["json", "npz", "mat"])

@@ -53,7 +53,7 @@ def test_a_report_of_one_point_says_it_itself(command: str) -> None:
 def test_a_free_dihedral_says_what_the_angle_given_is_for(tmp_path: Path) -> None:
     words = ("trim", "--dihedral", "10", "--free", "dihedral", "--hold", "aileron_outer=2")
     saved = tmp_path / "at.json"
-    assert hfa(*words, "-o", str(saved)).err == "hfa: note: dihedral is free: the search begins at --dihedral 10\n"
+    assert hfa(*words, "-o", str(saved)).err == "hfa: note: dihedral is free: the search begins at --dihedral 10 deg\n"
     again = hfa(*words, "--start", str(saved))
     assert again.err == "hfa: note: dihedral is free: the search begins at --start\n"
 
@@ -72,7 +72,7 @@ def test_quiet_says_no_note_and_no_progress_but_errors() -> None:
     for quiet in ("-q", "--quiet"):
         terminal = Terminal()
         assert hfa(*words, quiet, err=terminal) == hfa(*words)._replace(err="")
-    refused = hfa("trim", "--quiet", "--dihedral", "15", "--speed", "20")
+    refused = hfa("trim", "--quiet", "--dihedral", "15", "--hold", "speed=20")
     assert (refused.code, refused.out, refused.err[:13]) == (1, "", "hfa: no trim:")
 
 

@@ -13,16 +13,16 @@ import numpy as np
 import pytest
 from cli import assert_refused, hfa
 
-from hfa_cli import progress
+from hfa_cli import output
 from hfa_cli.main import COMMANDS
-from hfa_cli.options.argument_types import angle, quantity
+from hfa_cli.options.argument_types import quantity
 from hfa_cli.options.ranges import array_of, value_range
-from hfa_cli.progress import ProgressLine
+from hfa_cli.output import ProgressLine
 from trim.sweeps.sweep_plan import Steps
 
 
 def test_degrees_become_radians_and_nothing_else_does() -> None:
-    assert angle("180") == quantity("dihedral", "180") == quantity("pitch_rate", "180") == math.pi
+    assert quantity("dihedral", "180") == quantity("pitch_rate", "180") == math.pi
     assert (quantity("speed", "68"), quantity("panel_mass", "2")) == (68.0, 2.0)
 
 
@@ -37,7 +37,7 @@ def test_what_takes_more_than_a_minute_is_announced_once(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     clock = iter(range(0, 1000, 2))
-    monkeypatch.setattr(progress.time, "monotonic", lambda: float(next(clock)))
+    monkeypatch.setattr(output.time, "monotonic", lambda: float(next(clock)))
     long, short = ProgressLine("fly"), ProgressLine("fly")
     for done in range(1, 10):
         long(done, 183)

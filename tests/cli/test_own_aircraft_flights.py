@@ -64,13 +64,13 @@ def test_a_schedule_over_the_speed_and_a_map_of_two_states(monkeypatch: pytest.M
     monkeypatch.setattr(recoverable_map, "_SCAN", 2)
     monkeypatch.setattr(recoverable_map, "_HALVINGS", 1)
     result = hfa("schedule", "--aircraft", NAVION, "--law", "exact", "--to", "190:20:2", "--duration", "26",
-                 "--step", "0.01", "--json")  # fmt: skip
+                 "--json")  # fmt: skip
     data = json.loads(result.out)
     assert (result.code, data["schedule"]["dihedrals"]) == (0, [176.0, 190.0])
     gains = {"speed": np.array([170.0, 200.0]), "K": np.array(data["schedule"]["gains"])}
     np.savez("gains.npz", **gains)
     same = ("schedule", "--aircraft", NAVION, "--weights", "gains.npz", "--to", "190:20:2", "--duration", "26")
-    assert len(json.loads(hfa(*same, "--step", "0.01", "--json").out)["schedule"]["dihedrals"]) == 2
+    assert len(json.loads(hfa(*same, "--json").out)["schedule"]["dihedrals"]) == 2
     np.savez("gains.npz", **gains | {"speed": np.array([170.0, 180.0])})
     assert_refused(hfa(*same), 2, "the gains cover 170 ft/s to 180 ft/s, not 176 ft/s to 190 ft/s")
     ranges = ("--initial", "speed=-5,5", "--initial", "alpha=-2,0,2", "--command", "speed=-5,5")
@@ -139,14 +139,14 @@ def test_exports_have_its_names() -> None:
         ("fly --initial paper", "`paper` stands for signals of the HFA"),
         ("fly --command flap=1:1", "a gain follows no command of 'flap'"),
         ("fly --law none --command flap=1:1", "there is no law, and no input 'flap'"),
-        ("fly --law none --command speed=1", "takes steps; give NAME=TIME:VALUE"),
+        ("fly --law none --command speed=1", "takes steps here; give NAME=TIME:VALUE"),
         ("fly --law none --delta 100", "belongs to a law"),
-        ("fly --disturbance rain=1", "is not among the states"),
+        ("fly --disturbance rain=1", "rain is not among"),
         ("fly --error mass=1.1", "unknown parameter 'mass'"),
         ("fly --envelope speed=200:300", "the trim has speed 176 ft/s, outside the envelope's"),
-        ("fly --delay 0.0105", "make delay and duration a whole number of steps"),
+        ("fly --delay 0.0105", "make it a whole number of ticks"),
         ("schedule --to 176", "begins and ends at 176 ft/s"),
-        ("schedule --to 190 --dihedral 5", "belongs to the HFA"),
+        ("schedule --to 190 --dihedral 5", "unknown option --dihedral"),
         ("map --initial speed=1", "a map has two states off trim"),
         ("map --law none", "unknown law 'none'"),
     ],

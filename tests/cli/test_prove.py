@@ -43,7 +43,7 @@ def certificates(certificate: Path, tmp_path_factory: pytest.TempPathFactory) ->
         "solution": ("prove", "solution", "--dihedral", "15", "-o"),
         "critic": ("prove", "critic", "--dihedral", "15", str(solved), "-o"),
         "errors": ("prove", "schedule", "--dihedral", "14:14.25", "--error", "1", "-o"),
-        "lpv": ("lpv", "--dihedral", "14:14.0625", "--certificate"),
+        "lpv": ("lpv", "--dihedral", "14:14.0625", "-o"),
     }
     found = {kind: folder / f"{kind}.json" for kind in words}
     for kind, each in words.items():
@@ -87,14 +87,14 @@ def test_a_certificate_is_bound_to_ones_own_data(certificates: dict[str, Path], 
         ((critic, "--delta", "201"), 1),
         ((critic, "--Q", "1,2,3,4,5,6"), 1),
         ((schedule, "--delta", "200"), 2),
-        ((schedule, "--speed", "70"), 2),
+        ((schedule, "--hold", "speed=70"), 2),
     ):
         assert_refused(hfa("prove", "--check", *words), code, "certificate")
 
 
 def test_what_is_checked_is_the_aircraft_of_the_certificate(tmp_path: Path) -> None:
     certificate = str(tmp_path / "newton.json")
-    of_certificate = ("--dynamics", "newton", "--parameters", "gibson-2011-simulation", "--speed", "70")
+    of_certificate = ("--dynamics", "newton", "--parameters", "gibson-2011-simulation", "--hold", "speed=70")
     assert hfa("prove", "solution", "--dihedral", "12", *of_certificate, "-o", certificate).code == 0
     result = hfa("prove", "--check", certificate)
     assert "newton dynamics, parameters gibson-2011-simulation (" in result.out

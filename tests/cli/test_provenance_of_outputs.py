@@ -46,7 +46,7 @@ def test_text_says_which_aircraft(command: str, heavy: Path) -> None:
 
 
 def test_json_has_the_whole_condition(heavy: Path) -> None:
-    words = ("--dihedral", "12", "--speed", "66", "--free", "alpha", "--hold", "aileron_outer=1")
+    words = ("--dihedral", "12", "--hold", "speed=66", "--free", "alpha", "--hold", "aileron_outer=1")
     found = json.loads(hfa("linearize", *words, "--parameters", str(heavy), "--json").out)["provenance"]
     assert found["parameter_hash"] == hash_of(heavy)
     assert found["changed"]["panel_mass"]["value"] == 10.5
@@ -54,7 +54,7 @@ def test_json_has_the_whole_condition(heavy: Path) -> None:
     assert found["condition"]["imposed"]["aileron_outer"] == pytest.approx(np.radians(1.0))
     assert "alpha" in found["condition"]["free"]
     assert set(found["condition"]["limits"]) == set(found["condition"]["free"])
-    assert found["command"].startswith("hfa linearize --dihedral 12 --speed 66")
+    assert found["command"].startswith("hfa linearize --dihedral 12 --hold speed=66")
     assert found["date"] == "2026-09-21T14:13:20Z"
     assert found["dynamics"] == "published"
 

@@ -106,7 +106,7 @@ def test_without_plotly_the_page_is_refused_before_anything_is_computed(
 
 def test_every_angle_is_trimmed_as_asked() -> None:
     """The printed pairs alone stay at the paper's condition."""
-    words = ("--free", "alpha", "--hold", "aileron_outer=0", "--gamma", "1", "--speed", "70")
+    words = ("--free", "alpha", "--hold", "aileron_outer=0", "--hold", "gamma=1", "--hold", "speed=70")
     result = hfa("report", "--dihedral", "12", "--sweep", "10,12", *words, "--json")
     assert result.code == DONE, result.err
     data = json.loads(result.out)

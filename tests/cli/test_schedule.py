@@ -15,7 +15,7 @@ SCHEDULE = ("schedule", "--dihedral", "5", "--to", "15:20:3", "--law", "exact")
 def test_gains_of_a_file_are_flown_as_they_are(tmp_path: Path) -> None:
     """The exact gains from a file fly as the exact law does; one gain for all angles, and others, fly otherwise."""
     exact, flown = (tmp_path / name for name in ("exact.json", "flown.json"))
-    steps = ("--step", "0.01", "--duration", "26")
+    steps = ("--duration", "26")
     result = hfa(*SCHEDULE, *steps, "-o", str(exact))
     assert (result.code, result.err) == (0, "")
     title = "Flight, published dynamics, dihedral 5 deg, to 15 deg over 20 s, law exact, scheduled"
@@ -46,6 +46,6 @@ def test_gains_of_a_file_are_flown_as_they_are(tmp_path: Path) -> None:
 
 
 def test_a_change_that_leaves_the_envelope_exits_with_1() -> None:
-    result = hfa(*SCHEDULE, "--envelope", "dihedral=4:12", "--step", "0.002")
+    result = hfa(*SCHEDULE, "--envelope", "dihedral=4:12")
     assert result.code == 1
     assert "left the envelope: dihedral first" in result.out

@@ -17,7 +17,7 @@ COMMANDS = {
     "trim": ("trim", "--dihedral", "12"),
     "linearize": ("linearize", "--dihedral", "12", "--outputs", "vertical_acceleration,alpha"),
     "solve": ("solve", "--dihedral", "12"),
-    "sweep": ("sweep", "--dihedral", "10", "--speed", "18.288,20.7264", "--game"),
+    "sweep": ("sweep", "--dihedral", "10", "--hold", "speed=18.288,20.7264", "--game"),
     "validate": ("validate",),
 }
 ENGLISH = ("ft", "lbf", "slug")
@@ -63,14 +63,14 @@ def test_matrices_are_similar() -> None:
         ("B", T, np.eye(5)),
         ("C", Y, inverse),
         ("D", Y, np.eye(5)),
-        ("E", T, np.eye(1) / FOOT),
-        ("F", Y, np.eye(1) / FOOT),
+        ("E", T, np.eye(7) / FOOT),
+        ("F", Y, np.eye(7) / FOOT),
     ):
         np.testing.assert_allclose(after[name], left @ np.array(before[name]) @ right, rtol=1e-14, err_msg=name)
     assert (after["state_units"][0], after["output_units"], after["disturbance_units"]) == (
         "m/s",
         ["m/s^2", "rad"],
-        ["m/s"],
+        ["m/s"] * 7,
     )
     assert after["state_offsets"][0] == pytest.approx(68 * FOOT, rel=1e-15)
     np.testing.assert_allclose(
@@ -108,13 +108,13 @@ def test_what_was_written_in_si_is_read(tmp_path: Path) -> None:
 def test_the_trim_that_was_printed_can_be_typed() -> None:
     """A flight in m and m/s: what --units si prints, typed again, is the same trim; in feet it is another."""
     words = ("trim", "--dihedral", "10", "--units", "si", "--free", "alpha")
-    first = answer(*words, "--altitude", "12000", "--speed", "21")["operating_point"]["states"]
+    first = answer(*words, "--hold", "altitude=12000", "--hold", "speed=21")["operating_point"]["states"]
     assert (first["altitude"], first["speed"]) == pytest.approx((12000.0, 21.0))
-    again = answer(*words, "--altitude", str(first["altitude"]), "--hold", f"speed={first['speed']!r}")
+    again = answer(*words, "--hold", f"altitude={first['altitude']!r}", "--hold", f"speed={first['speed']!r}")
     assert again["operating_point"]["states"] == pytest.approx(first, rel=1e-12, abs=1e-12)
     english = answer(
-        "trim", "--dihedral", "10", "--altitude", repr(12000 / FOOT), "--speed", repr(21 / FOOT), *words[5:]
+        "trim", "--dihedral", "10", "--hold", f"altitude={12000 / FOOT!r}", "--hold", f"speed={21 / FOOT!r}", *words[5:]
     )
     assert english["operating_point"]["states"]["alpha"] == pytest.approx(first["alpha"], rel=1e-9)
-    beyond = hfa(*words, "--altitude", "30000")
+    beyond = hfa(*words, "--hold", "altitude=30000")
     assert beyond.code != 0  # m; feet would be within the limits

@@ -13,7 +13,7 @@ from cli import answer, hfa
 from servo_cases import SIMVFA
 
 from hfa_cli.main import COMMANDS
-from hfa_cli.options.shared_options import IN_FEET
+from hfa_cli.options.trims import IN_FEET
 
 FOOT, POUND_FORCE, SLUG = 0.3048, 4.4482216152605, 14.593902937206364
 AT = ("--dihedral", "12")
@@ -22,14 +22,14 @@ FLIGHT = ("--law", "exact", "--duration", "0.5")
 RUNS: dict[str, tuple[str, ...]] = {
     "trim": AT,
     "linearize": (*AT, "--outputs", "vertical_acceleration,alpha"),
-    "sweep": ("--dihedral", "10,12", "--speed", "60ft,68ft", "--game"),
+    "sweep": ("--dihedral", "10,12", "--hold", "speed=60ft,68ft", "--game"),
     "validate": (),
     "solve": (*AT, "--design", SIMVFA["simvfa-1"], "--delta", "inf"),
     "learn": AT,
     "verify": AT,
     "design": ("--design", "servo", "--dihedral", "5,10"),
     "fly": (*AT, *FLIGHT, "--gust", "200ft:5ft", "--command", "speed=0.01ft"),
-    "schedule": ("--dihedral", "5", "--to", "6", "--over", "1", "--points", "2", "--law", "exact", "--duration", "7"),
+    "schedule": ("--dihedral", "5", "--to", "6:1:2", "--law", "exact", "--duration", "7"),
     "map": (
         *AT,
         "--law",
@@ -129,7 +129,7 @@ def test_what_has_a_unit_changes_and_nothing_else(name: str, tmp_path: Path) -> 
         ("fly", *RUNS["fly"], "--picture"),
         pytest.param(("map", *RUNS["map"], "--picture"), marks=pytest.mark.slow),
         ("trim", *AT, "--picture"),
-        ("sweep", "--dihedral", "10", "--speed", "18,20", "--picture"),
+        ("sweep", "--dihedral", "10", "--hold", "speed=18,20", "--picture"),
     ],
     ids=lambda words: words[0],
 )

@@ -20,7 +20,7 @@ LONG: dict[str, tuple[str, ...]] = {
         *("--workers", "2", "-o", "a.zarr"),
     ),
     "monte-carlo": (
-        *("monte-carlo", "--dihedral", "15", "--law", "exact", "--members", "1500", "--duration", "1"),
+        *("monte-carlo", "--dihedral", "15", "--law", "exact", "--samples", "1500", "--duration", "1"),
         *("--workers", "2", "-o", "a.zarr"),
     ),
     "prove": ("prove", "schedule", "--dihedral", "12:15", "-o", "a.json"),

@@ -86,10 +86,10 @@ _TYPED: tuple[Callable[[np.ndarray], Any], ...] = (
 _NAMES = ("A", "B", "E", "Q", "R", "W", "P", "K", "delta", "time", "basis", "states", "schema", "x" * 300, "\x1b[31m")
 
 _AT = ("--dihedral", "15")
-_FLOWN = ("fly", *_AT, "--duration", "0.02", "--step", "0.01")
+_FLOWN = ("fly", *_AT, "--duration", "0.02")
 _PROVED = ("prove", "schedule", "--dihedral", "15:15.001")
 SWEPT = ("sweep", "--dihedral", "5:8:1", "-o", "points.zarr")
-MEMBERS = ("monte-carlo", *_AT, "--law", "exact", "--members", "5", "--duration", "0.1", "-o", "members.zarr")
+MEMBERS = ("monte-carlo", *_AT, "--law", "exact", "--samples", "5", "--duration", "0.1", "-o", "members.zarr")
 CONDITION = """description = "slow"
 free = ["speed"]
 [impose]
@@ -102,8 +102,8 @@ elevator_center_deg = [-30, 30]
 LINES = (
     "trim --dihedral 15 --free speed --hold throttle=40 --limit alpha=-5:15 -o a.json",
     "linearize --dihedral 5 --states alpha,pitch --outputs speed --json",
-    "sweep --dihedral 0:20:10 --alpha 1:2:0.5 -o a.csv",
-    "sweep --dihedral 0:20 --vary panel_mass=0.5:2 --samples 5 --seed 1 -o a.zarr",
+    "sweep --dihedral 0:20:10 --hold alpha=1:2:0.5 -o a.csv",
+    "sweep --dihedral 0:20 --hold panel_mass=0.5:2 --samples 5 --seed 1 -o a.zarr",
     "solve --dihedral 15 --delta 300 --Q 1,1,1,1,1,1 --R 1,1,1,1,1",
     "solve --dihedral 15 --design paper -o a.mat",
     "verify --dihedral 15 --law certified --seed 3 --limit-error 0.1 --limit-cost 5",
@@ -111,13 +111,13 @@ LINES = (
     "fly --dihedral 15 --duration 0.02 --initial speed=1 --gust 25:3:0 --turbulence 1:500 --noise alpha=0.1:1:3",
     "fly --dihedral 15 --duration 0.02 --actuators 0.1:60:2 --fault 0.5:1:0 --error panel_mass=1.1",
     "map --dihedral 15 --envelope alpha=-5:15",
-    "monte-carlo --dihedral 15 --members 3 --duration 0.02 --error panel_mass=0.1 --noise alpha=0.1 -o a.zarr",
-    "schedule --dihedral 15 --to 15.1 --over 0.1 --duration 0.1 --law exact --disturbance alpha=0:0.1:1",
+    "monte-carlo --dihedral 15 --samples 3 --duration 0.02 --error panel_mass=0.1 --noise alpha=0.1 -o a.zarr",
+    "schedule --dihedral 15 --to 15.1:0.1 --duration 0.1 --law exact --disturbance alpha=0:0.1:1",
     "prove solution --dihedral 15",
     "prove --check a.json",
     "lpv --dihedral 10:10.1 --limit-error 0.01 -o a.npz",
     "design --design paper --dihedral 10 -o a.npz",
-    "export --dihedral 15 --c folder",
+    "export --dihedral 15 -o folder",
     "regenerate --dynamics newton --parameters identified --json",
     "validate --units si",
     "report --dihedral 5",

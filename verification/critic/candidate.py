@@ -25,7 +25,7 @@ from hfa_support.errors import BadInputError, numbers_in, said_of, shortened
 from hfa_support.reporting.fields import Shown
 from verification.critic.network_file import COMMON, OUTPUTS, Network, network_in
 
-#: What --features may call and do, and its most letters.
+#: What a list of features may call and do, and its most letters.
 _FUNCTIONS = ("sin", "cos", "tan", "tanh", "exp", "log", "sqrt", "fabs")
 _OPERATIONS: Mapping[type, Callable[[Any, Any], Any]] = {
     ast.Add: operator.add,
@@ -168,7 +168,7 @@ def features_of(text: str, states: int, names: tuple[str, ...] = ()) -> ca.Funct
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in _FUNCTIONS:
             return getattr(ca, node.func.id)(*map(made, node.args))
         said, can = shortened(ast.unparse(node)), f"x1 to x{states}, + - * / ** and {', '.join(_FUNCTIONS)}"
-        raise BadInputError(f"--features: {said!r} is not known; use {can}")
+        raise BadInputError(f"features: {said!r} is not known; use {can}")
 
     try:
         tree = ast.parse(f"({text[:_LONGEST]},)", mode="eval").body
@@ -177,7 +177,7 @@ def features_of(text: str, states: int, names: tuple[str, ...] = ()) -> ca.Funct
     except BadInputError:
         raise
     except Exception as error:  # the parser, Python's floats and CasADi each have their own
-        said = f"--features {shortened(text)!r} is no list of expressions, as in 'x1**2, x1*x2'"
+        said = f"features: {shortened(text)!r} is no list of expressions, as in 'x1**2, x1*x2'"
         raise BadInputError(said) from error
 
 
@@ -199,7 +199,7 @@ def from_network(
     n, m = game.B.shape
     scale = np.ones(n) if scale is None else np.asarray(scale, dtype=float)
     if scale.shape != (n,) or not np.all(np.isfinite(scale) & (scale != 0.0)):
-        raise BadInputError(f"--scale needs {n} numbers other than 0, one for each state")
+        raise BadInputError(f"scale needs {n} numbers other than 0, one for each state")
     functions = basis("quadratic", n) if features is None else features
     count = functions.size if isinstance(functions, Basis) else functions.numel_out(0)
     if isinstance(source, ca.Function):

@@ -108,7 +108,7 @@ def _gelu(x: Any, approximate: str = "none") -> Any:
     return 0.5 * x * (1.0 + ca.erf(x / math.sqrt(2.0)))
 
 
-#: What may stand between the layers of a state dict, by the names of --activation.
+#: What may stand between the layers of a state dict, by the names of `--set activation`.
 ACTIVATIONS: Mapping[str, Callable[..., np.ndarray]] = {
     "tanh": _each(ca.tanh),
     "relu": _each(lambda x: ca.fmax(x, 0.0)),
@@ -311,7 +311,7 @@ def _layered(
     _check_width(width, states)
     if len(layers) > 1 and activation is None:
         choices = "|".join(ACTIVATIONS)
-        raise BadInputError(f"a state dict does not say what is between its layers; give --activation {choices}")
+        raise BadInputError(f"a state dict does not say what is between its layers; give --set activation={choices}")
     between, _, last = (activation or "").partition(",")
     for name in filter(None, (between, last)):
         refuse_unknown("unknown activation", name, ACTIVATIONS)

@@ -154,7 +154,7 @@ def test_commands_refuse_what_overflows(parameter_set: ParameterSet, tmp_path: P
     save_parameters(replace(parameter_set, values=parameter_set.values._replace(lift_slope=1e200)), path, "")
     for command in ("trim", "linearize"):
         assert_refused(hfa(command, "--dihedral", "0", "--parameters", str(path)), 2, WORDS)
-    words = ("trim", "--dihedral", "15", "--limit", "speed=0:1", "--speed", "1e-200")
+    words = ("trim", "--dihedral", "15", "--limit", "speed=0:1", "--hold", "speed=1e-200")
     assert_refused(hfa(*words), 2, WORDS)
 
 

@@ -62,7 +62,7 @@ def test_actors_and_critics_of_one_file_and_of_stable_baselines() -> None:
     first, bias, last, end = value_net.values()
     inside = np.tanh(last @ np.tanh(first @ X[0] + bias) + end)
     assert float(found["V"](X[0])) == pytest.approx(inside.sum() + 1.0, rel=1e-12)
-    words = ("verify", *AT_15, "--weights", "ppo.zip", "--activation", "tanh", "--network")
+    words = ("verify", *AT_15, "--weights", "ppo.zip", "--set", "activation=tanh", "--network")
     assert (
         answer(*words, "V=value_net,policy=policy_net+action_net", code=FAILED)["network"]["output"] == "V and policy"
     )
@@ -136,7 +136,7 @@ FEATURES = ", ".join(["1", *(f"x{i}*x{j}" for i in range(1, 7) for j in range(i,
 
 def test_a_basis_in_words_or_as_a_function_and_a_constant(game: Game) -> None:
     weights = np.append(-3.0, weights_of(value(game)))
-    words = ("verify", *AT_15, "--weights", stored("W.npz", weights=weights), "--features")
+    words = ("verify", *AT_15, "--weights", stored("W.npz", weights=weights), "--basis")
     assert not answer(*words, FEATURES.replace("x1*x1", "sin(speed)**2/1e2"), code=FAILED)["ok"]
     check = check_critic(game, from_weights(game, weights, features_of(FEATURES, 6)), flights=1)
     assert check.ok
@@ -151,7 +151,7 @@ def test_a_basis_in_words_or_as_a_function_and_a_constant(game: Game) -> None:
 
 @pytest.mark.parametrize("text", ["__import__('os')", "x7", "x1.real", "x1 if x1 else x2", "[x1]", "x1**", ""])
 def test_what_is_no_basis_is_refused_and_not_run(text: str) -> None:
-    with pytest.raises(BadInputError, match="--features") as caught:
+    with pytest.raises(BadInputError, match="features") as caught:
         features_of(text, 6)
     assert "\n" not in str(caught.value)
 

@@ -155,7 +155,7 @@ def test_an_almost_linear_tanh_network_passes(game: Game) -> None:
     path = torch_file("actor.pth", tensors)
     assert check_critic(game, from_network(game, path, activation="tanh"), flights=1).ok
     assert not check_critic(game, from_network(game, path, activation="relu"), flights=1).ok
-    for activation, said in ((None, "give --activation tanh|relu"), ("cosh", "unknown activation 'cosh'")):
+    for activation, said in ((None, "give --set activation=tanh|relu"), ("cosh", "unknown activation 'cosh'")):
         with pytest.raises(BadInputError, match=re.escape(said)):
             from_network(game, path, activation=activation)
 
@@ -169,7 +169,7 @@ def test_the_scale_of_the_inputs_counts(game: Game) -> None:
     assert check_critic(game, from_network(game, path, scale=scale), flights=1).ok
     unscaled = check_critic(game, from_network(game, path), flights=1)
     assert "the states look scaled by 7, 0.1, 0.1, 0.1, 0.1, 0.1" in unscaled.diagnosis
-    assert "needs 6 numbers" in hfa("verify", *AT_15, "--weights", path, "--scale", "1,2").err
+    assert "needs 6 numbers" in hfa("verify", *AT_15, "--weights", path, "--set", "scale=1,2").err
 
 
 def test_a_network_right_at_the_origin_alone_fails(game: Game) -> None:
@@ -248,7 +248,7 @@ def test_several_critics_are_in_one_table(game: Game) -> None:
     linear(-gain(game), "right.pt")
     safetensors_file("bent.safetensors", {"0.weight": 0.1 * np.eye(6), "2.weight": -10.0 * gain(game)})
     twice = stored("P.npz", P=2 * value(game))
-    words = ("verify", *AT_15, "--activation", "tanh", "--weights", "right.pt", "bent.safetensors", twice)
+    words = ("verify", *AT_15, "--set", "activation=tanh", "--weights", "right.pt", "bent.safetensors", twice)
     said = hfa(*words, "--picture", "a.png", "-o", "a.json")
     assert (said.code, Path("a.png").stat().st_size > 10_000) == (FAILED, True)
     ends = {name: each["ok"] for name, each in json.loads(Path("a.json").read_text())["critics"].items()}
@@ -327,7 +327,7 @@ def test_wrong_graphs_are_refused() -> None:
     network_in("good.onnx", 6)
     onnx.save(model, "outside.onnx", save_as_external_data=True, size_threshold=0)
     assert "is in another file; export the weights inside" in refused("outside.onnx")
-    assert "belongs to a state dict" in hfa("verify", *AT_15, "--weights", "good.onnx", "--activation", "tanh").err
+    assert "belongs to a state dict" in hfa("verify", *AT_15, "--weights", "good.onnx", "--set", "activation=tanh").err
     Path("damaged.onnx").write_bytes(Path("good.onnx").read_bytes()[:-40])
     refused("damaged.onnx")
 
@@ -349,4 +349,4 @@ def test_outputs_that_fit_nothing_or_two_things_are_refused(game: Game) -> None:
     said = hfa("verify", "--model", plant, "--weights", path)
     assert (said.code, "1 outputs may be V or policy; say which, as --network V=" in said.err) == (BAD_INPUT, True)
     assert hfa("verify", "--model", plant, "--weights", path, "--network", "policy=").code == FAILED
-    assert "--activation belongs to a network" in hfa("verify", *AT_15, "--activation", "tanh").err
+    assert "has no setting 'activation'" in hfa("verify", *AT_15, "--set", "activation=tanh").err

@@ -31,6 +31,7 @@ BOX = np.array([7.0, *[0.1] * 5])
 DEGREES = np.array([1.0, *[np.pi / 180.0] * 5])
 ORDER = [0, 2, 1, 3, 5, 4]
 SCALE = ",".join(map(str, 1.0 / BOX))
+NETWORK = ("--set", "activation=tanh", "--set", f"scale={SCALE}")
 pytestmark = pytest.mark.usefixtures("folder")
 
 
@@ -105,7 +106,7 @@ def test_the_right_networks_have_no_cause_but_what_v_hides(game: Game) -> None:
 )
 def test_a_network_of_64_64_is_judged_within_5_seconds(name: str) -> None:
     path, begin = str(TRAINED / f"{name}.npz"), time.process_time()
-    found = answer("verify", *AT_15, "--weights", path, "--activation", "tanh", "--scale", SCALE, code=FAILED)
+    found = answer("verify", *AT_15, "--weights", path, *NETWORK, code=FAILED)
     assert time.process_time() - begin < 5.0
     assert (found["network"]["precision"], found["network"]["output"]) == ("float32", name)
 
