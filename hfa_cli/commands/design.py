@@ -66,7 +66,7 @@ def run(arguments: argparse.Namespace) -> int:
         elif arguments.at is None and model.schedule != HFA.schedule:
             raise BadInputError(f"give the values of {model.schedule or 'the scheduling variable'} by --at RANGE")
         else:
-            at = array_of("--at", arguments.at or value_range(HFA.schedule, _RANGE), _MOST_POINTS)
+            at = array_of(f"--{trims.called_at()}", arguments.at or value_range(HFA.schedule, _RANGE), _MOST_POINTS)
         controller = design_controller(aircraft, design, at, progress=ProgressLine("design"))
         controller = replace(controller, about={**controller.about, "provenance": provenance().to_dict()})
     knots, in_degrees = controller.places, model.schedule_unit == "deg"

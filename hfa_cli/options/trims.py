@@ -250,10 +250,10 @@ def flights_of(arguments: argparse.Namespace) -> TrimCondition:
             raise BadInputError(f"{name} is both set free and held; name it once")
     if arguments.at is not None:
         if by in held:
-            raise BadInputError(f"{by} is given twice, by --{_at()} and by --hold; give it once")
+            raise BadInputError(f"{by} is given twice, by --{called_at()} and by --hold; give it once")
         # One value is where the search for a free one begins.
         if by in free and not isinstance(arguments.at, float):
-            raise BadInputError(f"{by} is given by --{_at()} and set free by --free; leave one of them out")
+            raise BadInputError(f"{by} is given by --{called_at()} and set free by --free; leave one of them out")
     if isinstance(usual, Path):
         raise BadInputError(f"--condition {usual} is a list of points; `hfa sweep` takes it")
     for name in held:
@@ -271,7 +271,7 @@ def flights_of(arguments: argparse.Namespace) -> TrimCondition:
     return replace(changed, begin={**changed.begin, **begin}) if begin else changed
 
 
-def _at() -> str:
+def called_at() -> str:
     """What people call --at."""
     return "dihedral" if model().schedule == "dihedral" else "at"
 
@@ -298,7 +298,7 @@ def point_of(arguments: argparse.Namespace, aircraft: Aircraft | Model) -> Opera
     """
     condition, by = condition_of(arguments), model().schedule
     if arguments.at is not None and by in condition.free:
-        begins = f"--{_at()} {model().describe(by, arguments.at)}" if arguments.start is None else "--start"
+        begins = f"--{called_at()} {model().describe(by, arguments.at)}" if arguments.start is None else "--start"
         warnings.warn(f"{by} is free: the search begins at {begins}", stacklevel=2)
     try:
         return find_operating_point(aircraft, condition, start_of(arguments))
@@ -338,7 +338,9 @@ def family_of(arguments: argparse.Namespace, errors: float = 0.0) -> Family:
 def interval_of(arguments: argparse.Namespace, family: Family) -> tuple[float, float]:
     """LOW:HIGH of --at, in places; refused where no trim can be."""
     if len(arguments.at or ()) != 2:
-        raise BadInputError(f"give the interval of {family.over or 'the scheduling variable'} as --{_at()} LOW:HIGH")
+        raise BadInputError(
+            f"give the interval of {family.over or 'the scheduling variable'} as --{called_at()} LOW:HIGH"
+        )
     family.check(*arguments.at)
     low, high = arguments.at
     return low, high
@@ -349,7 +351,7 @@ def at_one_place(arguments: argparse.Namespace) -> float | None:
     if arguments.at is None:
         return None
     if len(arguments.at) != 1:
-        raise BadInputError(f"a game is at one {model().schedule}; give --{_at()} with one value")
+        raise BadInputError(f"a game is at one {model().schedule}; give --{called_at()} with one value")
     typed = float(arguments.at[0])
     arguments.at = math.radians(typed) if model().schedule_unit == "deg" else typed
     return typed

@@ -86,7 +86,7 @@ FEET, POUNDS = 0.3048, 4.4482216152605
     ("words", "moved"),
     [
         ("fly --law exact --initial speed={} --duration 1 --actuators 0.1:60", "final history.states scenario.initial"),
-        ("schedule --law exact --to {}:20:2 --duration 26 --step 0.01", "final schedule.dihedrals history.errors"),
+        ("schedule --law exact --to {}:20:2 --duration 26", "final schedule.dihedrals history.errors"),
         ("map --law exact --initial speed={} --initial alpha=2 --command speed={}", "speeds commands edges.0.inside"),
         ("monte-carlo --law exact --duration 1 --samples 2 --initial speed={}", "peak_error effort rms_error"),
     ],
@@ -172,7 +172,7 @@ def test_a_controller_is_designed_flown_and_exported_over_the_speed_of_the_user_
     exact = np.array(json.loads(hfa("solve", "--design", "gtm.toml", *gtm, *at, "--json").out)["K"])
     np.testing.assert_allclose(made["C"][1], -exact[:, 6:], rtol=1e-9)
     np.testing.assert_allclose(np.array(made["D"])[1, :, :6], -exact[:, :6], rtol=1e-9)
-    flight = ("--controller", "gtm.npz", "--actuators", "0.05:60", "--duration", "10", "--step", "0.01")
+    flight = ("--controller", "gtm.npz", "--actuators", "0.05:60", "--duration", "10")
     flown = json.loads(hfa("fly", *gtm, *at, *flight, "--command", "speed=1:2", "--json").out)
     assert (flown["within_limits"], flown["commanded"]["speed"]["unit"]) == (True, "m/s")
     assert flown["commanded"]["speed"]["rms_error"] < 1.0

@@ -41,10 +41,8 @@ def test_effects_are_parameters_and_sweeps_have_them() -> None:
 @pytest.mark.parametrize(
     ("words", "why"),
     [
-        (("design", "--dihedral", "11", "--dynamics", "unsteady", "-o", "servo.npz"), "more than seven states"),
         (("report", "--dihedral", "5", "--dynamics", "unsteady", "-o", "page.html"), "more than seven states"),
         (("regenerate", "--dynamics", "unsteady"), "more than seven states"),
-        (("solve", *UNSTEADY_11, "--design", "servo"), "--design does not go with --dynamics unsteady"),
     ],
     ids=lambda each: each[0] if isinstance(each, tuple) else "",
 )

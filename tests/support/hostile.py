@@ -103,7 +103,7 @@ LINES = (
     "trim --dihedral 15 --free speed --hold throttle=40 --limit alpha=-5:15 -o a.json",
     "linearize --dihedral 5 --states alpha,pitch --outputs speed --json",
     "sweep --dihedral 0:20:10 --hold alpha=1:2:0.5 -o a.csv",
-    "sweep --dihedral 0:20 --hold panel_mass=0.5:2 --samples 5 --seed 1 -o a.zarr",
+    "sweep --dihedral 0:20:10 --hold panel_mass=0.5:2:0.5 -o a.zarr",
     "solve --dihedral 15 --delta 300 --Q 1,1,1,1,1,1 --R 1,1,1,1,1",
     "solve --dihedral 15 --design paper -o a.mat",
     "verify --dihedral 15 --law certified --seed 3 --limit-error 0.1 --limit-cost 5",

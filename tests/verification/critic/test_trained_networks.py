@@ -132,7 +132,7 @@ def test_a_folder_of_checkpoints_is_a_learning_curve() -> None:
     Path("runs").mkdir()
     for step, share in ((2, 3.0), (10, 1.5)):
         np.savez(f"runs/step_{step}.npz", **layers("gamma_120", out=share))
-    words = ("verify", *AT_15, "--weights", "runs", "--activation", "tanh", "--scale", SCALE)
+    words = ("verify", *AT_15, "--weights", "runs", *NETWORK)
     found = answer(*words, "--picture", "curve.png", code=FAILED)["critics"]
     assert list(found) == [f"runs/step_{step}.npz" for step in (2, 10)]
     errors = [each["K_rel_error"] for each in found.values()]
