@@ -126,63 +126,36 @@ def saddle_checks(game: Game, P: np.ndarray, initial: np.ndarray, change: float 
     With delta = inf, or an E without columns, there is no second player, and only the control is perturbed.
     Raises BadInputError when the flight from `initial` costs nothing.
     """
-    with np.errstate(all="ignore"):  # a P far from any value overflows, and fails
-        return _checks(game, P, initial, change)
-
-
-def _checks(game: Game, P: np.ndarray, initial: np.ndarray, change: float) -> tuple[Check, ...]:
     K, L = game.gain(P), game.disturbance_gain(P)
     if not is_hurwitz(game.A - game.B @ K + game.E @ L):
         reason = "the policies of P do not bring the state to rest: there is no cost to compare"
         return (at_most("saddle_finite_cost", math.inf, 0.0, reason),)
-    base = simulated_cost(game, K, L, initial)
-    if base == 0.0:
-        raise BadInputError("the flight from this initial state costs nothing; choose another initial state")
-    rng = np.random.default_rng(0)
-    control = [(step, np.zeros_like(L)) for step in rng.standard_normal((DIRECTIONS, *K.shape))]
-    checks = _judge("control", np.array([*_changes(game, P, control, initial, base, change)]))
-    if math.isfinite(game.delta) and L.size > 0:
-        disturbance = [(np.zeros_like(K), step) for step in rng.standard_normal((DIRECTIONS, *L.shape))]
-        losses = -np.array([*_changes(game, P, disturbance, initial, base, change)])
-        checks += _judge("disturbance", losses)
-    return checks
-
-
-def _judge(player: str, losses: np.ndarray) -> tuple[Check, ...]:
-    """losses: (directions, 2), relative changes against the player at the large and the small perturbation."""
-    least = float(losses.min())
-    with np.errstate(divide="ignore", invalid="ignore"):
-        slopes = np.log(np.abs(losses[:, 0] / losses[:, 1])) / math.log(RATIO)
-    farthest = float(slopes[np.argmax(np.abs(slopes - 2.0))])
-    return (
-        at_least(
-            f"saddle_{player}_loses",
-            least,
-            0.0,
-            f"the {player} gains by leaving the policy of P (relative change {least:.3g})",
-        ),
-        at_most(
-            f"saddle_{player}_slope_error",
-            abs(farthest - 2.0),
-            SLOPE_TOLERANCE,
-            f"the cost changes with order {farthest:.3g} in the {player}, not 2",
-        ),
-    )
+    checks, rng = [], np.random.default_rng(0)
+    players = ("control", K, 1.0), ("disturbance", L, -1.0)
+    with np.errstate(all="ignore"):  # a P far from any value overflows, and fails
+        for player, gain, sign in players[: 1 + (math.isfinite(game.delta) and L.size > 0)]:
+            steps = rng.standard_normal((DIRECTIONS, *gain.shape))
+            pairs = [(step, 0.0 * L) if player == "control" else (0.0 * K, step) for step in steps]
+            losses = sign * np.array([*_changes(game, P, pairs, initial, change)])
+            least, slopes = float(losses.min()), np.log(np.abs(losses[:, 0] / losses[:, 1])) / math.log(RATIO)
+            farthest = float(slopes[np.argmax(np.abs(slopes - 2.0))])
+            gains = f"the {player} gains by leaving the policy of P (relative change {least:.3g})"
+            order = f"the cost changes with order {farthest:.3g} in the {player}, not 2"
+            checks.append(at_least(f"saddle_{player}_loses", least, 0.0, gains))
+            checks.append(at_most(f"saddle_{player}_slope_error", abs(farthest - 2.0), SLOPE_TOLERANCE, order))
+    return tuple(checks)
 
 
 def _changes(
-    game: Game,
-    P: np.ndarray,
-    steps: list[tuple[np.ndarray, np.ndarray]],
-    initial: np.ndarray,
-    base: float,
-    change: float,
+    game: Game, P: np.ndarray, steps: list[tuple[np.ndarray, np.ndarray]], initial: np.ndarray, change: float
 ) -> Iterator[tuple[float, float]]:
     """Relative changes of the cost at ε and ε/8, the largest ε = 2^k that changes it by at most `change`, in each
     direction; nan where rounding changes it more. Directions are alike: the search begins at the ε of the last one.
     """
     K, L = game.gain(P), game.disturbance_gain(P)
-    excess = simulated_cost(game, K, L, initial, P)
+    base, excess = (simulated_cost(game, K, L, initial, less) for less in (None, P))
+    if base == 0.0:
+        raise BadInputError("the flight from this initial state costs nothing; choose another initial state")
 
     def is_small(size: float, step: tuple[np.ndarray, np.ndarray]) -> bool:
         try:
@@ -197,17 +170,15 @@ def _changes(
             size *= 2.0
         while size >= SMALLEST_STEP and not is_small(size, step):
             size /= 2.0
-        if size < SMALLEST_STEP:  # the two costs of P itself differ: a P of rounding alone
-            size = 1.0
-            yield math.nan, math.nan
-            continue
         try:
             first, second = (
                 (simulated_cost(game, K + part * step[0], L + part * step[1], initial, P) - excess) / base
                 for part in (size, size / RATIO)
             )
         except NoSolutionError:  # Hurwitz at one step and not at a smaller one
-            first, second = math.nan, math.nan
+            first = second = math.nan
+        if size < SMALLEST_STEP:  # the two costs of P itself differ: a P of rounding alone
+            size, first, second = 1.0, math.nan, math.nan
         yield first, second
 
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -21,33 +21,20 @@ from hfa_support.reporting.unit_system import gain_unit
 from trim.sweeps.sweep import Sweep
 
 
-@dataclass(frozen=True, eq=False)
-class GameSweep:
+class GameSweep(NamedTuple):
     """The games of N points; nan where there is no trim or no certified solution, and why in `reasons` ("" elsewhere).
 
-    K: (N, 5, n). delta_min: (N,), there wherever any delta has a solution. disk, gain, phase: (N,) margins of all
-    inputs at once, phase in degrees (as `DiskMargin`).
+    K: (N, m, n). delta_min: (N,), there wherever any delta has a solution. disk_margin, gain_margin, phase_margin_deg:
+    (N,) of all inputs at once (as `DiskMargin`).
     """
 
     delta: float
     K: np.ndarray
     delta_min: np.ndarray
-    disk: np.ndarray
-    gain: np.ndarray
-    phase: np.ndarray
+    disk_margin: np.ndarray
+    gain_margin: np.ndarray
+    phase_margin_deg: np.ndarray
     reasons: tuple[str, ...]
-
-    def to_dict(self) -> dict[str, Any]:
-        """Arrays for files; delta = inf becomes None."""
-        return {
-            "delta": finite_or_none(self.delta),
-            "K": self.K,
-            "delta_min": self.delta_min,
-            "disk_margin": self.disk,
-            "gain_margin": self.gain,
-            "phase_margin_deg": self.phase,
-            "reasons": list(self.reasons),
-        }
 
 
 def sweep_games(found: Sweep, progress: Progress | None = None, **changes: Any) -> GameSweep:
@@ -75,40 +62,30 @@ def sweep_games(found: Sweep, progress: Progress | None = None, **changes: Any) 
 
 def with_games(report: Report, found: Sweep, games: GameSweep) -> Report:
     """The report of a sweep with its games: a table, one line a point; `game` in the data; columns in the records."""
+    points = [tuple(map(shown_value, row, found.units)) for row in found.values]
+    numbers = np.array(games[2:6]).T
+    header = [f"{name} {shown_unit(unit)}" for name, unit in zip(found.variables, found.units, strict=True)]
+    rows = [
+        (*point, *("-" if np.isnan(value) else f"{value:.4g}" for value in line))
+        for point, line in zip(points, numbers, strict=True)
+    ]
+    refused = [
+        f"{', '.join(point)}: {reason}"
+        for point, no_trim, reason in zip(points, found.reasons, games.reasons, strict=True)
+        if reason and not no_trim
+    ]
     part = Report(
         title=f"Game at delta {games.delta:.6g}; margins of all inputs at once",
-        parts=(_table(found, games), *filter(None, [_refusals(found, games)])),
+        parts=(Table((*header, "delta_min", "disk", "gain", "phase deg"), rows), *["\n".join(refused)][: len(refused)]),
     )
     records = report.records
     if records is not None:
         unit = found.model.unit
         pairs = [(row, column) for row in found.model.inputs for column in found.model_states]
         entries = [f"K({row}, {column}) [{gain_unit(unit(row), unit(column))}]" for row, column in pairs]
-        header = ("delta_min", "disk_margin", "gain_margin", "phase_margin [deg]", "game_reason", *entries)
-        numbers = zip(games.delta_min, games.disk, games.gain, games.phase, games.reasons, strict=True)
-        rows = [(*row, *number, *K.ravel()) for row, number, K in zip(records.rows, numbers, games.K, strict=True)]
-        records = Table((*records.header, *header), rows)
-    data = dict(report.data) | {"game": games.to_dict()}
-    return replace(report, parts=(*report.parts, part), data=data, records=records)
-
-
-def _table(found: Sweep, games: GameSweep) -> Table:
-    numbers = np.stack([games.delta_min, games.disk, games.gain, games.phase], axis=1)
-    shown = [["-" if np.isnan(value) else f"{value:.4g}" for value in row] for row in numbers]
-    header = (*_variables(found), "delta_min", "disk", "gain", "phase deg")
-    return Table(header, [(*point, *row) for point, row in zip(_points(found), shown, strict=True)])
-
-
-def _refusals(found: Sweep, games: GameSweep) -> str:
-    """Why a point that has a trim has no solution."""
-    reasons = zip(_points(found), found.reasons, games.reasons, strict=True)
-    return "\n".join(f"{', '.join(point)}: {reason}" for point, no_trim, reason in reasons if reason and not no_trim)
-
-
-def _variables(found: Sweep) -> list[str]:
-    return [f"{name} {shown_unit(unit)}" for name, unit in zip(found.variables, found.units, strict=True)]
-
-
-def _points(found: Sweep) -> list[tuple[str, ...]]:
-    """The varied values of each point, angles in degrees."""
-    return [tuple(map(shown_value, row, found.units)) for row in found.values]
+        names = ("delta_min", "disk_margin", "gain_margin", "phase_margin [deg]", "game_reason", *entries)
+        more = zip(records.rows, numbers, games.reasons, games.K, strict=True)
+        lines = [(*row, *line, reason, *K.ravel()) for row, line, reason, K in more]
+        records = Table((*records.header, *names), lines)
+    game = games._asdict() | {"delta": finite_or_none(games.delta), "reasons": list(games.reasons)}
+    return replace(report, parts=(*report.parts, part), data=dict(report.data) | {"game": game}, records=records)

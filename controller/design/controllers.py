@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from controller.design.design_model import DesignModel, design_model
 from controller.design.loop_shaping import following_model, output_weights, shaped_controller
 from controller.design.scheduled_controller import COMMAND_SIGNALS, ScheduledController, identity
 from controller.riccati.gare import solve_game
-from controller.riccati.generalized_plant import OutputFeedback, solve_plant
+from controller.riccati.generalized_plant import GeneralizedPlant, solve_plant
 from controller.riccati.smallest_delta import minimum_delta
 from hfa_model.aircraft import Aircraft
 from hfa_support.errors import BadInputError, NoSolutionError
@@ -93,17 +94,42 @@ def design_controller(
 
 
 def controller_at(aircraft: Aircraft | Model, model: LinearModel, design: Design, feedback: str) -> LinearController:
-    """The exact controller of one linear model; NoSolutionError when it is not certified."""
+    """The exact controller of one linear model; NoSolutionError when it is not certified.
+
+    The gain u = -K z, or the central controller of the game from the sensors; the integrals, which either sees, are
+    states of the controller behind its own: e' = y - r.
+    """
     built = design_model(aircraft, model, design)
     if built.design.shaping is not None:
         return _shaped(aircraft, built, built.design.shaping)
+    design, n, m = built.design, len(built.A), len(built.inputs)
     if feedback == "state":
-        found = _state_feedback(built)
+        game = built.game()
+        exact: Any = solve_game(game)
+        parts = np.zeros((0, 0)), np.zeros((0, n)), np.zeros((m, 0)), -exact.K
+        seen, limit, checks, wound = design.states, minimum_delta(game), exact.certificate.checks, np.zeros((0, m))
     elif not design.sensors:
         raise BadInputError(f"design {design.name} has no sensors; name some in [sensors], or use state feedback")
     else:
-        found = _output_feedback(built)
-    return _with_commands(design, measurements(design, feedback), found)
+        plant = GeneralizedPlant.measured(built.game(), built.C, built.V, built.D)
+        exact = solve_plant(plant, design.delta)
+        parts = exact.Ak, exact.Bk, exact.Ck, exact.Dk
+        seen, limit, checks = built.sensors, minimum_delta(plant), exact.checks
+        wound = built.B - exact.Bk @ built.D
+    Ak, Bk, Ck, Dk = parts
+    names, own = measurements(design, feedback), design.integral_states
+    of_y, of_e = (np.array([[float(one == name) for one in each] for name in seen]) for each in (names, own))
+    of_e, k, q = of_e.reshape(len(seen), len(own)), len(Ak), len(own)
+    integrated = np.array([[float(one == name) for one in names] for name in design.integrals]).reshape(q, len(names))
+    return LinearController(
+        A=np.block([[Ak, Bk @ of_e], [np.zeros((q, k + q))]]),
+        B=np.block([[Bk @ of_y, np.zeros((k, q))], [integrated, -np.eye(q)]]),
+        C=np.hstack([Ck, Dk @ of_e]),
+        D=np.hstack([Dk @ of_y, np.zeros((m, q))]),
+        W=np.vstack([wound, np.zeros((q, m))]),
+        limit=limit.value,
+        checks=checks,
+    )
 
 
 def _shaped(aircraft: Aircraft | Model, built: DesignModel, shaping: Shaping) -> LinearController:
@@ -151,64 +177,8 @@ def _names(design: Design, feedback: str) -> tuple[tuple[str, ...], tuple[str, .
     return (*model, *own, *estimates), commands, following.filter
 
 
-def _state_feedback(built: DesignModel) -> LinearController:
-    """u = -K [measured; integrals]."""
-    game = built.game()
-    exact = solve_game(game)
-    names, q = measurements(built.design, "state"), len(built.design.integrals)
-    plant = len(built.design.plant_states)
-    D = np.zeros((len(built.inputs), len(names)))
-    for column, state in enumerate(built.design.plant_states):
-        D[:, names.index(state)] -= exact.K[:, column]
-    return LinearController(
-        A=np.zeros((q, q)),
-        B=np.zeros((q, len(names))),
-        C=-exact.K[:, plant:],
-        D=D,
-        W=np.zeros((q, len(built.inputs))),
-        limit=minimum_delta(game).value,
-        checks=exact.certificate.checks,
-    )
-
-
-def _output_feedback(built: DesignModel) -> LinearController:
-    """The central controller of both equations, control and filter; the integrals among the sensors are its own."""
-    plant = built.measured_plant()
-    exact = solve_plant(plant, built.design.delta)
-    assert isinstance(exact, OutputFeedback)
-    names, own = measurements(built.design, "output"), built.design.integral_states
-    B, from_own = np.zeros((len(exact.Ak), len(names))), np.zeros((len(exact.Ak), len(own)))
-    for column, sensor in enumerate(built.sensors):
-        if sensor in own:
-            from_own[:, own.index(sensor)] = exact.Bk[:, column]
-        else:
-            B[:, names.index(sensor)] = exact.Bk[:, column]
-    q, m = len(own), len(built.inputs)
-    return LinearController(
-        A=np.block([[exact.Ak, from_own], [np.zeros((q, len(exact.Ak) + q))]]),
-        B=np.vstack([B, np.zeros((q, len(names)))]),
-        C=np.hstack([exact.Ck, np.zeros((m, q))]),
-        D=np.zeros((m, len(names))),
-        W=np.vstack([built.B - exact.Bk @ built.D, np.zeros((q, m))]),
-        limit=minimum_delta(plant).value,
-        checks=exact.checks,
-    )
-
-
 def measurements(design: Design, feedback: str) -> tuple[str, ...]:
     """What must be measured: the sensors, or all states, the integrated outputs in place of their integrals."""
     seen = design.sensors if feedback == "output" else design.plant_states
     plain = [name for name in seen if not name.endswith("_integral")]
     return tuple(dict.fromkeys([*plain, *design.integrals]))
-
-
-def _with_commands(design: Design, names: tuple[str, ...], found: LinearController) -> LinearController:
-    """e' = y - r for the integrals, which are the last states of `found`.
-
-    names: measured. found.B, found.D: of the measurements; the result's of [measurements; commands].
-    """
-    n, q = len(found.A), len(design.integrals)
-    B, D = (np.pad(part, ((0, 0), (0, q))) for part in (found.B, found.D))
-    for k, output in enumerate(design.integrals):
-        B[n - q + k, names.index(output)], B[n - q + k, len(names) + k] = 1.0, -1.0
-    return replace(found, B=B, D=D)

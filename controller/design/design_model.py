@@ -10,7 +10,6 @@ import numpy as np
 
 from controller.design.design import Design, signal_unit
 from controller.game.zero_sum import Game
-from controller.riccati.generalized_plant import GeneralizedPlant
 from hfa_model.aircraft import Aircraft
 from hfa_support.errors import BadInputError
 from hfa_support.model import Model
@@ -86,10 +85,6 @@ class DesignModel(Shown):
         Q = np.diag([float(self.design.state_weights.get(name, 0.0)) for name in self.states])
         R = np.diag([float(self.design.input_weights[name]) for name in self.inputs])
         return Game(A=self.A, B=self.B, E=self.E, Q=Q, R=R, delta=self.design.delta)
-
-    def measured_plant(self) -> GeneralizedPlant:
-        """The game as who sees only the sensors plays it."""
-        return GeneralizedPlant.measured(self.game(), self.C, self.V, self.D)
 
     def _check_integrals(self) -> None:
         """[A B; C D] of the integrated outputs has full row rank: without it the plant has a zero at 0."""

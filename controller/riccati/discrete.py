@@ -14,7 +14,6 @@ import numpy as np
 from controller.game.zero_sum import Game
 from controller.riccati.balancing import balanced_units, in_units
 from controller.riccati.certificate import DISAGREEMENT, INDEFINITENESS, RESIDUAL, Certificate, refuse_failures
-from controller.riccati.exact_product import Pair, add, exact, product
 from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.reporting.checks import Check, at_least, at_most, below
 from hfa_support.reporting.fields import Shown
@@ -76,7 +75,10 @@ def solve_discounted(game: Game, discount: float, dt: float | None = None) -> Di
         P = _by_schur(alike)
         for _ in range(_REFINEMENTS):
             P = P + _correction(alike, P)
-        certificate = Certificate((*discounted_checks(alike, P), _agreement(P, _by_doubling(alike))))
+        apart = float(np.abs(P - _by_doubling(alike)).max()) / (float(np.abs(P).max()) or 1.0)
+        reason = f"value iteration gives another P (difference {apart:.2g})"
+        second = at_most("second_derivation", apart, DISAGREEMENT, reason)
+        certificate = Certificate((*discounted_checks(alike, P), second))
         refuse_failures(certificate.checks)
     except (NoSolutionError, np.linalg.LinAlgError, ValueError) as failure:
         raise NoSolutionError(
@@ -135,20 +137,10 @@ def _policies(game: Game, P: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _residual(game: Game, P: np.ndarray) -> np.ndarray:
-    """Q + K'RK - δ² L'L + F'P F - P with twice the digits: errors of K and L count by their squares only."""
+    """Q + K'RK - δ² L'L + F'P F - P: errors of K and L count by their squares only."""
     K, L = _policies(game, P)
-    price = 0.0 if math.isinf(game.delta) else game.delta
-    closed = product(exact(np.hstack([game.A, game.B, game.E])), exact(np.vstack([np.eye(len(P)), -K, L])))
-    total = exact(game.Q - P)
-    for part in (_square(exact(K), game.R), _square(closed, P), _square(exact(price * L), -np.eye(len(L)))):
-        total = add(total, part)
-    return np.asarray(total[0])
-
-
-def _square(X: Pair, M: np.ndarray) -> Pair:
-    """X'M X."""
-    low = np.zeros_like(X[0]) + X[1]
-    return product((X[0].T, low.T), product(exact(M), (X[0], low)))
+    F, price = game.A - game.B @ K + game.E @ L, 0.0 if math.isinf(game.delta) else game.delta**2
+    return np.asarray(game.Q - P + K.T @ game.R @ K - price * L.T @ L + F.T @ P @ F)
 
 
 def _correction(game: Game, P: np.ndarray) -> np.ndarray:
@@ -189,10 +181,3 @@ def _by_doubling(game: Game) -> np.ndarray:
         if np.abs(step).max() <= 1e-17 * np.abs(H).max():
             break
     return H
-
-
-def _agreement(P: np.ndarray, second: np.ndarray) -> Check:
-    apart = float(np.abs(P - second).max()) / (float(np.abs(P).max()) or 1.0)
-    return at_most(
-        "second_derivation", apart, DISAGREEMENT, f"value iteration gives another P (difference {apart:.2g})"
-    )

@@ -23,9 +23,9 @@ from controller.game.array_file import checked_matrix, read_arrays
 from controller.game.model_file import entries_of, one_number
 from controller.game.zero_sum import LARGEST, Game, check_definite
 from controller.riccati.balancing import RANK, balanced_units, in_units, is_hurwitz, spectrum
-from controller.riccati.certificate import Certificate, relative_residual
+from controller.riccati.certificate import relative_residual
 from controller.riccati.frequency_response import peak_gain, square_root, without_feedthrough
-from controller.riccati.gare import GameSolution, solve_certified
+from controller.riccati.gare import solve_certified
 from controller.riccati.gare_schur import quick_solution, schur_solution
 from controller.riccati.smallest_delta import DeltaMin, bracketed, has_value, obstacle
 from hfa_support.errors import BadInputError, NoSolutionError, said_of, shortened
@@ -195,16 +195,11 @@ def plant_of(system: Any, measurements: int, inputs: int) -> GeneralizedPlant:
     return GeneralizedPlant(A, B[:, :k], B[:, k:], C[:r], D[:r, k:], D11=D[:r, :k], **rest)
 
 
-class StoredPlant(NamedTuple):
-    """The plant of a file, its delta or None, and what to know of it."""
-
-    plant: GeneralizedPlant
-    delta: float | None
-    notes: tuple[str, ...]
-
-
-def stored_plant(path: str | Path, found: dict[str, Any] | None = None) -> StoredPlant:
-    """The generalized plant in a file with A, B1, B2, C1, D12 and optionally C2, D21, D11, D22, delta.
+def stored_plant(
+    path: str | Path, found: dict[str, Any] | None = None
+) -> tuple[GeneralizedPlant, float | None, tuple[str, ...]]:
+    """The generalized plant in a file with A, B1, B2, C1, D12 and optionally C2, D21, D11, D22, delta; its delta or
+    None, and what to know of it.
 
     found: what `read_arrays` has read of it already. BadInputError names the file.
     """
@@ -214,12 +209,11 @@ def stored_plant(path: str | Path, found: dict[str, Any] | None = None) -> Store
         stored, notes = entries_of(found, {"A", "B2"})
         unused = sorted(set(stored) - {*names, "delta", "states", "inputs", "state_units", "input_units"})
         notes += [f"{shortened(', '.join(unused), 200)} not used"] if unused else []
-        parts: dict[str, Any] = {name: stored.get(name) for name in names}
-        plant = GeneralizedPlant(**parts)
+        plant = GeneralizedPlant(**{name: stored.get(name) for name in names})  # type: ignore[arg-type]
         delta = one_number("delta", stored["delta"]) if "delta" in stored else None
         if delta is not None and not delta > 0.0:
             raise BadInputError(f"delta is {delta:g}; it must be a positive number")
-    return StoredPlant(plant, delta, tuple(f"{path}: {note}" for note in notes))
+    return plant, delta, tuple(f"{path}: {note}" for note in notes)
 
 
 def _check_rank(name: str, matrix: np.ndarray, kind: str, lacking: str, signal: str) -> None:
@@ -279,40 +273,51 @@ def solve_plant(plant: GeneralizedPlant, delta: float) -> OutputFeedback | State
     NoSolutionError names the one that fails, the mode that violates an assumption, or the check.
     """
     check_modes(plant)
-    _check_floor(plant, delta)
-    solved = [_solved(side.game(delta), name) for side, name in zip(plant.sides, ("control", "filter"), strict=False)]
-    X, checks = solved[0].P, _named("control", solved[0].certificate)
+    if not delta > plant.floor:
+        raise NoSolutionError(
+            f"the feedthrough condition fails: D11 alone lets {plant.floor:.6g} past every controller and delta is "
+            f"{delta:.6g}; ask for a larger delta"
+        )
+    values, checks = [], list[Check]()
+    for side, name in zip(plant.sides, ("control", "filter"), strict=False):
+        try:
+            found = solve_certified(side.game(delta))
+        except NoSolutionError as error:
+            raise NoSolutionError(f"the {name} Riccati equation: {error}; ask for a larger delta") from error
+        values.append(found.P)
+        checks += [check._replace(name=f"{name}_{check.name}") for check in found.certificate.checks]
     # The controller is made and checked in balanced units; x̂ has the user's.
-    u = balanced_units(plant.sides[0].game(math.inf))
+    u, X = balanced_units(plant.sides[0].game(math.inf)), values[0]
     squared, there = np.outer(u, u), plant.in_units(u)
     if plant.C2 is None:
         L, F = there.sides[0].policies(X * squared, delta)
         loop = there.A + there.B2 @ F, there.B1, there.C1 + there.D12 @ F, there.D11
-        checks += _refused(loop_checks(*loop, delta))
-        return StateFeedback(P=X, K=-F / u, disturbance_gain=L / u, delta=delta, checks=checks)
-    Y = solved[1].P
-    checks += _named("filter", solved[1].certificate)
-    radius = _radius(X, Y)
-    if not radius < delta**2:
-        raise NoSolutionError(
-            f"the coupling condition fails: rho(XY) = {radius:.6g} is not below delta^2 = {delta**2:.6g}; "
-            "ask for a larger delta, or measure more"
-        )
-    X_there, Y_there = X * squared, Y / squared
-    controller = central_controller(there, X_there, Y_there, delta)
-    other = central_controller(there.transposed(), Y_there, X_there, delta)
-    apart = _response_difference(controller, (other[0].T, other[2].T, other[1].T, other[3].T))
-    reason = f"the two derivations of the controller differ by {apart:.2g} of their response"
-    checks += _refused(
-        (
+        own = loop_checks(*loop, delta)
+        result: Any = StateFeedback(X, -F / u, L / u, delta, (*checks, *own))
+    else:
+        Y, radius = values[1], _radius(*values)
+        if not radius < delta**2:
+            raise NoSolutionError(
+                f"the coupling condition fails: rho(XY) = {radius:.6g} is not below delta^2 = {delta**2:.6g}; "
+                "ask for a larger delta, or measure more"
+            )
+        X_there, Y_there = X * squared, Y / squared
+        controller = central_controller(there, X_there, Y_there, delta)
+        other = central_controller(there.transposed(), Y_there, X_there, delta)
+        apart = _response_difference(controller, (other[0].T, other[2].T, other[1].T, other[3].T))
+        reason = f"the two derivations of the controller differ by {apart:.2g} of their response"
+        own = (
             below("coupling", radius, delta**2, f"rho(XY) = {radius:.6g} is not below delta^2"),
             *loop_checks(*closed_loop(there, controller), delta),
             at_most("derivations_agree", apart, DERIVATIONS_AGREE, reason),
         )
-    )
-    Ak, Bk, Ck, Dk = controller
-    Ak, Bk, Ck = Ak * u[:, None] / u, Bk * u[:, None], Ck / u
-    return OutputFeedback(Ak, Bk, Ck, Dk, X=X, Y=Y, delta=delta, coupling=radius / delta**2, checks=checks)
+        Ak, Bk, Ck, Dk = controller
+        Ak, Bk, Ck = Ak * u[:, None] / u, Bk * u[:, None], Ck / u
+        result = OutputFeedback(Ak, Bk, Ck, Dk, X, Y, delta, radius / delta**2, (*checks, *own))
+    for check in own:
+        if not check.ok:
+            raise NoSolutionError(f"the controller is not certified: {check.reason}; ask for a larger delta")
+    return result
 
 
 def central_controller(plant: GeneralizedPlant, X: np.ndarray, Y: np.ndarray, delta: float) -> Controller:
@@ -404,33 +409,6 @@ def check_modes(plant: GeneralizedPlant) -> None:
     for side, sentences in zip(plant.sides, _OBSTACLES, strict=False):
         if said := obstacle(side.game(math.inf), *sentences)[0]:
             raise NoSolutionError(said)
-
-
-def _check_floor(plant: GeneralizedPlant, delta: float) -> None:
-    if not delta > plant.floor:
-        raise NoSolutionError(
-            f"the feedthrough condition fails: D11 alone lets {plant.floor:.6g} past every controller and delta is "
-            f"{delta:.6g}; ask for a larger delta"
-        )
-
-
-def _solved(game: Game, which: str) -> GameSolution:
-    try:
-        return solve_certified(game)
-    except NoSolutionError as error:
-        raise NoSolutionError(f"the {which} Riccati equation: {error}; ask for a larger delta") from error
-
-
-def _named(which: str, certificate: Certificate) -> tuple[Check, ...]:
-    return tuple(check._replace(name=f"{which}_{check.name}") for check in certificate.checks)
-
-
-def _refused(checks: tuple[Check, ...]) -> tuple[Check, ...]:
-    """The checks; NoSolutionError with the first that failed."""
-    for check in checks:
-        if not check.ok:
-            raise NoSolutionError(f"the controller is not certified: {check.reason}; ask for a larger delta")
-    return checks
 
 
 def _response_difference(one: Controller, other: Controller) -> float:

@@ -49,8 +49,8 @@ def _solve_plant(arguments: argparse.Namespace, found: dict[str, Any]) -> int:
 
     games.refuse_of_the_aircraft(arguments)
     trims.refuse(arguments, ("Q", "R"), "is in C1 and D12 of a generalized plant; leave it out")
-    stored = stored_plant(arguments.model, found)
-    delta = stored.delta if arguments.delta is None else arguments.delta
-    report = plant_report(stored.plant, delta, str(arguments.model)).with_data(warnings=list(stored.notes))
-    show(report, arguments, target=arguments.output, notes=stored.notes)
+    plant, delta, notes = stored_plant(arguments.model, found)
+    delta = delta if arguments.delta is None else arguments.delta
+    report = plant_report(plant, delta, str(arguments.model)).with_data(warnings=list(notes))
+    show(report, arguments, target=arguments.output, notes=notes)
     return 0

@@ -17,7 +17,7 @@ from controller import Game, basis, design_model, learn, load_design
 from controller.design.design import Actuator, Design
 from controller.training_data.recording import natural_spread
 from hfa_model import Aircraft
-from verification import solve_game
+from verification import GeneralizedPlant, solve_game
 from verification.exact_solution import GameSolution
 
 #: Of a finite game; the smallest one of `simvfa-1` is 95.
@@ -48,7 +48,7 @@ def exact(name: str) -> tuple[Game, GameSolution]:
     built = design_model(Aircraft(), model_at(11.0), design_of(name))
     game = built.game() if built.sensors else built.game().with_delta(DELTA)
     if name == "its filter":
-        game = built.measured_plant().sides[1].game(game.delta)
+        game = GeneralizedPlant.measured(game, built.C, built.V).sides[1].game(game.delta)
     return game, solve_game(game)
 
 

@@ -34,14 +34,14 @@ def test_every_point_has_the_numbers_that_it_has_alone(found: Sweep) -> None:
         if found.reasons[i]:
             assert reason == found.reasons[i]
             assert np.isnan(games.K[i]).all()
-            assert np.isnan([games.delta_min[i], games.disk[i], games.gain[i], games.phase[i]]).all()
+            assert np.isnan([each[i] for each in games[2:6]]).all()
             continue
         alone = analyse_game(
             published_game(found.A[i], found.B[i], R=np.diag([100.0, 300.0, 300.0, 300.0, 50.0]), delta=250.0)
         )
         np.testing.assert_allclose(games.K[i], alone.solution.K, rtol=1e-9, atol=1e-12)
         assert games.delta_min[i] == alone.delta_min.value
-        margins = games.disk[i], games.gain[i], games.phase[i]
+        margins = games.disk_margin[i], games.gain_margin[i], games.phase_margin_deg[i]
         np.testing.assert_allclose(margins, alone.disk[:3], rtol=1e-6)
         solved += 1
     assert 0 < solved < 4

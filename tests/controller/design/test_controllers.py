@@ -16,7 +16,7 @@ from controller.design.servo_loop import servo_plant
 from controller.riccati.generalized_plant import closed_loop
 from hfa_model import Aircraft
 from hfa_support import BadInputError, NoSolutionError
-from verification import solve_game, solve_plant
+from verification import GeneralizedPlant, solve_game, solve_plant
 
 ANGLES = np.radians([9.0, 11.0])
 
@@ -53,7 +53,7 @@ def test_state_feedback_has_the_poles_of_the_exact_gain(published_aircraft: Airc
 def test_output_feedback_has_the_poles_of_the_central_controller(published_aircraft: Aircraft, delta: float) -> None:
     design = measured_servo(delta=delta)
     built = design_model(published_aircraft, model_at(11.0), design)
-    plant = built.measured_plant()
+    plant = GeneralizedPlant.measured(built.game(), built.C, built.V)
     exact: Any = solve_plant(plant, delta)
     loop, found = whole(published_aircraft, design, "output")
     poles = np.linalg.eigvals(closed_loop(plant, (exact.Ak, exact.Bk, exact.Ck, exact.Dk))[0])

@@ -310,7 +310,7 @@ def test_the_command_solves_a_file_and_says_what_to_change(tmp_path: Any) -> Non
     state = hfa("solve", "--model", str(tmp_path / "state.npz"))
     assert "State feedback u = -K x" in state.out
     assert "delta 3," in state.out
-    assert stored_plant(tmp_path / "state.npz").delta == 3.0
+    assert stored_plant(tmp_path / "state.npz")[1] == 3.0
     for words, said, code in (
         (("--delta", "1"), "delta = 1 is below delta_min = 1.286", 1),
         (("--Q", "1,1"), "--Q is in C1 and D12 of a generalized plant", 2),
