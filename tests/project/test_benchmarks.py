@@ -174,13 +174,6 @@ def test_every_job_runs_and_a_quick_run_stores_nothing(
         assert words in said
 
 
-def test_an_unknown_subject_is_refused(capsys: pytest.CaptureFixture) -> None:
-    with pytest.raises(SystemExit) as end:
-        bench.main(["models", "speed"])
-    assert end.value.code == 2
-    assert "no subject 'speed'; choose from models, flight, scale" in capsys.readouterr().err
-
-
 # What is stored, and what docs/scaling.md shows of it.
 
 

@@ -6,7 +6,7 @@ import re
 import subprocess
 
 import pytest
-from project import ROOT, project_sources
+from project import ROOT
 
 #: Spelled in two halves, so that this file does not mention it.
 WORKPLACE = re.compile("/wo" + "rk/|/tmp/bri" + "ef")
@@ -30,12 +30,6 @@ def test_nothing_mentions_where_it_was_written() -> None:
     assert [name for name, text in texts.items() if WORKPLACE.search(text)] == []
     assert WORKPLACE.search("see /wo" + "rk/notes")
     assert not WORKPLACE.search("framework/notes and network/x")
-
-
-def test_no_code_writes_the_published_data() -> None:
-    readers = [path for path, source in project_sources().items() if '"printed_matrices.json"' in source]
-    assert readers == ["hfa_model/printed_matrices.py"]
-    assert not re.search(r"\b(write_\w+|dump|save)\(|open\(.*w", project_sources()[readers[0]])
 
 
 def test_no_command_s_output_is_stored_at_the_top() -> None:

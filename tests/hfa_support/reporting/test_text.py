@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import copy
 import math
-import pickle
 
 import numpy as np
 import pytest
@@ -36,12 +34,6 @@ def test_a_bar_marks_the_place_in_the_range_and_beyond_it() -> None:
     rows = [("a", Cell("1.5", place=0.5)), ("b", "")]
     assert columns(("x", "margin"), rows).splitlines()[1:] == ["a     1.5", "b"]
     assert columns(("x", "margin"), rows, Style(bars=True)).splitlines()[1] == "a  1.5  [-----o----]"
-
-
-def test_a_marked_cell_is_pickled_and_copied_whole() -> None:
-    for cell in (Cell("pass", "good"), Cell("1.5", place=0.25)):
-        for again in (pickle.loads(pickle.dumps(cell)), copy.deepcopy(cell)):
-            assert (again, again.tone, again.place) == (str(cell), cell.tone, cell.place)
 
 
 @pytest.mark.parametrize(

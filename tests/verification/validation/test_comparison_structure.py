@@ -14,8 +14,8 @@ from trim import compare, regenerate
 from verification import released_trims, validate
 from verification.validation.comparison import Validation, model_at
 
-#: Where the released simulation flies at 30 ft/s, deg.
-ANGLES = range(0, 50, 5)
+#: Some of where the released simulation flies at 30 ft/s, deg.
+ANGLES = (0, 15, 30, 45)
 
 
 class FreeFactor(Published):
