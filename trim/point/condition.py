@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -20,67 +19,60 @@ from hfa_support.reporting.text import shown_value
 class TrimCondition:
     """f(X, U) = rates, y(X, U) = values, with some of X, U and y imposed and the other X, U free within limits.
 
-    imposed: variable or output -> value. tables: likewise -> its values over the scheduling variable (of the HFA the
-    dihedral angle, rad); `at` makes numbers of them. rates: state -> imposed value of its rate; zero for the steady
-    ones of the model unless given. A rate that is left out is not balanced. `at` and `release` take a rate by the name
-    of its state with _dot behind it. limits: name -> (lowest, highest); the
-    model's for what is not named. begin: variable -> where the search for it begins. name: of a condition from a file.
-    model: whose names these are. Internal units and radians. BadInputError when a name is unknown, a value is not
-    finite or lies outside its limits, or a variable is named twice.
+    imposed: variable or output -> value, or its values over the scheduling variable (of the HFA the dihedral angle,
+    rad), of which `at` makes numbers. rates: state -> imposed value of its rate; zero for the steady ones of the model
+    unless given. A rate that is left out is not balanced. `at` and `release` take a rate by the name of its state with
+    _dot behind it. limits: name -> (lowest, highest); the model's for what is not named. begin: variable -> where the
+    search for it begins. name: of a condition from a file. model: whose names these are. Internal units and radians.
+    BadInputError when a name is unknown, or a value is not finite or lies outside its limits.
     """
 
-    imposed: Mapping[str, float]
+    imposed: Mapping[str, Any]
     rates: Mapping[str, float] | None = None
     limits: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     begin: Mapping[str, float] = field(default_factory=dict)
-    tables: Mapping[str, LinearTable] = field(default_factory=dict)
     name: str = field(default="", compare=False)
     model: Model = field(default=HFA, compare=False)
 
     def __post_init__(self) -> None:
         """Check everything before anything is solved."""
-        model = self.model
+        model, describe = self.model, self.model.describe
         if self.rates is None:
             object.__setattr__(self, "rates", dict.fromkeys(model.steady, 0.0))
-        held: dict[str, Any] = {**self.imposed, **self.tables}
-        for names, known in ((held, model.holdable), (self.limits, model.limits)):
+        rates = {f"the rate of {name}": (name, value) for name, value in (self.rates or {}).items()}
+        if not rates:
+            raise BadInputError("no rate is imposed; name at least one of " + ", ".join(model.states))
+        for name, _ in rates.values():
+            refuse_unknown("unknown rate", name, model.states)
+        for names, known in ((self.imposed, model.holdable), (self.limits, model.limits)):
             for name in names:
                 refuse_unknown("unknown trim variable", name, known)
-        for name in self.tables:
-            if name in self.imposed:
-                raise BadInputError(f"{name} is imposed twice; name it once")
-        if not self.rates:
-            raise BadInputError("no rate is imposed; name at least one of " + ", ".join(model.states))
-        for name, value in self.rates.items():
-            refuse_unknown("unknown rate", name, model.states)
-            _refuse_infinite(f"the rate of {name}", value)
         for name, ends in self.limits.items():
             lowest, highest = pair_of(f"limits of {name}", ends)
             if not lowest < highest:
-                raise BadInputError(
-                    f"limits of {name} are {model.describe(name, lowest)} to {model.describe(name, highest)}; "
-                    "the first must be the lower one"
-                )
-        for name, value in held.items():
+                said = f"limits of {name} are {describe(name, lowest)} to {describe(name, highest)}"
+                raise BadInputError(f"{said}; the first must be the lower one")
+        for name, value in [*self.imposed.items(), *((said, value) for said, (_, value) in rates.items())]:
             for each in value.values.tolist() if isinstance(value, LinearTable) else [value]:
-                _refuse_infinite(name, each)
+                if not is_finite(each):
+                    raise BadInputError(f"{name} is {shown(each)}; give a finite number")
+                if name in rates:
+                    continue
                 lowest, highest = self.limits_of(name)
                 if not lowest <= each <= highest:
-                    raise BadInputError(
-                        f"{name} is {model.describe(name, each)}; it must lie between {model.describe(name, lowest)} "
-                        f"and {model.describe(name, highest)}"
-                    )
+                    between = f"{describe(name, lowest)} and {describe(name, highest)}"
+                    raise BadInputError(f"{name} is {describe(name, each)}; it must lie between {between}")
 
     @property
     def free(self) -> tuple[str, ...]:
         """The unknowns: every variable that is not imposed."""
-        return tuple(name for name in self.model.variables if name not in self.imposed and name not in self.tables)
+        return tuple(name for name in self.model.variables if name not in self.imposed)
 
     @property
     def equations(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
         """The states whose rates are imposed, and the imposed outputs that are no variables."""
-        outputs = [name for name in (*self.imposed, *self.tables) if name not in self.model.variables]
-        return tuple(name for name in self.model.states if name in (self.rates or {})), tuple(outputs)
+        outputs = tuple(name for name in self.imposed if name not in self.model.variables)
+        return tuple(name for name in self.model.states if name in (self.rates or {})), outputs
 
     def at(self, scheduled: float | None = None, hold: Mapping[str, float] | None = None) -> TrimCondition:
         """The condition in numbers at a value of the scheduling variable, of the HFA the dihedral angle, rad (None for
@@ -89,48 +81,42 @@ class TrimCondition:
         Where it is free the search begins there. BadInputError outside the places of a table, or where a value lies
         outside its limits.
         """
-        by = self.model.schedule
+        by, model = self.model.schedule, self.model
         place = self.imposed.get(by, self.begin.get(by, 0.0)) if scheduled is None else scheduled
-        own = {by: place} if by in self.imposed else {}
-        values = {name: float(self.values_at(name, place)) for name in self.tables}
-        own |= hold or {}
-        rates = {
-            **(self.rates or {}),
-            **{name.removesuffix("_dot"): own.pop(name) for name in self.model.rates if name in own},
-        }
-        imposed = {**self.imposed, **values, **own}
-        begin = {**self.begin, by: place} if by in self.model.variables and by not in imposed else self.begin
-        return replace(self, imposed=imposed, rates=rates, begin=begin, tables={})
+        own = ({by: place} if by in self.imposed else {}) | dict(hold or {})
+        states = {name: name.removesuffix("_dot") for name in model.rates if name in own}
+        rates = {**(self.rates or {}), **{state: own.pop(name) for name, state in states.items()}}
+        imposed = {name: float(self.values_at(name, place)) for name in self.imposed} | own
+        begin = {**self.begin, by: place} if by in model.variables and by not in imposed else self.begin
+        return replace(self, imposed=imposed, rates=rates, begin=begin)
 
     def values_at(self, name: str, scheduled: float | np.ndarray) -> np.ndarray:
         """What is imposed on a variable at one value of the scheduling variable or at many."""
-        table = self.tables.get(name)
-        if table is None:
-            return np.full(np.shape(scheduled), self.imposed[name])
+        table = self.imposed[name]
+        if not isinstance(table, LinearTable):
+            return np.full(np.shape(scheduled), table)
         asked, (first, last) = np.atleast_1d(scheduled), table.places[[0, -1]]
         outside = asked[(asked < first - 1e-12) | (asked > last + 1e-12)]
         if outside.size:
-            by = self.model.schedule
-            said = partial(shown_value, unit=self.model.unit(by))
-            end, asked_for = (self.model.describe(by, each) for each in (last, outside[0]))
-            raise BadInputError(
-                f"condition {self.name}: {name} is given from {said(first)} to {end} of {by}; {asked_for} lies outside"
-            )
+            by, say = self.model.schedule, self.model.describe
+            given = f"{name} is given from {shown_value(first, self.model.unit(by))} to {say(by, last)} of {by}"
+            raise BadInputError(f"condition {self.name}: {given}; {say(by, outside[0])} lies outside")
         return table.at(scheduled)
 
     def to_dict(self) -> dict[str, Any]:
         """How it differs from the model's own trim, as JSON data; tables as [place, value] rows."""
-        imposed = {name: value for name, value in self.imposed.items() if self.model.trim.get(name) != value}
-        tables = {name: np.column_stack([each.places, each.values]).tolist() for name, each in self.tables.items()}
-        rates, usual = dict(self.rates or {}), self.model.trim
-        begin = {
-            name: self.begin[name] for name in self.free if self.begin.get(name, usual.get(name)) != usual.get(name)
-        }
+        imposed: dict[str, Any] = {}
+        for name, value in self.imposed.items():
+            if isinstance(value, LinearTable):
+                imposed[name] = np.column_stack([value.places, value.values]).tolist()
+            elif self.model.trim.get(name) != value:
+                imposed[name] = value
+        rates, usual, begun = dict(self.rates or {}), self.model.trim, self.begin
         changes: dict[str, Any] = {
-            "imposed": {**imposed, **tables},
-            "free": [name for name in usual if name not in self.imposed and name not in self.tables],
+            "imposed": imposed,
+            "free": [name for name in usual if name not in self.imposed],
             "limits": {name: list(limits) for name, limits in self.limits.items()},
-            "begin": begin,
+            "begin": {name: begun[name] for name in self.free if begun.get(name, usual.get(name)) != usual.get(name)},
             "rates": {} if rates == dict.fromkeys(self.model.steady, 0.0) else rates,
         }
         return {name: change for name, change in changes.items() if change}
@@ -156,11 +142,6 @@ class TrimCondition:
     def limits_of(self, name: str) -> tuple[float, float]:
         """Lowest and highest value of a variable, a state or an output."""
         return self.limits.get(name, self.model.limits[name])
-
-
-def _refuse_infinite(name: str, value: object) -> None:
-    if not is_finite(value):
-        raise BadInputError(f"{name} is {shown(value)}; give a finite number")
 
 
 def usual_condition(model: Model) -> TrimCondition:
@@ -192,30 +173,19 @@ def release(
     The search for a variable set free begins at the value that it was held at. A rate (speed_dot) set free is not
     balanced.
     """
-    hold = dict(hold or {})
+    model, hold = condition.model, dict(hold or {})
     for name in (*free, *hold):
-        condition.model.refuse_unheld("unknown trim variable", name)
-    both = sorted(set(free) & set(hold))
-    if both:
+        model.refuse_unheld("unknown trim variable", name)
+    if both := sorted(set(free) & set(hold)):
         raise BadInputError(f"{both[0]} is both set free and held; name it once")
-    rates: dict[str, Any] = dict(condition.rates or {})
-    for name in condition.model.rates:
-        state = name.removesuffix("_dot")
-        if name in free:
-            rates.pop(state, None)
-        elif name in hold:
-            rates[state] = hold.pop(name)
-    for state, rate in rates.items():
+    rates = {name: rate for name, rate in (condition.rates or {}).items() if f"{name}_dot" not in free}
+    for name in [each for each in hold if each in model.rates]:
+        rate = hold.pop(name)
         if isinstance(rate, LinearTable):
-            raise BadInputError(f"{state}_dot is given over {condition.model.schedule}; give one number")
-    tables = {**condition.tables, **{name: each for name, each in hold.items() if isinstance(each, LinearTable)}}
-    values = {**condition.imposed, **{name: each for name, each in hold.items() if not isinstance(each, LinearTable)}}
-    held_at = values | {name: float(table.values[0]) for name, table in tables.items()}
-    return replace(
-        condition,
-        rates=rates,
-        imposed={name: each for name, each in values.items() if name not in free and hold.get(name, each) is each},
-        tables={name: each for name, each in tables.items() if name not in free and hold.get(name, each) is each},
-        limits={**condition.limits, **(limits or {})},
-        begin={**condition.begin, **{name: held_at[name] for name in free if name in held_at}},
-    )
+            raise BadInputError(f"{name} is given over {model.schedule}; give one number")
+        rates[name.removesuffix("_dot")] = rate
+    values = {**condition.imposed, **hold}
+    begin = {name: values.pop(name) for name in free if name in values}
+    begin = {name: float(v.values[0]) if isinstance(v, LinearTable) else v for name, v in begin.items()}
+    limits, begin = {**condition.limits, **(limits or {})}, {**condition.begin, **begin}
+    return replace(condition, rates=rates, imposed=values, limits=limits, begin=begin)

@@ -13,6 +13,7 @@ import numpy as np
 
 from hfa_model.aircraft import Aircraft
 from hfa_support.errors import BadInputError, NoSolutionError
+from hfa_support.linear_table import LinearTable
 from hfa_support.model import Layout, Model, record
 from hfa_support.native.bound import BoundFunction, cached_per_thread
 from trim.point.condition import TrimCondition
@@ -308,7 +309,8 @@ def trim_problem(model: Model, condition: TrimCondition, start: OperatingPoint |
         raise BadInputError("nothing is free; set at least one of " + ", ".join(model.variables) + " free")
     if condition.model.variables != model.variables:
         raise BadInputError(f"the condition is one of {condition.model.name}, the aircraft is {model.name}")
-    condition = condition.at() if condition.tables else condition
+    if any(isinstance(value, LinearTable) for value in condition.imposed.values()):
+        condition = condition.at()
     signals = model.signals
     usual = {name: signals[name].start for name in model.variables} | dict(condition.begin)
     problem = TrimProblem(model, condition, usual if start is None else start.values)

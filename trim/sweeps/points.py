@@ -202,7 +202,7 @@ def first_guess(model: Model, free: tuple[str, ...], begin: Mapping[str, float])
 def _key(model: Model, variables: tuple[str, ...], condition: TrimCondition) -> Any:
     """Key of `_compiled`: layout, given, free, rates, imposed outputs, watched; None where it makes no functions."""
     varied = [name for name in variables if name not in model.parameters]
-    held = dict.fromkeys([*condition.imposed, *condition.tables, *varied])
+    held = dict.fromkeys([*condition.imposed, *varied])
     nonzero = [name for name in held if name in varied or condition.imposed.get(name) != 0.0]
     given = tuple(name for name in model.holdable if name in nonzero or (name in held and name in model.outputs))
     given += tuple(name for name in model.rates if name in varied)
@@ -318,8 +318,7 @@ def _excess(
     limits, (k,)."""
     names = (*model.states, *model.inputs)
     values = np.hstack([flat[:, : len(names)], watched])
-    held = [*condition.imposed, *condition.tables]
-    seen = _watched(model, condition, held)[: watched.shape[1]]
+    seen = _watched(model, condition, [*condition.imposed])[: watched.shape[1]]
     limits = np.array([condition.limits_of(name) for name in (*names, *seen)])
     width = np.where(np.isfinite(limits).all(axis=1), limits[:, 1] - limits[:, 0], 1.0)
     return np.maximum(limits[:, 0] - values, values - limits[:, 1]), width

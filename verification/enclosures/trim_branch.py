@@ -13,6 +13,7 @@ from flint import arb, arb_mat, arb_series
 
 from hfa_model.aircraft import Aircraft
 from hfa_support.errors import BadInputError
+from hfa_support.linear_table import LinearTable
 from hfa_support.model import Model
 from trim.point.condition import TrimCondition, usual_condition
 from trim.point.operating_point import OperatingPoint
@@ -104,7 +105,7 @@ class Family:
         if not self.over:
             raise BadInputError(f"{model.name} declares no schedule; name the variable that a proof runs over")
         if self.flights is not None:
-            for name in self.flights.tables:
+            for name in (each for each, value in self.flights.imposed.items() if isinstance(value, LinearTable)):
                 raise BadInputError(f"{name} changes with the {self.over} in this condition; --hold it at one value")
         first, _ = (self.condition(end) for end in (low, high))
         still = dict(first.rates or {}) == dict.fromkeys(model.steady, 0.0)
