@@ -85,7 +85,8 @@ def _npz(path: Path) -> dict[str, Any]:
         with np.load(file, allow_pickle=False) as arrays:
             found = {key: arrays[key] for key in arrays.files}
     for array in found.values():
-        array.dtype.kind == "U" and array.tolist()  # ValueError for letters beyond Unicode
+        if array.dtype.kind == "U":
+            array.tolist()  # ValueError for letters beyond Unicode
     return found
 
 
@@ -158,8 +159,9 @@ def _entry_by_entry(rows: list[list[str]]) -> dict[str, Any]:
         tables[name][row, column] = value
         if name in ("A", "P", "K") and (match := re.search(r"\(([^()]*)\)+$", entry.get("unit", ""))):
             units[column] = match[1]
-    for name in tables.keys() & {*PLANT, *CRITIC}:  # and not offsets and outputs
-        cells = tables[name]
+    for name, cells in tables.items():
+        if name not in (*PLANT, *CRITIC):  # offsets and outputs
+            continue
         rows_of, columns = (list(dict.fromkeys(side)) for side in zip(*cells, strict=True))
         if len(cells) != len(rows_of) * len(columns):
             raise ValueError(f"{name} has {len(cells)} entries for {len(rows_of)} rows and {len(columns)} columns")

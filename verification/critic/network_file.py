@@ -78,10 +78,9 @@ def network_in(
             content = regular_file(path, LARGEST_FILE).read_bytes()
             if path.suffix.lower() == ".onnx":
                 return _onnx_network(content, states, parts)
-            tensors = _tensors_in(content, path.suffix.lower())
+            tensors, precision = _checked(_tensors_in(content, path.suffix.lower()))
             found = {name: _layered(tensors, states, activation, part, features) for name, part in parts.items()}
             layers = next(iter(found.values()))[1]
-            precision = "float32" if any(each.dtype == np.float32 for each in tensors.values()) else "float64"
             return Network({name: each for name, (each, _) in found.items() if each is not None}, precision, layers)
         except OSError as error:
             raise BadInputError(f"cannot be read ({error.strerror})") from error
@@ -198,7 +197,7 @@ OPERATORS: Mapping[str, Callable[..., Any]] = {
     "Identity": lambda a: a,
     "Dropout": lambda a, *_, **__: a,
     "Cast": _cast,
-    "Constant": lambda **given: next(iter(given.values())),
+    "Constant": lambda **given: np.array(next(iter(given.values()))),
 }
 
 
@@ -212,25 +211,21 @@ def _onnx_network(content: bytes, states: int, parts: Mapping[str, str]) -> Netw
     opset = max((each.version for each in model.opset_import if each.domain in ("", "ai.onnx")), default=0)
     if opset < OLDEST_OPSET:
         raise BadInputError(f"it has the ONNX operator set {opset}; export it with {OLDEST_OPSET} or later")
-    graph, single = model.graph, list[bool]()
+    graph = model.graph
 
-    def constant(name: str, tensor: Any) -> np.ndarray:
-        if tensor.data_location == onnx.TensorProto.EXTERNAL:
-            what = f"tensor {shortened(name)!r} is in another file"
-            raise BadInputError(f"{what}; export the weights inside (torch: external_data=False)")
-        kind = onnx.TensorProto.DataType.Name(tensor.data_type).lower()
-        if kind not in ("float", "double", "int32", "int64"):
-            raise BadInputError(f"tensor {shortened(name)!r} is {kind}; export weights as float32 or float64")
-        values = _finite(name, onnx.numpy_helper.to_array(tensor))
-        single.append(values.dtype == np.float32)
-        return values.astype(float) if values.dtype.kind == "f" else values
+    def constants(tensors: dict[str, Any]) -> tuple[dict[str, np.ndarray], str]:
+        for name, tensor in tensors.items():
+            if tensor.data_location == onnx.TensorProto.EXTERNAL:
+                what = f"tensor {shortened(name)!r} is in another file"
+                raise BadInputError(f"{what}; export the weights inside (torch: external_data=False)")
+        return _checked({name: onnx.numpy_helper.to_array(tensor) for name, tensor in tensors.items()})
 
-    known: dict[str, Any] = {each.name: constant(each.name, each) for each in graph.initializer}
+    known: dict[str, Any]
+    known, precision = constants({each.name: each for each in graph.initializer})
     inputs = [each for each in graph.input if each.name not in known]
     if len(inputs) != 1 or not graph.output:
-        raise BadInputError(
-            f"it has {len(inputs)} inputs and {len(graph.output)} outputs; a critic takes the state alone"
-        )
+        said = f"it has {len(inputs)} inputs and {len(graph.output)} outputs"
+        raise BadInputError(f"{said}; a critic takes the state alone")
     sizes = [each.dim_value for each in inputs[0].type.tensor_type.shape.dim]  # 0 where it is left open
     if len(sizes) not in (1, 2) or (len(sizes) == 2 and sizes[0] > 1):
         raise BadInputError(f"its input has the shape {sizes}; it must be one row of states")
@@ -244,8 +239,9 @@ def _onnx_network(content: bytes, states: int, parts: Mapping[str, str]) -> Netw
         given = {each.name: onnx.helper.get_attribute_value(each) for each in node.attribute}
         if "approximate" in given:
             given["approximate"] = given["approximate"].decode()
-        if name == "Constant":
-            given = {key: constant(key, value) if key == "value" else np.array(value) for key, value in given.items()}
+        if name == "Constant" and "value" in given:
+            given, single = constants(given)
+            precision = min(precision, single)  # float32 before float64
         result = np.asarray(OPERATORS[name](*(known[each] if each else None for each in node.input), **given))
         if sum(each.size for each in known.values()) + result.size > LARGEST_NETWORK:
             raise BadInputError(f"it has more than {LARGEST_NETWORK} numbers")
@@ -255,11 +251,10 @@ def _onnx_network(content: bytes, states: int, parts: Mapping[str, str]) -> Netw
     for kind, part in parts.items():
         for name in [part] if part else names:
             if name not in names:
-                raise BadInputError(
-                    f"it has no output {shortened(part)!r}; its outputs are {shortened(', '.join(names))}"
-                )
+                has = shortened(", ".join(names))
+                raise BadInputError(f"it has no output {shortened(part)!r}; its outputs are {has}")
             found[kind if part or len(names) == 1 else name] = _function(x, known[name])
-    return Network(found, "float32" if any(single) else "float64", [])
+    return Network(found, precision, [])
 
 
 def _check_width(found: int, states: int) -> None:
@@ -267,10 +262,19 @@ def _check_width(found: int, states: int) -> None:
         raise BadInputError(f"the network has {found} inputs and the plant {states} states")
 
 
-def _finite(name: str, values: np.ndarray) -> np.ndarray:
-    if not np.all(np.isfinite(values)):
-        raise BadInputError(f"tensor {shortened(name)!r} has numbers that are not finite")
-    return values
+def _checked(tensors: dict[str, np.ndarray]) -> tuple[dict[str, np.ndarray], str]:
+    """The tensors, floats in doubles, and the precision of the file. BadInputError where they are no finite numbers of
+    at least 32 bits, or too many."""
+    for name, value in tensors.items():
+        if value.dtype.kind not in "fi" or (value.dtype.kind == "f" and value.dtype.itemsize < 4):
+            raise BadInputError(f"tensor {shortened(name)!r} is {value.dtype}; give weights as float32 or float64")
+        if not np.all(np.isfinite(value)):
+            raise BadInputError(f"tensor {shortened(name)!r} has numbers that are not finite")
+    if sum(value.size for value in tensors.values()) > LARGEST_NETWORK:
+        raise BadInputError(f"it has more than {LARGEST_NETWORK} numbers")
+    single = any(value.dtype == np.float32 for value in tensors.values())
+    doubles = {name: value.astype(float) if value.dtype.kind == "f" else value for name, value in tensors.items()}
+    return doubles, "float32" if single else "float64"
 
 
 def _function(x: Any, outputs: np.ndarray) -> Any:
@@ -294,17 +298,17 @@ def _layered(
         if kind == "bias" and name.removesuffix("bias") + "weight" in tensors:
             continue
         bias = tensors.get(f"{stem}bias", np.zeros(len(value)) if value.ndim else None)
+        before, wrong = len(layers[-1][0]) if layers else None, ""
         if kind != "weight" or value.ndim != 2 or bias is None or bias.shape != (len(value),):
             norm = re.search("norm|ln|bn", name.lower()) or value.ndim == 1
-            what = "a norm, not a linear layer" if norm else "no weight or bias of a linear layer"
+            wrong = f"is {'a norm, not a linear layer' if norm else 'no weight or bias of a linear layer'}"
+        elif before not in (None, value.shape[1]):
+            wrong = f"takes {value.shape[1]} numbers, the layer before gives {before}"
+        if wrong:
             more = f"of several networks name one by --network: {roots}"
-            raise BadInputError(f"tensor {shortened(name)!r} {value.shape} is {what}; {more}")
-        if layers and len(layers[-1][0]) != value.shape[1]:
-            raise BadInputError(
-                f"{shortened(name)!r} takes {value.shape[1]} numbers, the layer before gives {len(layers[-1][0])}; "
-                f"of several networks name one by --network: {roots}"
-            )
-        layers.append((value.astype(float), bias.astype(float)))
+            raise BadInputError(f"tensor {shortened(name)!r} {value.shape} {wrong}; {more}")
+        assert bias is not None
+        layers.append((value, bias))
     width = layers[0][0].shape[1]
     if len(layers) == 1 and width == features:
         return None, layers
@@ -323,24 +327,17 @@ def _layered(
 
 
 def _tensors_in(content: bytes, suffix: str) -> dict[str, np.ndarray]:
-    """Name -> array of a state dict, finite, in the order of its layers: that of the file, or where the format sorts
-    its names, that of the numbers in them."""
+    """Name -> array of a state dict, in the order of its layers: that of the file, or where the format sorts its names,
+    that of the numbers in them."""
     if suffix == ".npz":
         with np.load(io.BytesIO(content), allow_pickle=False) as arrays:
-            found = {name: arrays[name] for name in arrays.files}
-        for name, value in found.items():
-            if value.dtype.kind == "f" and value.dtype.itemsize < 4:
-                raise BadInputError(f"tensor {shortened(name)!r} is {value.dtype}; save weights as float32 or float64")
-    elif suffix == ".safetensors":
+            return {name: arrays[name] for name in arrays.files}
+    if suffix == ".safetensors":
         found = _safetensors(content)
-        found = {name: found[name] for name in sorted(found, key=_numbers_in_order)}
-    elif content[:2] == b"PK":
-        found = _torch_zip(content)
-    else:
+        return {name: found[name] for name in sorted(found, key=_numbers_in_order)}
+    if content[:2] != b"PK":
         raise BadInputError("it is not what torch.save writes since torch 1.6; save state_dict() with it again")
-    if sum(value.size for value in found.values()) > LARGEST_NETWORK:
-        raise BadInputError(f"it has more than {LARGEST_NETWORK} numbers")
-    return {name: _finite(name, value) for name, value in found.items()}
+    return _torch_zip(content)
 
 
 def _numbers_in_order(name: str) -> list[tuple[int, str]]:
@@ -359,7 +356,8 @@ def _safetensors(content: bytes) -> dict[str, np.ndarray]:
 
 
 #: Of safetensors and of torch; integers (counters of batches) are read, and refused where they would be weights.
-_DTYPES = {"F32": "<f4", "F64": "<f8", "FloatStorage": "<f4", "DoubleStorage": "<f8", "LongStorage": "<i8"}
+_DTYPES = {"F16": "<f2", "F32": "<f4", "F64": "<f8"}
+_DTYPES |= {"HalfStorage": "<f2", "FloatStorage": "<f4", "DoubleStorage": "<f8", "LongStorage": "<i8"}
 
 
 def _dtype(kind: str) -> str:

@@ -293,7 +293,7 @@ def test_wrong_state_dicts_are_refused() -> None:
     good = np.zeros((1, 6), "float32")
     wrong = {
         "has 10 inputs": {"weight": np.zeros((1, 10))},
-        "HalfStorage": {"weight": good.astype("float16")},
+        "is float16; give weights as float32": {"weight": good.astype("float16")},
         "not finite": {"weight": good + np.nan},
         "is no weight or bias of a linear layer": {"0.weight": good, "conv.weight": np.zeros((3, 1, 1))},
         "'1.weight' (6,) is a norm, not a linear layer": {"0.weight": np.eye(6), "1.weight": np.ones(6)},
@@ -302,7 +302,7 @@ def test_wrong_state_dicts_are_refused() -> None:
     }
     for said, tensors in wrong.items():
         assert said in refused(torch_file("wrong.pt", tensors)), said
-    assert "F16" in refused(safetensors_file("half.safetensors", {"weight": good.astype("float16")}))
+    assert "is float16" in refused(safetensors_file("half.safetensors", {"weight": good.astype("float16")}))
     for name, content in (("a.pt", b"PK\3\4"), ("b.pt", b"text"), ("c.safetensors", b"\xff" * 20), ("d.pkl", b"")):
         Path(name).write_bytes(content)
         refused(name)
@@ -319,7 +319,7 @@ def test_wrong_graphs_are_refused() -> None:
     )
     assert "operator Loop is not known" in refused(onnx_file("loop.onnx", [("Loop", "x", "y")], constants))
     half = {name: each.astype("float16") for name, each in constants.items()}
-    assert "is float16; export weights as float32" in refused(onnx_file("half.onnx", QUADRATIC, half))
+    assert "is float16; give weights as float32" in refused(onnx_file("half.onnx", QUADRATIC, half))
     assert "not finite" in refused(
         onnx_file("nan.onnx", QUADRATIC, constants | {"P": np.full((6, 6), np.nan, "float32")})
     )
