@@ -18,7 +18,7 @@ import numpy as np
 from controller.game.basis import Basis, basis
 from controller.game.learning_result import LearningResult
 from controller.game.zero_sum import Game
-from controller.laws.certify import conclude, refine
+from controller.laws.certify import Riccati, conclude
 from controller.laws.run import Run, run
 from controller.training_data import recording
 from controller.training_data.bellman_equations import GAME, LQ, PartialGame, StackEquations, newton_step
@@ -86,11 +86,10 @@ NO_STEP = 1e-30
 
 
 class Point(NamedTuple):
-    """Where the learning stands. weights: (M,), scaled coordinates. solves: linear solves spent so far."""
+    """Where the learning is. weights: (M,), scaled coordinates."""
 
     weights: np.ndarray
     problem: PartialGame
-    solves: int
 
 
 def iterate(
@@ -116,7 +115,7 @@ def iterate(
         if here.problem.share == 0.0:
             here = stabilizing_step(equations, here, step, 1.0)
         else:
-            here = Point(here.weights - step, here.problem, here.solves + 1)
+            here = here._replace(weights=here.weights - step)
         last = correction
         if not to_the_floor and correction <= TRACKING:
             return here, True
@@ -132,7 +131,7 @@ def stabilizing_step(equations: StackEquations, here: Point, step: np.ndarray, f
     for _ in range(MOST_HALVINGS):
         trial = here.weights - fraction * step
         if equations.margin(trial, here.problem) > 0.0:
-            return Point(trial, here.problem, here.solves + 1)
+            return here._replace(weights=trial)
         fraction *= 0.5
     raise NoSolutionError(
         "no step of the learning law keeps the recorded plant stable; check that the recorded drifts are F = A z"
@@ -190,7 +189,7 @@ def raise_disturbance(
         if converged and _is_stabilizing_solution(equations, found):
             here, step = found, 2.0 * step
             continue
-        here, step = here._replace(solves=found.solves), 0.5 * step
+        step *= 0.5
         if step < max(SMALLEST_STEP * here.problem.share, NO_STEP):
             end = delta / np.sqrt(here.problem.share) if here.problem.share > 0.0 else np.inf
             raise NoSolutionError(
@@ -329,7 +328,7 @@ class CertifiedLaw:
         abscissa, fastest = float(eigenvalues.real.max()), float(np.abs(eigenvalues).max())
         stabilizing = abscissa < 0.0 and -abscissa >= RELATIVE_MARGIN * fastest
         discount = 0.0 if stabilizing else max(0.0, abscissa) + DISCOUNT_MARGIN + 1e-6 * fastest
-        here = Point(weights, PartialGame(discount, 0.0), 0)
+        here = Point(weights, PartialGame(discount, 0.0))
         return here, self._normaliser(here), discount
 
     def _normaliser(self, here: Point) -> np.ndarray:
@@ -391,20 +390,14 @@ class CertifiedLaw:
             share = (clock - split) / (1.0 - split)
             here = raise_disturbance(self.equations, here, share, normaliser, self.game.delta)
         if clock == 1.0:
-            here = self._refined(iterate(self.equations, here, normaliser, to_the_floor=True)[0])
+            here = iterate(self.equations, here, normaliser, to_the_floor=True)[0]
+            # Where P is large in one direction, a sample shows the other ones as a small difference; the entries of the
+            # Riccati equation of the drifts' linear fit show each by itself, with the last digits.
+            e, quadratic = self.equations, self.basis.quadratic_size
+            P = Riccati(e.drift_matrix, e.control, e.disturbance, e.Q).refined(self.basis.matrix(here.weights))
+            weights = np.concatenate([self.basis.weights(P)[:quadratic], here.weights[quadratic:]])
+            here = here._replace(weights=weights)
         return here
-
-    def _refined(self, here: Point) -> Point:
-        """The quadratic weights with the last digits, which the rounding of single samples hides.
-
-        Where P is large in one direction, a sample shows the other ones as a small difference; the entries of the
-        Riccati equation of the drifts' linear fit show each by itself.
-        """
-        e = self.equations
-        P, solves = refine(e.drift_matrix, e.control, e.disturbance, e.Q, e.basis.matrix(here.weights))
-        beyond = here.weights[e.basis.quadratic_size :]
-        weights = np.concatenate([e.basis.weights(P)[: e.basis.quadratic_size], beyond])
-        return here._replace(weights=weights, solves=here.solves + solves)
 
     def observe(self, tick: int, memory: Memory) -> Mapping[str, Any]:
         """See `run.run`."""
@@ -414,22 +407,14 @@ class CertifiedLaw:
             "weights": self.equations.unscaled(here.weights),
             **self.equations.reported_residuals(here.weights),
             "law_residual_norm": self._law_residual(here, normaliser),
-            "solves": here.solves,
         }
 
     def conclude(self, finished: Run) -> LearningResult:
         """The result of a finished run with its certificates."""
-        history = finished.history
         here, _, first_discount = finished.memory
-        diagnostics = {
-            "discount_at_start": first_discount,
-            "drift_misfit": self.drift_misfit,
-            "linear_solves": float(history["solves"][-1]),
-            "most_linear_solves_in_one_recorded_tick": float(np.diff(history["solves"], prepend=0).max()),
-        }
-        richness = self.equations.excitation(here.weights)
-        chosen = asdict(self.settings)
-        return conclude("certified", self.game, self.equations, history, richness, chosen, self.seed, diagnostics)
+        diagnostics = {"discount_at_start": first_discount, "drift_misfit": self.drift_misfit}
+        of = "certified", self.game, self.equations, finished.history
+        return conclude(*of, self.equations.excitation(here.weights), asdict(self.settings), self.seed, diagnostics)
 
 
 def certified_law(game: Game, chosen: CertifiedSettings, seed: int, pool: Stack | None = None) -> CertifiedLaw:

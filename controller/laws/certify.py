@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -22,6 +22,8 @@ SIGNLESS = 1e-12
 INDEFINITENESS = -1e-10
 #: Largest weight beyond the quadratic ones over the largest quadratic one, in scaled coordinates.
 BEYOND_LIMIT = 1e-9
+#: Most steps of a refinement; each squares the error until rounding stops it.
+MOST_STEPS = 20
 
 
 def conclude(
@@ -102,79 +104,71 @@ def abscissa(matrix: np.ndarray) -> float:
     return float(np.linalg.eigvals(matrix).real.max())
 
 
+class Riccati(NamedTuple):
+    """A'P + PA + Q - PSP with S = G G' - D D', control G (n, m), disturbance D (n, k); A, Q, P (n, n).
+
+    P S P is taken from its roots: where few inputs hold a large P in check, |G'P| is not a small difference of large
+    numbers, and S P is.
+    """
+
+    A: np.ndarray
+    control: np.ndarray
+    disturbance: np.ndarray
+    Q: np.ndarray
+
+    @classmethod
+    def of(cls, game: Game, scales: np.ndarray) -> Riccati:
+        """The equation of a game in coordinates z / scales."""
+        rows = scales[:, None]
+        roots = control_root(game) / rows, game.E / game.delta / rows
+        return cls(game.A * scales / rows, *roots, game.Q * rows * scales)
+
+    def residual(self, P: np.ndarray) -> np.ndarray:
+        """A'P + PA + Q - PSP, (n, n)."""
+        pushed, disturbed = P @ self.control, P @ self.disturbance
+        return self.A.T @ P + P @ self.A + self.Q - pushed @ pushed.T + disturbed @ disturbed.T
+
+    def correction(self, P: np.ndarray) -> np.ndarray:
+        """N with (A - S P)'N + N (A - S P) = `residual`, (n, n): P - N is the next policy iteration.
+
+        Solved as n² linear equations. Raises numpy.linalg.LinAlgError when they are singular.
+        """
+        closed = self.A - self.control @ (self.control.T @ P) + self.disturbance @ (self.disturbance.T @ P)
+        eye = np.eye(len(P))
+        operator = np.kron(closed.T, eye) + np.kron(eye, closed.T)
+        found: np.ndarray = np.linalg.solve(operator, self.residual(P).reshape(-1)).reshape(P.shape)
+        return (found + found.T) / 2.0
+
+    def refined(self, P: np.ndarray) -> np.ndarray:
+        """P - N repeated until the correction no longer halves, which is rounding."""
+        last = np.inf
+        for _ in range(MOST_STEPS):
+            try:
+                correction = self.correction(P)
+            except np.linalg.LinAlgError:
+                break
+            size = float(np.linalg.norm(correction))
+            if not size < 0.5 * last:
+                break
+            P, last = P - correction, size
+        return P
+
+
 def relative_residual(game: Game, P: np.ndarray, scales: np.ndarray) -> float:
     """|A'P + PA + Q - PSP| / (2 |A'P| + |Q| + |PSP|) in coordinates z / scales, Frobenius norms; 0 where nothing costs
     anything that a number can hold."""
     outer = np.outer(scales, scales)
     terms = (2.0 * game.A.T @ P, game.Q, P @ game.S @ P)
     total = sum(float(np.linalg.norm(term * outer)) for term in terms)
-    left = float(np.linalg.norm(riccati_residual(*_scaled(game, scales), P * outer)))
+    left = float(np.linalg.norm(Riccati.of(game, scales).residual(P * outer)))
     return left / total if total > 0.0 else left
 
 
 def relative_correction(game: Game, P: np.ndarray, scales: np.ndarray) -> float:
-    """|N| / |P| with (A - S P)'N + N (A - S P) = A'P + PA + Q - PSP, Frobenius norms; inf when singular.
-
-    Solved in coordinates z / scales.
-    """
+    """|N| / |P|, N of `Riccati.correction` in coordinates z / scales, Frobenius norms; inf when singular."""
     outer = np.outer(scales, scales)
     try:
-        correction = newton_correction(*_scaled(game, scales), P * outer) / outer
+        correction = Riccati.of(game, scales).correction(P * outer) / outer
     except np.linalg.LinAlgError:
         return np.inf
     return float(np.linalg.norm(correction) / np.linalg.norm(P)) if np.any(P) else np.inf
-
-
-def _scaled(game: Game, scales: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """A, the roots of both parts of S, and Q in coordinates z / scales."""
-    rows = scales[:, None]
-    return game.A * scales / rows, control_root(game) / rows, game.E / game.delta / rows, game.Q * rows * scales
-
-
-#: Most steps of a refinement; each squares the error until rounding stops it.
-MOST_STEPS = 20
-
-
-def riccati_residual(
-    A: np.ndarray, control: np.ndarray, disturbance: np.ndarray, Q: np.ndarray, P: np.ndarray
-) -> np.ndarray:
-    """A'P + PA + Q - PSP with S = G G' - D D', G control (n, m) and D disturbance (n, k); (n, n).
-
-    P S P is taken from its roots: where few inputs hold a large P in check, |G'P| is not a small difference of
-    large numbers, and S P is.
-    """
-    pushed, disturbed = P @ control, P @ disturbance
-    return A.T @ P + P @ A + Q - pushed @ pushed.T + disturbed @ disturbed.T
-
-
-def newton_correction(
-    A: np.ndarray, control: np.ndarray, disturbance: np.ndarray, Q: np.ndarray, P: np.ndarray
-) -> np.ndarray:
-    """N with (A - S P)'N + N (A - S P) = `riccati_residual`, (n, n): P - N is the next policy iteration.
-
-    Solved as n² linear equations. Raises numpy.linalg.LinAlgError when they are singular.
-    """
-    closed = A - control @ (control.T @ P) + disturbance @ (disturbance.T @ P)
-    eye = np.eye(len(P))
-    operator = np.kron(closed.T, eye) + np.kron(eye, closed.T)
-    right = riccati_residual(A, control, disturbance, Q, P)
-    found: np.ndarray = np.linalg.solve(operator, right.reshape(-1)).reshape(P.shape)
-    return (found + found.T) / 2.0
-
-
-def refine(
-    A: np.ndarray, control: np.ndarray, disturbance: np.ndarray, Q: np.ndarray, P: np.ndarray
-) -> tuple[np.ndarray, int]:
-    """P - N repeated until the correction no longer halves, which is rounding; the last P and the number of solves."""
-    last, solves = np.inf, 0
-    while solves < MOST_STEPS:
-        try:
-            correction = newton_correction(A, control, disturbance, Q, P)
-        except np.linalg.LinAlgError:
-            break
-        solves += 1
-        size = float(np.linalg.norm(correction))
-        if not size < 0.5 * last:
-            break
-        P, last = P - correction, size
-    return P, solves

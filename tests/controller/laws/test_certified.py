@@ -172,7 +172,6 @@ def test_policies_are_stabilizing_throughout_stage_one() -> None:
     game, _ = published(PUBLISHED[0])
     law = certified_law(game, CertifiedSettings(tick=0.05), seed=0)
     finished = run(law)
-    assert law.conclude(finished).diagnostics["linear_solves"] == finished.memory[0].solves
     discount = finished.memory[2]
     assert discount > 0.5
     for weights in finished.history["weights"][: law.ticks // 2]:

@@ -80,7 +80,7 @@ def test_without_the_discount_at_the_edge_an_answer_is_lost_or_refused(monkeypat
         return step
 
     def unguarded(equations: StackEquations, here: Point, step: np.ndarray, fraction: float) -> Point:
-        return Point(here.weights - fraction * step, here.problem, here.solves + 1)
+        return here._replace(weights=here.weights - fraction * step)
 
     monkeypatch.setattr(certified, "RELATIVE_MARGIN", 0.0)
     monkeypatch.setattr(certified, "newton_step", truncated)

@@ -13,12 +13,11 @@ from reference_riccati import reference_solution, relative_error
 from controller import Game, basis, learn, random_pool
 from controller.game.learning_result import Excitation
 from controller.laws.certify import (
+    Riccati,
     certificates,
-    newton_correction,
     positivity,
     relative_correction,
     relative_residual,
-    riccati_residual,
 )
 from controller.training_data.bellman_equations import StackEquations
 from controller.training_data.recording import choose
@@ -129,11 +128,6 @@ def one_input(seed: int, states: int) -> Game:
     return game.with_delta(2.0 * minimum_delta(game).value)
 
 
-def parts(game: Game) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """A, the roots of both parts of S, and Q; R is 1 x 1."""
-    return game.A, game.B / np.sqrt(game.R[0, 0]), game.E / game.delta, game.Q
-
-
 @pytest.mark.parametrize(("seed", "states"), [(9, 6), (1, 7), (2, 7), (7, 8)])
 def test_few_inputs_against_many_disturbances(seed: int, states: int) -> None:
     game = one_input(seed, states)
@@ -162,9 +156,10 @@ def test_the_correction_is_the_next_policy_iteration() -> None:
     game = stable_game()
     exact = reference_solution(game).P
     P = exact + np.array([[0.02, 0.01], [0.01, -0.01]])
-    N = newton_correction(*parts(game), P)
+    equation = Riccati.of(game, np.ones(2))
+    N = equation.correction(P)
     closed = game.A - game.S @ P
-    assert closed.T @ N + N @ closed == pytest.approx(riccati_residual(*parts(game), P), abs=1e-13)
-    assert riccati_residual(*parts(game), P) == pytest.approx(game.residual(P), abs=1e-13)
+    assert closed.T @ N + N @ closed == pytest.approx(equation.residual(P), abs=1e-13)
+    assert equation.residual(P) == pytest.approx(game.residual(P), abs=1e-13)
     errors = [float(np.linalg.norm(X - exact)) for X in (P, P - N)]
     assert errors[1] < errors[0] ** 2
