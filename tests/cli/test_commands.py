@@ -55,16 +55,8 @@ def test_trim_json() -> None:
 
 
 def test_degrees_go_in_and_radians_come_out() -> None:
-    words = (
-        "--dihedral",
-        "10",
-        "--hold",
-        "gamma=-1.5",
-        "--hold",
-        "aileron_center=2",
-        "--limit",
-        "elevator_outer=-25:25",
-    )
+    held = ("--hold", "gamma=-1.5", "--hold", "aileron_center=2")
+    words = ("--dihedral", "10", *held, "--limit", "elevator_outer=-25:25")
     point = answer("trim", *words)["operating_point"]
     assert point["states"]["dihedral"] == pytest.approx(np.radians(10.0), rel=1e-15)
     assert point["states"]["pitch"] - point["states"]["alpha"] == pytest.approx(np.radians(-1.5), rel=1e-12)
@@ -74,9 +66,8 @@ def test_degrees_go_in_and_radians_come_out() -> None:
 
 
 @pytest.mark.parametrize("command", ["trim", "linearize"])
-@pytest.mark.parametrize("degrees", ["14", "15"])
-def test_a_saved_point_starts_the_next_trim(command: str, degrees: str) -> None:
-    assert hfa(command, "--dihedral", degrees, "-o", "saved.json").code == DONE
+def test_a_saved_point_starts_the_next_trim(command: str) -> None:
+    assert hfa(command, "--dihedral", "14", "-o", "saved.json").code == DONE
     words = ("linearize", "--dihedral", "15")
     again, plain = answer(*words, "--start", "saved.json"), answer(*words)
     np.testing.assert_allclose(again["A"], plain["A"], atol=1e-9)
@@ -115,15 +106,6 @@ def test_sweep_text_and_json() -> None:
     for A, pairs in zip(data["A"], data["eigenvalues"], strict=True):
         found = np.sort_complex([complex(*pair) for pair in pairs])
         np.testing.assert_allclose(found, np.sort_complex(np.linalg.eigvals(A)), rtol=1e-9, atol=1e-9)
-
-
-def test_sweep_in_two_variables_runs_the_last_one_fastest() -> None:
-    data = answer("sweep", "--dihedral", "0,10", "--hold", "speed=64:72:4")
-    assert (data["variables"], data["variable_units"]) == (["dihedral", "speed"], ["rad", "ft/s"])
-    expected = [(dihedral, speed) for dihedral in (0, 10) for speed in (64, 68, 72)]
-    np.testing.assert_allclose(np.array(data["values"]) * [180 / np.pi, 1], expected, atol=1e-12)
-    points = np.array(data["operating_states"])
-    np.testing.assert_allclose(points[:, [STATES.index("dihedral"), STATES.index("speed")]], data["values"], atol=0)
 
 
 def test_sweep_keeps_failed_points_as_rows(tmp_path: Path) -> None:
@@ -166,9 +148,3 @@ def test_regenerate_fails_with_one_parameter_changed_by_one_percent(tmp_path: Pa
     assert (result.code, result.err) == (FAILED, "")
     assert "FAIL" in result.out
     assert "\nBoth pairs regenerated: NO\n" in result.out
-
-
-def test_regenerate_fails_with_newton() -> None:
-    data = answer("regenerate", "--dynamics", "newton", code=FAILED)
-    assert data["ok"] is False
-    assert {check["ok"] for case in data["cases"] for check in case["checks"]} == {True, False}

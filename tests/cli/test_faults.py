@@ -27,29 +27,6 @@ def test_a_refusal_that_nobody_can_read_is_its_exit_code(tmp_path: Path, lost: s
     assert (done.returncode, done.stdout, done.stderr) == (BAD_INPUT, "", "")
 
 
-def test_a_result_whose_notes_nobody_can_read_is_there(tmp_path: Path) -> None:
-    told = shell('exec "$0" "$@"', "solve", "--dihedral", "20", "--json", folder=tmp_path)
-    assert told.stderr.startswith("hfa: note: ")
-    done = shell('exec "$0" "$@" 2>/dev/full', "solve", "--dihedral", "20", "--json", folder=tmp_path)
-    assert (done.returncode, done.stdout) == (DONE, told.stdout)
-
-
-@pytest.mark.parametrize(
-    ("setting", "words", "said"),
-    [
-        ("SOURCE_DATE_EPOCH=999999999999", "trim --dihedral 15", "SOURCE_DATE_EPOCH is '999999999999'; give seconds"),
-        ("MPLBACKEND=nonsense", "trim --dihedral 15 --picture a.png", "matplotlib does not start, check MPLBACKEND"),
-    ],
-)
-def test_a_setting_of_the_environment_that_is_none_is_one_line(
-    tmp_path: Path, setting: str, words: str, said: str
-) -> None:
-    name, _, value = setting.partition("=")
-    done = hfa_process(*words.split(), folder=tmp_path, **{name: value})
-    assert (done.code, done.out, done.err.count("\n")) == (BAD_INPUT, "", 1)
-    assert done.err.startswith(f"hfa: {said}")
-
-
 @pytest.mark.parametrize(
     ("words", "named"),
     [
@@ -85,13 +62,9 @@ MACHINE_CODE = "monte-carlo --dihedral 15 --law exact --samples 3 --duration 0.1
     ("words", "home"),
     [
         (PICTURE, "read-only"),
-        (PICTURE, "a file"),
         (MACHINE_CODE, "unset"),
-        (MACHINE_CODE, "missing"),
-        pytest.param(PICTURE, "unset", marks=pytest.mark.slow),
-        pytest.param(PICTURE, "missing", marks=pytest.mark.slow),
-        pytest.param(MACHINE_CODE, "read-only", marks=pytest.mark.slow),
-        pytest.param(MACHINE_CODE, "a file", marks=pytest.mark.slow),
+        *(pytest.param(PICTURE, home, marks=pytest.mark.slow) for home in ("a file", "unset", "missing")),
+        *(pytest.param(MACHINE_CODE, home, marks=pytest.mark.slow) for home in ("missing", "read-only", "a file")),
     ],
 )
 def test_without_a_home_that_can_be_written_the_result_is_there(tmp_path: Path, words: str, home: str) -> None:
@@ -140,7 +113,7 @@ def test_a_job_that_filled_the_disk_goes_on_when_there_is_room(
 @pytest.mark.parametrize(
     ("words", "left"),
     [
-        ("learn --dihedral 15 -o a.npz", 4),
+        pytest.param("learn --dihedral 15 -o a.npz", 4, marks=pytest.mark.slow),
         pytest.param("trim --dihedral 15 --picture a.png", 4, marks=pytest.mark.slow),
         ("export --dihedral 15 -o folder", 12),  # room for the header, not for the rest
     ],

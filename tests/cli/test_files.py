@@ -19,13 +19,11 @@ from hfa_model import STATES
 
 SUFFIXES = ("json", "npz", "mat", "csv")
 COMMANDS = {
-    "trim": ("trim", "--dihedral", "11.1"),
     "linearize": ("linearize", "--dihedral", "11.1"),
     "full": ("linearize", "--dihedral", "11.1", "--states", ",".join(STATES), "--dynamics", "newton"),
-    "sweep": ("sweep", "--dihedral", "0:20:4"),
     "failing": ("sweep", "--dihedral", "0", "--hold", "speed=20,68"),
     "plane": ("sweep", "--dihedral", "0:20:10", "--hold", "speed=66,70"),
-    "regenerate": ("regenerate",),
+    "trim": ("trim", "--dihedral", "11.1"),
 }
 
 
@@ -83,15 +81,9 @@ def flat(data: Any) -> list[float]:
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_json_file_is_what_json_prints(tmp_path: Path, name: str) -> None:
-    path, data = written(tmp_path, name, "json")
-    assert json.loads(path.read_text(encoding="utf-8"), parse_constant=pytest.fail) == data
-    assert data["schema"].startswith("hfa.")
-
-
-@pytest.mark.parametrize("name", COMMANDS)
 def test_npz_keeps_every_number_and_name(tmp_path: Path, name: str) -> None:
     path, data = written(tmp_path, name, "npz")
+    assert data["schema"].startswith("hfa.")
     with np.load(path, allow_pickle=False) as archive:
         arrays = {key: archive[key] for key in archive}
     assert str(arrays["schema"]) == data["schema"]
@@ -118,21 +110,7 @@ def rows_of(path: Path) -> list[dict[str, str]]:
     return [{name.partition(" [")[0]: cell for name, cell in row.items()} for row in rows]
 
 
-def test_linearize_csv(tmp_path: Path) -> None:
-    path, data = written(tmp_path, "linearize", "csv")
-    rows = rows_of(path)
-    for matrix, columns in (("A", data["states"]), ("B", data["inputs"])):
-        found = {(row["row"], row["column"]): row for row in rows if row["matrix"] == matrix}
-        for i, state in enumerate(data["states"]):
-            for j, column in enumerate(columns):
-                assert float(found[state, column]["value"]) == data[matrix][i][j]
-                assert float(found[state, column]["band"]) == data[f"{matrix}_band"][i][j]
-    assert [float(row["value"]) for row in rows if row["matrix"] == "X0"] == data["state_offsets"]
-    assert [float(row["value"]) for row in rows if row["matrix"] == "U0"] == data["input_offsets"]
-    assert {row["unit"] for row in rows if (row["row"], row["column"]) == ("speed", "alpha")} == {"(ft/s^2)/(rad)"}
-
-
-@pytest.mark.parametrize("name", ["sweep", "plane", "failing"])
+@pytest.mark.parametrize("name", ["plane", "failing"])
 def test_sweep_csv(tmp_path: Path, name: str) -> None:
     path, data = written(tmp_path, name, "csv")
     rows = rows_of(path)
@@ -152,10 +130,8 @@ def test_sweep_csv(tmp_path: Path, name: str) -> None:
 @pytest.mark.parametrize(
     ("name", "suffix"),
     [
-        pytest.param(
-            name, suffix, marks=[pytest.mark.slow] * (name not in ("linearize", "failing") and suffix != "npz")
-        )
-        for name in COMMANDS
+        pytest.param(name, suffix, marks=[pytest.mark.slow] * (suffix != "npz" and name != "failing"))
+        for name in ("full", "failing")
         for suffix in SUFFIXES
     ],
 )
@@ -175,30 +151,21 @@ def test_a_failed_check_still_delivers_its_file(tmp_path: Path) -> None:
     assert json.loads(path.read_text(encoding="utf-8"))["ok"] is False
 
 
-TRIM = ("trim", "--dihedral", "15")
-
-
-def report_in(name: str, *words: str) -> str:
-    result = hfa(*words, "-o", name)
-    assert result.code == DONE
-    assert [path.name for path in Path().iterdir()] == [name]
-    return Path(name).read_text(encoding="utf-8")
-
-
 @pytest.mark.parametrize(("name", "opening"), [("a.md", "|---|"), ("a.html", "<table>")])
-@pytest.mark.parametrize("words", ["linearize --dihedral 15", "solve --dihedral 15", "sweep --dihedral 5,15"])
-def test_other_commands_write_it_too(words: str, name: str, opening: str) -> None:
-    text = report_in(name, *words.split())
+def test_a_report_is_written_as_text(name: str, opening: str) -> None:
+    assert hfa("solve", "--dihedral", "15", "-o", name).code == DONE
+    assert [path.name for path in Path().iterdir()] == [name]
+    text = Path(name).read_text(encoding="utf-8")
     assert opening in text
     assert "![" not in text  # no picture lies beside it
 
 
 @pytest.mark.parametrize(
     ("suffix", "begin"),
-    [(".png", b"\x89PNG"), pytest.param(".svg", b"<?xml", marks=pytest.mark.slow), (".pdf", b"%PDF")],
+    [(".png", b"\x89PNG"), (".pdf", b"%PDF")],
 )
 def test_the_picture_of_a_trim(tmp_path: Path, suffix: str, begin: bytes) -> None:
     path = tmp_path / f"front{suffix}"
-    assert hfa(*TRIM, "--picture", str(path)).code == DONE
+    assert hfa("trim", "--dihedral", "15", "--picture", str(path)).code == DONE
     assert path.read_bytes().startswith(begin)
     assert b"hfa trim" in path.read_bytes() or b"published dynamics" in path.read_bytes()

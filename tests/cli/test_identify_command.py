@@ -55,12 +55,9 @@ def test_it_writes_the_committed_parameters(identified: Run) -> None:
     assert found.standard_errors == pytest.approx(committed.standard_errors, rel=1e-4)
 
 
-@pytest.mark.parametrize("suffix", [".toml", ".TOML"])
-def test_the_output_may_be_the_parameters(
-    identified: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, suffix: str
-) -> None:
+def test_the_output_may_be_the_parameters(identified: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(identify, "run_identification", lambda *_: identified.found)
-    path = tmp_path / f"mine{suffix}"
+    path = tmp_path / "mine.TOML"
     assert hfa("identify", "-o", str(path)).code == 0
     written, committed = load_parameters(path), load_parameters(identified.folder / FILE)
     assert written.values == committed.values
@@ -76,14 +73,3 @@ def test_the_json_file_holds_the_same_parameters(identified: Run) -> None:
     assert len(data["entries"]) == 132
     assert np.sum([entry["half_units"] ** 2 for entry in data["entries"]]) == pytest.approx(data["sum_of_squares"])
     assert [row["description"] for row in data["structures"]] == ["published", *(name for name, _ in ALTERNATIVES)]
-
-
-def test_its_entries_are_those_of_regenerate_under_the_same_names(identified: Run) -> None:
-    ours = json.loads((identified.folder / "evidence.json").read_text(encoding="utf-8"))["entries"]
-    cases = json.loads(hfa("regenerate", "--json").out)["cases"]
-    theirs = [entry for case in cases for entry in case["entries"]]
-    assert len(ours) == len(theirs) == 132
-    for one, other in zip(ours, theirs, strict=True):
-        assert set(other) <= set(one)
-        assert (one["name"], one["printed"]) == (other["name"], other["printed"])
-        assert one["computed"] == pytest.approx(other["computed"], rel=1e-7, abs=1e-12)

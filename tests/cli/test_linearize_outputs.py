@@ -68,7 +68,6 @@ def test_every_file_has_the_columns_of_all_winds(published_aircraft: Aircraft) -
         np.testing.assert_array_equal(stored["F"], model.F)
 
 
-@pytest.mark.parametrize("suffix", ["json", "npz", "mat"])
-def test_the_wind_in_a_file_is_not_the_disturbance_of_its_game(suffix: str) -> None:
-    assert hfa("linearize", *AT_15, "--outputs", "gamma", "-o", f"model.{suffix}").code == 0
-    assert answer("solve", "--model", f"model.{suffix}")["P"] == answer("solve", *AT_15)["P"]
+def test_the_wind_in_a_file_is_not_the_disturbance_of_its_game() -> None:
+    assert hfa("linearize", *AT_15, "--outputs", "gamma", "-o", "model.mat").code == 0
+    assert answer("solve", "--model", "model.mat")["P"] == answer("solve", *AT_15)["P"]

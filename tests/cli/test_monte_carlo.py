@@ -36,12 +36,3 @@ def test_the_command_flies_and_sums_up(tmp_path: Path) -> None:
     assert "stayed within limits: 8 of 8" in again.out
     assert f"{np.degrees(data['peak_error']['alpha'][3]):.4g}" in again.out
     assert "members not kept" in hfa(*words).out
-
-
-def test_the_command_flies_a_gain_of_the_user(tmp_path: Path, gain: np.ndarray) -> None:
-    file = tmp_path / "gain.npz"
-    np.savez(file, K=-gain)
-    away = hfa("monte-carlo", "--dihedral", "15", "--samples", "2", "--weights", str(file), "--initial", "alpha=1")
-    assert away.code == 1
-    assert "stayed within limits: 0 of 2" in away.out
-    assert "left the envelope, by the state that left first: " in away.out

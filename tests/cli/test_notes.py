@@ -7,7 +7,7 @@ import re
 from pathlib import Path
 
 import pytest
-from cli import Terminal, answer, hfa
+from cli import Terminal, hfa
 from game_files import small
 
 from hfa_cli.main import DONE
@@ -28,7 +28,9 @@ def sweep_note(farthest: str) -> str:
     return f"dihedral {farthest} deg lies beyond the paper's range, which ends at 15 deg"
 
 
-@pytest.mark.parametrize("name", [pytest.param(name, marks=[pytest.mark.slow] * (name == "map")) for name in COMMANDS])
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.slow] * (name in ("map", "learn", "verify"))) for name in COMMANDS]
+)
 def test_a_command_says_once_that_a_dihedral_lies_beyond_the_paper(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
 ) -> None:
@@ -40,31 +42,6 @@ def test_a_command_says_once_that_a_dihedral_lies_beyond_the_paper(
         within = hfa(*COMMANDS[name], "--dihedral", "15", "--json")
         assert within.err == ""
         assert json.loads(within.out)["warnings"] == []
-
-
-@pytest.mark.parametrize("command", ["trim", "linearize"])
-def test_a_report_of_one_point_says_it_itself(command: str) -> None:
-    beyond, within = (hfa(command, "--dihedral", degrees) for degrees in ("16", "15"))
-    assert (NOTE in beyond.out, beyond.err, "beyond" in within.out) == (True, "", False)
-    notes = [answer(command, "--dihedral", degrees)["warnings"] for degrees in ("16", "15")]
-    assert notes == [[NOTE], []]
-
-
-def test_a_free_dihedral_says_what_the_angle_given_is_for(tmp_path: Path) -> None:
-    words = ("trim", "--dihedral", "10", "--free", "dihedral", "--hold", "aileron_outer=2")
-    saved = tmp_path / "at.json"
-    assert hfa(*words, "-o", str(saved)).err == "hfa: note: dihedral is free: the search begins at --dihedral 10 deg\n"
-    again = hfa(*words, "--start", str(saved))
-    assert again.err == "hfa: note: dihedral is free: the search begins at --start\n"
-
-
-def test_a_sweep_has_its_notes_in_its_data_and_files(tmp_path: Path) -> None:
-    path = tmp_path / "far.json"
-    result = hfa("sweep", "--dihedral", "14:20:2", "--json", "-o", str(path))
-    assert result.err == f"hfa: note: {sweep_note('20')}\n"
-    assert json.loads(result.out)["warnings"] == json.loads(path.read_text(encoding="utf-8"))["warnings"]
-    assert json.loads(result.out)["warnings"] == [sweep_note("20")]
-    assert json.loads(hfa("sweep", "--dihedral", "0:15:5", "--json").out)["warnings"] == []
 
 
 def test_quiet_says_no_note_and_no_progress_but_errors() -> None:
@@ -100,9 +77,7 @@ COLOR = re.compile("\033\\[[0-9;]*m")
 BAR = re.compile(r" *[ o]\[[-o]{10}\][ o]")
 
 
-@pytest.mark.parametrize(
-    ("environment", "colored"), [({}, True), ({"NO_COLOR": "1"}, False), ({"TERM": "dumb"}, False)]
-)
+@pytest.mark.parametrize(("environment", "colored"), [({}, True), ({"NO_COLOR": "1"}, False)])
 def test_a_terminal_gets_bars_and_colors(
     environment: dict[str, str], colored: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -119,9 +94,9 @@ def test_a_terminal_gets_bars_and_colors(
     assert BAR.sub("", COLOR.sub("", shown)).split() == plain.split()
 
 
-@pytest.mark.parametrize("words", ["solve --model plant.json", "learn --model plant.json --set tick=0.1"])
-def test_progress_is_for_terminals_alone(words: str) -> None:
+def test_progress_is_for_terminals_alone() -> None:
     small("plant.json")
+    words = "solve --model plant.json"
     quiet, terminal = hfa(*words.split()), hfa(*words.split(), err=Terminal())
     assert (quiet.err, quiet.out) == ("", terminal.out)
     assert f"{words.split()[0]}: 100 %" in terminal.err

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import shutil
 import subprocess
@@ -45,14 +44,6 @@ def test_what_takes_more_than_a_minute_is_announced_once(
     for done in range(1, 10):
         short(done, 20)
     assert capsys.readouterr().err == ""
-
-
-def test_a_flight_takes_no_disturbance_as_the_solution_does() -> None:
-    words = ("--dihedral", "15", "--delta", "inf", "--json")
-    K = json.loads(hfa("solve", *words).out)["K"]
-    flown = hfa("fly", *words, "--law", "exact", "--duration", "0.1")
-    assert flown.code == 0
-    np.testing.assert_allclose(json.loads(flown.out)["policy"]["K"], K, rtol=1e-9)
 
 
 def test_too_little_memory_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:

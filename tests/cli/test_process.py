@@ -16,28 +16,25 @@ from hfa_cli.main import BAD_INPUT, DONE, FAILED
 
 
 def test_the_module_is_the_command(tmp_path: Path) -> None:
-    for words in (("trim", "--dihedral", "15", "--json"), ("trim", "--dihedrl", "15")):
-        done = subprocess.run(
-            [sys.executable, "-m", "hfa_cli", *words], cwd=tmp_path, capture_output=True, text=True, timeout=60
-        )
-        assert (done.returncode, done.stdout, done.stderr) == hfa(*words)
+    words = ("trim", "--dihedrl", "15")
+    run = [sys.executable, "-m", "hfa_cli", *words]
+    done = subprocess.run(run, cwd=tmp_path, capture_output=True, text=True, timeout=60)
+    assert (done.returncode, done.stdout, done.stderr) == hfa(*words)
 
 
-@pytest.mark.parametrize("words", [("trim", "--dihedral", "12.5", "--json"), ("sweep", "--dihedral", "14:16:1")])
-def test_a_process_says_the_same_as_any_other(tmp_path: Path, words: tuple[str, ...]) -> None:
+def test_a_process_says_the_same_as_any_other(tmp_path: Path) -> None:
+    words = ("sweep", "--dihedral", "14:16:1")
     inside = hfa(*words)
     assert inside.code == DONE
-    for environment in ({"PYTHONHASHSEED": "1"}, {"PYTHONHASHSEED": "2", "FORCE_COLOR": "1", "TERM": "xterm-256color"}):
-        assert hfa_process(*words, folder=tmp_path, **environment) == inside
+    environment = {"PYTHONHASHSEED": "2", "FORCE_COLOR": "1", "TERM": "xterm-256color"}
+    assert hfa_process(*words, folder=tmp_path, **environment) == inside
 
 
 @pytest.mark.parametrize(
     ("words", "code", "unbuffered"),
     [
         ("--help", DONE, ""),
-        ("trim --dihedral 15", DONE, "1"),
         ("sweep --dihedral 0:20:0.5 --json -q", DONE, ""),
-        ("sweep --dihedral 60 -q", FAILED, ""),
         ("sweep --dihedral 60 -q", FAILED, "1"),
     ],
 )
@@ -56,22 +53,20 @@ def test_a_reader_that_leaves_changes_no_exit_code(words: str, code: int, unbuff
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no full device")
-@pytest.mark.parametrize("unbuffered", ["", "1"])
-def test_a_full_disk_is_one_line(unbuffered: str) -> None:
+def test_a_full_disk_is_one_line() -> None:
     with Path("/dev/full").open("wb") as full:
         done = subprocess.run(
             [SCRIPT, "trim", "--dihedral", "15"],
             stdout=full,
             stderr=subprocess.PIPE,
-            env={**os.environ, "PYTHONUNBUFFERED": unbuffered},
             timeout=60,
         )
     assert done.returncode == BAD_INPUT
     assert re.fullmatch(rb"hfa: [^\n]*No space left on device\n", done.stderr)
 
 
-@pytest.mark.parametrize("words", ["linearize --dihedral 15 -o a.json", "sweep --dihedral 0:15:0.01 -o a.csv"])
-def test_a_file_that_cannot_be_written_whole_is_not_there(tmp_path: Path, words: str) -> None:
+def test_a_file_that_cannot_be_written_whole_is_not_there(tmp_path: Path) -> None:
+    words = "linearize --dihedral 15 -o a.json"
     # Python itself must not write then: it takes a compiled module that is cut off for a whole one ever after.
     limited = ["sh", "-c", 'ulimit -f 1; export PYTHONDONTWRITEBYTECODE=1; exec "$0" "$@"', SCRIPT, *words.split()]
     done = subprocess.run(limited, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, cwd=tmp_path, timeout=60)

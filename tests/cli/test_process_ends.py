@@ -28,9 +28,9 @@ proc = pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="processe
 @pytest.mark.parametrize(
     ("name", "number", "code", "said"),
     [
-        ("sweep", signal.SIGTERM, TERMINATED, "hfa: terminated\n"),
+        pytest.param("sweep", signal.SIGTERM, TERMINATED, "hfa: terminated\n", marks=pytest.mark.slow),
         ("sweep", signal.SIGINT, INTERRUPTED, "hfa: interrupted\n"),
-        ("sweep", signal.SIGHUP, TERMINATED, "hfa: terminated\n"),
+        pytest.param("sweep", signal.SIGHUP, TERMINATED, "hfa: terminated\n", marks=pytest.mark.slow),
         ("sweep", signal.SIGKILL, -signal.SIGKILL, None),
         pytest.param("monte-carlo", signal.SIGTERM, TERMINATED, "hfa: terminated\n", marks=pytest.mark.slow),
         pytest.param("monte-carlo", signal.SIGINT, INTERRUPTED, "hfa: interrupted\n", marks=pytest.mark.slow),

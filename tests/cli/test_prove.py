@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 from pathlib import Path
 
 import numpy as np
@@ -119,20 +118,6 @@ def test_the_digest_is_of_the_proof_and_an_edited_date_shows(certificate: Path, 
     assert {key for key in first if first[key] != second[key]} == {"provenance", "checksum"}
     again.write_text(again.read_text().replace("1970-01-01", "1971-01-01"))
     assert_refused(hfa("prove", "--check", str(again)), 2, "again.json", "edited")
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_one_edited_digit_is_refused(certificates: dict[str, Path], kind: str, tmp_path: Path) -> None:
-    text = certificates[kind].read_text()
-    digits = [place for place, letter in enumerate(text) if letter in "123456789"]
-    numbers = re.findall(r"-?\d\.\d{16,}", text)
-    same = [each for each in numbers if float(each[:-1] + str((int(each[-1]) + 1) % 10)) == float(each)]
-    places = [text.index(each) + len(each) - 1 for each in same[:1]]  # an edited digit that leaves the double as it is
-    assert places or kind == "lpv"
-    for place in [*places, *np.random.default_rng(0).choice(digits, 4)]:
-        edited = tmp_path / "edited.json"
-        edited.write_text(text[:place] + str((int(text[place]) + 1) % 10) + text[place + 1 :])
-        assert_refused(hfa("prove", "--check", str(edited)), 2, "edited.json", "certificate")
 
 
 def test_a_finished_certificate_is_resumed_at_once(certificate: Path, tmp_path: Path) -> None:

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -72,8 +70,3 @@ def test_a_controller_and_the_attributes_of_a_store_are_published(tmp_path: Path
     attributes = dict(zarr.open_group(str(tmp_path / "a.zarr"), mode="r").attrs)
     assert complaints_about(attributes) == []
     assert complaints_about(attributes | {"rows": "2"}) != []
-
-
-def test_the_module_prints_the_schema() -> None:
-    done = subprocess.run([sys.executable, "-m", "hfa_cli.formats"], check=True, capture_output=True, text=True)
-    assert json.loads(done.stdout) == formats()

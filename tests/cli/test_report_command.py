@@ -76,6 +76,7 @@ def test_the_pictures_of_the_documents_are_its(made: Made) -> None:
         assert np.mean(np.abs(one - other) > 0.1) < 0.005, f"copy report/{name} to docs/pictures after `make report`"
 
 
+@pytest.mark.slow
 def test_the_largest_page_holds_at_most_three_megabytes_of_data(tmp_path: Path) -> None:
     page = tmp_path / "page.html"
     assert hfa("report", "-o", str(page), "--dihedral", "59", "--sweep", "0:15:0.1").code == FAILED

@@ -43,9 +43,3 @@ def test_gains_of_a_file_are_flown_as_they_are(tmp_path: Path) -> None:
     np.testing.assert_allclose(finals["table.json"], reference["history"]["states"][-1], rtol=1e-9)
     np.testing.assert_array_equal(finals["table.json"], finals["stacked.mat"])
     assert abs(finals["one.json"] - finals["table.json"]).max() > 1e-6
-
-
-def test_a_change_that_leaves_the_envelope_exits_with_1() -> None:
-    result = hfa(*SCHEDULE, "--envelope", "dihedral=4:12")
-    assert result.code == 1
-    assert "left the envelope: dihedral first" in result.out

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import json
-import re
 from pathlib import Path
 
 import numpy as np
@@ -50,7 +49,7 @@ def test_verify_writes_files() -> None:
         assert found["K", "u1", "x2"] == data[f"K{suffix}"][0][1]
 
 
-@pytest.mark.parametrize(("kind", "suffix"), [("W", "json"), ("P", "npz"), ("K", "mat"), ("W", "mat")])
+@pytest.mark.parametrize(("kind", "suffix"), [("P", "npz"), ("K", "mat"), ("W", "json")])
 def test_verify_passes_an_exact_critic_from_elsewhere(game: Game, kind: str, suffix: str) -> None:
     exact = solve_game(game)
     row, column = np.triu_indices(6)
@@ -89,7 +88,7 @@ def test_the_limit_of_errors_is_the_users(game: Game) -> None:
 
 
 #: The others by default in test_diagnosis.py.
-FEW = ("LQR value", "sign of K", "recorded policy", "5 degrees")
+FEW = ("LQR value", "5 degrees")
 MISTAKES = {
     **{name: NAMED[name] for name in ("LQR value", "LQR gain", "sign of K", "swapped weights", "upper triangle")},
     "another root": NAMED["another root"],
@@ -116,40 +115,12 @@ def test_a_planted_mistake_is_refused_with_its_reason(game: Game, mistake: str) 
     assert all(check["reason"] for check in failed)
 
 
-def test_a_refusal_names_every_check_that_failed(game: Game) -> None:
-    """The first with their reasons, the others by name; those that pass in number."""
-    file = stored("critic.npz", P=1.01 * solve_game(game).P)
-    said, checks = (
-        hfa("verify", *AT_15, "--weights", file).out,
-        answer("verify", *AT_15, "--weights", file, code=FAILED),
-    )
-    failed = [check["name"] for check in checks["checks"] if not check["ok"]]
-    assert len(failed) > 8
-    for name in failed:
-        assert re.search(rf"^FAIL {name}: |^FAIL too: .*\b{name}\b", said, re.M), name
-    assert f"\n{len(checks['checks']) - len(failed)} checks passed; --json has all\n" in said
-    assert len(said.splitlines()) <= 28
-
-
 # Pictures.
 
 
-@pytest.mark.parametrize("suffix", ["png", pytest.param("svg", marks=pytest.mark.slow)])
-def test_verify_draws_a_run(suffix: str) -> None:
-    words = ("verify", "--model", small("plant.json"), *QUICK, "--picture", f"check.{suffix}")
-    assert hfa(*words).code == DONE
-    begins = {"png": b"\x89PNG\r\n", "svg": b"<?xml"}[suffix]
-    assert Path(f"check.{suffix}").read_bytes().startswith(begins)
-
-
-@pytest.mark.parametrize("kind", ["P", pytest.param("K", marks=pytest.mark.slow)])
-def test_verify_draws_what_it_refuses(kind: str) -> None:
-    critic = stored("critic.npz", **{kind: np.zeros((2, 2) if kind == "P" else (1, 2))})
-    words = ("verify", "--model", small("plant.json"), "--weights", critic, "--picture")
-    assert hfa(*words, "check.svg").code == FAILED
-    picture = Path("check.svg").read_text(encoding="utf-8")
-    assert f"<!-- {kind} learned -->" in picture
-    assert f"<!-- {'K' if kind == 'P' else 'P'} learned -->" not in picture
+def test_verify_draws_a_run() -> None:
+    assert hfa("verify", "--model", small("plant.json"), *QUICK, "--picture", "check.png").code == DONE
+    assert Path("check.png").read_bytes().startswith(b"\x89PNG\r\n")
 
 
 # A critic over time.
