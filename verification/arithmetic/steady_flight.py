@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -22,19 +22,32 @@ _SWITCHES = {
 
 
 class SteadyFlight(NamedTuple):
-    """Functions of (v, p): v the variables of a trim, p the parameters, in the model's order.
+    """Functions of (v, p): v the variables of a trim, p the parameters, in the order of `arguments`.
 
-    residual: F, the rates that a trim balances, then the outputs that it imposes: `equations`. full: values of all
-    states, inputs, and imposed or limited outputs, which `names` names; F_w, w the variables that are `free`; A, B of
-    the linear model. rows: the equations that the free variables move.
+    residual: F, the rates that a trim balances, then the `outputs` that it imposes. full: values of all states, inputs,
+    and imposed or limited outputs, which `names` names; F_w, w the variables that are `free`; A, B of the linear model.
+    rows: the equations that the free variables move. heights: rows of the parts of `full`.
     """
 
     residual: BallFunction
     full: BallFunction
-    equations: tuple[str, ...]
+    arguments: tuple[tuple[str, ...], tuple[str, ...]]
+    outputs: tuple[str, ...]
     names: tuple[str, ...]
     free: tuple[str, ...]
     rows: tuple[int, ...]
+    heights: tuple[int, ...]
+
+    def left(self, values: Mapping[str, Any]) -> list[Any]:
+        """F less what is imposed, where every variable and parameter has a value: a ball, a series, a Taylor model."""
+        found = self.residual(*([values[name] for name in names] for names in self.arguments))[0]
+        rates = len(found) - len(self.outputs)
+        return found[:rates] + [y - values[name] for y, name in zip(found[rates:], self.outputs, strict=True)]
+
+    def linear(self, values: Mapping[str, Any]) -> list[list[list[Any]]]:
+        """The values by `names`, F_w, A and B, row by row."""
+        found = self.full(*([values[name] for name in names] for names in self.arguments))
+        return [[part[i::h] for i in range(h)] for part, h in zip(found, self.heights, strict=True)]
 
 
 def steady_flight(model: Model, imposed: Mapping[str, float]) -> SteadyFlight:
@@ -81,8 +94,10 @@ def _steady_flight(
     return SteadyFlight(
         BallFunction(ca.Function("residual", [v, p], [F]), model.name),
         BallFunction(ca.Function("full", [v, p], list(map(ca.densify, parts))), model.name),
-        (*model.steady, *imposed),
+        (tuple(names), tuple(model.parameters)),
+        imposed,
         (*states, *model.inputs, *outputs),
         free,
         tuple(np.flatnonzero(moved).tolist()),
+        tuple(part.shape[0] for part in parts),
     )

@@ -173,42 +173,34 @@ def model_on(claim: Content, box: Content, model: Model | None) -> dict[str, Any
     if model is None:
         return {key: TaylorModel(matrix(claim[key])) for key in "AB"}
     low, high, reading = *map(arb, box["range"]), 2.0**-51 if box["decimals"] else 0.0
-    flight, n = steady_flight(model, claim["imposed"]), len(model.linear)
-    free = flight.free
-    degree, at, arguments = arb.pi() / 180 if claim["unit"] == "deg" else arb(1), {}, []
+    flight = steady_flight(model, claim["imposed"])
+    free, degree, at = flight.free, arb.pi() / 180 if claim["unit"] == "deg" else arb(1), dict[str, Any]()
     for name, x in (claim["imposed"] | claim["parameters"]).items():
         errors = [arb(width * (name == other)) for other, width in claim["spread"].items()]
         known = arb(x, abs(x) * reading)
         at[name] = TaylorModel(known, arb(0), arb(0), arb(0), *errors) if errors else known
     at[model.schedule] = TaylorModel((low + high) / 2 * degree, (high - low) / 2 * degree)
-    for size in (0, 1):  # along the polynomials, and all about them
-        for name, (c0, c1, c2, radius, *z) in box["trim"].items():
-            at[name] = TaylorModel(*map(arb, (c0, c1, c2)), arb(0, size * radius), *map(arb, z))
-        arguments.append([[at[name] for name in names] for names in (model.variables, model.parameters)])
-    (residual,), (values, slopes, A, B) = flight.residual(*arguments[0]), flight.full(*arguments[1])
-    wanted = [0 if name in model.states else at[name] for name in flight.equations]
-    residual = [TaylorModel.of(each) - other for each, other in zip(residual, wanted, strict=True)]
-    height = len(residual)
-    rows = [[TaylorModel.of(slopes[height * j + i]) for j in range(len(free))] for i in range(height)]
-    moved = [i for i, row in enumerate(rows) if not _nothing([*row, residual[i]])]
+    near = at | {name: TaylorModel(*map(arb, (c0, c1, c2, 0, *z))) for name, (c0, c1, c2, _, *z) in box["trim"].items()}
+    for name, (c0, c1, c2, radius, *z) in box["trim"].items():  # all about the polynomials
+        at[name] = TaylorModel(*map(arb, (c0, c1, c2)), arb(0, radius), *map(arb, z))
+    residual, (values, slopes, A, B) = flight.left(near), flight.linear(at)
+    moved = [i for i, row in enumerate(slopes) if not _nothing([*row, residual[i]])]
     if len(moved) != len(free):
         raise Rejected("there are not as many equations as unknowns")
     radii = [arb(box["trim"][name][3]) for name in free]
-    root = check_root(_stacked([[residual[i]] for i in moved]), _stacked([rows[i] for i in moved]), radii)
-    found = {name: TaylorModel.of(value) for name, value in (*zip(flight.names, values, strict=True), *at.items())}
+    root = check_root(_stacked([[residual[i]] for i in moved]), _stacked([slopes[i] for i in moved]), radii)
+    found = dict(zip(flight.names, (value for (value,) in values), strict=True)) | at
     for name, (least, most) in claim["limits"].items():
-        if not arb(least) <= found[name].range() <= arb(most):
+        if not arb(least) <= TaylorModel.of(found[name]).range() <= arb(most):
             raise Rejected(f"{name} may lie beyond its limits")
-    by_rows = {"A": [A[i::n] for i in range(n)], "B": [B[i::n] for i in range(n)]}
-    by_rows["inputs"] = [[found[name]] for name in model.inputs]
-    return {key: _stacked(each) for key, each in by_rows.items()} | {
-        "root": dict(zip(free, root.entries(), strict=True))
-    }
+    parts = {"A": A, "B": B, "inputs": [[found[name]] for name in model.inputs]}
+    roots = dict(zip(free, root.entries(), strict=True))
+    return {key: _stacked(each) for key, each in parts.items()} | {"root": roots}
 
 
-def _nothing(values: list[TaylorModel]) -> bool:
+def _nothing(values: list[Any]) -> bool:
     """Exactly 0, all of them."""
-    return all(part == 0 for value in values for part in value.parts)
+    return all(part == 0 for value in values for part in TaylorModel.of(value).parts)
 
 
 def _stacked(rows: list[list[Any]]) -> TaylorModel:

@@ -60,14 +60,10 @@ class Family:
         return self.model.schedule_unit
 
     @property
-    def size(self) -> float:
-        """Over which the model changes by its own size, in the model's unit: 1 rad, else the nominal value."""
-        return 1.0 if self.unit == "deg" else self.model.signals[self.over].nominal
-
-    @property
     def step(self) -> float:
-        """A power of two of the places that is to them what 1 deg is to an angle."""
-        return 1.0 if self.unit == "deg" else float(2.0 ** round(math.log2(math.radians(self.size))))
+        """A power of two of the places that is to them what 1 deg is to an angle, of the nominal value 1/57."""
+        nominal = self.model.signals[self.over].nominal
+        return 1.0 if self.unit == "deg" else float(2.0 ** round(math.log2(math.radians(nominal))))
 
     def value(self, place: Any) -> Any:
         """The scheduling variable at a place, a double or a ball, in the model's unit; π is enclosed."""
@@ -94,10 +90,13 @@ class Family:
     def limits(self) -> dict[str, tuple[float, float]]:
         """Limits of the states, inputs and outputs that a trim does not impose."""
         condition, model = self.condition(), self.model
-        names = (*model.states, *model.inputs, *model.variables, *model.outputs)
+        names = dict.fromkeys((*model.states, *model.inputs, *model.variables, *model.outputs))
         ends = {name: condition.limits_of(name) for name in names if name not in {*condition.imposed, self.over}}
-        finite = {name: np.clip(pair, -_FAR, _FAR).tolist() for name, pair in ends.items() if np.isfinite(pair).any()}
-        return {name: (low, high) for name, (low, high) in finite.items()}
+        return {
+            name: (max(low, -_FAR), min(high, _FAR))
+            for name, (low, high) in ends.items()
+            if np.isfinite((low, high)).any()
+        }
 
     def check(self, low: float, high: float) -> None:
         """BadInputError unless the trims of the interval are of the kind that is proved."""
@@ -139,13 +138,10 @@ class TrimEquations:
     flight: SteadyFlight
     known: dict[str, Any]
 
-    def arguments(self, place: Any, series: Series, length: int) -> tuple[list[Any], list[Any]]:
-        """Variables and parameters at a place, or a series of it, in the model's unit."""
-        values: dict[str, Any] = self.known | {self.family.over: place}
-        for name, own in zip(self.flight.free, series, strict=True):
-            values[name] = arb_series(list(own[:length]), prec=length)
-        model = self.family.model
-        return [values[name] for name in model.variables], [values[name] for name in model.parameters]
+    def values(self, place: Any, series: Series, length: int) -> dict[str, Any]:
+        """Of variables and parameters at a place, or a series of it, in the model's unit."""
+        unknown = (arb_series(list(own[:length]), prec=length) for own in series)
+        return self.known | {self.family.over: place} | dict(zip(self.flight.free, unknown, strict=True))
 
     def along(self, places: arb, length: int) -> arb_series:
         """The scheduling variable at places + τ as a series of `length` coefficients."""
@@ -153,33 +149,27 @@ class TrimEquations:
 
     def residual(self, place: Any, series: Series, length: int) -> list[list[arb]]:
         """Coefficients of F, a list for each equation that the unknowns move."""
-        found = self.flight.residual(*self.arguments(place, series, length))[0]
-        for i, name in enumerate(self.flight.equations):
-            wanted = self.known.get(name, 0) if name not in self.family.model.states else 0
-            found[i] = _coefficients(found[i] - wanted, length)
+        found = [_coefficients(each, length) for each in self.flight.left(self.values(place, series, length))]
+        for i, name in enumerate((*self.family.model.steady, *self.flight.outputs)):
             if i not in self.flight.rows and any(each != 0 for each in found[i]):
                 raise BadInputError(f"the rate of {name} is not 0 whatever is free; change --hold and --free")
         return [found[i] for i in self.flight.rows]
 
     def model_of(self, place: Any, series: Series, length: int) -> dict[str, list[arb_mat]]:
         """The coefficients of the values that have limits, of A and B, and of the unknowns."""
-        values, _, A, B = self.flight.full(*self.arguments(place, series, length))
-        parts = {
-            "values": (values, 1),
-            "A": (A, len(self.family.model.linear)),
-            "B": (B, len(self.family.model.inputs)),
+        values, _, A, B = self.flight.linear(self.values(place, series, length))
+        parts = {"unknowns": [[arb_series(list(own[:length]), prec=length)] for own in series]}
+        parts |= {"values": values, "A": A, "B": B}
+        flat = {name: [[_coefficients(one, length) for one in row] for row in rows] for name, rows in parts.items()}
+        return {
+            name: [arb_mat([[one[j] for one in row] for row in rows]) for j in range(length)]
+            for name, rows in flat.items()
         }
-        found = {"unknowns": [arb_mat([[each[j]] for each in series]) for j in range(length)]}
-        for name, (entries, columns) in parts.items():
-            rows, each = len(entries) // columns, [_coefficients(entry, length) for entry in entries]
-            found[name] = [arb_mat(columns, rows, [one[j] for one in each]).transpose() for j in range(length)]
-        return found
 
     def derivative(self, places: arb, values: list[arb]) -> arb_mat:
         """F_w at constant arguments."""
-        flat = self.flight.full(*self.arguments(self.family.value(places), [[value] for value in values], 1))[1]
-        height, columns = len(self.flight.equations), range(len(self.flight.free))
-        return arb_mat([[_coefficients(flat[height * j + i], 1)[0] for j in columns] for i in self.flight.rows])
+        slopes = self.flight.linear(self.values(self.family.value(places), [[value] for value in values], 1))[1]
+        return arb_mat([[_coefficients(one, 1)[0] for one in slopes[i]] for i in self.flight.rows])
 
     def inverse(self, places: arb, values: list[arb]) -> arb_mat:
         """A matrix of balls that holds the inverse of F_w."""
@@ -304,19 +294,15 @@ class TrimBranch:
 
     def _steps(self, box: PlaceBox, polynomials: list[tuple[float, ...]], everywhere: list[arb]) -> list[float]:
         """Bounds of C F along polynomials of the unknowns, C about the inverse of F_w, in the checker's arithmetic."""
-        none, F, model = arb(0), self._known.flight, self.family.model
-        values = {
-            name: TaylorModel(
-                ball, none, none, none, *(width * (name == other) for other, width in self._widths.items())
-            )
-            for name, ball in self._known.known.items()
-        }
+        none, values = arb(0), dict[str, Any]()
+        for name, ball in self._known.known.items():
+            errors = [width * (name == other) for other, width in self._widths.items()]
+            values[name] = TaylorModel(ball, none, none, none, *errors)
         values[self.family.over] = TaylorModel(*map(self.family.value, (box.middle, box.radius)))
         for name, (c0, c1, c2, *slopes) in zip(self.free, polynomials, strict=True):
             values[name] = TaylorModel(*map(arb, (c0, c1, c2)), none, *map(arb, slopes))
-        found = F.residual([values[name] for name in model.variables], [values[name] for name in model.parameters])[0]
-        wanted = [0 if name in model.states else values[name] for name in F.equations]
-        left = arb_mat([[(TaylorModel.of(found[i]) - wanted[i]).range()] for i in self.rows])
+        found = self._known.flight.left(values)
+        left = arb_mat([[TaylorModel.of(found[i]).range()] for i in self.rows])
         C = matrix(np.linalg.inv(doubles(self._known.derivative(box.places, everywhere))))
         return [float(abs(entry).upper()) for entry in (C * left).entries()]
 

@@ -24,8 +24,8 @@ from verification.checker.structure import facts_of
 from verification.enclosures.eigenvalue_signs import roomy
 from verification.enclosures.trim_branch import Family, ModelForms
 
-#: Seconds between two writings of an unfinished certificate.
-_PAUSE = 2.0
+#: Least time between two writings of an unfinished certificate, s, and in writing times: writing takes a tenth at most.
+_PAUSE, _RARELY = 2.0, 9.0
 #: Entries are stated this much wider than proved, so that another enclosure, a little wider, agrees with it; with
 #: errors of the parameters, whose products the checker encloses in another way, by more.
 _WIDER, _WIDER_WITH_ERRORS = 1.5, 4.0
@@ -93,13 +93,15 @@ class CertificateFile:
     """The file of a proof while it runs: whole at any time, with what is proved so far."""
 
     def __init__(self, path: Path, origin: Provenance, *, resume: bool = False) -> None:
-        self.path, self._origin, self._resume, self._saved = path, origin, resume, time.monotonic()
+        self.path, self._origin, self._resume, self._next = path, origin, resume, time.monotonic() + _PAUSE
 
     def save(self, proof: Proof, *, finished: bool = False) -> None:
-        """Write what there is, unless it was written less than `_PAUSE` seconds ago and is not all."""
-        if finished or time.monotonic() - self._saved > _PAUSE:
+        """Write what there is, unless it was written a short time ago and is not all."""
+        start = time.monotonic()
+        if finished or start > self._next:
             proof.write(self.path, self._origin)
-            self._saved = time.monotonic()
+            now = time.monotonic()
+            self._next = now + max(_PAUSE, _RARELY * (now - start))
 
     def known(self, statement: Content, model: Model) -> Content:
         """Boxes and open intervals that an earlier run left; verified here, so that nothing in the file is believed.

@@ -128,7 +128,8 @@ def test_how_many_modes_may_be_unstable_within_the_errors_is_said() -> None:
 def test_an_interrupted_proof_is_continued_to_the_same_bits(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, share: float
 ) -> None:
-    monkeypatch.setattr(certificate, "_PAUSE", 0.0)
+    monkeypatch.setattr(certificate, "_PAUSE", -1.0)
+    monkeypatch.setattr(certificate, "_RARELY", 0.0)
     path, whole, table = tmp_path / "certificate.json", tmp_path / "whole.json", exact_table(14.0, 14.5)
     prove_schedule(family(), table, 14.0, 14.5, moving=True, file=CertificateFile(whole, ORIGIN))
 
