@@ -117,31 +117,25 @@ def test_a_lag_that_is_too_long_is_refuted_and_what_a_proof_does_not_take_is_sai
         servo_table(filtered(direct=1.0), fast(), 68.0, model)
 
 
-@pytest.mark.parametrize("delay", [0.02, 0.5])
-def test_a_delay_beyond_the_true_limit_is_left_open(delay: float) -> None:
-    """By the delay equation's own eigenvalues the loop stands 0.02 s and not 0.5 s."""
-    table = through_actuators(14.0, 14.125, delay=delay)
-    model, drawn = model_at(14.0), np.random.default_rng(0)
-    worst = max(delayed_abscissa(table, model.A, model.B, 10.0, np.ones(5), share * delay) for share in (0.5, 1.0))
-    assert (worst < 0.0) == (delay < 0.1)
-    proof = prove_schedule(family(), table, 14.0, 14.125)
-    assert proof.proved == (worst < 0.0)
-    assert gaps(proof.covers["loop"], 14.0, 14.125) == ([] if worst < 0.0 else [(14.0, 14.125)])
-    report = proof.report()
-    assert report.title.startswith("Proved" if worst < 0.0 else "Left open")
-    assert report.data["actuators"]["delay"] == delay
-    for _ in range(20 if worst < 0.0 else 0):
-        late, arrives = drawn.uniform(0.0, delay), drawn.uniform(0.5, 1.0, 5)
-        assert delayed_abscissa(table, model.A, model.B, drawn.uniform(1.8, 10.0), arrives, late) < 0.0
-
-
-def test_a_bandwidth_beyond_the_true_limit_is_left_open() -> None:
-    """Of the same gains: actuators of 0.02 rad/s leave the aircraft, which is unstable at 14 deg, to itself."""
-    table, model = through_actuators(14.0, 14.125), model_at(14.0)
+@pytest.mark.parametrize(("delay", "slowest"), [(0.02, 1.8), (0.5, 1.8), (0.0, 0.02)])
+def test_a_loop_through_actuators_is_proved_and_beyond_the_true_limit_left_open(delay: float, slowest: float) -> None:
+    """By the delay equation's own eigenvalues the loop stands 0.02 s and not 0.5 s; actuators of 0.02 rad/s leave the
+    aircraft, which is unstable at 14 deg, to itself."""
+    table, drawn = through_actuators(14.0, 14.125, delay=delay), np.random.default_rng(0)
     assert table.actuators is not None
-    assert delayed_abscissa(table, model.A, model.B, 0.02, np.ones(5), 0.0) > 0.0
-    slower = replace(table, actuators=replace(table.actuators, bandwidth=(0.02, 10.0)))
-    assert not prove_schedule(family(), slower, 14.0, 14.125).proved
+    table = replace(table, actuators=replace(table.actuators, bandwidth=(slowest, 10.0)))
+    model, stands = model_at(14.0), (delay, slowest) == (0.02, 1.8)
+    late = [(w, share * delay) for w in (slowest, 10.0) for share in (0.5, 1.0)]
+    worst = max(delayed_abscissa(table, model.A, model.B, w, np.ones(5), seconds) for w, seconds in late)
+    assert (worst < 0.0) == stands
+    proof = prove_schedule(family(), table, 14.0, 14.125)
+    assert proof.proved == stands
+    assert gaps(proof.covers["loop"], 14.0, 14.125) == [(14.0, 14.125)] * (not stands)
+    assert proof.report().title.startswith("Proved" if stands else "Left open")
+    assert proof.data["actuators"]["delay"] == delay
+    for _ in range(20 * stands):
+        arrives, seconds = drawn.uniform(0.5, 1.0, 5), drawn.uniform(0.0, delay)
+        assert delayed_abscissa(table, model.A, model.B, drawn.uniform(1.8, 10.0), arrives, seconds) < 0.0
 
 
 def test_one_lyapunov_function_serves_its_points_and_none_is_found_for_an_unstable_one() -> None:
