@@ -71,7 +71,7 @@ def test_a_part_of_the_schedule_is_proved(dynamics: str) -> None:
 
 def test_a_rate_that_the_search_is_wrong_about_is_not_proved(monkeypatch: pytest.MonkeyPatch) -> None:
     """Half as fast again as the same function allows; the loop is proved."""
-    monkeypatch.setattr("verification.proof.rate_proof._SHARES", (1.5,))
+    monkeypatch.setattr("verification.proof.schedule_proof._SHARES", (1.5,))
     proof = prove_schedule(family(), exact_table(14.0, 14.125), 14.0, 14.125, moving=True)
     assert (proof.proved, proof.data["dihedral_rate_deg_s"]) == (False, 0.0)
     assert "open: a moving dihedral from 14 to 14.125 deg" in proof.report().text()
