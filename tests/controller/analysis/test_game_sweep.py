@@ -13,7 +13,7 @@ from scipy.io import loadmat
 
 from controller import published_game
 from controller.analysis.game_sweep import sweep_games
-from hfa_cli.main import BAD_INPUT, DONE
+from hfa_cli.main import DONE
 from hfa_model import Aircraft, default_parameters
 from trim import sweep
 from trim.sweeps.sweep import Sweep
@@ -76,22 +76,3 @@ def test_files_hold_stacked_arrays(tmp_path: Path) -> None:
     assert game["reasons"] == ["", ""]
     np.testing.assert_array_equal(game["K"], stored["game.K"])
     np.testing.assert_array_equal(loadmat(tmp_path / "sweep.mat")["game"]["disk_margin"][0, 0][0], game["disk_margin"])
-
-
-_NO_GAMES = "--game does not go with a store, which holds all seven states, in feet, no picture and no games"
-
-
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (("--delta", "150"), "--delta needs the game; add --game"),
-        (("--Q", "1,1,1,1,1,1"), "--Q needs the game; add --game"),
-        (
-            ("--game", "-o", "a.zarr"),
-            _NO_GAMES,
-        ),
-    ],
-)
-def test_options_that_would_change_nothing_are_refused(words: tuple[str, ...], message: str) -> None:
-    result = hfa("sweep", "--dihedral", "0:20:10", *words)
-    assert (result.code, result.err.strip()) == (BAD_INPUT, f"hfa: {message}")

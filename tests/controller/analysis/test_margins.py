@@ -56,16 +56,6 @@ def test_single_loop_disk_margin_is_that_of_python_control() -> None:
     assert one.phase == pytest.approx(phase, rel=1e-3)
 
 
-def test_margin_of_a_double_integrator_in_closed_form() -> None:
-    """L = 1.5 (s + 1)/s²: stable for every gain above zero, phase margin from |L| = 1."""
-    game = Game([[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]], np.eye(2), np.eye(2), [[1.0]], 10.0)
-    (margin,) = loop_margins(game, np.array([[1.5, 1.5]]))
-    omega = math.sqrt((2.25 + math.sqrt(2.25**2 + 9.0)) / 2.0)  # ω⁴ = 2.25 (1 + ω²)
-    assert margin.phase == pytest.approx(math.degrees(math.atan(omega)), rel=1e-9)
-    assert margin.gain_low == 0.0
-    assert margin.gain_high == math.inf
-
-
 def test_every_factor_within_the_disk_leaves_the_loop_stable(game: Game) -> None:
     K = solve_game(game).K
     alpha = disk_margin(game, K).disk

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -100,13 +101,14 @@ def servo(dynamics: str, degrees: tuple[float, ...] = ()) -> ScheduledController
     return design_controller(aircraft, design, np.radians(degrees) if degrees else np.array(design.shaping.places))
 
 
+@pytest.mark.parametrize("angles", [(0, 9, 13, 18, 20), pytest.param(range(21), marks=pytest.mark.slow)])
 @pytest.mark.parametrize("dynamics", ["published", "newton"])
-def test_every_loop_has_6_db_and_45_deg_behind_all_four_actuators(dynamics: str) -> None:
+def test_every_loop_has_6_db_and_45_deg_behind_all_four_actuators(dynamics: str, angles: Sequence[int]) -> None:
     """At every integer angle, also between the angles of the design; and 20 ms of delay in both inputs at once."""
-    table = check_margins(Aircraft(dynamics=dynamics), servo(dynamics), np.radians(range(21)), (2.0, 10.0))
-    assert (len(table.rows), table.ok) == (84, True)
+    table = check_margins(Aircraft(dynamics=dynamics), servo(dynamics), np.radians(angles), (2.0, 10.0))
+    assert (len(table.rows), table.ok) == (4 * len(angles), True)
     single = [each for row in table.rows for each in row.loops if each.loop != "all inputs"]
-    assert len(single) == 84 * 5
+    assert len(single) == 4 * len(angles) * 5
     assert min(each.gain for each in single) >= 6.0
     assert min(each.phase for each in single) >= 45.0
     assert min(each.delay for row in table.rows for each in row.loops) > 0.02

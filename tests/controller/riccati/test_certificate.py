@@ -120,12 +120,6 @@ def test_hamiltonian_on_the_axis_is_seen_through_rounding() -> None:
         assert solve_game(game.with_delta(1.01)).certificate.ok
 
 
-def test_schur_method_refuses_a_hamiltonian_on_the_axis(game: Game) -> None:
-    rotor = Game([[0.0, 1.0], [-1.0, 0.0]], [[0.0], [0.0]], I2, 0.0 * I2, [[1.0]], math.inf)
-    with pytest.raises(NoSolutionError, match=r"stable subspace|multiple root"):
-        schur_solution(rotor)
-
-
 STABLE: dict[str, Any] = {
     "A": np.array([[-1.0, 0.2], [0.1, -1.0]]),
     "B": np.array([[1.0], [1.0]]),

@@ -14,7 +14,7 @@ from game_samples import game_models, regenerated_models
 from reference_riccati import reference_solution, relative_error
 
 from controller import Game
-from controller.riccati.balancing import in_units
+from controller.riccati.certificate import iterated_solution
 from controller.riccati.smallest_delta import DeltaMin
 from hfa_support import NoSolutionError
 from verification import minimum_delta, solve_game
@@ -36,6 +36,7 @@ def test_P_and_K_are_exact_to_1e12(name: str) -> None:
     assert relative_error(solution.K, reference.K) < 1e-12
     units = 1.0 / np.sqrt(np.diag(reference.P))  # and so is every entry, in units that make them alike
     assert np.abs((solution.P - reference.P) * np.outer(units, units)).max() < 1e-12
+    assert relative_error(iterated_solution(game), reference.P) < 1e-12  # the second derivation
 
 
 def test_reference_agrees_with_eigenvectors_by_mpmath(game: Game) -> None:
@@ -50,18 +51,18 @@ def test_reference_agrees_with_eigenvectors_by_mpmath(game: Game) -> None:
     assert relative_error(reference_solution(game).P, P) < 1e-13  # S was rounded to double on the way
 
 
-def test_solution_satisfies_what_defines_it(game: Game) -> None:
-    solution = solve_game(game)
-    assert solution.certificate.ok
-    P = solution.P
-    residual = game.A.T @ P + P @ game.A + game.Q - P @ (game.B @ np.linalg.solve(game.R, game.B.T)) @ P
-    residual += P @ game.E @ game.E.T @ P / game.delta**2
-    assert np.abs(residual).max() < 1e-12 * np.abs(P @ game.A).max()
+def test_policies_eigenvalues_and_json_follow_from_P(game: Game) -> None:
+    solution, P = solve_game(game), solve_game(game).P
     np.testing.assert_allclose(solution.K, np.linalg.inv(game.R) @ game.B.T @ P, rtol=1e-12)
     np.testing.assert_allclose(solution.disturbance_gain, game.E.T @ P / game.delta**2, rtol=1e-12)
     flown = np.linalg.eigvals(game.A - game.B @ solution.K)
     np.testing.assert_allclose(np.sort(solution.closed_loop_eigenvalues.real), np.sort(flown.real), rtol=1e-9)
     assert solution.worst_case_eigenvalues.real.max() < 0.0
+    content = json.loads(json.dumps(solution.to_dict(), allow_nan=False))
+    assert np.array_equal(np.array(content["P"]), P)
+    assert (content["delta"], content["certificate"]["ok"]) == (game.delta, True)
+    assert len({check["name"] for check in content["certificate"]["checks"]}) == 8
+    assert solve_game(game.with_delta(math.inf)).to_dict()["delta"] is None
 
 
 def test_delta_to_infinity_gives_lqr(game: Game) -> None:
@@ -88,22 +89,7 @@ def test_scalar_game_in_closed_form() -> None:
         assert solve_game(game).P[0, 0] == pytest.approx(exact, rel=1e-13)
 
 
-# Invariance ----------------------------------------------------------------------------------------------------------
-
-
-def test_units_of_state_change_nothing(game: Game) -> None:
-    units = np.array([1e3, 1e-4, 57.3, 1e-2, 1e5, 0.3])
-    P, scaled = solve_game(game).P, solve_game(in_units(game, units)).P
-    assert relative_error(scaled / np.outer(units, units), P) < 1e-12
-
-
 # Degenerate games ----------------------------------------------------------------------------------------------------
-
-
-def test_state_that_costs_nothing_is_no_obstacle() -> None:
-    P = solve_game(Game(np.diag([-1.0, -2.0]), [[1.0], [1.0]], I2, np.diag([1.0, 0.0]), [[1.0]], 5.0)).P
-    s = 1.0 - 1.0 / 25.0
-    np.testing.assert_allclose(P, np.diag([(-1.0 + math.sqrt(1.0 + s)) / s, 0.0]), atol=1e-15)
 
 
 def test_double_eigenvalue_and_no_cost_at_all() -> None:
@@ -151,17 +137,3 @@ def test_absurd_numbers_end_in_a_solution_or_in_one_line(change: dict[str, float
         assert solve_game(Game(**parts)).certificate.ok
     except NoSolutionError as refusal:
         assert "\n" not in str(refusal)  # noqa: PT017
-
-
-# Results -------------------------------------------------------------------------------------------------------------
-
-
-def test_results_are_plain_json(game: Game) -> None:
-    content = json.loads(json.dumps(solve_game(game).to_dict(), allow_nan=False))
-    assert np.array_equal(np.array(content["P"]), solve_game(game).P)
-    assert content["delta"] == game.delta
-    assert content["certificate"]["ok"] is True
-    names = [check["name"] for check in content["certificate"]["checks"]]
-    assert len(names) == len(set(names)) == 8
-    lqr = json.loads(json.dumps(solve_game(game.with_delta(math.inf)).to_dict(), allow_nan=False))
-    assert lqr["delta"] is None

@@ -4,15 +4,20 @@ from __future__ import annotations
 
 import math
 import time
+import warnings
 from collections import Counter
+from collections.abc import Callable
+from contextlib import suppress
 
 import numpy as np
 import pytest
 from game_collection import BARELY_REACHED, STRUCTURES, Sample, collection
-from reference_riccati import reference_solution
-from scipy.linalg import solve_continuous_are
+from game_samples import random_game
+from reference_riccati import reference_solution, relative_error
+from scipy.linalg import LinAlgError, block_diag, solve_continuous_are
 
 from controller import Game
+from controller.riccati.certificate import certified_solution, iterated_solution, relative_residual
 from controller.riccati.smallest_delta import lqr_obstacle
 from hfa_support import NoSolutionError
 from verification import minimum_delta, solve_game
@@ -25,7 +30,7 @@ WORST_ERROR = 1e-10
 CLOSE = 1e-6
 
 
-def _verdict(sample: Sample) -> str:
+def _verdict(sample: Sample, worst: float = WORST_ERROR) -> str:
     """How the solver does on a game; AssertionError when it accepts a wrong solution, or names a wrong cause."""
     game, label = sample.game, f"{sample.structure} {sample.number}"
     reference = reference_solution(game)
@@ -42,7 +47,7 @@ def _verdict(sample: Sample) -> str:
     size = np.sqrt(np.diag(reference.P))
     units = np.divide(1.0, size, out=np.ones_like(size), where=size > 0.0)
     error = float(np.abs((P - reference.P) * np.outer(units, units)).max())
-    assert error < WORST_ERROR, f"{label}: accepted with an error of {error:.2g}"
+    assert error < worst, f"{label}: accepted with an error of {error:.2g}"
     return "accepted, rightly"
 
 
@@ -103,6 +108,53 @@ def test_two_thousand_games(seed: int) -> None:
     assert min(verdicts["accepted, rightly"], verdicts["refused, rightly"]) >= 0.15 * count
     assert not brackets["wrong"]
     assert brackets["right, wide"] + brackets["not found, wrongly"] <= 0.03 * count
+
+
+@pytest.mark.parametrize("scaled", [pytest.param(False, marks=pytest.mark.slow), True])
+@pytest.mark.parametrize("count", [12, pytest.param(600, marks=pytest.mark.slow)])
+def test_random_games_and_what_scipy_alone_says(count: int, scaled: bool) -> None:
+    """Right to 1e-8 at the edge of existence; a bare call returns other roots without a word."""
+    rng, verdicts, alone = np.random.default_rng(2 if count > 12 else 1), Counter[str](), Counter[bool]()
+    for number in range(count):
+        game = random_game(rng, scaled=scaled)
+        verdicts[_verdict(Sample("random", number, game), 1e-8)] += 1
+        inputs, weights = np.hstack([game.B, game.E]), block_diag(game.R, -(game.delta**2) * np.eye(game.E.shape[1]))
+        with suppress(LinAlgError, ValueError), warnings.catch_warnings(action="ignore"):
+            P = solve_continuous_are(game.A, inputs, game.Q, weights)
+            wrong = relative_residual(game, P) > 1e-6 or np.linalg.eigvalsh(P)[0] < -1e-10 * np.abs(P).max()
+            alone[bool(wrong)] += 1
+    assert not verdicts["refused wrongly"]
+    assert verdicts["refused at the edge"] <= 0.01 * count
+    assert min(verdicts["accepted, rightly"], verdicts["refused, rightly"]) >= count // 4
+    assert alone[True] >= count // 24
+
+
+@pytest.mark.parametrize("games", [30, pytest.param(90, marks=pytest.mark.slow)])
+def test_the_two_derivations_agree_on_existence(games: int) -> None:
+    rng, verdicts = np.random.default_rng(3), Counter[tuple[bool, ...]]()
+    for number in range(games):
+        game = random_game(rng, scaled=number % 2 == 1)
+        verdicts[tuple(_accepts(solver, game) for solver in (certified_solution, iterated_solution))] += 1
+    assert set(verdicts) == {(True, True), (False, False)}
+    assert min(verdicts.values()) >= 2 * games // 9
+
+
+def _accepts(solver: Callable[[Game], object], game: Game) -> bool:
+    try:
+        solver(game)
+    except NoSolutionError:
+        return False
+    return True
+
+
+def test_the_reference_is_the_solution_of_a_scalar_game() -> None:
+    game = Game([[-1.0]], [[2.0]], [[1.0]], [[3.0]], [[4.0]], 2.0)  # S = 1 - 1/4
+    p = (-1.0 + math.sqrt(1.0 + 0.75 * 3.0)) / 0.75
+    reference = reference_solution(game)
+    assert reference.exists
+    assert relative_error(reference.P, np.array([[p]])) < 1e-15
+    assert relative_error(reference.K, np.array([[p / 2.0]])) < 1e-15
+    assert not reference_solution(game.with_delta(0.8)).exists  # delta_min = 1/sqrt(1 + 1/3) = 0.866
 
 
 @pytest.mark.slow
