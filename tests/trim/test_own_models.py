@@ -342,7 +342,7 @@ OWN = ("--aircraft", "examples/f16.py:F16")
 WRONG = [
     (("trim", *OWN, "--hold", "spd=3"), 2, "--hold names nothing of F-16: 'spd'; choose from speed, "),
     (("trim", *OWN, "--hold", "elevator=0"), 1, "12 equations for 11 unknowns, set more free"),
-    (("trim", *OWN, "--dihedral", "5"), 2, "--dihedral belongs to the HFA"),
+    (("trim", *OWN, "--dihedral", "5"), 2, "unknown option --dihedral"),
     (("trim", *OWN, "--picture", "a.png"), 2, "--picture draws the HFA"),
     (("sweep", *OWN), 2, "nothing to sweep"),
 ]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import product
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -26,22 +27,6 @@ if TYPE_CHECKING:
     from hfa_model.aircraft import Aircraft
     from trim.linear.entry_bands import Bands
     from trim.linear.frequency import Transfer
-
-
-def reduction_note(model: LinearModel, whole: LinearModel, residualized: tuple[str, ...] = ()) -> str:
-    """What a model of fewer states does to the eigenvalues of the whole one; "" where no state of it is missing."""
-    left = [name for name in whole.states if name not in (*model.states, *residualized)]
-    if not left and not residualized:
-        return ""
-    reference = np.linalg.eigvals(whole.A)
-    nearest = [(value, min(reference, key=lambda each: abs(each - value))) for value in np.linalg.eigvals(model.A)]
-    off = [abs(value - known) / max(abs(known), 1e-12) for value, known in nearest]
-    kinds = (left, "left out (truncated)"), (residualized, "residualized (at rest at every moment)")
-    said = [f"{', '.join(names)} {'is' if len(names) == 1 else 'are'} {how}" for names, how in kinds if names]
-    return (
-        f"{'; '.join(said)}; the eigenvalues lie up to {100 * max(off):.2g} % from those of all "
-        f"{len(whole.states)} states" + ("" if residualized else " (--residualize names states that follow instead)")
-    )
 
 
 #: Condition number, in nominal units, from which a matrix counts as singular.
@@ -189,104 +174,91 @@ class LinearModel(ByValue, Reported):
         return control.ss(self.A, self.B, self.C, self.D, **names)
 
 
+def reduction_note(model: LinearModel, whole: LinearModel, residualized: tuple[str, ...] = ()) -> str:
+    """What a model of fewer states does to the eigenvalues of the whole one; "" where no state of it is missing."""
+    left = tuple(name for name in whole.states if name not in (*model.states, *residualized))
+    kinds = (left, "left out (truncated)"), (residualized, "residualized (at rest at every moment)")
+    said = [f"{', '.join(names)} {'is' if len(names) == 1 else 'are'} {how}" for names, how in kinds if names]
+    found, known = np.linalg.eigvals(model.A), np.linalg.eigvals(whole.A)
+    off = max(float(np.min(np.abs(each - known) / np.maximum(np.abs(known), 1e-12))) for each in found)
+    more = "" if residualized else " (--residualize names states that follow instead)"
+    apart = f"the eigenvalues lie up to {100 * off:.2g} % from those of all {len(whole.states)} states{more}"
+    return f"{'; '.join(said)}; {apart}" if said else ""
+
+
 def linear_model_report(
-    model: LinearModel,
-    bands: Bands | None = None,
-    trust: str = "",
-    *,
-    other: LinearModel | None = None,
-    windy: bool = False,
+    model: LinearModel, bands: Bands | None = None, trust: str = "", *, other: LinearModel | None = None
 ) -> Report:
-    """A, B, offsets and modes; the bands of the entries, and a sentence on them, where they are asked for.
-
-    other: the model of the other dynamics at the same condition; the data then has the differences.
-    windy: E, and F where the outputs are not the states, are in the text and in the records too.
-    """
-    point, shown = model.point, [name for name, *_ in _blocks(model, windy)]
-    rate, output = (" + E w", " + F w") if windy else ("", "")
-    return Report(
-        title=f"Linear model {at_scheduled(point)}, {point.called} "
-        f"(x' = A x + B u{rate},{f' y = C x + D u{output},' * ('C' in shown)} x = X - X0, u = U - U0)\n"
-        f"{', '.join(shown[:-1])} and {shown[-1]} in {_units_in(model)}; "
-        "the offsets X0 and U0 in the units next to them",
-        parts=(*matrices(model, windy=windy), *filter(None, [trust]), _offsets(model), modes_table(model.modes)),
-        notes=[*point.warnings, *model.kinks],
-        data=_data(model, bands, other),
-        records=_records(model, bands, windy),
-    )
-
-
-def matrices(model: LinearModel, *, windy: bool = False) -> tuple[Table, ...]:
-    """A and B with their names, C and D where the outputs are not the states; with winds E and F."""
-    units = model.point.model.units
-    return tuple(
-        matrix_table(name, rows, columns, values, (units(rows), 1), (units(columns), -1))
-        for name, rows, columns, values in _blocks(model, windy)
-    )
-
-
-def _blocks(model: LinearModel, windy: bool) -> list[tuple[str, tuple[str, ...], tuple[str, ...], np.ndarray]]:
-    """The matrices of the text and of the records: name, names of rows and of columns, values."""
-    columns = (model.states, "AC"), (model.inputs, "BD"), (model.disturbances, "EF")
-    rows = [model.states] if model.outputs == model.states else [model.states, model.outputs]
-    return [
-        (names[i], each, across, getattr(model, names[i]))
-        for i, each in enumerate(rows)
-        for across, names in columns[: 3 if windy else 2]
-    ]
-
-
-#: What the data has of every model, and of one with disturbances.
-_ALWAYS = "states inputs state_units input_units state_offsets input_offsets A B outputs output_units C D"
-_WINDY = "disturbances disturbance_units E F output_offsets"
-
-
-def _data(model: LinearModel, bands: Bands | None, other: LinearModel | None) -> dict[str, Any]:
-    """A linear model with names, units, offsets, modes and, where known, the bands of its entries."""
-    point = model.point
-    names = [*_ALWAYS.split(), *(_WINDY.split() if model.disturbances else [])]
+    """A, B, offsets and modes; the bands of the entries, and a sentence on them, where they are asked for; in the data
+    E and F too. other: the model of the other dynamics at the same condition, for the differences."""
+    point, own, blocks = model.point, model.point.model, _blocks(model)
+    shown, units = [name for name, *_ in blocks], {*model.state_units, *model.input_units}
+    unit = ", ".join(sorted(units - {"1"}))
+    if any("ft" in each for each in units):
+        unit = f"rad, {unit_in_force('ft')}, s"
+    places = (*model.states, *model.inputs), (*model.state_offsets.tolist(), *model.input_offsets.tolist())
+    offsets = [(name, *degrees(value, own.unit(name))) for name, value in zip(*places, strict=True)]
+    warnings, names = [*point.warnings, *model.kinks], _ALWAYS + _WINDY * bool(model.disturbances)
     data: dict[str, Any] = {
         "schema": "hfa.linear-model/1",
         **scheduled_data(point),
         "dynamics": point.dynamics,
         "operating_point": point.to_dict(),
-        **{name: np.asarray(getattr(model, name)).tolist() for name in names},
+        **{name: np.asarray(getattr(model, name)).tolist() for name in names.split()},
         "modes": [mode.to_dict() for mode in model.modes],
-        "warnings": [*point.warnings, *model.kinks],
+        "warnings": warnings,
     }
     if bands is not None:
         data |= {"A_band": bands.A.tolist(), "B_band": bands.B.tolist()}
     if other is not None:
         differences = {f"{name}_difference": (getattr(other, name) - getattr(model, name)).tolist() for name in "AB"}
         data |= {"other_dynamics": other.point.dynamics, **differences}
-    return data
-
-
-def _records(model: LinearModel, bands: Bands | None, windy: bool) -> Table:
-    """Header and rows (matrix, row, column, value, unit, band) of the matrices in the text, then the offsets."""
-    own, rows = model.point.model, []
-    for name, down, across, values in _blocks(model, windy):
+    records: list[tuple[Any, ...]] = []
+    for name, down, across, values in blocks:
         band = getattr(bands, name) if bands is not None and name in "AB" else None
-        for i, row in enumerate(down):
-            unit = own.rate_unit(row) if name in "ABE" else own.unit(row)
-            for j, column in enumerate(across):
-                one = "" if band is None else band[i, j]
-                rows.append((name, row, column, values[i, j], f"({unit})/({own.unit(column)})", one))
-    rows += [
-        (kind, name, "", value, own.unit(name), "")
-        for kind, names, offsets in (
-            ("X0", model.states, model.state_offsets),
-            ("U0", model.inputs, model.input_offsets),
-        )
-        for name, value in zip(names, offsets.tolist(), strict=True)
+        for (i, row), (j, column) in product(enumerate(down), enumerate(across)):
+            of = f"({own.rate_unit(row) if name in 'AB' else own.unit(row)})/({own.unit(column)})"
+            records.append((name, row, column, values[i, j], of, "" if band is None else band[i, j]))
+    kinds = ["X0"] * len(model.states) + ["U0"] * len(model.inputs)
+    records += [(kind, name, "", value, own.unit(name), "") for kind, name, value in zip(kinds, *places, strict=True)]
+    return Report(
+        title=f"Linear model {at_scheduled(point)}, {point.called} "
+        f"(x' = A x + B u,{' y = C x + D u,' * ('C' in shown)} x = X - X0, u = U - U0)\n"
+        f"{', '.join(shown[:-1])} and {shown[-1]} in {unit}; the offsets X0 and U0 in the units next to them",
+        parts=[
+            *matrices(model),
+            *filter(None, [trust]),
+            Table(("offset", "value", "unit"), offsets),
+            modes_table(model.modes),
+        ],
+        notes=warnings,
+        data=data,
+        records=Table(("matrix", "row", "column", "value", "unit", "band"), records),
+    )
+
+
+def matrices(model: LinearModel) -> tuple[Table, ...]:
+    """A and B with their names, C and D where the outputs are not the states."""
+    units = model.point.model.units
+    return tuple(
+        matrix_table(name, rows, columns, values, (units(rows), 1), (units(columns), -1))
+        for name, rows, columns, values in _blocks(model)
+    )
+
+
+def _blocks(model: LinearModel) -> list[tuple[str, tuple[str, ...], tuple[str, ...], np.ndarray]]:
+    """The matrices of the text and of the records: name, names of rows and of columns, values."""
+    rows = [model.states] if model.outputs == model.states else [model.states, model.outputs]
+    return [
+        (names[i], each, across, getattr(model, names[i]))
+        for i, each in enumerate(rows)
+        for across, names in ((model.states, "AC"), (model.inputs, "BD"))
     ]
-    return Table(("matrix", "row", "column", "value", "unit", "band"), rows)
 
 
-def _offsets(model: LinearModel) -> Table:
-    values = zip((*model.states, *model.inputs), (*model.state_offsets, *model.input_offsets), strict=True)
-    rows = [(name, *degrees(value, model.point.model.unit(name))) for name, value in values]
-    return Table(("offset", "value", "unit"), rows)
+#: What the data has of every model, and of one with disturbances.
+_ALWAYS = "states inputs state_units input_units state_offsets input_offsets A B outputs output_units C D"
+_WINDY = " disturbances disturbance_units E F output_offsets"
 
 
 def _positions(what: str, names: tuple[str, ...] | None, known: tuple[str, ...]) -> list[int]:
@@ -299,14 +271,6 @@ def _positions(what: str, names: tuple[str, ...] | None, known: tuple[str, ...])
     return [known.index(name) for name in chosen]
 
 
-def _units_in(model: LinearModel) -> str:
-    """The units that the entries are made of."""
-    units = {*model.state_units, *model.input_units}
-    if any("ft" in unit for unit in units):
-        return f"rad, {unit_in_force('ft')}, s"
-    return ", ".join(sorted(units - {"1"}))
-
-
 def linearize(
     aircraft: Aircraft | Model,
     point: OperatingPoint,
@@ -314,21 +278,17 @@ def linearize(
     full: bool = False,
     outputs: tuple[str, ...] | None = None,
     disturbances: tuple[str, ...] | None = None,
-    ground_drag: bool = False,
 ) -> LinearModel:
     """A = ∂f/∂X, B = ∂f/∂U, C = ∂y/∂X, D = ∂y/∂U, E = ∂f/∂w, F = ∂y/∂w at (X0, U0) at w = 0, by algorithmic
     differentiation (exact to rounding).
 
     Returns the model's linear states, of the HFA the paper's six (Section 2.2), or all of them when `full`.
     outputs: names of outputs or of states; None for the states of the model.
-    disturbances: names; None for the first one where outputs are asked for. The HFA's are winds, ft/s;
-    ground_drag: with these its drag takes the speed over ground, not that through the air.
+    disturbances: names; None for the first one where outputs are asked for. The HFA's are winds, ft/s.
     BadInputError when the point is of another model or other dynamics, or a name is unknown.
     """
     own = aircraft.model
     point.refuse_other(own)
-    if ground_drag:
-        own = replace(own, equations=replace(own.equations, ground_drag=True))  # type: ignore[type-var]
     plain = outputs is None and disturbances is None
     seen = tuple(own.states) if plain else tuple(outputs or (own.states if full else own.linear))
     winds = tuple(disturbances if disturbances is not None else [*own.disturbances][: outputs is not None])
