@@ -10,6 +10,8 @@ from __future__ import annotations
 import argparse
 from functools import partial
 
+import numpy as np
+
 from controller.flight.envelope import flight_envelope
 from hfa_cli.options import flights, games, trims
 from hfa_cli.options.argument_types import model, number, quantity, whole
@@ -51,7 +53,8 @@ def run(arguments: argparse.Namespace) -> int:
     ended = scheduling.LEAD + over
     if scenario.duration < ended:
         raise BadInputError(f"--duration is {scenario.duration:g} s and the change ends at {ended:g} s; extend it")
-    grid, law = scheduling.grid_of(change, points), flights.law_of(arguments)
+    low, high = sorted((change.start, change.end))
+    grid, law = np.linspace(low, high, points), flights.law_of(arguments)
     certified = scheduling.certified_schedule(
         aircraft,
         grid if gains is None else gains.grid(grid),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -41,63 +42,25 @@ CLOSE = 0.01
 PLANTS = ("nonlinear", "linear")
 
 
-@dataclass(frozen=True, eq=False)
-class Outcomes:
+class Outcomes(NamedTuple):
     """What became of flights, arrays of any one shape.
 
     left: index of the state that left the envelope first, -1 when none did. when: s, inf when none did.
     exceeded: index of the input that went farthest beyond its control limits inside the envelope, -1 when none did.
-    final: (.., n), the last deviation from trim; NaN when the flight was lost. settled: whether the rates of the
-    controlled states had died out at the end. model: whose states and inputs these are.
+    returned: whether it ended at rest on its target, wherever it went in between.
     """
 
     left: np.ndarray
     when: np.ndarray
     exceeded: np.ndarray
-    final: np.ndarray
-    settled: np.ndarray
-    model: Model
-
-    @property
-    def inside(self) -> np.ndarray:
-        """Which flights stayed inside the envelope."""
-        return self.left < 0
-
-    @property
-    def within_limits(self) -> np.ndarray:
-        """Which flights stayed inside the envelope and within the control limits."""
-        return self.inside & (self.exceeded < 0)
-
-    def arrived(self, state: str, commands: np.ndarray) -> np.ndarray:
-        """Which flights ended at rest nearer to their command of a state than to trim.
-
-        Feedback alone leaves an offset from a command; but rest at another equilibrium is no arrival.
-        """
-        off = np.abs(self.final[..., list(self.model.states).index(state)] - commands)
-        return self.settled & (off <= np.maximum(np.abs(commands) / 2, CLOSE * self.model.states[state].nominal))
-
-    def returned(self) -> np.ndarray:
-        """Which flights ended at rest within `CLOSE` of the trim, wherever they went in between."""
-        rows, scales = _linear(self.model)
-        return self.settled & (np.abs(self.final[..., rows]) / scales <= CLOSE).all(axis=-1)
+    returned: np.ndarray
 
     def of_starts(self) -> dict[str, np.ndarray]:
-        """held: inside the envelope and back at trim; within_limits: within the control limits too; returned: back at
-        trim; exceeded and left_first as above."""
-        back = self.returned()
-        return {
-            "held": self.inside & back,
-            "within_limits": self.within_limits & back,
-            "exceeded": self.exceeded,
-            "returned": back,
-            "left_first": self.left,
-        }
-
-
-def _linear(model: Model) -> tuple[list[int], np.ndarray]:
-    """Where the states of the linear model stand among all, and their nominal sizes."""
-    rows = [list(model.states).index(name) for name in model.linear]
-    return rows, np.array([model.states[name].nominal for name in model.linear])
+        """held: inside the envelope and back at trim; within_limits: within the control limits too."""
+        held = (self.left < 0) & self.returned
+        within = held & (self.exceeded < 0)
+        found = {"held": held, "within_limits": within, "exceeded": self.exceeded}
+        return {**found, "returned": self.returned, "left_first": self.left}
 
 
 class ManyFlights:
@@ -129,23 +92,26 @@ class ManyFlights:
         progress: Callable[[], None] | None = None,
     ) -> Outcomes:
         """starts, commands: state -> deviations, all of one shape. progress: called after each flight."""
-        model, (rows, scales), found = self._model, _linear(self._model), []
+        model, found = self._model, []
         shape, inputs = np.shape(next(iter({**(starts or {}), **(commands or {})}.values()))), tuple(model.inputs)
         for index in np.ndindex(shape):
             start = np.array([(starts or {}).get(name, np.zeros(shape))[index] for name in model.states])
             command = {name: float(each[index]) for name, each in (commands or {}).items()}
             scenario = replace(self._commanded(command), initial=start)
             flown = self._loop.fly(scenario, lost=self._lost)
-            final = np.full(len(model.states), np.nan) if self._lost(flown.final[None]).any() else flown.final
             excess = control_excesses(model, flown.lowest_input, flown.highest_input)[:1]
             over = inputs.index(excess[0].input) if excess else -1
-            settled = bool((np.abs(self._loop.rate(final, scenario)[rows]) / scales <= CLOSE).all())
-            found.append((flown.left, flown.flown if flown.left >= 0 else np.inf, over, final, settled))
+            still = not self._lost(flown.final[None]).any() and self._rests(flown.final, scenario)
+            at_target = still and on_target(model, flown.final, command)
+            found.append((flown.left, flown.flown if flown.left >= 0 else np.inf, over, at_target))
             if progress is not None:
                 progress()
-        left, when, exceeded, finals, still = (np.array(each) for each in zip(*found, strict=True))
-        left, when, exceeded, still = (each.reshape(shape) for each in (left, when, exceeded, still))
-        return Outcomes(left, when, exceeded, finals.reshape(*shape, -1), still, model)
+        return Outcomes(*(np.array(each).reshape(shape) for each in zip(*found, strict=True)))
+
+    def _rests(self, x: np.ndarray, scenario: Scenario) -> bool:
+        """Whether the rates of the controlled states have died out."""
+        rates = dict(zip(self._model.states, self._loop.rate(x, scenario).tolist(), strict=True))
+        return all(abs(rates[name]) <= CLOSE * self._model.states[name].nominal for name in self._model.linear)
 
     def _commanded(self, command: Mapping[str, float]) -> Scenario:
         """A command is an offset of what is measured, which no flight needs to compile."""
@@ -154,6 +120,18 @@ class ManyFlights:
 
     def _lost(self, x: np.ndarray) -> np.ndarray:
         return np.asarray(~((x >= self._far_below) & (x <= self._far_above)).all(axis=-1))
+
+
+def on_target(model: Model, x: np.ndarray, command: Mapping[str, float]) -> bool:
+    """Whether deviations (n,) are within `CLOSE` of the trim; with a command nearer to it than to the trim.
+
+    Feedback alone leaves an offset from a command; but rest at another equilibrium is no arrival.
+    """
+    at = dict(zip(model.states, x.tolist(), strict=True))
+    if command:
+        limits = {name: max(abs(each) / 2, CLOSE * model.states[name].nominal) for name, each in command.items()}
+        return all(abs(at[name] - command[name]) <= limit for name, limit in limits.items())
+    return all(abs(at[name]) <= CLOSE * model.states[name].nominal for name in model.linear)
 
 
 class Edge(NamedTuple):
@@ -228,7 +206,8 @@ def recoverable_map(
     size = next(iter(grid.values())).size
     if size > MOST_POINTS:
         raise BadInputError(f"the map has {size} points; at most {MOST_POINTS} are allowed")
-    linear, (rows, _) = LinearPlant.at(aircraft, point), _linear(model)
+    linear = LinearPlant.at(aircraft, point)
+    rows = [list(model.states).index(name) for name in model.linear]
     abscissa = spectrum(linear.A[np.ix_(rows, rows)] - linear.B[rows] @ gain).abscissa
     if abscissa >= 0.0:
         raise BadInputError(f"A - B K has abscissa {abscissa:+.4g} 1/s; give a gain that stabilizes the linear model")
@@ -237,48 +216,44 @@ def recoverable_map(
     found, edges = {}, list[Edge]()
     plants: tuple[Plant, ...] = NonlinearPlant(aircraft, point), linear
     for name, plant in zip(PLANTS, plants, strict=True):
-        fly = ManyFlights(plant, point, envelope, gain, TIME_CONSTANTS / -abscissa).fly
-        found[name] = fly(grid, progress=each_done)
-        rays: list[tuple[str, np.ndarray, bool, Callable[[np.ndarray], Outcomes]]] = [
-            *((state, values, False, lambda v, s=state, fly=fly: fly({s: v})) for state, values in starts.items()),
-            *(
-                (state, values, True, lambda v, s=state, fly=fly: fly(None, {s: v}))
-                for state, values in commands.items()
-            ),
-        ]
-        for state, values, is_command, ray in rays:
-            far = float(np.abs(values).max())
-            edges += [_edge(model, state, is_command, sign, name, ray, far) for sign in (-1, 1) if far > 0.0]
+        flights = ManyFlights(plant, point, envelope, gain, TIME_CONSTANTS / -abscissa)
+        found[name] = flights.fly(grid, progress=each_done)
+        for is_command, rays in ((False, starts), (True, commands)):
+            for state, values in rays.items():
+                far = float(np.abs(values).max())
+                fly = partial(_along_ray, flights, state, is_command)
+                edges += [_edge(model, state, is_command, sign, name, fly, far) for sign in (-1, 1) if far > 0.0]
     return RecoverableMap(point, envelope, dict(starts), found, dict(commands), tuple(edges))
+
+
+def _along_ray(flights: ManyFlights, state: str, is_command: bool, values: np.ndarray) -> Outcomes:
+    return flights.fly({} if is_command else {state: values}, {state: values} if is_command else {})
 
 
 def _edge(
     model: Model, state: str, is_command: bool, sign: int, plant: str, fly: Callable[[np.ndarray], Any], far: float
 ) -> Edge:
-    def back(flown: Any, values: np.ndarray) -> np.ndarray:
-        return np.asarray(flown.arrived(state, values) if is_command else flown.returned())
-
     values = sign * far * np.arange(1, _SCAN + 1) / _SCAN
     scan = fly(values)
 
-    def bisected(good: Callable[[Any, np.ndarray], np.ndarray]) -> tuple[float, Any]:
+    def bisected(good: Callable[[Any], np.ndarray]) -> tuple[float, Any]:
         """The last good value, and the flight of the first bad one, None where all of the scan are good."""
-        passed = good(scan, values)
+        passed = good(scan)
         if passed.all():
             return far, None
         first = int(np.argmin(passed))
         low, high = (float(values[first - 1]) if first > 0 else 0.0), float(values[first])
         for _ in range(_HALVINGS):
             middle = np.array([(low + high) / 2])
-            low, high = (float(middle[0]), high) if good(fly(middle), middle)[0] else (low, float(middle[0]))
+            low, high = (float(middle[0]), high) if good(fly(middle))[0] else (low, float(middle[0]))
         return abs(low), fly(np.array([high]))
 
-    inside, left = bisected(lambda flown, _: flown.inside)
-    limits, exceeded = bisected(lambda flown, _: flown.within_limits)
+    inside, left = bisected(lambda flown: flown.left < 0)
+    limits, exceeded = bisected(lambda flown: (flown.left < 0) & (flown.exceeded < 0))
     leaving, time = ("", np.inf) if left is None else ((*model.states,)[left.left[0]], float(left.when[0]))
     control = "" if exceeded is None else (*model.inputs, "")[exceeded.exceeded[0]]
     axis = f"{state} command" if is_command else state
-    returned = bisected(back)[0]
+    returned = bisected(lambda flown: flown.returned)[0]
     return Edge(axis, sign, plant, inside, leaving, time, limits, control, returned, far, model.unit(state))
 
 
@@ -287,21 +262,17 @@ def map_report(maps: tuple[RecoverableMap, ...], law: str = "") -> Report:
 
     law: whose gain it is.
     """
-    model, point = maps[0].envelope.model, maps[0].point
+    first = maps[0]
+    model, at = first.envelope.model, at_scheduled(first.point).removeprefix("at ")
     limits = [
-        (name, shown_unit(model.unit(name)), maps[0].envelope.limits_text(index))
+        (name, shown_unit(model.unit(name)), first.envelope.limits_text(index))
         for index, name in enumerate(model.states)
     ]
-    at = at_scheduled(point).removeprefix("at ")
+    data = {"schema": MAP_SCHEMA, "states": list(model.states), "inputs": list(model.inputs)}
     return Report(
         title="How far from trim u = -K z works" + (f", {at}" if at else "") + (f", law {law}" if law else ""),
         parts=(*map(_edges, maps), ("envelope", Table(("state", "unit", "limits"), limits))),
-        data={
-            "schema": MAP_SCHEMA,
-            "states": list(model.states),
-            "inputs": list(model.inputs),
-            "maps": {each.point.dynamics: _one_map(each) for each in maps},
-        },
+        data=data | {"maps": {each.point.dynamics: _data(each) for each in maps}},
         records=_records(maps),
     )
 
@@ -311,11 +282,18 @@ def _edges(each: RecoverableMap) -> Part:
     header = ("from trim", "unit", "inside the envelope", "then leaves", "within control limits", "then exceeds")
     inputs = tuple(each.envelope.model.inputs)
     for plant in PLANTS:
-        rows = [_edge_row(edge) for edge in each.edges if edge.plant == plant]
+        rows = []
+        for edge in (one for one in each.edges if one.plant == plant):
+            inside, within, returned = (
+                f"{'+' if edge.sign > 0 else '-'}{short_number(value, edge.unit)}" + " (all)" * (value == edge.reach)
+                for value in (edge.inside, edge.within_limits, edge.returned)
+            )
+            leaving = f"{edge.state} at {edge.time:.3g} s" if edge.state else ""
+            rows.append((edge.axis, shown_unit(edge.unit), inside, leaving, within, edge.control, returned))
         parts.append(Table((*header, "comes back"), rows))
         found = each.starts[plant].of_starts()
-        within, over = found["within_limits"], found["held"] & ~found["within_limits"]
-        text = f"{plant}: of {within.size} starts {within.sum()} stayed within limits"
+        within_limits, over = found["within_limits"], found["held"] & ~found["within_limits"]
+        text = f"{plant}: of {over.size} starts {within_limits.sum()} stayed within limits"
         if over.any():
             names, counts = np.unique(found["exceeded"][over], return_counts=True)
             listed = ", ".join(f"{inputs[name]} {n}" for name, n in zip(names, counts, strict=True))
@@ -324,40 +302,32 @@ def _edges(each: RecoverableMap) -> Part:
     return (each.point.called, *parts)
 
 
-def _edge_row(edge: Edge) -> tuple[str, ...]:
-    inside, within, returned = (
-        f"{'+' if edge.sign > 0 else '-'}{short_number(value, edge.unit)}" + " (all)" * (value == edge.reach)
-        for value in (edge.inside, edge.within_limits, edge.returned)
-    )
-    leaving = f"{edge.state} at {edge.time:.3g} s" if edge.state else ""
-    return edge.axis, shown_unit(edge.unit), inside, leaving, within, edge.control, returned
-
-
 def _records(maps: tuple[RecoverableMap, ...]) -> Table:
     """One row a start and plant. held: whether it stayed inside the envelope and came back."""
+    model, names = maps[0].envelope.model, ("held", "returned", "left_first", "within_limits", "exceeded")
+    words = {"left_first": (*model.states, ""), "exceeded": (*model.inputs, "")}
     rows: list[tuple[Any, ...]] = []
-    model = maps[0].envelope.model
     for each, plant in itertools.product(maps, PLANTS):
-        found = {name: values.ravel().tolist() for name, values in each.starts[plant].of_starts().items()}
-        across, down = each.axes.values()
-        grid = ((x, y) for y, x in itertools.product(down.tolist(), across.tolist()))
-        names = ("held", "returned", "left_first", "within_limits", "exceeded")
-        for start, held, back, left, within, over in zip(grid, *(found[name] for name in names), strict=True):
-            words = (*model.states, "")[left], int(within), (*model.inputs, "")[over]
-            rows.append((each.point.dynamics, plant, *start, int(held), int(back), *words))
+        found = each.starts[plant].of_starts()
+        across, down = np.meshgrid(*each.axes.values())
+        for place in np.ndindex(across.shape):
+            cells = (int(found[name][place]) for name in names)
+            shown = (words[name][cell] if name in words else cell for name, cell in zip(names, cells, strict=True))
+            rows.append((each.point.dynamics, plant, float(across[place]), float(down[place]), *shown))
     axes = [f"{name} [{model.unit(name)}]" for name in maps[0].axes]
-    return Table(("dynamics", "plant", *axes, "held", "returned", "left_first", "within_limits", "exceeded"), rows)
+    return Table(("dynamics", "plant", *axes, *names), rows)
 
 
-def _one_map(each: RecoverableMap) -> dict[str, Any]:
+def _data(each: RecoverableMap) -> dict[str, Any]:
     """held: inside the envelope and back at trim. The arrays of starts have the names of the states."""
+    model, (commanded, steps) = each.envelope.model, next(iter(each.commands.items()))
     return {
         "operating_point": each.point.to_dict(),
         "envelope": each.envelope.to_dict(),
         **{f"{name}s": values for name, values in each.axes.items()},
-        **{f"{name}_units": each.envelope.model.unit(name) for name in each.axes},
-        "commands": next(iter(each.commands.values())),
-        "command_units": each.envelope.model.unit(next(iter(each.commands))),
+        **{f"{name}_units": model.unit(name) for name in each.axes},
+        "commands": steps,
+        "command_units": model.unit(commanded),
         "edges": [{**edge._asdict(), "held": edge.inside} for edge in each.edges],
         **{plant: each.starts[plant].of_starts() for plant in PLANTS},
     }

@@ -1,5 +1,4 @@
-"""A schedule of certified gains over the scheduling variable η of a model, the dihedral angle of the HFA; a flight
-through a slow change of it, and the report."""
+"""A schedule of certified gains over the scheduling variable η of a model, and a flight through a slow change of it."""
 
 from __future__ import annotations
 
@@ -32,7 +31,7 @@ from trim.point.condition import TrimCondition, level_flight
 from trim.point.operating_point import OperatingPoint
 from trim.point.solve import find_operating_point
 
-#: Flight before and after a change of dihedral, s.
+#: Flight before and after a change, s.
 LEAD, REST = 5.0, 15.0
 
 
@@ -52,18 +51,11 @@ class ScheduledChange:
         """A change takes time."""
         refuse_unless_positive("the time of the change", self.duration, " s")
 
-    def at(self, t: Any) -> ca.SX:
-        """η_d(t)."""
-        tau = self._progress(t)
-        return self.start + (self.end - self.start) * tau**3 * (10 - 15 * tau + 6 * tau**2)
-
-    def rate(self, t: Any) -> ca.SX:
-        """η_d'(t)."""
-        tau = self._progress(t)
-        return (self.end - self.start) / self.duration * 30 * tau**2 * (1 - tau) ** 2
-
-    def _progress(self, t: Any) -> ca.SX:
-        return ca.fmin(ca.fmax((t - self.begin) / self.duration, 0.0), 1.0)
+    def at(self, t: Any) -> tuple[ca.SX, ca.SX]:
+        """η_d(t) and η_d'(t)."""
+        tau, size = ca.fmin(ca.fmax((t - self.begin) / self.duration, 0.0), 1.0), self.end - self.start
+        place = self.start + size * tau**3 * (10 - 15 * tau + 6 * tau**2)
+        return place, size / self.duration * 30 * tau**2 * (1 - tau) ** 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,36 +83,24 @@ class Schedule(Reported):
     between: float = np.nan
 
     @property
-    def dihedrals(self) -> np.ndarray:
-        """η of the grid, (G,)."""
-        return np.array([row.point.values[self.model.schedule] for row in self.grid])
-
-    @property
     def model(self) -> Model:
         """Whose trims these are."""
         return self.grid[0].point.model
 
     @property
-    def states(self) -> LinearTable:
-        """X0(η), (n,)."""
-        return LinearTable(self.dihedrals, np.array([row.point.states for row in self.grid]))
+    def places(self) -> np.ndarray:
+        """η of the grid, (G,)."""
+        return np.array([row.point.values[self.model.schedule] for row in self.grid])
 
     @property
-    def inputs(self) -> LinearTable:
-        """U0(η), (m,)."""
-        return LinearTable(self.dihedrals, np.array([row.point.inputs for row in self.grid]))
-
-    @property
-    def gains(self) -> LinearTable:
-        """K(η), (m, k)."""
-        return LinearTable(self.dihedrals, np.array([row.gain for row in self.grid]))
+    def tables(self) -> tuple[LinearTable, LinearTable, LinearTable]:
+        """X0(η), (n,), U0(η), (m,), and K(η), (m, k)."""
+        rows = [(row.point.states, row.point.inputs, row.gain) for row in self.grid]
+        states, inputs, gains = (LinearTable(self.places, np.array(each)) for each in zip(*rows, strict=True))
+        return states, inputs, gains
 
     def report(self) -> Report:
         """The grid, and what holds between its points."""
-        return Report("Schedule of certified gains", (self.block(),))
-
-    def block(self) -> Part:
-        """One row a grid point, and what holds between them."""
         name, unit = self.model.schedule, self.model.unit(self.model.schedule)
         rows = [
             (
@@ -130,25 +110,20 @@ class Schedule(Reported):
                 "-" if row.distance is None else f"{row.distance:.1e}" if row.distance else "0",
                 "-" if row.certificates is None else f"{row.certificates} hold",
             )
-            for row, at in zip(self.grid, self.dihedrals.tolist(), strict=True)
+            for row, at in zip(self.grid, self.places.tolist(), strict=True)
         ]
-        header = (
-            f"{name} {shown_unit(unit)}",
-            "abscissa A-BK 1/s",
-            "abscissa A-SP 1/s",
-            "K off the exact",
-            "certificates",
-        )
+        abscissae = ("abscissa A-BK 1/s", "abscissa A-SP 1/s", "K off the exact", "certificates")
         between = f"halfway between the points, interpolated gain: largest abscissa of A-BK {self.between:.4f} 1/s"
-        return (Table(header, rows), between)
+        part: Part = (Table((f"{name} {shown_unit(unit)}", *abscissae), rows), between)
+        return Report("Schedule of certified gains", (part,))
 
-    def at(self, dihedral: float) -> GridPoint:
+    def at(self, place: float) -> GridPoint:
         """The grid point at η; BadInputError when there is none."""
-        for row, at in zip(self.grid, self.dihedrals.tolist(), strict=True):
-            if abs(at - dihedral) <= 1e-9 * self.model.signals[self.model.schedule].nominal * 10:
-                return row
-        where = self.model.describe(self.model.schedule, dihedral)
-        raise BadInputError(f"the schedule has no grid point at {where}; begin at one that it has")
+        near = np.abs(self.places - place)
+        if near.min() > 1e-8 * self.model.signals[self.model.schedule].nominal:
+            where = self.model.describe(self.model.schedule, place)
+            raise BadInputError(f"the schedule has no grid point at {where}; begin at one that it has")
+        return self.grid[int(np.argmin(near))]
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,43 +147,20 @@ class ScheduledPolicy(Memoryless, Unvaried):
 
     def at(self, t: Any) -> ca.SX:
         """x_d(t); a CasADi column."""
-        deviation = self.schedule.states.expression(self.change.at(t)) - ca.DM(np.array(self.base.states))
-        model = self.schedule.model
+        model, (place, rate) = self.schedule.model, self.change.at(t)
+        deviation = self.schedule.tables[0].expression(place) - ca.DM(np.array(self.base.states))
         rows = {name: deviation[row] for row, name in enumerate(model.states) if name in model.linear}
-        rate = f"{model.schedule}_rate"
-        return ca.vertcat(*(rows | ({rate: self.change.rate(t)} if rate in rows else {})).values())
+        moving = f"{model.schedule}_rate"
+        return ca.vertcat(*(rows | ({moving: rate} if moving in rows else {})).values())
 
     def control(self, t: ca.SX, seen: Seen, memory: ca.SX, p: ca.SX) -> ca.SX:
         """U0 - U_base - K z."""
-        model = self.schedule.model
+        model, (_, inputs, gains) = self.schedule.model, self.schedule.tables
         row = model.linear.index(model.schedule)
         measured = self.base.values[model.schedule] + self.at(t)[row] + seen.error[row]
-        trimmed = self.schedule.inputs.expression(self.change.at(t)) - ca.DM(np.array(self.base.inputs))
-        K = ca.reshape(self.schedule.gains.expression(measured), self.size, len(model.inputs)).T
+        trimmed = inputs.expression(self.change.at(t)[0]) - ca.DM(np.array(self.base.inputs))
+        K = ca.reshape(gains.expression(measured), self.size, len(model.inputs)).T
         return trimmed - ca.mtimes(K, seen.error)
-
-
-def schedule_report(result: NonlinearFlight, certified: Schedule, change: ScheduledChange, law: str) -> Report:
-    """The report of the flight with that of the schedule, whose gains `law` has made."""
-    flown, model = result.report(), certified.model
-    words = f", to {model.describe(model.schedule, change.end)} over {change.duration:g} s, law {law}, scheduled"
-    grid = {
-        "law": law,
-        "dihedrals": certified.dihedrals,
-        "dihedral_units": model.unit(model.schedule),
-        "gains": certified.gains.values,
-        "state_units": list(model.units(model.linear)),
-        "control_abscissae": [row.control_abscissa for row in certified.grid],
-        "game_abscissae": [row.game_abscissa for row in certified.grid],
-        "distances_from_exact": [row.distance for row in certified.grid],
-        "largest_abscissa_between": certified.between,
-    }
-    return replace(
-        flown,
-        title=result.title(words),
-        parts=(*flown.parts, certified.block()),
-        data={**flown.data, "schedule": grid},
-    )
 
 
 def change_over(model: Model, start: float, end: float, duration: float) -> ScheduledChange:
@@ -222,14 +174,9 @@ def change_over(model: Model, start: float, end: float, duration: float) -> Sche
     return ScheduledChange(start, end, LEAD, duration)
 
 
-def grid_of(change: ScheduledChange, points: int) -> np.ndarray:
-    """Equally spaced values that the change passes, both ends included, increasing."""
-    return np.linspace(min(change.start, change.end), max(change.start, change.end), points)
-
-
 def certified_schedule(
     aircraft: Aircraft | Model,
-    dihedrals: np.ndarray,
+    places: np.ndarray,
     *,
     law: str = "exact",
     seed: int = 0,
@@ -239,29 +186,32 @@ def certified_schedule(
     condition: Callable[[float], TrimCondition] = level_flight,
     progress: Progress | None = None,
 ) -> Schedule:
-    """Trim, linearize and solve or learn at every value of η (the dihedral, rad); every gain must be certified.
+    """Trim, linearize and solve or learn at every value of η (angles in rad); every gain must be certified.
 
     law: "exact", or a learning law. game: changes of the published game (Q, R, delta), or model -> game. settings: of
     the law. gains: in place of a law, as they are, certified or not. condition: η -> trim.
     Raises NoSolutionError at the first value without a trim or without a certified gain.
     """
-    if np.ndim(dihedrals) != 1 or len(dihedrals) < 2 or np.any(np.diff(dihedrals) <= 0.0):
+    if np.ndim(places) != 1 or len(places) < 2 or np.any(np.diff(places) <= 0.0):
         raise BadInputError("a schedule needs at least two values, in increasing order")
-    changes = game if not callable(game) else {}
-    game_on = game if callable(game) else lambda model: published_game(model.A, model.B, **(changes or {}))
+    game_on = game if callable(game) else lambda model: published_game(model.A, model.B, **(game or {}))
+
+    def model_at(place: float) -> LinearModel:
+        return linearize(aircraft, find_operating_point(aircraft, condition(place)))
+
     grid = []
-    for dihedral in told(dihedrals.tolist(), progress):
-        model = linearize(aircraft, find_operating_point(aircraft, condition(dihedral)))
+    for place in told(places.tolist(), progress):
+        model = model_at(place)
         if gains is None:
             grid.append(_certified(model, game_on(model), law, seed, settings or {}))
         else:
-            gain = gains.at(dihedral)
-            grid.append(GridPoint(model.point, gain, spectrum(model.A - model.B @ gain).abscissa))
-    gains_at, worst = Schedule(tuple(grid)).gains, -np.inf
-    for halfway in ((gains_at.places[:-1] + gains_at.places[1:]) / 2).tolist():
-        model = linearize(aircraft, find_operating_point(aircraft, condition(halfway)))
-        worst = max(worst, spectrum(model.A - model.B @ gains_at.at(halfway)).abscissa)
-    return Schedule(tuple(grid), worst)
+            K = gains.at(place)
+            grid.append(GridPoint(model.point, K, spectrum(model.A - model.B @ K).abscissa))
+    between, table = -np.inf, Schedule(tuple(grid)).tables[2]
+    for halfway in ((table.places[:-1] + table.places[1:]) / 2).tolist():
+        model = model_at(halfway)
+        between = max(between, spectrum(model.A - model.B @ table.at(halfway)).abscissa)
+    return Schedule(tuple(grid), between)
 
 
 def _certified(model: LinearModel, game: Game, law: str, seed: int, settings: Mapping[str, Any]) -> GridPoint:
@@ -270,14 +220,9 @@ def _certified(model: LinearModel, game: Game, law: str, seed: int, settings: Ma
     if law != "exact":
         learned = learned_value(game, law, seed, **settings)
         P, gain, certificates = learned.P, learned.K, len(learned.certificates)
-    return GridPoint(
-        point=model.point,
-        gain=gain,
-        distance=float(np.linalg.norm(gain - exact.K) / np.linalg.norm(exact.K)),
-        control_abscissa=spectrum(game.A - game.B @ gain).abscissa,
-        game_abscissa=spectrum(game.A - game.S @ P).abscissa,
-        certificates=certificates,
-    )
+    distance = float(np.linalg.norm(gain - exact.K) / np.linalg.norm(exact.K))
+    control, whole = (spectrum(game.A - each).abscissa for each in (game.B @ gain, game.S @ P))
+    return GridPoint(model.point, gain, control, distance, whole, certificates)
 
 
 def fly_schedule(
@@ -297,3 +242,22 @@ def fly_schedule(
     policy = ScheduledPolicy(certified, change, begin)
     plant, law = NonlinearPlant(with_errors(aircraft, scenario), begin), FlownLaw("scheduled", policy)
     return fly_law(plant, law, replace(scenario, reference=policy), envelope, progress=progress)
+
+
+def schedule_report(result: NonlinearFlight, certified: Schedule, change: ScheduledChange, law: str) -> Report:
+    """The report of the flight with that of the schedule, whose gains `law` has made."""
+    flown, model = result.report(), certified.model
+    words = f", to {model.describe(model.schedule, change.end)} over {change.duration:g} s, law {law}, scheduled"
+    grid = {
+        "law": law,
+        "dihedrals": certified.places,
+        "dihedral_units": model.unit(model.schedule),
+        "gains": certified.tables[2].values,
+        "state_units": list(model.units(model.linear)),
+        "control_abscissae": [row.control_abscissa for row in certified.grid],
+        "game_abscissae": [row.game_abscissa for row in certified.grid],
+        "distances_from_exact": [row.distance for row in certified.grid],
+        "largest_abscissa_between": certified.between,
+    }
+    parts, data = (*flown.parts, *certified.report().parts), {**flown.data, "schedule": grid}
+    return replace(flown, title=result.title(words), parts=parts, data=data)

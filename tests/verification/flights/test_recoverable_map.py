@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -16,7 +14,7 @@ from hfa_model import INPUTS, LINEAR_STATES, STATES
 from hfa_model.aircraft import HFA
 from hfa_support import BadInputError
 from verification import recoverable_map
-from verification.flights.recoverable_map import ManyFlights, RecoverableMap, _edge
+from verification.flights.recoverable_map import ManyFlights, Outcomes, RecoverableMap, _edge, on_target
 
 N = len(LINEAR_STATES)
 
@@ -86,12 +84,12 @@ def test_commands_arrive_or_not(newton: FlownCase) -> None:
     flights = ManyFlights(plant, newton.point, newton.envelope, newton.law.gains[0], 24.0).fly(
         None, {"dihedral": asked}
     )
-    assert flights.arrived("dihedral", asked).tolist() == [False, True, True, True]
-    assert flights.inside.tolist() == [False, True, True, True]
+    assert flights.returned.tolist() == [False, True, True, True]
+    assert (flights.left < 0).tolist() == [False, True, True, True]
     # At rest elsewhere is not arrived: a planted end on the other side of trim.
-    final = flights.final.copy()
-    final[1, STATES.index("dihedral")] *= -1
-    assert replace(flights, final=final).arrived("dihedral", asked).tolist() == [False, False, True, True]
+    ends = np.zeros((2, len(STATES)))
+    ends[:, STATES.index("dihedral")] = asked[1], -asked[1]
+    assert [on_target(HFA, end, {"dihedral": asked[1]}) for end in ends] == [True, False]
 
 
 @pytest.mark.parametrize("sign", [-1, 1])
@@ -99,14 +97,8 @@ def test_an_edge_is_between_the_last_good_and_the_first_bad_start(sign: int) -> 
     def fly(values: np.ndarray) -> Any:
         assert np.all(np.sign(values) == sign)
         size = np.abs(values)
-        return SimpleNamespace(
-            inside=size < 3.7,
-            within_limits=size < 1.3,
-            left=np.full(len(values), 2),
-            when=np.full(len(values), 1.5),
-            exceeded=np.full(len(values), 3),
-            returned=lambda: size < 2.2,
-        )
+        left = np.where(size < 3.7, -1, 2)
+        return Outcomes(left, np.full(len(values), 1.5), np.where(size < 1.3, -1, 3), size < 2.2)
 
     found = _edge(HFA, "speed", False, sign, "linear", fly, 10.0)
     assert (found.inside, found.within_limits, found.returned) == pytest.approx((3.7, 1.3, 2.2), rel=0.02)

@@ -37,9 +37,6 @@ def certified(published_aircraft: Aircraft) -> Schedule:
     return certified_schedule(published_aircraft, radians(5.0, 10.0, 15.0))
 
 
-# Interpolation.
-
-
 # The policy about a trim.
 
 
@@ -58,7 +55,7 @@ def test_about_a_grid_point_the_policy_is_its_gain_and_its_trim(certified: Sched
     """No hidden coupling: the derivative with respect to the measured dihedral is the gain's own column."""
     for index in range(3):
         u, slope = slope_at_trim(certified, index, ScheduledPolicy)
-        inputs = certified.inputs.values
+        inputs = certified.tables[1].values
         np.testing.assert_allclose(u, inputs[index] - inputs[0], atol=1e-15)
         np.testing.assert_allclose(slope, -certified.grid[index].gain, rtol=1e-12, atol=1e-15)
 
@@ -69,7 +66,8 @@ class _TrimOfTheMeasuredDihedral(ScheduledPolicy):
     def control(self, t: Any, told: Seen, memory: Any, p: Any) -> Any:
         channel = LINEAR_STATES.index("dihedral")
         measured = self.base.states.dihedral + self.at(t)[channel] + told.error[channel]
-        wrong = self.schedule.inputs.expression(measured) - self.schedule.inputs.expression(self.change.at(t))
+        inputs = self.schedule.tables[1]
+        wrong = inputs.expression(measured) - inputs.expression(self.change.at(t)[0])
         return super().control(t, told, memory, p) + wrong
 
 
