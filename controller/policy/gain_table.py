@@ -1,9 +1,8 @@
-"""Gains in a file, one or a table over the dihedral: scheduled in place of a law's, and proved."""
+"""Gains in a file, one or a table over the scheduling variable: scheduled in place of a law's, and proved."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -16,66 +15,66 @@ from hfa_support.linear_table import LinearTable
 from hfa_support.model import Model
 from hfa_support.reporting.fields import Shown
 
-#: rad; an angle this close to an end of the table is the end.
+#: Values of the scheduling variable this close to an end of the table are the end.
 _AT_THE_END = 1e-9
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class GainTable(Shown):
-    """u = -K(η) x, K linear in η between the angles.
+    """u = -K(η) x, K linear in η between the places.
 
-    dihedral_deg: (G,), increasing; G = 1: the same at every angle; of another model than the HFA the values of its
-    scheduling variable. K: (G, m, n): the states of the linear model come first, in the model's units; behind them may
-    come the positions of actuators. BadInputError when a shape, the order or a number is wrong.
+    places: (G,), increasing, values of the scheduling variable of the model, angles in degrees; G = 1: the same
+    everywhere. K: (G, m, n): the states of the linear model come first, in the model's units; behind them may come the
+    positions of actuators. BadInputError when a shape, the order or a number is wrong.
     """
 
-    dihedral_deg: np.ndarray
+    places: np.ndarray
     K: np.ndarray
     model: Model = HFA
 
     def __post_init__(self) -> None:
         """Check the table once."""
-        count, m, n = np.size(self.dihedral_deg), len(self.model.inputs), len(self.model.linear)
+        count, m, n = np.size(self.places), len(self.model.inputs), len(self.model.linear)
         if np.shape(self.K) not in ((count, m, n), (count, m, n + m)):
-            raise BadInputError(f"K is {np.shape(self.K)}; with {count} angles it must be ({count}, {m}, {n})")
-        if not all(np.all(np.isfinite(each)) for each in (self.dihedral_deg, self.K)):
+            raise BadInputError(f"K is {np.shape(self.K)}; with {count} values it must be ({count}, {m}, {n})")
+        if not all(np.all(np.isfinite(each)) for each in (self.places, self.K)):
             raise BadInputError("the table of gains holds a number that is not finite")
-        if np.ndim(self.dihedral_deg) != 1 or count < 1 or np.any(np.diff(self.dihedral_deg) <= 0.0):
-            raise BadInputError("dihedral_deg must be the angles of the table, increasing")
+        if np.ndim(self.places) != 1 or count < 1 or np.any(np.diff(self.places) <= 0.0):
+            raise BadInputError(f"{self.model.schedule_key} must be the values of the table, increasing")
 
-    def grid(self, dihedrals: np.ndarray) -> np.ndarray:
+    @property
+    def table(self) -> LinearTable:
+        """K over the scheduling variable, angles in rad."""
+        in_degrees = self.model.schedule_unit == "deg"
+        return LinearTable(np.radians(self.places) if in_degrees else self.places, self.K)
+
+    def grid(self, places: np.ndarray) -> np.ndarray:
         """These values (angles in rad), increasing, with those of the table between them: where a schedule is given.
 
         BadInputError when they reach beyond the table, or when K takes more than the states.
         """
-        n = len(self.model.linear)
+        n, own = len(self.model.linear), self.table.places
         if self.K.shape[-1] != n:
             raise BadInputError(f"K has {self.K.shape[-1]} columns; a schedule that flies takes {n}, no memory")
-        low, high = dihedrals[0], dihedrals[-1]
-        own = np.radians(self.dihedral_deg) if self._in_degrees else self.dihedral_deg
         if len(own) == 1:
-            return dihedrals
-        if low < own[0] - _AT_THE_END or high > own[-1] + _AT_THE_END:
-            say = partial(self.model.describe, self.model.schedule)
-            raise BadInputError(
-                f"the gains cover {say(own[0])} to {say(own[-1])}, not {say(low)} to {say(high)}; fly where they are"
+            return places
+        if places[0] < own[0] - _AT_THE_END or places[-1] > own[-1] + _AT_THE_END:
+            low, high, first, last = (
+                self.model.describe(self.model.schedule, each) for each in (own[0], own[-1], places[0], places[-1])
             )
-        inside = own[(own > low + _AT_THE_END) & (own < high - _AT_THE_END)]
-        new = [angle for angle in inside if np.abs(dihedrals - angle).min() > _AT_THE_END]
-        return np.sort([*dihedrals, *new])
+            raise BadInputError(f"the gains cover {low} to {high}, not {first} to {last}; fly where they are")
+        inside = own[(own > places[0] + _AT_THE_END) & (own < places[-1] - _AT_THE_END)]
+        new = [place for place in inside if np.abs(places - place).min() > _AT_THE_END]
+        return np.sort([*places, *new])
 
-    def at(self, dihedral: float) -> np.ndarray:
-        """K, (m, n), at a dihedral, rad, or another value of the scheduling variable."""
-        return LinearTable(self.dihedral_deg, self.K).at(np.degrees(dihedral) if self._in_degrees else dihedral)
-
-    @property
-    def _in_degrees(self) -> bool:
-        return self.model.unit(self.model.schedule).startswith("rad")
+    def at(self, place: float) -> np.ndarray:
+        """K, (m, n), at a value of the scheduling variable, an angle in rad."""
+        return self.table.at(place)
 
 
 def load_gains(path: Path, model: Model = HFA) -> GainTable:
-    """K (m, n), or dihedral_deg (G,) and K (G, m, n), also as MATLAB stacks them, (m, n, G); of another model the key
-    is its `schedule_key`.
+    """K (m, n), or the values of the scheduling variable (G,) under the model's `schedule_key` and K (G, m, n), also as
+    MATLAB stacks them, (m, n, G).
 
     BadInputError, one line that names the file, also for a table whose `state_units` are not the model's.
     """

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -14,16 +14,8 @@ from controller.design.design import COMMAND_FILTER
 from hfa_support.errors import BadInputError, refuse_unless_positive
 from hfa_support.reporting.fields import Shown
 
-
-class TimeVector(Protocol):
-    """A vector that is known at every time: what a loop asks of its reference, disturbance and noise."""
-
-    @property
-    def size(self) -> int:
-        """Number of channels."""
-
-    def at(self, t: ca.SX) -> ca.SX:
-        """The value, (n,), at a number or a CasADi expression."""
+#: What a loop asks of its reference, disturbance and noise: `size` n, and `at(t)`, the value (n,) at an expression.
+TimeVector = Any
 
 
 class Harmonic(NamedTuple):

@@ -59,7 +59,7 @@ class LoopTable(Shown):
         """The loop of a table of gains."""
         if isinstance(table, LoopTable):
             return table
-        return cls.of_gains(table.dihedral_deg, table.K, len(table.model.linear))
+        return cls.of_gains(table.places, table.K, len(table.model.linear))
 
     @classmethod
     def of_gains(cls, places: np.ndarray, K: np.ndarray, count: int) -> LoopTable:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -106,21 +105,3 @@ def test_a_fault_changes_the_actuators_that_it_names_from_its_time_on() -> None:
     before = 1.0 - np.exp(-0.5 / 0.1)
     failed = np.where(t <= 0.5, whole, 0.25 + (before - 0.25) * np.exp(-2.0 * (t - 0.5)))
     np.testing.assert_allclose(flight.inputs[:, 2], failed, atol=1e-9)
-
-
-@pytest.mark.parametrize(
-    ("make", "said"),
-    [
-        (lambda: replace(LIMITED, lag=Input(0.1, 0.0, 0.1, 0.1, 0.1)), "lag of aileron_center is 0.0"),
-        (lambda: replace(LIMITED, rate=Input(1.0, 1.0, -1.0, 1.0, 1.0)), "rate limit of aileron_outer is -1"),
-        (lambda: replace(LIMITED, highest=Input(1.0, 1.0, 1.0, -0.5, 1.0)), "positions of elevator_center"),
-        (lambda: replace(LIMITED, order=3), "the order of the actuators is 3"),
-        (lambda: ActuatorFault(effectiveness=0.0), "effectiveness after a fault is 0"),
-        (lambda: ActuatorFault(damping=np.nan), "damping after a fault is nan"),
-        (lambda: ActuatorFault(begin=-1.0), "begins at -1 s"),
-        (lambda: replace(FREE, faults=(ActuatorFault(inputs=("flap",)),)), "no input 'flap'"),
-    ],
-)
-def test_what_cannot_move_is_refused(make: Callable[[], object], said: str) -> None:
-    with pytest.raises(BadInputError, match=said):
-        make()

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
 from flight_cases import SMALL, FlownCase, flown, signal
 
-from controller import OneMinusCosine, Scenario, flight_envelope
+from controller import OneMinusCosine, Scenario, flight_envelope, fly, gain_law
 from controller.flight.nonlinear_flight import UNDISTURBED
 from hfa_model import LINEAR_STATES, STATES
 from hfa_support import BadInputError
@@ -76,21 +75,6 @@ def test_the_envelope_limits_the_angle_through_the_air_and_not_the_one_over_grou
         assert report.data["largest_deviation"]["angle_of_attack"] < 0.1 * report.data["largest_deviation"]["alpha"]
 
 
-@pytest.mark.parametrize(
-    ("change", "said"),
-    [
-        ({"step": 0.0}, "step is 0.0"),
-        ({"step": 0.003}, "whole number of steps"),
-        ({"duration": 1.005}, "whole number of ticks"),
-        ({"duration": np.inf}, "duration is inf"),
-        ({"errors": {"lift_slope": 0.0}}, "the factor on .* is 0.0"),
-    ],
-)
-def test_scenarios_that_cannot_be_flown_are_refused(change: dict[str, Any], said: str) -> None:
-    with pytest.raises(BadInputError, match=said):
-        Scenario(**change)
-
-
 def test_a_flight_that_nothing_disturbs_says_so(newton: FlownCase) -> None:
     assert repr(flown(newton, Scenario(duration=0.1))).endswith(f"Note: {UNDISTURBED}")
     assert UNDISTURBED not in repr(flown(newton, Scenario(duration=0.1, errors={"lift_slope": 1.1})))
@@ -112,3 +96,13 @@ def test_the_envelope_can_be_changed_and_must_hold_the_trim(newton: FlownCase) -
         flight_envelope(p, point, {"roll": (0.0, 1.0)})
     with pytest.raises(BadInputError, match=r"has dihedral 15 deg, outside the envelope's 0 deg to 5\.72958 deg"):
         flight_envelope(p, point, {"dihedral": (0.0, 0.1)})
+
+
+def test_gains_of_several_ticks_follow_each_other_and_the_last_stays(newton: FlownCase) -> None:
+    gains = np.random.default_rng(1).normal(size=(3, 5, 6))
+    law = gain_law("several", gains)
+    np.testing.assert_array_equal(law.gains, gains)
+    for tick, gain in ((0, 0), (2, 2), (99, 2)):
+        np.testing.assert_array_equal(law.constants(tick), gains[gain].ravel(order="F"))
+    with pytest.raises(BadInputError, match=r"shape \(6, 5\); this aircraft takes 5 x 6"):
+        fly(newton.aircraft, newton.point, gain_law("bad", gains[0].T), Scenario(duration=0.1), newton.envelope)

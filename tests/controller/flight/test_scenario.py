@@ -2,16 +2,31 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from member_plans import EVERYTHING, PARAMETERS, with_scenario
 
-from controller import MonteCarlo, Uncertainty
+from controller import (
+    ActuatorFault,
+    Actuators,
+    CommandSteps,
+    Dryden,
+    MonteCarlo,
+    OneMinusCosine,
+    Scenario,
+    Signal,
+    Uncertainty,
+    gain_law,
+)
 from controller.flight import scenario
-from hfa_model import LINEAR_STATES, Parameters
+from hfa_model import LINEAR_STATES, Input, Parameters
 from hfa_support import BadInputError
+
+ACTUATORS = Actuators(*(Input(*[each] * 5) for each in (0.1, -0.5, 0.4, 1.0)))
+TIMES = np.array([1.0, 4.0])
 
 
 def drawn(plan: MonteCarlo, members: int) -> np.ndarray:
@@ -96,17 +111,33 @@ def test_noise_and_air_are_as_strong_as_asked_for(plan: MonteCarlo) -> None:
 
 
 @pytest.mark.parametrize(
-    ("given", "said"),
+    ("make", "said"),
     [
+        (lambda: Uncertainty({"lift_slope": -0.1}), "deviation of lift_slope is -0.1; it must be a number that is not"),
+        (lambda: Uncertainty(noise={"alpha": np.inf}), "the standard deviation of alpha is inf"),
+        (lambda: Uncertainty(turbulence=(3.0, 0.0)), "the turbulence has 0.0; intensity and scale must be positive"),
+        (lambda: Scenario(step=0.0), "step is 0.0"),
+        (lambda: Scenario(step=0.003), "whole number of steps"),
+        (lambda: Scenario(duration=np.inf), "duration is inf"),
+        (lambda: Scenario(errors={"lift_slope": 0.0}), "the factor on .* is 0.0"),
+        (lambda: OneMinusCosine(10.0, np.nan, 68.0), "peak is nan"),
+        (lambda: Dryden(0.0, 1750.0, 68.0, 0.01, 10, 0), "intensity is 0"),
+        (lambda: Dryden(1.0, 1e-6, 68.0, 0.01, 10, 0), r"scale is 1e-06 ft; .* between 0\.68 and 6\.8e\+05 ft"),
+        (lambda: replace(ACTUATORS, lag=Input(0.1, 0.0, 0.1, 0.1, 0.1)), "lag of aileron_center is 0.0"),
+        (lambda: replace(ACTUATORS, highest=Input(1.0, 1.0, 1.0, -0.5, 1.0)), "positions of elevator_center"),
+        (lambda: replace(ACTUATORS, order=3), "the order of the actuators is 3"),
+        (lambda: ActuatorFault(damping=np.nan), "damping after a fault is nan"),
+        (lambda: replace(ACTUATORS, faults=(ActuatorFault(inputs=("flap",)),)), "no input 'flap'"),
+        (lambda: CommandSteps(("speed", "speed"), TIMES, np.zeros((2, 2))), "speed is given twice"),
+        (lambda: CommandSteps(("speed",), TIMES[::-1], np.zeros((2, 1))), "must increase"),
+        (lambda: CommandSteps(("speed",), TIMES, np.zeros((1, 1))), r"shape \(1, 1\); give 2 finite rows of 1"),
         (
-            {"errors": {"lift_slope": -0.1}},
-            "the standard deviation of lift_slope is -0.1; it must be a number that is not",
+            lambda: gain_law("bad", np.full((5, 6), np.nan)),
+            "the gain has shape .*; give inputs x states finite numbers",
         ),
-        ({"errors": {"lift_slope": np.nan}}, "the standard deviation of lift_slope is nan"),
-        ({"noise": {"alpha": np.inf}}, "the standard deviation of alpha is inf"),
-        ({"turbulence": (3.0, 0.0)}, "the turbulence has 0.0; intensity and scale must be positive numbers"),
+        (lambda: Signal(np.zeros(2), np.zeros(3)), "parts of shape"),
     ],
 )
-def test_what_no_spread_can_be_is_refused(given: dict[str, object], said: str) -> None:
+def test_what_cannot_be_flown_is_refused(make: Callable[[], object], said: str) -> None:
     with pytest.raises(BadInputError, match=said):
-        Uncertainty(**given)  # type: ignore[arg-type]
+        make()

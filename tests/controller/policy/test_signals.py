@@ -10,7 +10,6 @@ from scipy.integrate import solve_ivp
 from controller import CommandSteps, Signal
 from controller.policy.signals import CommandedStates, Harmonic
 from hfa_model import LINEAR_STATES
-from hfa_support import BadInputError
 
 TIMES, VALUES = np.array([1.0, 4.0, 9.0]), np.array([[1.0, -2.0], [0.5, 0.0], [0.0, 3.0]])
 
@@ -52,18 +51,3 @@ def test_the_reference_of_a_flight_has_the_commanded_states_alone() -> None:
     x_d = np.array(ca.DM(CommandedStates(steps(), LINEAR_STATES).at(ca.SX(6.0)))).ravel()
     r = steps().sampled(np.array([6.0]))[0]
     np.testing.assert_allclose(x_d, [r[0] if name == "dihedral" else 0.0 for name in LINEAR_STATES])
-
-
-@pytest.mark.parametrize(
-    ("change", "said"),
-    [
-        ({"names": ("dihedral", "dihedral")}, "dihedral is given twice"),
-        ({"times": TIMES[::-1]}, "must increase"),
-        ({"values": VALUES[:2]}, r"shape \(2, 2\); give 3 finite rows of 2"),
-        ({"damping": 0.0}, "damping of the command filter is 0"),
-    ],
-)
-def test_commands_that_are_none_are_refused(change: dict[str, object], said: str) -> None:
-    values = {"names": ("dihedral", "speed"), "times": TIMES, "values": VALUES}
-    with pytest.raises(BadInputError, match=said):
-        CommandSteps(**(values | change))  # type: ignore[arg-type]

@@ -21,14 +21,17 @@ N = len(LINEAR_STATES)
 
 @pytest.fixture(scope="module")
 def recoverable(newton: FlownCase) -> RecoverableMap:
-    return recoverable_map(
-        newton.aircraft,
-        newton.point,
-        newton.law.gains[0],
-        newton.envelope,
-        starts={"speed": np.array([-2.0, 0.3, 2.0]), "dihedral": np.radians([-10.0, 10.0])},
-        commands={"dihedral": np.radians([-30.0, -5.0, 0.0, 5.0])},
-    )
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("verification.flights.recoverable_map._SCAN", 8)
+        patch.setattr("verification.flights.recoverable_map._HALVINGS", 8)
+        return recoverable_map(
+            newton.aircraft,
+            newton.point,
+            newton.law.gains[0],
+            newton.envelope,
+            starts={"speed": np.array([-2.0, 0.3, 2.0]), "dihedral": np.radians([-10.0, 10.0])},
+            commands={"dihedral": np.radians([-30.0, -5.0, 0.0, 5.0])},
+        )
 
 
 def test_the_map_is_what_single_flights_say(newton: FlownCase, recoverable: RecoverableMap) -> None:
