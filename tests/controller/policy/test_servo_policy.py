@@ -40,7 +40,7 @@ def flown(
     follow = commands(0.01)
     law = servo_law(controller, follow, aircraft, point)
     given = {
-        "duration": 6.0,
+        "duration": 12.0,
         "step": 0.01,
         "reference": CommandedStates(follow, LINEAR_STATES),
         "actuators": FREE,
@@ -96,7 +96,7 @@ def test_the_flight_on_the_linear_model_is_the_loop_written_out(
         u[column] = (C @ e + D @ told)[0]
         return np.concatenate([model.A @ x + model.B @ a, 2.0 * (u - a), A @ e + B @ told])
 
-    path = solve_ivp(rate, (0.0, 6.0), np.zeros(13), rtol=1e-9, atol=1e-12, max_step=0.5)
+    path = solve_ivp(rate, (0.0, 12.0), np.zeros(13), rtol=1e-9, atol=1e-12, max_step=0.5)
     np.testing.assert_allclose(result.predicted.states[-1], path.y[:7, -1], rtol=1e-5, atol=1e-9)
     np.testing.assert_allclose(result.predicted.memory[-1], path.y[12:, -1], rtol=1e-5, atol=1e-9)
 
