@@ -12,7 +12,7 @@ import numpy as np
 
 from hfa_model.aerodynamics import Loads, aircraft_loads
 from hfa_model.atmosphere import density, refuse_beyond_the_atmosphere
-from hfa_model.outputs import OUTPUTS, Watched, moment_of
+from hfa_model.outputs import OUTPUTS, moment_of, outputs_of
 from hfa_model.parameters import FIELDS, Parameters, default_parameters
 from hfa_model.printed_matrices import published_data
 from hfa_model.variants import VARIANTS, Variant, variant_named
@@ -40,7 +40,7 @@ class Equations:
     def __call__(self, x: Any, u: Any, p: Any, w: Any) -> tuple[Mapping[str, Any], Mapping[str, Any]]:
         """Rates by state, outputs by name."""
         moment = moment_of(x, u, p, self.variant, winds_named(w._fields, w, ground_drag=self.ground_drag))
-        return moment.rates._asdict(), Watched(moment)
+        return moment.rates._asdict(), outputs_of(moment)
 
 
 def check_in_range(x: State) -> None:

@@ -39,7 +39,7 @@ from hfa_model.kinematics import (
     outer_height,
     outer_velocity,
 )
-from hfa_model.outputs import Moment, Watched
+from hfa_model.outputs import Moment, outputs_of
 from hfa_model.parameters import default_parameters
 from hfa_model.variants import Newton
 from hfa_model.vectors import LINEAR_STATES, STATE_SIGNALS, STATES, Quantity
@@ -110,7 +110,7 @@ class UnsteadyEquations:
         lift = (center.lift_coefficient + 2 * outer.lift_coefficient) / 3
         downwash = x.speed / p.boom_length * (2 * lift / (math.pi * _aspect_ratio(p)) - x.downwash)
         lags = {**center.rates, **outer.rates, **tip_rates, "downwash": downwash}
-        return {**rates._asdict(), **lags}, Watched(Moment(x, u, p, winds, loads, rates))
+        return {**rates._asdict(), **lags}, outputs_of(Moment(x, u, p, winds, loads, rates))
 
 
 def _aspect_ratio(p: Any) -> Quantity:

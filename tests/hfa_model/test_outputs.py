@@ -11,13 +11,13 @@ from random_points import random_points
 
 from hfa_model import STATES, Aircraft, Input, Parameters, State
 from hfa_model.kinematics import center_height, outer_height
-from hfa_model.outputs import Watched, moment_of
+from hfa_model.outputs import moment_of, outputs_of
 from trim import find_operating_point, level_flight
 
 
 def outputs(aircraft: Aircraft, x: np.ndarray, u: np.ndarray, updraft: float = 0.0) -> dict[str, float]:
     moment = moment_of(State(*x), Input(*u), aircraft.parameters, aircraft.variant, updraft)
-    return {name: float(value) for name, value in Watched(moment).items()}
+    return {name: float(value) for name, value in outputs_of(moment).items()}
 
 
 @pytest.mark.parametrize("degrees", [0.0, 11.0])

@@ -20,7 +20,7 @@ from controller.design.design import Actuator, Design
 from controller.design.design_model import DesignModel
 from controller.policy.servo_policy import MeasuredOutputs
 from hfa_model import LINEAR_STATES, Aircraft
-from hfa_model.outputs import Watched, moment_of
+from hfa_model.outputs import moment_of, outputs_of
 from hfa_support import BadInputError
 from trim import find_operating_point, level_flight, linearize
 from verification import solve_game
@@ -95,7 +95,7 @@ def _gust_by_differences(aircraft: Aircraft, built: DesignModel) -> np.ndarray:
     )
     plain = [built.design.model.part(name)[0] for name in built.design.integrals]
     rates = [(getattr(up.rates, name) - getattr(down.rates, name)) / (2 * h) for name in LINEAR_STATES]
-    seen = [{**moment.x._asdict(), **Watched(moment)} for moment in (up, down)]
+    seen = [{**moment.x._asdict(), **outputs_of(moment)} for moment in (up, down)]
     outputs = [(seen[0][name], seen[1][name]) for name in plain]
     return np.array([float(each) for each in (*rates, 0.0, 0.0, *((a - b) / (2 * h) for a, b in outputs))])
 

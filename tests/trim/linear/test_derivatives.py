@@ -10,7 +10,7 @@ import pytest
 from random_points import random_points
 
 from hfa_model import INPUTS, STATES, Aircraft, Input, State
-from hfa_model.outputs import OUTPUTS, Watched, moment_of
+from hfa_model.outputs import OUTPUTS, moment_of, outputs_of
 from hfa_model.vectors import INPUT_SCALES, STATE_SCALES
 from hfa_model.winds import DISTURBANCES, winds_named
 
@@ -37,7 +37,7 @@ def at(aircraft: Aircraft, z: np.ndarray, *, ground_drag: bool = False) -> np.nd
     """Rates and outputs at states, inputs and winds, by the equations in numbers."""
     winds = winds_named(NAMES, z[12:].tolist(), ground_drag=ground_drag)
     moment = moment_of(State(*z[:7].tolist()), Input(*z[7:12].tolist()), aircraft.parameters, aircraft.variant, winds)
-    return np.array([*moment.rates, *Watched(moment).values()], dtype=float)
+    return np.array([*moment.rates, *outputs_of(moment).values()], dtype=float)
 
 
 def blocks(aircraft: Aircraft, z: np.ndarray, *, ground_drag: bool = False) -> np.ndarray:
