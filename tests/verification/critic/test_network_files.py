@@ -76,7 +76,7 @@ def test_v_and_a_policy_are_judged_together(game: Game) -> None:
     for sign, ok in ((-1.0, True), (1.0, False)):
         constants = {"P": value(game), "axes": np.array([1]), "K": sign * gain(game).T}
         path = onnx_file("both.onnx", [*nodes, ("Concat", "V u", "y", {"axis": 1})], constants, 6)
-        check = check_critic(game, from_network(game, path, network="V+policy="))
+        check = check_critic(game, from_network(game, path, network="V+policy="), flights=1)
         assert check.ok == ok
         assert check.diagnosis == ("" if ok else "the gain has the wrong sign: the policy is u = -K z")
     assert from_network(game, path).nonlinear is not None  # six outputs of six states are a gradient unless it is said

@@ -146,7 +146,7 @@ def test_gradients_and_policies_pass(game: Game) -> None:
         for output, weight in (("gradient", 2.0 * value(game)), ("policy", -gain(game))):
             critic = from_network(game, write(name, {"actor.0.weight": weight, "actor.0.bias": np.zeros(len(weight))}))
             assert about(critic).output == output
-            assert check_critic(game, critic).ok
+            assert check_critic(game, critic, flights=1).ok
 
 
 def test_an_almost_linear_tanh_network_passes(game: Game) -> None:
@@ -194,7 +194,7 @@ def test_a_value_that_is_not_a_number_somewhere_fails(game: Game) -> None:
     constants = {"P": value(game), "ones": ONES, "a": np.array([0]), "b": np.array([1]), "c": np.array([1])}
     constants |= {"half": np.array(2.5), "zero": np.array(1e-30)}
     path = onnx_file("nan.onnx", [*nodes, ("Mul", "r zero", "n"), ("Add", "V n", "y")], constants)
-    check = check_critic(game, from_network(game, path))
+    check = check_critic(game, from_network(game, path), flights=1)
     assert "searched_value_error" in {each.name for each in check.checks if not each.ok}
 
 
@@ -211,7 +211,7 @@ def test_the_search_finds_what_many_samples_find(game: Game) -> None:
 def test_the_cost_in_flight_is_that_of_the_linear_loop_where_the_network_is_linear(game: Game) -> None:
     """From 40 starts, under the disturbance of the exact policies: no more than the worst of all."""
     critic, exact = from_network(game, linear(-1.2 * gain(game))), solve_game(game)
-    check = check_critic(game, critic)
+    check = check_critic(game, critic, flights=40)
     assert check.network is not None
     assert 0.1 * check.flight.mean < check.network.lost <= check.flight.worst * (1 + 1e-6)
     away = from_network(game, torch_file("b.pt", {"weight": -gain(game), "bias": np.full(5, 0.5)}))
