@@ -140,7 +140,11 @@ def _run(words: list[str]) -> int:
         except SystemExit:
             return DONE  # how argparse leaves after --help and --version
         _refuse_same_file(words[1:], arguments)
-        return _run_parsed(module, arguments, words)
+        from hfa_cli.output import run_of
+
+        quiet = contextlib.redirect_stderr(io.StringIO()) if arguments.quiet else contextlib.nullcontext()
+        with run_of(words, arguments), quiet:
+            return int(module.run(arguments))
 
 
 @contextlib.contextmanager
@@ -174,16 +178,6 @@ def _value_of(option: str, words: list[str]) -> str | None:
     return given[-1] if given else None
 
 
-def _run_parsed(module: Any, arguments: argparse.Namespace, words: list[str]) -> int:
-    from hfa_cli.output import run_of
-
-    with contextlib.ExitStack() as around:
-        around.enter_context(run_of(words, arguments))
-        if arguments.quiet:
-            around.enter_context(contextlib.redirect_stderr(io.StringIO()))
-        return int(module.run(arguments))
-
-
 def _refuse_same_file(words: Sequence[str], arguments: argparse.Namespace) -> None:
     """BadInputError when a file that the command writes is also an input of it, or another of its outputs."""
     values = [part for word in words for part in (word, word.partition("=")[2], word[2:] if word[:2] == "-o" else "")]
@@ -198,10 +192,11 @@ def _say_warnings(caught: Iterable[warnings.WarningMessage]) -> None:
     """What was warned of, a note each, once there is a result: the message of a failure is enough."""
     from hfa_cli.output import say_notes
 
-    own = dict.fromkeys(str(each.message) for each in caught if each.category is UserWarning)
-    others = dict.fromkeys(str(each.message) for each in caught if each.category is not UserWarning)
-    said = [f"while computing: {text}; check the result" for text in others][:_MOST_NOTES]
-    say_notes((*own, *said))
+    own = [str(each.message) for each in caught if each.category is UserWarning]
+    others = [
+        f"while computing: {each.message}; check the result" for each in caught if each.category is not UserWarning
+    ]
+    say_notes((*dict.fromkeys(own), *list(dict.fromkeys(others))[:_MOST_NOTES]))
 
 
 def _parsed(words: list[str]) -> tuple[Any, argparse.Namespace]:

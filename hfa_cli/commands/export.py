@@ -65,58 +65,43 @@ def run(arguments: argparse.Namespace) -> int:
         write_text(place, files("controller.export").joinpath("hfa_models.m").read_text("utf-8"))
         show(_report([place]), arguments, target=None)
         return 0
-    _check(arguments)
-    aircraft = trims.aircraft_of(arguments)
-    point = trims.point_of(arguments, aircraft)
-    write = _write_gain if arguments.controller is None else _write_controller
-    show(_report(write(arguments, aircraft, point)), arguments, target=None, notes=point.warnings)
-    return 0
-
-
-def _check(arguments: argparse.Namespace) -> None:
-    """BadInputError for options that would change nothing."""
     if arguments.controller is None:
         trims.refuse(arguments, ("actuators",), "belongs to --controller; leave it out")
-        return
-    flights.check_policy(arguments)
-    if arguments.output.suffix and arguments.actuators is None:
+    elif place.suffix and arguments.actuators is None:
         raise BadInputError("--controller flies behind actuators in an FMU; add --actuators LAG:RATE")
-
-
-def _write_gain(arguments: argparse.Namespace, aircraft: Aircraft | Model, point: OperatingPoint) -> list[Path]:
-    """The aircraft, with the gain of a law where one is asked for; C has the exact one unless another is."""
-    from controller.export.c_model import c_model_texts
-    from controller.export.exported_loop import exported_loop
-    from controller.export.fmu import write_fmu
-
-    alone = arguments.law is None
+    alone = arguments.controller is None and arguments.law is None
     if alone:
         arguments.law = "exact"
     flights.check_policy(arguments)
-    model, place = linearize(aircraft, point), arguments.output
-    gain = flights.flown_law_of(arguments, model).gains[0]
-    if not place.suffix:
-        return write_texts(place, c_model_texts(aircraft, model, gain, origin_lines()))
-    write_fmu(exported_loop(aircraft, point, None if alone else gain), place, provenance())
-    return [place]
+    aircraft = trims.aircraft_of(arguments)
+    point = trims.point_of(arguments, aircraft)
+    written = _written(arguments, aircraft, point, with_gain=not (alone and place.suffix))
+    show(_report(written), arguments, target=None, notes=point.warnings)
+    return 0
 
 
-def _write_controller(arguments: argparse.Namespace, aircraft: Aircraft | Model, point: OperatingPoint) -> list[Path]:
-    """The aircraft under a scheduled controller behind actuators; in C both beside each other."""
+def _written(
+    arguments: argparse.Namespace, aircraft: Aircraft | Model, point: OperatingPoint, *, with_gain: bool
+) -> list[Path]:
+    """The aircraft with the gain of a law, or under a scheduled controller behind actuators."""
     from controller.design.scheduled_controller import load_controller
+    from controller.export import exported_loop as loops
     from controller.export.c_model import c_model_texts
-    from controller.export.exported_loop import EXAMPLE, c_controller_texts, controller_example, exported_loop
     from controller.export.fmu import write_fmu
 
-    controller, place = load_controller(arguments.controller, aircraft.model), arguments.output
-    actuators = flights.actuators_of(arguments)
-    if place.suffix and actuators is not None:
-        write_fmu(exported_loop(aircraft, point, None, controller, actuators), place, provenance())
+    place, actuators, origin = arguments.output, flights.actuators_of(arguments), origin_lines()
+    controller = None if arguments.controller is None else load_controller(arguments.controller, aircraft.model)
+    model, gain = linearize(aircraft, point), None
+    if controller is None and with_gain:
+        gain = flights.flown_law_of(arguments, model).gains[0]
+    if place.suffix:
+        write_fmu(loops.exported_loop(aircraft, point, gain, controller, actuators), place, provenance())
         return [place]
-    without = c_model_texts(aircraft, linearize(aircraft, point), None, origin_lines())
-    texts = without | c_controller_texts(controller, aircraft, point, origin_lines())
-    if actuators is not None:
-        texts[EXAMPLE] = controller_example(controller, aircraft, point, actuators, origin_lines())
+    texts = c_model_texts(aircraft, model, gain, origin)
+    if controller is not None:
+        texts |= loops.c_controller_texts(controller, aircraft, point, origin)
+        if actuators is not None:
+            texts[loops.EXAMPLE] = loops.controller_example(controller, aircraft, point, actuators, origin)
     return write_texts(place, texts)
 
 

@@ -68,7 +68,7 @@ def options() -> Options:
         "--resume": Option("go on with the unfinished certificate that -o names"),
     }
     return {
-        "statement": Option("what to prove", "|".join(STATEMENTS), one_of(*STATEMENTS), more=optional),
+        "statement": Option(f"what to prove: {', '.join(STATEMENTS)}", "STATEMENT", one_of(*STATEMENTS), more=optional),
         "file": Option(f"of `critic`: W, P or K ({' '.join(MATRIX_FILES)})", "FILE", matrices, more=optional),
         "--basis": Option("of the W of `critic`; default quadratic", "NAME"),
         "--check": Option("verify a certificate instead of proving", "FILE", input_file(".json")),
@@ -216,17 +216,14 @@ def _critic(arguments: argparse.Namespace) -> int:
 
 def _game(arguments: argparse.Namespace) -> tuple[NamedGame, Family | None, float | None]:
     """The game that the options name, with its flights and their place unless it is a plant of a file."""
-    place = trims.at_one_place(arguments)
-    named = games.game_of(arguments)
-    if arguments.aircraft is not None:
-        family = trims.family_of(arguments)
-        value = {**family.model.trim, **(arguments.hold or {})}
-        place = value.get(family.over, family.model.signals[family.over].start)
-        place = math.degrees(place) if family.unit == "deg" else place
-    elif arguments.model is not None or place is None:
+    place, named = trims.at_one_place(arguments), games.game_of(arguments)
+    if arguments.model is not None:
         return named, None, None
-    else:
-        family = trims.family_of(arguments)
+    family = trims.family_of(arguments)
+    if place is None:
+        start = family.model.signals[family.over].start if family.over else 0.0
+        value = {**family.model.trim, **(arguments.hold or {})}.get(family.over, start)
+        place = math.degrees(value) if family.unit == "deg" else value
     family.check(place, place)
     return named, family, place
 

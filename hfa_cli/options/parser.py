@@ -77,6 +77,8 @@ class Parser(argparse.ArgumentParser):
             if each.named:
                 how = {"action": _Named, "value": each.kind, "alone": each.alone, "metavar": each.form}
             self.add_argument(*names.split(), help=each.about, **how, **each.more)
+        places = "".join(f" [{each.metavar}]" for each in self._actions if not each.option_strings)
+        self.usage = f"{self.prog}{places} [options]"
 
     def format_help(self, more: bool = False) -> str:
         """Usage, description and options; without `more` the rare ones by name only."""
@@ -85,14 +87,9 @@ class Parser(argparse.ArgumentParser):
         kept = [each.help for each in rare]
         for each in rare:
             each.help = argparse.SUPPRESS
-        places = " ".join(f"[{each.metavar or each.dest}]" for each in self._actions if not each.option_strings)
-        usage, self.usage = self.usage, self.usage or f"{self.prog} {places} [options]".replace("  ", " ")
-        try:
-            text = super().format_help()
-        finally:
-            self.usage = usage
-            for each, about in zip(rare, kept, strict=True):
-                each.help = about
+        text = super().format_help()
+        for each, about in zip(rare, kept, strict=True):
+            each.help = about
         named = ", ".join(each.option_strings[-1] for each in rare)
         return text + (textwrap.fill(f"more ({self.prog} --help more): {named}", 80) + "\n" if rare else "")
 
@@ -108,13 +105,7 @@ class Parser(argparse.ArgumentParser):
         required = [action for action in self._actions if action.required]
         for action in required:
             action.required = False
-        arguments, strays = self.parse_known_args(words)
-        for action in self._get_positional_actions():  # argparse fills all of them before the first option
-            if strays and strays[0][:1] != "-" and getattr(arguments, action.dest) is None:
-                try:
-                    setattr(arguments, action.dest, self._get_values(action, [strays.pop(0)]))
-                except argparse.ArgumentError as error:
-                    self.error(str(error))
+        arguments, strays = self.parse_known_intermixed_args(words)
         if strays:
             self.error(f"unrecognized arguments: {' '.join(map(shortened, strays))}")
         missing = [action.option_strings[-1] for action in required if getattr(arguments, action.dest) is None]

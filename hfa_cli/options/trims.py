@@ -256,9 +256,6 @@ def flights_of(arguments: argparse.Namespace) -> TrimCondition:
             raise BadInputError(f"{by} is given by --{called_at()} and set free by --free; leave one of them out")
     if isinstance(usual, Path):
         raise BadInputError(f"--condition {usual} is a list of points; `hfa sweep` takes it")
-    for name in held:
-        if OWN.get() is not None:
-            own.refuse_unheld(f"--hold names nothing of {own.name}:", name, tuple(own.parameters))
     constant = {
         name: value if isinstance(value, float) else value[0]
         for name, value in held.items()

@@ -73,7 +73,7 @@ def test_a_controller_in_both(tmp_path: Path, published_aircraft: Aircraft) -> N
     before = sorted(tmp_path.rglob("*"))
     for more, said in (
         (("--actuators", "0.5:60", "--dihedral", "25"), "controller small covers dihedral 5 to 20"),
-        (("--law", "exact"), "--law changes nothing beside --controller"),
+        (("--law", "exact", "--actuators", "0.5:60"), "--law changes nothing beside --controller"),
         (("--dihedral", "10"), "flies behind actuators in an FMU; add --actuators LAG:RATE"),
     ):
         assert_refused(

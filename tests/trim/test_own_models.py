@@ -183,7 +183,7 @@ def test_rates_are_targets() -> None:
     swept = json.loads(hfa("sweep", *OWN, "--hold", "speed_dot=-1:1:1", "--json").out)
     throttle = [row[0] for row in swept["operating_inputs"]]
     assert throttle == sorted(set(throttle))
-    assert_refused(hfa("trim", *OWN, "--hold", "spd_dot=1"), 2, "names nothing of F-16: 'spd_dot'")
+    assert_refused(hfa("trim", *OWN, "--hold", "spd_dot=1"), 2, "unknown trim variable 'spd_dot'")
 
 
 def pendulum(t, x, u, params):
@@ -340,7 +340,7 @@ def test_what_is_wrong_with_a_file_is_said_in_one_line(text: str, words: str, tm
 
 OWN = ("--aircraft", "examples/f16.py:F16")
 WRONG = [
-    (("trim", *OWN, "--hold", "spd=3"), 2, "--hold names nothing of F-16: 'spd'; choose from speed, "),
+    (("trim", *OWN, "--hold", "spd=3"), 2, "unknown trim variable 'spd'; choose from speed, "),
     (("trim", *OWN, "--hold", "elevator=0"), 1, "12 equations for 11 unknowns, set more free"),
     (("trim", *OWN, "--dihedral", "5"), 2, "unknown option --dihedral"),
     (("trim", *OWN, "--picture", "a.png"), 2, "--picture draws the HFA"),
