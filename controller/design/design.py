@@ -197,7 +197,6 @@ def signal_unit(model: Model, name: str) -> str:
 
 
 _WEIGHTS, _POSITIVE = {str: Number(0.0, 1e100)}, {str: POSITIVE}
-ACTUATORS = {str: {each.name: NUMBER for each in fields(Actuator)}}
 _FILE = {
     "description": str,
     "source": str,
@@ -205,7 +204,7 @@ _FILE = {
     "integrals": [str],
     "disturbance": None,
     "delta": Number(0.0, above=True, infinite=True),
-    "actuators": ACTUATORS,
+    "actuators": {str: {each.name: NUMBER for each in fields(Actuator)}},
     "weights": {"states": _WEIGHTS, "inputs": _WEIGHTS},
     "sensors": _WEIGHTS,
     "shaping": {
@@ -235,14 +234,9 @@ def load_design(name: str, model: Model = HFA) -> Design:
     bandwidth, and by name outputs, states, rates: `Shaping`, `Following`. [newton.TABLE]: entries that replace those
     above for these equations. BadInputError names the file, the entry and the fault.
     """
-    return design_of(name, read_design(name), model)
-
-
-def read_design(name: str) -> dict[str, Any]:
-    """The entries of a design file, which `design_of` checks."""
     if name in ("simvfa-1", "simvfa-2"):
         raise BadInputError(f"{name} is now the file studies/servo/designs/{name}.toml of the project; name the file")
-    return dict(read_named("design", name, NAMED, "controller.designs", {...: None}))
+    return design_of(name, read_named("design", name, NAMED, "controller.designs", {...: None}), model)
 
 
 def design_of(name: str, data: Mapping[str, Any], model: Model = HFA) -> Design:
@@ -257,14 +251,25 @@ def design_of(name: str, data: Mapping[str, Any], model: Model = HFA) -> Design:
         for other in ("integrals", "disturbance", "delta", "weights", "sensors"):
             if other in data:
                 raise BadInputError(f"{name}: {other} belongs to a game, [shaping] has none; leave one of them out")
-        shaping = _shaping_of(data["shaping"], places, model)
+        table: dict[str, Any] = {"factor": 1.1, "schedule": {}} | data["shaping"]
+        following = {"states": {}, "filter": COMMAND_FILTER, "bandwidth": 2.0} | table["following"]
+        following["filter"] = tuple(following["filter"])
+        at = tuple(map(math.radians if model.schedule_unit == "deg" else float, table.pop(places)))
+        table["outputs"] = {output: OutputWeight(**each) for output, each in table["outputs"].items()}
+        shaping = Shaping(
+            **table | {"places": at, "following": Following(**following | {"filter": tuple(following["filter"])})}
+        )
+    actuators = {}
+    for key, each in data.get("actuators", {}).items():
+        with said_of(f"{name}: actuators.{shortened(key)}"):
+            actuators[key] = Actuator(**each | ({"order": int(each["order"])} if each.get("order") in (1, 2) else {}))
     return Design(
         name=name,
         inputs=tuple(data.get("inputs", ())),
         integrals=tuple(data.get("integrals", ())),
         disturbances=checked(name, several, _WEIGHTS, "disturbance"),
         delta=data.get("delta", math.inf),
-        actuators=actuators_of(name, "actuators", data.get("actuators", {})),
+        actuators=actuators,
         state_weights=weights.get("states", {}),
         input_weights=weights.get("inputs", {}) if shaping is None else shaping.inputs,
         sensors=data.get("sensors", {}) if shaping is None else dict.fromkeys(shaping.outputs, 1.0),
@@ -281,23 +286,3 @@ def _merged(whole: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, A
     """The entries with these in place of theirs, table by table."""
     both = {key: _merged(whole[key], each) for key, each in changes.items() if isinstance(whole.get(key), dict)}
     return {**whole, **changes, **both}
-
-
-def _shaping_of(table: Mapping[str, Any], places: str, model: Model) -> Shaping:
-    following = {"states": {}, "filter": list(COMMAND_FILTER), "bandwidth": 2.0} | table["following"]
-    following["filter"] = tuple(following["filter"])
-    outputs = {name: OutputWeight(**each) for name, each in table["outputs"].items()}
-    at = tuple(map(math.radians if model.schedule_unit == "deg" else float, table[places]))
-    return Shaping(
-        table["inputs"], outputs, table.get("factor", 1.1), at, table.get("schedule", {}), Following(**following)
-    )
-
-
-def actuators_of(where: str, entry: str, tables: Mapping[str, Any]) -> dict[str, Actuator]:
-    """The actuators of the tables [entry.NAME] of a file; BadInputError names the table that is no actuator."""
-    made = {}
-    for key, table in tables.items():
-        with said_of(f"{where}: {entry}.{shortened(key)}"):
-            whole = {"order": int(table["order"])} if table.get("order") in (1, 2) else {}
-            made[key] = Actuator(**table | whole)
-    return made

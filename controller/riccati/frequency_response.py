@@ -33,7 +33,7 @@ MAX_PEAKS = 200
 #: L vanishes at infinite frequency, where S - I/2 = I/2; no grid reaches that far.
 DISK_AT_INFINITY = 2.0
 #: Rounds of balancing all rows and columns: a start, which the search at each peak betters.
-SWEEPS = 6
+SWEEPS = 20
 #: Most steps of that search, and most trials of the length of one: at a kink no length is left in the end.
 MAX_STEPS, MAX_TRIALS = 1000, 40
 #: Longest step of log D, which is best at infinity for a triangular M: there exp(log D) must not overflow on the way.
@@ -120,12 +120,12 @@ def swept_gain(game: Game, K: np.ndarray) -> SweptGain:
         return SweptGain(math.inf, float(abs(found.eigenvalues[-1].imag)))
     C = np.vstack([square_root(game.Q), square_root(game.R) @ K])
     grid = frequency_grid(found.eigenvalues)
-    for _ in range(REFINEMENTS):
-        peak = int(np.argmax(_gains(loop, game.E, C, grid)))
-        around = np.linspace(grid[max(peak - 1, 0)], grid[min(peak + 1, len(grid) - 1)], POINTS)
-        grid = np.unique(np.append(around, grid[peak]))
-    gains = _gains(loop, game.E, C, grid)
-    peak = int(np.argmax(gains))
+    for refinement in range(REFINEMENTS + 1):
+        gains = np.linalg.norm(C @ _responses(loop, game.E, grid), ord=2, axis=(1, 2))
+        peak = int(np.argmax(gains))
+        if refinement < REFINEMENTS:
+            around = np.linspace(grid[max(peak - 1, 0)], grid[min(peak + 1, len(grid) - 1)], POINTS)
+            grid = np.unique(np.append(around, grid[peak]))
     return SweptGain(float(gains[peak]), float(grid[peak]))
 
 
@@ -248,16 +248,13 @@ def _osborne_scaling(M: np.ndarray) -> np.ndarray:
 
     M: (..., m, m), one matrix or a stack; returns (..., m).
     """
-    m = M.shape[-1]
-    off = np.abs(M) ** 2 * (1.0 - np.eye(m))
+    off = np.abs(M) ** 2 * (1.0 - np.eye(M.shape[-1]))
     log_D = np.zeros(M.shape[:-1])
     for _ in range(SWEEPS):
-        for i in range(m):
-            weights = np.exp(2.0 * (log_D - log_D[..., i : i + 1]))
-            row, column = (off[..., i, :] / weights).sum(axis=-1), (off[..., :, i] * weights).sum(axis=-1)
-            both = (row > 0.0) & (column > 0.0)
-            ratio = np.divide(column, row, out=np.ones_like(row), where=both)
-            log_D[..., i] += 0.25 * np.log(np.where(both, ratio, 1.0))
+        scaled = off * np.exp(2.0 * (log_D[..., :, None] - log_D[..., None, :]))
+        row, column = scaled.sum(axis=-1), scaled.sum(axis=-2)
+        ratio = np.divide(column, row, out=np.ones_like(row), where=(row > 0.0) & (column > 0.0))
+        log_D += 0.125 * np.log(np.where(ratio > 0.0, ratio, 1.0))
     return np.asarray(log_D - log_D.mean(axis=-1, keepdims=True))
 
 
@@ -275,10 +272,6 @@ def frequency_grid(eigenvalues: np.ndarray) -> np.ndarray:
     decades = math.log10(fastest / slowest) + 4.0
     grid = np.geomspace(1e-2 * slowest, 1e2 * fastest, math.ceil(decades * GRID_PER_DECADE))
     return np.unique(np.concatenate([[0.0], grid, np.abs(eigenvalues.imag)]))
-
-
-def _gains(loop: np.ndarray, E: np.ndarray, C: np.ndarray, frequencies: np.ndarray) -> np.ndarray:
-    return np.linalg.norm(C @ _responses(loop, E, frequencies), ord=2, axis=(1, 2))
 
 
 def _responses(loop: np.ndarray, B: np.ndarray, frequencies: np.ndarray) -> np.ndarray:
