@@ -10,6 +10,7 @@ from game_samples import INITIAL, failed_names, game_models
 
 from controller import Game
 from controller.analysis.cost import CHANGE, RATIO, saddle_checks
+from controller.analysis.solution_report import meaning_checks
 from controller.riccati.balancing import balanced_units, in_units
 from hfa_support import BadInputError
 from verification import check_critic, from_value, solve_game
@@ -66,3 +67,28 @@ def test_rounding_in_a_stiff_plant_is_not_taken_for_an_error(seed: int) -> None:
     alike, P = in_units(game, units), solve_game(game).P * np.outer(units, units)
     assert max(check.value for check in saddle_checks(alike, P, np.ones(n)) if "slope" in check.name) < 1e-3
     assert "saddle_control_slope_error" in failed_names(saddle_checks(alike, 1.01 * P, np.ones(n)))
+
+
+def test_exact_solution_means_what_it_says(game: Game) -> None:
+    checks = meaning_checks(game, solve_game(game).P, INITIAL)
+    assert not failed_names(checks), [check.reason for check in checks if not check.ok]
+    assert {check.name for check in checks} == {
+        "cost_lyapunov",
+        "cost_simulated",
+        "saddle_control_loses",
+        "saddle_control_slope_error",
+        "saddle_disturbance_loses",
+        "saddle_disturbance_slope_error",
+        "l2_gain",
+        "l2_gain_methods_agree",
+    }
+
+
+def test_only_a_game_of_value_zero_has_no_saddle_checks() -> None:
+    """An unstable plant without a weight on its states still costs the control that brings it to rest."""
+    one = np.eye(1)
+    for a, has_value in ((1.0, True), (-1.0, False)):
+        game = Game(A=a * one, B=one, E=one, Q=0 * one, R=one, delta=10.0)
+        checks = meaning_checks(game, solve_game(game).P, np.ones(1))
+        assert not failed_names(checks)
+        assert any(check.name.startswith("saddle") for check in checks) is has_value

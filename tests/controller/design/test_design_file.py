@@ -21,29 +21,16 @@ def test_every_design_of_the_package_has_a_name_and_a_source() -> None:
     assert all("source = " in path.read_text(encoding="utf-8") for path in DESIGNS.glob("*.toml"))
 
 
-def test_a_file_of_the_user_s_reads_as_the_packaged_one(tmp_path: Path) -> None:
-    own = tmp_path / "servo.toml"
-    own.write_text(Path(SIMVFA["simvfa-2"]).read_text(encoding="utf-8"), encoding="utf-8")
-    mine, theirs = load_design(str(own)), simvfa_design("simvfa-2")
-    assert mine.states == theirs.states
-    assert mine.actuators == theirs.actuators == dict.fromkeys(mine.inputs, Actuator(2, 2.0, 0.7, 1.0))
-    assert mine.state_weights == theirs.state_weights
-
-
-def test_disturbances_are_a_table(tmp_path: Path) -> None:
+def test_disturbances_are_a_table_and_actuators_are_read(tmp_path: Path) -> None:
     own = tmp_path / "own.toml"
-    text = Path(SIMVFA["simvfa-1"]).read_text(encoding="utf-8")
-    text += """
-    [sensors]
-    pitch_rate = 1e-4
-    [disturbance]
-    updraft = 2.0
-    commands = 3.0
-    """
-    own.write_text(text, encoding="utf-8")
+    more = "[sensors]\npitch_rate = 1e-4\n[disturbance]\nupdraft = 2.0\ncommands = 3.0\n"
+    own.write_text(Path(SIMVFA["simvfa-2"]).read_text(encoding="utf-8") + more, encoding="utf-8")
     design = load_design(str(own))
     assert design.disturbances == {"updraft": 2.0, "commands": 3.0}
+    assert design.actuators == dict.fromkeys(design.inputs, Actuator(2, 2.0, 0.7, 1.0))
     assert simvfa_design("simvfa-1").disturbances == {"states": 1.0}
+    with pytest.raises(BadInputError, match="simvfa-1 is now the file studies/servo/designs"):
+        load_design("simvfa-1")
 
 
 @pytest.mark.parametrize(

@@ -75,18 +75,6 @@ def test_the_loop_of_a_servo_brings_the_integrated_outputs_to_zero(published_air
     assert np.abs(built.A[integrals] @ rest).max() < 1e-12
 
 
-def test_an_updraft_enters_the_rates_and_the_integrals(published_aircraft: Aircraft) -> None:
-    design = replace(simvfa_design("simvfa-1"), integrals=("dihedral", "vertical_acceleration"), state_weights={})
-    gusty = design_at(published_aircraft, replace(design, disturbances={"updraft": 1.0}), 11.0)
-    still = design_at(published_aircraft, design, 11.0)
-    np.testing.assert_array_equal(gusty.A, still.A)
-    assert gusty.E.shape == (len(gusty.states), 1)
-    found = linearize(published_aircraft, gusty.model.point, outputs=("vertical_acceleration",))
-    assert gusty.E[-1, 0] == pytest.approx(found.F[0, 0])
-    assert found.F[0, 0] == pytest.approx(68.0 * found.E[1, 0], rel=1e-9)  # V alpha'
-    assert gusty.E[6:-1].any() == np.False_
-
-
 def _gust_by_differences(aircraft: Aircraft, built: DesignModel) -> np.ndarray:
     """Rates of the six states and of the integrals in an updraft, from the nonlinear equations, per ft/s."""
     point, h = built.model.point, 1e-4

@@ -1,4 +1,4 @@
-"""The loop of a controller and a plant: its margins are those of the gain, and a direct path is closed rightly."""
+"""The loop of a controller and a plant: a direct path is closed rightly, and corners find a planted unstable one."""
 
 from __future__ import annotations
 
@@ -8,10 +8,13 @@ import numpy as np
 import pytest
 from controllers import small_controller
 from known_models import model_at
+from servo_cases import simvfa_design
 
-from controller.design.servo_loop import ServoLoop, servo_loop, servo_plant
+from controller import ScheduledController
+from controller.design.controllers import design_controller
+from controller.design.servo_loop import ServoLoop, check_corners, servo_loop, servo_plant
 from hfa_model import Aircraft
-from hfa_support import NoSolutionError
+from hfa_support import BadInputError, NoSolutionError
 
 
 def test_a_loop_whose_numbers_overflow_is_none() -> None:
@@ -22,19 +25,7 @@ def test_a_loop_whose_numbers_overflow_is_none() -> None:
         _ = loop.abscissa
 
 
-def test_a_path_from_input_to_sensor_at_once_is_closed(published_aircraft: Aircraft) -> None:
-    """u = -g n_z with n_z = C x + D u means u = -g C x / (1 + g D)."""
-    table = small_controller(published_aircraft, measurements=("load_factor", "dihedral"), A=-np.ones((3, 1, 1)))
-    zero = {name: 0.0 * getattr(table, name) for name in "BCW"}
-    gain = np.tile(np.array([[-0.01, 0.0, 0.0, 0.0]]), (3, 1, 1))
-    table = replace(table, D=gain, **zero)
-    plant = servo_plant(published_aircraft, model_at(11.0), table, {})
-    assert plant.D[0, 0] != 0.0
-    closed = plant.A - 0.01 / (1.0 + 0.01 * plant.D[0, 0]) * plant.B @ plant.C[:1]
-    assert servo_loop(plant, table).abscissa == pytest.approx(max(np.linalg.eigvals(closed).real.max(), -1.0))
-
-
-def test_such_a_path_of_many_inputs_is_closed_as_the_equations_say(published_aircraft: Aircraft) -> None:
+def test_a_path_from_inputs_to_a_sensor_at_once_is_closed_as_the_equations_say(published_aircraft: Aircraft) -> None:
     """u = Ck x_c + Dk (C x + D u), solved for u at a state, gives the rates of the loop."""
     rng, shapes = np.random.default_rng(0), {"A": (3, 3), "B": (3, 4), "C": (2, 3), "D": (2, 4), "W": (3, 2)}
     table = small_controller(
@@ -50,3 +41,46 @@ def test_such_a_path_of_many_inputs_is_closed_as_the_equations_say(published_air
     u = np.linalg.solve(np.eye(2) - D[:, :2] @ plant.D, C @ own + D[:, :2] @ plant.C @ x)
     rates = [plant.A @ x + plant.B @ u, A @ own + B[:, :2] @ (plant.C @ x + plant.D @ u)]
     np.testing.assert_allclose(servo_loop(plant, table).closed @ np.r_[x, own], np.concatenate(rates), rtol=1e-10)
+
+
+def gentle(aircraft: Aircraft, gain: float) -> ScheduledController:
+    """aileron_outer = gain pitch_rate at 5 deg, its state decays by itself."""
+    table = small_controller(aircraft)
+    first = {name: getattr(table, name)[:1] for name in ("places", "trim_states", "trim_inputs")}
+    zero = {name: 0.0 * getattr(table, name)[:1] for name in "BCW"}
+    return replace(table, A=-np.ones((1, 1, 1)), D=np.array([[[gain, 0.0, 0.0, 0.0]]]), **first, **zero)
+
+
+def test_a_controller_that_does_little_passes_with_the_abscissa_of_the_aircraft(published_aircraft: Aircraft) -> None:
+    found = check_corners(published_aircraft, gentle(published_aircraft, 1e-4))
+    assert (found.ok, len(found.rows), found.unstable) == (True, 8, 0)
+    open_loop = np.linalg.eigvals(model_at(5.0).A).real.max()
+    assert found.worst.abscissa == pytest.approx(open_loop, rel=0.05)
+    assert "PASS, 8 of 8 loops stable" in repr(found)
+
+
+def test_a_planted_unstable_controller_is_found_with_its_corner(published_aircraft: Aircraft) -> None:
+    """Enough gain of the wrong sign: unstable at full effectiveness, where the corner says."""
+    table = gentle(published_aircraft, 0.3)
+    found = check_corners(published_aircraft, table)
+    assert not found.ok
+    assert 0 < found.unstable < len(found.rows)
+    (actuator,) = found.worst.actuators
+    assert actuator.effectiveness == 1.0
+    plant = servo_plant(published_aircraft, model_at(5.0), table, {"aileron_outer": actuator})
+    assert servo_loop(plant, table).abscissa == pytest.approx(found.worst.abscissa)
+    where = f"worst at 5 deg, order {actuator.order}, {actuator.bandwidth:g} rad/s"
+    assert f"unstable in {found.unstable} of 8 loops, {where}" in repr(found)
+    assert found.to_dict()["checks"][0]["ok"] is False
+
+
+def test_each_input_has_its_own_corner_and_the_published_servo_fails_there(published_aircraft: Aircraft) -> None:
+    table = design_controller(published_aircraft, simvfa_design("simvfa-1"), np.radians([11.0]))
+    found = check_corners(published_aircraft, table)
+    assert (len(found.rows), found.ok) == (32, False)
+    assert found.worst.actuators[0].order == 2
+
+
+def test_the_controller_of_another_aircraft_is_refused(published_aircraft: Aircraft) -> None:
+    with pytest.raises(BadInputError, match="was designed for published dynamics"):
+        check_corners(Aircraft(dynamics="newton"), gentle(published_aircraft, 0.0))
