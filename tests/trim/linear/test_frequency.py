@@ -90,25 +90,6 @@ def test_residualized_models_are_those_of_python_control(model: LinearModel) -> 
     assert errors[0] < 0.1 * errors[1]
 
 
-def test_disturbances_are_residualized_too() -> None:
-    point = level_model(Aircraft(), 0.2).point
-    model = linearize(Aircraft(), point, outputs=("load_factor",), disturbances=("updraft",))
-    found = model.select(residualize=("alpha", "pitch_rate", "dihedral_rate"))
-    by_wind = [control.ss(each.A, each.E, each.C, each.F)(0) for each in (model, found)]
-    np.testing.assert_allclose(*by_wind, rtol=1e-8, atol=1e-12)
-
-
-def test_a_truncated_model_says_so() -> None:
-    """The short period of two states beside that of all six."""
-    words = ("linearize", "--dihedral", "15", "--states", "alpha,pitch_rate")
-    data, whole = (json.loads(hfa(*each, "--json").out) for each in (words, words[:3]))
-    (note,) = data["warnings"]
-    near, exact = (complex(*each["modes"][0]["eigenvalue"]) for each in (data, whole))
-    assert f"eigenvalues lie up to {100 * abs(near - exact) / abs(exact):.2g} % from those of all 6 states" in note
-    assert note in " ".join(hfa(*words).out.split())
-    assert whole["warnings"] == []
-
-
 def test_what_cannot_be_done_is_said() -> None:
     model = level_model(Aircraft(), 0.2)
     with pytest.raises(BadInputError, match="pitch cannot follow the other states"):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -62,13 +61,6 @@ def test_printed_modes_and_load_factors(model: Model, printed: dict[str, complex
     roll, spiral = (-3.601, -0.0128) if model.name == "F-16" else (-8.435, -0.00877)
     assert found["roll time constant"] == pytest.approx(-1 / roll, rel=1e-3)
     assert found["spiral time to half"] == pytest.approx(-math.log(2) / spiral, rel=0.08)
-
-
-def test_what_is_not_declared_is_not_named() -> None:
-    point = trimmed(NAVION)
-    assert values(replace(NAVION, modes={}), point) == {}
-    bare = replace(NAVION, modes={"phugoid": ("speed", "pitch"), "rest": ("alpha", "pitch_rate", "beta", "roll")})
-    assert {*values(bare, point)} <= {"phugoid frequency", "phugoid damping"}
 
 
 def test_two_real_eigenvalues_have_the_frequency_of_their_product() -> None:

@@ -27,20 +27,6 @@ def test_an_oscillator_has_its_textbook_numbers(damping: float) -> None:
     assert mode.name == "short period"
 
 
-def test_real_modes_have_no_period() -> None:
-    fast, slow = modes_of(np.array([[-4.0, 0.0], [0.0, 0.5]]), ("dihedral_rate", "dihedral"))
-    assert [mode.eigenvalue for mode in (fast, slow)] == [-4.0, 0.5]
-    assert [mode.damping for mode in (fast, slow)] == [1.0, -1.0]
-    assert [mode.period for mode in (fast, slow)] == [math.inf, math.inf]
-    assert [mode.time_to_half for mode in (fast, slow)] == pytest.approx([math.log(2) / 4, math.inf])
-    assert [mode.time_to_double for mode in (fast, slow)] == pytest.approx([math.inf, math.log(2) / 0.5])
-    assert [mode.stable for mode in (fast, slow)] == [True, False]
-    assert [mode.name for mode in (fast, slow)] == ["dihedral (fast)", "dihedral (slow)"]
-    (still,) = modes_of(np.array([[0.0]]), ("altitude",))
-    assert (still.name, still.damping, still.stable) == ("altitude", 0.0, False)
-    assert [still.to_dict()[key] for key in ("time_to_half", "time_to_double", "period")] == [None] * 3
-
-
 def test_participation_is_the_sensitivity_of_the_eigenvalue() -> None:
     """|∂λ_i/∂a_kk|, normalized: differentiated here by a small change of the diagonal instead of eigenvectors."""
     A = np.array([[-1.0, 2.0, 0.3], [-3.0, -0.5, 0.1], [0.2, 0.4, -0.1]])

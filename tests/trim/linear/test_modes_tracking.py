@@ -40,25 +40,6 @@ def test_shapes_that_hardly_differ_leave_the_word_to_the_eigenvalues() -> None:
     np.testing.assert_allclose(track_modes(A, STATES), np.repeat(values, 2, axis=0), atol=1e-9)
 
 
-def test_an_eigenvalue_that_two_modes_favour_goes_to_one() -> None:
-    """-1.2 is nearest to both -5 and -1 and the shapes hardly differ: the best sum over all pairs decides."""
-    values = np.array([[-5.0, -1.0, -0.1], [-1.2, -0.5, -0.1]])
-    tracked = track_modes(models_with(values, NEARLY_PARALLEL), STATES)
-    np.testing.assert_allclose(tracked[1], [-0.5, -1.2, -0.1], atol=1e-9)
-
-
-def test_a_pair_keeps_its_signs() -> None:
-    frequency = np.linspace(3.0, 1.0, 9)
-    A = np.array([[[-1.0, w], [-w, -1.0]] for w in frequency])
-    tracked = track_modes(A, ("alpha", "pitch_rate"))
-    np.testing.assert_allclose(tracked, np.stack([-1.0 + 1j * frequency, -1.0 - 1j * frequency], axis=1), atol=1e-12)
-
-
-def test_the_first_point_is_ordered_fastest_first() -> None:
-    tracked = track_modes(models_with(np.array([[-0.1, -3.0, -1.0]])), STATES)
-    np.testing.assert_allclose(tracked, [[-3.0, -1.0, -0.1]], atol=1e-12)
-
-
 @pytest.mark.parametrize("sizes", [(5,), (3, 4), (2, 3, 4), (4, 1, 3)])
 def test_a_grid_is_followed_from_neighbour_to_neighbour(published_aircraft: Aircraft, sizes: tuple[int, ...]) -> None:
     """Each step along an axis pairs the eigenvalues as a sweep of that step alone does."""
@@ -74,10 +55,3 @@ def test_a_grid_is_followed_from_neighbour_to_neighbour(published_aircraft: Airc
             assert set(zip(*step.round(9).tolist(), strict=True)) == set(
                 zip(*result.eigenvalues[[one, other]].round(9).tolist(), strict=True)
             )
-
-
-def test_points_that_are_no_neighbours_are_joined_all_the_same() -> None:
-    """Two pairs of neighbours and nothing between them: the order of the points joins them."""
-    values = np.array([[-3.0, -1.0, -0.1], [-3.1, -1.1, -0.2], [-3.2, -1.2, -0.3], [-3.3, -1.3, -0.4]])
-    tracked = track_modes(models_with(values), STATES, np.array([[0, 2], [1, 3]]))
-    np.testing.assert_allclose(tracked, values, atol=1e-9)

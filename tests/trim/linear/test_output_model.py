@@ -48,29 +48,6 @@ def test_select_takes_rows_and_columns_by_name(model: LinearModel) -> None:
         model.select(("speed", "yaw"))
 
 
-def test_outputs_go_with_the_model(model: LinearModel, published_aircraft: Aircraft) -> None:
-    names = ("load_factor", "speed")
-    watched = linearize(published_aircraft, model.point, outputs=names)
-    assert (watched.outputs, watched.output_units) == (names, ("1", "ft/s"))
-    assert (watched.C.shape, watched.D.shape) == ((2, 6), (2, 5))
-    part = watched.select(("alpha", "speed"), ("throttle",))
-    np.testing.assert_array_equal(part.C, watched.C[:, [1, 0]])
-    np.testing.assert_array_equal(part.D, watched.D[:, [0]])
-    np.testing.assert_array_equal(part.C[1], [0.0, 1.0])
-    system = part.to_control()
-    assert (tuple(system.output_labels), tuple(system.input_labels)) == (names, ("throttle",))
-    for name in "ABCD":
-        np.testing.assert_array_equal(getattr(system, name), getattr(part, name))
-    assert (model.C.tolist(), model.D.any()) == (np.eye(7).tolist(), False)
-    assert part == linearize(published_aircraft, model.point, outputs=names).select(("alpha", "speed"), ("throttle",))
-    with pytest.raises(BadInputError, match="unknown output 'lift'; choose from speed"):
-        linearize(published_aircraft, model.point, outputs=("lift",))
-    with pytest.raises(BadInputError, match="unknown input 'flaps'"):
-        model.select(inputs=("flaps",))
-    with pytest.raises(BadInputError, match="state speed is named twice"):
-        model.select(("speed", "speed"))
-
-
 def test_a_point_of_other_dynamics_is_refused(model: LinearModel, parameters: Parameters) -> None:
     with pytest.raises(BadInputError, match="trimmed with 'published' dynamics, the aircraft has 'newton'"):
         linearize(Aircraft(parameters, "newton"), model.point)
@@ -121,15 +98,3 @@ def test_four_columns_of_the_released_simulation_come_out_with_drag_over_ground(
     assert through_the_air["headwind_center"] > 1.0
     assert through_the_air["headwind_outer"] > 1.0
     assert through_the_air["updraft_outer"] <= 4e-9  # to first order a wind from below changes no speed in level flight
-
-
-@pytest.mark.parametrize(
-    ("names", "message"),
-    [
-        (("updraft_left",), "unknown disturbance 'updraft_left'; choose from updraft, updraft_center"),
-        (("headwind", "headwind"), "disturbance headwind is named twice; name it once"),
-    ],
-)
-def test_an_unknown_wind_is_refused(published_aircraft: Aircraft, names: tuple[str, ...], message: str) -> None:
-    with pytest.raises(BadInputError, match=message):
-        linearize(published_aircraft, point_of(published_aircraft), disturbances=names)

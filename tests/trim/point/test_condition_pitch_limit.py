@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from hfa_model import STATES, Aircraft
-from hfa_model.aircraft import HFA
 from trim import TrimError, find_operating_point, level_flight, release
 from trim.sweeps.points import BEYOND_LIMITS, TRIMMED, trim_points
 
@@ -34,22 +33,6 @@ def test_a_chunk_and_a_trim_agree(strong: Aircraft, gamma: float, alpha: float) 
         with pytest.raises(TrimError, match=r"pitch would have to be .* deg, it must lie between -60 deg and 60 deg$"):
             find_operating_point(strong, condition)
         assert (chunk.status[0], chunk.limiting[0]) == (BEYOND_LIMITS, STATES.index("pitch"))
-
-
-def test_a_limit_of_pitch_can_be_set(strong: Aircraft) -> None:
-    climb = {"gamma": float(np.radians(61.0)), "alpha": float(np.radians(2.8))}
-    condition = level_flight(0.0, **climb, limits={"pitch": (0.0, float(np.radians(65.0)))})
-    assert np.degrees(find_operating_point(strong, condition).states.pitch) == pytest.approx(63.8)
-    with pytest.raises(TrimError, match=r"pitch would have to be 2\.8 deg, it must lie between 5 deg and 60 deg"):
-        find_operating_point(
-            strong, level_flight(0.0, limits={"pitch": (float(np.radians(5.0)), HFA.limits["pitch"][1])})
-        )
-
-
-def test_an_unknown_stays_where_pitch_allows(strong: Aircraft) -> None:
-    """alpha free: least effort lies where pitch ends."""
-    steep = release(level_flight(0.0, gamma=float(np.radians(59.0))), free=("alpha",))
-    assert np.degrees(find_operating_point(strong, steep).states.pitch) == pytest.approx(60.0, abs=1e-6)
 
 
 def test_limits_that_hold_only_together_are_checked(strong: Aircraft) -> None:

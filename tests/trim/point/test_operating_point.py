@@ -13,7 +13,6 @@ import pytest
 from refused_files import refusal
 
 from hfa_model import Aircraft
-from hfa_support import BadInputError
 from trim import OperatingPoint, find_operating_point, level_flight
 
 
@@ -61,11 +60,3 @@ def test_wrong_files_are_refused(
     assert count == 1
     path.write_text(text, encoding="utf-8")
     assert words in refusal(OperatingPoint.load, path)
-
-
-def test_missing_files_and_folders_are_refused(point: OperatingPoint, tmp_path: Path) -> None:
-    with pytest.raises(BadInputError, match="cannot be read"):
-        OperatingPoint.load(tmp_path / "nowhere.json")
-    with pytest.raises(BadInputError, match="nowhere"):
-        point.save(tmp_path / "nowhere" / "point.json")
-    assert list(tmp_path.iterdir()) == []

@@ -6,12 +6,11 @@ import math
 from dataclasses import replace
 from types import SimpleNamespace
 
-import numpy as np
 import pytest
 from ambiance import Atmosphere
 
 from hfa_model import Aircraft
-from trim import OperatingPoint, find_operating_point, level_flight, release
+from trim import OperatingPoint, find_operating_point, level_flight
 from trim.point.hfa_report import performance
 
 METRE_PER_FOOT = 0.3048
@@ -67,10 +66,3 @@ def test_mach_is_speed_over_the_printed_speed_of_sound(
     found = SimpleNamespace(**performance(published_aircraft, there))
     assert found.mach == pytest.approx(68.0 * METRE_PER_FOOT / metres_per_second, rel=2e-5)
     assert found.speed_of_sound * METRE_PER_FOOT == pytest.approx(metres_per_second, abs=5e-3)
-
-
-def test_a_glide_without_thrust_has_the_slope_of_drag_over_lift(published_aircraft: Aircraft) -> None:
-    glide = release(level_flight(float(np.radians(10.0))), free=("gamma",), hold={"throttle": 0.0})
-    point = find_operating_point(published_aircraft, glide)
-    found = performance(published_aircraft, point)["lift_over_drag"]
-    assert found == pytest.approx(-1 / math.tan(point.gamma), rel=1e-9)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import pytest
 from known_models import model_at
@@ -11,19 +9,6 @@ from known_models import model_at
 from hfa_model import Aircraft
 from trim import OperatingPoint, trim_figure
 from trim.point.hfa_report import panels_from_the_front
-
-
-def test_the_wing_hangs_together_at_the_dihedral_angle(published_aircraft: Aircraft, point: OperatingPoint) -> None:
-    right, center, left = panels_from_the_front(published_aircraft, point)
-    span = published_aircraft.parameters.panel_span
-    for panel in (right, center, left):
-        assert np.linalg.norm(panel.ends[1] - panel.ends[0]) == pytest.approx(span)
-        np.testing.assert_allclose(panel.middle, panel.ends.mean(axis=0), atol=1e-12)
-    np.testing.assert_allclose(right.ends[0], center.ends[0])
-    np.testing.assert_allclose(left.ends[0], center.ends[1])
-    along = left.ends[1] - left.ends[0]
-    assert math.atan2(along[1], along[0]) == pytest.approx(math.radians(15.0))
-    np.testing.assert_allclose(right.ends, left.ends * [-1, 1])
 
 
 def test_the_lift_stands_across_each_panel_and_carries_the_weight(

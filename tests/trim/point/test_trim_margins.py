@@ -20,18 +20,6 @@ def solved(aircraft: Aircraft, condition: TrimCondition) -> tuple[TrimCondition,
     return condition, find_operating_point(aircraft, condition)
 
 
-@pytest.mark.parametrize(
-    ("free", "hold"), [("alpha", "aileron_outer"), ("dihedral", "aileron_outer"), ("speed", "aileron_outer")]
-)
-def test_a_free_state_has_its_distance_to_the_nearer_limit(published_aircraft: Aircraft, free: str, hold: str) -> None:
-    known = find_operating_point(published_aircraft, BASE)
-    condition, point = solved(published_aircraft, release(BASE, free=(free,), hold={hold: getattr(known.inputs, hold)}))
-    value, (lowest, highest) = getattr(point.states, free), LIMITS[free]
-    assert margins(condition, point)[free].distance == min(value - lowest, highest - value)
-    assert all_margins(condition, point)[free].role == "free"
-    assert all_margins(condition, point)[hold].role == "held"
-
-
 def test_the_pitch_angle_follows_and_limits_gamma(published_aircraft: Aircraft) -> None:
     condition, point = solved(published_aircraft, release(BASE, free=("gamma",), hold={"throttle": 0.0}))
     assert margins(condition, point)["pitch"].distance == pytest.approx(np.radians(60.0) - abs(point.states.pitch))
@@ -53,9 +41,3 @@ def test_a_limit_that_binds_is_named_first(published_aircraft: Aircraft) -> None
     first, *others = nearest_limits(condition, point)
     assert (first.name, first.nearer, first.nearer_limit, first.binds) == ("elevator_outer", "lowest", limit, True)
     assert not any(each.at_limit for each in others)
-
-
-def test_a_control_held_at_its_limit_does_not_bind(published_aircraft: Aircraft) -> None:
-    condition, point = solved(published_aircraft, release(BASE, free=("gamma",), hold={"throttle": 0.0}))
-    first = nearest_limits(condition, point)[0]
-    assert (first.name, first.at_limit, first.binds) == ("throttle", True, False)

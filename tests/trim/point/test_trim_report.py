@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from cli import hfa
 
-from hfa_model import INPUTS, STATES, Aircraft
+from hfa_model import Aircraft
 from hfa_model.aircraft import HFA
 from hfa_model.vectors import RATE_SCALES, UNITS
 from hfa_support import Report
@@ -80,20 +80,6 @@ def test_loads_and_performance_agree_with_each_other(published_aircraft: Aircraf
     assert weight[0] == pytest.approx(loads.lift + loads.thrust * math.sin(point.states.alpha), abs=1e-3)
     assert rows["Mach number"][0] == f"{68.0 / (295.07 / 0.3048):.4g}"
     assert rows["with hinge spring"] == ["0.0000"]
-
-
-def test_the_data_say_what_the_text_says(published_aircraft: Aircraft) -> None:
-    condition = release(BASE, free=("gamma",), hold={"throttle": 0.0})
-    point, report = reported(published_aircraft, condition)
-    data = report.data
-    assert list(data["variables"]) == [*STATES, "gamma", *INPUTS]
-    for name, margin in data["margins"].items():
-        assert data["variables"][name]["margin"] == margin
-    throttle = data["variables"]["throttle"]
-    assert (throttle["role"], throttle["nearer"], throttle["at_limit"]) == ("held", "lowest", True)
-    assert data["variables"]["gamma"]["value"] == point.gamma == data["performance"]["gamma"]
-    assert list(data["performance"]) == list(data["performance_units"])
-    assert data["nearest_limits"][0] == "throttle"
 
 
 @pytest.mark.parametrize("command", ["trim", "linearize"])

@@ -10,7 +10,6 @@ import pytest
 import xarray
 import zarr
 
-from hfa_cli.options.ranges import value_range
 from hfa_model import DEGREE, INPUTS, STATES, Aircraft, Parameters
 from hfa_model.vectors import STATE_UNITS
 from hfa_support import BadInputError
@@ -117,14 +116,3 @@ def test_a_store_is_not_continued_under_another_condition(
     stream_sweep(_plan(published_aircraft), tmp_path / "a.zarr")
     with pytest.raises(BadInputError, match="another sweep"):
         stream_sweep(_plan(published_aircraft, **other[change]), tmp_path / "a.zarr", resume=True)
-
-
-@pytest.mark.parametrize("step", ["0.1", "0.7", "0.3"])
-def test_a_range_ends_at_its_limit_and_not_beyond(parameters: Parameters, step: str) -> None:
-    """0:60:0.1 ended one rounding error beyond 60 deg, which no trim takes."""
-    steps = value_range("dihedral", f"0:60:{step}")
-    assert isinstance(steps, Steps)
-    plan = SweepPlan({"dihedral": steps}, Aircraft(parameters))
-    last = plan.values(plan.count - 1, plan.count)[0, 0]
-    assert np.degrees(last) == pytest.approx(float(step) * (plan.count - 1), rel=1e-12)
-    assert last <= np.radians(60.0)

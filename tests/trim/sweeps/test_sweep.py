@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import json
 import re
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from cli import assert_refused, hfa
 
-from hfa_model import DEGREE, STATES, Aircraft
-from hfa_model.aircraft import HFA
+from hfa_model import DEGREE, Aircraft
 from hfa_support import BadInputError
 from hfa_support.linear_table import LinearTable
 from trim import (
@@ -22,15 +20,12 @@ from trim import (
     level_flight,
     linearize,
     load_condition,
-    modes_of,
     release,
     sweep,
-    trim_points,
 )
 from trim.point.condition import LEVEL_FLIGHT
 from trim.sweeps.points import condition_at, is_square
 from trim.sweeps.sweep import Sweep
-from trim.sweeps.sweep_plan import SweepPlan
 
 ALPHA_FREE = release(LEVEL_FLIGHT, free=("alpha",), hold={"aileron_outer": 0.0})
 LIMITED = release(LEVEL_FLIGHT, limits={"throttle": (0.0, 40.0)})
@@ -72,13 +67,6 @@ def test_each_point_is_that_of_a_single_trim(published_aircraft: Aircraft, name:
     assert result.trimmed.any()
 
 
-def test_a_rate_that_is_not_zero_is_imposed_at_every_point(published_aircraft: Aircraft) -> None:
-    rates = dict.fromkeys(HFA.steady, 0.0) | {"speed": 1.0}
-    faster = sweep(published_aircraft, {"dihedral": [0.1]}, condition=replace(level_flight(0.0), rates=rates))
-    rate = published_aircraft.rates(faster.states[0], faster.inputs[0])
-    assert rate[STATES.index("speed")] == pytest.approx(1.0, abs=1e-9)
-
-
 def test_a_sweep_and_a_trim_say_the_same(aircraft: Aircraft) -> None:
     """Which rates do not balance within the limits, which limits bind, and what balance would take beyond them."""
     result = sweep(aircraft, {"dihedral": [0.0, 0.2], "speed": [30.0, 50.0, 68.0], "altitude": [5_000.0, 40_000.0]})
@@ -92,22 +80,6 @@ def test_a_sweep_and_a_trim_say_the_same(aircraft: Aircraft) -> None:
             find_operating_point(aircraft, condition)
         assert reason == str(caught.value)
         assert ", would have to be " in reason
-
-
-def test_what_balance_would_take_is_named(published_aircraft: Aircraft) -> None:
-    """The numbers are those of the point that balances, checked in the aircraft's own equations."""
-    (reason,) = sweep(published_aircraft, {"speed": [30.0], "dihedral": [0.1]}).reasons
-    found = trim_points(published_aircraft, ("speed", "dihedral"), np.array([[30.0, 0.1]]))
-    assert np.abs(published_aircraft.rates(found.states[0], found.inputs[0])).max() < 1e-9
-    throttle, *deflections = found.inputs[0].tolist()
-    outer, center, tips = np.degrees(deflections[1:])
-    assert 0.0 < throttle < 200.0
-    assert reason.startswith("no trim: these rates do not balance: pitch_rate by ")
-    assert reason.endswith(
-        f"(limits that bind: aileron_outer at its highest, 20 deg, would have to be {outer:.6g} deg; "
-        f"elevator_center at its highest, 30 deg, would have to be {center:.6g} deg; "
-        f"elevator_outer at its lowest, -30 deg, would have to be {tips:.6g} deg)"
-    )
 
 
 @pytest.mark.parametrize(
@@ -128,8 +100,6 @@ def test_what_balance_would_take_is_named(published_aircraft: Aircraft) -> None:
 def test_what_no_trim_takes_no_sweep_takes(published_aircraft: Aircraft, grid, condition, words: str) -> None:
     with pytest.raises(BadInputError, match=words):
         sweep(published_aircraft, grid, condition=condition)
-    with pytest.raises(BadInputError, match=words):
-        SweepPlan(grid, published_aircraft, condition)
 
 
 NUMBER = re.compile(r"(-?\d+\.\d{4})(?: (±|[+-])(?: )?(\d+\.\d{4})i)?")
@@ -176,19 +146,6 @@ def test_modes_do_not_jump_in_a_sweep_over_two_variables(over_two: Sweep) -> Non
     assert (np.abs(np.diff(fast, axis=0)) < 0.2 * np.abs(fast[:-1]) + 0.2).all()
 
 
-def test_two_real_eigenvalues_share_the_column_of_their_pair(result: Sweep) -> None:
-    lines = result.report().text().splitlines()
-    assert re.split(r" {2,}", lines[2])[1] == "short period 1/s"
-    cell = {line.split()[0]: re.split(r" {2,}", line)[1] for line in lines[3:] if re.match(r"\d+  ", line)}
-    assert (cell["30"], cell["15"]) == ("-4.5424, -2.9511", "-4.4603 ± 6.0160i")
-
-
-def test_a_point_without_a_trim_has_a_dash_for_each_mode(result: Sweep) -> None:
-    lines = replace(result, reasons=("no trim: why", *result.reasons[1:])).report().text().splitlines()
-    assert re.split(r" {2,}", lines[3]) == ["0", "-", "-", "-", "-"]
-    assert "0: no trim: why" in lines
-
-
 @pytest.mark.parametrize(
     ("grid", "expected"),
     [
@@ -200,25 +157,6 @@ def test_a_point_without_a_trim_has_a_dash_for_each_mode(result: Sweep) -> None:
 def test_a_sweep_warns_beyond_the_papers_range(published_aircraft: Aircraft, grid, expected: list[str]) -> None:
     radians = {name: np.radians(each) if name == "dihedral" else each for name, each in grid.items()}
     assert list(sweep(published_aircraft, radians).report().notes) == expected
-
-
-def test_the_slow_modes_have_their_own_panel_and_no_legend_covers_a_curve(published_aircraft: Aircraft) -> None:
-    result = sweep(published_aircraft, {"dihedral": np.radians([5.0, 15.0, 59.0])})
-    slow = {name for name, is_slow in zip(result.mode_names, result.root_locus.slow, strict=True) if is_slow}
-    assert slow == {"phugoid", "dihedral (slow)"}
-    figure = result.root_locus.figure()
-    assert [len(axes.lines) for axes in figure.axes] == [9, 6]  # modes, both ends, the axis
-    (legend,) = figure.legends
-    labels = [text.get_text() for text in legend.get_texts()]
-    assert labels[-2:] == ["dihedral 5 deg", "dihedral 15 deg"]  # the last point that is trimmed
-    with pytest.raises(BadInputError, match="no point of the sweep has a trim"):
-        sweep(published_aircraft, {"dihedral": np.radians([59.0])}).root_locus.figure()
-
-
-def test_columns_have_the_names_of_the_first_trimmed_point(published_aircraft: Aircraft) -> None:
-    result = sweep(published_aircraft, {"speed": [30.0, 68.0], "dihedral": [0.1, 0.2]})
-    assert not result.trimmed[:2].any()
-    assert set(result.mode_names) == {mode.name for mode in modes_of(result.A[2], result.model_states)}
 
 
 LISTS = [
