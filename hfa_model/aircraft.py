@@ -123,7 +123,6 @@ class Aircraft:
     def __init__(self, parameters: Parameters | None = None, dynamics: str | Variant = "published") -> None:
         self.parameters = default_parameters().values if parameters is None else _checked_parameters(parameters)
         self.variant = variant_named(dynamics) if isinstance(dynamics, str) else dynamics
-        self._p = np.array(self.parameters, dtype=float)
 
     def __repr__(self) -> str:
         p = self.parameters
@@ -136,12 +135,8 @@ class Aircraft:
     @cached_property
     def model(self) -> Model:
         """The aircraft as any `Model`."""
-        values = self.parameters._asdict()
-        parameters = {name: each._replace(start=float(values[name])) for name, each in HFA.parameters.items()}
-        name = self.variant.name
-        return replace(
-            HFA, name=name, called=f"{name} dynamics", equations=Equations(self.variant), parameters=parameters
-        )
+        own, name = HFA.with_parameters(**self.parameters._asdict()), self.variant.name
+        return replace(own, name=name, called=f"{name} dynamics", equations=Equations(self.variant))
 
     def rates(self, x: ArrayLike, u: ArrayLike) -> np.ndarray:
         """dX/dt, (7,); its derivatives too: `model.at`."""

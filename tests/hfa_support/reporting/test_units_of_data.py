@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from hfa_model.aircraft import HFA
-from hfa_support import Report, shown_in
+from hfa_support import Model, Report, Signal, shown_in
 from hfa_support.reporting.text import Table
 from hfa_support.reporting.units_of_data import in_units_in_force
 
@@ -41,3 +41,18 @@ def test_arrays_by_the_lists_of_units_beside_them(name: str, value: Any, expecte
     np.testing.assert_allclose(found[name], expected, rtol=1e-12)
     assert found["state_units"] == ["m/s", "rad"]
     assert found["units"] == "si"
+
+
+def test_arrays_and_names_of_another_model_have_its_units() -> None:
+    model = Model(
+        "cart",
+        {"place": Signal("m"), "speed": Signal("ft/s")},
+        {"force": Signal("lbf")},
+        lambda x, u, p, w: ({"place": x.speed, "speed": u.force}, {}),
+    )
+    data = {"operating_states": [[2.0, 3.0]], "operating_inputs": [[4.0]], "residuals": {"place": 5.0, "speed": 6.0}}
+    with shown_in("si"):
+        found = in_units_in_force(Report("", (), data=data), model).data
+    np.testing.assert_allclose(found["operating_states"], [[2.0, 3.0 * FT]])
+    np.testing.assert_allclose(found["operating_inputs"], [[4.0 * LBF]])
+    assert found["residuals"] == {"place": 5.0, "speed": pytest.approx(6.0 * FT)}
