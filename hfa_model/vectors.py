@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Generic, NamedTuple, TypeAlias, TypeVar
 
-from hfa_support.model import Signal, rate_unit
+from hfa_support.model import Signal
 
 if TYPE_CHECKING:
     import casadi as ca
@@ -78,8 +78,7 @@ INPUT_SIGNALS = Input(Signal("1", 40.0, 0.0, 200.0, start=40.0), _AILERON, _AILE
 STATE_UNITS, INPUT_UNITS = State(*(s.unit for s in STATE_SIGNALS)), Input(*(s.unit for s in INPUT_SIGNALS))
 STATE_SCALES, INPUT_SCALES = State(*(s.nominal for s in STATE_SIGNALS)), Input(*(s.nominal for s in INPUT_SIGNALS))
 CONTROL_LIMITS = Input(*((s.min, s.max) for s in INPUT_SIGNALS))
-#: Units of dX/dt, for residuals of the equations of motion, and one scaled unit of each.
-RATE_UNITS = State(*map(rate_unit, STATE_UNITS))
+#: One scaled unit of each rate.
 RATE_SCALES = State(*(s.rate or s.nominal for s in STATE_SIGNALS))
 
 #: Unit of every state and input, of the flight-path angle, and of alpha through the air.

@@ -41,24 +41,6 @@ class BoundFunction:
         self._evaluate()
 
 
-class RowsFunction:
-    """A Function of columns, called for many at once: (N, n) arrays, a row a call. Not for two threads at once."""
-
-    def __init__(self, function: ca.Function) -> None:
-        self._function = function
-        self._bound: dict[int, BoundFunction] = {}
-
-    def __call__(self, count: int, *arguments: np.ndarray | float) -> tuple[np.ndarray, ...]:
-        """Its results, (count, m) each; arguments: (count, n), or what broadcasts to it."""
-        if count not in self._bound:
-            self._bound[count] = BoundFunction(self._function.map(count))
-        bound = self._bound[count]
-        for place, given in zip(bound.inputs, arguments, strict=True):
-            place.reshape(count, place.size // count)[:] = given
-        bound()
-        return tuple(result.reshape(count, result.size // count).copy() for result in bound.results)
-
-
 Made = TypeVar("Made")
 
 #: Expressions are built and compiled by one thread at a time.

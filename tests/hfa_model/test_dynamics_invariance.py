@@ -16,9 +16,12 @@ from hfa_model.atmosphere import density
 from hfa_model.dynamics import rates_from_loads
 from hfa_model.parameters import FIELDS, Field
 from hfa_model.variants import Published, Variant
-from hfa_model.vectors import INPUT_UNITS, RATE_SCALES, RATE_UNITS, STATE_UNITS
+from hfa_model.vectors import INPUT_UNITS, RATE_SCALES, STATE_UNITS
+from hfa_support.model import rate_unit
 from trim import TrimCondition, find_operating_point, level_flight, linearize, release
 from trim.linear.compare import eigenvalue_errors
+
+RATE_UNITS = tuple(map(rate_unit, STATE_UNITS))
 
 
 def unit_size(unit: str, length: float, mass: float, time: float) -> float:
