@@ -75,10 +75,7 @@ GROUPS = {
 COMMANDS = {name: about for _, commands in GROUPS.values() for name, about in commands.items()}
 
 #: Commands that take a user's own aircraft.
-WITH_AIRCRAFT = (
-    *("trim", "linearize", "sweep", "solve", "learn", "verify"),
-    *("fly", "schedule", "map", "monte-carlo", "export", "prove", "lpv", "design"),
-)
+WITH_AIRCRAFT = set(COMMANDS) - {"identify", "regenerate", "validate", "report"}
 
 #: Former commands, for one release -> the study that took their place.
 MOVED = {"reproduce": "section5", "study": "update_law", "servo": "servo"}

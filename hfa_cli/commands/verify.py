@@ -36,9 +36,15 @@ _SETTINGS: dict[str, tuple[Any, str]] = {
 }
 
 
-def _critic(text: str) -> Path:
-    """A file, or a folder of them."""
-    return Path(text) if Path(text).is_dir() else input_file(*MATRIX_FILES, *NETWORK_FILES)(text)
+def _critics(text: str) -> list[Path]:
+    """A file; of a folder those with a known suffix, in the order of the numbers in their names."""
+    known, folder = (*MATRIX_FILES, *NETWORK_FILES), Path(text)
+    if not folder.is_dir():
+        return [input_file(*known)(text)]
+    found = sorted(each for each in folder.iterdir() if each.suffix.lower() in known)
+    if not found:
+        raise argparse.ArgumentTypeError(f"{text}: there is no critic in the folder ({' '.join(known)})")
+    return sorted(found, key=lambda each: [int(part) for part in re.findall(r"\d+", each.name)])
 
 
 def options() -> Options:
@@ -56,7 +62,7 @@ def options() -> Options:
         **games.game_options(),
         **games.LEARNING,
         "--set": Option(settings, "NAME=VALUE", lambda _, text: text, named=True),
-        "--weights": Option(files, "FILE", _critic, more={"nargs": "+"}),
+        "--weights": Option(files, "FILE", _critics, more={"nargs": "+"}),
         "--basis": Option(functions, "BASIS"),
         "--network": Option(network, "[V=]NAME"),
         "--discount": Option(
@@ -74,7 +80,7 @@ def options() -> Options:
 
 def run(arguments: argparse.Namespace) -> int:
     """Learn or load, check, report; exit 1 when a check fails."""
-    paths = _files(arguments.weights or [])
+    paths = [path for each in arguments.weights or [] for path in each]
     settings = _settings(arguments, paths)
     named = games.game_of(arguments)
 
@@ -137,20 +143,6 @@ def _settings(arguments: argparse.Namespace, paths: list[Path]) -> dict[str, Any
             found[name] = kind(text)
         except argparse.ArgumentTypeError as error:
             raise BadInputError(f"--set {name} {error}") from error
-    return found
-
-
-def _files(paths: list[Path]) -> list[Path]:
-    """The files, of a folder those with a known suffix in the order of the numbers in their names."""
-    found, known = [], (*MATRIX_FILES, *NETWORK_FILES)
-    for path in paths:
-        inside = [path]
-        if path.is_dir():
-            inside = sorted(each for each in path.iterdir() if each.suffix.lower() in known)
-            inside.sort(key=lambda each: [int(part) for part in re.findall(r"\d+", each.name)])
-        if not inside:
-            raise BadInputError(f"{path}: there is no critic in the folder ({' '.join(known)})")
-        found += inside
     return found
 
 

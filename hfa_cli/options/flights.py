@@ -37,8 +37,6 @@ if TYPE_CHECKING:
 
 #: No law: the commands are of inputs.
 NONE = "none"
-#: In place of NAME=...: what the paper simulates in Section 5 (`controller/policy/paper_flight.py`).
-PAPER = "paper"
 #: How help shows the values of options.
 _COMMAND = "NAME=TIME:VALUE[,TIME:VALUE...]"
 _WAVE = "NAME=CONSTANT[:AMPLITUDE:RAD/S]"
@@ -78,13 +76,18 @@ ENVELOPE: Options = {
 
 def commands() -> Options:
     """--controller and --command."""
-    about = (
-        f"what shall be followed, s and degrees off trim: steps, or {_WAVE}, or `{PAPER}`; with --law {NONE} steps of"
-    )
+    about = f"what shall be followed, s and degrees off trim: steps, or {_WAVE}, or `paper`; with --law {NONE} steps of"
     return {
         **CONTROLLER,
-        "--command": Option(f"{about} inputs; repeatable", _COMMAND, _command, named=True, alone=PAPER),
+        "--command": Option(
+            f"{about} inputs; repeatable", _COMMAND, _command, named=True, alone=_paper(paper_flight.REFERENCE)
+        ),
     }
+
+
+def _paper(signal: Signal) -> dict[str, Signal]:
+    """The word for what the paper simulates in Section 5, of the HFA alone."""
+    return {"paper": signal} if OWN.get() is None else {}
 
 
 def scenario(duration: str = "20", *, members: bool = False) -> Options:
@@ -99,7 +102,7 @@ def scenario(duration: str = "20", *, members: bool = False) -> Options:
         "--error": Option(
             "factor on a parameter of the simulated aircraft, unknown to the design", "NAME=FACTOR", _number, named=True
         ),
-        "--noise": _signal("added to what a sensor says", states),
+        "--noise": _signal("added to what a sensor says", states, paper_flight.NOISE),
         "--gust": Option("1-cosine updraft, ft, ft/s and s", _GUST, numbers(_GUST, 2, length, wind, "s")),
     }
     drawn: Options = {
@@ -111,13 +114,15 @@ def scenario(duration: str = "20", *, members: bool = False) -> Options:
     return {
         "--duration": Option(f"default {duration}", "S", number),
         "--initial": Option(
-            f"a state off trim at the start, degrees; or `{PAPER}`",
+            "a state off trim at the start, degrees; or `paper`",
             "NAME=VALUE",
             among(tuple(model().states), quantity),
             named=True,
-            alone=PAPER,
+            alone={} if OWN.get() else {"paper": dict(zip(states, paper_flight.INITIAL.tolist(), strict=True))},
         ),
-        "--disturbance": _signal("added to the rate of a state, or a disturbance of the model", air),
+        "--disturbance": _signal(
+            "added to the rate of a state, or a disturbance of the model", air, paper_flight.DISTURBANCE
+        ),
         **ACTUATORS,
         "--fault": Option(
             "actuators of the surfaces from BEGIN on: share of the command that arrives, bandwidth in rad/s",
@@ -148,8 +153,8 @@ def _number(_: str, text: str) -> float:
     return number(text)
 
 
-def _signal(about: str, names: tuple[str, ...]) -> Option:
-    return Option(f"{about}; or `{PAPER}`", _WAVE, among(names, _constant_or_wave), named=True, alone=PAPER)
+def _signal(about: str, names: tuple[str, ...], paper: Signal) -> Option:
+    return Option(f"{about}; or `paper`", _WAVE, among(names, _constant_or_wave), named=True, alone=_paper(paper))
 
 
 def _constant_or_wave(name: str, text: str) -> tuple[float, ...]:
@@ -264,7 +269,7 @@ def _policy_of(
     if law == NONE:
         return open_loop(steps, tuple(point.model.inputs), happens.tick, happens.ticks), happens
     if False in stepped:
-        happens = replace(happens, reference=_signal_of("reference", given, point.model.linear))
+        happens = replace(happens, reference=_signal_of(given, point.model.linear))
     elif given:
         for name in steps.names:
             refuse_unknown("a gain follows no command of", name, point.model.linear)
@@ -294,26 +299,25 @@ def scenario_of(arguments: argparse.Namespace, point: OperatingPoint, duration: 
     delay, own, disturbed = arguments.delay or 0.0, point.model, arguments.disturbance or {}
     if delay and not 0.0 < delay < duration:
         raise BadInputError(f"--delay is {delay:g} s; it must lie between 0 and the duration")
-    air = [name for name in disturbed if name in own.disturbances] if isinstance(disturbed, dict) else []
+    air: dict[str, Signal] = {}
+    if not isinstance(disturbed, Signal):
+        winds = [name for name in disturbed if name in own.disturbances]
+        air = {name: _signal_of({name: disturbed[name]}, (name,)) for name in winds}
+        disturbed = {name: each for name, each in disturbed.items() if name not in winds}
+    initial = arguments.initial or {}
     common = Scenario(
         duration=duration,
         tick=math.gcd(10, round(1000.0 * delay)) / 1000.0,
-        initial=_initial_of(arguments.initial, own),
-        disturbance=_signal_of(
-            "disturbance",
-            {name: each for name, each in disturbed.items() if name not in air}
-            if isinstance(disturbed, dict)
-            else disturbed,
-            own.linear,
-        ),
+        initial=np.array([initial.get(name, 0.0) for name in own.states]),
+        disturbance=_signal_of(disturbed, own.linear),
         actuators=actuators_of(arguments),
         delay=delay,
-        air={name: _signal_of("", {name: disturbed[name]}, (name,)) for name in air},
+        air=air,
     )
     errors, noise = arguments.error or {}, arguments.noise or {}
     if hasattr(arguments, "samples"):
         return replace(common, uncertainty=Uncertainty(errors, noise, arguments.turbulence)).on(own)
-    noise = _signal_of("noise", noise, own.linear)
+    noise = _signal_of(noise, own.linear)
     return replace(common, noise=noise, errors=errors, gust=_gust(arguments, point, common)).on(own)
 
 
@@ -331,20 +335,10 @@ def _gust(arguments: argparse.Namespace, point: OperatingPoint, happens: Scenari
     return None
 
 
-def _initial_of(given: dict[str, float] | str | None, own: Model) -> np.ndarray:
-    """What --initial says as a deviation from trim, (n,)."""
-    if isinstance(given, str):
-        _refuse_paper(own)
-        given = dict(zip(own.linear, paper_flight.INITIAL.tolist(), strict=True))
-    return np.array([(given or {}).get(name, 0.0) for name in own.states])
-
-
-def _signal_of(what: str, given: dict[str, tuple[float, ...]] | str, names: tuple[str, ...]) -> Signal:
+def _signal_of(given: dict[str, tuple[float, ...]] | Signal, names: tuple[str, ...]) -> Signal:
     """What the option of a signal says of these names: constants, and a sine with its frequency for some."""
-    if isinstance(given, str):
-        _refuse_paper(model())
-        paper = {"reference": paper_flight.REFERENCE, "disturbance": paper_flight.DISTURBANCE}
-        return paper.get(what, paper_flight.NOISE)
+    if isinstance(given, Signal):
+        return given
     constant, harmonics = np.zeros(len(names)), []
     for name, (value, *wave) in given.items():
         index = names.index(name)
@@ -354,11 +348,6 @@ def _signal_of(what: str, given: dict[str, tuple[float, ...]] | str, names: tupl
             sine[index], frequency = wave
             harmonics.append(Harmonic(frequency, sine, np.zeros(len(sine))))
     return Signal(constant, np.zeros(len(names)), tuple(harmonics))
-
-
-def _refuse_paper(own: Model) -> None:
-    if OWN.get() is not None:
-        raise BadInputError(f"`{PAPER}` stands for signals of the HFA; name those of {own.name}")
 
 
 def actuators_of(arguments: argparse.Namespace) -> Actuators | None:

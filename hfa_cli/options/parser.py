@@ -18,15 +18,15 @@ class Option:
     """One option of a command.
 
     about: its help. form: how help shows its value; "" for a switch. kind: word -> value. named: its words are
-    NAME=VALUE and it may be repeated; kind takes the name and the word, and `alone` is a word in place of all of them.
-    more: further arguments of `add_argument`.
+    NAME=VALUE and it may be repeated; kind takes the name and the word. alone: a word in place of all of these -> its
+    value. more: further arguments of `add_argument`.
     """
 
     about: str
     form: str = ""
     kind: Callable[..., Any] = str
     named: bool = False
-    alone: str | None = None
+    alone: Mapping[str, Any] = field(default_factory=dict)
     more: Mapping[str, Any] = field(default_factory=dict)
 
 
@@ -133,26 +133,24 @@ class _Help(argparse.Action):
 
 
 class _Named(argparse.Action):
-    """`NAME=VALUE` words of a repeatable option, as name -> value(name, text); `alone` is a word for all of them."""
+    """`NAME=VALUE` words of a repeatable option, as name -> value(name, text); or one word alone."""
 
-    def __init__(self, *, value: Callable[[str, str], Any], alone: str | None = None, **options: Any) -> None:
+    def __init__(self, *, value: Callable[[str, str], Any], alone: Mapping[str, Any], **options: Any) -> None:
         super().__init__(**options)
         self._value, self._alone = value, alone
 
     def __call__(self, parser: Any, namespace: argparse.Namespace, values: Any, option_string: Any = None) -> None:
         known = getattr(namespace, self.dest)
         name, separator, text = values.partition("=")
-        if known and self._alone in (values, known):
-            raise argparse.ArgumentError(self, f"{self._alone} goes alone; leave the others out")
-        if values == self._alone:
-            setattr(namespace, self.dest, values)
-            return
-        if not separator:
+        if known and (values in self._alone or known in self._alone.values()):
+            raise argparse.ArgumentError(self, f"{', '.join(self._alone)} goes alone; leave the others out")
+        if not separator and values not in self._alone:
             raise argparse.ArgumentError(self, f"{shortened(values)!r} is not NAME=VALUE")
         try:
-            setattr(namespace, self.dest, (known or {}) | {name: self._value(name, text)})
+            found = self._alone[values] if values in self._alone else {**(known or {}), name: self._value(name, text)}
         except argparse.ArgumentTypeError as error:
             raise argparse.ArgumentError(self, f"{shortened(name)} {error}") from error
+        setattr(namespace, self.dest, found)
 
 
 def unknown(what: str, name: str, known: Iterable[str], program: str) -> str:

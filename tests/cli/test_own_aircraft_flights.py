@@ -136,7 +136,7 @@ def test_exports_have_its_names() -> None:
     ("words", "named"),
     [
         ("fly --gust 100:5", "Navion declares no disturbance updraft"),
-        ("fly --initial paper", "`paper` stands for signals of the HFA"),
+        ("fly --initial paper", "'paper' is not NAME=VALUE"),
         ("fly --command flap=1:1", "a gain follows no command of 'flap'"),
         ("fly --law none --command flap=1:1", "there is no law, and no input 'flap'"),
         ("fly --law none --command speed=1", "takes steps here; give NAME=TIME:VALUE"),
