@@ -11,7 +11,6 @@ import subprocess
 import sys
 import zipfile
 from collections.abc import Mapping
-from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
 from xml.etree import ElementTree as xml
@@ -42,33 +41,6 @@ _BASE = {
     "ft/s": {"m": "1", "s": "-1", "factor": "0.3048"},
     "ft/s^2": {"m": "1", "s": "-2", "factor": "0.3048"},
 }
-
-
-@dataclass(frozen=True)
-class ScalarVariable:
-    """A real variable of the FMU. start: None where it is calculated. rate_of: number of the state whose rate it is."""
-
-    name: str
-    unit: str | None
-    causality: str
-    start: float | None
-    reference: int
-    rate_of: int = 0
-
-
-def variables(loop: ExportedLoop) -> list[ScalarVariable]:
-    """States, their rates, the inputs of the aircraft where something sets them, the inputs of the loop."""
-    n, flown = len(loop.states), loop.flown
-    listed: list[tuple[str, str | None, str, float | None]] = [
-        *((one.name, one.unit, "output" if k < flown else "local", one.start) for k, one in enumerate(loop.states)),
-        *((f"der({one.name})", one.rate_unit, "local", None) for one in loop.states),
-        *((one.name, one.unit, "output", None) for one in loop.outputs),
-        *((one.name, one.unit, "input", one.start) for one in loop.inputs),
-    ]
-    return [
-        ScalarVariable(*fields, reference=place, rate_of=place - n + 1 if n <= place < 2 * n else 0)
-        for place, fields in enumerate(listed)
-    ]
 
 
 def write_fmu(loop: ExportedLoop, path: Path, origin: Provenance) -> None:
@@ -125,8 +97,8 @@ def _said(origin: Provenance) -> str:
 
 
 def description(loop: ExportedLoop, origin: Provenance, guid: str) -> str:
-    """modelDescription.xml."""
-    known = variables(loop)
+    """modelDescription.xml: states, their rates, the inputs of the aircraft where something sets them, those of the
+    loop. An output is a state of the aircraft or what is set."""
     root = xml.Element(
         "fmiModelDescription",
         fmiVersion="2.0",
@@ -145,39 +117,41 @@ def description(loop: ExportedLoop, origin: Provenance, guid: str) -> str:
         for name in (SOURCE, WRAPPER):
             xml.SubElement(listed, "File", name=name)
     units = xml.SubElement(root, "UnitDefinitions")
-    for unit in dict.fromkeys(each.unit for each in known if each.unit is not None):
+    xml.SubElement(root, "DefaultExperiment", startTime="0", stopTime="60", stepSize="0.01")
+    variables, structure = xml.SubElement(root, "ModelVariables"), xml.SubElement(root, "ModelStructure")
+    unknown = {kind: xml.SubElement(structure, kind) for kind in ("Outputs", "Derivatives", "InitialUnknowns")}
+    used, place = dict[str, None](), 0
+
+    def add(name: str, unit: str | None, causality: str, start: float | None, rate_of: int = 0) -> None:
+        """One variable; start: None where it is calculated. rate_of: number of the state whose rate it is."""
+        nonlocal place
+        about = {"name": name, "valueReference": str(place), "causality": causality}
+        if causality != "input":
+            about["initial"] = "calculated" if start is None else "exact"
+        real = {} if unit is None else {"unit": unit}
+        real |= {} if start is None else {"start": repr(float(start))}
+        real |= {"derivative": str(rate_of)} if rate_of else {}
+        xml.SubElement(xml.SubElement(variables, "ScalarVariable", about, variability="continuous"), "Real", real)
+        place += 1
+        used.update({} if unit is None else {unit: None})
+        kinds = {"Outputs": causality == "output", "Derivatives": rate_of, "InitialUnknowns": start is None}
+        for kind in (kind for kind, holds in kinds.items() if holds):
+            xml.SubElement(unknown[kind], "Unknown", index=str(place))
+
+    for number, one in enumerate(loop.states):
+        add(one.name, one.unit, "output" if number < loop.flown else "local", one.start)
+    for number, one in enumerate(loop.states):
+        add(f"der({one.name})", one.rate_unit, "local", None, number + 1)
+    for one in loop.outputs:
+        add(one.name, one.unit, "output", None)
+    for one in loop.inputs:
+        add(one.name, one.unit, "input", one.start)
+    for unit in used:
         defined = xml.SubElement(units, "Unit", name=unit)
         if unit in _BASE:
             xml.SubElement(defined, "BaseUnit", _BASE[unit])
-    xml.SubElement(root, "DefaultExperiment", startTime="0", stopTime="60", stepSize="0.01")
-    listed = xml.SubElement(root, "ModelVariables")
-    for each in known:
-        xml.SubElement(xml.SubElement(listed, "ScalarVariable", _attributes(each)), "Real", _real(each))
-    structure = xml.SubElement(root, "ModelStructure")
-    for kind, chosen in (
-        ("Outputs", [each for each in known if each.causality == "output"]),
-        ("Derivatives", [each for each in known if each.rate_of]),
-        ("InitialUnknowns", [each for each in known if each.start is None]),
-    ):
-        unknowns = xml.SubElement(structure, kind)
-        for each in chosen:
-            xml.SubElement(unknowns, "Unknown", index=str(each.reference + 1))
     xml.indent(root)
     return '<?xml version="1.0" encoding="UTF-8"?>\n' + xml.tostring(root, "unicode") + "\n"
-
-
-def _attributes(each: ScalarVariable) -> dict[str, str]:
-    about = {"name": each.name, "valueReference": str(each.reference), "causality": each.causality}
-    if each.causality != "input":
-        about["initial"] = "calculated" if each.start is None else "exact"
-    return about | {"variability": "continuous"}
-
-
-def _real(each: ScalarVariable) -> dict[str, str]:
-    about = {} if each.unit is None else {"unit": each.unit}
-    if each.start is not None:
-        about["start"] = repr(float(each.start))
-    return about | ({"derivative": str(each.rate_of)} if each.rate_of else {})
 
 
 def _library(compiler: str, sources: Mapping[str, str]) -> bytes:

@@ -115,11 +115,11 @@ class CommandSteps(Shown):
 
     def at(self, t: Any) -> ca.SX:
         """r(t), (k,), at a CasADi expression."""
-        return self._summed(t, self._response)
+        return self._summed(t, lambda late: self._response(late)[0])
 
     def rate(self, t: Any) -> ca.SX:
         """r'(t), (k,)."""
-        return self._summed(t, self._response_rate)
+        return self._summed(t, lambda late: self._response(late)[1])
 
     def end(self, t: Any) -> ca.SX:
         """r_step(t), (k,): what the filter is on its way to."""
@@ -139,22 +139,18 @@ class CommandSteps(Shown):
             total = total + ca.DM(jump) * response(t - begin)
         return total
 
-    def _decay(self, late: Any) -> tuple[Any, Any]:
-        """exp(-ζωτ) cosh(vτ) and exp(-ζωτ) sinh(vτ)/v of the late time τ >= 0, v² = ω² (ζ² - 1)."""
+    def _response(self, late: Any) -> tuple[Any, Any]:
+        """s and s' of the late time τ >= 0: 1 - e c - ζω e σ and ω² e σ with e = exp(-ζωτ), c = cosh(vτ),
+        σ = sinh(vτ)/v and v² = ω² (ζ² - 1)."""
         middle, tau = self.damping * self.bandwidth, ca.fmax(late, 0.0)
         v = self.bandwidth * math.sqrt(abs(self.damping**2 - 1))
         if self.damping > 1.0:  # written so that nothing overflows
             slow, fast = ca.exp(-(middle - v) * tau), ca.exp(-(middle + v) * tau)
-            return (slow + fast) / 2, (slow - fast) / (2 * v)
-        decay = ca.exp(-middle * tau)
-        return decay * ca.cos(v * tau), decay * (ca.sin(v * tau) / v if v else tau)
-
-    def _response(self, late: Any) -> Any:
-        cosh, sinh = self._decay(late)
-        return 1 - cosh - self.damping * self.bandwidth * sinh
-
-    def _response_rate(self, late: Any) -> Any:
-        return self.bandwidth**2 * self._decay(late)[1]
+            even, odd = (slow + fast) / 2, (slow - fast) / (2 * v)
+        else:
+            decay = ca.exp(-middle * tau)
+            even, odd = decay * ca.cos(v * tau), decay * (ca.sin(v * tau) / v if v else tau)
+        return 1 - even - middle * odd, self.bandwidth**2 * odd
 
 
 @dataclass(frozen=True, eq=False)
