@@ -8,7 +8,7 @@ from collections import namedtuple
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import casadi as ca
 import numpy as np
@@ -72,6 +72,14 @@ class Linearization(NamedTuple):
     D: np.ndarray
     E: np.ndarray
     F: np.ndarray
+
+
+class HasModel(Protocol):
+    """An aircraft: a `Model`, or what has one."""
+
+    @property
+    def model(self) -> Model:
+        """Whose equations these are."""
 
 
 @dataclass(frozen=True, eq=False)

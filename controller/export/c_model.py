@@ -10,17 +10,14 @@ import casadi as ca
 import numpy as np
 
 from controller.flight.plants import UPDRAFT
-from hfa_model.aircraft import Aircraft
-from hfa_support.model import Model, components
+from hfa_support.model import HasModel, Model, components
 from hfa_support.native.c_code import c_function
 from trim.linear.linear_model import LinearModel
 
 HEADER, SOURCE, EXAMPLE = "hfa_aircraft.h", "hfa_aircraft.c", "loop_100hz.c"
 
 
-def c_model_texts(
-    aircraft: Aircraft | Model, linear: LinearModel, gain: np.ndarray | None, origin: str
-) -> dict[str, str]:
+def c_model_texts(aircraft: HasModel, linear: LinearModel, gain: np.ndarray | None, origin: str) -> dict[str, str]:
     """File -> its text: header, source and, with a gain K (m, k) of u = -K x, a loop of 100 Hz that uses them.
 
     linear: the model at a trim. origin: where it comes from, lines of text. BadInputError for what C cannot express.

@@ -23,8 +23,7 @@ from controller.flight.scenario import Scenario
 from controller.policy.policies import GainPolicy, Memoryless, Policy, Seen, Unvaried, gain_constants
 from controller.policy.servo_policy import ServoPolicy, servo_law
 from controller.policy.signals import CommandSteps
-from hfa_model.aircraft import Aircraft
-from hfa_support.model import Model
+from hfa_support.model import HasModel, Model
 from hfa_support.native.c_code import c_function
 from hfa_support.reporting.text import shown_value
 from trim.point.operating_point import OperatingPoint
@@ -99,7 +98,7 @@ def controller_function(policy: ServoPolicy) -> ca.Function:
     return ca.Function("controller", arguments, [ca.densify(u), ca.densify(rate)], {"cse": True})
 
 
-def trimmed_policy(controller: ScheduledController, aircraft: Aircraft | Model, point: OperatingPoint) -> ServoPolicy:
+def trimmed_policy(controller: ScheduledController, aircraft: HasModel, point: OperatingPoint) -> ServoPolicy:
     """The controller about a trim, without commands.
 
     BadInputError when it was made for another aircraft or other angles.
@@ -115,7 +114,7 @@ def longest_step(controller: ScheduledController) -> float:
 
 
 def c_controller_texts(
-    controller: ScheduledController, aircraft: Aircraft | Model, point: OperatingPoint, origin: str
+    controller: ScheduledController, aircraft: HasModel, point: OperatingPoint, origin: str
 ) -> dict[str, str]:
     """File -> its text: header and source. origin: where it comes from, lines of text.
 
@@ -187,7 +186,7 @@ class ExportedLoop:
 
 
 def exported_loop(
-    aircraft: Aircraft | Model,
+    aircraft: HasModel,
     point: OperatingPoint,
     gain: np.ndarray | None = None,
     controller: ScheduledController | None = None,
@@ -258,7 +257,7 @@ def _named(names: Iterable[str], model: Model, values: Iterable[float]) -> list[
 
 
 def _closed(
-    aircraft: Aircraft | Model, point: OperatingPoint, policy: Policy, scenario: Scenario, constants: np.ndarray
+    aircraft: HasModel, point: OperatingPoint, policy: Policy, scenario: Scenario, constants: np.ndarray
 ) -> tuple[ca.SX, Expressions]:
     """Y = [X; actuators; memory], X absolute, and the loop there."""
     loop = ClosedLoop(NonlinearPlant(aircraft, point), policy, scenario, np.array(point.inputs))
@@ -286,7 +285,7 @@ def _states(point: OperatingPoint, actuators: Actuators | None) -> tuple[Channel
 
 def controller_example(
     controller: ScheduledController,
-    aircraft: Aircraft | Model,
+    aircraft: HasModel,
     point: OperatingPoint,
     actuators: Actuators,
     origin: str,

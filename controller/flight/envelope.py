@@ -8,9 +8,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hfa_model.aircraft import Aircraft
 from hfa_support.errors import BadInputError, pair_of, refuse_unknown
-from hfa_support.model import Model, record
+from hfa_support.model import HasModel, Model, record
 from hfa_support.reporting.text import degrees, short_number, shown_unit
 from trim.point.operating_point import OperatingPoint
 
@@ -141,7 +140,7 @@ class Envelope:
 
 
 def flight_envelope(
-    aircraft: Aircraft | Model, point: OperatingPoint, changes: Mapping[str, tuple[float, float]] | None = None
+    aircraft: HasModel, point: OperatingPoint, changes: Mapping[str, tuple[float, float]] | None = None
 ) -> Envelope:
     """Where the equations of an aircraft are meant to hold, about a trim: min and max of its states, and what its model
     limits about a trim (`Model.envelope`).

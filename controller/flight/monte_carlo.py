@@ -28,11 +28,10 @@ from controller.flight.scenario import Scenario, Uncertainty
 from controller.flight.simulation import Summary, SummedLoop
 from controller.policy.policies import FlownLaw
 from controller.policy.signals import CommandedStates, Signal
-from hfa_model.aircraft import Aircraft
 from hfa_support.errors import BadInputError
 from hfa_support.jobs.store import Array, Layout, Store, described
 from hfa_support.jobs.stream import stream
-from hfa_support.model import VECTORS, Model, components
+from hfa_support.model import VECTORS, HasModel, Model, components
 from hfa_support.native.bound import cached_per_thread
 from hfa_support.reporting.fields import Shown
 from hfa_support.reporting.report import Report
@@ -74,7 +73,7 @@ class MonteCarlo(Shown):
 
     members: int
     seed: int
-    aircraft: Aircraft | Model
+    aircraft: HasModel
     point: OperatingPoint
     law: FlownLaw
     scenario: Scenario

@@ -26,9 +26,8 @@ from controller.flight.simulation import CompiledLoop, Flight
 from controller.policy.policies import FlownLaw, OpenLoop
 from controller.policy.servo_policy import MeasuredOutputs, ServoPolicy
 from controller.policy.signals import CommandSteps
-from hfa_model.aircraft import Aircraft
 from hfa_support.errors import BadInputError
-from hfa_support.model import Model
+from hfa_support.model import HasModel, Model
 from hfa_support.progress import Progress
 from hfa_support.reporting.report import Part, Report, Reported
 from hfa_support.reporting.text import Table, short_number, shown_unit
@@ -44,7 +43,7 @@ _STILL = 1e-6
 
 
 def fly(
-    aircraft: Aircraft | Model,
+    aircraft: HasModel,
     point: OperatingPoint,
     law: FlownLaw,
     scenario: Scenario,

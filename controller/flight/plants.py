@@ -11,9 +11,8 @@ import casadi as ca
 import numpy as np
 
 from controller.flight.envelope import ALPHA, ANGLE_OF_ATTACK, flown_through_air
-from hfa_model.aircraft import Aircraft
 from hfa_support.errors import BadInputError
-from hfa_support.model import Model, components
+from hfa_support.model import HasModel, Model, components
 from trim.point.operating_point import OperatingPoint
 
 #: The disturbance of a model that a gust is.
@@ -68,7 +67,7 @@ class LinearPlant(Plant):
     states: np.ndarray | None = None
 
     @classmethod
-    def at(cls, aircraft: Aircraft | Model, point: OperatingPoint, winds: Sequence[str] = ()) -> LinearPlant:
+    def at(cls, aircraft: HasModel, point: OperatingPoint, winds: Sequence[str] = ()) -> LinearPlant:
         """All states of an aircraft, with the exact derivatives at an operating point, those by these disturbances
         among them: what `NonlinearPlant` is to first order."""
         model = aircraft.model
@@ -102,7 +101,7 @@ class NonlinearPlant(Plant):
     uncertain: the parameters of the model are an input, p. BadInputError when the point was trimmed with another model.
     """
 
-    aircraft: Aircraft | Model
+    aircraft: HasModel
     point: OperatingPoint
     uncertain: bool = False
 

@@ -13,9 +13,8 @@ from controller.flight.actuators import Actuators
 from controller.flight.gusts import Dryden, Gust
 from controller.flight.plants import UPDRAFT
 from controller.policy.signals import CommandedStates, Signal, TimeVector, zero
-from hfa_model.aircraft import Aircraft
 from hfa_support.errors import BadInputError, is_finite, refuse_unknown, refuse_unless_positive, shown
-from hfa_support.model import Model
+from hfa_support.model import HasModel, Model
 from hfa_support.reporting.fields import Shown
 from trim.point.operating_point import OperatingPoint
 
@@ -212,7 +211,7 @@ def met_at(point: OperatingPoint) -> float:
     return model.outputs_at(point.states, point.inputs, ["speed"])["speed"]
 
 
-def with_errors(aircraft: Aircraft | Model, scenario: Scenario) -> Model:
+def with_errors(aircraft: HasModel, scenario: Scenario) -> Model:
     """The model that is flown: its parameters times the errors of the scenario."""
     model = aircraft.model
     wrong = {name: model.parameters[name].start * factor for name, factor in scenario.errors.items()}

@@ -1,1 +1,1 @@
-"""What flies a plant: policies, their signals, gains scheduled over the dihedral."""
+"""What flies a plant: policies, their signals, gains scheduled over a variable."""

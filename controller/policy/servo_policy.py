@@ -1,4 +1,4 @@
-"""A scheduled controller in flight: its matrices at the measured dihedral, its measurements and commands."""
+"""A scheduled controller in flight: its matrices at the measured scheduling variable, its measurements, commands."""
 
 from __future__ import annotations
 
@@ -14,10 +14,9 @@ from controller.design.design_model import watched_outputs
 from controller.design.scheduled_controller import COMMAND_SIGNALS, ScheduledController
 from controller.policy.policies import FlownLaw, Seen, Unvaried
 from controller.policy.signals import CommandSteps
-from hfa_model.aircraft import Aircraft
 from hfa_support.errors import BadInputError, refuse_unknown
 from hfa_support.linear_table import LinearTable
-from hfa_support.model import Model
+from hfa_support.model import HasModel
 from trim.point.operating_point import OperatingPoint
 
 _UPDRAFT = "updraft"
@@ -47,10 +46,10 @@ class MeasuredOutputs:
     and INPUT_rate are those of the actuators.
     """
 
-    def __init__(self, aircraft: Aircraft | Model, point: OperatingPoint, names: tuple[str, ...]) -> None:
+    def __init__(self, aircraft: HasModel, point: OperatingPoint, names: tuple[str, ...]) -> None:
         self.names, self.model = names, point.model
         inputs, air = tuple(self.model.inputs), (_UPDRAFT,) * (_UPDRAFT in self.model.disturbances)
-        self.C, self.D, self.F, _ = watched_outputs(aircraft, point, names, disturbances=air)
+        self.C, self.D, self.F, _ = watched_outputs(aircraft.model, point, names, disturbances=air)
         self.rates = np.zeros_like(self.D)
         for row, name in enumerate(names):
             of, _, what = name.rpartition("_")
@@ -135,7 +134,7 @@ class ServoPolicy(Unvaried):
 
 
 def servo_law(
-    controller: ScheduledController, commands: CommandSteps, aircraft: Aircraft | Model, point: OperatingPoint
+    controller: ScheduledController, commands: CommandSteps, aircraft: HasModel, point: OperatingPoint
 ) -> FlownLaw:
     """The controller about a trim of the aircraft that it was made for, following commands.
 
@@ -151,7 +150,7 @@ def servo_law(
     reached = np.append(at + commands.values[:, np.array(commands.names) == schedule], at)
     if len(controller.places) == 1:  # not scheduled: flown as it is at any angle
         reached = controller.places
-    controller.refuse_other(aircraft, float(reached.min()), float(reached.max()))
+    controller.refuse_other(aircraft.model, float(reached.min()), float(reached.max()))
     outputs, regulated = (
         MeasuredOutputs(aircraft, point, names) for names in (controller.measurements, commands.names)
     )

@@ -16,9 +16,8 @@ from controller.flight.scenario import Scenario
 from controller.flight.simulation import SummedLoop
 from controller.policy.policies import gain_law
 from controller.riccati.balancing import spectrum
-from hfa_model.aircraft import Aircraft
 from hfa_support.errors import BadInputError, refuse_unknown
-from hfa_support.model import Model
+from hfa_support.model import HasModel, Model
 from hfa_support.progress import Progress
 from hfa_support.reporting.report import Part, Report, Reported
 from hfa_support.reporting.text import Table, short_number, shown_unit
@@ -178,7 +177,7 @@ class RecoverableMap(Reported):
 
 
 def recoverable_map(
-    aircraft: Aircraft | Model,
+    aircraft: HasModel,
     point: OperatingPoint,
     gain: np.ndarray,
     envelope: Envelope,
