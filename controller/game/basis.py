@@ -92,15 +92,10 @@ def basis(name: str, states: int) -> Basis:
     refuse_unknown("unknown basis", name, BASES)
     if states < 1:
         raise BadInputError(f"a basis needs at least 1 state, not {states}")
-    exponents = np.vstack([_quadratic(states), BASES[name](states)])
+    unit, (row, column) = np.eye(states, dtype=int), np.triu_indices(states)
+    exponents = np.vstack([unit[row] + unit[column], BASES[name](states)])
     exponents.setflags(write=False)
     return Basis(name, exponents)
-
-
-def _quadratic(states: int) -> np.ndarray:
-    unit = np.eye(states, dtype=int)
-    row, column = np.triu_indices(states)
-    return unit[row] + unit[column]
 
 
 def _paper(states: int) -> np.ndarray:

@@ -67,10 +67,49 @@ def stored_game(
     A structure with A and B is read where the file has neither at its top.
     Raises BadInputError, one line that names the file.
     """
-    found = read_arrays(path) if found is None else found
+    changes, found = {"Q": Q, "R": R, "delta": delta}, read_arrays(path) if found is None else found
     with said_of(path):
-        game = _game_in(found, Q=Q, R=R, delta=delta)
-    return game._replace(notes=tuple(f"{path}: {note}" for note in game.notes))
+        stored, notes = entries_of(found, {"A", "B"})
+        given = {key: stored[key] for key in MODEL_KEYS if key in stored}
+        if "disturbances" in stored:  # E is the wind's column in a file of `hfa linearize`, whose game is the paper's
+            given.pop("E", None)
+        given |= {key: value for key, value in changes.items() if value is not None}
+        for key in ("A", "B"):
+            if key not in given:
+                beside = "a model file holds A and B (.csv, .npy: A.csv with B.csv beside it)"
+                raise BadInputError(f"there is no {key}; {beside}{found_in(stored)}")
+            given[key] = checked_matrix(key, given[key], LARGEST)
+        (n, _), (rows, m) = given["A"].shape, given["B"].shape
+        if rows == 1 != n:
+            raise BadInputError(
+                f"B is one row, 1 x {m}; with {n} states it must have {n} rows: give one input as a column"
+            )
+        unused = sorted(set(stored) - {*MODEL_KEYS, *_NAMES})
+        if unused and not "".join(words(stored, "schema")[:1]).startswith("hfa."):
+            notes.append(f"{shortened(', '.join(unused), 200)} not used; a model file holds {', '.join(MODEL_KEYS)}")
+        missing = [key for key in MODEL_KEYS if key not in given]
+        taken = ", ".join(f"{key} {'the identity' if key == 'E' else 'as in the paper'}" for key in missing)
+        if missing:
+            wind = "disturbances" in stored and "E" in missing
+            absent = "its E is that of the wind and not used" if wind else f"there is no {', '.join(missing)}"
+            notes.append(f"{absent}; taken: {taken}")
+        names: dict[str, tuple[str, ...]] = {}
+        for key, size in zip(_NAMES, (n, m, n, m), strict=True):
+            named, is_unit = words(stored, key), key.endswith("units")
+            if len(named) == size and (is_unit or len(set(named)) == size):
+                names[key] = named
+            elif key in stored:
+                instead = "none is used" if is_unit else f"they are called {'xu'[key == 'inputs']}1 and so on"
+                notes.append(f"{key} has not one {'unit' if is_unit else 'name'} for each; {instead}")
+        given = _of_the_paper(names, n, m) | given
+        for key, size, of in (("Q", n, "states"), ("R", m, "inputs")):
+            if key not in given:
+                count = len(published_data()["game"][f"{key}_diag"])
+                said = f"the model has {size} {of} and the {key} of the paper is for {count}"
+                raise BadInputError(f"{said}; give {key} in the file or as an argument")
+        given["delta"] = one_number("delta", given["delta"])
+        noted = tuple(f"{path}: {note}" for note in notes)
+        return StoredGame(Game(**given), noted, names, _provenance(stored))
 
 
 def has_all(found: dict[str, Any], *names: str) -> bool:
@@ -93,47 +132,6 @@ def entries_of(found: dict[str, Any], needed: set[str]) -> tuple[dict[str, Any],
         said = shortened(str(dt.item() if dt.size == 1 else dt.tolist()))
         raise BadInputError(f"dt is {said}, a model in discrete time; give x' = A x + B u, dt = 0")
     return stored, notes
-
-
-def _game_in(found: dict[str, Any], **changes: Any) -> StoredGame:
-    stored, notes = entries_of(found, {"A", "B"})
-    given = {key: stored[key] for key in MODEL_KEYS if key in stored}
-    if "disturbances" in stored:
-        given.pop("E", None)  # the wind's column in a file of `hfa linearize`; the game of such a file is the paper's
-    given |= {key: value for key, value in changes.items() if value is not None}
-    for key in ("A", "B"):
-        if key not in given:
-            beside = "a model file holds A and B (.csv, .npy: A.csv with B.csv beside it)"
-            raise BadInputError(f"there is no {key}; {beside}{found_in(stored)}")
-        given[key] = checked_matrix(key, given[key], LARGEST)
-    (n, _), (rows, m) = given["A"].shape, given["B"].shape
-    if rows == 1 != n:
-        raise BadInputError(f"B is one row, 1 x {m}; with {n} states it must have {n} rows: give one input as a column")
-    unused = sorted(set(stored) - {*MODEL_KEYS, *_NAMES})
-    if unused and not "".join(words(stored, "schema")[:1]).startswith("hfa."):
-        notes.append(f"{shortened(', '.join(unused), 200)} not used; a model file holds {', '.join(MODEL_KEYS)}")
-    missing = [key for key in MODEL_KEYS if key not in given]
-    taken = ", ".join(f"{key} {'the identity' if key == 'E' else 'as in the paper'}" for key in missing)
-    if missing:
-        wind = "disturbances" in stored and "E" in missing
-        absent = "its E is that of the wind and not used" if wind else f"there is no {', '.join(missing)}"
-        notes.append(f"{absent}; taken: {taken}")
-    names: dict[str, tuple[str, ...]] = {}
-    for key, size in zip(_NAMES, (n, m, n, m), strict=True):
-        named, is_unit = words(stored, key), key.endswith("units")
-        if len(named) == size and (is_unit or len(set(named)) == size):
-            names[key] = named
-        elif key in stored:
-            instead = "none is used" if is_unit else f"they are called {'xu'[key == 'inputs']}1 and so on"
-            notes.append(f"{key} has not one {'unit' if is_unit else 'name'} for each; {instead}")
-    given = _of_the_paper(names, n, m) | given
-    for key, size, of in (("Q", n, "states"), ("R", m, "inputs")):
-        if key not in given:
-            count = len(published_data()["game"][f"{key}_diag"])
-            said = f"the model has {size} {of} and the {key} of the paper is for {count}"
-            raise BadInputError(f"{said}; give {key} in the file or as an argument")
-    given["delta"] = one_number("delta", given["delta"])
-    return StoredGame(Game(**given), tuple(notes), names, _provenance(stored))
 
 
 def one_number(name: str, value: Any) -> float:

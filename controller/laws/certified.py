@@ -186,9 +186,11 @@ def raise_disturbance(
         share = min(target, here.problem.share + step)
         trial = here._replace(problem=here.problem._replace(share=share))
         found, converged = iterate(equations, trial, normaliser, to_the_floor=False, most=8)
-        if converged and _is_stabilizing_solution(equations, found):
-            here, step = found, 2.0 * step
-            continue
+        if converged and equations.margin(found.weights, found.problem) > 0.0:
+            eigenvalues = np.linalg.eigvalsh(equations.basis.matrix(found.weights))
+            if eigenvalues[0] > -1e-12 * eigenvalues[-1]:  # but for rounding
+                here, step = found, 2.0 * step
+                continue
         step *= 0.5
         if step < max(SMALLEST_STEP * here.problem.share, NO_STEP):
             end = delta / np.sqrt(here.problem.share) if here.problem.share > 0.0 else np.inf
@@ -197,13 +199,6 @@ def raise_disturbance(
                 f" delta = {end:.6g}; raise delta above that, unless the smallest possible one (hfa solve) lies below"
             )
     return here
-
-
-def _is_stabilizing_solution(equations: StackEquations, point: Point) -> bool:
-    """Whether A - S_s P is Hurwitz and P >= 0 up to rounding."""
-    eigenvalues = np.linalg.eigvalsh(equations.basis.matrix(point.weights))
-    positive = eigenvalues[0] > -1e-12 * eigenvalues[-1]
-    return bool(positive and equations.margin(point.weights, point.problem) > 0.0)
 
 
 #: Where the learning stands, n_j of its stage (N_h,), and the discount of the start, 1/s.

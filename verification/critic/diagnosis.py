@@ -164,7 +164,12 @@ def diagnose(
     )
     named = value.named([*of_weights, *repairs(game, value)])[1]
     named = named or value.named(_other_games(value, others()))[1]
-    return named or (_another_root(game, P) if together else _NOT_TOGETHER)
+    units, abscissa = balanced_units(game), spectrum(game.A - game.S @ P).abscissa
+    residual = relative_residual(in_units(game, units), P * np.outer(units, units))
+    if named or not together or residual > _ROOT or abscissa < 0.0:
+        return named or ("" if together else _NOT_TOGETHER)
+    said = f"its residual is {residual:.2g}, but A - S P is not Hurwitz (abscissa {abscissa:+.3g} 1/s)"
+    return f"this is another root of the Riccati equation: {said}"
 
 
 def repaired(game: Game, P: np.ndarray, K: np.ndarray, candidate: Candidate) -> str:
@@ -349,18 +354,6 @@ def _order(given: np.ndarray, exact: np.ndarray, weights: np.ndarray, *, both: b
         else:
             away = np.sum(((given[:, None] - exact[None]) * weights[None]) ** 2, axis=-1)
     return np.asarray(linear_sum_assignment(np.nan_to_num(away, nan=1e300, posinf=1e300))[1])
-
-
-def _another_root(game: Game, P: np.ndarray) -> str:
-    units = balanced_units(game)
-    residual = relative_residual(in_units(game, units), P * np.outer(units, units))
-    abscissa = spectrum(game.A - game.S @ P).abscissa
-    if residual > _ROOT or abscissa < 0.0:
-        return ""
-    return (
-        f"this is another root of the Riccati equation: its residual is {residual:.2g}, but A - S P is not Hurwitz "
-        f"(abscissa {abscissa:+.3g} 1/s)"
-    )
 
 
 class _Family(NamedTuple):

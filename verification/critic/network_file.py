@@ -96,11 +96,6 @@ def _each(function: Callable[..., Any]) -> Callable[..., np.ndarray]:
     return np.vectorize(function, otypes=[object])
 
 
-def _softplus(x: Any) -> Any:
-    """log(1 + exp(x)), smooth at 0; beyond 40, x to the last digit."""
-    return ca.if_else(x > 40.0, x, ca.log1p(ca.exp(ca.fmin(x, 40.0))))
-
-
 def _gelu(x: Any, approximate: str = "none") -> Any:
     if approximate == "tanh":
         return 0.5 * x * (1.0 + ca.tanh(math.sqrt(2.0 / math.pi) * (x + 0.044715 * x**3)))
@@ -113,7 +108,8 @@ ACTIVATIONS: Mapping[str, Callable[..., np.ndarray]] = {
     "relu": _each(lambda x: ca.fmax(x, 0.0)),
     "leaky_relu": _each(lambda x, alpha=0.01: ca.fmax(x, 0.0) + alpha * ca.fmin(x, 0.0)),
     "sigmoid": _each(lambda x: 0.5 + 0.5 * ca.tanh(0.5 * x)),  # exp(-x) overflows, and its derivative is then nan
-    "softplus": _each(_softplus),
+    # log(1 + exp(x)), smooth at 0; beyond 40, x to the last digit.
+    "softplus": _each(lambda x: ca.if_else(x > 40.0, x, ca.log1p(ca.exp(ca.fmin(x, 40.0))))),
     "elu": _each(lambda x, alpha=1.0: ca.fmax(x, 0.0) + alpha * ca.expm1(ca.fmin(x, 0.0))),
     "gelu": _each(_gelu),
     "silu": _each(lambda x: x * (0.5 + 0.5 * ca.tanh(0.5 * x))),
@@ -158,10 +154,6 @@ def _unsqueezed(x: np.ndarray, axes: Any) -> np.ndarray:
     return x
 
 
-def _flatten(x: np.ndarray, axis: int = 1) -> np.ndarray:
-    return x.reshape(math.prod(x.shape[:axis]), -1)
-
-
 def _cast(x: np.ndarray, to: int, **_: Any) -> np.ndarray:
     if to not in (1, 7, 11) or (to == 7) != (np.asarray(x).dtype.kind == "i"):  # float, int64, double
         raise BadInputError("a Cast goes to another type than float and double; export the network without it")
@@ -183,7 +175,7 @@ OPERATORS: Mapping[str, Callable[..., Any]] = {
     "Abs": _each(ca.fabs),
     "Clip": _clip,
     "Reshape": lambda x, shape, allowzero=0: _reshape(x, shape),
-    "Flatten": _flatten,
+    "Flatten": lambda x, axis=1: x.reshape(math.prod(x.shape[:axis]), -1),
     "Squeeze": lambda x, axes=None: np.squeeze(x, None if axes is None else tuple(map(int, axes))),
     "Unsqueeze": _unsqueezed,
     "Pow": lambda a, b: a**b,
