@@ -16,7 +16,6 @@ import numpy as np
 
 from controller.game.zero_sum import Game
 from controller.riccati.balancing import spectrum
-from hfa_model.vectors import LINEAR_STATES
 from hfa_support.errors import BadInputError
 from hfa_support.reporting.fields import Shown
 
@@ -38,10 +37,6 @@ class Exosystem(Shown):
 
         return expm(self.omega * t) @ self.w0
 
-    def reference(self, t: float) -> np.ndarray:
-        """x_d(t), (n,)."""
-        return self.C @ self.state(t)
-
     def forcing(self, A: np.ndarray) -> np.ndarray:
         """G with r = G w:  G = A C - C Ω, (n, p)."""
         return A @ self.C - self.C @ self.omega
@@ -58,15 +53,6 @@ def exosystem(constant: np.ndarray, slope: np.ndarray, *harmonics: tuple[float, 
     omega = block_diag(np.array([[0.0, 0.0], [1.0, 0.0]]), *waves)
     columns = [constant, slope, *(each for _, *both in harmonics for each in both)]
     return Exosystem(omega, np.column_stack(columns), np.array([1.0, 0.0] + [0.0, 1.0] * len(harmonics)))
-
-
-def paper_reference() -> Exosystem:
-    """x_d(t) = [7 + 0.01 t + 2 sin 0.5 t, 0.1, 0, 0, 0.5, 0], ft/s and rad (paper Section 5.1)."""
-    constant, slope, sine = np.zeros((3, len(LINEAR_STATES)))
-    speed, alpha, dihedral = (LINEAR_STATES.index(name) for name in ("speed", "alpha", "dihedral"))
-    constant[[speed, alpha, dihedral]] = 7.0, 0.1, 0.5
-    slope[speed], sine[speed] = 0.01, 2.0
-    return exosystem(constant, slope, (0.5, sine, np.zeros_like(sine)))
 
 
 def exosystem_feedforward(game: Game, P: np.ndarray, reference: Exosystem) -> np.ndarray:

@@ -15,7 +15,6 @@ from controller.policy import paper_flight
 from controller.policy.signals import Harmonic
 from studies.section5.configuration import section5_configuration
 from studies.section5.critic_policy import forcing
-from studies.section5.feedforward import paper_reference
 from studies.section5.flights import (
     CERTIFIED,
     CERTIFIED_FF,
@@ -74,7 +73,6 @@ def test_the_signals_are_those_that_the_paper_prints() -> None:
     np.testing.assert_allclose(configuration.noise.at(t), n, rtol=1e-12)
     reference = configuration.reference
     np.testing.assert_allclose(reference.at(t), [7.03 + 2.0 * np.sin(1.5), 0.1, 0.0, 0.0, 0.5, 0.0], rtol=1e-12)
-    np.testing.assert_allclose(paper_reference().reference(t), reference.at(t), atol=1e-12)
 
 
 @pytest.mark.parametrize(
