@@ -123,11 +123,10 @@ def loop_margins(loop: ServoLoop, inputs: tuple[str, ...], sensors: tuple[str, .
         for i, name in enumerate(names)
     ]
     loci = np.linalg.eigvals(np.linalg.inv(at_inputs)) - 1.0
-    orders = [list(each) for each in itertools.permutations(range(loci.shape[1]))]
-    for k in range(1, len(loci)):  # in the order of the ones before
-        apart = [np.abs(loci[k][order] - loci[k - 1]).sum() for order in orders]
-        loci[k] = loci[k][orders[int(np.argmin(apart))]]
-    return (*single, _margin_of(TOGETHER, loci, grid))
+    orders = np.array(list(itertools.permutations(range(loci.shape[1]))))
+    nearest = orders[np.abs(loci[1:, orders] - loci[:-1, None]).sum(axis=2).argmin(axis=1)]
+    followed = list(itertools.accumulate(nearest, lambda before, step: step[before], initial=orders[0]))
+    return (*single, _margin_of(TOGETHER, np.take_along_axis(loci, np.array(followed), 1), grid))
 
 
 def _margin_of(name: str, loops: np.ndarray, grid: np.ndarray) -> LoopMargin:

@@ -154,7 +154,7 @@ def requirements(aircraft: Aircraft, controller: ScheduledController) -> Report:
             1, 0, at_11.point
         )
         quiet = flown(aircraft, at_11, controller, acting, duration=60.0, tick=STEP, samples=noisy.samples)
-        rates = np.degrees(np.abs(np.diff(quiet.flight.inputs, axis=0)) / STEP)
+        rates = np.degrees(np.abs(np.diff(quiet.flight.inputs[:, 1:], axis=0)) / STEP)  # without the throttle
         found.append({"what": f"noise: surface rate{words}/s", "asked": 4.0, "reached": float(rates.max())})
     rows = [(each["what"], f"{each['asked']:g}", f"{each['reached']:.3g}", each.get("where", "")) for each in found]
     title = f"Requirements of controller {controller.name}, {controller.dynamics} dynamics"

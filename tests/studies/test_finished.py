@@ -14,40 +14,18 @@ from studies.finished import finished, stamped
 DECIDES = {"seed": 1, "angles": [5.0, 15.0]}
 
 
-@pytest.fixture
-def part(tmp_path: Path) -> Path:
+def test_a_part_is_read_where_nothing_that_decides_it_differs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "part.json"
     path.write_text(json.dumps(stamped({"result": 3.5, "lost": np.inf}, DECIDES)), encoding="utf-8")
-    return path
-
-
-def test_a_part_of_today_is_read(part: Path) -> None:
-    found = finished(part, DECIDES)
-    assert found == stamped({"result": 3.5, "lost": None}, DECIDES)
-    assert found.keys() == {"result", "lost", "toolchain", "identity", "digest"}
-    assert finished(part, dict(reversed(DECIDES.items()))) is not None
-
-
-@pytest.mark.parametrize("decides", [{**DECIDES, "seed": 2}, {**DECIDES, "step": 0.1}, {"seed": 1}])
-def test_what_others_decided_is_not(part: Path, decides: dict[str, object]) -> None:
-    assert finished(part, decides) is None
-
-
-def test_another_version_is_not(part: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert finished(path, dict(reversed(DECIDES.items()))) == stamped({"result": 3.5, "lost": None}, DECIDES)
+    for other in ({**DECIDES, "seed": 2}, {**DECIDES, "step": 0.1}, {"seed": 1}):
+        assert finished(path, other) is None
+    whole = path.read_text(encoding="utf-8")
+    damaged = [whole.replace(*each) for each in (("3.5", "3.6"), ("result", "resuld"), (', "lost": null', ""))]
+    for text in (*damaged, "", "[1]", '"text"', "{}", '{"toolchain": 1}', "{"):
+        path.write_text(text, encoding="utf-8")
+        assert finished(path, DECIDES) is None
+    path.write_text(whole, encoding="utf-8")
     monkeypatch.setattr(module, "toolchain_version", lambda: "0.0.1")
-    assert finished(part, DECIDES) is None
-
-
-@pytest.mark.parametrize(("written", "damaged"), [("3.5", "3.6"), ("result", "resuld"), (', "lost": null', "")])
-def test_a_damaged_one_is_not(part: Path, written: str, damaged: str) -> None:
-    text = part.read_text(encoding="utf-8")
-    assert text.count(written) == 1
-    part.write_text(text.replace(written, damaged), encoding="utf-8")
-    assert finished(part, DECIDES) is None
-
-
-@pytest.mark.parametrize("text", ["", "[1]", '"text"', "{}", '{"toolchain": 1}', "{"])
-def test_what_is_no_part_is_not(part: Path, text: str) -> None:
-    part.write_text(text, encoding="utf-8")
-    assert finished(part, DECIDES) is None
-    assert finished(part.with_name("none.json"), DECIDES) is None
+    assert finished(path, DECIDES) is None
+    assert finished(path.with_name("none.json"), DECIDES) is None

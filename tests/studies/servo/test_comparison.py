@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import subprocess
 import sys
 from pathlib import Path
 from typing import Any
@@ -15,6 +14,7 @@ from project import ROOT
 from controller import save_controller
 from hfa_model import Aircraft
 from hfa_support import BadInputError
+from studies.servo.__main__ import main
 from studies.servo.comparison import CASES, ServoFlight, fly_case, laws_of, rows_of
 from studies.servo.simvfa import reference_servo
 
@@ -28,33 +28,32 @@ def errors(flight: ServoFlight) -> tuple[float, float]:
     return float(np.degrees(angle.rms)), acceleration.rms
 
 
-def run(folder: Path, *words: str, code: int = 0) -> str:
-    command = [sys.executable, "-m", "studies.servo", *words]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
-    assert done.returncode == code, done.stderr
-    return done.stdout or done.stderr
-
-
-def test_a_case_is_flown_kept_and_resumed(tmp_path: Path, published_aircraft: Aircraft) -> None:
+def test_a_case_is_flown_kept_and_resumed(
+    tmp_path: Path, published_aircraft: Aircraft, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     """In 15 s of the fault the paper's policy is lost as findings.md has it; --resume flies nothing again."""
+
+    def run(*words: str, code: int = 0) -> str:
+        monkeypatch.setattr(sys, "argv", ["studies.servo", *words])
+        assert main() == code
+        return "".join(capsys.readouterr())
+
     save_controller(tmp_path / "own.npz", reference_servo(published_aircraft, "simvfa-1", np.radians([10.0, 13.0])))
     words = ("fly", "order-1-fault", "-o", str(tmp_path / "out"), "--duration", "15", "--law", "paper")
     words = (*words, "--controller", str(tmp_path / "own.npz"), "--law", str(tmp_path / "own.npz"), "--json")
-    first = json.loads(run(tmp_path, *words))
+    first = json.loads(run(*words))
     (case,) = first["cases"]
     own, paper = case["flights"]
     assert (own["lost_at"], paper["left"]) == (None, "pitch_rate")
     assert "  ".join(rows_of(case)[1][1:2]) in FINDINGS
     kept = tmp_path / "out" / "order-1-fault.json"
     before = kept.stat().st_mtime_ns
-    assert json.loads(run(tmp_path, *words, "--resume")) == first
+    assert json.loads(run(*words, "--resume")) == first
     assert (kept.stat().st_mtime_ns, (tmp_path / "out" / "order-1-fault.png").is_file()) == (before, True)
-    damaged = kept.read_text("utf-8").replace("pitch_rate", "pitch", 1)
-    kept.write_text(damaged, encoding="utf-8")
-    again = json.loads(run(tmp_path, *words, "--resume"))["cases"][0]
-    assert (again["flights"], kept.read_text("utf-8") != damaged) == (case["flights"], True)
-    assert run(tmp_path, "fly", "order-3", "-o", "out", code=2).count("\n") == 1
-    assert "end after 1051 s" in run(tmp_path, "fly", "order-1", "-o", "out", "--duration", "1e5", code=2)
+    kept.write_text(kept.read_text("utf-8").replace("pitch_rate", "pitch", 1), encoding="utf-8")
+    assert json.loads(run(*words, "--resume"))["cases"][0]["flights"] == case["flights"]
+    assert run("fly", "order-3", "-o", "out", code=2).count("\n") == 1
+    assert "end after 1051 s" in run("fly", "order-1", "-o", "out", "--duration", "1e5", code=2)
     with pytest.raises(BadInputError, match="order 2 has no law 'simvfa-1'; choose from simvfa-2, simvfa"):
         laws_of(2, {}, ("simvfa-1",))
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from learning_samples import PUBLISHED, QUADRATIC, lq, published, stable_game
+from learning_samples import QUADRATIC, lq, published, stable_game
 from reference_riccati import relative_error
 
 from controller import basis, run
@@ -61,7 +61,7 @@ def test_each_iteration_is_the_value_of_the_last_policies(form: str) -> None:
         assert relative_error(after, value_of_policies(law.target, before)) < 1e-9
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_game_of_the_stable_model_from_nothing(seed: int) -> None:
     game, exact = published("published-5")
     result = learn_by_integrals(game, seed)
@@ -74,23 +74,15 @@ def test_game_of_the_stable_model_from_nothing(seed: int) -> None:
     assert result.times[0] == pytest.approx(8.0)
 
 
-@pytest.mark.parametrize("name", PUBLISHED)
-def test_lq_form_ignores_the_disturbance_weight(name: str) -> None:
-    game, _ = published(name)
-    _, exact = lq(name)
-    start = tuple(QUADRATIC.weights(1.5 * exact.P))
-    result = learn_by_integrals(game, form="lqr", initial_weights=start)
-    assert result.outcome == "converged"
-    assert relative_error(result.P, exact.P) < 1e-9
-
-
 def test_an_unstable_plant_needs_a_stabilizing_start() -> None:
+    """The aircraft alone is unstable at 15 deg: the law starts from the policy that keeps it flying."""
     game, exact = published("published-15")
     from_nothing = learn_by_integrals(game)
     assert from_nothing.outcome.startswith("failed: abscissa of A - S P")
     assert relative_error(from_nothing.P, exact.P) > 0.05
-    start = tuple(QUADRATIC.weights(1.5 * lq("published-15")[1].P))
-    assert learn_by_integrals(game, initial_weights=start).converged
+    found = learn_by_integrals(game, initial_weights=baseline_weights(game))
+    assert found.converged
+    assert relative_error(found.K, exact.K) < 1e-5
 
 
 @pytest.mark.parametrize("form", ["game", "lqr"])
@@ -115,25 +107,19 @@ def test_learning_does_not_read_A(monkeypatch: pytest.MonkeyPatch) -> None:
     assert np.array_equal(run(other).history["weights"], run(law).history["weights"])
 
 
-def test_too_poor_a_flight_is_refused() -> None:
+def test_data_without_a_result_are_refused() -> None:
     game, _ = published("published-5")
-    with pytest.raises(BadInputError, match="20 intervals cannot determine 21 weights"):
-        learn_by_integrals(game, intervals=20)
-    with pytest.raises(BadInputError, match=r"the flight has rank \d+ of 21"):
-        learn_by_integrals(game, intervals=21, interval=1e-4)
-
-
-def test_a_policy_without_value_breaks_down() -> None:
-    """Weights that have run away: the cost of their policies overflows."""
+    for chosen, why in (
+        ({"intervals": 20}, "20 intervals cannot determine 21 weights"),
+        ({"intervals": 21, "interval": 1e-4}, r"the flight has rank \d+ of 21"),
+        ({"interval": 1000.0}, r"grows beyond 1e\+100; make interval"),
+    ):
+        with pytest.raises(BadInputError, match=why):
+            learn_by_integrals(published("published-15")[0] if "grows" in why else game, **chosen)
     law = stable_learning()
-    memory = law.start() | {"weights": np.array([1e200, 0.0, 1e200])}
+    memory = law.start() | {"weights": np.array([1e200, 0.0, 1e200])}  # the cost of their policies overflows
     with pytest.raises(NoSolutionError, match="broke down at iteration 8: the policy it evaluates has no value"):
         law.advance(7, memory)
-
-
-def test_a_flight_that_leaves_all_bounds_is_refused() -> None:
-    with pytest.raises(BadInputError, match=r"flight of 40000 s grows beyond 1e\+100; make interval"):
-        learn_by_integrals(published("published-15")[0], interval=1000.0)
 
 
 def test_probing_flight_obeys_the_plant() -> None:
@@ -152,11 +138,3 @@ def test_probing_flight_obeys_the_plant() -> None:
     assert np.abs(flown - z).max() < 1e-8
     assert 0.0 < np.abs(u).max() <= 0.3
     assert 0.0 < np.abs(d).max() <= 0.2
-
-
-def test_at_15_degrees_it_learns_from_the_baseline() -> None:
-    """The aircraft alone is unstable there: the law starts from the policy that keeps it flying."""
-    game, exact = published("published-15")
-    found = learn_by_integrals(game, initial_weights=baseline_weights(game))
-    assert found.converged
-    assert relative_error(found.K, exact.K) < 1e-5

@@ -75,12 +75,6 @@ def test_two_rows_run_again_are_the_same_and_are_kept(tmp_path: Path, capsys: py
     assert file.read_bytes() == whole
 
 
-def test_an_unknown_row_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit, match="2"):
-        main(["--only", "sarsa"])
-    assert "no row's name contains sarsa; there are: theorem gains, explicit;" in capsys.readouterr().err
-
-
 def test_another_outcome_is_seen() -> None:
     row = COMMITTED[FROZEN]
     assert_same_outcome(row, row)
