@@ -184,14 +184,12 @@ def test_a_section_is_run_kept_and_drawn(tmp_path: Path, monkeypatch: pytest.Mon
     assert section5.main([*words, "--resume"]) in (0, 1)
     again = json.loads((tmp_path / "claims.json").read_text())
     assert again | {"provenance": None} == table | {"provenance": None}
-    for name in ("figure-22.npz", "figure-23.png"):
-        path = tmp_path / "5.4" / name
-        whole = path.read_bytes()
-        for damaged in (b"", whole[: len(whole) // 2]):
-            path.write_bytes(damaged)
-            with pytest.raises(AssertionError, match="run again"):
-                section5.main([*words, "--resume"])
-        path.write_bytes(whole)
+    picture = tmp_path / "5.4" / "figure-22.npz"
+    whole = picture.read_bytes()
+    picture.write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(AssertionError, match="run again"):
+        section5.main([*words, "--resume"])
+    picture.write_bytes(whole)
     result = tmp_path / "5.4" / "result.json"
     result.write_text(result.read_text().replace('"delta_squared": 40000.0', '"delta_squared": 40001.0', 1))
     with pytest.raises(AssertionError, match="run again"):

@@ -10,10 +10,7 @@ import numpy as np
 import pytest
 from flight_cases import seen
 
-from controller import Scenario, Signal, basis as basis_of, published_game, random_pool
-from controller.flight.closed_loop import ClosedLoop
-from controller.flight.plants import LinearPlant
-from controller.flight.simulation import CompiledLoop
+from controller import Signal, published_game, random_pool
 from controller.policy.signals import Harmonic, zero
 from hfa_model import published_models
 from hfa_support import BadInputError
@@ -27,7 +24,6 @@ from studies.update_law.published_law import (
     published_law,
     update_direction,
 )
-from verification import solve_game
 
 REFERENCE = Signal(
     np.array([7.0, 0.1, 0.0, 0.0, 0.5, 0.0]),
@@ -118,42 +114,3 @@ def test_forcing_is_the_rate_that_a_reference_adds() -> None:
 def test_policies_that_are_re_evaluated_are_refused() -> None:
     with pytest.raises(BadInputError, match="re-evaluated"):
         CriticPolicy(law_with(stack_policies="reevaluated"), zero(6))
-
-
-def test_it_flies_as_an_adaptive_integrator_says() -> None:
-    """With η near 0 the powers are nearly linear and both integrators keep their order.
-
-    With the paper's 0.8 the right side has no derivative where a residual is 0, and an adaptive integrator takes
-    steps of nanoseconds there: that flight has no reference solution to compare with.
-    """
-    from scipy.integrate import solve_ivp
-
-    model = published_models()[1]
-    game = published_game(model.A, model.B)
-    start = solve_game(replace(game, Q=1000.0 * np.eye(6), delta=np.inf)).P
-    weights = tuple(basis_of("quadratic", 6).weights(start).tolist())
-    law = law_with(
-        1,
-        gains=(3.0, 3.0),
-        coordinates="scaled",
-        basis="quadratic",
-        eta=0.05,
-        initial_weights=weights,
-        recorded_weights=weights,
-    )
-    scenario = Scenario(0.3, 1e-4, 0.01, reference=REFERENCE)
-    loop = CompiledLoop(ClosedLoop(LinearPlant(game.A, game.B), CriticPolicy(law, zero(6)), scenario))
-    x, W, on = np.array([5.0, 0.05, 0.0, 0.0, 0.0, 0.0]), law.start()["weights"], np.ones(1)
-    flight = loop.fly(x, lambda tick: on, memory=W)
-    adaptive = solve_ivp(
-        lambda t, y: np.array(loop.rate(t, y, on)).ravel(),
-        (0.0, flight.times[-1]),
-        np.concatenate([x, W]),
-        method="DOP853",
-        rtol=1e-11,
-        atol=1e-13,
-        t_eval=flight.times[::100],
-    )
-    fixed = np.hstack([flight.states, flight.memory])[::100].T
-    assert np.all(np.abs(fixed - adaptive.y).max(axis=1) <= 1e-6 * np.abs(adaptive.y).max(axis=1))
-    assert np.abs(flight.memory[-1] / W - 1.0).max() > 0.1  # it learned on the way

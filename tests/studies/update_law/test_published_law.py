@@ -13,7 +13,7 @@ from reference_riccati import reference_solution, relative_error
 from controller import Game, basis, run
 from controller.game.learning_result import LearningResult
 from hfa_model.printed_matrices import published_data
-from hfa_support import BadInputError, NoSolutionError
+from hfa_support import NoSolutionError
 from studies.update_law.published_law import (
     PublishedLaw,
     PublishedSettings,
@@ -224,15 +224,3 @@ def test_gains_by_hand_fly_with_the_plant_and_end_uncertified() -> None:
     assert result.diagnostics["alpha2"] == 2.0
     assert result.diagnostics["lambda_0"] == law.theorem.lambda_0
     assert result.times == pytest.approx([0.0, 0.01, 0.02, 0.03, 0.04, 0.05])
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"normalisation": "none"}, "normalisation is 'none'; choose from root, squared"),
-        ({"integrator": "proximal", "flight_start": (1.0, 2.0)}, "flight_start needs integrator 'explicit'"),
-    ],
-)
-def test_settings_without_meaning_are_refused(options: dict[str, Any], message: str) -> None:
-    with pytest.raises(BadInputError, match=message):
-        PublishedSettings(**options)
