@@ -61,9 +61,8 @@ MACHINE_CODE = "monte-carlo --dihedral 15 --law exact --samples 3 --duration 0.1
 @pytest.mark.parametrize(
     ("words", "home"),
     [
-        (PICTURE, "read-only"),
         (MACHINE_CODE, "unset"),
-        *(pytest.param(PICTURE, home, marks=pytest.mark.slow) for home in ("a file", "unset", "missing")),
+        *(pytest.param(PICTURE, home, marks=pytest.mark.slow) for home in ("read-only", "a file", "unset", "missing")),
         *(pytest.param(MACHINE_CODE, home, marks=pytest.mark.slow) for home in ("missing", "read-only", "a file")),
     ],
 )

@@ -21,6 +21,7 @@ def _coarse_edges(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(recoverable, "_HALVINGS", 3)  # test_recoverable_map.py has them as fine as they are
 
 
+@pytest.mark.slow
 def test_the_command_draws_the_map_of_both_sets_of_equations(tmp_path: Path, gain: np.ndarray) -> None:
     picture, table = tmp_path / "map.svg", tmp_path / "map.csv"
     words = (*MAP[:3], *MAP[5:], "--command", "dihedral=-10,10", "--weights", stored(tmp_path / "K.npz", K=gain))

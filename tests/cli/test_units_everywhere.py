@@ -157,6 +157,7 @@ def test_a_critic_in_other_units_is_the_same_critic(suffix: str, tmp_path: Path)
         assert result.code == 0, (result.out, result.err)
 
 
+@pytest.mark.slow
 def test_weights_over_time_in_the_units_of_their_columns(tmp_path: Path) -> None:
     """A table says its units in the names of its columns; without them they are those of the plant."""
     file = tmp_path / "run.csv"
