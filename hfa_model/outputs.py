@@ -6,7 +6,7 @@ accelerometer fixed to the panel, so that steady level flight has a load factor 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
 from typing import NamedTuple
 
 import casadi as ca
@@ -49,9 +49,23 @@ def moment_of(
     return Moment(x, u, p, winds, loads, rates_from_loads(x, loads, p, variant))
 
 
-def outputs_of(moment: Moment) -> dict[str, Quantity]:
-    """Every output at a moment, by name."""
-    return {name: each.of(moment) for name, each in OUTPUTS.items()}
+class outputs_of(Mapping[str, Quantity]):  # a function to its callers
+    """Every output at a moment, by name; each is computed when it is looked up."""
+
+    def __init__(self, moment: Moment) -> None:
+        self._moment = moment
+
+    def __getitem__(self, name: str) -> Quantity:
+        return OUTPUTS[name].of(self._moment)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(OUTPUTS)
+
+    def __len__(self) -> int:
+        return len(OUTPUTS)
+
+    def __contains__(self, name: object) -> bool:
+        return name in OUTPUTS
 
 
 def unit_of(name: str) -> str:

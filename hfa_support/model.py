@@ -387,11 +387,11 @@ class Layout(NamedTuple):
     def expressions(self, vectors: Sequence[Any], outputs: Sequence[str], w: Any = None) -> tuple[ca.SX, ca.SX]:
         """f (n,) and the named outputs or states (k,) at the components of x, u, p; without disturbances unless given.
         BadInputError as in `_symbolic`."""
-        symbols, f, y = _symbolic(self, w is None)
-        states, found = self.names[0], self.names[4]
-        chosen = [symbols[0][states.index(name)] if name in states else y[found.index(name)] for name in outputs]
+        symbols, f, found = _symbolic(self, w is None)
+        states = self.names[0]
+        chosen = [symbols[0][states.index(name)] if name in states else found[name] for name in outputs]
         columns = [ca.vertcat(ca.SX(0, 1), *each) for each in (*vectors, *[w] * (w is not None))]
-        f, y = ca.substitute([f, ca.vertcat(ca.SX(0, 1), *chosen)], symbols, columns)
+        f, y = ca.substitute([f, ca.densify(ca.SX(ca.vertcat(ca.SX(0, 1), *chosen)))], symbols, columns)
         return f, y
 
     def in_variables(self, values: Mapping[str, Any], p: ca.SX, outputs: Sequence[str]) -> list[ca.SX]:
@@ -421,9 +421,9 @@ def components(vector: ca.SX) -> list[ca.SX]:
 
 
 @lru_cache(maxsize=16)
-def _symbolic(layout: Layout, still: bool) -> tuple[list[ca.SX], ca.SX, ca.SX]:
-    """Symbols x, u, p, w (none of w where the air is still) and, in these, f and all outputs: building them takes
-    longer than all that is made of them. BadInputError names what the equations leave out."""
+def _symbolic(layout: Layout, still: bool) -> tuple[list[ca.SX], ca.SX, Mapping[str, Any]]:
+    """Symbols x, u, p, w (none of w where the air is still) and, in these, f and the outputs by name: they take longer
+    to build than all that is made of them. BadInputError names what the equations leave out."""
     vectors = layout.symbols(*list(VECTORS)[: 3 if still else 4])
     given = [*map(components, vectors), *[[0.0] * len(layout.names[3])] * still]
     named = [layout.record(*each) for each in zip(VECTORS, given, strict=True)]
@@ -439,14 +439,13 @@ def _symbolic(layout: Layout, still: bool) -> tuple[list[ca.SX], ca.SX, ca.SX]:
             f"{layout.name}: the equations return {shown(returned)}; return rates by state and outputs by name, two "
             "dicts (algebraic residuals are not supported: solve them, or make what they determine a state)"
         )
-    parts = []
-    for kind, values, names in zip(("rate", "output"), returned, (layout.names[0], layout.names[4]), strict=True):
+    rates, found = returned
+    for kind, values, names in (("rate", rates, layout.names[0]), ("output", found, layout.names[4])):
         for name in (*names, *values):
             if name not in values:
                 raise BadInputError(f"{layout.name}: the equations return no {kind} of {name}; add it")
             refuse_unknown(f"{layout.name}: the equations return the undeclared {kind}", name, names)
-        parts.append(ca.densify(ca.SX(ca.vertcat(ca.SX(0, 1), *(values[name] for name in names)))))
-    return vectors, parts[0], parts[1]
+    return vectors, ca.densify(ca.SX(ca.vertcat(*(rates[name] for name in layout.names[0])))), found
 
 
 @lru_cache(maxsize=64)

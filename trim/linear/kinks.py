@@ -24,6 +24,9 @@ def switches(layout: Layout) -> ca.Function | None:
     over at s = 0, in the order of the instructions. None without any."""
     vectors = layout.symbols("x", "u", "p")
     function = ca.Function("f", vectors, [layout.expressions(list(map(components, vectors)), ())[0]])
+    every = {function.instruction_id(k) for k in range(function.n_instructions())}
+    if not every & {*_ONE, *_TWO, *_WHOLE}:
+        return None
     found, work = [], [ca.SX(0)] * function.sz_w()
     for k in range(function.n_instructions()):
         op, of, to = function.instruction_id(k), function.instruction_input(k), function.instruction_output(k)
