@@ -57,8 +57,6 @@ class StackEquations:
     states: np.ndarray
     drifts: np.ndarray
     gradient: np.ndarray
-    S_control: np.ndarray
-    S_disturbance: np.ndarray
     control: np.ndarray
     disturbance: np.ndarray
     Q: np.ndarray
@@ -75,8 +73,6 @@ class StackEquations:
             states=states,
             drifts=drifts,
             gradient=basis.gradient(states),
-            S_control=game.S_control / outer,
-            S_disturbance=game.S_disturbance / game.delta**2 / outer,
             control=control_root(game) / scales[:, None],
             disturbance=game.E / game.delta / scales[:, None],
             Q=game.Q * outer,
@@ -87,11 +83,6 @@ class StackEquations:
         """Richness of the stack at scaled weights (M,), with the policies of the game."""
         with np.errstate(over="ignore"):  # regressors that overflow when squared count as nothing
             return excitation(self.at(weights, GAME).regressors, self.basis.psi(self.states))
-
-    @cached_property
-    def S(self) -> np.ndarray:
-        """S_u - S_d/δ² of the game itself, (n, n)."""
-        return self.S_control - self.S_disturbance
 
     def at(self, weights: np.ndarray, problem: PartialGame) -> Residuals:
         """Regressors and residuals of all samples at scaled weights (M,), which are not written to afterwards.

@@ -219,6 +219,17 @@ class PublishedLaw:
         return StackEquations.build(self.game, self.basis, self.stack, scales)
 
     @cached_property
+    def _S_control(self) -> np.ndarray:
+        """S_u, (n, n), in the coordinates of the law."""
+        return self.game.S_control / np.outer(self.equations.scales, self.equations.scales)
+
+    @cached_property
+    def _S(self) -> np.ndarray:
+        """S_u - S_d/δ² of the game itself, (n, n)."""
+        outer = np.outer(self.equations.scales, self.equations.scales)
+        return self._S_control - self.game.S_disturbance / self.game.delta**2 / outer
+
+    @cached_property
     def _costs(self) -> np.ndarray:
         """z'Qz of the recorded samples, (N_h,)."""
         e = self.equations
@@ -228,7 +239,7 @@ class PublishedLaw:
     def _stored(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """σ_j, the cost, n_j and σ̄_j of the stored policies; none depends on the current weights."""
         e, policy = self.equations, self._scaled(self.settings.recorded_weights)
-        regressors, costs = bellman(e.gradient, e.drifts, self._costs, e.S, np.zeros(e.basis.size), policy)
+        regressors, costs = bellman(e.gradient, e.drifts, self._costs, self._S, np.zeros(e.basis.size), policy)
         n = normaliser(regressors, self.settings.normalisation)
         return regressors, costs, n, regressors / n[:, None]
 
@@ -239,7 +250,7 @@ class PublishedLaw:
         """
         if self.settings.stack_policies == "reevaluated":
             e = self.equations
-            return bellman(e.gradient, e.drifts, self._costs, e.S, weights, weights)
+            return bellman(e.gradient, e.drifts, self._costs, self._S, weights, weights)
         regressors, costs, *_ = self._stored
         return regressors, regressors @ weights + costs
 
@@ -262,7 +273,7 @@ class PublishedLaw:
             return stored
         z = error[None, :]
         costs = ((z @ e.Q) * z).sum(axis=-1)
-        now = self._normalised(*bellman(self.basis.gradient(z), z @ self._plant.T, costs, e.S, weights, weights))
+        now = self._normalised(*bellman(self.basis.gradient(z), z @ self._plant.T, costs, self._S, weights, weights))
         return Sample(*(np.concatenate(pair) for pair in zip(now, stored, strict=True)))
 
     @cached_property
@@ -354,7 +365,7 @@ class PublishedLaw:
         if len(error) == 0:
             return new, error
         value_gradient = self.basis.gradient(error[None, :])[0].T @ weights
-        rate = (error[None, :] @ self._plant.T)[0] - 0.5 * self.equations.S_control @ value_gradient
+        rate = (error[None, :] @ self._plant.T)[0] - 0.5 * self._S_control @ value_gradient
         return new, error + s.step * rate
 
     def _overflow(self, step: int) -> str:

@@ -32,7 +32,7 @@ def exact_direction(game: Game, equations: StackEquations, weights: np.ndarray) 
     A = game.A * equations.scales[None, :] / equations.scales[:, None]
     with mpmath.workdps(60):
         A_, P_ = mpmath.matrix(A.tolist()), mpmath.matrix(P.tolist())
-        S_, Q_ = mpmath.matrix(equations.S_control.tolist()), mpmath.matrix((game.Q * outer).tolist())
+        S_, Q_ = mpmath.matrix((game.S_control / outer).tolist()), mpmath.matrix((game.Q * outer).tolist())
         closed, residual = A_ - S_ * P_, A_.T * P_ + P_ * A_ + Q_ - P_ * S_ * P_
         n = len(A)
         operator = mpmath.zeros(n * n)
