@@ -119,28 +119,22 @@ def analyse_game(game: Game, progress: Progress | None = None) -> AnalysedGame:
 
     Raises NoSolutionError when it is not certified, or when its policies do not mean what the certificate says.
     """
-    told = progress or (lambda *_: None)
+    told, share = progress or (lambda *_: None), _SEARCHED - _SOLVED
     try:
         told(0, 100)
-        return _analysed(game, told)
+        solution, (inside, _) = solve_game(game, told), reached(game)
+        told(_SOLVED, 100)
+        smallest = minimum_delta(game, lambda done, total, *_: told(_SOLVED * total + share * done, 100 * total))
+        found, form = solution if inside is game else solve_game(inside), normal_form(inside)
+        alike = replace(in_units(inside, form.units), B=form.B, R=np.eye(form.B.shape[1]))
+        meaning = meaning_checks(alike, found.P * np.outer(form.units, form.units), np.ones(len(form.units)))
+        for check in meaning:
+            if not check.ok:
+                unconfirmed = f"certified, but not confirmed in flight: {check.name}: {check.reason}"
+                raise NoSolutionError(f"{unconfirmed}; {smallest.advice(game.delta)}")
+        return AnalysedGame(solution, smallest, meaning, loop_margins(inside, found.K), disk_margin(inside, found.K))
     finally:
         told(100, 100)
-
-
-def _analysed(game: Game, told: Progress) -> AnalysedGame:
-    solution, (inside, _) = solve_game(game, told), reached(game)
-    told(_SOLVED, 100)
-    share = _SEARCHED - _SOLVED
-    smallest = minimum_delta(game, lambda done, total, *_: told(_SOLVED * total + share * done, 100 * total))
-    found, form = solution if inside is game else solve_game(inside), normal_form(inside)
-    alike = replace(in_units(inside, form.units), B=form.B, R=np.eye(form.B.shape[1]))
-    meaning = meaning_checks(alike, found.P * np.outer(form.units, form.units), np.ones(len(form.units)))
-    for check in meaning:
-        if not check.ok:
-            raise NoSolutionError(
-                f"certified, but not confirmed in flight: {check.name}: {check.reason}; {smallest.advice(game.delta)}"
-            )
-    return AnalysedGame(solution, smallest, meaning, loop_margins(inside, found.K), disk_margin(inside, found.K))
 
 
 def meaning_checks(game: Game, P: np.ndarray, initial: np.ndarray) -> tuple[Check, ...]:
@@ -166,14 +160,17 @@ def solution_report(
 ) -> Report:
     """P, K, certificate, meaning and margins; origin: what the plant is called; a unit is "" where it is not known."""
     units = state_units or ("",) * len(states), input_units or ("",) * len(inputs)
-    solution, disk = found.solution, found.disk
+    solution, disk, smallest, delta = found.solution, found.disk, found.delta_min, found.solution.delta
+    margin = smallest.margin(delta)
+    doubt = f" (rounding leaves it open down to {smallest.refused:.7g})" if smallest.uncertain else ""
     loops = [
         (name, f"{loop.gain_low:.3g} to {loop.gain_high:.3g}", f"{loop.phase:.4g}", f"{loop.disk:.4g}")
         for name, loop in zip(inputs, found.loops, strict=True)
     ]
     eigenvalues = ", ".join(eigenvalue_text(value) for value in solution.closed_loop_eigenvalues if value.imag >= 0)
     return Report(
-        title=f"Exact game solution for {origin}\n{_standing(solution.delta, found.delta_min)}",
+        title=f"Exact game solution for {origin}\n"
+        f"delta {delta:.6g}, smallest possible {smallest.value:.7g}{doubt}, margin {margin:.4g}",
         parts=(
             matrix_table("P", states, states, solution.P, (units[0], -1), (units[0], -1)),
             matrix_table("K", inputs, states, solution.K, (units[1], 1), (units[0], -1)),
@@ -184,7 +181,19 @@ def solution_report(
             f"All inputs at once: disk {disk.disk:.4g}, gain {disk.gain:.4g}, phase {disk.phase:.4g} deg, "
             f"at {disk.frequency:.4g} rad/s",
         ),
-        data={**_data(found, states, inputs), "state_units": list(units[0]), "input_units": list(units[1])},
+        data={
+            "schema": SCHEMA,
+            "states": list(states),
+            "inputs": list(inputs),
+            **solution.to_dict(),
+            "delta_min": smallest.value,
+            "delta_margin": finite_or_none(margin),
+            "meaning": [check.to_dict() for check in found.meaning],
+            "loop_margins": {name: _finite(loop) for name, loop in zip(inputs, found.loops, strict=True)},
+            "disk_margin": _finite(disk),
+            "state_units": list(units[0]),
+            "input_units": list(units[1]),
+        },
         records=Table(
             ("matrix", "row", "column", "value", "unit"),
             entry_rows((solution.P,), (solution.K,), (states, inputs), units),
@@ -192,25 +201,6 @@ def solution_report(
     )
 
 
-def _standing(delta: float, smallest: DeltaMin) -> str:
-    """Where delta stands; the uncertainty of the smallest one is stated only where rounding leaves any."""
-    doubt = f" (rounding leaves it open down to {smallest.refused:.7g})" if smallest.uncertain else ""
-    return f"delta {delta:.6g}, smallest possible {smallest.value:.7g}{doubt}, margin {smallest.margin(delta):.4g}"
-
-
-def _data(found: AnalysedGame, states: tuple[str, ...], inputs: tuple[str, ...]) -> dict[str, Any]:
+def _finite(margin: LoopMargin | DiskMargin) -> dict[str, Any]:
     """Ready for JSON; infinite values become null."""
-    return {
-        "schema": SCHEMA,
-        "states": list(states),
-        "inputs": list(inputs),
-        **found.solution.to_dict(),
-        "delta_min": found.delta_min.value,
-        "delta_margin": finite_or_none(found.delta_min.margin(found.solution.delta)),
-        "meaning": [check.to_dict() for check in found.meaning],
-        "loop_margins": {
-            name: {key: finite_or_none(value) for key, value in loop._asdict().items()}
-            for name, loop in zip(inputs, found.loops, strict=True)
-        },
-        "disk_margin": {key: finite_or_none(value) for key, value in found.disk._asdict().items()},
-    }
+    return {key: finite_or_none(value) for key, value in margin._asdict().items()}

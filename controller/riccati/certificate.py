@@ -205,7 +205,7 @@ def relative_residuals(
     Of one matrix or of stacks (..., n, n). |S| denotes |B R⁻¹ B'| + |E E'|/δ²: cancellation between the two players
     does not count as smallness.
     """
-    turned, size = np.swapaxes(A, -1, -2), np.abs(P)
+    turned, size = A.mT, np.abs(P)
     residual = turned @ P + P @ A + Q - P @ (S_control - S_disturbance) @ P
     terms = np.abs(turned) @ size + size @ np.abs(A) + np.abs(Q)
     terms += size @ (np.abs(S_control) + np.abs(S_disturbance)) @ size

@@ -79,7 +79,9 @@ def solve_game(game: Game, progress: Progress | None = None) -> GameSolution:
     try:
         return solve_certified(game)
     except NoSolutionError as failure:
-        raise NoSolutionError(_explanation(game, str(failure), progress)) from failure
+        smallest = minimum_delta(game, progress)  # which raises by itself when no delta would do
+        verdict = "no value of the game" if game.delta <= smallest.refused else "not certified"
+        raise NoSolutionError(f"{verdict}: {failure}; {smallest.advice(game.delta)}") from failure
 
 
 def solve_certified(game: Game) -> GameSolution:
@@ -123,13 +125,6 @@ def _abscissa_error(game: Game, alike: Game, T: np.ndarray, P: np.ndarray) -> fl
     moved += np.sum(np.abs(left @ alike.B).T * (np.abs(K) @ (x + np.abs(T) @ x_given)), axis=0)
     moved += np.sum(y.T * (np.abs(alike.B) @ np.abs(K) @ x), axis=0)
     return float((values.real + len(T) * np.finfo(float).eps * moved).max() - values.real.max())
-
-
-def _explanation(game: Game, reason: str, progress: Progress | None) -> str:
-    """What failed and what delta would do; raises by itself when no delta would do."""
-    smallest = minimum_delta(game, progress)
-    verdict = "no value of the game" if game.delta <= smallest.refused else "not certified"
-    return f"{verdict}: {reason}; {smallest.advice(game.delta)}"
 
 
 def _pairs(eigenvalues: np.ndarray) -> list[list[float]]:

@@ -73,29 +73,31 @@ def _stacked(A: np.ndarray, B: np.ndarray, like: Game) -> tuple[np.ndarray, np.n
     Source: Zhou, Doyle and Glover, Section 13.2; Roberts, Int. J. Control 32 (1980), 677-687.
     """
     count, n, _ = A.shape
-    gain = np.linalg.solve(like.R, _transposed(B))
+    gain = np.linalg.solve(like.R, B.mT)
     S_control, S_disturbance = B @ gain, np.broadcast_to(like.S_disturbance / like.delta**2, A.shape)
     Q = np.broadcast_to(like.Q, A.shape)
-    scaling = np.array([balanced(each)[1] for each in _hamiltonian(A, S_control - S_disturbance, Q)])
+    scaling = np.array([balanced(each)[1] for each in np.block([[A, S_disturbance - S_control], [-Q, -A.mT]])])
     units = np.exp2(np.round(0.5 * np.log2(scaling[:, :n] / scaling[:, n:])))
     squared = units[:, :, None] * units[:, None, :]
     A, Q = A * units[:, None, :] / units[:, :, None], Q * squared
     S_control, S_disturbance = S_control / squared, S_disturbance / squared
     S = S_control - S_disturbance
-    H = _hamiltonian(A, S, Q)
+    H = np.block([[A, -S], [-Q, -A.mT]])
 
     values, vectors = np.linalg.eig(H)
     order = np.argsort(values.real, axis=1)
     values, vectors = np.take_along_axis(values, order, 1), np.take_along_axis(vectors, order[:, None, :], 2)
     V1, stable = vectors[:, :n, :n], values[:, :n]
     inverse = _inverse(V1)
-    P = _symmetric((vectors[:, n:, :n] @ inverse).real)
+    P = (vectors[:, n:, :n] @ inverse).real
+    P = (P + P.mT) / 2.0
     rates = stable[:, :, None] + stable[:, None, :]
     correction = np.full(count, np.inf)
     for _ in range(_STEPS):
-        residual = _symmetric(2.0 * (P @ A) + Q - P @ S @ P)
-        step = _transposed(inverse) @ ((_transposed(V1) @ residual @ V1) / -rates) @ inverse
-        P, correction = P + _symmetric(step.real), _largest(step) / _largest(P)
+        once = P @ A
+        residual = once + once.mT + Q - P @ S @ P
+        step = inverse.mT @ ((V1.mT @ residual @ V1) / -rates) @ inverse
+        P, correction = P + (step + step.mT).real / 2.0, _largest(step) / _largest(P)
 
     size = _largest(P)
     # Bauer and Fike: σ_min(H - jω I) >= min |λ - jω| / cond V, which is at most the distance of the certificate.
@@ -123,11 +125,7 @@ def _by_sign(H: np.ndarray) -> np.ndarray:
         if not (_largest(W - last) > 1e-14 * _largest(W)).any():
             break
     left, right = W[:, :, n:] + np.eye(2 * n)[:, n:], -W[:, :, :n] - np.eye(2 * n)[:, :n]
-    return _inverse(_transposed(left) @ left) @ (_transposed(left) @ right)
-
-
-def _hamiltonian(A: np.ndarray, S: np.ndarray, Q: np.ndarray) -> np.ndarray:
-    return np.concatenate([np.concatenate([A, -S], axis=2), np.concatenate([-Q, -_transposed(A)], axis=2)], axis=1)
+    return _inverse(left.mT @ left) @ (left.mT @ right)
 
 
 def _inverse(matrices: np.ndarray) -> np.ndarray:
@@ -139,14 +137,6 @@ def _inverse(matrices: np.ndarray) -> np.ndarray:
         found = np.full_like(matrices, np.nan)
         found[regular] = np.linalg.inv(matrices[regular])
         return found
-
-
-def _transposed(matrices: np.ndarray) -> np.ndarray:
-    return np.swapaxes(matrices, 1, 2)
-
-
-def _symmetric(matrices: np.ndarray) -> np.ndarray:
-    return (matrices + _transposed(matrices)) / 2.0
 
 
 def _largest(matrices: np.ndarray) -> np.ndarray:
