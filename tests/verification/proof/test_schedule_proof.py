@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
-from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -124,32 +123,32 @@ def test_how_many_modes_may_be_unstable_within_the_errors_is_said() -> None:
     assert rows["open"] == [{"from_deg": 11.5, "to_deg": 11.53125, "at_least": 0, "at_most": 2}]
 
 
-@pytest.mark.parametrize("share", [0.3, 0.7])
-def test_an_interrupted_proof_is_continued_to_the_same_bits(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, share: float
-) -> None:
+def test_an_interrupted_proof_is_continued_to_the_same_bits(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """After the loop of a part, and after the modes of A of a part."""
     monkeypatch.setattr(certificate, "_PAUSE", -1.0)
     monkeypatch.setattr(certificate, "_RARELY", 0.0)
-    path, whole, table = tmp_path / "certificate.json", tmp_path / "whole.json", exact_table(14.0, 14.5)
-    prove_schedule(family(), table, 14.0, 14.5, moving=True, file=CertificateFile(whole, ORIGIN))
-
-    def interrupted(done: float, total: float, what: str = "") -> None:
-        if done > share * total:
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        prove_schedule(family(), table, 14.0, 14.5, file=CertificateFile(path, ORIGIN), progress=interrupted)
-    half = check_certificate(path).covers
-    assert 0 < len([*chain(*half.values())]) < len([*chain(*check_certificate(whole).covers.values())])
+    path, whole, table = tmp_path / "certificate.json", tmp_path / "whole.json", exact_table(13.75, 14.0, 14.25)
+    prove_schedule(family(), table, 13.75, 14.25, moving=True, file=CertificateFile(whole, ORIGIN))
     again = CertificateFile(path, ORIGIN, resume=True)
-    assert prove_schedule(family(), table, 14.0, 14.5, moving=True, file=again).proved
-    assert ctx.prec == PRECISION  # the checker's is another
-    assert path.read_bytes() == whole.read_bytes()
+
+    for share in (0.2, 0.6):
+
+        def interrupted(done: float, total: float, what: str = "", share: float = share) -> None:
+            if done > share * total:
+                raise KeyboardInterrupt
+
+        with pytest.raises(KeyboardInterrupt):
+            prove_schedule(family(), table, 13.75, 14.25, file=CertificateFile(path, ORIGIN), progress=interrupted)
+        half = json.loads(path.read_text())["boxes"]
+        assert (len(half["loop"]), len(half["modes"]) > 0) == (1 + (share > 0.5), share > 0.5)
+        assert prove_schedule(family(), table, 13.75, 14.25, moving=True, file=again).proved
+        assert ctx.prec == PRECISION  # the checker's is another
+        assert path.read_bytes() == whole.read_bytes()
     forged = json.loads(path.read_text())
     forged["boxes"]["loop"][0]["rate"] = 0.5
     path.write_text(json.dumps(forged))
     with pytest.raises(BadInputError, match="edited"):
-        prove_schedule(family(), table, 14.0, 14.5, file=again)
+        prove_schedule(family(), table, 13.75, 14.25, file=again)
 
 
 def test_what_cannot_be_proved_of_is_refused() -> None:
