@@ -73,7 +73,7 @@ class CriticPolicy:
         drift = (ca.mtimes(ca.DM(self.law.game.A), z) + self.forcing.at(t)) / self._scales
         jacobian = gradient(self.law.basis, y)
         value_gradient = ca.mtimes(jacobian.T, memory)
-        pushed = ca.mtimes(ca.DM(e.S), value_gradient)
+        pushed = ca.mtimes(ca.DM(self.law.S), value_gradient)
         sigma = ca.mtimes(jacobian, drift - 0.5 * pushed)
         return sigma, ca.dot(memory, sigma) + ca.bilin(ca.DM(e.Q), y, y) + 0.25 * ca.dot(value_gradient, pushed)
 

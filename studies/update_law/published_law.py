@@ -224,7 +224,7 @@ class PublishedLaw:
         return self.game.S_control / np.outer(self.equations.scales, self.equations.scales)
 
     @cached_property
-    def _S(self) -> np.ndarray:
+    def S(self) -> np.ndarray:
         """S_u - S_d/δ² of the game itself, (n, n)."""
         outer = np.outer(self.equations.scales, self.equations.scales)
         return self._S_control - self.game.S_disturbance / self.game.delta**2 / outer
@@ -239,7 +239,7 @@ class PublishedLaw:
     def _stored(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """σ_j, the cost, n_j and σ̄_j of the stored policies; none depends on the current weights."""
         e, policy = self.equations, self._scaled(self.settings.recorded_weights)
-        regressors, costs = bellman(e.gradient, e.drifts, self._costs, self._S, np.zeros(e.basis.size), policy)
+        regressors, costs = bellman(e.gradient, e.drifts, self._costs, self.S, np.zeros(e.basis.size), policy)
         n = normaliser(regressors, self.settings.normalisation)
         return regressors, costs, n, regressors / n[:, None]
 
@@ -250,7 +250,7 @@ class PublishedLaw:
         """
         if self.settings.stack_policies == "reevaluated":
             e = self.equations
-            return bellman(e.gradient, e.drifts, self._costs, self._S, weights, weights)
+            return bellman(e.gradient, e.drifts, self._costs, self.S, weights, weights)
         regressors, costs, *_ = self._stored
         return regressors, regressors @ weights + costs
 
@@ -273,7 +273,7 @@ class PublishedLaw:
             return stored
         z = error[None, :]
         costs = ((z @ e.Q) * z).sum(axis=-1)
-        now = self._normalised(*bellman(self.basis.gradient(z), z @ self._plant.T, costs, self._S, weights, weights))
+        now = self._normalised(*bellman(self.basis.gradient(z), z @ self._plant.T, costs, self.S, weights, weights))
         return Sample(*(np.concatenate(pair) for pair in zip(now, stored, strict=True)))
 
     @cached_property

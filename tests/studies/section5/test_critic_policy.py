@@ -46,7 +46,7 @@ def expected(law: PublishedLaw, r: np.ndarray, z: np.ndarray, W: np.ndarray) -> 
     gradient = law.basis.gradient(y)
     drift = ((law.game.A @ z + r) / e.scales)[None, :]
     cost = np.einsum("ji,ji->j", y @ e.Q, y)
-    sigma, residual = bellman(gradient, drift, cost, e.S, W, W)
+    sigma, residual = bellman(gradient, drift, cost, law.S, W, W)
     n = normaliser(sigma, s.normalisation)
     stored = law.recorded(W)
     everything = Sample(

@@ -100,7 +100,7 @@ def test_residual_is_quadratic_in_the_weight_error(name: str) -> None:
     error = np.random.default_rng(2).normal(size=21) * np.abs(W_exact)
     regressors, residuals = law.terms(W_exact + error)
     gradient = np.einsum("jmi,m->ji", equations.gradient, error)
-    second = 0.25 * np.sum((gradient @ law._S) * gradient, axis=1)
+    second = 0.25 * np.sum((gradient @ law.S) * gradient, axis=1)
     assert residuals - regressors @ error == pytest.approx(second, rel=1e-6, abs=1e-9 * np.abs(second).max())
     assert np.linalg.norm(second) > 0.01 * np.linalg.norm(residuals)
 
