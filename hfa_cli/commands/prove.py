@@ -16,12 +16,8 @@ from argparse import ArgumentTypeError
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from controller.design.scheduled_controller import load_controller
-from controller.game.zero_sum import Game, usual_game
 from controller.policy.gain_table import load_gains
-from controller.riccati.gare import solve_game
 from hfa_cli.options import games, trims
 from hfa_cli.options.argument_types import input_file, number, one_of, places
 from hfa_cli.options.games import MATRIX_FILES, NamedGame
@@ -29,7 +25,6 @@ from hfa_cli.options.parser import Option, Options
 from hfa_cli.output import ProgressLine, provenance, show
 from hfa_support.errors import BadInputError, said_of
 from hfa_support.model import Model
-from trim.linear.linear_model import linearize
 
 if TYPE_CHECKING:
     from verification.checker.checker import Verified
@@ -43,11 +38,6 @@ STATEMENTS = {
     "solution": ("basis", "file", *_SCHEDULES),
     "critic": _SCHEDULES,
 }
-#: Distance between two gains of our own table, in steps of the family: of the dihedral 2 deg.
-_STEP = 2.0
-#: With actuators our own gains are those of the LQR on the plant with its slowest actuators, with R so many times the
-#: usual: the usual weights ask for more bandwidth than such actuators have.
-_SLOWER = 300.0
 
 
 def options() -> Options:
@@ -252,7 +242,7 @@ def _uncertain(actuators: Any) -> dict[str, Any]:
 
 
 def _table(arguments: argparse.Namespace, family: Family, low: float, high: float) -> LoopTable:
-    from verification.proof.scheduled_loop import LoopTable
+    from verification.proof.scheduled_loop import exact_gains
 
     if arguments.design is not None and arguments.weights is None:
         raise BadInputError("--design goes with a controller; name its file by --weights FILE.npz")
@@ -262,22 +252,4 @@ def _table(arguments: argparse.Namespace, family: Family, low: float, high: floa
             raise BadInputError("--weights gives the gains; leave --delta, --Q and --R out")
         speed = family.condition(low).imposed.get("speed", 0.0)
         return _given_table(arguments, family.model, speed, uncertain)
-    places = np.linspace(low, high, max(2, math.ceil((high - low) / (_STEP * family.step)) + 1))
-    slowest = uncertain["bandwidth"][0] if uncertain else None
-    K = np.array([_gain(family, place, changes, slowest) for place in places.tolist()])
-    table = LoopTable.of_gains(places, K, len(family.model.linear))
-    return table.through(**uncertain) if uncertain else table
-
-
-def _gain(family: Family, place: float, changes: dict[str, Any], bandwidth: float | None) -> np.ndarray:
-    """K of the exact game at a place; with actuators of a bandwidth also from their positions."""
-    point = family.point(place)
-    model = linearize(point.model, point)
-    game = usual_game(family.model, model.A, model.B, **changes)
-    if bandwidth is not None:
-        (n, m), w = model.B.shape, bandwidth
-        A = np.block([[model.A, model.B], [np.zeros((m, n)), -w * np.eye(m)]])
-        B = np.vstack([np.zeros((n, m)), w * np.eye(m)])
-        Q, R = np.pad(game.Q, (0, m)), game.R * (1.0 if "R" in changes else _SLOWER)
-        game = Game(A, B, np.eye(n + m), Q, R, changes.get("delta", np.inf))
-    return solve_game(game).K
+    return exact_gains(family, low, high, uncertain, **changes)

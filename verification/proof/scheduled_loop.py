@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -11,14 +12,23 @@ import numpy as np
 
 from controller.design.design import Actuator
 from controller.design.scheduled_controller import ScheduledController
+from controller.game.zero_sum import Game, usual_game
 from controller.policy.gain_table import GainTable
+from controller.riccati.gare import solve_game
 from hfa_support.errors import BadInputError
 from hfa_support.model import Model
 from hfa_support.reporting.fields import Shown
+from trim.linear.linear_model import linearize
 from verification.arithmetic.balls import exact, matrix
 from verification.arithmetic.taylor_model import TaylorModel
 from verification.enclosures.place_box import PlaceBox
-from verification.enclosures.trim_branch import ModelForms
+from verification.enclosures.trim_branch import Family, ModelForms
+
+#: Distance between two gains of `exact_gains`, in steps of the family: of the dihedral 2 deg.
+_STEP = 2.0
+#: With actuators these are the gains of the LQR on the plant with its slowest actuators, with R so many times the
+#: usual: the usual weights ask for more bandwidth than such actuators have.
+_SLOWER = 300.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,3 +187,23 @@ def servo_table(
     speeds = np.zeros((size, 1))
     speeds[rows, 0] = [own[i].bandwidth for i in (*range(m), *second)]
     return replace(table, M=M + speeds * (lag + G @ (np.diag([each.effectiveness for each in own]) @ U)))
+
+
+def exact_gains(family: Family, low: float, high: float, uncertain: Mapping[str, Any], **changes: Any) -> LoopTable:
+    """The gains of the exact game between two places, in `_STEP`s; with actuators, `uncertain` as `through` takes them,
+    also from their positions. changes: of the usual game."""
+    places = np.linspace(low, high, max(2, math.ceil((high - low) / (_STEP * family.step)) + 1))
+    gains = []
+    for place in places.tolist():
+        point = family.point(place)
+        model = linearize(point.model, point)
+        game = usual_game(family.model, model.A, model.B, **changes)
+        if uncertain:
+            (n, m), w = model.B.shape, uncertain["bandwidth"][0]
+            A = np.block([[model.A, model.B], [np.zeros((m, n)), -w * np.eye(m)]])
+            B = np.vstack([np.zeros((n, m)), w * np.eye(m)])
+            Q, R = np.pad(game.Q, (0, m)), game.R * (1.0 if "R" in changes else _SLOWER)
+            game = Game(A, B, np.eye(n + m), Q, R, changes.get("delta", np.inf))
+        gains.append(solve_game(game).K)
+    table = LoopTable.of_gains(places, np.array(gains), len(family.model.linear))
+    return table.through(**uncertain) if uncertain else table
