@@ -138,6 +138,7 @@ def test_turns_of_a_sweep_are_those_of_single_trims() -> None:
     assert bank[-1] < np.pi / 2
     for i in (5, 20):
         np.testing.assert_allclose(trimmed(F16, {"turn_rate": rates[i]}).states, found.states[i], atol=1e-10)
+        np.testing.assert_array_equal(sweep(F16, {"turn_rate": rates[i : i + 1]}).states[0], found.states[i])
 
 
 def test_states_without_balance_are_left_and_named() -> None:

@@ -75,7 +75,7 @@ def trim_points(
         model.refuse_unheld("cannot sweep", name, tuple(model.parameters))
     constants = parameters_at(model, variables, values)
     n, m = len(model.states), len(model.inputs)
-    flat, watched, balanced = _newton(model, variables, values, constants, condition, start, compile_code)
+    flat, watched, balanced, _ = _newton(model, variables, values, constants, condition, start, compile_code)
     excess, width = _excess(model, flat, watched, condition)
     within = (excess <= 0.0).all(axis=1)
     status = np.where(balanced & within, TRIMMED, NO_TRIM).astype(np.int8)
@@ -195,7 +195,7 @@ def newton_functions(
 
 
 def first_guess(model: Model, free: tuple[str, ...], begin: Mapping[str, float]) -> list[float]:
-    """Where Newton's method begins: the same at every point, so that no row depends on its neighbours."""
+    """Where Newton's method begins."""
     return [begin.get(name, model.signals[name].start) for name in free]
 
 
@@ -247,28 +247,34 @@ def _newton(
     condition: TrimCondition,
     start: OperatingPoint | None,
     compile_code: bool | None,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """A row x, u, A, B, dX/dt a point, nan without as many equations as unknowns; the watched outputs; and which points
-    balance."""
+    together: int = 0,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """A row x, u, A, B, dX/dt a point, nan without as many equations as unknowns; the watched outputs; which points
+    balance; and the unknowns."""
     count, end = len(values), _ends(model)[-1]
     key = _key(model, variables, condition)
     if key is None or not count:
-        return np.full((count, end), np.nan), np.zeros((count, 0)), np.zeros(count, dtype=bool)
+        return np.full((count, end), np.nan), np.zeros((count, 0)), np.zeros(count, dtype=bool), np.zeros((count, 0))
     _, given, free, rates, outputs, watched = key
     flat = np.full((count, end + len(outputs) + len(watched)), np.nan)
     columns, by = dict(zip(variables, values.T, strict=True)), model.schedule
     place = columns.get(by, np.full(count, condition.imposed.get(by, 0.0)))
     columns |= {name: condition.values_at(name, place) for name in given if name not in columns}
     imposed = np.stack([columns[name] for name in given], axis=-1) if given else np.zeros((count, 0))
-    guess = first_guess(model, free, condition.begin if start is None else start.values)
-    together = next(size for size in _TOGETHER if size <= count)
+    guess = np.tile(first_guess(model, free, condition.begin if start is None else start.values), (count, 1))
+    # Whole steps lead to the one solution there then is; with states free there may be others, which they may reach.
+    inputs_alone, on_grid = set(free) <= set(model.inputs), together > 0
+    together = together or next(size for size in _TOGETHER if size <= count)
+    if variables and not (inputs_alone or on_grid):
+        places, cell = _cells(model, variables, values)
+        more = model, variables, places, parameters_at(model, variables, places)
+        *_, trimmed, near = _newton(*more, condition, start, compile_code, together)
+        guess = np.where(trimmed[cell, None], near[cell], guess)
     step, at = _compiled(key, together, count >= COMPILE_FROM if compile_code is None else compile_code)
     after, residual = (result.reshape(together, -1) for result in step.results)
-    # Whole steps lead to the one solution there then is; with states free there may be others, which they may reach.
-    inputs_alone = set(free) <= set(model.inputs)
     for first in range(0, count, together):
         rows = slice(first, min(first + together, count))
-        tables = imposed[rows], np.array(guess), constants[rows]
+        tables = imposed[rows], guess[rows], constants[rows]
         for memory, table in zip(step.inputs, tables, strict=True):
             memory.reshape(together, -1)[: rows.stop - first] = table
         v, searching = step.inputs[1].reshape(together, -1), np.ones(together, dtype=bool)
@@ -279,9 +285,11 @@ def _newton(
             if not searching[: rows.stop - first].any():
                 break
         lost = ~(residual[:, 0] <= BALANCE) if inputs_alone else searching
-        if lost[: rows.stop - first].any():
-            v[lost] = guess
+        lost[rows.stop - first :] = False
+        if lost.any():
+            v[lost] = guess[rows][lost[: rows.stop - first]]
             _halving(step, v, lost)
+        guess[rows] = v[: rows.stop - first]
         for target, source in zip(at.inputs, step.inputs, strict=True):
             target[:] = source
         at()
@@ -290,7 +298,16 @@ def _newton(
     off = [(flat[:, begin + index(name)] - columns.get(f"{name}_dot", rate)) / scale for name, rate, scale in rates]
     off += [(flat[:, end + i] - columns[name]) / scale for i, (name, scale) in enumerate(outputs)]
     balanced = np.asarray((np.abs(off) <= BALANCE).all(axis=0))
-    return flat[:, :end], flat[:, end + len(outputs) :], balanced
+    return flat[:, :end], flat[:, end + len(outputs) :], balanced, guess
+
+
+def _cells(model: Model, variables: tuple[str, ...], values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The places of a coarse grid (a fiftieth of the nominal values) next to the points, and each point's place in
+    them. The grid is the model's, so that no row depends on its neighbours."""
+    known = {**model.rates, **model.signals}
+    size = np.array([0.02 * known[name].nominal for name in variables])
+    places, cell = np.unique(np.round(values / size), axis=0, return_inverse=True)
+    return places * size, cell.ravel()
 
 
 def _halving(step: BoundFunction, v: np.ndarray, searching: np.ndarray) -> None:
