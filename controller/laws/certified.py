@@ -464,3 +464,13 @@ def known_law(law: str, choices: tuple[str, ...] = ("certified",)) -> str:
         raise BadInputError("law 'irl' is a study now, studies/update_law/integral_rl.py; choose certified")
     refuse_unknown("unknown law", law, choices)
     return law
+
+
+def learned_value(game: Game, law: str, seed: int, progress: Progress | None = None, **settings: Any) -> LearningResult:
+    """The learning of a law on a game; settings: of the law.
+
+    Raises NoSolutionError, naming the certificate, when what was learned is not certified."""
+    result = learn(game, law, seed, progress=progress, **settings)
+    if not result.converged:
+        raise NoSolutionError(f"law '{law}' is not certified here ({result.outcome}); choose another law or model")
+    return result

@@ -215,7 +215,7 @@ def flown_law_of(arguments: argparse.Namespace, linear: LinearModel) -> FlownLaw
     """The gain that is used: of a file, exact, or learned on the linear model."""
     from controller.game.basis import basis
     from controller.game.critic_file import load_critic
-    from controller.policy.learned_gain import learned_value
+    from controller.laws.certified import learned_value
     from controller.policy.policies import gain_law
     from controller.riccati.gare import solve_game
     from verification.critic.candidate import from_gain, from_stored

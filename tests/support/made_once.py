@@ -34,7 +34,6 @@ class _Shared:
 def share(patched: pytest.MonkeyPatch) -> None:
     """`learn`, as commands call it, and the solution of a game with its certificate."""
     from controller.laws import certified as module
-    from controller.policy import learned_gain
     from controller.riccati import certificate, gare, smallest_delta
 
     learn = _Shared(module.learn)
@@ -49,7 +48,6 @@ def share(patched: pytest.MonkeyPatch) -> None:
         return solve(_key(game), game)
 
     patched.setattr(module, "learn", learned)
-    patched.setattr(learned_gain, "learn", learned)
     patched.setattr(gare, "certified_solution", solved)
     patched.setattr(smallest_delta, "certified_solution", solved)
 

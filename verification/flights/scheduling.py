@@ -14,8 +14,8 @@ from controller.flight.nonlinear_flight import NonlinearFlight, fly_law
 from controller.flight.plants import NonlinearPlant
 from controller.flight.scenario import Scenario, with_errors
 from controller.game.zero_sum import Game, published_game
+from controller.laws.certified import learned_value
 from controller.policy.gain_table import GainTable
-from controller.policy.learned_gain import learned_value
 from controller.policy.policies import FlownLaw, Memoryless, Seen, Unvaried
 from controller.riccati.balancing import spectrum
 from controller.riccati.gare import solve_game

@@ -8,7 +8,7 @@ import numpy as np
 from flight_cases import SMALL, FlownCase
 
 from controller import Scenario, fly, gain_law
-from controller.policy.learned_gain import learned_value
+from controller.laws.certified import learned_value
 from studies.section5.learning_in_flight import certified_gains
 from studies.update_law.integral_rl import baseline_gain
 
