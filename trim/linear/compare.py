@@ -90,8 +90,7 @@ def printed_at(point: OperatingPoint) -> PublishedModel | None:
     """The printed pair of exactly this flight condition, if the paper prints one."""
     for published in published_models():
         paper = level_flight(published.dihedral).imposed
-        actual = point.states._asdict() | point.inputs._asdict() | {"gamma": point.gamma}
-        if all(abs(actual[name] - value) <= 1e-9 * (1 + abs(value)) for name, value in paper.items()):
+        if all(abs(point.values[name] - value) <= 1e-9 * (1 + abs(value)) for name, value in paper.items()):
             return published
     return None
 

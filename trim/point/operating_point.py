@@ -75,11 +75,6 @@ class OperatingPoint(Reported):
         """Equation -> residual in its scaled unit."""
         return {name: value / self._scale(name) for name, value in self.residuals.items()}
 
-    @property
-    def gamma(self) -> float:
-        """Flight-path angle, rad: that output of the model."""
-        return self.model.outputs_at(self.states, self.inputs, ["gamma"])["gamma"]
-
     @cached_property
     def values(self) -> dict[str, float]:
         """State, input, or output that replaces a state, -> its value."""

@@ -44,10 +44,10 @@ def test_steady_flight_balances_weight_along_and_across_the_path(
 ) -> None:
     """L + T sin α = W cos γ,  T cos α - D = W sin γ: the load factor is cos γ."""
     point, found = flown
-    loads, alpha = aircraft.loads(point.states, point.inputs), point.states.alpha
-    assert loads.lift + loads.thrust * math.sin(alpha) == pytest.approx(found.weight * math.cos(point.gamma), rel=1e-9)
-    assert loads.thrust * math.cos(alpha) - loads.drag == pytest.approx(found.weight * math.sin(point.gamma), abs=1e-6)
-    assert found.load_factor == pytest.approx(math.cos(point.gamma), rel=1e-9)
+    loads, alpha, gamma = aircraft.loads(point.states, point.inputs), point.states.alpha, point.values["gamma"]
+    assert loads.lift + loads.thrust * math.sin(alpha) == pytest.approx(found.weight * math.cos(gamma), rel=1e-9)
+    assert loads.thrust * math.cos(alpha) - loads.drag == pytest.approx(found.weight * math.sin(gamma), abs=1e-6)
+    assert found.load_factor == pytest.approx(math.cos(gamma), rel=1e-9)
     assert found.hinge_moment_total == pytest.approx(0.0, abs=1e-6)
     assert found.hinge_moment_total == pytest.approx(
         loads.hinge_moment - aircraft.parameters.hinge_stiffness * point.states.dihedral, abs=1e-9

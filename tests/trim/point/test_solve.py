@@ -17,7 +17,7 @@ LARGER = pytest.param(("aileron_center", "dihedral"), marks=pytest.mark.slow)
 
 
 def values(point: OperatingPoint) -> dict[str, float]:
-    return {**point.states._asdict(), **point.inputs._asdict(), "gamma": point.gamma}
+    return {**point.states._asdict(), **point.inputs._asdict(), "gamma": point.values["gamma"]}
 
 
 def arrays(point: OperatingPoint) -> tuple[np.ndarray, np.ndarray]:
@@ -106,7 +106,7 @@ def test_glide(aircraft: Aircraft) -> None:
     point = find_operating_point(aircraft, condition)
     assert_meets(aircraft, condition, point)
     loads = aircraft.loads(*arrays(point))
-    assert np.tan(point.gamma) == pytest.approx(-loads.drag / loads.lift, rel=1e-9)
+    assert np.tan(point.values["gamma"]) == pytest.approx(-loads.drag / loads.lift, rel=1e-9)
 
 
 # More unknowns than equations.
