@@ -55,7 +55,7 @@ def design_controller(
     own = aircraft.model
     if own.schedule not in own.linear:
         raise BadInputError(
-            f"{own.name} declares the schedule {own.schedule!r}; a controller is scheduled over a linear state, one of "
+            f"a controller is scheduled over a linear state; declare in {own.name} schedule=NAME, one of "
             f"{', '.join(own.linear)}"
         )
     design = design.of(own)
