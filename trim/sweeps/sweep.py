@@ -35,6 +35,8 @@ MOST_POINTS = 1_000_000
 CHUNK = 100_000
 #: The same where each point is trimmed on its own: seconds of work.
 SLOW_CHUNK = 1_000
+#: Points of a chunk in which kinks are looked for where the sweep runs as machine code.
+LOOKED_AT = 2_000
 _NAN = float("nan")
 
 
@@ -60,8 +62,10 @@ def run_points(
     known = points.status == TRIMMED
     eigenvalues = np.full(points.states.shape, np.nan, dtype=complex)
     eigenvalues[known] = fastest_first(np.linalg.eigvals(points.A[known]))
-    constants, exact = parameters_at(model, variables, values), np.concatenate([points.A, points.B], axis=2)
-    kinked, kinks = kinks_in(model, points.states, points.inputs, constants, exact), np.zeros(len(values), dtype=int)
+    few = slice(0, LOOKED_AT if compile_code else None)  # machine code trims a point in the time that a look takes
+    constants, exact = parameters_at(model, variables, values[few]), np.concatenate([points.A, points.B], axis=2)[few]
+    kinked, kinks = kinks_in(model, points.states[few], points.inputs[few], constants, exact), np.full(len(values), -1)
+    kinks[few] = 0
     for i, words in kinked.items():
         kinks[i] = len(words)
     columns = dict(zip(variables, values.T, strict=True))
@@ -94,7 +98,9 @@ def arrays_of(plan: SweepPlan) -> dict[str, Array]:
         "A": numbers("dx'/dx", "rate_unit / state_unit", rate, state),
         "B": numbers("dx'/du", "rate_unit / input_unit", rate, control),
         "eigenvalues": Array((len(states),), "complex128", complex(_NAN, _NAN), ("mode",), poles),
-        "kinks": Array((), "int16", -1, (), described("entries of A and B whose one-sided slopes differ")),
+        "kinks": Array(
+            (), "int16", -1, (), described("entries of A and B whose one-sided slopes differ, -1 where not looked for")
+        ),
     }
 
 
