@@ -93,7 +93,7 @@ class FlightCase:
             "B": game.B,
             "RB": game.R_inverse_B_transposed,
             "scales": equations.scales,
-            "S": equations.S,
+            "S": law.S,
             "Q": equations.Q,
             "regressors": stored.regressors,
             "residuals": stored.residuals,
