@@ -28,6 +28,8 @@ TRIMMED, BEYOND_LIMITS, NO_TRIM = range(len(STATUS))
 #: instructions), 32,000 of the F-16 (19,341), 29,000 of the Navion (688). No clock decides: machine code gives the
 #: same numbers to rounding only, and a sweep has the same bits each time.
 COMPILE_FROM = 30_000
+#: Scaled residual before a step of Newton's method after which that step ends at rounding.
+_NEARLY = 1e-7
 _MOST_STEPS = 20
 #: Of a Newton step that is halved until the residuals fall.
 _LEAST_SHARE = 2.0**-10
@@ -323,7 +325,7 @@ def _halving(step: BoundFunction, v: np.ndarray, searching: np.ndarray) -> None:
         base[better], best[better], share[better] = v[better], residual[better, 0], 1.0
         move[better] = after[better] - v[better]
         v[better] = after[better]
-        searching = searching & (best > BALANCE) & (share[:, 0] > _LEAST_SHARE)
+        searching = searching & (best > _NEARLY) & (share[:, 0] > _LEAST_SHARE)
         halved = searching & ~better
         share[halved] /= 2.0
         v[halved] = (base + share * move)[halved]
