@@ -3,6 +3,8 @@ cannot settle goes to `find_operating_point`. A point without a trim keeps its s
 
 from __future__ import annotations
 
+import itertools
+import math
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from typing import Any, NamedTuple
@@ -123,7 +125,7 @@ def _own(model: Model, constants: np.ndarray) -> Model:
 def _ends(model: Model) -> list[int]:
     """Columns of x, u, A and B (row by row), dX/dt."""
     n, m = len(model.states), len(model.inputs)
-    return [int(end) for end in np.cumsum([n, m, n * n, n * m, n])]
+    return list(itertools.accumulate([n, m, n * n, n * m, n]))
 
 
 def reasons_of(
@@ -224,7 +226,7 @@ def _key(model: Model, variables: tuple[str, ...], condition: TrimCondition) -> 
 def _watched(model: Model, condition: TrimCondition, held: Sequence[str]) -> tuple[str, ...]:
     """What has limits and is neither a state, an input nor held."""
     limits = {**model.limits, **condition.limits}
-    return tuple(name for name in model.outputs if name not in held and np.isfinite(limits[name]).any())
+    return tuple(name for name in model.outputs if name not in held and any(map(math.isfinite, limits[name])))
 
 
 @lru_cache(maxsize=16)
