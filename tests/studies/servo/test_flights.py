@@ -21,6 +21,7 @@ from studies.servo.flights import delayed, flown, gust_held, slowest_delayed
 RESULTS = ROOT / "studies" / "servo" / "results"
 
 
+@pytest.mark.slow
 def test_the_largest_gust_is_where_flights_begin_to_end(published_aircraft: Aircraft) -> None:
     controller, model, acting = designed_servo(published_aircraft), model_at(11.0), Actuator(2, 2.0)
     held = gust_held(published_aircraft, model, controller, acting, 150.0, -60.0)

@@ -60,6 +60,7 @@ def test_every_row_run_again_comes_out_the_same(tmp_path: Path) -> None:
         assert_same_outcome(row, COMMITTED[row["name"]])
 
 
+@pytest.mark.slow
 def test_two_rows_run_again_are_the_same_and_are_kept(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     words = ["--only", QUICK, "--only", FROZEN, "--workers", "1", "-o", str(tmp_path)]
     assert main(words) == 0

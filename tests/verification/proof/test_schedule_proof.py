@@ -81,7 +81,8 @@ def test_a_rate_that_the_search_is_wrong_about_is_not_proved(monkeypatch: pytest
 def test_an_instability_between_two_angles_is_found_and_refuted(
     end: float, unstable: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("verification.proof.schedule_proof.NARROWEST", 2.0**-9)
+    if end < 15.06:  # boxes twice as wide take less time
+        monkeypatch.setattr("verification.proof.schedule_proof.NARROWEST", 2.0**-9)
     table = unstable_between(15.0, 15.06)
     proof = prove_schedule(family(), table, 15.0, end, moving=True)
     runs = joined(proof.covers["loop"])
