@@ -180,19 +180,19 @@ class GeneralizedPlant(Shown):
             self.A.T, self.C1.T, self.C2.T, self.B1.T, self.D21.T, self.B2.T, self.D12.T, self.D11.T, self.D22.T
         )
 
+    @classmethod
+    def from_control(cls, system: Any, measurements: int, inputs: int) -> GeneralizedPlant:
+        """The plant of a state-space system whose last outputs are y and whose last inputs are u, as `hinfsyn` has it."""
+        A, B, C, D = (np.asarray(getattr(system, name), dtype=float) for name in "ABCD")
+        r, k = len(C) - measurements, B.shape[1] - inputs
+        rest = {"C2": C[r:], "D21": D[r:, :k], "D22": D[r:, k:]} if measurements else {}
+        return cls(A, B[:, :k], B[:, k:], C[:r], D[:r, k:], D11=D[:r, :k], **rest)
+
     def in_units(self, units: np.ndarray) -> GeneralizedPlant:
         """The same in the state y, x_i = u_i y_i; units: (n,)."""
         rows = {name: getattr(self, name) / units[:, None] for name in ("A", "B1", "B2")}
         columns = {name: getattr(self, name) * units for name in ("C1", "C2") if getattr(self, name) is not None}
         return replace(self, **rows | columns | {"A": rows["A"] * units})
-
-
-def plant_of(system: Any, measurements: int, inputs: int) -> GeneralizedPlant:
-    """Of a state-space system with A, B, C, D, whose last outputs are y and whose last inputs are u (`hinfsyn`)."""
-    A, B, C, D = (np.asarray(getattr(system, name), dtype=float) for name in "ABCD")
-    r, k = len(C) - measurements, B.shape[1] - inputs
-    rest = {"C2": C[r:], "D21": D[r:, :k], "D22": D[r:, k:]} if measurements else {}
-    return GeneralizedPlant(A, B[:, :k], B[:, k:], C[:r], D[:r, k:], D11=D[:r, :k], **rest)
 
 
 def stored_plant(

@@ -16,7 +16,7 @@ from reference_riccati import reference_solution, relative_error
 from controller import Game
 from controller.riccati import generalized_plant
 from controller.riccati.frequency_response import peak_gain
-from controller.riccati.generalized_plant import central_controller, closed_loop, plant_of, stored_plant
+from controller.riccati.generalized_plant import central_controller, closed_loop, stored_plant
 from hfa_support import BadInputError, NoSolutionError
 from verification import GeneralizedPlant, minimum_delta, solve_game, solve_plant
 
@@ -171,7 +171,7 @@ def with_noise(system: Any, size: float) -> GeneralizedPlant:
     k = B.shape[1] - 1
     B, D = np.insert(B, k, 0.0, axis=1), np.insert(D, k, 0.0, axis=1)
     D[-1, k] = size
-    return plant_of(control.ss(A, B, C, D), 1, 1)
+    return GeneralizedPlant.from_control(control.ss(A, B, C, D), 1, 1)
 
 
 def python_control_367() -> Any:
@@ -206,10 +206,10 @@ def octave_14(weighted: bool = True) -> Any:
 def test_the_plants_of_public_issues_are_refused_by_name() -> None:
     for system in (python_control_367(), octave_13(), octave_14()):
         with pytest.raises(BadInputError, match="D21 has only zeros in row 1: every y needs noise of its own from w"):
-            plant_of(system, 1, 1)
+            GeneralizedPlant.from_control(system, 1, 1)
     no_cost = control.ss(DOUBLE["A"], [[0.0, 0.0], [1.0, 1.0]], [[1.0, 0.0], [1.0, 0.0]], np.zeros((2, 2)))
     with pytest.raises(BadInputError, match="D12 has only zeros in column 1: every u needs a cost of its own in z"):
-        plant_of(no_cost, 1, 1)
+        GeneralizedPlant.from_control(no_cost, 1, 1)
     with pytest.raises(NoSolutionError, match=r"no input reaches the mode with eigenvalue 0,"):
         minimum_delta(with_noise(octave_13(), 0.1))
 
@@ -237,7 +237,7 @@ def test_mixed_sensitivity_agrees_with_slycot(plant: Any, error: Any, effort: fl
     """Weights of S, K S and T: D11 is not 0, D21 is square, and without an unstable pole Y is exactly 0."""
     G, W1, W2 = (control.ss(control.tf(*each)) for each in (plant, error, ([effort], [1.0])))
     W3 = control.ss(control.tf(*noise)) if noise else None
-    augmented = plant_of(control.augw(G, W1, W2, W3), 1, 1)
+    augmented = GeneralizedPlant.from_control(control.augw(G, W1, W2, W3), 1, 1)
     smallest = minimum_delta(augmented).value
     assert of_slycot(augmented)[0] == pytest.approx(smallest, rel=1e-6)
     assert gain_of(augmented, solve_plant(augmented, 1.001 * smallest)) < 1.001 * smallest
