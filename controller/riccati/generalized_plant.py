@@ -182,7 +182,7 @@ class GeneralizedPlant(Shown):
 
     @classmethod
     def from_control(cls, system: Any, measurements: int, inputs: int) -> GeneralizedPlant:
-        """The plant of a state-space system whose last outputs are y and whose last inputs are u, as `hinfsyn` has it."""
+        """Of a state-space system whose last outputs are y and whose last inputs are u, as in `hinfsyn`."""
         A, B, C, D = (np.asarray(getattr(system, name), dtype=float) for name in "ABCD")
         r, k = len(C) - measurements, B.shape[1] - inputs
         rest = {"C2": C[r:], "D21": D[r:, :k], "D22": D[r:, k:]} if measurements else {}
