@@ -56,6 +56,7 @@ def move_to(driver: Any, angle: str) -> None:
     )
 
 
+@pytest.mark.slow
 def test_the_page_in_a_browser(tmp_path: Path, subtests: pytest.Subtests, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     Path(NAME).write_bytes((ROOT / "hfa_model" / "parameters.toml").read_bytes())

@@ -33,6 +33,7 @@ def names(tmp_path_factory: pytest.TempPathFactory) -> set[str]:
     return set(zipfile.ZipFile(wheel).namelist())
 
 
+@pytest.mark.slow
 def test_the_wheel_holds_every_module_all_data_and_nothing_else(names: set[str]) -> None:
     files = (path for package in PACKAGES for path in (ROOT / package).rglob("*") if path.is_file())
     ours = {str(path.relative_to(ROOT)) for path in files if path.suffix != ".pyc"}
