@@ -6,7 +6,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Mapping, Sequence
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any, NamedTuple
 
 import casadi as ca
@@ -82,7 +82,7 @@ def trim_points(
         model.refuse_unheld("cannot sweep", name, tuple(model.parameters))
     constants = parameters_at(model, variables, values)
     n, m = len(model.states), len(model.inputs)
-    flat, watched, balanced, _ = _newton(model, variables, values, constants, condition, start, compile_code)
+    flat, watched, balanced = _newton(model, variables, values, constants, condition, start, compile_code)
     excess, width = _excess(model, flat, watched, condition)
     within = (excess <= 0.0).all(axis=1)
     status = np.where(balanced & within, TRIMMED, NO_TRIM).astype(np.int8)
@@ -254,49 +254,67 @@ def _newton(
     condition: TrimCondition,
     start: OperatingPoint | None,
     compile_code: bool | None,
-    together: int = 0,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """A row x, u, A, B, dX/dt a point, nan without as many equations as unknowns; the watched outputs; which points
-    balance; and the unknowns."""
-    count, end = len(values), _ends(model)[-1]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """A row x, u, A, B, dX/dt a point, nan without as many equations as unknowns; the watched outputs; and which points
+    balance."""
+    count = len(values)
     key = _key(model, variables, condition)
     if key is None or not count:
-        return np.full((count, end), np.nan), np.zeros((count, 0)), np.zeros(count, dtype=bool), np.zeros((count, 0))
-    _, given, free, rates, outputs, watched = key
-    flat = np.full((count, end + len(outputs) + len(watched)), np.nan)
+        return np.full((count, _ends(model)[-1]), np.nan), np.zeros((count, 0)), np.zeros(count, dtype=bool)
+    free = key[2]
+    together = next(size for size in _TOGETHER if size <= count)
+    functions = _compiled(key, together, count >= COMPILE_FROM if compile_code is None else compile_code)
+    settle = partial(_settle, model, variables, condition, key, functions)
+    guess = np.tile(first_guess(model, free, condition.begin if start is None else start.values), (count, 1))
+    # Whole steps lead to the one solution there then is; with states free there may be others, which they may reach.
+    whole_steps = set(free) <= set(model.inputs)
+    if variables and not whole_steps:
+        places, cell = _cells(model, variables, values)
+        *_, balanced, near = settle(places, parameters_at(model, variables, places), guess[: len(places)], whole_steps)
+        guess = np.where(balanced[cell, None], near[cell], guess)
+    return settle(values, constants, guess, whole_steps)[:3]
+
+
+def _settle(
+    model: Model,
+    variables: tuple[str, ...],
+    condition: TrimCondition,
+    key: Any,
+    functions: tuple[BoundFunction, BoundFunction],
+    values: np.ndarray,
+    constants: np.ndarray,
+    guess: np.ndarray,
+    whole_steps: bool,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """What `_newton` returns and the unknowns, from a guess of the unknowns of each point."""
+    (_, given, _, rates, outputs, watched), (step, at) = key, functions
+    count, end = len(values), _ends(model)[-1]
+    flat, unknowns = np.full((count, end + len(outputs) + len(watched)), np.nan), np.empty_like(guess)
     columns, by = dict(zip(variables, values.T, strict=True)), model.schedule
     place = columns.get(by, np.full(count, condition.imposed.get(by, 0.0)))
     columns |= {name: condition.values_at(name, place) for name in given if name not in columns}
     imposed = np.stack([columns[name] for name in given], axis=-1) if given else np.zeros((count, 0))
-    guess = np.tile(first_guess(model, free, condition.begin if start is None else start.values), (count, 1))
-    # Whole steps lead to the one solution there then is; with states free there may be others, which they may reach.
-    inputs_alone, on_grid = set(free) <= set(model.inputs), together > 0
-    together = together or next(size for size in _TOGETHER if size <= count)
-    if variables and not (inputs_alone or on_grid):
-        places, cell = _cells(model, variables, values)
-        more = model, variables, places, parameters_at(model, variables, places)
-        *_, trimmed, near = _newton(*more, condition, start, compile_code, together)
-        guess = np.where(trimmed[cell, None], near[cell], guess)
-    step, at = _compiled(key, together, count >= COMPILE_FROM if compile_code is None else compile_code)
-    after, residual = (result.reshape(together, -1) for result in step.results)
+    after = step.results[0].reshape(-1, guess.shape[1])
+    together = len(after)
+    residual = step.results[1].reshape(together, -1)
     for first in range(0, count, together):
         rows = slice(first, min(first + together, count))
         tables = imposed[rows], guess[rows], constants[rows]
         for memory, table in zip(step.inputs, tables, strict=True):
             memory.reshape(together, -1)[: rows.stop - first] = table
         v, searching = step.inputs[1].reshape(together, -1), np.ones(together, dtype=bool)
-        for _ in range(_MOST_STEPS if inputs_alone else 0):
+        for _ in range(_MOST_STEPS if whole_steps else 0):
             step()
             v[searching] = after[searching]
             searching &= residual[:, 0] > BALANCE  # one step more than balance asks for: to rounding; nan ends it
             if not searching[: rows.stop - first].any():
                 break
-        lost = ~(residual[:, 0] <= BALANCE) if inputs_alone else searching
+        lost = ~(residual[:, 0] <= BALANCE) if whole_steps else searching
         lost[rows.stop - first :] = False
         if lost.any():
             v[lost] = guess[rows][lost[: rows.stop - first]]
             _halving(step, v, lost)
-        guess[rows] = v[: rows.stop - first]
+        unknowns[rows] = v[: rows.stop - first]
         for target, source in zip(at.inputs, step.inputs, strict=True):
             target[:] = source
         at()
@@ -305,7 +323,7 @@ def _newton(
     off = [(flat[:, begin + index(name)] - columns.get(f"{name}_dot", rate)) / scale for name, rate, scale in rates]
     off += [(flat[:, end + i] - columns[name]) / scale for i, (name, scale) in enumerate(outputs)]
     balanced = np.asarray((np.abs(off) <= BALANCE).all(axis=0))
-    return flat[:, :end], flat[:, end + len(outputs) :], balanced, guess
+    return flat[:, :end], flat[:, end + len(outputs) :], balanced, unknowns
 
 
 def _cells(model: Model, variables: tuple[str, ...], values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
