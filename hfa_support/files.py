@@ -22,6 +22,8 @@ from hfa_support.errors import BadInputError, shortened
 LARGEST = 2**30
 #: Bytes of a text file: parsed, it takes ten times the memory.
 LARGEST_TEXT = 2**28
+#: Suffixes of the files that `controller/game/array_file.py` reads.
+MATRIX_FILES = (".json", ".npz", ".npy", ".mat", ".csv")
 _LONGEST_REASON = 200
 
 

@@ -12,8 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from controller.game.critic_file import LARGEST_CRITIC_ENTRY
-from controller.game.zero_sum import Game
+from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game
 from controller.riccati.balancing import balanced_units, is_hurwitz, spectrum
 from controller.riccati.exact_product import add, exact, product
 from controller.riccati.frequency_response import bounded_real_gain

@@ -19,8 +19,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hfa_support.errors import BadInputError, numbers_in, shortened
-from hfa_support.files import LARGEST, LARGEST_TEXT, read_json, regular_file
+from hfa_support.errors import BadInputError, shortened
+from hfa_support.files import LARGEST, LARGEST_TEXT, MATRIX_FILES, read_json, regular_file
 from hfa_support.reporting.unit_system import si_factor, si_unit
 
 #: Of a plant, in files beside A.csv, and of a critic: what a .csv or .npy file without names in it holds by its own.
@@ -250,28 +250,9 @@ def _is_number(text: str) -> bool:
     return True
 
 
-_READERS: dict[str, Callable[[Path], dict[str, Any]]] = {
-    ".json": _json,
-    ".npz": _npz,
-    ".npy": _npy,
-    ".mat": _mat,
-    ".csv": _csv,
-}
-#: Suffixes of the files that `read_arrays` reads.
-MATRIX_FILES = tuple(_READERS)
-
-
-def checked_matrix(name: str, value: Any, largest: float, ndim: int = 2) -> np.ndarray:
-    """The value as a read-only array of floats. BadInputError where it is none, or a number not finite or too large."""
-    array = numbers_in(name, value)
-    if array.ndim != ndim:
-        raise BadInputError(f"{name} has {array.ndim} dimension(s); it must have {ndim}")
-    for bad in np.argwhere(~(np.abs(array) <= largest)):
-        place, found = "".join(f"[{index}]" for index in bad), array[tuple(bad)]
-        rule = f"entries must not exceed {largest:g}" if np.isfinite(found) else "every entry must be finite"
-        raise BadInputError(f"{name}{place} is {found:g}; {rule}")
-    array.setflags(write=False)
-    return array
+_READERS: Mapping[str, Callable[[Path], dict[str, Any]]] = dict(
+    zip(MATRIX_FILES, (_json, _npz, _npy, _mat, _csv), strict=True)
+)
 
 
 def found_in(stored: Mapping[str, Any]) -> str:

@@ -13,20 +13,17 @@ from controller.game.array_file import (
     UNKNOWN,
     UNNAMED,
     PlantNames,
-    checked_matrix,
     file_scales,
     found_in,
     read_arrays,
     words,
 )
 from controller.game.basis import Basis, basis
-from controller.game.zero_sum import Game
+from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game, checked_matrix
 from hfa_support.errors import BadInputError, numbers_in, said_of
 from hfa_support.reporting.fields import Shown
 from hfa_support.reporting.unit_system import si_unit
 
-#: Entries of a critic beyond this overflow when P S P is squared, and mean nothing.
-LARGEST_CRITIC_ENTRY = 1e50
 #: What a critic consists of -> dimensions of one.
 _NDIM = {"W": 1, "P": 2, "K": 2}
 #: Other names of an entry.

@@ -10,13 +10,12 @@ import numpy as np
 
 from controller.game.array_file import (
     PlantNames,
-    checked_matrix,
     file_scales,
     found_in,
     read_arrays,
     words,
 )
-from controller.game.zero_sum import LARGEST, Game
+from controller.game.zero_sum import LARGEST, Game, checked_matrix
 from hfa_model.printed_matrices import published_data
 from hfa_model.vectors import LINEAR_STATES, LINEAR_UNITS
 from hfa_support.errors import BadInputError, numbers_in, said_of, shortened
@@ -163,18 +162,3 @@ def _provenance(stored: dict[str, Any]) -> dict[str, str]:
     found |= {key.removeprefix("provenance."): stored[key] for key in stored if key.startswith("provenance.")}
     texts = {name: words(found, name) for name in found}
     return {name: said[0] for name, said in texts.items() if len(said) == 1 and said[0]}
-
-
-def parse_diagonal(name: str, text: str) -> np.ndarray:
-    """diag(a, b, ...) from "a,b,...", (n, n): how Q and R are given on the command line.
-
-    Raises BadInputError when an entry is not a number.
-    """
-    entries = []
-    for position, entry in enumerate(text.split(","), start=1):
-        try:
-            entries.append(float(entry))
-        except ValueError as error:
-            said = f"{name}: entry {position} is {entry.strip()!r}"
-            raise BadInputError(f"{said}; give the diagonal as numbers, as in 1,0.5,2") from error
-    return np.diag(entries)

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from controller.game.array_file import checked_matrix
 from hfa_model.aircraft import HFA
 from hfa_model.printed_matrices import published_data
 from hfa_model.vectors import LINEAR_STATES
@@ -22,6 +21,8 @@ if TYPE_CHECKING:
 
 #: Numbers beyond this (or below its inverse) overflow when they are multiplied, and mean nothing in a model.
 LARGEST = 1e100
+#: Entries of a critic beyond this overflow when P S P is squared, and mean nothing.
+LARGEST_CRITIC_ENTRY = 1e50
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -155,6 +156,19 @@ def usual_game(model: Model, A: np.ndarray, B: np.ndarray, **changes: Any) -> Ga
     Q, R = (np.diag([model.signals[name].nominal ** -2.0 for name in names]) for names in (model.linear, model.inputs))
     usual: dict[str, Any] = {"E": np.eye(len(A)), "Q": Q, "R": R, "delta": np.inf}
     return Game(A, B, **(usual | changes))
+
+
+def checked_matrix(name: str, value: Any, largest: float, ndim: int = 2) -> np.ndarray:
+    """The value as a read-only array of floats. BadInputError where it is none, or a number not finite or too large."""
+    array = numbers_in(name, value)
+    if array.ndim != ndim:
+        raise BadInputError(f"{name} has {array.ndim} dimension(s); it must have {ndim}")
+    for bad in np.argwhere(~(np.abs(array) <= largest)):
+        place, found = "".join(f"[{index}]" for index in bad), array[tuple(bad)]
+        rule = f"entries must not exceed {largest:g}" if np.isfinite(found) else "every entry must be finite"
+        raise BadInputError(f"{name}{place} is {found:g}; {rule}")
+    array.setflags(write=False)
+    return array
 
 
 def _delta_of(delta: float) -> float:

@@ -20,10 +20,11 @@ from controller.design.scheduled_controller import load_controller
 from controller.policy.gain_table import load_gains
 from hfa_cli.options import games, trims
 from hfa_cli.options.argument_types import input_file, number, one_of, places
-from hfa_cli.options.games import MATRIX_FILES, NamedGame
+from hfa_cli.options.games import NamedGame
 from hfa_cli.options.parser import Option, Options
 from hfa_cli.output import ProgressLine, provenance, show
 from hfa_support.errors import BadInputError, said_of
+from hfa_support.files import MATRIX_FILES
 from hfa_support.model import Model
 
 if TYPE_CHECKING:

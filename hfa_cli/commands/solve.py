@@ -11,8 +11,6 @@ from dataclasses import replace
 from typing import Any
 
 from controller.analysis.solution_report import analyse_game, solution_report
-from controller.game.array_file import read_arrays
-from controller.game.model_file import has_all
 from hfa_cli.options import games, trims
 from hfa_cli.options.parser import Options
 from hfa_cli.output import ProgressLine, show
@@ -25,9 +23,14 @@ def options() -> Options:
 
 def run(arguments: argparse.Namespace) -> int:
     """Solve and report; a game without a certified solution is exit 1 and prints no P."""
-    found = None if arguments.model is None else read_arrays(arguments.model)
-    if found is not None and has_all(found, "B2"):
-        return _solve_plant(arguments, found)
+    found = None
+    if arguments.model is not None:
+        from controller.game.array_file import read_arrays
+        from controller.game.model_file import has_all
+
+        found = read_arrays(arguments.model)
+        if has_all(found, "B2"):
+            return _solve_plant(arguments, found)
     named = games.game_of(arguments, found)
     report = solution_report(analyse_game(named.game, ProgressLine("solve")), *named.names)
     report, built = report.with_data(**named.labels()), named.built

@@ -10,21 +10,31 @@ import math
 import re
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from controller.game.basis import basis
-from controller.game.critic_file import History, critic_in
 from hfa_cli.options import games, trims
 from hfa_cli.options.argument_types import input_file, number, positive
-from hfa_cli.options.games import MATRIX_FILES, NamedGame
+from hfa_cli.options.games import NamedGame
 from hfa_cli.options.parser import Option, Options
 from hfa_cli.output import ProgressLine, draw, show
 from hfa_support.errors import BadInputError, refuse_unknown, said_of
-from verification.critic.candidate import features_of, from_network, from_stored, from_weights
+from hfa_support.files import MATRIX_FILES
+from verification.critic.candidate import (
+    NETWORK_FILES,
+    Candidate,
+    features_of,
+    from_network,
+    from_stored,
+    from_weights,
+    is_network,
+)
 from verification.critic.check_result import CriticCheck, check_figure, checks_figure, checks_report
 from verification.critic.critic_check import LIMIT, check_critic, check_discounted, check_history
 from verification.critic.critic_errors import ordinary_box
-from verification.critic.network_file import ACTIVATIONS, NETWORK_FILES, is_network
+
+if TYPE_CHECKING:
+    from controller.game.critic_file import History
 
 #: Of more files than this, each network is flown from a few starts.
 _MANY, _FEW_FLIGHTS = 5, 10
@@ -54,7 +64,7 @@ def options() -> Options:
     settings = (
         "a setting of the law; of --weights predefined_time=S, of a network scale=a,b,... (times each state) and "
     )
-    settings += f"of a state dict activation={'|'.join(ACTIVATIONS)} between its layers, after a comma at its output"
+    settings += "of a state dict activation=tanh|relu|... between its layers, after a comma at its output"
     functions = "of --weights: a name (default quadratic), or a list 'x1**2, x1*x2, sin(x3)'"
     network = "which part of a file is what: value, V=critic,policy=actor, gradient=; default: by its number of outputs"
     cost = "exit 0 when the critic costs at most this much more than the optimum"
@@ -96,7 +106,10 @@ def run(arguments: argparse.Namespace) -> int:
     cost, checks = arguments.limit_cost, dict[str, CriticCheck]()
     if arguments.discount is not None:
         problem, limit = (arguments.discount, arguments.dt), arguments.limit_error
-        judged = check_discounted(named.game, _candidate(paths[0], arguments, named, settings), *problem, limit=limit)
+        candidate = _candidate(paths[0], arguments, named, settings)
+        if not isinstance(candidate, Candidate):
+            raise BadInputError(f"{paths[0]}: --discount takes one critic; this file has several over time")
+        judged = check_discounted(named.game, candidate, *problem, limit=limit)
         checks, report = {"": judged}, judged.report(*named.names, limit_cost=cost)
     elif len(paths) > 1:
         found, told = dict[str, CriticCheck](), ProgressLine("compare")
@@ -148,8 +161,10 @@ def _settings(arguments: argparse.Namespace, paths: list[Path]) -> dict[str, Any
 
 def _candidate(
     path: Path, arguments: argparse.Namespace, named: NamedGame, settings: dict[str, Any], files: int = 1
-) -> Any:
+) -> Candidate | History:
     """The critic in a file, or its `History`."""
+    from controller.game.critic_file import History, critic_in
+
     game, name = named.game, arguments.basis
     listed = name is not None and re.search(r"[^a-z+]", name) is not None
     n = len(game.A)
@@ -173,7 +188,7 @@ def _check_file(
     """The critic in a file, or each of its rows where it has a time."""
     time, game = settings.get("predefined_time"), named.game
     found = _candidate(path, arguments, named, settings, files)
-    if isinstance(found, History):
+    if not isinstance(found, Candidate):
         with said_of(path):
             return check_history(game, found, predefined_time=time, progress=ProgressLine("compare"), **how)
     if time is not None:

@@ -16,16 +16,15 @@ from controller.flight.envelope import Envelope, control_limits, flight_envelope
 from controller.flight.gusts import Dryden, Gust, OneMinusCosine
 from controller.flight.plants import UPDRAFT
 from controller.flight.scenario import Scenario, Uncertainty, met_at
-from controller.game.array_file import PlantNames
 from controller.policy import paper_flight
 from controller.policy.signals import CommandedStates, CommandSteps, Harmonic, Signal
 from hfa_cli.options import games, trims
 from hfa_cli.options.argument_types import OWN, Parsed, input_file, model, number, numbers, positive, quantity, span
-from hfa_cli.options.games import MATRIX_FILES
 from hfa_cli.options.parser import Option, Options
 from hfa_cli.output import ProgressLine
 from hfa_model.aircraft import Aircraft
 from hfa_support.errors import BadInputError, refuse_unknown, said_of
+from hfa_support.files import MATRIX_FILES
 from hfa_support.model import Model, record
 from trim.linear.linear_model import LinearModel, linearize
 from trim.point.operating_point import OperatingPoint
@@ -213,6 +212,7 @@ def check_policy(arguments: argparse.Namespace) -> None:
 
 def flown_law_of(arguments: argparse.Namespace, linear: LinearModel) -> FlownLaw:
     """The gain that is used: of a file, exact, or learned on the linear model."""
+    from controller.game.array_file import PlantNames
     from controller.game.basis import basis
     from controller.game.critic_file import load_critic
     from controller.laws.certified import learned_value

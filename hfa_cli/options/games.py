@@ -7,31 +7,46 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import casadi as ca
+import numpy as np
 
 from controller.design.design_model import DesignModel, design_model
-from controller.game.array_file import MATRIX_FILES, PlantNames
-from controller.game.learning_result import LearningResult
-from controller.game.model_file import parse_diagonal, stored_game
 from controller.game.zero_sum import Game, usual_game
 from hfa_cli.options import trims
 from hfa_cli.options.argument_types import OWN, input_file, number, parsed, whole
 from hfa_cli.options.parser import Option, Options
 from hfa_cli.output import ProgressLine
 from hfa_support.errors import BadInputError, refuse_unknown, said_of
+from hfa_support.files import MATRIX_FILES
 from hfa_support.model import Model
 from hfa_support.reporting.text import numbered
 from hfa_support.reporting.unit_system import entries_in_force
 from trim.linear.linear_model import LinearModel, linearize
 from trim.point.operating_point import at_scheduled
 
+if TYPE_CHECKING:
+    from controller.game.array_file import PlantNames
+    from controller.game.learning_result import LearningResult
+
 DEFAULT_LAW = "certified"
 
 
 def _delta(text: str) -> float:
     return math.inf if text.strip().lower() in ("inf", "infinity") else number(text)
+
+
+def parse_diagonal(name: str, text: str) -> np.ndarray:
+    """diag(a, b, ...) from "a,b,...", (n, n): how Q and R are given. BadInputError where an entry is no number."""
+    entries = []
+    for position, entry in enumerate(text.split(","), start=1):
+        try:
+            entries.append(float(entry))
+        except ValueError as error:
+            said = f"{name}: entry {position} is {entry.strip()!r}"
+            raise BadInputError(f"{said}; give the diagonal as numbers, as in 1,0.5,2") from error
+    return np.diag(entries)
 
 
 #: The weights of the game.
@@ -89,6 +104,8 @@ class NamedGame:
     @property
     def plant(self) -> PlantNames:
         """What a file of a critic is read against."""
+        from controller.game.array_file import PlantNames
+
         return PlantNames(self.states, self.inputs, self.state_units)
 
     def labels(self) -> dict[str, Any]:
@@ -141,6 +158,8 @@ def game_of(arguments: argparse.Namespace, found: dict[str, Any] | None = None) 
 
 def _game_of_file(arguments: argparse.Namespace, found: dict[str, Any] | None) -> NamedGame:
     """The game of --model."""
+    from controller.game.model_file import stored_game
+
     refuse_of_the_aircraft(arguments)
     game, notes, names, provenance = stored_game(arguments.model, found=found, **weights_of(arguments))
     n, m = game.B.shape

@@ -8,23 +8,30 @@ from __future__ import annotations
 
 import ast
 import operator
+import re
+import zipfile
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import casadi as ca
 import numpy as np
 
 from controller.analysis.cost import is_moderate
 from controller.game.basis import Basis, bases_with, basis
-from controller.game.critic_file import StoredCritic
 from controller.game.zero_sum import Game
 from hfa_support.errors import BadInputError, numbers_in, said_of, shortened
 from hfa_support.reporting.fields import Shown
-from verification.critic.network_file import COMMON, OUTPUTS, Network, network_in
 
+if TYPE_CHECKING:
+    from controller.game.critic_file import StoredCritic
+
+#: What a network may compute of the state: V, dV/dz, u, or V and u one behind the other.
+OUTPUTS = ("V", "gradient", "policy", "V+policy")
+#: Suffixes of the files of networks.
+NETWORK_FILES = (".onnx", ".pt", ".pth", ".pkl", ".safetensors", ".zip")
 #: What a list of features may call and do, and its most letters.
 _FUNCTIONS = ("sin", "cos", "tan", "tanh", "exp", "log", "sqrt", "fabs")
 _OPERATIONS: Mapping[type, Callable[[Any, Any], Any]] = {
@@ -181,6 +188,17 @@ def features_of(text: str, states: int, names: tuple[str, ...] = ()) -> ca.Funct
         raise BadInputError(said) from error
 
 
+def is_network(path: Path) -> bool:
+    """Whether a file is one for `from_network`: by its suffix, or an .npz whose arrays are named like layers."""
+    if path.suffix.lower() == ".npz":
+        try:
+            with zipfile.ZipFile(path) as archive:
+                return any(re.search(r"(^|\.)weight\.npy$", name) for name in archive.namelist())
+        except (OSError, zipfile.BadZipFile):
+            return False
+    return path.suffix.lower() in NETWORK_FILES
+
+
 def from_network(
     game: Game,
     source: str | Path | ca.Function,
@@ -196,6 +214,8 @@ def from_network(
     the number of outputs says it. scale: (n,), the network takes state i times scale[i]. A single layer on the features
     (default: the quadratic basis) is a polynomial in them. BadInputError, one line, names the file.
     """
+    from verification.critic.network_file import COMMON, Network, network_in
+
     n, m = game.B.shape
     scale = np.ones(n) if scale is None else np.asarray(scale, dtype=float)
     if scale.shape != (n,) or not np.all(np.isfinite(scale) & (scale != 0.0)):

@@ -12,7 +12,6 @@ import numpy as np
 
 from controller.analysis.cost import FlightCost
 from controller.game.learning_result import LearningResult, settled_at
-from controller.riccati.discrete import DiscountedSolution
 from controller.riccati.frequency_response import DiskMargin
 from controller.riccati.gare import GameSolution
 from hfa_support.errors import BadInputError
@@ -29,6 +28,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from controller.riccati.discrete import DiscountedSolution
     from verification.critic.network_check import NetworkSearch
 
 #: What is computed at each time of a history, and the head of its column and curve.
@@ -103,8 +103,8 @@ class CriticCheck(Checked, Reported):
     recognized, or "". lost: the largest cost lost, percent, of the linear loop and of a network that was flown.
     learned_margin, exact_margin: disk margins of both gains, None for one that does not stabilize. flight: what the
     critic costs. box: of the states over which V, its slopes and the policies were compared. history: the errors over
-    time, of a history. network: what was searched of a network. run: of a law. predefined_time: T_w, s. dt: s, of the
-    discounted problem in discrete time, which has no margins, flight and box.
+    time, of a history. network: what was searched of a network. run: of a law. predefined_time: T_w, s. discount, dt
+    (s): of the discounted problem in discrete time, which has no margins, flight and box.
     """
 
     exact: GameSolution | DiscountedSolution
@@ -120,6 +120,7 @@ class CriticCheck(Checked, Reported):
     network: NetworkSearch | None = None
     run: LearningResult | None = None
     predefined_time: float | None = None
+    discount: float | None = None
     dt: float | None = None
 
     @property
@@ -159,8 +160,8 @@ class CriticCheck(Checked, Reported):
             "P_exact": exact.P.tolist(),
             "K_exact": exact.K.tolist(),
         }
-        if isinstance(exact, DiscountedSolution):
-            data |= {"schema": "hfa.discounted-check/1", "discount": exact.discount, "dt": self.dt}
+        if self.dt is not None:
+            data |= {"schema": "hfa.discounted-check/1", "discount": self.discount, "dt": self.dt}
             return data | {"cost_lost_worst_percent": finite_or_none(self.lost)}
         assert self.flight is not None
         assert self.box is not None
@@ -200,8 +201,8 @@ class CriticCheck(Checked, Reported):
         rows = entry_rows(both, (self.candidate.K, self.exact.K), (states, inputs), units)
         records = Table(("matrix", "row", "column", "learned", "exact", "unit"), rows)
         problem = "game solution"
-        if isinstance(self.exact, DiscountedSolution):
-            problem = f"solution of the discounted game, discount {self.exact.discount:g} a step of {self.dt:g} s"
+        if self.dt is not None:
+            problem = f"solution of the discounted game, discount {self.discount:g} a step of {self.dt:g} s"
         reason = [f"Reason: {self.diagnosis}"] * bool(self.diagnosis)
         parts: list[Part] = [
             (f"Critic on {origin}, against the exact {problem}", *reason),

@@ -5,18 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
 
 from controller.analysis.cost import CHANGE, SIGNLESS, flight_cost, saddle_checks
 from controller.game.basis import Basis, basis
-from controller.game.critic_file import History
 from controller.game.learning_result import LearningResult, settled_at
 from controller.game.zero_sum import Game
 from controller.riccati.balancing import balanced_units, in_units, spectrum
 from controller.riccati.certificate import INDEFINITENESS, relative_residual
-from controller.riccati.discrete import DiscountedSolution, discounted_checks, policies_of_step, solve_discounted
 from controller.riccati.frequency_response import disk_margin
 from controller.riccati.gare import GameSolution, solve_game
 from hfa_support.errors import BadInputError, refuse_unless_positive
@@ -25,13 +24,17 @@ from hfa_support.reporting.checks import Check, at_least, at_most, below
 from verification.critic.candidate import Candidate, from_stored
 from verification.critic.check_result import HISTORY, CriticCheck, HistoryErrors
 from verification.critic.critic_errors import Box, critic_errors, matrix_errors, ordinary_box
-from verification.critic.diagnosis import diagnose, repaired
-from verification.critic.network_check import FLIGHTS, network_checks
+
+if TYPE_CHECKING:
+    from controller.game.critic_file import History
+    from controller.riccati.discrete import DiscountedSolution
 
 #: Default limit of the errors of P, K, V, its slopes and the policies, and of the Riccati residual.
 LIMIT = 1e-6
 #: With a larger limit the saddle checks, which see errors beyond it, are left out.
 SADDLE_LIMIT = 1e-5
+#: From how many starts a network is flown.
+FLIGHTS = 100
 #: Relative Riccati residual, in balanced units, below which a run counts as settled.
 SETTLED = 1e-9
 
@@ -63,9 +66,12 @@ def check_critic(
     flight, K, P, finite = flight_cost(game, exact, candidate.K), candidate.K, candidate.P, candidate.finite
     abscissa = spectrum(game.A - game.B @ K).abscissa if finite else math.inf
     errors = critic_errors(game, candidate, exact, limit, box)
-    searched, network = network_checks(
-        game, candidate, exact, box.half_widths, limit, flights=flights * (abscissa < 0.0), plant=plant
-    )
+    searched, network = list[Check](), None
+    if candidate.nonlinear is not None:
+        from verification.critic.network_check import network_checks
+
+        about, flown = candidate.nonlinear, flights * (abscissa < 0.0)
+        searched, network = network_checks(game, candidate, about, exact, box.half_widths, limit, flown, plant)
     checks = [
         *errors,
         below("control_loop_abscissa", abscissa, 0.0, f"A - B K is not Hurwitz (abscissa {abscissa:+.3g} 1/s)"),
@@ -80,13 +86,15 @@ def check_critic(
         checks, diagnosis = [*checks, *run_checks], run_checks[0].reason
     checks += searched
     if not diagnosis and finite and not all(check.ok for check in (*errors, *searched)):
+        from verification.critic.diagnosis import diagnose
+
         diagnosis = diagnose(game, exact, candidate, limit, at_dihedral, box.half_widths)
     return CriticCheck(
         exact=exact,
         candidate=replace(candidate, nonlinear=None),  # CasADi's symbols do not pickle
         checks=tuple(_explained(checks, diagnosis)),
         diagnosis=diagnosis,
-        lost=max(flight.worst, 0.0 if network is None else network.lost),
+        lost=max(flight.worst, 0.0 if network is None else network.cost_lost_flown_percent),
         learned_margin=disk_margin(game, K) if abscissa < 0.0 else None,
         exact_margin=disk_margin(game, exact.K),
         flight=flight,
@@ -140,6 +148,9 @@ def check_discounted(
     margins and the box of states belong to continuous time and are not checked. NoSolutionError where the problem has
     no certified solution.
     """
+    from controller.riccati.discrete import discounted_checks, policies_of_step, solve_discounted
+    from verification.critic.diagnosis import repaired
+
     exact = solve_discounted(game, discount, dt)
     step, K, P, root = exact.game, candidate.K, candidate.P, math.sqrt(discount)
     if not candidate.finite:
@@ -158,7 +169,15 @@ def check_discounted(
         said = f"Bellman's equation is left with a residual of {residual:.2g}"
         checks.append(at_most("bellman_residual", residual, limit, said))
     diagnosis = "" if all(check.ok for check in errors) else repaired(game, exact.P, exact.K, candidate)
-    return CriticCheck(exact, candidate, tuple(_explained(checks, diagnosis)), diagnosis, _lost(exact, K), dt=dt)
+    return CriticCheck(
+        exact,
+        candidate,
+        tuple(_explained(checks, diagnosis)),
+        diagnosis,
+        _lost(exact, K),
+        discount=exact.discount,
+        dt=dt,
+    )
 
 
 def _lost(exact: DiscountedSolution, K: np.ndarray) -> float:

@@ -15,7 +15,7 @@ import numpy as np
 from controller.game.zero_sum import Game
 from controller.riccati.balancing import spectrum
 from controller.riccati.gare import GameSolution
-from hfa_support.jsonable import finite_or_none
+from hfa_support.jsonable import jsonable
 from hfa_support.native.bound import BoundFunction
 from hfa_support.reporting.checks import Check, at_most
 from verification.critic.candidate import Candidate, Nonlinear
@@ -23,9 +23,9 @@ from verification.critic.critic_errors import SMALL
 
 #: States from which the search starts, half of them corners of the box, and from how many of each kind it climbs.
 STARTS, CLIMBS = 1000, 3
-#: Flights, each until the exact loop has decayed to exp(-`DECAY`), in so many steps at most; from how many starts the
+#: A flight ends when the exact loop has decayed to exp(-`DECAY`), in so many steps at most; from how many starts the
 #: largest box is sought, among 1, 2, ... 2^`DOUBLINGS` times the box and its parts.
-FLIGHTS, DECAY, STEPS, FEW, DOUBLINGS = 100, 5.0, 1000, 6, 4
+DECAY, STEPS, FEW, DOUBLINGS = 5.0, 1000, 6, 4
 #: A flight has returned where V* has come down to this part.
 RETURNED = 0.05
 SAID = {"value": "V", "gradient": "a slope of V", "policy": "the policy"}
@@ -40,143 +40,121 @@ class Found(NamedTuple):
 
 
 class NetworkSearch(NamedTuple):
-    """What was found of a function of the state beside its linearization, over the box.
+    """What was found of a function of the state beside its linearization, over the box; the names are those of JSON.
 
-    lost, mean: percent of V* that it costs more than the optimum from `flights` starts. reach: the largest multiple of
+    cost_lost_flown_percent: of V*, beyond the optimum, at most, from `flights` starts. reach: the largest multiple of
     the box from which it returns, on the linear plant, on the nonlinear one, and there of the exact policy, None where
     that is not known. The others as in `Nonlinear`.
     """
 
     output: str
     precision: str
-    constant: float
-    found: tuple[Found, ...] = ()
-    lost: float = 0.0
-    mean: float = 0.0
+    value_at_origin: float
+    searched: tuple[Found, ...] = ()
     flights: int = 0
+    cost_lost_flown_percent: float = 0.0
+    cost_lost_flown_mean_percent: float = 0.0
     reach: float = math.nan
     reach_nonlinear: float | None = None
-    exact_reach: float | None = None
+    reach_nonlinear_exact: float | None = None
 
     @property
     def said(self) -> tuple[str, ...]:
         """For a report."""
-        constant = f", V(0) = {self.constant:.4g}" if "V" in self.output else ""
-        if not self.found:
+        constant = f", V(0) = {self.value_at_origin:.4g}" if "V" in self.output else ""
+        if not self.searched:
             return (f"Polynomial, {self.precision} weights{constant}",)
         errors = [
-            f"{SAID[each.name]} {each.error:.3g} at ({', '.join(f'{z:.3g}' for z in each.at)})" for each in self.found
+            f"{SAID[name]} {error:.3g} at ({', '.join(f'{z:.3g}' for z in at)})" for name, error, at in self.searched
         ]
         far = f"{self.reach:g} times the box on the linear plant"
         if self.reach_nonlinear is not None:
-            far += f", {self.reach_nonlinear:g} times on the nonlinear one (the exact policy {self.exact_reach:g})"
+            far += f", {self.reach_nonlinear:g} times on the nonlinear one"
+            far += f" (the exact policy {self.reach_nonlinear_exact:g})"
         return (
             f"Network of {self.output}, {self.precision} weights, linearized exactly at the origin{constant}",
             f"Largest errors in the box (searched, {STARTS} starts; not a bound): {'; '.join(errors)}",
-            f"Flown from {self.flights} starts in the box (not a bound): cost lost {self.lost:.3g} percent at most, "
-            f"{self.mean:.3g} on average",
+            f"Flown from {self.flights} starts in the box (not a bound): cost lost {self.cost_lost_flown_percent:.3g} "
+            f"percent at most, {self.cost_lost_flown_mean_percent:.3g} on average",
             f"Returns to trim from {far} ({FEW} starts each, doubled up to {2**DOUBLINGS})",
         )
 
     def to_dict(self) -> dict[str, Any]:
         """Ready for JSON."""
-        found = [{"name": name, "error": finite_or_none(error), "at": at.tolist()} for name, error, at in self.found]
-        return {
-            "output": self.output,
-            "precision": self.precision,
-            "starts": STARTS if self.found else 0,
-            "flights": self.flights,
-            "searched": found,
-            "value_at_origin": finite_or_none(self.constant),
-            "cost_lost_flown_percent": finite_or_none(self.lost),
-            "cost_lost_flown_mean_percent": finite_or_none(self.mean),
-            "reach": finite_or_none(self.reach),
-            "reach_nonlinear": self.reach_nonlinear,
-            "reach_nonlinear_exact": self.exact_reach,
-        }
+        starts = STARTS if self.searched else 0
+        found = self._asdict() | {"starts": starts, "searched": [each._asdict() for each in self.searched]}
+        return dict(jsonable(found))
 
 
 def network_checks(
     game: Game,
     candidate: Candidate,
+    about: Nonlinear,
     exact: GameSolution,
     b: np.ndarray,
     limit: float,
-    *,
-    flights: int = FLIGHTS,
+    flights: int,
     plant: ca.Function | None = None,
-) -> tuple[list[Check], NetworkSearch | None]:
-    """Checks of the errors at the origin, of those that `search` finds over the box |z_i| <= b_i and of the gain met;
-    none of a critic that is no network.
+) -> tuple[list[Check], NetworkSearch]:
+    """Checks of the errors at the origin and of those that `search` finds over the box |z_i| <= b_i.
 
     plant: (z, u) -> z', the nonlinear plant about its trim. flights: 0 where the linear loop is unstable.
     """
-    about, checks = candidate.nonlinear, list[Check]()
-    if about is None:
-        return checks, None
     facts = NetworkSearch(about.output, about.precision, about.constant)
     if about.z is None:
-        return checks, facts
-    origin, found = search(game, candidate, exact, b)
+        return [], facts
+    origin, found = search(game, about, exact, b)
     off = "u is" if about.F is None else "the slopes of V are"
     checks = [at_most("origin_error", origin, limit, f"{off} off by {origin:.2g} at the origin, where 0 is right")]
     for name, error, _ in found:
         checks.append(at_most(f"searched_{name}_error", error, limit, f"{SAID[name]} is off by {error:.2g} in the box"))
-    facts = facts._replace(found=found)
     if not flights:
-        return checks, facts._replace(lost=math.inf, mean=math.inf, reach=0.0)
-    lost, z, u = flown_losses(game, candidate, exact, b, flights), about.z, about.policy(game)
+        return checks, NetworkSearch(*facts[:3], found, 0, math.inf, math.inf, reach=0.0)
+    losses, z, u = flown_losses(game, candidate.K, about, exact, b, flights), about.z, about.policy(game)
     rates = [ca.DM(game.A) @ z + ca.DM(game.B) @ u]
     rates += [plant(z, each) for each in (u, -ca.DM(exact.K) @ z) if plant is not None]
-    far = [reach(_Flight(z, each), exact, game, b) for each in rates]
-    facts = facts._replace(lost=float(lost.max()), mean=float(lost.mean()), flights=flights, reach=far[0])
-    return checks, facts if plant is None else facts._replace(reach_nonlinear=far[1], exact_reach=far[2])
+    mean, *far = float(losses.mean()), *(reach(_Flight(z, each), exact, game, b) for each in rates)
+    return checks, NetworkSearch(*facts[:3], found, flights, float(losses.max()), mean, *far)
 
 
-def search(game: Game, candidate: Candidate, exact: GameSolution, b: np.ndarray) -> tuple[float, tuple[Found, ...]]:
+def search(game: Game, about: Nonlinear, exact: GameSolution, b: np.ndarray) -> tuple[float, tuple[Found, ...]]:
     """The largest error at the origin, and those found over the box |z_i| <= b_i: of V, of any dV/dz_i, of any input.
 
     Each relative to the largest of the exact V, dV/dz_i or u_i in the box; V but for its constant, on which no policy
     depends. Of `STARTS` states the `CLIMBS` worst corners and the `CLIMBS` worst others are where L-BFGS-B starts to
     climb.
     """
-    assert candidate.nonlinear is not None
-    z, (names, errors) = candidate.nonlinear.z, _errors(game, candidate.nonlinear, exact, b)
+    from scipy.optimize import minimize
+
+    z, (names, errors) = about.z, _errors(game, about, exact, b)
     w = ca.SX.sym("w", len(names))
-    values, slopes = (
-        ca.Function("values", [z], [errors]),
-        ca.Function("slopes", [z, w], [ca.jtimes(errors, z, w, True)]),
-    )
-    starts = np.random.default_rng(0).uniform(-1.0, 1.0, (len(b), STARTS))
-    starts[:, ::2] = np.sign(starts[:, ::2])
+    values = ca.Function("values", [z], [errors])
+    slopes = ca.Function("slopes", [z, w], [ca.jtimes(errors, z, w, True)])
+
+    def climbed(weights: np.ndarray, start: np.ndarray) -> tuple[float, np.ndarray]:
+        """The largest weights'values(b y) on the way up from y = start, |y_i| <= 1, and y; inf where it is nan."""
+
+        def descent(y: np.ndarray) -> tuple[float, np.ndarray]:
+            return -float(weights @ np.array(values(b * y)).ravel()), -np.array(slopes(b * y, weights)).ravel() * b
+
+        inside = [(-1.0, 1.0)] * len(b)
+        end = minimize(descent, start, jac=True, method="L-BFGS-B", bounds=inside, options={"maxiter": 25})
+        return (-float(end.fun) if math.isfinite(end.fun) else math.inf), end.x
+
+    starts = _starts(np.ones(len(b)), STARTS, seed=0)
     found: dict[str, Found] = {}
-    for name, sampled, unit in zip(names, np.array(values(b[:, None] * starts)), np.eye(len(names)), strict=True):
+    for name, sampled, unit in zip(names, np.array(values((b * starts).T)), np.eye(len(names)), strict=True):
         sizes = np.where(np.isfinite(sampled), np.abs(sampled), math.inf)
         order = np.argsort(-sizes, kind="stable")
-        order = np.concatenate([order[:1], order[order % 2 == 0][:CLIMBS], order[order % 2 == 1][:CLIMBS]])
-        ends = [(float(sizes[order[0]]), starts[:, order[0]])]
+        ends = [(float(sizes[order[0]]), starts[order[0]])]
         if math.isfinite(ends[0][0]):
-            ends += [
-                _climbed(values, slopes, b, np.copysign(unit, sampled[place]), starts[:, place]) for place in order
-            ]
+            from_here = [order[0], *order[order % 2 == 0][:CLIMBS], *order[order % 2 == 1][:CLIMBS]]
+            ends += [climbed(np.copysign(unit, sampled[place]), starts[place]) for place in from_here]
         error, at = max(ends, key=lambda end: end[0])
         if name not in found or error > found[name].error:
             found[name] = Found(name, error, b * at)
     at_origin = np.abs(np.array(values(np.zeros(len(b)))))
     return float(np.where(np.isfinite(at_origin), at_origin, math.inf).max()), tuple(found.values())
-
-
-def _climbed(
-    values: Any, slopes: Any, b: np.ndarray, weights: np.ndarray, start: np.ndarray
-) -> tuple[float, np.ndarray]:
-    """The largest weights'values(b y) on the way up from y = start, |y_i| <= 1, and y; inf where it is no number."""
-    from scipy.optimize import minimize
-
-    def descent(y: np.ndarray) -> tuple[float, np.ndarray]:
-        return -float(weights @ np.array(values(b * y)).ravel()), -np.array(slopes(b * y, weights)).ravel() * b
-
-    end = minimize(descent, start, jac=True, method="L-BFGS-B", bounds=[(-1.0, 1.0)] * len(b), options={"maxiter": 25})
-    return (-float(end.fun) if math.isfinite(end.fun) else math.inf), end.x
 
 
 def _errors(game: Game, about: Nonlinear, exact: GameSolution, b: np.ndarray) -> tuple[list[str], Any]:
@@ -227,26 +205,26 @@ class _Flight:
         return end if home else None
 
 
-def _starts(b: np.ndarray, count: int) -> np.ndarray:
+def _starts(b: np.ndarray, count: int, seed: int = 1) -> np.ndarray:
     """States of the box, every other one a corner: (count, n)."""
-    starts = np.random.default_rng(1).uniform(-1.0, 1.0, (count, len(b)))
+    starts = np.random.default_rng(seed).uniform(-1.0, 1.0, (count, len(b)))
     starts[::2] = np.sign(starts[::2])
     return starts * b
 
 
-def flown_losses(game: Game, candidate: Candidate, exact: GameSolution, b: np.ndarray, flights: int) -> np.ndarray:
-    """Percent of V* that u(z) costs more than u* from each of so many starts in the box, (flights,); all inf where it
-    does not return from one.
+def flown_losses(
+    game: Game, K: np.ndarray, about: Nonlinear, exact: GameSolution, b: np.ndarray, flights: int
+) -> np.ndarray:
+    """Percent of V* that u(z), with the gain K at the origin, costs more than u* from each of so many starts in the box,
+    (flights,); all inf where it does not return from one.
 
     Under d = L* z, the worst disturbance of the exact policies, J - V* = ∫ (u - u*)'R(u - u*) dt. What comes after the
     end is that of the linear loop.
     """
     from scipy.linalg import solve_continuous_lyapunov
 
-    about, lost = candidate.nonlinear, []
-    assert about is not None
-    A, u = game.A + game.E @ exact.disturbance_gain, about.policy(game)
-    loop, change = A - game.B @ candidate.K, candidate.K - exact.K
+    A, u, lost = game.A + game.E @ exact.disturbance_gain, about.policy(game), []
+    loop, change = A - game.B @ K, K - exact.K
     if spectrum(loop).abscissa >= 0.0:
         return np.full(flights, math.inf)
     rest = solve_continuous_lyapunov(loop.T, -change.T @ game.R @ change)

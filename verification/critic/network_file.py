@@ -24,10 +24,6 @@ import numpy as np
 from hfa_support.errors import BadInputError, refuse_unknown, said_of, shortened
 from hfa_support.files import regular_file
 
-#: Suffixes of the files that `network_in` reads.
-NETWORK_FILES = (".onnx", ".pt", ".pth", ".pkl", ".safetensors", ".zip")
-#: What a network may compute of the state: V, dV/dz, u, or V and u one behind the other.
-OUTPUTS = ("V", "gradient", "policy", "V+policy")
 #: Bytes of a file, and numbers in it: derivatives are symbolic.
 LARGEST_FILE, LARGEST_NETWORK = 2**24, 200_000
 #: The oldest ONNX operator set that is read.
@@ -37,7 +33,7 @@ Layers = list[tuple[np.ndarray, np.ndarray]]
 
 class Network(NamedTuple):
     """functions: name of an output -> x -> its numbers, CasADi Functions (n,) -> (k,), in doubles; the name is one of
-    `OUTPUTS` where it was asked for, "" of a state dict otherwise.
+    `candidate.OUTPUTS` where it was asked for, "" of a state dict otherwise.
 
     precision: of the weights in the file, as "float32". layers: of a state dict, (weight (k, n), bias (k,)) each; a
     single one that acts on the basis has no function.
@@ -46,17 +42,6 @@ class Network(NamedTuple):
     functions: dict[str, Any]
     precision: str
     layers: Layers
-
-
-def is_network(path: Path) -> bool:
-    """Whether a file is one for `network_in`: by its suffix, or an .npz whose arrays are named like layers."""
-    if path.suffix.lower() == ".npz":
-        try:
-            with zipfile.ZipFile(path) as archive:
-                return any(re.search(r"(^|\.)weight\.npy$", name) for name in archive.namelist())
-        except (OSError, zipfile.BadZipFile):
-            return False
-    return path.suffix.lower() in NETWORK_FILES
 
 
 def network_in(

@@ -14,7 +14,8 @@ from scipy.io import savemat
 from scipy.sparse import csc_matrix
 
 from controller import Game, load_critic, load_game
-from controller.game.model_file import parse_diagonal, stored_game
+from controller.game.model_file import stored_game
+from hfa_cli.options.games import parse_diagonal
 from hfa_model import LINEAR_STATES, published_models
 from hfa_support import BadInputError
 

@@ -19,7 +19,7 @@ from controller.game.learning_result import Excitation, LearningResult
 from hfa_cli.main import BAD_INPUT, DONE, FAILED
 from hfa_support import BadInputError, NoSolutionError
 from verification import check_critic, from_gain, from_value, from_weights, solve_game
-from verification.critic import critic_check
+from verification.critic import diagnosis
 from verification.critic.candidate import Candidate
 from verification.critic.critic_check import settling_time
 
@@ -34,7 +34,7 @@ def game() -> Game:
 @pytest.fixture
 def no_cause(monkeypatch: pytest.MonkeyPatch) -> None:
     """The search for a cause, which takes most of the time and no part in the verdict, is left out."""
-    monkeypatch.setattr(critic_check, "diagnose", lambda *_: "")
+    monkeypatch.setattr(diagnosis, "diagnose", lambda *_: "")
 
 
 def failed(game: Game, candidate: Candidate, **how: Any) -> set[str]:

@@ -141,7 +141,7 @@ def test_a_basis_in_words_or_as_a_function_and_a_constant(game: Game) -> None:
     check = check_critic(game, from_weights(game, weights, features_of(FEATURES, 6)), flights=1)
     assert check.ok
     assert check.network is not None
-    assert check.network.constant == -3.0
+    assert check.network.value_at_origin == -3.0
     z = ca.SX.sym("z", 6)
     squares = ca.Function("squares", [z], [z**2])
     assert not check_critic(game, from_weights(game, np.diag(value(game)), squares), flights=1).ok

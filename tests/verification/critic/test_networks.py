@@ -123,7 +123,7 @@ def test_a_network_that_is_the_value_passes(game: Game) -> None:
         assert check.ok
         assert check.network is not None
         assert (check.network.output, check.network.precision) == ("V", kind)
-    assert {"value", "gradient", "policy"} == {each.name for each in check.network.found}
+    assert {"value", "gradient", "policy"} == {each.name for each in check.network.searched}
     assert pickle.loads(pickle.dumps(check)).to_dict()["network"] == check.to_dict()["network"]
     said = hfa("verify", *AT_15, "--weights", "float32.onnx").out
     assert said.startswith("PASS by the error limit 1e-06: exact within 1e-06, stabilizing, no cost lost")
@@ -182,7 +182,7 @@ def test_a_network_right_at_the_origin_alone_fails(game: Game) -> None:
     assert check.K_rel_error < 1e-12
     assert [each.name for each in check.checks if not each.ok] == ["searched_policy_error"]
     assert check.network is not None
-    (found,) = check.network.found
+    (found,) = check.network.searched
     largest = np.sqrt(game.R.diagonal()) * (np.abs(solve_game(game).K) @ box.half_widths)
     assert found.error == pytest.approx(5.0 * np.sqrt(game.R[0, 0]) / largest[0], rel=1e-6)
     assert check.flight.within(1e-6)
@@ -204,7 +204,7 @@ def test_the_search_finds_what_many_samples_find(game: Game) -> None:
     z = b[:, None] * np.random.default_rng(5).uniform(-1.0, 1.0, (6, 100_000))
     V = np.array(evaluate(z)).ravel() - about(critic).constant
     sampled = np.abs(V - np.sum(z * (exact.P @ z), axis=0)).max() / (b @ np.abs(exact.P) @ b)
-    found = {each.name: each for each in search(game, critic, exact, b)[1]}
+    found = {each.name: each for each in search(game, about(critic), exact, b)[1]}
     assert found["value"].error >= sampled
 
 
@@ -213,9 +213,9 @@ def test_the_cost_in_flight_is_that_of_the_linear_loop_where_the_network_is_line
     critic, exact = from_network(game, linear(-1.2 * gain(game))), solve_game(game)
     check = check_critic(game, critic, flights=40)
     assert check.network is not None
-    assert 0.1 * check.flight.mean < check.network.lost <= check.flight.worst * (1 + 1e-6)
+    assert 0.1 * check.flight.mean < check.network.cost_lost_flown_percent <= check.flight.worst * (1 + 1e-6)
     away = from_network(game, torch_file("b.pt", {"weight": -gain(game), "bias": np.full(5, 0.5)}))
-    assert flown_losses(game, away, exact, ordinary_box(game).half_widths, 40).max() > 1.0
+    assert flown_losses(game, away.K, about(away), exact, ordinary_box(game).half_widths, 40).max() > 1.0
 
 
 # What others have published.

@@ -123,7 +123,7 @@ def test_the_search_finds_what_a_grid_of_a_million_points_finds(game: Game) -> N
         size = np.maximum(size, 1e-5 * size.max()) / np.sqrt(game.R.diagonal())
         errors = ca.Function("errors", [about.z], [off / ca.DM(size)]).map(1000)
         worst = max(float(np.abs(np.array(errors(part))).max()) for part in np.split(z, 1000, axis=1))
-        found = {each.name: each.error for each in search(game, candidate, exact, b)[1]}
+        found = {each.name: each.error for each in search(game, about, exact, b)[1]}
         assert found["policy"] >= worst
 
 
