@@ -215,7 +215,7 @@ def _starts(b: np.ndarray, count: int, seed: int = 1) -> np.ndarray:
 def flown_losses(
     game: Game, K: np.ndarray, about: Nonlinear, exact: GameSolution, b: np.ndarray, flights: int
 ) -> np.ndarray:
-    """Percent of V* that u(z), with the gain K at the origin, costs more than u* from each of so many starts in the box,
+    """Percent of V* that u(z), with the gain K at the origin, costs more than u* from each start in the box:
     (flights,); all inf where it does not return from one.
 
     Under d = L* z, the worst disturbance of the exact policies, J - V* = ∫ (u - u*)'R(u - u*) dt. What comes after the
