@@ -97,7 +97,7 @@ VARIANTS: dict[str, Variant] = {"published": Published(), "newton": Newton()}
 
 def variant_named(name: str) -> Variant:
     """Look a variant up; BadInputError names the choices."""
-    if name == "unsteady":
+    refuse_unknown("unknown dynamics", name, (*VARIANTS, "unsteady"))
+    if name not in VARIANTS:
         raise BadInputError("the unsteady dynamics have more than seven states; this takes published or newton")
-    refuse_unknown("unknown dynamics", name, VARIANTS)
     return VARIANTS[name]

@@ -41,7 +41,7 @@ def refuse_unknown(what: str, name: object, known: Iterable[str]) -> None:
     """BadInputError unless the name is one of the known: what it was taken for, the name, the choices."""
     choices = tuple(known)
     if name not in choices:
-        raise BadInputError(f"{what} {shown(name)}; choose from {', '.join(choices)}")
+        raise BadInputError(f"{what} {shown(name)}; choose from {', '.join(choices) or 'none'}")
 
 
 def is_finite(value: object) -> bool:

@@ -54,7 +54,7 @@ REFUSED = {
     "linearize": [
         ("--dihedral 95", "dihedral is 95 deg"),
         ("--dihedral 0:20:1", "dihedral is '0:20:1'; give one number: `hfa sweep` takes lists and ranges"),
-        ("--dihedral 15 --dynamics aristotle", "unknown dynamics 'aristotle'"),
+        ("--dihedral 15 --dynamics aristotle", "unknown dynamics 'aristotle'; choose from published, newton, unsteady"),
         ("--dihedral 15 --limit throttle=1", "throttle is '1'; give LOW:HIGH"),
         ("--dihedral 15 --outputs lift", "--outputs names 'lift'; choose from speed, alpha"),
         ("--dihedral 15 -o result.xyz", "'.xyz'"),

@@ -286,7 +286,7 @@ def test_a_wrong_nominal_gives_no_false_result() -> None:
     [
         (lambda x, u, p, w: ({"x": x.v}, {}), "the equations return no rate of v; add it"),
         (lambda x, u, p, w: ({"x": x.v, "v": u.u, "q": 0}, {}), "return the undeclared rate 'q'; choose from x, v"),
-        (lambda x, u, p, w: ({"x": x.v, "v": u.gas}, {}), "the equations fail (AttributeError: "),
+        (lambda x, u, p, w: ({"x": x.v, "v": u.gas}, {}), "use an undeclared name of inputs, 'gas'; choose from u"),
         (lambda x, u, p, w: ({"x": x.v, "v": u.u + ca.sqrt(x.x - 1)}, {}), "the rate of v is not a number at 0 x, "),
         (lambda x, u, p, w: ({"x": x.v, "v": u.u + math.sin(x.x)}, {}), "use CasADi's functions (ca.sin), not math's"),
         (lambda x, u, p, w: ({"x": x.v, "v": u.u if x.x > 0 else 0}, {}), "write ca.if_else for if"),
