@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from hfa_model.provenance import Provenance
     from hfa_support.model import Model
     from hfa_support.reporting.report import Report
-    from hfa_support.reporting.text import Style
     from trim.point.operating_point import OperatingPoint
 
 _RUN: ContextVar[tuple[str, argparse.Namespace]] = ContextVar("run")
@@ -115,7 +114,7 @@ def show(
         else:
             written.save(target)
     report = stated(report, arguments)
-    say(report.json() if arguments.json else report.text(_style()))
+    say(report.json() if arguments.json else report.text(_in_color()))
     say_notes(notes)
 
 
@@ -131,13 +130,11 @@ def tell(
     show(report.with_data(warnings=notes), arguments, target=target, only_in_files=only_in_files, notes=notes)
 
 
-def _style() -> Style:
-    """Bars on a terminal, and colors unless the user wants none (no-color.org)."""
-    from hfa_support.reporting.text import Style
-
+def _in_color() -> bool:
+    """Whether output is a terminal whose user does not refuse colors (no-color.org)."""
     on_terminal = sys.stdout is not None and sys.stdout.isatty()
     plain = os.environ.get("NO_COLOR") or os.environ.get("TERM") == "dumb"
-    return Style(bars=on_terminal, color=on_terminal and not plain)
+    return on_terminal and not plain
 
 
 @contextmanager

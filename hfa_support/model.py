@@ -431,9 +431,10 @@ def _symbolic(layout: Layout, still: bool) -> tuple[list[ca.SX], ca.SX, Mapping[
         with warnings.catch_warnings(action="ignore", category=FutureWarning):  # CasADi's, of functions of NumPy
             returned = layout.equations(*named)
     except _FAILURES as error:
-        for kind, each in zip(VECTORS.values(), named, strict=True):
-            if isinstance(error, AttributeError) and error.obj is each:
-                refuse_unknown(f"{layout.name}: the equations use an undeclared name of {kind},", error.name, each._fields)
+        for kind, values in zip(VECTORS.values(), named, strict=True):
+            if isinstance(error, AttributeError) and error.obj is values:
+                what = f"{layout.name}: the equations use an undeclared name of {kind},"
+                refuse_unknown(what, error.name, values._fields)
         said = f"{type(error).__name__}: {' '.join(str(error).split())[:200]}"
         advice = "write ca.if_else for if, and CasADi's functions (ca.sin) for those of other packages"
         raise BadInputError(f"{layout.name}: the equations fail ({said}); {advice}") from error

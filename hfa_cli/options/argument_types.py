@@ -15,7 +15,7 @@ from typing import TypeVar
 
 from hfa_support.errors import BadInputError, shortened
 from hfa_support.model import Model
-from hfa_support.reporting.data_files import SUFFIXES
+from hfa_support.reporting.report import SUFFIXES
 from hfa_support.reporting.unit_system import typed
 
 Parsed = TypeVar("Parsed")

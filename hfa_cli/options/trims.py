@@ -28,8 +28,7 @@ from hfa_model.aircraft import Aircraft
 from hfa_model.parameters import NAMED, ParameterSet, default_parameters, load_parameters
 from hfa_support.errors import BadInputError, NoSolutionError, refuse_unknown
 from hfa_support.model import Model
-from hfa_support.reporting.data_files import SUFFIXES
-from hfa_support.reporting.report import Report
+from hfa_support.reporting.report import SUFFIXES, Report
 from hfa_support.reporting.unit_system import SYSTEMS
 from trim.point.condition import TrimCondition, release, usual_condition
 from trim.point.named_condition import NAMED as NAMED_CONDITIONS, load_condition
@@ -45,7 +44,7 @@ OF_THE_TRIM = ("condition", "free", "hold", "limit", "start")
 MOST_WORKERS = 1000
 #: Suffixes of the report itself. A page of HTML holds its pictures; nothing is written beside a text.
 REPORTS: dict[str, Callable[[Report], str]] = {
-    ".md": lambda report: report.without_pictures().markdown(),
+    ".md": Report.markdown,
     ".html": lambda report: f'<!doctype html>\n<meta charset="utf-8">\n{report.html()}',
 }
 #: Commands without --units: what they compare, prove or write is in ft, slug, lbf, and says so.

@@ -16,7 +16,6 @@ from hfa_support.files import write_text, written_whole
 from hfa_support.jsonable import jsonable, records_text
 from hfa_support.reporting.text import Table
 
-SUFFIXES = (".json", ".npz", ".mat", ".csv")
 _MAT_TEXT = 116  # bytes of free text at the beginning of a .mat file
 
 
@@ -40,7 +39,7 @@ def save_data(target: Path, data: Mapping[str, Any], records: Table) -> None:
         about = {name: data[name] for name in ("schema", "provenance") if name in data}
         write_text(target, _csv(records, json.dumps(jsonable(about))))
     else:
-        raise ValueError(f"cannot write {target}: unknown suffix {suffix!r}; use one of {', '.join(SUFFIXES)}")
+        raise ValueError(f"cannot write {target}: unknown suffix {suffix!r}; use .json, .npz, .mat or .csv")
 
 
 def _leaves(data: Any, prefix: str = "") -> dict[str, Any]:

@@ -11,13 +11,15 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from hfa_support.reporting.text import PLAIN, Cell, Style, Table, columns, printable
+from hfa_support.reporting.text import Cell, Table, columns, printable
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
 NO_RECORDS = Table((), ())
+#: Of the files that `Report.save` writes.
+SUFFIXES = (".json", ".npz", ".mat", ".csv")
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,16 +72,16 @@ class Report:
         """The same report with more data."""
         return replace(self, data={**self.data, **more})
 
-    def text(self, style: Style = PLAIN) -> str:
-        """For a terminal: parts with an empty line between them; pictures have no place there."""
-        shown = [_text(part, style) for part in self.parts if not isinstance(part, Picture)]
+    def text(self, color: bool = False) -> str:
+        """For a terminal: parts with an empty line between them, without pictures; color: of cells with a tone."""
+        shown = [_text(part, color) for part in self.parts if not isinstance(part, Picture)]
         notes = (f"Note: {note}" for note in self.notes)
         title, *after = (printable(text) for text in (self.title, *notes, self.source))
         return "\n\n".join(filter(None, [title, *shown, *after]))
 
     def markdown(self, level: int = 1) -> str:
-        """With headings from `level` on; pictures as links to files of their name."""
-        shown = [_markdown(part, level) for part in self.parts]
+        """With headings from `level` on, without pictures."""
+        shown = [_markdown(part, level) for part in self.parts if not isinstance(part, Picture)]
         first, *others = printable(self.title).split("\n")
         heading = [f"{'#' * level} {first}"] if first else []
         notes = (printable(f"Note: {note}") for note in self.notes)
@@ -106,9 +108,8 @@ class Report:
         save_data(path, self.data, self.records)
 
     def without_pictures(self) -> Report:
-        """The same report without its pictures."""
-        kept = [part for part in self.parts if not isinstance(part, Picture)]
-        return replace(self, parts=[each.without_pictures() if isinstance(each, Report) else each for each in kept])
+        """The same report without the pictures among its parts."""
+        return replace(self, parts=[part for part in self.parts if not isinstance(part, Picture)])
 
     def pictures(self) -> Iterator[Picture]:
         """All pictures, those of the reports within it too."""
@@ -136,19 +137,17 @@ class Reported:
         return self.report()._repr_html_()
 
 
-def _text(part: Any, style: Style) -> str:
+def _text(part: Any, color: bool) -> str:
     if isinstance(part, Report):
-        return part.text(style)
+        return part.text(color)
     if isinstance(part, Table):
-        return columns(*part, style)
-    return printable(part) if isinstance(part, str) else "\n".join(_text(each, style) for each in part)
+        return columns(*part, color)
+    return printable(part) if isinstance(part, str) else "\n".join(_text(each, color) for each in part)
 
 
-def _markdown(part: Part, level: int) -> str:
+def _markdown(part: Any, level: int) -> str:
     if isinstance(part, Report):
         return part.markdown(level + 1)
-    if isinstance(part, Picture):
-        return f"![{part.text}]({part.name})"
     if isinstance(part, Table):
         return markdown_table(part)
     return printable(part) if isinstance(part, str) else "\n\n".join(_markdown(each, level) for each in part)
@@ -195,9 +194,8 @@ def _are_words(cells: Sequence[Any]) -> bool:
 
 
 def _td(cell: Any, column: list[str]) -> str:
-    return (
-        f"<td{_class([*column, *([cell.tone] if isinstance(cell, Cell) and cell.tone else [])])}>{_escaped(cell)}</td>"
-    )
+    tone = [cell.tone] if isinstance(cell, Cell) and cell.tone else []
+    return f"<td{_class([*column, *tone])}>{_escaped(cell)}</td>"
 
 
 def _class(names: list[str]) -> str:

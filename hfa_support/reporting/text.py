@@ -11,8 +11,6 @@ import numpy as np
 
 from hfa_support.reporting.unit_system import entries_in_force, gain_unit, in_force, unit_in_force, value_unit
 
-#: Characters of a bar.
-_BAR = 10
 #: Numbers smaller than this are rounding and shown as 0.
 ROUNDING = 1e-12
 #: Largest entries of a matrix that is shown with four decimals.
@@ -29,31 +27,15 @@ class Table(NamedTuple):
 
 
 class Cell(str):
-    """A cell that also says how good it is (tone, one of `TONES`), or where its number lies in its range (place, 0 at
-    the lower end and 1 at the upper). It reads as the plain text, and is the same pickled or copied."""
+    """A cell with its tone, one of `TONES`; it reads as the plain text."""
 
     tone: str
-    place: float | None
 
-    def __new__(cls, text: str, tone: str = "", place: float | None = None) -> Self:
-        """The text with what it says beside."""
+    def __new__(cls, text: str, tone: str = "") -> Self:
+        """The text and how good it is."""
         cell = super().__new__(cls, text)
-        cell.tone, cell.place = tone, place
+        cell.tone = tone
         return cell
-
-    def __getnewargs__(self) -> tuple[str, str, float | None]:  # type: ignore[override]  # the words that make it again
-        return str(self), self.tone, self.place
-
-    @property
-    def bar(self) -> str:
-        """[--o-------], the mark outside where the place is; "" without a place."""
-        if self.place is None:
-            return ""
-        if not 0.0 <= self.place <= 1.0:
-            bar = f"[{'-' * _BAR}]"
-            return f" o{bar} " if self.place < 0.0 else f"  {bar}o"
-        mark = min(int(self.place * _BAR), _BAR - 1)
-        return f"  [{'-' * mark}o{'-' * (_BAR - 1 - mark)}] "
 
 
 #: What a terminal would obey or not show: control characters but line breaks, marks of direction, half characters.
@@ -64,16 +46,6 @@ def printable(text: str, lines: bool = True) -> str:
     """The text with control characters spelled, as in \\x1b; line breaks stay unless there are to be none."""
     spelled = _OBEYED.sub(lambda found: ascii(found[0])[1:-1], text)
     return spelled if lines else spelled.replace("\n", " ")
-
-
-class Style(NamedTuple):
-    """What a text may have beside its words. bars: where numbers lie in their ranges. color: of toned cells."""
-
-    bars: bool = False
-    color: bool = False
-
-
-PLAIN = Style()
 
 
 class RowsMade(Sequence[tuple[Any, ...]]):
@@ -185,24 +157,18 @@ def four_decimals(value: float) -> str:
     return "0.0000" if text == "-0.0000" else text
 
 
-def columns(header: tuple[str, ...], rows: Sequence[tuple[Any, ...]], style: Style = PLAIN) -> str:
-    """Rows of cells in aligned columns: the first to the left, the others to the right."""
-    table = [[_shown(cell, style) for cell in row] for row in (header, *rows)]
+def columns(header: tuple[str, ...], rows: Sequence[tuple[Any, ...]], color: bool = False) -> str:
+    """Rows of cells in aligned columns: the first to the left, the others to the right; cells with a tone in color."""
+    table = [[printable(str(cell), lines=False) for cell in row] for row in (header, *rows)]
     widths = [max(len(row[i]) for row in table) for i in range(len(header))]
     lines = []
     for row, cells in zip(table, (header, *rows), strict=True):
         aligned = [text.rjust(width) for text, width in zip(row, widths, strict=True)]
         aligned[0] = row[0].ljust(widths[0])
-        if style.color:
+        if color:
             tones = [TONES.get(getattr(cell, "tone", ""), "") for cell in cells]
             aligned = [
                 f"\033[{tone}m{text}\033[0m" if tone else text for tone, text in zip(tones, aligned, strict=True)
             ]
         lines.append("  ".join(aligned).rstrip())
     return "\n".join(lines)
-
-
-def _shown(cell: Any, style: Style) -> str:
-    """The text of a cell, here and nowhere else: on one line, with nothing that a terminal would obey."""
-    text = printable(str(cell), lines=False)
-    return text + cell.bar if style.bars and isinstance(cell, Cell) else text

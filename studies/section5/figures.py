@@ -12,7 +12,7 @@ import numpy as np
 
 from hfa_model import INPUTS, LINEAR_STATES
 from hfa_model.vectors import INPUT_UNITS, STATE_UNITS
-from hfa_support.reporting.figure import enlarge_first_second, new_figure
+from hfa_support.reporting.figure import new_figure
 from studies.section5.claims import flights_of
 from studies.section5.configuration import Configuration
 from studies.section5.flights import (
@@ -318,5 +318,3 @@ def _draw_panel(axes: Axes, panel: PlotPanel) -> None:
     axes.tick_params(labelsize=8, which="both")
     axes.grid(alpha=0.3)
     axes.margins(x=0.02)
-    if panel.scale == "linear":
-        enlarge_first_second(axes)

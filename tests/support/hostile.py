@@ -27,7 +27,7 @@ from game_files import small
 
 from hfa_cli.main import COMMANDS, filled
 from hfa_cli.options.parser import Parser
-from hfa_support.reporting.data_files import SUFFIXES
+from hfa_support.reporting.report import SUFFIXES
 
 #: Seconds of the processor that a command may take, unless it announces that it takes long.
 LONGEST = 10.0

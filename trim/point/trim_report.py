@@ -70,12 +70,9 @@ class Margin(NamedTuple):
         return self.at_limit and self.role != "held"
 
     def row(self) -> tuple[str, ...]:
-        """Name, value, unit, status, limits, margin with its place between both, and the nearer limit; angles in
-        degrees."""
+        """Name, value, unit, status, limits, margin and the nearer limit; angles in degrees."""
         limits = ("" if math.isinf(limit) else shown_value(limit, self.unit) for limit in (self.lowest, self.highest))
-        margin, width = degrees(self.distance, self.unit)[0] if self.nearer else "", self.highest - self.lowest
-        if math.isfinite(width):
-            margin = Cell(margin, place=(self.value - self.lowest) / width)
+        margin = degrees(self.distance, self.unit)[0] if self.nearer else ""
         role = "imposed" if self.role == "held" else self.role
         return self.name, *degrees(self.value, self.unit), role, *limits, margin, self.nearer
 

@@ -9,7 +9,7 @@ import numpy as np
 from controller.flight.envelope import ALPHA, ANGLE_OF_ATTACK, flown_through_air
 from controller.flight.nonlinear_flight import NonlinearFlight
 from controller.flight.plants import UPDRAFT
-from hfa_support.reporting.figure import enlarge_first_second, new_figure
+from hfa_support.reporting.figure import new_figure
 from hfa_support.reporting.text import shown_unit, shown_values
 from trim.point.operating_point import at_scheduled
 from verification.flights.recoverable_map import RecoverableMap
@@ -57,7 +57,6 @@ def flight_figure(result: NonlinearFlight, title: str) -> Figure:
         limits = result.envelope.lowest[index], result.envelope.highest[index]
         _limit_lines(axes, limited, limits, unit)
         axes.set_title(_limits_text("envelope", *limits, unit), **_SMALL)
-        enlarge_first_second(axes)
         _finish(axes, f"{what}, {shown_unit(unit)}")
     inputs, (air, *unused) = panels[len(model.states) :][: len(kinds)], panels[len(model.states) + len(kinds) :]
     for index, (name, signal) in enumerate(model.inputs.items()):
@@ -70,7 +69,6 @@ def flight_figure(result: NonlinearFlight, title: str) -> Figure:
         label = names[0] if len(names) == 1 else "deflections" if unit == "rad" else "inputs"
         label += "" if unit == "1" else f", {shown_unit(unit)}"
         axes.legend(loc="lower left", fontsize=6, ncols=2, **_ABOVE)
-        enlarge_first_second(axes)
         _finish(axes, label)
     handles, labels = panels[0].get_legend_handles_labels()
     if np.any(result.flight.updrafts):

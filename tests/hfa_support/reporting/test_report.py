@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from hfa_support import Report
 from hfa_support.reporting.figure import new_figure
 from hfa_support.reporting.report import Picture
-from hfa_support.reporting.text import Cell, RowsMade, Style, Table
+from hfa_support.reporting.text import Cell, RowsMade, Table
 
 
 def picture(drawn: list[str]) -> Picture:
@@ -44,11 +44,10 @@ def test_text_has_an_empty_line_between_parts_but_not_within_a_block() -> None:
     )
 
 
-def test_markdown_has_headings_tables_and_links_to_pictures() -> None:
+def test_markdown_has_headings_and_tables() -> None:
     assert report([]).markdown() == (
         "# Title & more\n\nof it\n\nfirst\n\n## Inner\n\n"
-        "| load | value |\n|---|---|\n| lift <1> | 2.5 |\n| a\\|b | 10 |\n\nbelow the table\n\n"
-        '![a "picture"](a.png)\n\nNote: take care'
+        "| load | value |\n|---|---|\n| lift <1> | 2.5 |\n| a\\|b | 10 |\n\nbelow the table\n\nNote: take care"
     )
 
 
@@ -82,7 +81,7 @@ def test_json_and_files_hold_the_data(tmp_path: Path) -> None:
 
 def test_a_toned_cell_has_its_color_on_a_terminal_and_its_class_in_html() -> None:
     table = Table(("check", "value", "verdict"), [("a", "1.5", Cell("pass", "good")), ("longer", "2", "-")])
-    plain, shown = Report("", (table,)).text(), Report("", (table,)).text(Style(color=True))
+    plain, shown = Report("", (table,)).text(), Report("", (table,)).text(color=True)
     assert plain.splitlines()[1] == "a         1.5     pass"
     assert shown.replace("\033[32m", "").replace("\033[0m", "") == plain
     assert "\033[32m   pass\033[0m" in shown

@@ -1,4 +1,4 @@
-"""Numbers as people read them: degrees for radians, pairs, ranges."""
+"""Numbers as people read them: degrees for radians, matrices with the digits that they need."""
 
 from __future__ import annotations
 
@@ -8,10 +8,7 @@ import numpy as np
 import pytest
 
 from hfa_support.reporting.text import (
-    Cell,
-    Style,
     angle_text,
-    columns,
     degrees,
     in_degrees,
     matrix_table,
@@ -25,15 +22,6 @@ def test_radians_become_degrees() -> None:
     assert degrees(angle, "rad/s") == ("15.00000", "deg/s")
     assert degrees(68.0, "ft/s") == ("68.00000", "ft/s")
     assert (shown_value(angle, "rad"), shown_value(2.0, "ft", ".2f")) == ("15", "2.00")
-
-
-def test_a_bar_marks_the_place_in_the_range_and_beyond_it() -> None:
-    ends = {0.0: "  [o---------] ", 1.0: "  [---------o] "}
-    marks = ends | {0.5: "  [-----o----] ", -0.1: " o[----------] ", 1.1: "  [----------]o"}
-    assert {place: Cell("1", place=place).bar for place in marks} == marks
-    rows = [("a", Cell("1.5", place=0.5)), ("b", "")]
-    assert columns(("x", "margin"), rows).splitlines()[1:] == ["a     1.5", "b"]
-    assert columns(("x", "margin"), rows, Style(bars=True)).splitlines()[1] == "a  1.5  [-----o----]"
 
 
 @pytest.mark.parametrize(
