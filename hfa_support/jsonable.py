@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Mapping
 from typing import Any
 
@@ -30,28 +31,6 @@ def finite_or_none(value: float | np.floating[Any]) -> float | None:
 
 
 def json_text(value: Any) -> str:
-    """The value as indented JSON."""
-    return json.dumps(jsonable(value), indent=2, allow_nan=False)
-
-
-def records_text(value: Any) -> str:
-    """JSON in which a table, a list of objects, has one row a line, and what holds no table is one line."""
-    return _records_text(jsonable(value), "") + "\n"
-
-
-def _records_text(value: Any, indent: str) -> str:
-    if indent and not _holds_table(value):
-        return json.dumps(value, allow_nan=False, ensure_ascii=False)
-    if isinstance(value, dict):
-        brackets, entries = "{}", [(f"{json.dumps(key, ensure_ascii=False)}: ", item) for key, item in value.items()]
-    else:
-        brackets, entries = "[]", [("", item) for item in value]
-    inner = indent + " "
-    lines = ",\n".join(f"{inner}{name}{_records_text(item, inner)}" for name, item in entries)
-    return f"{brackets[0]}\n{lines}\n{indent}{brackets[1]}"
-
-
-def _holds_table(value: Any) -> bool:
-    if isinstance(value, dict):
-        return any(map(_holds_table, value.values()))
-    return isinstance(value, list) and any(isinstance(item, dict) or _holds_table(item) for item in value)
+    """The value as indented JSON, each list and object that holds no other on one line."""
+    text = json.dumps(jsonable(value), indent=1, allow_nan=False)
+    return re.sub(r"[\[{][^][{}]*[]}]", lambda innermost: re.sub(r"\n *", " ", innermost[0]), text) + "\n"

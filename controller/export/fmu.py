@@ -55,7 +55,7 @@ def write_fmu(loop: ExportedLoop, path: Path, origin: Provenance) -> None:
     content: dict[str, str | bytes] = {
         "modelDescription.xml": description(loop, origin, guid),
         f"binaries/{folder}/{IDENTIFIER}.{suffix}": _library(compiler, sources),
-        "resources/provenance.json": json_text(origin.to_dict()) + "\n",
+        "resources/provenance.json": json_text(origin.to_dict()),
         **{f"sources/{name}": text for name, text in sources.items()},
     }
     date = tuple(int(origin.date[begin:end]) for begin, end in ((0, 4), (5, 7), (8, 10), (11, 13), (14, 16), (17, 19)))

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from hfa_support.files import write_text, written_whole
-from hfa_support.jsonable import jsonable, records_text
+from hfa_support.jsonable import json_text, jsonable
 from hfa_support.reporting.text import Table
 
 _MAT_TEXT = 116  # bytes of free text at the beginning of a .mat file
@@ -22,13 +22,13 @@ _MAT_TEXT = 116  # bytes of free text at the beginning of a .mat file
 def save_data(target: Path, data: Mapping[str, Any], records: Table) -> None:
     """One file, whole or not at all; numbers keep 17 significant digits.
 
-    .json: `data`, one row of a table a line. .npz: one array a leaf, keys joined by dots. .mat: the same tree
+    .json: `data`. .npz: one array a leaf, keys joined by dots. .mat: the same tree
     as structs, N matrices as (rows, columns, N). .csv: `records`, one row a value; a last column has schema and
     provenance as JSON in its first row.
     """
     suffix = target.suffix.lower()
     if suffix == ".json":
-        write_text(target, records_text(data))
+        write_text(target, json_text(data))
     elif suffix == ".npz":
         with written_whole(target) as stream:
             np.savez(stream, allow_pickle=False, **_leaves(data))

@@ -99,7 +99,7 @@ class Report:
         """The data; a number that is not finite becomes null."""
         from hfa_support.jsonable import json_text
 
-        return json_text(self.data)
+        return json_text(self.data).rstrip()
 
     def save(self, path: Path) -> None:
         """Data (.json, .npz, .mat) or records (.csv) as one file, whole or not at all, numbers with all digits."""

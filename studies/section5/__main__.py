@@ -26,7 +26,7 @@ from hfa_model import default_parameters
 from hfa_model.provenance import Provenance, parameter_hash
 from hfa_support import BadInputError, NoSolutionError
 from hfa_support.files import write_text
-from hfa_support.jsonable import jsonable, records_text
+from hfa_support.jsonable import json_text, jsonable
 from hfa_support.reporting.figure import save
 from studies.finished import finished, stamped
 from studies.section5.claims import VERDICTS, Evidence, check_claim, claims_of, plans_of
@@ -89,7 +89,7 @@ def reproduce(
             known = write_section(run_section(section, setting, processes), place, origin)
         results.append(known)
     table = claims_table(setting, results) | {"provenance": origin.to_dict()}
-    write_text(folder / "claims.json", records_text(table))
+    write_text(folder / "claims.json", json_text(table))
     write_text(folder / "claims.md", f"{claims_markdown(table)}\n\n{counts_text(table)}\n\n{origin.text()}\n")
     return table
 
@@ -143,7 +143,7 @@ def write_section(evidence: Evidence, place: Path, origin: Provenance) -> dict[s
         "provenance": origin.to_dict(),
     }
     result = stamped(content, deciding(section, setting))
-    write_text(place / "result.json", records_text(result))
+    write_text(place / "result.json", json_text(result))
     return result
 
 

@@ -34,7 +34,7 @@ from hfa_model.provenance import Provenance
 from hfa_support import BadInputError, Report
 from hfa_support.errors import refuse_unknown
 from hfa_support.files import write_text
-from hfa_support.jsonable import records_text
+from hfa_support.jsonable import json_text
 from hfa_support.reporting.figure import new_figure, save
 from hfa_support.reporting.text import Table
 from studies.finished import finished, stamped
@@ -232,7 +232,7 @@ def run_case(
     folder.mkdir(parents=True, exist_ok=True)
     save(servo_figure(name, flights), picture, origin.text())
     result = stamped(result, decides)
-    write_text(target, records_text(result))
+    write_text(target, json_text(result))
     return result
 
 

@@ -18,7 +18,7 @@ from typing import Any
 
 from hfa_support import BadInputError, NoSolutionError
 from hfa_support.files import write_text
-from hfa_support.jsonable import records_text
+from hfa_support.jsonable import json_text
 from studies.finished import finished, stamped
 from studies.update_law.study import ROWS, SCHEMA, made, planned, references, summed_up
 
@@ -62,9 +62,9 @@ def study(names: Sequence[str], folder: Path, *, resume: bool = False, workers: 
                 print(f"update_law: {name}", file=sys.stderr)
                 done = list(pool.map(made, *zip(*runs, strict=True)))
                 known = stamped({"row": summed_up(name, done)}, decided)
-                write_text(path, records_text(known))
+                write_text(path, json_text(known))
             rows.append(known["row"])
-    write_text(folder / "published_study.json", records_text({"schema": SCHEMA, "rows": rows}))
+    write_text(folder / "published_study.json", json_text({"schema": SCHEMA, "rows": rows}))
     return rows
 
 

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 
-from hfa_support.jsonable import jsonable, records_text
+from hfa_support.jsonable import json_text, jsonable
 
 
-def test_a_table_has_one_row_a_line() -> None:
-    value = {"schema": "x", "A": np.eye(2), "rows": [{"n": 1, "of": {"a": [1.0, np.nan]}}, {"n": 2, "of": {}}]}
-    assert records_text(value) == (
-        '{\n "schema": "x",\n "A": [[1.0, 0.0], [0.0, 1.0]],\n "rows": [\n'
-        '  {"n": 1, "of": {"a": [1.0, null]}},\n  {"n": 2, "of": {}}\n ]\n}\n'
+def test_a_row_of_a_table_or_a_matrix_is_a_line() -> None:
+    value = {"schema": "x", "A": np.eye(2), "rows": [{"n": 1, "of": "x\n  y"}, {"n": 2, "of": np.nan}]}
+    assert json_text(value) == (
+        '{\n "schema": "x",\n "A": [\n  [ 1.0, 0.0 ],\n  [ 0.0, 1.0 ]\n ],\n "rows": [\n'
+        '  { "n": 1, "of": "x\\n  y" },\n  { "n": 2, "of": null }\n ]\n}\n'
     )
 
 
@@ -24,3 +26,8 @@ def test_numbers_of_every_width_are_numbers() -> None:
 
 def test_what_is_not_finite_is_null() -> None:
     assert jsonable({"a": (np.float64(np.inf), np.int64(3), True, None, "x")}) == {"a": [None, 3, True, None, "x"]}
+
+
+def test_brackets_in_a_text_change_no_value() -> None:
+    value = {"]{": ["[", "\n }", "\ud800"], "[": {"a": ["}\n ]", {"b": "[\n  {"}]}}
+    assert json.loads(json_text(value)) == value

@@ -151,7 +151,7 @@ class OperatingPoint(Reported):
 
     def save(self, path: Path) -> None:
         """Write the point as JSON that `load` reads back bit for bit."""
-        write_text(path, json_text(self.to_dict()) + "\n")
+        write_text(path, json_text(self.to_dict()))
 
     @staticmethod
     def load(path: Path, model: Model = HFA) -> OperatingPoint:
