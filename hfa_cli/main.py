@@ -17,8 +17,8 @@ from typing import Any
 from hfa_cli.entry import INTERRUPTED
 from hfa_cli.options.parser import Option, Parser, unknown
 from hfa_support.errors import BadInputError, NoSolutionError, on_one_line, shortened
-from hfa_support.streams import drop, say_aside
-from hfa_support.version import toolchain_version
+from hfa_support.progress import drop, say_aside
+from hfa_support.version import VERSION
 
 DONE, FAILED, BAD_INPUT = 0, 1, 2
 #: Exceptions that are the user's to answer, each in one line; any other is a bug.
@@ -235,7 +235,7 @@ def overview(with_command: bool = True) -> Parser:
     if with_command:
         parser.add_argument("command", nargs="?", help=argparse.SUPPRESS)
     about = argparse.SUPPRESS
-    parser.add_argument("--version", action="version", version=f"hfa {toolchain_version()}", help=about)
+    parser.add_argument("--version", action="version", version=f"hfa {VERSION}", help=about)
     return parser
 
 

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from hfa_support.errors import on_one_line
-from hfa_support.streams import say, say_aside
+from hfa_support.progress import say, say_aside
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -11,7 +11,7 @@ from typing import Any
 
 from hfa_model.parameters import FIELDS, Parameters, ParameterSet, default_parameters
 from hfa_support.errors import BadInputError, shown
-from hfa_support.version import toolchain_version
+from hfa_support.version import VERSION
 
 SCHEMA = "hfa.provenance/1"
 #: Hexadecimal digits of a parameter hash.
@@ -39,7 +39,7 @@ class Provenance:
     condition: Mapping[str, Any] = field(default_factory=dict)
     flight: str = ""
     model: str = ""
-    version: str = field(default_factory=toolchain_version)
+    version: str = VERSION
     date: str = field(default_factory=lambda: _now())
 
     def to_dict(self) -> dict[str, Any]:

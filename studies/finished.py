@@ -10,12 +10,12 @@ from typing import Any
 
 from hfa_support.files import read_json
 from hfa_support.jsonable import jsonable
-from hfa_support.version import toolchain_version
+from hfa_support.version import VERSION
 
 
 def stamp(decides: Mapping[str, Any]) -> dict[str, str]:
     """The version that makes a result, and a hash of everything else that decides its numbers (JSON values)."""
-    return {"toolchain": toolchain_version(), "identity": _digest(jsonable(decides))}
+    return {"toolchain": VERSION, "identity": _digest(jsonable(decides))}
 
 
 def stamped(content: Mapping[str, Any], decides: Mapping[str, Any]) -> dict[str, Any]:

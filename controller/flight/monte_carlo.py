@@ -29,8 +29,7 @@ from controller.flight.simulation import Summary, SummedLoop
 from controller.policy.policies import FlownLaw
 from controller.policy.signals import CommandedStates, Signal
 from hfa_support.errors import BadInputError
-from hfa_support.jobs.store import Array, Layout, Store, described
-from hfa_support.jobs.stream import stream
+from hfa_support.jobs.store import Array, Layout, Store, described, stream
 from hfa_support.model import VECTORS, HasModel, Model, components
 from hfa_support.native.bound import cached_per_thread
 from hfa_support.reporting.fields import Shown
@@ -167,8 +166,8 @@ class MonteCarlo(Shown):
             **names_and_units(model),
         }
         chunk = -(-CHUNK_STEPS // (self.scenario.ticks * self.scenario.steps_per_tick))
-        identity = self.to_dict(), self.identity
-        return Layout(STORE_SCHEMA, "Monte Carlo", self.members, "member", chunk, *identity, arrays, labels, attributes)
+        plan, rows = self.to_dict(), self.members
+        return Layout(STORE_SCHEMA, "Monte Carlo", rows, "member", chunk, plan, arrays, labels, attributes)
 
     @property
     def function(self) -> Callable[..., Mapping[str, np.ndarray]]:
@@ -219,7 +218,7 @@ def fly_members(plan: MonteCarlo, start: int, stop: int) -> Mapping[str, np.ndar
 
 
 def stream_monte_carlo(plan: MonteCarlo, path: Path, **options: Any) -> Store:
-    """Every member of the plan in the store at `path`; options of `hfa_support.jobs.stream.stream`."""
+    """Every member of the plan in the store at `path`; options of `hfa_support.jobs.store.stream`."""
     return stream(plan, path, **options)
 
 

@@ -22,9 +22,9 @@ from hfa_model.vectors import STATES
 from hfa_support.errors import BadInputError
 from hfa_support.files import write_text, write_texts
 from hfa_support.jsonable import jsonable
+from hfa_support.progress import say
 from hfa_support.reporting.figure import save
 from hfa_support.reporting.report import Report
-from hfa_support.streams import say
 from trim.point.condition import TrimCondition
 from verification.page.claims import load_claims
 from verification.page.job_report import main_report

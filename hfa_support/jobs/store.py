@@ -1,23 +1,27 @@
-"""Results of a large job on disk: one Zarr group, written chunk by chunk, every chunk with a CRC-32C.
+"""A large job and its results on disk: one Zarr group, written chunk by chunk, every chunk with a CRC-32C.
 
-Zarr rather than Parquet, because the results are stacked matrices: A of a sweep is an (N, 7, 7) array here, and would
-be 49 columns there; any slice of it loads without the rest.
+The missing chunks are computed on the workers and written in order of arrival: a process on this machine writes its
+chunk itself; from a cluster the rows come back and are written here. This process alone marks a chunk as complete,
+after its data.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping, Sequence
+import warnings
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
 from hfa_support.errors import BadInputError
 from hfa_support.files import temporary_folder
-from hfa_support.version import toolchain_version
+from hfa_support.jobs.workers import Task, workers
+from hfa_support.progress import Progress
+from hfa_support.version import VERSION
 
 #: Array of flags, one a chunk: 1 when it is complete. Beside its chunks: the digest of the store's description.
 _DONE = "done"
@@ -50,9 +54,9 @@ def described(meaning: str, units: str = "", units_of: str = "") -> dict[str, st
 class Layout:
     """What a store holds. schema: names its form and version. what: the job in one word, for messages.
 
-    rows: N; row: the name of that axis. chunk: rows of a chunk. plan: JSON data that decides the results; identity: a
-    hash of it. arrays: name -> one array, (N, *shape). labels: name -> its axis and a text for each place of it; that
-    of the same name as the axis are its coordinates. attributes: names and units of the columns.
+    rows: N; row: the name of that axis. chunk: rows of a chunk. plan: JSON data that decides the results. arrays:
+    name -> one array, (N, *shape). labels: name -> its axis and a text for each place of it; that of the same name as
+    the axis are its coordinates. attributes: names and units of the columns.
     """
 
     schema: str
@@ -61,10 +65,29 @@ class Layout:
     row: str
     chunk: int
     plan: Mapping[str, Any]
-    identity: str
     arrays: Mapping[str, Array]
     labels: Mapping[str, tuple[str, Sequence[str]]]
     attributes: Mapping[str, Any]
+
+    @property
+    def identity(self) -> str:
+        """A hash of the plan, the order of its entries included."""
+        return hashlib.sha256(json.dumps(self.plan).encode()).hexdigest()
+
+
+class Job(Protocol):
+    """N rows that any process can compute, any part of them without the rest."""
+
+    @property
+    def layout(self) -> Layout:
+        """What the store of the job holds."""
+
+    @property
+    def function(self) -> Callable[..., Mapping[str, np.ndarray]]:
+        """A pure function of a module, which workers import: (*task) -> the rows of the task, one array a name."""
+
+    def task(self, start: int, stop: int) -> Task:
+        """Arguments of the function for rows start .. stop - 1."""
 
 
 class Store:
@@ -182,7 +205,7 @@ def _fill(group: Any, layout: Layout, provenance: Mapping[str, Any] | None) -> N
         {
             **layout.attributes,
             "schema": layout.schema,
-            "toolchain": toolchain_version(),
+            "toolchain": VERSION,
             "identity": layout.identity,
             "plan": json.dumps(layout.plan),
             "rows": layout.rows,
@@ -219,12 +242,14 @@ def open_store(path: Path, layout: Layout | None = None) -> Store:
         raise BadInputError(f"{path} is damaged, its names, units or attributes are not those written; start anew")
     if layout is None:
         return Store(path)
-    store, own = Store(path, "r+"), toolchain_version()
+    store = Store(path, "r+")
     begun = store.attributes["toolchain"]
     if (store.attributes["schema"], store.attributes["identity"]) != (layout.schema, layout.identity):
         raise BadInputError(f"{path} belongs to another {layout.what}; give the same options, or another name")
-    if begun != own:
-        raise BadInputError(f"{path} was begun by version {begun} and this is {own}: finish it there, or start anew")
+    if begun != VERSION:
+        raise BadInputError(
+            f"{path} was begun by version {begun} and this is {VERSION}: finish it there, or start anew"
+        )
     return store
 
 
@@ -234,3 +259,55 @@ def _zarr() -> Any:
     except ImportError as error:
         raise BadInputError("a store needs Zarr; install it with `pip install .[distributed]`") from error
     return zarr
+
+
+def stream(
+    job: Job,
+    path: Path,
+    *,
+    count: int = 1,
+    scheduler: str | None = None,
+    resume: bool = False,
+    provenance: Mapping[str, Any] | None = None,
+    progress: Progress | None = None,
+) -> Store:
+    """Compute every row of the job that the store at `path` does not hold yet.
+
+    count, scheduler: see `workers`. resume: continue an interrupted job, and compute damaged chunks again; else the
+    store must be new. provenance: of a new store. progress is called with (chunks done, chunks in all), first at the
+    start. The results do not depend on where they were computed.
+    """
+    layout, place = job.layout, path.resolve()
+    with workers(count, scheduler) as run:
+        store = open_store(place, layout) if resume else create_store(place, layout, provenance)
+        damaged = store.damaged() if resume else []
+        for number in damaged:
+            store.reopen(number)
+        if damaged:
+            text = f"{path}: {len(damaged)} of {store.chunks} chunks were damaged and are computed again"
+            warnings.warn(text, stacklevel=2)
+        missing = store.missing()
+        show = progress if progress is not None and missing else lambda *_: None
+        show(store.chunks - len(missing), store.chunks)  # the first chunk may take a while: code is compiled
+        here = place if scheduler is None else None
+        tasks = (
+            (number, (here, number, job.function, job.task(number * store.chunk, store.end(number))))
+            for number in missing
+        )
+        for done, (number, rows) in enumerate(run(_run_and_write, tasks), start=store.chunks - len(missing) + 1):
+            if rows is not None:
+                store.write(number, rows)
+            store.complete(number)
+            show(done, store.chunks)
+    return store
+
+
+def _run_and_write(
+    path: Path | None, number: int, function: Callable[..., Mapping[str, np.ndarray]], task: Task
+) -> Mapping[str, np.ndarray] | None:
+    """Compute one chunk and write it into the store at a path; without one return it. What a worker runs."""
+    rows = function(*task)
+    if path is None:
+        return rows
+    Store(path, "r+").write(number, rows)
+    return None

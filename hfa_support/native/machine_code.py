@@ -18,7 +18,7 @@ from typing import Any
 import casadi as ca
 
 from hfa_support.files import temporary_folder
-from hfa_support.streams import say_aside
+from hfa_support.progress import say_aside
 
 _FLAGS = ("-O2", "-fPIC", "-shared", "-fno-math-errno")
 

@@ -26,6 +26,6 @@ def test_a_part_is_read_where_nothing_that_decides_it_differs(tmp_path: Path, mo
         path.write_text(text, encoding="utf-8")
         assert finished(path, DECIDES) is None
     path.write_text(whole, encoding="utf-8")
-    monkeypatch.setattr(module, "toolchain_version", lambda: "0.0.1")
+    monkeypatch.setattr(module, "VERSION", "0.0.1")
     assert finished(path, DECIDES) is None
     assert finished(path.with_name("none.json"), DECIDES) is None

@@ -12,8 +12,7 @@ import numpy as np
 
 from hfa_model.aircraft import Aircraft
 from hfa_support.errors import BadInputError
-from hfa_support.jobs.store import Array, Layout, Store, described
-from hfa_support.jobs.stream import stream
+from hfa_support.jobs.store import Array, Layout, Store, described, stream
 from hfa_support.jobs.workers import Task
 from hfa_support.model import Model
 from hfa_support.progress import Progress
@@ -136,8 +135,8 @@ class SweepJob:
             "warnings": plan.warnings,
         }
         chunk = CHUNK if is_square(model, plan.variables, plan.condition) else SLOW_CHUNK
-        identity = plan.to_dict(), plan.identity
-        return Layout(STORE_SCHEMA, "sweep", plan.count, "point", chunk, *identity, arrays_of(plan), labels, attributes)
+        arrays = arrays_of(plan)
+        return Layout(STORE_SCHEMA, "sweep", plan.count, "point", chunk, plan.to_dict(), arrays, labels, attributes)
 
     @property
     def function(self) -> Callable[..., Mapping[str, np.ndarray]]:

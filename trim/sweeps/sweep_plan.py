@@ -165,5 +165,5 @@ class SweepPlan:
 
     @cached_property
     def identity(self) -> str:
-        """A hash of everything that decides the results."""
-        return hashlib.sha256(json.dumps(self.to_dict(), sort_keys=True).encode()).hexdigest()
+        """A hash of everything that decides the results, the order of the axes included."""
+        return hashlib.sha256(json.dumps(self.to_dict()).encode()).hexdigest()

@@ -15,7 +15,7 @@ from hfa_support.files import write_text
 from hfa_support.jsonable import jsonable
 from hfa_support.model import Model
 from hfa_support.reporting.report import Report, Reported
-from hfa_support.version import toolchain_version
+from hfa_support.version import VERSION
 from verification.arithmetic import flint_or_refusal
 from verification.arithmetic.balls import exact
 from verification.arithmetic.taylor_model import TaylorModel
@@ -83,7 +83,7 @@ class Proof(Reported):
         """
         if not self.boxes:
             raise NoSolutionError("a mode may lie on the axis; there is nothing to certify")
-        own: Content = {"schema": SCHEMA, "kind": self.kind, "toolchain": toolchain_version()}
+        own: Content = {"schema": SCHEMA, "kind": self.kind, "toolchain": VERSION}
         own |= {"statement": self.statement, "boxes": self.boxes}
         content = jsonable(own | ({"open": self.open} if self.kind == "schedule" else {}))
         write_text(path, sealed(json.dumps(content)[:-1], json.dumps(jsonable(origin.to_dict()))))
@@ -118,7 +118,7 @@ class CertificateFile:
             flint_or_refusal()  # the checker has its own precision
         content: Content = json.loads(self.path.read_text(encoding="utf-8"))
         same = all(stated.get(key) == value for key, value in jsonable(statement).items())
-        if not same or content["toolchain"] != toolchain_version():
+        if not same or content["toolchain"] != VERSION:
             raise BadInputError(f"{self.path}: is of another statement or version; write to another file")
         return content
 
