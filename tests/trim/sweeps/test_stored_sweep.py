@@ -88,6 +88,13 @@ def test_where_a_search_begins_is_part_of_a_plan(parameters: Parameters) -> None
     assert plans[0].condition.to_dict() == {"free": ["alpha"]}
 
 
+def test_the_order_of_the_variables_is_part_of_a_plan(parameters: Parameters) -> None:
+    """It is the order of the points: a store must not be continued in another."""
+    axes = {"dihedral": (5 * DEGREE, 10 * DEGREE), "speed": (64.0, 68.0)}
+    plans = [SweepPlan(dict(each), Aircraft(parameters)) for each in (axes.items(), reversed(axes.items()))]
+    assert plans[0] != plans[1]
+
+
 def _plan(aircraft: Aircraft, **more: Any) -> SweepPlan:
     axes = {"dihedral": (5 * DEGREE, 10 * DEGREE), "speed": (64.0, 68.0)}
     return SweepPlan(axes, aircraft, **more)
