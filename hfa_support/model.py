@@ -426,7 +426,7 @@ def _symbolic(layout: Layout, still: bool) -> tuple[list[ca.SX], ca.SX, Mapping[
     to build than all that is made of them. BadInputError names what the equations leave out."""
     vectors = layout.symbols(*list(VECTORS)[: 3 if still else 4])
     given = [*map(components, vectors), *[[0.0] * len(layout.names[3])] * still]
-    named = [layout.record(*each) for each in zip(VECTORS, given, strict=True)]
+    named: list[Any] = [layout.record(*each) for each in zip(VECTORS, given, strict=True)]
     try:
         with warnings.catch_warnings(action="ignore", category=FutureWarning):  # CasADi's, of functions of NumPy
             returned = layout.equations(*named)
