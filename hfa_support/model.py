@@ -432,9 +432,9 @@ def _symbolic(layout: Layout, still: bool) -> tuple[list[ca.SX], ca.SX, Mapping[
             returned = layout.equations(*named)
     except _FAILURES as error:
         for kind, values in zip(VECTORS.values(), named, strict=True):
-            if isinstance(error, AttributeError) and error.obj is values:
+            if values is getattr(error, "obj", None):
                 what = f"{layout.name}: the equations use an undeclared name of {kind},"
-                refuse_unknown(what, error.name, values._fields)
+                refuse_unknown(what, getattr(error, "name", None), values._fields)
         said = f"{type(error).__name__}: {' '.join(str(error).split())[:200]}"
         advice = "write ca.if_else for if, and CasADi's functions (ca.sin) for those of other packages"
         raise BadInputError(f"{layout.name}: the equations fail ({said}); {advice}") from error
