@@ -47,14 +47,9 @@ _RECORDS: dict[tuple[str, ...], Any] = {}
 def record(names: tuple[str, ...]) -> Any:
     """The named tuple with these fields: the class that a declaration was written in, or a new one."""
     if names not in _RECORDS:
-        made: Any = type("Values", (namedtuple("Values", names),), {})
-        made.__reduce__ = _pickled
-        _RECORDS[names] = made
+        pickled = {"__reduce__": lambda values: (_unpickled, (names, tuple(values)))}
+        _RECORDS[names] = type("Values", (namedtuple("Values", names),), pickled)
     return _RECORDS[names]
-
-
-def _pickled(values: Any) -> tuple[Any, ...]:
-    return _unpickled, (values._fields, tuple(values))
 
 
 def _unpickled(names: tuple[str, ...], values: tuple[Any, ...]) -> Any:
@@ -431,10 +426,9 @@ def _symbolic(layout: Layout, still: bool) -> tuple[list[ca.SX], ca.SX, Mapping[
         with warnings.catch_warnings(action="ignore", category=FutureWarning):  # CasADi's, of functions of NumPy
             returned = layout.equations(*named)
     except _FAILURES as error:
-        for kind, values in zip(VECTORS.values(), named, strict=True):
-            if values is getattr(error, "obj", None):
-                what = f"{layout.name}: the equations use an undeclared name of {kind},"
-                refuse_unknown(what, getattr(error, "name", None), values._fields)
+        for kind, values, names in zip(VECTORS.values(), named, layout.names, strict=False):
+            if isinstance(error, AttributeError) and error.obj is values:
+                refuse_unknown(f"{layout.name}: the equations use an undeclared name of {kind},", error.name, names)
         said = f"{type(error).__name__}: {' '.join(str(error).split())[:200]}"
         advice = "write ca.if_else for if, and CasADi's functions (ca.sin) for those of other packages"
         raise BadInputError(f"{layout.name}: the equations fail ({said}); {advice}") from error
