@@ -19,8 +19,8 @@ from .game.critic_file import History as History, load_critic as load_critic
 from .game.model_file import load_game as load_game
 from .game.zero_sum import Game as Game, published_game as published_game
 from .laws.certified import learn as learn
-from .laws.run import run as run
+from .laws.certify import run as run
+from .laws.recording import Stack as Stack, random_pool as random_pool, record as record
 from .policy.gain_table import GainTable as GainTable
 from .policy.policies import FlownLaw as FlownLaw, gain_law as gain_law
 from .policy.signals import CommandSteps as CommandSteps, Signal as Signal
-from .training_data.recording import Stack as Stack, random_pool as random_pool, record as record

@@ -1,1 +1,1 @@
-"""The learning laws and the runner that ticks them."""
+"""The recorded data, the learning laws and the runner that ticks them."""

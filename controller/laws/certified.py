@@ -18,11 +18,10 @@ import numpy as np
 from controller.game.basis import Basis, basis
 from controller.game.learning_result import LearningResult
 from controller.game.zero_sum import Game
-from controller.laws.certify import Riccati, conclude
-from controller.laws.run import Run, run
-from controller.training_data import recording
-from controller.training_data.bellman_equations import GAME, LQ, PartialGame, StackEquations, newton_step
-from controller.training_data.recording import Stack
+from controller.laws import recording
+from controller.laws.bellman_equations import GAME, LQ, PartialGame, StackEquations, newton_step
+from controller.laws.certify import Riccati, Run, conclude, run
+from controller.laws.recording import Stack
 from hfa_support.errors import BadInputError, NoSolutionError, refuse_unknown
 from hfa_support.progress import Progress
 from hfa_support.schema import POSITIVE, Number
@@ -395,7 +394,7 @@ class CertifiedLaw:
         return here
 
     def observe(self, tick: int, memory: Memory) -> Mapping[str, Any]:
-        """See `run.run`."""
+        """See `certify.run`."""
         here, normaliser, _ = memory
         return {
             "time": self.time(tick),

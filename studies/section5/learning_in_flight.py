@@ -7,7 +7,7 @@ import numpy as np
 from controller import Game, basis
 from controller.game.learning_result import LearningResult
 from controller.laws.certify import abscissa, positivity
-from controller.training_data.recording import natural_spread
+from controller.laws.recording import natural_spread
 from studies.update_law.integral_rl import baseline_gain
 
 

@@ -12,12 +12,11 @@ import numpy as np
 from controller.game.basis import Basis, basis
 from controller.game.learning_result import LearningResult
 from controller.game.zero_sum import Game
+from controller.laws import recording
+from controller.laws.bellman_equations import StackEquations
 from controller.laws.certified import enough_for, initial_weights
-from controller.laws.certify import conclude
-from controller.laws.run import Run, run
-from controller.training_data import recording
-from controller.training_data.bellman_equations import StackEquations
-from controller.training_data.recording import Stack, natural_spread, record, refuse_poor, unit_rows
+from controller.laws.certify import Run, conclude, run
+from controller.laws.recording import Stack, natural_spread, record, refuse_poor, unit_rows
 from hfa_support.errors import BadInputError, NoSolutionError
 
 #: The baseline that is used while nothing is certified: the LQR of the game's Q and this many times its R.

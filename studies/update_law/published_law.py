@@ -17,10 +17,9 @@ import numpy as np
 from controller import Game, Stack, basis, random_pool
 from controller.game.basis import Basis
 from controller.game.learning_result import LearningResult
-from controller.laws.certify import conclude
-from controller.laws.run import Run
-from controller.training_data.bellman_equations import StackEquations
-from controller.training_data.recording import choose
+from controller.laws.bellman_equations import StackEquations
+from controller.laws.certify import Run, conclude
+from controller.laws.recording import choose
 from hfa_support import BadInputError, NoSolutionError
 
 #: Rows of history of a run; the steps between two rows are one tick of the runner.

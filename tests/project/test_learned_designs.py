@@ -15,7 +15,7 @@ from servo_cases import SIMVFA, simvfa_design
 
 from controller import Game, basis, design_model, learn, load_design
 from controller.design.design import Actuator, Design
-from controller.training_data.recording import natural_spread
+from controller.laws.recording import natural_spread
 from hfa_model import Aircraft
 from verification import GeneralizedPlant, solve_game
 from verification.exact_solution import GameSolution

@@ -12,7 +12,7 @@ from reference_riccati import Reference, reference_solution, relative_error
 from controller import Game, basis, random_pool
 from controller.game.basis import Basis
 from controller.game.learning_result import LearningResult
-from controller.training_data.bellman_equations import StackEquations
+from controller.laws.bellman_equations import StackEquations
 
 QUADRATIC = basis("quadratic", 6)
 #: Of the six states: ft/s and rad.

@@ -11,13 +11,13 @@ from reference_riccati import reference_solution, relative_error
 
 from controller import Game, learn, random_pool, record
 from controller.laws import certified
+from controller.laws.bellman_equations import LQ, StackEquations, newton_step
 from controller.laws.certified import (
     CertifiedLaw,
     CertifiedSettings,
     Point,
     certified_law,
 )
-from controller.training_data.bellman_equations import LQ, StackEquations, newton_step
 from hfa_support import BadInputError, NoSolutionError
 
 # The edge of stability.

@@ -12,6 +12,7 @@ from reference_riccati import reference_solution, relative_error
 
 from controller import Game, basis, learn, random_pool
 from controller.game.learning_result import Excitation
+from controller.laws.bellman_equations import StackEquations
 from controller.laws.certify import (
     Riccati,
     certificates,
@@ -19,8 +20,7 @@ from controller.laws.certify import (
     relative_correction,
     relative_residual,
 )
-from controller.training_data.bellman_equations import StackEquations
-from controller.training_data.recording import choose
+from controller.laws.recording import choose
 from verification import minimum_delta
 
 

@@ -14,7 +14,7 @@ from reference_riccati import reference_solution, relative_error
 from controller import Game, learn, random_pool, run
 from controller.game.basis import BASES
 from controller.game.learning_result import LearningResult
-from controller.laws import run as runner
+from controller.laws import certify as runner
 from controller.laws.certified import CertifiedSettings, certified_law
 from hfa_model import INPUTS, LINEAR_STATES
 from hfa_model.vectors import LINEAR_UNITS

@@ -11,7 +11,7 @@ import numpy as np
 from controller.game.basis import Basis
 from controller.game.learning_result import Excitation
 from controller.game.zero_sum import Game
-from controller.training_data.recording import Stack, excitation
+from controller.laws.recording import Stack, excitation
 
 
 class PartialGame(NamedTuple):

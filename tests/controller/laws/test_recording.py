@@ -7,7 +7,7 @@ import pytest
 from learning_samples import PUBLISHED, published, stable_game
 
 from controller import Game, Stack, basis, random_pool, record
-from controller.training_data.recording import (
+from controller.laws.recording import (
     choose,
     excitation,
     natural_spread,

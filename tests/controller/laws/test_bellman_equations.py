@@ -12,7 +12,7 @@ from learning_samples import (
 )
 
 from controller.game.basis import BASES
-from controller.training_data.bellman_equations import GAME, LQ, PartialGame
+from controller.laws.bellman_equations import GAME, LQ, PartialGame
 
 
 @pytest.mark.parametrize("name", BASES)

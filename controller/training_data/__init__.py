@@ -1,1 +1,0 @@
-"""The recorded data that the laws learn from, and the Bellman residual on it."""
