@@ -15,8 +15,7 @@ from .flight.monte_carlo import MonteCarlo as MonteCarlo
 from .flight.nonlinear_flight import fly as fly
 from .flight.scenario import Scenario as Scenario, Uncertainty as Uncertainty
 from .game.basis import basis as basis
-from .game.critic_file import History as History, load_critic as load_critic
-from .game.model_file import load_game as load_game
+from .game.user_files import History as History, load_critic as load_critic, load_game as load_game
 from .game.zero_sum import Game as Game, published_game as published_game
 from .laws.certified import learn as learn
 from .laws.certify import run as run

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from controller.game.array_file import PlantNames, file_scales, read_arrays, words
-from controller.game.critic_file import load_critic
+from controller.game.array_file import read_arrays
+from controller.game.user_files import PlantNames, file_scales, load_critic, words
 from hfa_model.aircraft import HFA
 from hfa_support.errors import BadInputError, numbers_in, said_of
 from hfa_support.linear_table import LinearTable

@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from controller.game.array_file import read_arrays
-from controller.game.model_file import entries_of, one_number
+from controller.game.user_files import entries_of, one_number
 from controller.game.zero_sum import LARGEST, Game, check_definite, checked_matrix
 from controller.riccati.balancing import RANK, balanced_units, in_units, is_hurwitz, spectrum
 from controller.riccati.certificate import relative_residual

@@ -118,9 +118,8 @@ def _check(arguments: argparse.Namespace) -> int:
 
 def _require_same(found: Verified, arguments: argparse.Namespace) -> None:
     """Bind the certificate to the user's own data: --dihedral, --weights, --delta, --Q, --R must be what it states."""
-    from controller.game.array_file import UNNAMED, PlantNames
     from controller.game.basis import basis
-    from controller.game.critic_file import load_critic
+    from controller.game.user_files import UNNAMED, PlantNames, load_critic
     from verification.proof.proof_report import require_same
 
     if ends := arguments.at:
@@ -187,7 +186,7 @@ def _solution(arguments: argparse.Namespace) -> int:
 
 def _critic(arguments: argparse.Namespace) -> int:
     from controller.game.basis import basis
-    from controller.game.critic_file import load_critic
+    from controller.game.user_files import load_critic
     from verification.proof.proof_report import game_report
     from verification.proof.solution_proof import prove_critic
 

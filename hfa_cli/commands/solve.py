@@ -26,7 +26,7 @@ def run(arguments: argparse.Namespace) -> int:
     found = None
     if arguments.model is not None:
         from controller.game.array_file import read_arrays
-        from controller.game.model_file import has_all
+        from controller.game.user_files import has_all
 
         found = read_arrays(arguments.model)
         if has_all(found, "B2"):

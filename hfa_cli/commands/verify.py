@@ -34,7 +34,7 @@ from verification.critic.critic_check import LIMIT, check_critic, check_discount
 from verification.critic.critic_errors import ordinary_box
 
 if TYPE_CHECKING:
-    from controller.game.critic_file import History
+    from controller.game.user_files import History
 
 #: Of more files than this, each network is flown from a few starts.
 _MANY, _FEW_FLIGHTS = 5, 10
@@ -163,7 +163,7 @@ def _candidate(
     path: Path, arguments: argparse.Namespace, named: NamedGame, settings: dict[str, Any], files: int = 1
 ) -> Candidate | History:
     """The critic in a file, or its `History`."""
-    from controller.game.critic_file import History, critic_in
+    from controller.game.user_files import History, critic_in
 
     game, name = named.game, arguments.basis
     listed = name is not None and re.search(r"[^a-z+]", name) is not None

@@ -212,9 +212,8 @@ def check_policy(arguments: argparse.Namespace) -> None:
 
 def flown_law_of(arguments: argparse.Namespace, linear: LinearModel) -> FlownLaw:
     """The gain that is used: of a file, exact, or learned on the linear model."""
-    from controller.game.array_file import PlantNames
     from controller.game.basis import basis
-    from controller.game.critic_file import load_critic
+    from controller.game.user_files import PlantNames, load_critic
     from controller.laws.certified import learned_value
     from controller.policy.policies import gain_law
     from controller.riccati.gare import solve_game

@@ -27,8 +27,8 @@ from trim.linear.linear_model import LinearModel, linearize
 from trim.point.operating_point import at_scheduled
 
 if TYPE_CHECKING:
-    from controller.game.array_file import PlantNames
     from controller.game.learning_result import LearningResult
+    from controller.game.user_files import PlantNames
 
 DEFAULT_LAW = "certified"
 
@@ -104,7 +104,7 @@ class NamedGame:
     @property
     def plant(self) -> PlantNames:
         """What a file of a critic is read against."""
-        from controller.game.array_file import PlantNames
+        from controller.game.user_files import PlantNames
 
         return PlantNames(self.states, self.inputs, self.state_units)
 
@@ -158,7 +158,7 @@ def game_of(arguments: argparse.Namespace, found: dict[str, Any] | None = None) 
 
 def _game_of_file(arguments: argparse.Namespace, found: dict[str, Any] | None) -> NamedGame:
     """The game of --model."""
-    from controller.game.model_file import stored_game
+    from controller.game.user_files import stored_game
 
     refuse_of_the_aircraft(arguments)
     game, notes, names, provenance = stored_game(arguments.model, found=found, **weights_of(arguments))

@@ -74,13 +74,6 @@ def test_plain_csv_files(known: dict[str, Any], tmp_path: Path) -> None:
     assert_solved_and_checked(tmp_path / "A.csv", tmp_path / "K.csv", known)
 
 
-def test_our_own_csv_files(known: dict[str, Any], tmp_path: Path) -> None:
-    plant, gain = tmp_path / "plant.csv", tmp_path / "gain.csv"
-    assert hfa("linearize", "--dihedral", "10", "-o", str(plant)).code == 0
-    assert hfa("solve", "--dihedral", "10", "-o", str(gain)).code == 0
-    assert_solved_and_checked(plant, gain, known)
-
-
 @pytest.mark.parametrize("command", [*TABLES, *(pytest.param(each, marks=pytest.mark.slow) for each in SLOW_TABLES)])
 def test_tables_are_read_as_they_are(command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Numbers are numbers, to the last digit, and each has its unit: in its name, or in the column "unit"."""

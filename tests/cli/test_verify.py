@@ -130,9 +130,8 @@ def test_a_critic_over_time_is_held_to_its_time() -> None:
     plant, exact = small("plant.json"), solve_game(load_game("plant.json")).P
     times = np.arange(0.0, 4.5, 0.5)
     sizes = np.where(times < 2.0, 0.5, 1e-9)
-    table = np.column_stack([times, np.outer(1.0 + sizes, [exact[0, 0], 2.0 * exact[0, 1], exact[1, 1]])])
-    np.savetxt("history.csv", table, delimiter=",")
-    words = ("verify", "--model", plant, "--weights", "history.csv")
+    weights = np.outer(1.0 + sizes, [exact[0, 0], 2.0 * exact[0, 1], exact[1, 1]])
+    words = ("verify", "--model", plant, "--weights", stored("history.npz", time=times, W=weights))
     data = answer(*words, "--set", "predefined_time=2", "--picture", "over_time.svg", "-o", "out.csv")
     settling = checks_of(data)["settling_time"]
     assert (settling["value"], settling["limit"], settling["ok"]) == (2.0, 2.0, True)

@@ -13,7 +13,7 @@ import numpy as np
 from known_models import exact_gain, game_at, model_at
 
 from controller import Game, basis, published_game
-from controller.game.critic_file import StoredCritic
+from controller.game.user_files import StoredCritic
 from hfa_model import Aircraft, default_parameters
 from hfa_model.provenance import Provenance
 from verification import Family, coarsest_grid, prove_critic, prove_schedule, prove_solution, solve_game

@@ -26,7 +26,7 @@ from hfa_support.errors import BadInputError, numbers_in, said_of, shortened
 from hfa_support.reporting.fields import Shown
 
 if TYPE_CHECKING:
-    from controller.game.critic_file import StoredCritic
+    from controller.game.user_files import StoredCritic
 
 #: What a network may compute of the state: V, dV/dz, u, or V and u one behind the other.
 OUTPUTS = ("V", "gradient", "policy", "V+policy")

@@ -26,7 +26,7 @@ from verification.critic.check_result import HISTORY, CriticCheck, HistoryErrors
 from verification.critic.critic_errors import Box, critic_errors, matrix_errors, ordinary_box
 
 if TYPE_CHECKING:
-    from controller.game.critic_file import History
+    from controller.game.user_files import History
     from controller.riccati.discrete import DiscountedSolution
 
 #: Default limit of the errors of P, K, V, its slopes and the policies, and of the Riccati residual.

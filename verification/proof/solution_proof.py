@@ -12,7 +12,7 @@ import numpy as np
 from flint import acb, acb_mat, arb, arb_mat
 
 from controller.game.basis import Basis
-from controller.game.critic_file import StoredCritic
+from controller.game.user_files import StoredCritic
 from controller.game.zero_sum import Game
 from controller.riccati.balancing import balanced_units
 from controller.riccati.gare import solve_game

@@ -14,7 +14,7 @@ from network_files import onnx_file, torch_file
 from planted_critics import gain, value, weights_of
 
 from controller import Game
-from controller.game.critic_file import StoredCritic, critic_in
+from controller.game.user_files import StoredCritic, critic_in
 from hfa_cli.main import FAILED
 from hfa_support import BadInputError
 from verification import check_critic, from_network, from_weights

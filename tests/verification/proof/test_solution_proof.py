@@ -11,7 +11,7 @@ from proof_cases import ORIGIN, content, family, forge, proved, scalar_game
 from reference_riccati import reference_solution
 
 from controller import Game, basis
-from controller.game.critic_file import StoredCritic
+from controller.game.user_files import StoredCritic
 from controller.riccati.smallest_delta import DeltaMin
 from hfa_support import BadInputError, NoSolutionError
 from verification import check_certificate, minimum_delta, prove_critic, prove_solution, solve_game

@@ -1,0 +1,250 @@
+"""A user's plant and critic from files: entries read, filled in and refused."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from game_files import small, stored
+from scipy.sparse import csc_matrix
+
+from controller import Game, History, load_critic, load_game
+from controller.game.user_files import PlantNames, StoredCritic, critic_in, file_scales, stored_game
+from hfa_cli.options.games import parse_diagonal
+from hfa_model import LINEAR_STATES, published_models
+from hfa_support import BadInputError
+
+A2 = [[0.0, 1.0], [-2.0, -3.0]]
+B2 = [[0.0], [1.0]]
+Q2, R1 = [[2.0, 0.0], [0.0, 1.0]], [[4.0]]
+MODEL: dict[str, Any] = {"A": published_models()[0].A, "B": published_models()[0].B}
+pytestmark = pytest.mark.usefixtures("folder")
+
+
+# Plants -----------------------------------------------------------------------------------------------------------
+
+
+def test_every_format_gives_the_same_game_and_where_it_comes_from() -> None:
+    full = MODEL | {"E": np.eye(6)[:, :2], "Q": 2.0 * np.eye(6), "R": 3.0 * np.eye(5), "delta": 321.0}
+    block = {"version": "1.2", "parameters": "ab12"}
+    flat = {f"provenance.{name}": word for name, word in block.items()}
+    for path in (
+        stored("plant.npz", **full, **flat),
+        stored("plant.json", **full, provenance=block),
+        stored("sparse.MAT", **full | {"A": csc_matrix(full["A"])}, provenance=block),
+    ):
+        found = stored_game(path)
+        assert found.game == Game(**full)
+        assert found.provenance == block
+
+
+def test_what_is_missing_comes_from_the_paper() -> None:
+    stored("plant.npz", **MODEL)
+    with pytest.warns(UserWarning, match="there is no E, Q, R, delta; taken: E the identity, Q as in the paper, "):
+        game = load_game("plant.npz")
+    assert np.array_equal(game.E, np.eye(6))
+    assert np.array_equal(np.diag(game.Q), [1000.0, 1000.0, 0.01, 0.01, 1000.0, 0.01])
+    assert np.array_equal(np.diag(game.R), [100.0, 400.0, 400.0, 400.0, 50.0])
+    assert game.delta == 200.0
+
+
+def test_the_paper_s_game_on_a_plant_in_meters() -> None:
+    """Q T⁻² and T E are the same game; a plant that does not name the aircraft's states is left alone."""
+    units = ["m/s", "rad", "rad", "rad/s", "rad", "rad/s"]
+    stored("si.npz", **MODEL, states=LINEAR_STATES, state_units=units)
+    stored("other.npz", **MODEL, states=[f"s{i}" for i in range(6)], state_units=units)
+    si, other = (stored_game(name).game for name in ("si.npz", "other.npz"))
+    np.testing.assert_allclose(np.diag(si.Q), [1000.0 / 0.3048**2, 1000.0, 0.01, 0.01, 1000.0, 0.01], rtol=1e-15)
+    assert np.array_equal(np.diag(si.E), [0.3048, 1.0, 1.0, 1.0, 1.0, 1.0])
+    assert np.array_equal(other.E, np.eye(6))
+    assert other.Q[0, 0] == 1000.0
+
+
+def test_the_wind_s_column_is_named_as_what_it_is() -> None:
+    stored("plant.npz", **MODEL, E=np.ones((6, 1)), disturbances=["updraft"], schema="hfa.linear-model/1")
+    found = stored_game("plant.npz")
+    assert np.array_equal(found.game.E, np.eye(6))
+    assert found.notes == (
+        "plant.npz: its E is that of the wind and not used; taken: E the identity, Q as in the paper, "
+        "R as in the paper, delta as in the paper",
+    )
+
+
+def test_an_argument_counts_before_the_file() -> None:
+    path = stored("plant.json", A=A2, B=B2, Q=Q2, R=R1, delta=5.0)
+    assert stored_game(path).game.delta == 5.0
+    game, *_ = stored_game(path, Q=np.eye(2), R=parse_diagonal("R", "9"), delta=math.inf)
+    assert np.array_equal(game.Q, np.eye(2))
+    assert game.R[0, 0] == 9.0
+    assert np.array_equal(parse_diagonal("Q", "1, 0.5,2e3"), np.diag([1.0, 0.5, 2000.0]))
+    assert game.delta == math.inf
+
+
+def test_misnamed_entries_and_defaults_are_noted() -> None:
+    game, notes, *_ = stored_game(stored("plant.npz", A=A2, B=B2, Q=Q2, R=R1, D=[[1.0], [0.0]], gamma=7.0))
+    assert game.delta == 200.0
+    assert notes == (
+        "plant.npz: D, gamma not used; a model file holds A, B, E, Q, R, delta",
+        "plant.npz: there is no E, delta; taken: E the identity, delta as in the paper",
+    )
+    assert stored_game(small("ours.npz", schema="hfa.linear-model/1", modes=[1.0])).notes == ()
+
+
+def test_a_structure_is_looked_into_only_where_nothing_stands_outside() -> None:
+    inside = {"A": A2, "B": B2, "Q": Q2, "R": R1, "delta": 9.0}
+    assert stored_game(stored("in.json", model=inside)).game.delta == 9.0
+    with pytest.raises(BadInputError, match="there is no B"):
+        stored_game(stored("half.json", A=A2, model=inside))
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ({"A": A2, "Q": Q2}, r"there is no B; .* \(found: A, Q\)"),
+        ({}, r"there is no A; .*\(the file is empty\)"),
+        ({"A": "fast", "B": B2}, "A does not consist of rows of real numbers"),
+        ({"A": [[1.0, math.nan], [0.0, 1.0]], "B": B2, "Q": Q2, "R": R1}, r"A\[0\]\[1\] is nan"),
+        ({"A": A2, "B": [[0.0, 1.0]], "Q": Q2, "R": np.eye(2)}, "B is 1 x 2; with this A and B it must be 2 x 2"),
+        ({"A": A2, "B": B2}, "the model has 2 states and the Q of the paper is for 6; give Q"),
+        ({"A": A2, "B": B2, "Q": Q2}, "the model has 1 inputs and the R of the paper is for 5; give R"),
+        ({"A": A2, "B": B2, "Q": Q2, "R": R1, "delta": [1.0, 2.0]}, "delta has 2 numbers; give one"),
+        ({"A": A2, "B": B2, "Q": Q2, "R": R1, "dt": [[0.1], 2.0]}, "a model in discrete time"),
+        ({"A": A2, "B": B2, "Q": Q2, "R": R1, "dt": 0.1}, r"dt is 0\.1, a model in discrete time"),
+    ],
+)
+def test_bad_models_are_refused_in_one_line(content: Any, message: str) -> None:
+    path = stored("plant.json", **content)
+    with pytest.raises(BadInputError, match=f"^plant.json: .*{message}") as refusal:
+        load_game(path)
+    assert "\n" not in str(refusal.value)
+
+
+MATLAB_73 = b"MATLAB 7.3 MAT-file, Platform: GLNXA64, Created on: Mon Jan  1 00:00:00 2024 HDF5 schema 1.00 ."
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "said"),
+    [
+        ("plant.json", b"", "is not JSON"),
+        ("plant.json", b"[1, 2]", "cannot be read as .json .*must be an object"),
+        ("plant.npz", b"PK\x03\x04broken", "cannot be read as .npz"),
+        ("plant.mat", b"PK\x03\x04broken", "cannot be read as .mat"),
+        (
+            "plant.mat",
+            MATLAB_73.ljust(116) + b"\x00" * 8 + b"\x00\x02IM" + b"\x89HDF\r\n\x1a\n" + b"\x00" * 500,
+            "save with the option -v7",
+        ),
+    ],
+)
+def test_damaged_files_are_refused_in_one_line(name: str, content: bytes, said: str) -> None:
+    Path(name).write_bytes(content)
+    with pytest.raises(BadInputError, match=said) as refusal:
+        load_game(name)
+    assert "\n" not in str(refusal.value)
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        ({"state_units": ["ft/s", "deg"]}, "state 2 is in deg and that of the plant in rad; convert it, or leave"),
+        ({"states": ["alpha", "speed"]}, "its states are in the order alpha, speed; .* are speed, alpha: reorder"),
+        ({"inputs": ["alpha", "speed"]}, "its inputs are in the order alpha, speed; .* are speed, alpha: reorder"),
+    ],
+)
+def test_other_units_and_another_order_are_refused(content: dict[str, list[str]], said: str) -> None:
+    plant = PlantNames(("speed", "alpha"), ("speed", "alpha"), ("ft/s", "rad"))
+    with pytest.raises(BadInputError, match=said):
+        file_scales(content, plant)
+
+
+# Critics --------------------------------------------------------------------------------------------------------
+
+
+def test_critics_are_read_by_what_they_hold() -> None:
+    W, P, K = np.arange(21.0), np.eye(6), np.ones((5, 6))
+    for path, parts in {
+        stored("all.npz", W=W, P=P, K=K): (W, P, K),
+        stored("row.mat", weights=W): (W, None, None),
+        stored("gain.json", K=K, delta=200.0, certificate={"ok": True}): (None, None, K),
+    }.items():
+        for read, expected in zip(load_critic(path), parts, strict=True):
+            assert read is expected if expected is None else np.array_equal(read, expected)
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ({"A": A2}, r"there is no W, P or K; .* \(found: A\)"),
+        ({"W": [[1.0, 2.0], [3.0, 4.0]]}, r"W has shape \(2, 2\); weights are one row or one column"),
+        ({"W": [1.0, math.inf]}, r"W\[1\] is inf"),
+        ({"P": [1.0, 2.0]}, "P has 1 dimension"),
+    ],
+)
+def test_bad_critics_are_refused_in_one_line(content: Any, message: str) -> None:
+    with pytest.raises(BadInputError, match=f"^critic.json: .*{message}") as refusal:
+        load_critic(stored("critic.json", **content))
+    assert "\n" not in str(refusal.value)
+
+
+# Critics over time ------------------------------------------------------------------------------------------------
+
+#: Two states, one input: 3 weights, 4 entries of P, 2 of K.
+GAME = Game(np.array([[0.0, 1.0], [-1.0, -1.0]]), np.array([[0.0], [1.0]]), np.eye(2), np.eye(2), np.eye(1), 10.0)
+TIMES = np.array([0.0, 0.1, 0.3])
+W = np.arange(9.0).reshape(3, 3)
+K = np.arange(6.0).reshape(3, 1, 2)
+
+
+@pytest.mark.parametrize("suffix", ["npz", "json"])
+def test_arrays_by_name(suffix: str) -> None:
+    for content in (
+        {"times": TIMES, "weights": W, "other": 1.0},
+        {"t": TIMES, "W": W, "K": K},
+        {"time": TIMES, "W": W, "gains": np.moveaxis(K, 0, -1)},
+        {"t": TIMES, "W": W, "K": K.reshape(3, 2)},
+    ):
+        history = critic_in(stored(f"h.{suffix}", **content), GAME)
+        assert isinstance(history, History)
+        np.testing.assert_array_equal(history.times, TIMES)
+        np.testing.assert_array_equal(history.W, W)
+        if "other" not in content:
+            np.testing.assert_array_equal(history.K, K)
+
+
+def test_a_file_without_times_is_a_single_critic() -> None:
+    for times in ({}, {"t": TIMES}):
+        assert isinstance(critic_in(stored("h.npz", W=W[0], P=np.eye(2), **times), GAME), StoredCritic)
+
+
+def test_the_file_names_the_basis_unless_somebody_does() -> None:
+    path = stored("h.npz", time=TIMES, weights=np.ones((3, 5)), basis="quadratic+linear")
+    assert critic_in(path, GAME).basis == "quadratic+linear"
+    with pytest.raises(BadInputError, match=r"W is 3 x 5; basis 'quadratic' on 2 states has 3 weights"):
+        critic_in(path, GAME, "quadratic")
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        ({"times": [0.0, 1.0, 0.5], "W": W}, "time goes from 1 to 0.5 s at row 3; it must increase"),
+        ({"times": [-1.0, 0.0, 1.0], "W": W}, "time is negative or not finite at row 1"),
+        ({"times": TIMES, "W": np.where(TIMES == 0.1, np.inf, W.T).T}, r"W is not finite, .* at row 2 \(t = 0.1 s\)"),
+        ({"times": TIMES, "W": W * [[1.0], [1.0], [1e60]]}, r"W is not finite, or beyond 1e\+50, at row 3"),
+        ({"times": TIMES[:2], "W": W}, "W has 3 rows and there are 2 times"),
+        ({"times": TIMES, "K": np.eye(3)}, "a history needs W"),
+    ],
+)
+def test_what_is_no_history_is_refused(content: dict[str, Any], said: str) -> None:
+    with pytest.raises(BadInputError, match=said):
+        History(**content)
+
+
+def test_a_single_matrix_belongs_to_the_last_row() -> None:
+    history = History(TIMES, W=W, K=np.eye(3))
+    assert (history.row(2).K, history.row(-1).P) == (None, None)
+    np.testing.assert_array_equal(history.row(-1).K, np.eye(3))
+    np.testing.assert_array_equal(history.row(1).W, W[1])
+    np.testing.assert_array_equal(history.row(-1).W, W[2])
