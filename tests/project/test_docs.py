@@ -20,12 +20,24 @@ def text_of(path: Path) -> str:
     return path.read_text(encoding="utf-8")
 
 
-@pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: path.stem)
-def test_blocks_run_and_print_what_is_shown(path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def is_slow(path: Path) -> bool:
+    return any(block.slow for block in blocks_of(text_of(path)))
+
+
+CASES = [
+    *(pytest.param(path, False, id=path.stem) for path in DOCUMENTS),
+    *(pytest.param(path, True, id=f"{path.stem} whole", marks=pytest.mark.slow) for path in filter(is_slow, DOCUMENTS)),
+]
+
+
+@pytest.mark.parametrize(("path", "slow"), CASES)
+def test_blocks_run_and_print_what_is_shown(
+    path: Path, slow: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(tmp_path)
     for folder in ("examples", "studies"):
         (tmp_path / folder).symlink_to(ROOT / folder)
-    assert "\n\n".join(complaints(text_of(path), name=path.name)) == ""
+    assert "\n\n".join(complaints(text_of(path), name=path.name, slow=slow)) == ""
     if path.stem == "README":
         assert_is_that_of_the_documents(tmp_path / "verify.png")
 
@@ -138,7 +150,7 @@ def test_a_sound_document_passes() -> None:
     [
         ("text\n2\n", "text\n3\n", "-3\n+2"),
         ("...\nend\n", "end\n", "+3"),
-        ("text\n2\n", "json\n2\n", "is not shown"),
+        ("text\n2\n", "json\n2\n", "+2"),
         ("a = 2", "a = b", "NameError"),
         ("python\na = 2", "txt\na = 2", "no python block before"),
         ("make test", "make tea", "no target 'tea'"),
@@ -146,7 +158,8 @@ def test_a_sound_document_passes() -> None:
         ("  # exit 2", "", "exit code 2 instead of 0"),
         ("give a number", "give another", "-hfa: --dihedral is 'abc'; give another"),
         ("$ make test", "$ ls", "neither hfa nor make"),
-        ("end\n```", "end\n```\n```python\nprint(1)\n```\n", "is not shown"),
+        ("end\n```", "end\n```\n```python\nprint(1)\n```\n", "+1"),
+        ("python\na = 2", "python slow\na = 2", "no python block before"),
     ],
 )
 def test_a_wrong_document_is_complained_about(right: str, wrong: str, complaint: str) -> None:

@@ -15,7 +15,10 @@ import pytest
 from matplotlib.figure import Figure
 from project import ROOT
 
-NOTEBOOKS = sorted((ROOT / "examples").glob("*.ipynb"))
+NOTEBOOKS = [
+    pytest.param(path, id=path.stem, marks=[pytest.mark.slow] * (path.stem == "a_network"))
+    for path in sorted((ROOT / "examples").glob("*.ipynb"))
+]
 Output = dict[str, Any]
 
 
@@ -69,7 +72,7 @@ def complaints(cells: list[tuple[str, list[Output]]]) -> list[str]:
     return found
 
 
-@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", NOTEBOOKS)
 def test_its_cells_run_and_say_what_is_stored(path: Path) -> None:
     assert complaints(code_cells(path)) == [], "run `make notebooks`"
     text = path.read_text(encoding="utf-8")

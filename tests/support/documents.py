@@ -4,7 +4,7 @@ A ```python block is run; a ```text block right after it is what it prints. In a
 with "$ " are commands, and the lines after a command are what it prints; "# exit 1" at the end of a command is its
 exit code. A line "..." matches any number of lines, and the last line, which names where an output comes from, may
 be left out. The blocks of one document run in order, in one folder and one namespace; blocks in other languages, or in
-none, are not run.
+none, are not run, and those marked as in ```console slow only where slow ones are asked for.
 """
 
 from __future__ import annotations
@@ -23,21 +23,28 @@ from project import ROOT
 
 #: The lines at the end of an output that name where it comes from; a document need not show them.
 SOURCE = re.compile(r"\n*^hfa \d+\.\d+\.\d+, \d{4}-\d\d-\d\d.*(\nnot the identified aircraft: .*)?$", re.M)
-_FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.M | re.S)
+_FENCE = re.compile(r"^```(\w*)( slow)?\n(.*?)^```$", re.M | re.S)
 _COMMAND = re.compile(r"^\$ (.*?)(?:\s+# exit (\d+))?\n((?:(?!\$ ).*\n)*)", re.M)
 
 
 class Block(NamedTuple):
-    """One fenced block: its language, its text, and the line on which its text begins."""
+    """One fenced block: its language, its text, the line on which its text begins, and whether it takes long."""
 
     language: str
     text: str
     line: int
+    slow: bool
+
+
+_NONE = Block("", "", 0, slow=False)
 
 
 def blocks_of(document: str) -> list[Block]:
     """The fenced blocks of a Markdown document, in order."""
-    return [Block(each[1], each[2], document.count("\n", 0, each.start(2)) + 1) for each in _FENCE.finditer(document)]
+    return [
+        Block(each[1], each[3], document.count("\n", 0, each.start(3)) + 1, each[2] is not None)
+        for each in _FENCE.finditer(document)
+    ]
 
 
 def difference(expected: str, actual: str) -> str:
@@ -50,33 +57,30 @@ def difference(expected: str, actual: str) -> str:
     return "\n".join(difflib.unified_diff(lines, said.splitlines(), "the document", "what happens", lineterm="", n=1))
 
 
-def complaints(document: str, *, name: str = "document") -> list[str]:
+def complaints(document: str, *, name: str = "document", slow: bool = False) -> list[str]:
     """What is wrong with the blocks of a document; runs in the current folder, leaves files there."""
     namespace: dict[str, Any] = {"__name__": "__main__"}
+    blocks = [block for block in blocks_of(document) if slow or not block.slow]
     found = [
-        f"{name}, line {line}: {wrong}" for line, wrong in _complaints(blocks_of(document), namespace, name) if wrong
+        f"{name}, line {block.line}: {wrong}"
+        for before, block, after in zip([_NONE, *blocks], blocks, [*blocks[1:], _NONE], strict=False)
+        for wrong in _wrong(before, block, after, namespace, name)
+        if wrong
     ]
     namespace.clear()  # functions hold it: a file left open in it would warn in whichever test runs later
     return found
 
 
-def _complaints(blocks: list[Block], namespace: dict[str, Any], name: str) -> Iterator[tuple[int, str]]:
-    printed: str | None = None
-    for block in [*blocks, Block("", "", 0)]:
-        if block.language == "text":
-            wrong = "no python block before this text prints it" if printed is None else difference(block.text, printed)
-            yield block.line, wrong
-            printed = None
-            continue
-        yield block.line, "what the python block before prints is not shown" if printed else ""
-        printed = None
-        if block.language == "python":
-            printed, error = _run_python(block, namespace, name)
-            yield block.line, error
-        elif block.language == "console":
-            for command in _COMMAND.finditer(block.text):
-                wrong = _wrong_with(command[1], int(command[2] or 0), command[3])
-                yield block.line, wrong and f"$ {command[1]}\n{wrong}"
+def _wrong(before: Block, block: Block, after: Block, namespace: dict[str, Any], name: str) -> Iterator[str]:
+    if block.language == "text" and before.language != "python":
+        yield "no python block before this text prints it"
+    if block.language == "python":
+        printed, error = _run_python(block, namespace, name)
+        yield error or difference(after.text if after.language == "text" else "", printed)
+    if block.language == "console":
+        for command in _COMMAND.finditer(block.text):
+            wrong = _wrong_with(command[1], int(command[2] or 0), command[3])
+            yield wrong and f"$ {command[1]}\n{wrong}"
 
 
 def _run_python(block: Block, namespace: dict[str, Any], name: str) -> tuple[str, str]:
