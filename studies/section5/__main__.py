@@ -28,11 +28,14 @@ from hfa_support import BadInputError, NoSolutionError
 from hfa_support.files import write_text
 from hfa_support.jsonable import json_text, jsonable
 from hfa_support.reporting.figure import save
+from hfa_support.reporting.report import markdown_table
+from hfa_support.reporting.text import Table
 from studies.finished import finished, stamped
 from studies.section5.claims import VERDICTS, Evidence, check_claim, claims_of, plans_of
 from studies.section5.configuration import SECTIONS, section5_configuration
 from studies.section5.figures import draw, figures_of
-from studies.section5.flights import BESIDE, LAWS, MATRICES, MODIFIED, OWN, Setting, make_setting, simulate_plan
+from studies.section5.flights import LAWS, MATRICES, OWN, Setting, make_setting, simulate_plan
+from verification.page.claims import claims_table as shown_claims
 
 _LEARNING = "Comparison with integral reinforcement learning"
 _TITLES = ("Different trim points", _LEARNING, "Model uncertainty", "Measurement noise")
@@ -90,7 +93,7 @@ def reproduce(
         results.append(known)
     table = claims_table(setting, results) | {"provenance": origin.to_dict()}
     write_text(folder / "claims.json", json_text(table))
-    write_text(folder / "claims.md", f"{claims_markdown(table)}\n\n{counts_text(table)}\n\n{origin.text()}\n")
+    write_text(folder / "claims.md", f"{claims_markdown(table['claims'])}\n\n{counts_text(table)}\n\n{origin.text()}\n")
     return table
 
 
@@ -186,25 +189,11 @@ def counts_text(table: Mapping[str, Any]) -> str:
     return f"{counts}; {len(table['lost_flights'])} flights were lost ({laws})" if laws else counts
 
 
-def claims_markdown(table: Mapping[str, Any]) -> str:
-    """The number of each claim's subject, of the certified law and of the optimum; one in bold fulfils the claim."""
-    header = ("claim", "the paper says", "measured", "asked for", MODIFIED, *BESIDE, "verdict")
-    lines = [header, ("---",) * len(header)]
-    for claim in table["claims"]:
-        found, subject = claim["findings"], claim["subject"]
-        own = ("" if subject == MODIFIED else f"{subject}: ") + _cell(found[subject])
-        words = (claim["number"], claim["says"], claim["measured"], f"{claim['relation']} {claim['limit']:.3g}")
-        cells = (*words, own, *(_cell(found.get(law)) for law in BESIDE), claim["verdict"])
-        lines.append(tuple(cell.replace("|", "\\|") for cell in cells))
-    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
-
-
-def _cell(finding: Mapping[str, Any] | None) -> str:
-    if finding is None:
-        return ""
-    if finding["value"] is None:
-        return "lost" if finding["note"] else "∞"
-    return f"**{finding['value']:.3g}**" if finding["holds"] else f"{finding['value']:.3g}"
+def claims_markdown(claims: Sequence[dict[str, Any]]) -> str:
+    """The table of the page; a number in bold meets the criterion of its claim."""
+    header, rows = shown_claims(claims)
+    bold = [tuple(f"**{cell}**" if getattr(cell, "tone", "") == "good" else cell for cell in row) for row in rows]
+    return markdown_table(Table(header, bold))
 
 
 if __name__ == "__main__":

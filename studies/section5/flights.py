@@ -53,8 +53,6 @@ LAWS = {
 }
 #: Laws of this project: a flight of theirs that is lost is an error of the project, not a finding about the paper.
 OWN = (CERTIFIED, CERTIFIED_FF, EXACT, EXACT_FF, REWEIGHTED)
-#: Whose numbers are beside those of a claim's subject.
-BESIDE = (CERTIFIED, CERTIFIED_FF, EXACT_FF)
 _N, _M = len(LINEAR_STATES), len(INPUTS)
 _ENTRIES = _M * _N
 #: From the memory of a law at the ticks, (N, k), to what it has learned.

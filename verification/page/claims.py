@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -11,20 +12,9 @@ from hfa_support.errors import BadInputError
 from hfa_support.files import read_json
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Cell, Table
-from hfa_support.schema import NUMBER, checked
 from verification.regeneration.regeneration import Regeneration
 
-_FINDING = {"value*": None, "holds*": None, "note*": str, ...: None}
-_CLAIM = dict.fromkeys(("number*", "says*", "measured*", "relation*", "subject*", "verdict*"), str)
-_MODEL = {"dihedral_deg*": NUMBER, "A*": [[NUMBER]], "B*": [[NUMBER]]}
-_DECLARED: dict[Any, Any] = {
-    "schema*": ("hfa.claims/1",),
-    "claims*": [{**_CLAIM, "limit*": NUMBER, "findings*": {str: _FINDING}, ...: None}],
-    "verdicts*": {...: None},
-    "lost_flights*": [{...: None}],
-    "setting*": {"matrices*": str, "models*": [_MODEL], ...: None},
-    ...: None,
-}
+SCHEMA = "hfa.claims/1"
 _TONE = {"confirmed": "good", "not confirmed": "bad"}  # any other: it cannot be decided
 #: The law that most claims are about, and those whose numbers are shown beside it.
 _SUBJECT = "published, modified"
@@ -35,68 +25,71 @@ _SAME = 1e-9
 
 
 class Claims(NamedTuple):
-    """The stored table, and the file it was read from."""
+    """claims.json: all of it, how many claims have each verdict, what the file says of itself, a row for each claim,
+    and dihedral (deg), A and B of each linear model that was flown."""
 
-    path: Path
-    table: dict[str, Any]
+    data: dict[str, Any]
+    verdicts: str
+    about: str
+    rows: Table
+    models: list[tuple[float, np.ndarray, np.ndarray]]
 
-    @property
-    def verdicts(self) -> str:
-        """How many claims have each verdict."""
-        return ", ".join(f"{count} {verdict}" for verdict, count in self.table["verdicts"].items())
-
-    def fly(self, regeneration: Regeneration) -> bool:
+    def flew(self, regeneration: Regeneration) -> bool:
         """Whether the stored flights were those of the linear models regenerated here."""
         own = {pair.published.dihedral_deg: pair.model for pair in regeneration.pairs}
-        models = self.table["setting"]["models"]
-        return bool(models) and all(
-            each["dihedral_deg"] in own
-            and np.shape(each[name]) == mine.shape
-            and np.allclose(each[name], mine, rtol=_SAME, atol=_SAME)
-            for each in models
-            for name in ("A", "B")
-            for mine in [getattr(own.get(each["dihedral_deg"]), name, np.zeros(0))]
+        return bool(self.models) and all(
+            angle in own and _same(A, own[angle].A) and _same(B, own[angle].B) for angle, A, B in self.models
         )
-
-    def report(self, regeneration: Regeneration) -> Report:
-        """One row a claim, a green number meeting its criterion; what was flown, and whether it is this aircraft."""
-        rows = []
-        for claim in self.table["claims"]:
-            found, subject = claim["findings"], claim["subject"]
-            own = _cell(found[subject], "" if subject == _SUBJECT else f"{subject}: ")
-            beside = (_cell(found[law]) if law in found else "" for law in _BESIDE)
-            about = claim["number"], claim["says"], claim["measured"], f"{claim['relation']} {claim['limit']:.3g}"
-            rows.append((*about, own, *beside, Cell(claim["verdict"], _TONE.get(claim["verdict"], "near"))))
-        same = "the same matrices as" if self.fly(regeneration) else "OTHER matrices than"
-        said = (
-            f"Read from {self.path}, which `python -m studies.section5` wrote. {self.verdicts}; "
-            f"flights lost: {len(self.table['lost_flights'])}. It flew {self.table['setting']['matrices']} matrices, "
-            f"{same} those of this page. A green number meets the criterion of its claim."
-        )
-        header = ("claim", "the paper says", "measured", "asked for", _SUBJECT, *_BESIDE, "verdict")
-        return Report(_TITLE, (said, Table(header, rows)), data=self.table)
 
 
 def claims_section(claims: Claims | None, regeneration: Regeneration) -> Report:
-    """The report of the claims; without claims, how to get them."""
+    """The claims, and whether this aircraft was flown; without claims, how to get them."""
     if claims is None:
         how = "Not on this page. `python -m studies.section5 -o out` computes it, `hfa report --claims out` shows it."
         return Report(_TITLE, (how,))
-    return claims.report(regeneration)
+    same = "the same matrices as" if claims.flew(regeneration) else "OTHER matrices than"
+    return Report(_TITLE, (f"{claims.about}, {same} those of this page.", claims.rows), data=claims.data)
 
 
 def load_claims(path: Path) -> Claims:
-    """claims.json, or the folder that holds it; BadInputError names the fault."""
-    file = path / "claims.json" if path.is_dir() else path
+    """claims.json, or the folder that holds it; BadInputError where it is not what the study writes."""
+    file, study = path / "claims.json" if path.is_dir() else path, "`python -m studies.section5`"
     try:
-        return Claims(file, checked(str(file), read_json(file), _DECLARED))
+        data = read_json(file)
     except OSError as error:
-        remedy = "give what `python -m studies.section5` wrote"
-        raise BadInputError(f"{file}: cannot be read ({error.strerror}); {remedy}") from error
+        raise BadInputError(f"{file}: cannot be read ({error.strerror}); give what {study} wrote") from error
+    try:
+        if data["schema"] != SCHEMA:
+            raise ValueError(data["schema"])
+        verdicts = ", ".join(f"{count} {verdict}" for verdict, count in data["verdicts"].items())
+        setting, lost = data["setting"], len(data["lost_flights"])
+        about = (
+            f"Read from {file}, which {study} wrote. A green number meets the criterion of its claim. {verdicts}; "
+            f"flights lost: {lost}. It flew {setting['matrices']} matrices"
+        )
+        models = [(each["dihedral_deg"], np.array(each["A"]), np.array(each["B"])) for each in setting["models"]]
+        return Claims(data, verdicts, about, claims_table(data["claims"]), models)
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
+        raise BadInputError(f"{file}: is damaged ({error!r}); give what {study} wrote") from error
+
+
+def claims_table(claims: Sequence[dict[str, Any]]) -> Table:
+    """A row for each claim: its criterion, the numbers of its law and of those beside it, its verdict."""
+    rows = []
+    for claim in claims:
+        found, subject = claim["findings"], claim["subject"]
+        own = _cell(found[subject], "" if subject == _SUBJECT else f"{subject}: ")
+        beside = (_cell(found[law]) if law in found else "" for law in _BESIDE)
+        about = claim["number"], claim["says"], claim["measured"], f"{claim['relation']} {claim['limit']:.3g}"
+        rows.append((*about, own, *beside, Cell(claim["verdict"], _TONE.get(claim["verdict"], "near"))))
+    return Table(("claim", "the paper says", "measured", "asked for", _SUBJECT, *_BESIDE, "verdict"), rows)
 
 
 def _cell(finding: dict[str, Any], before: str = "") -> str:
     if finding["value"] is None:
         return before + ("lost" if finding["note"] else "∞")
-    text = f"{before}{finding['value']:.3g}"
-    return Cell(text, "good") if finding["holds"] else text
+    return Cell(f"{before}{finding['value']:.3g}", "good" if finding["holds"] else "")
+
+
+def _same(one: np.ndarray, other: np.ndarray) -> bool:
+    return one.shape == other.shape and bool(np.allclose(one, other, rtol=_SAME, atol=_SAME))

@@ -6,7 +6,10 @@ import copy
 import json
 import re
 from dataclasses import replace
+from functools import reduce
+from operator import getitem
 from pathlib import Path
+from typing import Any
 
 import pytest
 from project import ROOT
@@ -15,7 +18,7 @@ from controller import published_game
 from hfa_model import published_models
 from hfa_support import BadInputError, NoSolutionError
 from hfa_support.reporting.report import Report
-from hfa_support.reporting.text import Table, four_decimals
+from hfa_support.reporting.text import four_decimals
 from hfa_support.reporting.unit_system import shown_in
 from verification import analyse_game
 from verification.page import main_job
@@ -88,12 +91,11 @@ def claims() -> Claims:
 
 
 def test_a_row_each_with_the_verdict_that_is_stored(job: MainJob, claims: Claims) -> None:
-    section = claims_section(claims, job.regeneration)
-    (table,) = (part for part in section.parts if isinstance(part, Table))
-    stored = claims.table["claims"]
+    said, table = claims_section(claims, job.regeneration).parts
+    stored = claims.data["claims"]
     assert [(row[0], row[-1]) for row in table.rows] == [(claim["number"], claim["verdict"]) for claim in stored]
     assert {row[-1].tone for row in table.rows if row[-1] == "not confirmed"} == {"bad"}
-    assert "the same matrices as" in str(section.parts[0])
+    assert "the same matrices as" in said
 
 
 def test_the_first_verdicts_count_the_claims_that_were_not_confirmed(job: MainJob, claims: Claims) -> None:
@@ -101,19 +103,31 @@ def test_the_first_verdicts_count_the_claims_that_were_not_confirmed(job: MainJo
 
 
 def test_another_aircraft_is_noticed(job: MainJob, claims: Claims) -> None:
-    other = copy.deepcopy(claims.table)
-    assert claims.fly(job.regeneration)
-    other["setting"]["models"][1]["B"][3][4] *= 1 + 1e-6
-    assert "OTHER matrices than" in str(claims._replace(table=other).report(job.regeneration).parts[0])
+    angle, A, B = claims.models[1]
+    for changed in (B * (1 + 1e-6), B[:, 1:]):
+        other = claims._replace(models=[claims.models[0], (angle, A, changed)])
+        assert "OTHER matrices than" in str(claims_section(other, job.regeneration).parts[0])
 
 
 def test_without_claims_the_page_says_how_to_get_them(job: MainJob) -> None:
     assert "studies.section5" in str(claims_section(None, job.regeneration).parts[0])
 
 
-@pytest.mark.parametrize("key", ["claims", "verdicts", "setting"])
-def test_a_damaged_table_is_refused(key: str, claims: Claims, tmp_path: Path) -> None:
-    table = {name: value for name, value in claims.table.items() if name != key}
-    (tmp_path / "claims.json").write_text(json.dumps(table), encoding="utf-8")
-    with pytest.raises(BadInputError, match=f"{key} is missing"):
+@pytest.mark.parametrize(
+    ("place", "value"),
+    [
+        (["schema"], "hfa.report/1"),
+        (["verdicts"], []),
+        (["setting", "models", 0, "A", 0], [1.0]),
+        (["claims", 0, "subject"], "nobody"),
+        (["claims", 0, "verdict"], {}),
+        (["claims", 0, "findings", "published, modified", "value"], "1"),
+    ],
+)
+def test_a_damaged_table_is_refused(place: list[Any], value: Any, claims: Claims, tmp_path: Path) -> None:
+    data = copy.deepcopy(claims.data)
+    *path, last = place
+    reduce(getitem, path, data)[last] = value
+    (tmp_path / "claims.json").write_text(json.dumps(data), encoding="utf-8")
+    with pytest.raises(BadInputError, match="is damaged"):
         load_claims(tmp_path)
