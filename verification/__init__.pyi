@@ -26,5 +26,5 @@ from .flights.recoverable_map import recoverable_map as recoverable_map
 from .proof.lpv_grid import coarsest_grid as coarsest_grid
 from .proof.schedule_proof import prove_schedule as prove_schedule
 from .proof.solution_proof import prove_critic as prove_critic, prove_solution as prove_solution
-from .regeneration.regeneration import regenerate_all as regenerate_all
-from .validation.comparison import released_trims as released_trims, validate as validate
+from .regeneration import regenerate_all as regenerate_all
+from .validation import released_trims as released_trims, validate as validate

@@ -7,7 +7,7 @@ import argparse
 from hfa_cli.options import trims
 from hfa_cli.options.parser import Options
 from hfa_cli.output import show
-from verification.regeneration.regeneration import regenerate_all
+from verification.regeneration import regenerate_all
 
 
 def options() -> Options:

@@ -16,7 +16,7 @@ def options() -> Options:
 
 def run(arguments: argparse.Namespace) -> int:
     """Compare and report; exit 1 when a difference is beyond its limit."""
-    from verification.validation.comparison import validate
+    from verification.validation import validate
 
     found = validate(trims.hfa_of(arguments))
     show(found.report(), arguments, target=arguments.output)

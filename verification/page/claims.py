@@ -12,7 +12,7 @@ from hfa_support.errors import BadInputError
 from hfa_support.files import read_json
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Cell, Table
-from verification.regeneration.regeneration import Regeneration
+from verification.regeneration import Regeneration
 
 SCHEMA = "hfa.claims/1"
 _TONE = {"confirmed": "good", "not confirmed": "bad"}  # any other: it cannot be decided

@@ -27,7 +27,7 @@ from verification.critic.candidate import from_weights
 from verification.critic.check_result import CriticCheck
 from verification.critic.critic_check import check_critic
 from verification.page.claims import Claims
-from verification.regeneration.regeneration import Regeneration, regenerate_all
+from verification.regeneration import Regeneration, regenerate_all
 
 #: Dihedral angles of the sweep, rad: the paper's range and a little beyond.
 SWEEP = np.radians(np.arange(0.0, 20.01, 0.5))

@@ -7,7 +7,7 @@ import numpy as np
 from hfa_model import Aircraft
 from hfa_support.reporting.text import Table, eigenvalue_text
 from verification import regenerate_all
-from verification.regeneration.regeneration import _spectrum
+from verification.regeneration import _spectrum
 
 
 def test_a_spectrum_begins_with_the_fastest_and_the_upper_half() -> None:

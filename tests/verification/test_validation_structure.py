@@ -12,7 +12,7 @@ from hfa_model.variants import Newton, Published, Variant
 from hfa_model.vectors import Quantity
 from trim import compare, regenerate
 from verification import released_trims, validate
-from verification.validation.comparison import Validation, model_at
+from verification.validation import Validation, model_at
 
 #: Some of where the released simulation flies at 30 ft/s, deg.
 ANGLES = (0, 15, 30, 45)

@@ -1,1 +1,0 @@
-"""The model compared with what others have printed and released."""
