@@ -60,16 +60,12 @@ class RegeneratedPair(ByValue, Checked, Reported):
                 "dihedral_deg": printed_deg,
                 "dynamics": model.point.dynamics,
                 "operating_point": model.point.to_dict(),
-                "states": list(model.states),
-                "inputs": list(model.inputs),
-                "A": model.A.tolist(),
-                "B": model.B.tolist(),
+                **{name: getattr(model, name) for name in ("states", "inputs", "A", "B")},
                 "entries": [entry.to_dict() for entry in self.entries],
-                "printed_eigenvalues": [[value.real, value.imag] for value in self.printed_eigenvalues.tolist()],
-                "eigenvalues": [[value.real, value.imag] for value in self.eigenvalues.tolist()],
+                "printed_eigenvalues": _in_parts(self.printed_eigenvalues),
+                "eigenvalues": _in_parts(self.eigenvalues),
                 "checks": [check.to_dict() for check in self.checks],
             },
-            records=entries_records({printed_deg: self.entries}),
         )
 
 
@@ -87,7 +83,7 @@ class Regeneration(ByValue, Reported):
     def picture(self) -> Picture:
         """Every entry's difference from its print."""
         text = "Difference of every entry from its print"
-        return Picture("regeneration.png", text, lambda: regeneration_figure(self.pairs))
+        return Picture("regeneration.png", text, lambda: _figure(self.pairs))
 
     def report(self) -> Report:
         """Both pairs with the print, entry by entry, the spectra and the verdict."""
@@ -100,7 +96,7 @@ class Regeneration(ByValue, Reported):
         )
 
 
-def regeneration_figure(pairs: tuple[RegeneratedPair, ...]) -> Figure:
+def _figure(pairs: tuple[RegeneratedPair, ...]) -> Figure:
     """Regenerated minus printed, every entry, in half units of the last printed digit."""
     figure = new_figure(10.0, 2.6 * len(pairs))
     columns = list(zip(*(pair.entries for pair in pairs), strict=True))
@@ -142,6 +138,10 @@ def check_pair(model: LinearModel, published: PublishedModel) -> RegeneratedPair
         at_most("unstable eigenvalues, difference in number", abs(unstable[0] - unstable[1]), 0, count),
     )
     return RegeneratedPair(published, model, entries, printed, computed, checks)
+
+
+def _in_parts(values: np.ndarray) -> np.ndarray:
+    return np.stack([values.real, values.imag], axis=-1)
 
 
 def _spectrum(A: np.ndarray) -> np.ndarray:

@@ -27,9 +27,8 @@ from hfa_support.reporting.figure import save
 from hfa_support.reporting.report import Report
 from trim.point.condition import TrimCondition
 from verification.page.claims import load_claims
-from verification.page.job_report import main_report
+from verification.page.job_report import main_report, page, plotly_script
 from verification.page.main_job import ASKED, MOST_ASKED, MOST_SWEPT, SWEEP, MainJob, main_job
-from verification.page.page_html import page, plotly_script
 
 
 def options() -> Options:

@@ -15,8 +15,8 @@ from project import ROOT
 from hfa_cli.main import DONE, FAILED
 from hfa_model import default_parameters
 from hfa_model.provenance import parameter_hash
+from verification.page.job_report import plotly_script
 from verification.page.main_job import MOST_SWEPT
-from verification.page.page_html import plotly_script
 
 SWEEP = ("--sweep", "0:20:5")
 #: An angle without a trim has no game to solve, and no critic to learn.

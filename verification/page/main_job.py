@@ -12,12 +12,11 @@ from controller.game.zero_sum import published_game
 from controller.laws.certified import learn
 from hfa_model.aircraft import Aircraft
 from hfa_model.parameters import ParameterSet
-from hfa_model.printed_matrices import PublishedModel, published_models
+from hfa_model.printed_matrices import published_models
 from hfa_model.variants import variant_named
 from hfa_support.errors import NoSolutionError
 from hfa_support.progress import Progress
 from hfa_support.reporting.text import angle_text, in_degrees
-from trim.linear.compare import printed_at
 from trim.linear.linear_model import LinearModel, linearize
 from trim.point.condition import LEVEL_FLIGHT, TrimCondition
 from trim.point.operating_point import OperatingPoint
@@ -42,14 +41,12 @@ class Angle:
     """The trim and the linear model at a dihedral angle (rad); of an asked angle the exact solution of the paper's
     game, and a critic learned with the default law and compared with it.
 
-    printed: None where the paper prints no pair. model, solution, check: None where there is none; `reason` says
-    why.
+    model, solution, check: None where there is none; `reason` says why.
     """
 
     dihedral: float
     condition: TrimCondition
     model: LinearModel | None = None
-    printed: PublishedModel | None = None
     solution: AnalysedGame | None = None
     check: CriticCheck | None = None
     reason: str = ""
@@ -68,9 +65,9 @@ class Angle:
 def trimmed_angle(
     aircraft: Aircraft,
     dihedral: float,
-    outputs: tuple[str, ...] | None = None,
-    flight: TrimCondition = LEVEL_FLIGHT,
-    start: OperatingPoint | None = None,
+    outputs: tuple[str, ...] | None,
+    flight: TrimCondition,
+    start: OperatingPoint | None,
 ) -> Angle:
     """Trim and linearize a flight at a dihedral angle, rad; an angle without a trim keeps the reason."""
     condition = flight.at(dihedral, {"dihedral": dihedral})
@@ -86,7 +83,7 @@ def with_game(angle: Angle) -> Angle:
     model = angle.model
     if model is None:
         return angle
-    angle, game = replace(angle, printed=printed_at(model.point)), published_game(model.A, model.B)
+    game = published_game(model.A, model.B)
     try:
         angle = replace(angle, solution=analyse_game(game))
         run = learn(game)
@@ -146,10 +143,10 @@ def main_job(
     progress(0.05, 1.0, "sweep")
     swept = np.union1d(swept, asked)
     over = sweep(aircraft, {"dihedral": swept}, condition=flight, start=start)
-    points = tuple(trimmed_angle(aircraft, float(angle), None, flight, start) for angle in swept)
+    points = tuple(trimmed_angle(aircraft, float(angle), outputs, flight, start) for angle in swept)
     found = []
-    for count, angle in enumerate(asked):
-        progress(0.1 + 0.9 * count / len(asked), 1.0, f"dihedral {angle_text(angle)}")
-        found.append(with_game(trimmed_angle(aircraft, angle, outputs, flight, start)))
+    for count, angle in enumerate(each for each in points if each.dihedral in asked):
+        progress(0.1 + 0.9 * count / len(asked), 1.0, f"dihedral {angle_text(angle.dihedral)}")
+        found.append(with_game(angle))
     progress(1.0, 1.0)
     return MainJob(aircraft, parameters, regeneration, over, points, tuple(found), claims)

@@ -39,8 +39,6 @@ _FIXED: tuple[dict[str, Any], ...] = (
     {"name": "hinges (moment of loads and weight)", "mode": "markers", "marker": {"size": 10, "color": COLORS[2]}},
     {"name": "sizes", "mode": "text", "showlegend": False},
 )
-#: Marked where the sweep visits them, degrees: the printed angles and the one between, with Plotly's symbols.
-MARKED = {5.0: "circle-open", 10.0: "square-open", 15.0: "diamond-open"}
 _HOVER = (
     "dihedral %{customdata[0]:.4g} deg<br>frequency %{customdata[1]:.4f} rad/s<br>damping %{customdata[2]:.4f}"
     "<br>eigenvalue %{x:.4f}, %{y:.4f} 1/s"
@@ -69,9 +67,9 @@ def in_script(value: Any) -> str:
     return json.dumps(jsonable(value), allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
 
 
-def _axis(title: str, lowest: float, highest: float, **more: Any) -> dict[str, Any]:
+def _axis(title: str, **more: Any) -> dict[str, Any]:
     grid = {"gridcolor": "rgba(128,128,128,0.3)", "zerolinecolor": "rgba(128,128,128,0.8)"}
-    return {"title": {"text": title}, "range": [lowest, highest], **grid, **more}
+    return {"title": {"text": title}, **grid, **more}
 
 
 def _figure(
@@ -113,9 +111,10 @@ def front_view(aircraft: Aircraft, points: tuple[Angle, ...]) -> InteractivePlot
     moving = [_drawing(aircraft, point, scale) for point in trims]
     heights = np.concatenate([np.asarray(trace["y"], dtype=float) for traces in moving for trace in traces])
     room, wide = in_force(16.0, "ft"), 1.5 * span + in_force(12.0, "ft")
-    x = _axis(length, -wide, wide, constrain="domain", showgrid=False, zeroline=False)  # lines would cross the texts
+    plain = {"constrain": "domain", "showgrid": False, "zeroline": False}  # lines would cross the texts
+    x = _axis(length, range=[-wide, wide], **plain)
     low, high = float(np.nanmin(heights)) - room, float(np.nanmax(heights)) + room
-    y = _axis(length, low, high, scaleanchor="x", scaleratio=1, constrain="domain")
+    y = _axis(length, range=[low, high], scaleanchor="x", scaleratio=1, constrain="domain")
     text = f"The trimmed aircraft at the chosen angle, seen from the front; {scale_text(scale)}"
     figure = _figure(_FIXED, moving, trims.index(known[0]), x, y)
     return InteractivePlot("trim.png", text, lambda: trim_figure(aircraft, known[0]), (figure,))
@@ -161,7 +160,7 @@ def locus_plot(swept: Sweep) -> InteractivePlot | None:
 
 
 def _locus(swept: Sweep, shown: np.ndarray) -> PlotlyFigure:
-    """A line a mode, markers at `MARKED`, and the point of the slider; shown: (n,) which columns."""
+    """A line a mode, and the point of the slider; shown: (n,) which columns."""
     angles, roots, names = np.degrees(swept.values[:, -1]), swept.eigenvalues[:, shown], list(swept.mode_names)
     traces: list[dict[str, Any]] = []
     columns = np.flatnonzero(shown).tolist()
@@ -170,19 +169,9 @@ def _locus(swept: Sweep, shown: np.ndarray) -> PlotlyFigure:
         again = any(names[each] == names[column] for each in columns[:place])
         about = {"name": names[column], "legendgroup": names[column], "showlegend": not again, "line": line}
         traces.append(_roots(angles, roots[:, place]) | about | {"mode": "lines+markers", "marker": {"size": 4}})
-    for angle, symbol in MARKED.items():
-        rows = np.flatnonzero(np.abs(angles - angle) < 1e-9)
-        if rows.size:
-            marker = {"symbol": symbol, "size": 11, "color": NEUTRAL, "line": {"width": 2}}
-            traces.append(
-                _roots(angle, roots[rows[0]]) | {"name": f"{angle:g} deg", "mode": "markers", "marker": marker}
-            )
     moving = [[_roots(angle, row)] for angle, row in zip(angles, roots, strict=True)]
     traces.append({"name": "chosen angle", "mode": "markers", "marker": {"symbol": "x", "size": 9, "color": COLORS[1]}})
-    x, y = (
-        _axis(title, *_range(part))
-        for title, part in (("real part, 1/s", roots.real), ("imaginary part, 1/s", roots.imag))
-    )
+    x, y = (_axis(f"{part} part, 1/s", rangemode="tozero") for part in ("real", "imaginary"))
     return _figure(traces, moving, 0, x, y)
 
 
@@ -193,10 +182,3 @@ def _roots(angles: Any, roots: np.ndarray) -> dict[str, Any]:
         told = np.broadcast_arrays(angles, size, np.where(size > 0, -roots.real / size, 0.0))
     numbers = {"x": np.round(roots.real, 6), "y": np.round(roots.imag, 6), "customdata": np.round(np.stack(told, 1), 6)}
     return {"type": "scatter", **numbers, "hovertemplate": _HOVER}
-
-
-def _range(values: np.ndarray) -> tuple[float, float]:
-    """What holds all values and zero, with room at both ends."""
-    lowest, highest = min(float(np.nanmin(values)), 0.0), max(float(np.nanmax(values)), 0.0)
-    room = 0.06 * (highest - lowest) or 1.0
-    return lowest - room, highest + room

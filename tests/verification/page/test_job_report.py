@@ -15,7 +15,6 @@ import pytest
 from project import ROOT
 
 from controller import published_game
-from hfa_model import published_models
 from hfa_support import BadInputError, NoSolutionError
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import four_decimals
@@ -23,9 +22,8 @@ from hfa_support.reporting.unit_system import shown_in
 from verification import analyse_game
 from verification.page import main_job
 from verification.page.claims import Claims, claims_section, load_claims
-from verification.page.job_report import angle_report, point_report, verdicts
+from verification.page.job_report import angle_report, any_angle, point_report, verdicts
 from verification.page.main_job import MainJob
-from verification.page.page_html import any_angle
 
 STORED = ROOT / "studies" / "section5" / "results"
 
@@ -61,10 +59,10 @@ def test_a_solution_is_shown_in_full(job: MainJob) -> None:
 
 
 def test_the_print_stands_beside_a_model_in_its_own_units(job: MainJob) -> None:
-    report = angle_report(job, replace(job.points[2], printed=published_models()[1]))
+    report = angle_report(job, job.points[2])
     assert "printed" in report.text()
     with shown_in("si"):
-        assert "printed" not in angle_report(job, replace(job.points[2], printed=published_models()[1])).text()
+        assert "printed" not in angle_report(job, job.points[2]).text()
 
 
 def test_the_slider_shows_trim_modes_and_matrices(job: MainJob) -> None:

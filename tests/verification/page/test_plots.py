@@ -12,7 +12,7 @@ from plotly.graph_objects import Figure
 from hfa_model import Aircraft
 from trim import modes_of, sweep
 from verification.page.main_job import MainJob
-from verification.page.plots import MARKED, front_view, in_script, locus_plot
+from verification.page.plots import front_view, in_script, locus_plot
 
 
 def test_plotly_takes_it_and_the_arrows_are_to_scale(job: MainJob) -> None:
@@ -51,14 +51,13 @@ def test_data_cannot_leave_its_script() -> None:
     assert json.loads(text) == {"name": "</script><script>alert(1)", "x": [0.5, None]}
 
 
-def test_hover_tells_the_modes_and_the_printed_angles_are_marked(job: MainJob) -> None:
+def test_hover_shows_the_modes(job: MainJob) -> None:
     plot = locus_plot(job.sweep)
     assert plot is not None
     every, slow = plot.figures
     named = [{trace["name"] for trace in spec["data"]} for spec in (every, slow)]
-    marks = {*(f"{angle:g} deg" for angle in MARKED), "chosen angle"}
-    assert named[0] == {*job.sweep.mode_names, *marks}
-    assert named[1] == {"phugoid", "dihedral (slow)", *marks}
+    assert named[0] == {*job.sweep.mode_names, "chosen angle"}
+    assert named[1] == {"phugoid", "dihedral (slow)", "chosen angle"}
     for spec in (every, slow):
         assert len(Figure(spec).frames) == len(job.points)
     for trace in every["data"]:
