@@ -237,8 +237,11 @@ class Model:
         return tuple(map(self.unit, names))
 
     def rate_unit(self, name: str) -> str:
-        """Unit of a state's rate: ft/s^2 of ft/s."""
-        return rate_unit(self.unit(name))
+        """Unit of a state's rate: ft/s of ft, ft/s^2 of ft/s."""
+        head, slash, power = self.unit(name).rpartition("/s")
+        if slash and (not power or power[1:].isdigit()):
+            return f"{head}/s^{int(power[1:] or 1) + 1}"
+        return f"{self.unit(name)}/s"
 
     def rate_scale(self, name: str) -> float:
         """One scaled unit of a state's rate."""
@@ -284,15 +287,12 @@ class Model:
         bound()
         n, m, k, d = len(self.states), len(self.inputs), len(outputs), len(disturbances)
         shapes = ((n,), (k,), (n, n), (n, m), (k, n), (k, m), (n, d), (k, d))
-        found = [
-            np.ascontiguousarray(part.reshape(shape, order="F"))
-            for part, shape in zip(bound.results, shapes, strict=True)
-        ]
-        for part in found:
-            if not np.isfinite(part).all():
-                values = dict(zip((*self.states, *self.inputs), (*x, *u), strict=True))
-                raise FloatingPointError(self.not_finite(found[0], values, list(self.states)))
-        return Linearization(*(part.copy() for part in found))
+        columns = zip(bound.results, shapes, strict=True)
+        found = Linearization(*(np.array(each.reshape(shape, order="F"), order="C") for each, shape in columns))
+        if not all(np.isfinite(part).all() for part in found):
+            values = dict(zip((*self.states, *self.inputs), (*x, *u), strict=True))
+            raise FloatingPointError(self.not_finite(found.f, values, list(self.states)))
+        return found
 
     def not_finite(self, rates: np.ndarray, values: Mapping[str, float], names: Sequence[str]) -> str:
         """Which rate is not a number, and where."""
@@ -471,14 +471,6 @@ def _bound_linearized(*key: Any) -> BoundFunction:
     return BoundFunction(_linearized(*key))
 
 
-def rate_unit(unit: str) -> str:
-    """Unit of the rate of a quantity: ft/s of ft, ft/s^2 of ft/s."""
-    head, slash, power = unit.rpartition("/s")
-    if slash and (not power or power[1:].isdigit()):
-        return f"{head}/s^{int(power[1:] or 1) + 1}"
-    return f"{unit}/s"
-
-
 def _check_signal(where: str, signal: Signal) -> None:
     if not isinstance(signal, Signal):
         raise BadInputError(f"{where} is {shown(signal)}; declare it as a Signal")
@@ -497,8 +489,9 @@ def load_model(place: str) -> Model:
     BadInputError names the file and its fault.
     """
     import hashlib
-    import importlib.util
+    import importlib
     import sys
+    import types
     from pathlib import Path
 
     where, colon, name = place.rpartition(":")
@@ -506,9 +499,7 @@ def load_model(place: str) -> Model:
         raise BadInputError(f"{shown(place)} is no aircraft; give FILE.py:NAME or package.module:NAME")
     try:
         if where.endswith(".py"):
-            spec = importlib.util.spec_from_file_location(f"aircraft_{Path(where).stem}", where)
-            text = Path(where).read_bytes()
-            module = importlib.util.module_from_spec(spec) if spec else None
+            text, module = Path(where).read_bytes(), types.ModuleType(f"aircraft_{Path(where).stem}")
             exec(compile(text, where, "exec"), module.__dict__)
         else:
             if "" not in sys.path:

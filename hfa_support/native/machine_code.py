@@ -28,7 +28,7 @@ def machine_code(function: ca.Function) -> ca.Function:
 
     The library is kept in `cache_folder()` under two hashes: of the C text, the compiler and its flags, and of its own
     content, which is checked before it is loaded. Its symbol carries the first, because two libraries of one name
-    cannot live in one process. What a compiler made that cannot be loaded is not kept.
+    cannot live in one process. A library that cannot be loaded is not kept.
     """
     compiler = c_compiler()
     if compiler is None:
@@ -38,17 +38,13 @@ def machine_code(function: ca.Function) -> ca.Function:
     symbol, library = f"hfa_{key}", None
     try:
         folder = _own_folder(cache_folder())
-        library = _kept(folder, symbol) or _compile([compiler, *_FLAGS], _c_text(function, symbol), folder, symbol)
+        kept = [each for each in folder.glob(f"{symbol}-*.so") if each.stem.endswith(_digest(each))]
+        library = kept[0] if kept else _compile([compiler, *_FLAGS], _c_text(function, symbol), folder, symbol)
         return ca.external(symbol, str(library))
     except (OSError, RuntimeError, subprocess.CalledProcessError) as error:
         if library is not None:
             library.unlink(missing_ok=True)
-            reason = f"what {compiler} makes cannot be loaded"
-        elif isinstance(error, subprocess.CalledProcessError):
-            reason = f"{compiler} ended with exit code {error.returncode}"
-        else:
-            reason = str(error).splitlines()[0]
-        _say(f"cannot compile machine code ({reason}); running without")
+        _say(f"cannot compile machine code with {compiler} ({str(error).splitlines()[0]}); running without")
         return function
 
 
@@ -77,19 +73,6 @@ def _own_folder(folder: Path) -> Path:
     return folder
 
 
-def _kept(folder: Path, symbol: str) -> Path | None:
-    """The library of an earlier run; damaged entries are removed."""
-    for library in sorted(folder.glob(f"{symbol}-*.so")):
-        if library == _named(folder, symbol, library):
-            return library
-        library.unlink(missing_ok=True)
-    return None
-
-
-def _named(folder: Path, symbol: str, content: Path) -> Path:
-    return folder / f"{symbol}-{hashlib.sha256(content.read_bytes()).hexdigest()[:24]}.so"
-
-
 def _compile(compiler: list[str], text: str, folder: Path, symbol: str) -> Path:
     with temporary_folder(folder) as temporary:
         source, made = temporary / "generated.c", temporary / "generated.so"
@@ -97,9 +80,11 @@ def _compile(compiler: list[str], text: str, folder: Path, symbol: str) -> Path:
         words = [*compiler, str(source), "-o", str(made), "-lm"]
         subprocess.run(words, env={**os.environ, "TMPDIR": str(temporary)}, check=True, capture_output=True)
         made.chmod(0o700)
-        library = _named(folder, symbol, made)
-        os.replace(made, library)
-    return library
+        return made.replace(folder / f"{symbol}-{_digest(made)}.so")
+
+
+def _digest(file: Path) -> str:
+    return hashlib.sha256(file.read_bytes()).hexdigest()[:24]
 
 
 @cache

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from random_points import random_points
 
-from hfa_model import VARIANTS, Aircraft, Input, Parameters, State
+from hfa_model import STATES, VARIANTS, Aircraft, Input, Parameters, State
 from hfa_model.aerodynamics import aircraft_loads
 from hfa_model.aircraft import HFA
 from hfa_model.atmosphere import density
@@ -17,11 +17,10 @@ from hfa_model.dynamics import rates_from_loads
 from hfa_model.parameters import FIELDS, Field
 from hfa_model.variants import Published, Variant
 from hfa_model.vectors import INPUT_UNITS, RATE_SCALES, STATE_UNITS
-from hfa_support.model import rate_unit
 from trim import TrimCondition, find_operating_point, level_flight, linearize, release
 from trim.linear.compare import eigenvalue_errors
 
-RATE_UNITS = tuple(map(rate_unit, STATE_UNITS))
+RATE_UNITS = tuple(map(HFA.rate_unit, STATES))
 
 
 def unit_size(unit: str, length: float, mass: float, time: float) -> float:
