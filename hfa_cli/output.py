@@ -84,10 +84,13 @@ def origin_lines() -> str:
 def stated(report: Report, arguments: argparse.Namespace) -> Report:
     """The report in the units that --units names, where the command has it, with the provenance of the run as its last
     line and in its data."""
-    from hfa_cli.options.argument_types import model
-    from hfa_support.reporting.units_of_data import in_units_in_force
+    if hasattr(arguments, "units"):
+        report = report.with_data(units=arguments.units or "english")
+        if arguments.units == "si":
+            from hfa_cli.options.argument_types import model
+            from hfa_support.reporting.units_of_data import in_si
 
-    report = in_units_in_force(report, model()) if hasattr(arguments, "units") else report
+            report = in_si(report, model())
     origin = provenance()
     return replace(report, source=origin.text()).with_data(provenance=origin.to_dict())
 

@@ -19,10 +19,11 @@ import numpy as np
 
 from hfa_support.errors import BadInputError
 from hfa_support.files import temporary_folder
-from hfa_support.jobs.workers import Task, workers
 from hfa_support.progress import Progress
 from hfa_support.version import VERSION
 
+#: Arguments of a job's function.
+Task = tuple[Any, ...]
 #: Array of flags, one a chunk: 1 when it is complete. Beside its chunks: the digest of the store's description.
 _DONE = "done"
 _DIGEST = f"{_DONE}/digest"
@@ -277,6 +278,8 @@ def stream(
     store must be new. provenance: of a new store. progress is called with (chunks done, chunks in all), first at the
     start. The results do not depend on where they were computed.
     """
+    from hfa_support.jobs.workers import workers
+
     layout, place = job.layout, path.resolve()
     with workers(count, scheduler) as run:
         store = open_store(place, layout) if resume else create_store(place, layout, provenance)

@@ -23,8 +23,7 @@ _RETRIES = 3
 _ANSWER = "10s"
 _ADVICE = "see the log of the workers, and continue with --resume what was written to a store"
 
-Task = tuple[Any, ...]
-Tasks = Iterable[tuple[int, Task]]
+Tasks = Iterable[tuple[int, tuple[Any, ...]]]
 #: (function, tasks) -> (key, function(*task)) of each, in the order in which they finish.
 Run = Callable[[Callable[..., Any], Tasks], Iterator[tuple[int, Any]]]
 

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import fields
 from typing import Any, ClassVar
 
 import numpy as np
 
+from hfa_support.errors import shortened
 from hfa_support.reporting.checks import Check, checks_block
 from hfa_support.reporting.report import Part, Report, Reported
 from hfa_support.reporting.text import matrix_table, numbered
 
-#: Matrices with more rows or columns, and longer lists, are said by their shape.
+#: Of larger matrices and longer arrays the shape is shown.
 _MOST = 12
-#: A field that is said in more characters breaks off.
+#: Characters of a field that are shown.
 _LONGEST = 110
 
 
@@ -55,28 +56,21 @@ class Shown(Reported):
 
 
 def _said(value: Any) -> str:
-    text = " ".join(", ".join(_parts(value)).split()) or "-"
-    return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}..."
-
-
-def _parts(value: Any) -> Iterator[str]:
+    """A value on one line, shortened; of long arrays their shape, of other results their kind."""
+    fields = value._asdict() if hasattr(value, "_asdict") else value
     if isinstance(value, np.ndarray) and (value.ndim != 1 or value.size > _MOST):
-        yield f"an array of shape {value.shape}"
-    elif isinstance(value, Mapping):
-        yield from (f"{name} {_said(each)}" for name, each in value.items())
-    elif isinstance(value, tuple) and hasattr(value, "_asdict"):
-        yield from _parts(value._asdict())
+        text = f"an array of shape {value.shape}"
+    elif isinstance(fields, Mapping):
+        text = ", ".join(f"{name} {_said(each)}" for name, each in fields.items())
     elif isinstance(value, (tuple, list, np.ndarray)):
-        yield from map(_said, value)
-    elif isinstance(value, Shown):
-        yield type(value).__name__
-    elif isinstance(value, Reported):
-        yield value.report().title.partition("\n")[0]
+        text = ", ".join(map(_said, value))
     elif isinstance(value, (float, np.floating)):
-        yield f"{value:.6g}"
-    elif value is not None:
-        text = str(value)
-        yield type(value).__name__ if "array(" in text or " object at 0x" in text else text
+        text = f"{value:.6g}"
+    else:
+        text = "" if value is None else type(value).__name__ if isinstance(value, Reported) else str(value)
+    if "array(" in text or " object at 0x" in text:
+        text = type(value).__name__
+    return shortened(" ".join(text.split()) or "-", _LONGEST)
 
 
 def _same(one: Any, other: Any) -> bool:

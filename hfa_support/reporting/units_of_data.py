@@ -1,4 +1,4 @@
-"""The data and the records of a report in the units that are asked for, number by number with its unit.
+"""The data and the records of a report in SI units, number by number with its unit.
 
 The units of an array are the lists beside or above it in the data (`state_units`, `input_units`). That of a number is
 `unit` beside it, an entry of the table of units of its table (`performance_units` of `performance`), or what the model
@@ -16,7 +16,7 @@ import numpy as np
 from hfa_support.model import Model
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import RowsMade, Table
-from hfa_support.reporting.unit_system import entries_in_force, in_force, system_in_force, unit_in_force
+from hfa_support.reporting.unit_system import entries_in_force, in_force, unit_in_force
 
 #: Arrays -> the units of their last axes: the kind, of its list of units, and - where an entry is per that unit.
 _AXES = {
@@ -57,64 +57,58 @@ _AS_THEY_ARE = ("provenance", "regeneration")
 #: In a table with one unit beside its numbers, what is not in it.
 _APART = ("time", "sign", "zeros", "poles", "frequency")
 
-_Units = Mapping[str, "str | tuple[str, ...]"]
+
+def in_si(report: Report, model: Model) -> Report:
+    """Data and records in SI units, which must be in force. model: whose names the data has."""
+    return replace(report, data=_table(report.data, _declared(model)), records=_records(report.records))
 
 
-def in_units_in_force(report: Report, model: Model) -> Report:
-    """Data with `units`, and records, in the system that `shown_in` says. model: whose names the data has."""
-    data = {**report.data, "units": system_in_force()}
-    if system_in_force() == "english":
-        return replace(report, data=data)
-    whole = {"all_states": model.units(tuple(model.states)), "all_inputs": model.units(tuple(model.inputs))}
-    return replace(report, data=_Converter(model).table(data, whole), records=_records(report.records))
+def _declared(model: Model) -> dict[str, Any]:
+    """Key of data -> the units of what is in it: one, those of the last axis, or a table of these by name."""
+    linear, rates = model.units(model.linear), {name: model.rate_unit(name) for name in model.states}
+    signals = {name: signal.unit for name, signal in model.signals.items()}
+    states, inputs = model.units(tuple(model.states)), model.units(tuple(model.inputs))
+    air = signals.get("updraft", "1")
+    length, speed = dict.fromkeys(("length", "scale"), air.removesuffix("/s")), ("peak", "intensity", "speed")
+    return {
+        **{"all_states_units": states, "all_inputs_units": inputs},
+        **dict.fromkeys(_RATES, rates),
+        **dict.fromkeys(_VALUES, signals),
+        **dict.fromkeys(("reference", "noise"), dict.fromkeys(_SHAPES, linear)),
+        "disturbance": dict.fromkeys(_SHAPES, tuple(rates[name] for name in model.linear)),
+        "gust": {**length, **dict.fromkeys(speed, air)},
+        "actuators": dict.fromkeys(("lowest", "highest", "rate"), inputs),
+        "history": {"states": states, "inputs": inputs, "updrafts": air, "errors": linear},
+    }
 
 
-class _Converter:
-    """Tables of a report about a model."""
+def _table(data: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any]:
+    """above: the units that are declared, and the lists of units of the tables that this one is in."""
+    known = {**above, **{key: each for key, each in data.items() if _is_units(key, each)}}
+    if "sensor_units" in data:
+        known["output_units"] = data["sensor_units"]
+    return {key: _entry(key, value, data, known) for key, value in data.items()}
 
-    def __init__(self, model: Model) -> None:
-        linear, rates = model.units(model.linear), {name: model.rate_unit(name) for name in model.states}
-        signals = {name: signal.unit for name, signal in model.signals.items()}
-        states, inputs = model.units(tuple(model.states)), model.units(tuple(model.inputs))
-        air = signals.get("updraft", "1")
-        length, speed = dict.fromkeys(("length", "scale"), air.removesuffix("/s")), ("peak", "intensity", "speed")
-        self.named: dict[str, _Units] = {
-            **dict.fromkeys(_RATES, rates),
-            **dict.fromkeys(_VALUES, signals),
-            **dict.fromkeys(("reference", "noise"), dict.fromkeys(_SHAPES, linear)),
-            "disturbance": dict.fromkeys(_SHAPES, tuple(rates[name] for name in model.linear)),
-            "gust": {**length, **dict.fromkeys(speed, air)},
-            "actuators": dict.fromkeys(("lowest", "highest", "rate"), inputs),
-            "history": {"states": states, "inputs": inputs, "updrafts": air, "errors": linear},
-        }
 
-    def table(self, data: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any]:
-        """above: the lists of units of the tables that this one is in."""
-        own = {key.removesuffix("_units"): each for key, each in data.items() if _states_units(key, each)}
-        known = {**above, **own}
-        if "sensor" in own:
-            known["output"] = own["sensor"]
-        return {key: self._entry(key, value, data, known) for key, value in data.items()}
-
-    def _entry(self, key: str, value: Any, data: Mapping[str, Any], known: Mapping[str, Any]) -> Any:
-        if key in _AS_THEY_ARE:
-            return value
-        if _states_units(key, value):
-            return _unit_names(value)
-        if "unit" in data and _is_numbers(value):
-            return value if key in _APART else _scaled(value, data["unit"])
-        axes = [(known.get(kind, ()), power) for kind, power in _axes(key, "signal" in known)]
-        if axes and value is not None and all(len(units) for units, _ in axes):
-            found = entries_in_force(np.array(value, dtype=float), *axes)
-            return found if isinstance(value, np.ndarray) else found.tolist()
-        units = data.get(f"{key.removesuffix('s')}_units", self.named.get(key))
-        if isinstance(units, str):
-            return _scaled(value, units)
-        if not _is_table(value):
-            return value
-        if isinstance(units, Mapping):
-            return _by_name(value, units)
-        return self.table(value, known) if isinstance(value, Mapping) else [self.table(each, known) for each in value]
+def _entry(key: str, value: Any, data: Mapping[str, Any], known: Mapping[str, Any]) -> Any:
+    if key in _AS_THEY_ARE:
+        return value
+    if _is_units(key, value):
+        return _unit_names(value)
+    if "unit" in data and _is_numbers(value):
+        return value if key in _APART else _scaled(value, data["unit"])
+    axes = [(known.get(f"{kind}_units", ()), power) for kind, power in _axes(key, "signal_units" in known)]
+    if axes and value is not None and all(len(units) for units, _ in axes):
+        found = entries_in_force(np.array(value, dtype=float), *axes)
+        return found if isinstance(value, np.ndarray) else found.tolist()
+    units = data.get(f"{key.removesuffix('s')}_units", known.get(key))
+    if isinstance(units, str):
+        return _scaled(value, units)
+    if not _is_table(value):
+        return value
+    if isinstance(units, Mapping):
+        return _by_name(value, units)
+    return _table(value, known) if isinstance(value, Mapping) else [_table(each, known) for each in value]
 
 
 def _axes(key: str, of_controller: bool) -> list[tuple[str, int]]:
@@ -124,7 +118,7 @@ def _axes(key: str, of_controller: bool) -> list[tuple[str, int]]:
     return [(each.strip("-^2"), (-1) ** each.startswith("-") * (1 + each.endswith("^2"))) for each in words.split()]
 
 
-def _by_name(values: Any, units: _Units) -> Any:
+def _by_name(values: Any, units: Mapping[str, Any]) -> Any:
     """A table of numbers, arrays, rows (place, number) of a condition, and tables of these; or a list of tables."""
     if not isinstance(values, Mapping):
         return [_by_name(each, units) for each in values]
@@ -149,17 +143,15 @@ def _scaled(value: Any, unit: Any) -> Any:
     return in_force(value, unit) if isinstance(value, np.ndarray) or _is_numbers(value) else value
 
 
-def _states_units(key: str, value: Any) -> bool:
+def _unit_names(units: Any) -> Any:
+    if isinstance(units, Mapping):
+        return dict(zip(units, map(_unit_names, units.values()), strict=True))
+    return unit_in_force(units) if isinstance(units, str) else [*map(_unit_names, units)]
+
+
+def _is_units(key: str, value: Any) -> bool:
     """Whether this is a unit, or a list or a table of units."""
     return (key == "unit" or key.endswith("_units")) and not _is_numbers(value)
-
-
-def _unit_names(units: Any) -> Any:
-    if isinstance(units, str):
-        return unit_in_force(units)
-    if isinstance(units, Mapping):
-        return {name: unit_in_force(unit) for name, unit in units.items()}
-    return [unit_in_force(unit) for unit in units]
 
 
 def _is_table(value: Any) -> bool:
@@ -179,16 +171,17 @@ def _records(table: Table) -> Table:
     in_brackets = [name.partition(" [")[2].removesuffix("]") for name in table.header]
     pairs = zip(table.header, in_brackets, strict=True)
     header = tuple(name.replace(f"[{unit}]", f"[{unit_in_force(unit)}]") for name, unit in pairs)
+
     place = table.header.index("unit") if "unit" in table.header else None
 
     def row(index: int) -> tuple[Any, ...]:
-        cells = table.rows[index]
-        units = in_brackets
+        cells = list(table.rows[index])
+        own = "" if place is None else cells[place]
+        for i, (name, unit) in enumerate(zip(table.header, in_brackets, strict=True)):
+            if unit := unit or own * (name in _IN_UNIT):
+                cells[i] = _scaled(cells[i], unit)
         if place is not None:
-            units = [cells[place] if name in _IN_UNIT else "" for name in table.header]
-        found = [_scaled(cell, unit) if unit else cell for cell, unit in zip(cells, units, strict=True)]
-        if place is not None:
-            found[place] = unit_in_force(cells[place])
-        return tuple(found)
+            cells[place] = unit_in_force(own)
+        return tuple(cells)
 
     return Table(header, RowsMade(len(table.rows), row))

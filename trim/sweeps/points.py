@@ -16,7 +16,6 @@ from hfa_model.aircraft import Aircraft
 from hfa_support.errors import BadInputError, NoSolutionError, numbers_in
 from hfa_support.model import Layout, Model, components
 from hfa_support.native.bound import BoundFunction, cached_per_thread
-from hfa_support.native.machine_code import machine_code
 from hfa_support.progress import Progress
 from trim.point.condition import LEVEL_FLIGHT, TrimCondition
 from trim.point.operating_point import BALANCE, OperatingPoint, Status
@@ -242,7 +241,11 @@ def _compiled(key: Any, together: int, use_machine_code: bool) -> tuple[BoundFun
         flat = ca.vertcat(*function.call(function.sx_in())) if function.name() == "at" else None
         one = function if flat is None else ca.Function("at", function.sx_in(), [flat])
         many = one.map(together) if together > 1 else one
-        found.append(BoundFunction(machine_code(many) if use_machine_code else many))
+        if use_machine_code:
+            from hfa_support.native.machine_code import machine_code
+
+            many = machine_code(many)
+        found.append(BoundFunction(many))
     return found[0], found[1]
 
 

@@ -12,8 +12,7 @@ import numpy as np
 
 from hfa_model.aircraft import Aircraft
 from hfa_support.errors import BadInputError
-from hfa_support.jobs.store import Array, Layout, Store, described, stream
-from hfa_support.jobs.workers import Task
+from hfa_support.jobs.store import Array, Layout, Store, Task, described, stream
 from hfa_support.model import Model
 from hfa_support.progress import Progress
 from hfa_support.reporting.fields import ByValue

@@ -10,14 +10,14 @@ import pytest
 from hfa_model.aircraft import HFA
 from hfa_support import Model, Report, Signal, shown_in
 from hfa_support.reporting.text import Table
-from hfa_support.reporting.units_of_data import in_units_in_force
+from hfa_support.reporting.units_of_data import in_si as converted
 
 FT, LBF = 0.3048, 4.4482216152605
 
 
 def in_si(data: dict[str, Any], records: Table | None = None) -> Report:
     with shown_in("si"):
-        return in_units_in_force(Report("", (), data=data, records=records or Table((), [])), HFA)
+        return converted(Report("", (), data=data, records=records or Table((), [])), HFA)
 
 
 @pytest.mark.parametrize(
@@ -40,7 +40,6 @@ def test_arrays_by_the_lists_of_units_beside_them(name: str, value: Any, expecte
     found = in_si({**beside, name: value}).data
     np.testing.assert_allclose(found[name], expected, rtol=1e-12)
     assert found["state_units"] == ["m/s", "rad"]
-    assert found["units"] == "si"
 
 
 def test_arrays_and_names_of_another_model_have_its_units() -> None:
@@ -52,7 +51,7 @@ def test_arrays_and_names_of_another_model_have_its_units() -> None:
     )
     data = {"operating_states": [[2.0, 3.0]], "operating_inputs": [[4.0]], "residuals": {"place": 5.0, "speed": 6.0}}
     with shown_in("si"):
-        found = in_units_in_force(Report("", (), data=data), model).data
+        found = converted(Report("", (), data=data), model).data
     np.testing.assert_allclose(found["operating_states"], [[2.0, 3.0 * FT]])
     np.testing.assert_allclose(found["operating_inputs"], [[4.0 * LBF]])
     assert found["residuals"] == {"place": 5.0, "speed": pytest.approx(6.0 * FT)}
