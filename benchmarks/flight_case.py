@@ -13,12 +13,12 @@ from typing import Any
 import numpy as np
 
 from benchmarks.report import FOLDER
-from controller.flight.closed_loop import ClosedLoop
-from controller.flight.plants import LinearPlant
+from controller.flight.closed_loop import ClosedLoop, LinearPlant
 from controller.flight.scenario import Scenario
 from controller.flight.simulation import CompiledLoop
 from controller.game.basis import basis
 from controller.game.zero_sum import published_game
+from controller.policy.policies import FlownLaw
 from controller.policy.signals import Harmonic, Signal, zero
 from controller.riccati.gare import solve_game
 from hfa_model.printed_matrices import published_models
@@ -66,21 +66,21 @@ class FlightCase:
             nothing,
             (Harmonic(0.1, 1.1 * np.array([0.1, 0.2, 0, 0.1, 0, 0.1]), 1.1 * np.array([0, 0, 0.2, 0, 0.1, 0])),),
         )
-        policy = CriticPolicy(self.law, zero(6))
-        self.plant, self.policy = LinearPlant(game.A, game.B), policy
+        self.plant = LinearPlant(game.A, game.B)
         weights = self.law.start()["weights"]
+        self.flown = FlownLaw("published", CriticPolicy(self.law, zero(6)), np.ones((1, 1)), weights)
         self.start = np.concatenate([[5.0, 0.05, 0, 0, 0, 0], weights])
         self.compiled = lru_cache(self._compiled)
 
     def fly(self, compile_code: bool, steps: int = STEPS) -> np.ndarray:
         """Our loop: every state at every step."""
-        flight = self.compiled(compile_code, steps).fly(self.start[:6], lambda tick: np.ones(1), memory=self.start[6:])
+        flight = self.compiled(compile_code, steps).fly()
         return np.hstack([flight.states, flight.memory])
 
     def _compiled(self, compile_code: bool, steps: int) -> CompiledLoop:
         tick = STEP * min(steps, 1000)
-        scenario = Scenario(steps * STEP, STEP, tick, reference=self.reference, disturbance=self.disturbance)
-        return CompiledLoop(ClosedLoop(self.plant, self.policy, scenario), flights=STEPS * compile_code)
+        scenario = Scenario(steps * STEP, STEP, tick, self.start[:6], self.reference, self.disturbance)
+        return CompiledLoop(ClosedLoop(self.plant, self.flown, scenario), flights=STEPS * compile_code)
 
     def data(self) -> dict[str, Any]:
         """Everything that the loop depends on, as arrays."""

@@ -20,7 +20,7 @@ import numpy as np
 from benchmarks.flight_case import STEP, FlightCase
 from benchmarks.report import Comparison, Row, Size, in_turn, value_text
 from controller.flight.envelope import Envelope, flight_envelope
-from controller.flight.monte_carlo import MonteCarlo, fly_member, stream_monte_carlo
+from controller.flight.monte_carlo import MonteCarlo, fly_member
 from controller.flight.scenario import Scenario, Uncertainty
 from controller.game.zero_sum import published_game
 from controller.policy.policies import FlownLaw, gain_law
@@ -29,6 +29,7 @@ from controller.riccati.gare import solve_game
 from hfa_model.aircraft import HFA, Aircraft
 from hfa_model.parameters import default_parameters
 from hfa_model.vectors import State
+from hfa_support.jobs.store import stream
 from studies.section5.critic_policy import CriticPolicy, critic_law
 from trim.linear.linear_model import level_model
 from trim.point.condition import level_flight
@@ -98,7 +99,7 @@ def _monte_carlo(quick: bool) -> Row:
 
     def stored() -> None:
         with tempfile.TemporaryDirectory() as folder:
-            store = stream_monte_carlo(plan, Path(folder) / "members.zarr", count=workers)
+            store = stream(plan, Path(folder) / "members.zarr", count=workers)
             assert store.missing() == []
             assert (store.read("flown") == duration).all(), "a member left: its flight was shorter"
 
@@ -140,7 +141,7 @@ def _sized(job: str, count: int) -> Size:
         if job == "sweep":
             stream_sweep(SweepPlan({"dihedral": steps}, Aircraft()), path)
         else:
-            stream_monte_carlo(gain_plan(count, duration=0.1), path)
+            stream(gain_plan(count, duration=0.1), path)
         seconds = (time.perf_counter() - start) / count
         disk = sum(file.stat().st_size for file in Path(folder).rglob("*") if file.is_file()) / count
     return Size(count, seconds, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024, disk)

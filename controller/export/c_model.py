@@ -9,7 +9,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from controller.flight.plants import UPDRAFT
+from controller.flight.gusts import UPDRAFT
 from hfa_support.model import HasModel, Model, components
 from hfa_support.native.c_code import c_function
 from trim.linear.linear_model import LinearModel

@@ -17,10 +17,10 @@ from controller.design.design import COMMAND_FILTER, signal_unit
 from controller.design.scheduled_controller import COMMAND_SIGNALS, ScheduledController
 from controller.export.c_model import c_positions, c_table, comment_lines, displaced, filled
 from controller.flight.actuators import Actuators
-from controller.flight.closed_loop import ClosedLoop, Expressions
-from controller.flight.plants import UPDRAFT, NonlinearPlant
+from controller.flight.closed_loop import ClosedLoop, Expressions, NonlinearPlant
+from controller.flight.gusts import UPDRAFT
 from controller.flight.scenario import Scenario
-from controller.policy.policies import GainPolicy, Memoryless, Policy, Seen, Unvaried, gain_constants
+from controller.policy.policies import FlownLaw, Memoryless, Seen, Unvaried, gain_law
 from controller.policy.servo_policy import ServoPolicy, servo_law
 from controller.policy.signals import CommandSteps
 from hfa_support.model import HasModel, Model
@@ -199,16 +199,16 @@ def exported_loop(
     controller was made for another aircraft or other angles, or an actuator cannot hold the trim.
     """
     model, U0 = aircraft.model, np.array(point.inputs)
-    policy: Policy | None = None
     w = ca.SX.sym("w", int(UPDRAFT in model.disturbances))
     air = tuple(Channel(UPDRAFT, model.unit(UPDRAFT)) for _ in range(w.numel()))
     inputs = tuple(Channel(*each, model.inputs[each[0]].nominal) for each in _named(model.inputs, model, point.inputs))
     states = _states(point, actuators)
-    step, constants, reference, filtered, rates = 1e-3, np.zeros(0), None, ca.SX(0, 1), ca.SX(0, 1)
+    step, reference, filtered, rates = 1e-3, None, ca.SX(0, 1), ca.SX(0, 1)
     if controller is not None:
         names, step = commandable(controller), longest_step(controller)
         r, slope, v = (ca.SX.sym(name, len(names)) for name in ("r", "slope", "goal"))
         policy = replace(trimmed_policy(controller, aircraft, point), commands=Given(r, slope, v, names))
+        law = FlownLaw(controller.name, policy)
         filtered, rates = ca.vertcat(r, slope), filter_rates(controller, r, slope, v)
         units = dict(zip(names, (signal_unit(model, name) for name in names), strict=True))
         told = tuple(Channel(f"command_{name}", unit) for name, unit in units.items())
@@ -216,18 +216,19 @@ def exported_loop(
         states += tuple(Channel(f"command_{name}_filtered", unit) for name, unit in units.items())
         states += tuple(Channel(f"command_{name}_filtered_rate", None) for name in names)
     elif gain is not None:
-        v, policy, constants = ca.SX.sym("reference", len(model.linear)), GainPolicy(*gain.shape), gain_constants(gain)
+        v, law = ca.SX.sym("reference", len(model.linear)), gain_law("gain", gain)
         told, reference = tuple(Channel(f"reference_{name}", model.unit(name)) for name in model.linear), Given(v)
     else:
         v, told = ca.SX.sym("U", len(U0)), inputs
-    sets: Policy = Given(v - ca.DM(U0)) if policy is None else policy
+        law = FlownLaw("none", Given(v - ca.DM(U0)))
+    alone = controller is None and gain is None
     blown: Any = Given(w) if w.numel() else None
     scenario = Scenario(gust=blown, reference=reference, actuators=actuators)
-    Y, now = _closed(aircraft, point, sets, scenario, constants)
-    U = ca.DM(0, 1) if policy is None else ca.densify(now.inputs + ca.DM(U0))
+    Y, now = _closed(aircraft, point, law, scenario)
+    U = ca.DM(0, 1) if alone else ca.densify(now.inputs + ca.DM(U0))
     arguments, results = [ca.vertcat(Y, filtered), ca.vertcat(w, v)], [ca.densify(ca.vertcat(now.rate, rates)), U]
     function = ca.Function("loop", arguments, results, {"cse": True})
-    outputs = () if policy is None else inputs
+    outputs = () if alone else inputs
     return ExportedLoop(function, states, outputs, (*air, *told), len(model.states), step)
 
 
@@ -256,15 +257,13 @@ def _named(names: Iterable[str], model: Model, values: Iterable[float]) -> list[
     return [(name, model.unit(name), float(value)) for name, value in zip(names, values, strict=True)]
 
 
-def _closed(
-    aircraft: HasModel, point: OperatingPoint, policy: Policy, scenario: Scenario, constants: np.ndarray
-) -> tuple[ca.SX, Expressions]:
+def _closed(aircraft: HasModel, point: OperatingPoint, law: FlownLaw, scenario: Scenario) -> tuple[ca.SX, Expressions]:
     """Y = [X; actuators; memory], X absolute, and the loop there."""
-    loop = ClosedLoop(NonlinearPlant(aircraft, point), policy, scenario, np.array(point.inputs))
+    loop = ClosedLoop(NonlinearPlant(aircraft, point), law, scenario)
     t, Y, _ = loop.symbols()
     offsets = np.zeros(Y.numel())
     offsets[: len(point.states)] = point.states
-    return Y, loop.at(t, Y - ca.DM(offsets), ca.SX(ca.DM(constants)))
+    return Y, loop.at(t, Y - ca.DM(offsets), ca.SX(ca.DM(loop.constants()(0))))
 
 
 def _states(point: OperatingPoint, actuators: Actuators | None) -> tuple[Channel, ...]:
@@ -296,9 +295,9 @@ def controller_example(
     """
     model, trim, (state, amount) = point.model, np.array(point.inputs), displaced(point.model)
     policy, u, scheduled = trimmed_policy(controller, aircraft, point), ca.SX.sym("u", len(trim)), model.schedule
-    Y, now = _closed(aircraft, point, Given(u), Scenario(actuators=actuators), np.zeros(0))
+    Y, now = _closed(aircraft, point, FlownLaw("held", Given(u)), Scenario(actuators=actuators))
     X, moved = Y[: len(point.states)], Y[len(point.states) :]
-    x = NonlinearPlant(aircraft, point).seen(X - ca.DM(np.array(point.states)))
+    x = ca.mtimes(ca.DM(NonlinearPlant(aircraft, point).chosen), X - ca.DM(np.array(point.states)))
     measured = policy.outputs.at(Seen(x, x, actuators.position(moved, trim), actuators.rates(moved)))
     place = list(model.states).index(scheduled)
     results = [ca.densify(now.rate), X[place], ca.densify(measured)]

@@ -1,22 +1,34 @@
-"""Limits of a flight: the envelope of the states and which state left it first; inputs beyond their control limits."""
+"""Limits of a flight: the envelope of the states and which state left it first; inputs beyond their control limits; an
+oscillation that does not decay although nothing drives it any more."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from controller.policy.policies import OpenLoop
 from hfa_support.errors import BadInputError, pair_of, refuse_unknown
 from hfa_support.model import HasModel, Model, record
-from hfa_support.reporting.text import degrees, short_number, shown_unit
+from hfa_support.reporting.text import short_number, shown_unit
 from trim.point.operating_point import OperatingPoint
+
+if TYPE_CHECKING:
+    from controller.flight.closed_loop import ClosedLoop
+    from controller.flight.simulation import Flight
 
 #: The state whose limits count on this output where the air moves: alpha through the air, not over ground.
 ALPHA, ANGLE_OF_ATTACK = "alpha", "angle_of_attack"
 #: Said where the air moves.
 OVER_GROUND = f"alpha is over ground; the envelope limits {ANGLE_OF_ATTACK}, which is through the air"
+#: An oscillation: about its line of least squares it changes sign this often in each of the last two quarters ...
+CROSSINGS = 4
+#: ... its amplitude in the last one is at least so much of that in the one before ...
+LASTING = 0.9
+#: ... and of the signal's nominal size.
+VISIBLE = 0.01
 
 
 class Departure(NamedTuple):
@@ -56,10 +68,9 @@ def control_limits(model: Model) -> np.ndarray:
     return np.array([(each.min, each.max) for each in model.inputs.values()]).T
 
 
-def control_excesses(model: Model, lowest: np.ndarray, highest: np.ndarray) -> tuple[ControlExcess, ...]:
-    """Inputs beyond their limits, the farthest first as a share of the range between both; lowest, highest: of each
-    input in a flight, (m,), absolute."""
-    low, high = control_limits(model)
+def control_excesses(model: Model, inputs: np.ndarray) -> tuple[ControlExcess, ...]:
+    """Inputs beyond their limits, the farthest first as a share of the range between both; inputs: (N, m), absolute."""
+    (low, high), lowest, highest = control_limits(model), inputs.min(axis=0), inputs.max(axis=0)
     below = low - lowest > highest - high  # the side on which an input is farther beyond
     values, limits = np.where(below, lowest, highest), np.where(below, low, high)
     with np.errstate(invalid="ignore"):  # of inputs without limits, which are never beyond them
@@ -110,11 +121,8 @@ class Envelope:
         """BadInputError when a flight begins outside; limited: one row, (1, n), as of `departure`."""
         found = self.departure(np.zeros(1), limited, moving_air)
         if found is not None:
-            (value, unit), (limit, _) = (degrees(x, found.unit) for x in (found.value, found.limit))
-            raise BadInputError(
-                f"the flight begins with {found.state} {float(value):.6g}, beyond the limit of {float(limit):.6g} "
-                f"{unit}; begin inside the envelope, or widen it"
-            )
+            said = f"the flight begins with {found.state} {_beyond(*found[2:])}"
+            raise BadInputError(f"{said}; begin inside the envelope, or widen it")
 
     def outside(self, limited: np.ndarray) -> np.ndarray:
         """Which rows of (N, n) are not within all limits; a number that is not finite is not."""
@@ -164,3 +172,41 @@ def flight_envelope(
     values = record(tuple(model.states))
     lowest, highest = (values(**{name: pair[side] for name, pair in pairs.items()}) for side in (0, 1))
     return Envelope(lowest, highest, model)
+
+
+class LimitCycle(NamedTuple):
+    """The input or state that oscillates most, in nominal sizes: amplitude, half of peak to peak, and rad/s."""
+
+    name: str
+    amplitude: float
+    frequency: float
+    unit: str
+
+    def text(self) -> str:
+        """In degrees for angles."""
+        size = f"{short_number(self.amplitude, self.unit)} {'' if self.unit == '1' else shown_unit(self.unit)}".strip()
+        return f"limit cycle: {self.name} goes on by ±{size} at {self.frequency:.3g} rad/s; the flight has not settled"
+
+
+def limit_cycle(loop: ClosedLoop, flight: Flight) -> LimitCycle | None:
+    """The oscillation that is left at the end of a flight; None without one or without a law, or while something
+    drives the flight."""
+    times, model = flight.times, loop.plant.point.model
+    begin = times[-1] / 2
+    if len(times) < 8 * CROSSINGS or loop.scenario.driven_until > begin or isinstance(loop.law.policy, OpenLoop):
+        return None
+    found = []
+    values = np.hstack([flight.inputs, flight.states])
+    quarters = [(times >= begin) & (times < 1.5 * begin), times >= 1.5 * begin]
+    for name, column in zip((*model.inputs, *model.states), values.T, strict=True):
+        sizes, crossings = [], []
+        for part in quarters:
+            t, x = times[part] - times[part].mean(), column[part]
+            x = x - x.mean() - t * (t @ (x - x.mean())) / (t @ t)
+            sizes.append(float(np.ptp(x)) / 2)
+            crossings.append(int(np.count_nonzero(np.diff(np.signbit(x)))))
+        share = sizes[1] / model.signals[name].nominal
+        if min(crossings) >= CROSSINGS and sizes[1] >= LASTING * sizes[0] and share >= VISIBLE:
+            frequency = np.pi * crossings[1] / (times[-1] / 4)
+            found.append((share, LimitCycle(name, sizes[1], float(frequency), model.unit(name))))
+    return max(found)[1] if found else None

@@ -12,6 +12,8 @@ import numpy as np
 from controller.policy.policies import Memoryless, Unvaried
 from hfa_support.errors import BadInputError, refuse_unless_positive
 
+#: The disturbance of a model that a gust is.
+UPDRAFT = "updraft"
 #: Time scales of turbulence, in ticks: shorter ones a noise that is held for a tick cannot make, longer ones leave
 #: the air as it was to rounding.
 SHORTEST, LONGEST = 1.0, 1e6
@@ -38,6 +40,11 @@ class OneMinusCosine(Memoryless, Unvaried):
             refuse_unless_positive(f"the gust's {name}", getattr(self, name))
         if not np.isfinite([self.peak, self.begin]).all():
             raise BadInputError(f"the gust's peak is {self.peak} and its begin {self.begin}; give finite numbers")
+
+    @property
+    def until(self) -> float:
+        """When it ends, s."""
+        return self.begin + self.length / self.speed
 
     def updraft(self, t: Any, memory: ca.SX, p: ca.SX) -> Any:
         """w at t; expressions or numbers."""

@@ -7,14 +7,14 @@ import json
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from functools import cached_property
-from pathlib import Path
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
-from controller.flight.closed_loop import ClosedLoop
+from controller.flight.closed_loop import ClosedLoop, NonlinearPlant
 from controller.flight.envelope import (
+    ALPHA,
     ANGLE_OF_ATTACK,
     OVER_GROUND,
     Envelope,
@@ -22,14 +22,13 @@ from controller.flight.envelope import (
     flown_through_air,
     limited_names,
 )
-from controller.flight.nonlinear_flight import names_and_units
-from controller.flight.plants import NonlinearPlant
-from controller.flight.scenario import Scenario, Uncertainty
-from controller.flight.simulation import Summary, SummedLoop
+from controller.flight.nonlinear_flight import NonlinearFlight, fly_within, names_and_units
+from controller.flight.scenario import Scenario, Uncertainty, with_errors
+from controller.flight.simulation import CompiledLoop
 from controller.policy.policies import FlownLaw
 from controller.policy.signals import CommandedStates, Signal
 from hfa_support.errors import BadInputError
-from hfa_support.jobs.store import Array, Layout, Store, described, stream
+from hfa_support.jobs.store import Array, Layout, Store, described
 from hfa_support.model import VECTORS, HasModel, Model, components
 from hfa_support.native.bound import cached_per_thread
 from hfa_support.reporting.fields import Shown
@@ -43,14 +42,14 @@ CHUNK_STEPS = 1_000_000
 #: Shares of the members inside their envelope up to which a quantity stays below its quantile.
 QUANTILES = (0.05, 0.5, 0.95, 1.0)
 
-#: Array of a store -> its meaning, and its axis or, of one number a member, its unit.
+#: Array of a store, of each member -> its meaning, and its axis or, of one number, its unit.
 _KEPT = {
     "left": ("number in the attribute left; -1: stayed inside", ""),
     "cycle": ("number among inputs and states of what still oscillates at the end; -1: nothing", ""),
     "factors": ("factor on a parameter", "error"),
     "flown": ("time inside the envelope", "s"),
-    "rms_error": ("root mean square error", "error_state"),
-    "peak_error": ("largest error", "error_state"),
+    "rms_error": ("root mean square error over that time, without noise", "error_state"),
+    "peak_error": ("largest error, over ground", "error_state"),
     "peak_angle_of_attack": ("largest angle of attack through the air, from trim", "rad"),
     "effort": ("root mean square from trim", "input"),
     "lowest_input": ("lowest value inside the envelope", "input"),
@@ -93,9 +92,7 @@ class MonteCarlo(Shown):
         for name in self.scenario.uncertainty.errors:
             if self.model.parameters[name].start == 0.0:
                 raise BadInputError(f"{name} is 0, so that a relative error does nothing; leave it out")
-        ClosedLoop(
-            self.plant, self.law.policy, self.member(0), np.array(self.point.inputs)
-        )  # turbulence and gains that cannot be flown are refused here rather than in a worker
+        self.loop()  # turbulence and gains that cannot be flown are refused here rather than in a worker
 
     @property
     def model(self) -> Model:
@@ -106,14 +103,9 @@ class MonteCarlo(Shown):
         """What happens in one member; turbulence is met at the trimmed speed."""
         return self.scenario.drawn(self.seed, number, self.point)
 
-    @property
-    def plant(self) -> NonlinearPlant:
-        """The aircraft, whose parameters differ from member to member."""
-        return NonlinearPlant(self.aircraft, self.point, uncertain=True)
-
-    def parameters_of(self, member: Scenario) -> np.ndarray:
-        """The parameters of a member, (l,)."""
-        return np.array([each.start * member.errors.get(name, 1.0) for name, each in self.model.parameters.items()])
+    def loop(self) -> ClosedLoop:
+        """The loop of member 0. The parameters of the aircraft differ from member to member."""
+        return ClosedLoop(NonlinearPlant(self.aircraft, self.point, uncertain=True), self.law, self.member(0))
 
     def to_dict(self) -> dict[str, Any]:
         """JSON data that decides the results."""
@@ -139,7 +131,7 @@ class MonteCarlo(Shown):
 
     @property
     def layout(self) -> Layout:
-        """One row a member: the fields of `Summary` and the factors drawn."""
+        """One row a member."""
         model = self.model
         axes = {
             "error": tuple(self.scenario.uncertainty.errors),
@@ -195,31 +187,45 @@ def _told_apart(model: Model) -> tuple[str, ...]:
 
 
 @cached_per_thread(maxsize=4)
-def member_loop(plan: MonteCarlo) -> SummedLoop:
+def member_loop(plan: MonteCarlo) -> CompiledLoop:
     """The loop of a plan, compiled at the first call in a thread."""
-    return SummedLoop(plan.plant, plan.point, plan.law, plan.member(0), plan.envelope, plan.members)
+    return CompiledLoop(plan.loop(), plan.members)
 
 
-def fly_member(plan: MonteCarlo, member: int) -> tuple[Scenario, Summary]:
+def fly_member(plan: MonteCarlo, member: int) -> NonlinearFlight:
     """Draw and simulate one member."""
     scenario = plan.member(member)
-    return scenario, member_loop(plan).fly(scenario, plan.parameters_of(scenario))
+    return fly_within(member_loop(plan), plan.envelope, scenario, with_errors(plan.aircraft, scenario).p)
 
 
 def fly_members(plan: MonteCarlo, start: int, stop: int) -> Mapping[str, np.ndarray]:
-    """Members start .. stop - 1, stacked: their `Summary`, final states absolute, and the factors drawn.
-
-    What a worker runs.
-    """
-    members = [fly_member(plan, member) for member in range(start, stop)]
-    factors = [[scenario.errors[name] for name in plan.scenario.uncertainty.errors] for scenario, _ in members]
-    rows = {name: np.array([getattr(summary, name) for _, summary in members]) for name in Summary._fields}
-    return {"factors": np.array(factors), **rows, "final": rows["final"] + np.array(plan.point.states)}
+    """The rows of `_KEPT` of members start .. stop - 1. What a worker runs."""
+    rows = [member_row(plan, fly_member(plan, member)) for member in range(start, stop)]
+    return {name: np.array([row[name] for row in rows]) for name in _KEPT}
 
 
-def stream_monte_carlo(plan: MonteCarlo, path: Path, **options: Any) -> Store:
-    """Every member of the plan in the store at `path`; options of `hfa_support.jobs.store.stream`."""
-    return stream(plan, path, **options)
+def member_row(plan: MonteCarlo, result: NonlinearFlight) -> dict[str, Any]:
+    """What is kept of the flight of a member: of its steps inside the envelope, and the state and memory after them."""
+    model, scenario, flight, left = plan.model, result.loop.scenario, result.flight, result.departure
+    flown = scenario.duration if left is None else left.time
+    inside = slice(round(flown / scenario.step))  # none where turbulence is outside at the start
+    errors, inputs, states = flight.errors[inside], flight.inputs[inside], list(model.states)
+    angles = flight.limited[inside, states.index(ALPHA)] if ALPHA in states else np.zeros(0)
+    names, moving = (*model.inputs, *model.states), scenario.moving_air
+    return {
+        "left": -1 if left is None else limited_names(model, moving).index(left.state),
+        "cycle": -1 if result.cycle is None else names.index(result.cycle.name),
+        "factors": [scenario.errors[name] for name in plan.scenario.uncertainty.errors],
+        "flown": flown,
+        "rms_error": np.sqrt(np.square(errors).sum(axis=0) / max(len(errors), 1)),
+        "peak_error": np.abs(errors).max(axis=0, initial=0.0),
+        "peak_angle_of_attack": np.abs(angles).max(initial=0.0),
+        "effort": np.sqrt(np.square(inputs).sum(axis=0) / max(len(inputs), 1)),
+        "lowest_input": inputs.min(axis=0, initial=np.inf) + np.array(plan.point.inputs),
+        "highest_input": inputs.max(axis=0, initial=-np.inf) + np.array(plan.point.inputs),
+        "final": result.states[inside.stop],
+        "memory": flight.memory[inside.stop],
+    }
 
 
 def member_report(plan: MonteCarlo, store: Store, where: str = "") -> Report:

@@ -1,13 +1,14 @@
-"""One flight of a nonlinear aircraft under a policy, beside what the linear model predicts, and its report."""
+"""One flight of a nonlinear aircraft under a law, beside what the linear model predicts, and its report."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from controller.flight.closed_loop import ClosedLoop
+from controller.flight.closed_loop import ClosedLoop, LinearPlant, NonlinearPlant
 from controller.flight.envelope import (
     ALPHA,
     ANGLE_OF_ATTACK,
@@ -15,15 +16,16 @@ from controller.flight.envelope import (
     ControlExcess,
     Departure,
     Envelope,
+    LimitCycle,
     beyond_control_limits,
     control_excesses,
     flown_through_air,
+    limit_cycle,
 )
-from controller.flight.limit_cycle import LimitCycle, limit_cycle
-from controller.flight.plants import UPDRAFT, LinearPlant, NonlinearPlant
+from controller.flight.gusts import UPDRAFT
 from controller.flight.scenario import Scenario, Uncertainty, with_errors
 from controller.flight.simulation import CompiledLoop, Flight
-from controller.policy.policies import FlownLaw, OpenLoop
+from controller.policy.policies import FlownLaw
 from controller.policy.servo_policy import MeasuredOutputs, ServoPolicy
 from controller.policy.signals import CommandSteps
 from hfa_support.errors import BadInputError
@@ -49,71 +51,70 @@ def fly(
     scenario: Scenario,
     envelope: Envelope,
     *,
+    predict: bool = True,
     progress: Progress | None = None,
 ) -> NonlinearFlight:
-    """X' = f(X, U, w) + d with U = U0 + u of the law, and its linear prediction x' = A x + B u + E w + d.
+    """X' = f(X, U, w) + d with U = U0 + u of the law and, with `predict`, x' = A x + B u + E w + d of its linear model.
 
     The prediction is of the aircraft as designed: without the parameter errors. Both end at the first tick in
-    which the nonlinear flight leaves the envelope.
-    """
-    scenario = scenario.on(aircraft.model)
-    result = fly_law(NonlinearPlant(with_errors(aircraft, scenario), point), law, scenario, envelope, progress=progress)
-    model = LinearPlant.at(aircraft, point, result.loop.wind_names)
-    predicted = CompiledLoop(replace(result.loop, plant=model), law.fastest)
-    ticks = (len(result.flight.times) - 1) // scenario.steps_per_tick
-    flight = predicted.fly(scenario.initial, law.constants, memory=law.memory, ticks=ticks)
-    return replace(result, predicted=flight)
-
-
-def fly_law(
-    plant: NonlinearPlant,
-    law: FlownLaw,
-    scenario: Scenario,
-    envelope: Envelope,
-    *,
-    progress: Progress | None = None,
-) -> NonlinearFlight:
-    """The nonlinear aircraft under a law, without a prediction.
-
-    BadInputError when it does not begin inside the envelope, or part of the scenario is still to be drawn.
+    which the nonlinear flight leaves the envelope. BadInputError when it does not begin inside, or part of the scenario
+    is still to be drawn.
     """
     if scenario.uncertainty != Uncertainty():
         raise BadInputError("part of the scenario is still to be drawn; simulate scenario.drawn(seed, member, point)")
-    scenario, offsets = scenario.on(plant.model), np.array(plant.point.states)
-    loop = ClosedLoop(plant, law.policy, scenario, np.array(plant.point.inputs))
-    compiled = CompiledLoop(loop, law.fastest)
-    start = next(compiled.blocks(loop.start(scenario.initial, law.memory), loop.constants(law.constants), 0))
-    envelope.refuse_start(start.limited + offsets, scenario.moving_air)
-    flight = compiled.fly(
-        scenario.initial,
-        law.constants,
-        memory=law.memory,
-        stop=lambda rows: envelope.outside(rows.limited + offsets),
-        progress=progress,
-    )
-    departure = envelope.departure(flight.times, flight.limited + offsets, scenario.moving_air)
-    loose = departure is not None or isinstance(law.policy, OpenLoop)
-    cycle = None if loose else limit_cycle(plant.model, scenario, flight)
-    return NonlinearFlight(scenario, plant.point, envelope, loop, flight, None, departure, cycle)
+    scenario = scenario.on(aircraft.model)
+    compiled = CompiledLoop(ClosedLoop(NonlinearPlant(with_errors(aircraft, scenario), point), law, scenario))
+    result = fly_within(compiled, envelope, progress=progress)
+    envelope.refuse_start(result.flight.limited[:1] + np.array(point.states), scenario.moving_air)
+    if not predict:
+        return result
+    linear = LinearPlant.at(aircraft, point, result.loop.wind_names)
+    ticks = (len(result.flight.times) - 1) // scenario.steps_per_tick
+    return replace(result, predicted=CompiledLoop(replace(result.loop, plant=linear)).fly(ticks=ticks))
+
+
+def fly_within(
+    compiled: CompiledLoop,
+    envelope: Envelope,
+    scenario: Scenario | None = None,
+    of_plant: np.ndarray | None = None,
+    *,
+    lost: Callable[[Flight], np.ndarray] | None = None,
+    progress: Progress | None = None,
+) -> NonlinearFlight:
+    """One flight of a loop about a trim, of its scenario or another (`CompiledLoop.fly`), without a prediction.
+
+    It ends with the first tick outside the envelope or, with `lost`, at the first of the rows that are.
+    """
+    loop = compiled.loop if scenario is None else replace(compiled.loop, scenario=scenario)
+    offsets = np.array(loop.plant.point.states)
+    stop = lost or (lambda rows: envelope.outside(rows.limited + offsets))
+    flight = compiled.fly(loop.scenario, of_plant=of_plant, stop=stop, progress=progress)
+    departure = envelope.departure(flight.times, flight.limited + offsets, loop.scenario.moving_air)
+    return NonlinearFlight(envelope, loop, flight, departure, limit_cycle(loop, flight) if departure is None else None)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class NonlinearFlight(Reported):
     """A flight, up to the first tick that left the envelope.
 
-    loop: what was flown. flight: of the nonlinear aircraft, deviations from `point`. predicted: the same of its linear
-    model, None when none was asked for. departure: which state left the envelope first, None when none did. cycle: what
-    still oscillates at the end, None when nothing does.
+    loop: what was flown. flight: deviations from `point`. departure: which state left the envelope first, None when
+    none did. cycle: what still oscillates at the end, None when nothing does. predicted: the same flight of the linear
+    model, None when none was asked for.
     """
 
-    scenario: Scenario
-    point: OperatingPoint
     envelope: Envelope
     loop: ClosedLoop
     flight: Flight
-    predicted: Flight | None
     departure: Departure | None
-    cycle: LimitCycle | None = None
+    cycle: LimitCycle | None
+    predicted: Flight | None = None
+
+    @property
+    def point(self) -> OperatingPoint:
+        """The trim in which it begins."""
+        point: OperatingPoint = self.loop.plant.point
+        return point
 
     @property
     def states(self) -> np.ndarray:
@@ -135,8 +136,7 @@ class NonlinearFlight(Reported):
     def exceeded(self) -> tuple[ControlExcess, ...]:
         """The inputs that went beyond their control limits before the envelope was left, the farthest first."""
         until = np.inf if self.departure is None else self.departure.time
-        inside = self.inputs[self.flight.times <= until]
-        return control_excesses(self.point.model, inside.min(axis=0), inside.max(axis=0))
+        return control_excesses(self.point.model, self.inputs[self.flight.times <= until])
 
     @property
     def within_limits(self) -> bool:
@@ -160,18 +160,18 @@ class NonlinearFlight(Reported):
             lines.append(f"exceeded control limits: {', '.join(each.text() for each in self.exceeded)}")
         return "\n".join([flight, *lines])
 
-    def report(self, law: FlownLaw | None = None) -> Report:
+    def report(self) -> Report:
         """Outcome, states against the envelope and the linear prediction, inputs against the control limits.
 
-        law: what was flown, for the title and the data. data: in the units of the model, without the flight itself,
-        which is `history`; "held": whether the envelope was not left, and no limit cycle is left over.
+        data: in the units of the model, without the flight itself, which is `history`; "held": whether the envelope was
+        not left, and no limit cycle is left over.
         """
-        model, flight, trim = self.point.model, self.flight, self.point.states
+        model, flight, law = self.point.model, self.flight, self.loop.law
         moving = bool(flight.winds) and flown_through_air(model)
-        largest = dict(zip(model.states, np.abs(flight.states).max(axis=0).tolist(), strict=True))
-        final = dict(zip(model.states, self.states[-1].tolist(), strict=True))
+        largest = _by_name(model.states, np.abs(flight.states).max(axis=0))
+        final = _by_name(model.states, self.states[-1])
         if flown_through_air(model):
-            largest[ANGLE_OF_ATTACK] = float(np.abs(self.angles_of_attack - getattr(trim, ALPHA)).max())
+            largest[ANGLE_OF_ATTACK] = float(np.abs(self.angles_of_attack - getattr(self.point.states, ALPHA)).max())
             final[ANGLE_OF_ATTACK] = float(self.angles_of_attack[-1])
         late = flight.errors[len(flight.errors) // 2 :]
         data: dict[str, Any] = {
@@ -179,7 +179,7 @@ class NonlinearFlight(Reported):
             "dynamics": self.point.dynamics,
             **names_and_units(model),
             "operating_point": self.point.to_dict(),
-            "scenario": self.scenario.to_dict(),
+            "scenario": self.loop.scenario.to_dict(),
             "envelope": self.envelope.to_dict(bool(flight.winds)),
             "within_limits": self.within_limits,
             "held": self.departure is None and self.cycle is None,
@@ -189,37 +189,30 @@ class NonlinearFlight(Reported):
             "flown": float(flight.times[-1]),
             "final": final,
             "largest_deviation": largest,
-            "rms_error": dict(zip(model.linear, np.sqrt(np.mean(late**2, axis=0)).tolist(), strict=True)),
-            "share_beyond_control_limits": dict(
-                zip(model.inputs, beyond_control_limits(model, self.inputs).mean(axis=0).tolist(), strict=True)
+            "rms_error": _by_name(model.linear, np.sqrt(np.mean(late**2, axis=0))),
+            "share_beyond_control_limits": _by_name(
+                model.inputs, beyond_control_limits(model, self.inputs).mean(axis=0)
             ),
             "checks": [],
+            "policy": {"law": law.name},
         }
         if self.predicted is not None:
-            count = min(len(flight.times), len(self.predicted.times))
-            off = np.abs(flight.states[:count] - self.predicted.states[:count]).max(axis=0)
-            data["largest_difference_from_linear"] = dict(zip(model.states, off.tolist(), strict=True))
-        followed: tuple[Tracked, ...] = ()
-        if law is not None:
-            data["policy"] = {"law": law.name}
-            if len(law.gains):
-                data["policy"] |= {"state_units": list(model.units(model.linear)), "K": law.gains[-1]}
-            if isinstance(law.policy, ServoPolicy) and isinstance(law.policy.commands, CommandSteps):
-                followed = tracked(flight, law.policy.regulated, law.policy.commands)
-                data["commanded"] = {
-                    each.name: {"rms_error": each.rms, "largest_error": each.largest, "unit": each.unit}
-                    for each in followed
-                }
-        words = "" if law is None else f", law {law.name}{', frozen' * bool(len(law.gains))}"
+            off = np.abs(flight.states - self.predicted.states).max(axis=0)
+            data["largest_difference_from_linear"] = _by_name(model.states, off)
+        if len(law.gains):
+            data["policy"] |= {"state_units": list(model.units(model.linear)), "K": law.gains[-1]}
         parts: list[Part] = [self._states(data, moving), *[OVER_GROUND] * moving, self._inputs(data)]
-        if followed:
-            rows = [
-                (each.name, shown_unit(each.unit), *(short_number(x, each.unit) for x in (each.rms, each.largest)))
-                for each in followed
-            ]
-            parts.insert(0, Table(("commanded output", "unit", "rms error", "largest error"), rows))
+        if isinstance(law.policy, ServoPolicy):
+            rows, commanded = [], {}
+            for each in tracked(flight, law.policy.regulated, law.policy.commands):
+                commanded[each.name] = {"rms_error": each.rms, "largest_error": each.largest, "unit": each.unit}
+                errors = (short_number(error, each.unit) for error in (each.rms, each.largest))
+                rows.append((each.name, shown_unit(each.unit), *errors))
+            data["commanded"] = commanded
+            parts[:0] = [Table(("commanded output", "unit", "rms error", "largest error"), rows)] * bool(rows)
         still = max(np.abs(flight.states).max(), np.abs(flight.inputs).max()) <= _STILL
-        return Report(self.title(words), parts, [UNDISTURBED] * bool(still), data, self._records())
+        title = self.title(f", law {law.name}{', frozen' * bool(len(law.gains))}")
+        return Report(title, parts, [UNDISTURBED] * bool(still), data, self._records())
 
     def _states(self, data: dict[str, Any], moving: bool) -> Table:
         """Of each state, and where the air moves of alpha through it, what the data have; the limits beside."""
@@ -249,7 +242,7 @@ class NonlinearFlight(Reported):
 
     def history(self) -> dict[str, Any]:
         """Once a tick: times (N,), states (N, n), inputs (N, m), angles of attack, all absolute; errors, updrafts."""
-        every = slice(None, None, self.scenario.steps_per_tick)
+        every = slice(None, None, self.loop.scenario.steps_per_tick)
         of_flight = {name: getattr(self.flight, name)[every] for name in ("times", "errors", "updrafts")}
         names = ("states", "inputs", *(("angles_of_attack",) if flown_through_air(self.point.model) else ()))
         absolute = {name: getattr(self, name)[every] for name in names}
@@ -268,6 +261,10 @@ class NonlinearFlight(Reported):
             columns.append(flown["angles_of_attack"])
         rows: Any = np.column_stack(columns)
         return Table(tuple(f"{name} [{unit}]" for name, unit in units.items()), rows)
+
+
+def _by_name(names: Iterable[str], values: np.ndarray) -> dict[str, float]:
+    return dict(zip(names, values.tolist(), strict=True))
 
 
 def names_and_units(model: Model) -> dict[str, list[str]]:

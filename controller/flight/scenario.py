@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 
 from controller.flight.actuators import Actuators
-from controller.flight.gusts import Dryden, Gust
-from controller.flight.plants import UPDRAFT
+from controller.flight.gusts import UPDRAFT, Dryden, Gust
 from controller.policy.signals import CommandedStates, Signal, TimeVector, zero
 from hfa_support.errors import BadInputError, is_finite, refuse_unknown, refuse_unless_positive, shown
 from hfa_support.model import HasModel, Model
@@ -140,6 +139,13 @@ class Scenario(Shown):
     def moving_air(self) -> bool:
         """Whether the air moves: a gust, another disturbance of the model, or turbulence that is still to be drawn."""
         return self.gust is not None or self.uncertainty.turbulence is not None or bool(self.air)
+
+    @property
+    def driven_until(self) -> float:
+        """When the last signal, gust or noise comes to rest, s; inf: never. What is left then is the loop's own."""
+        sources = (self.reference, self.disturbance, self.noise, self.gust, *self.air.values())
+        ends = [getattr(each, "until", math.inf) for each in sources if each is not None]
+        return max(ends, default=0.0) if self.samples is None else math.inf
 
     def on(self, model: Model) -> Scenario:
         """The same with a start and signals of the sizes of a model.

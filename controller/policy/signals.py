@@ -14,7 +14,8 @@ from controller.design.design import COMMAND_FILTER
 from hfa_support.errors import BadInputError, refuse_unless_positive
 from hfa_support.reporting.fields import Shown
 
-#: What a loop asks of its reference, disturbance and noise: `size` n, and `at(t)`, the value (n,) at an expression.
+#: What a loop asks of its reference, disturbance and noise: `size` n, and `at(t)`, the value (n,) at an expression;
+#: `until`, s, when it comes to rest, inf unless given.
 TimeVector = Any
 
 
@@ -50,6 +51,11 @@ class Signal(Shown):
     def size(self) -> int:
         """Number of channels."""
         return len(self.constant)
+
+    @property
+    def until(self) -> float:
+        """When it comes to rest, s: never where it has a wave."""
+        return math.inf if self.harmonics else 0.0
 
     # NumPy's answer to a number and CasADi's to an expression have no type in common.
     def at(self, t: Any) -> Any:
@@ -168,6 +174,11 @@ class CommandedStates:
     def size(self) -> int:
         """Number of states."""
         return len(self.states)
+
+    @property
+    def until(self) -> float:
+        """When the last step is commanded, s."""
+        return float(self.commands.times[-1]) if len(self.commands.times) else 0.0
 
     def to_dict(self) -> dict[str, Any]:
         """The steps as data for JSON."""

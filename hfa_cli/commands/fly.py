@@ -28,4 +28,4 @@ def run(arguments: argparse.Namespace) -> int:
 
     aircraft, point, law, scenario, envelope = flights.flight_of(arguments)
     result = fly(aircraft, point, law, scenario, envelope, progress=ProgressLine("simulate"))
-    return flights.tell_flight(result, result.report(law), [point], arguments)
+    return flights.tell_flight(result, result.report(), [point], arguments)

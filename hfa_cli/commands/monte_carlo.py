@@ -36,7 +36,8 @@ def options() -> Options:
 
 def run(arguments: argparse.Namespace) -> int:
     """Fly and report; exit 1 when no member stayed within its limits."""
-    from controller.flight.monte_carlo import MonteCarlo, member_report, stream_monte_carlo
+    from controller.flight.monte_carlo import MonteCarlo, member_report
+    from hfa_support.jobs.store import stream
 
     target = arguments.output
     trims.refuse_files(arguments, ("output",), "a store is in ft")
@@ -47,7 +48,7 @@ def run(arguments: argparse.Namespace) -> int:
     with temporary_folder() as folder:
         place, about = target or folder / "members.zarr", provenance().to_dict()
         crew = trims.crew_of(arguments)
-        store = stream_monte_carlo(plan, place, **crew, provenance=about, progress=ProgressLine("simulate"))
+        store = stream(plan, place, **crew, provenance=about, progress=ProgressLine("simulate"))
         report = member_report(plan, store, "members not kept" if target is None else f"members in {target}")
     tell(report.with_data(store=None if target is None else str(target)), [plan.point], arguments, None)
     return 0 if report.data["within_limits"] else 1

@@ -13,8 +13,7 @@ import numpy as np
 
 from controller.flight.actuators import ActuatorFault, Actuators
 from controller.flight.envelope import Envelope, control_limits, flight_envelope
-from controller.flight.gusts import Dryden, Gust, OneMinusCosine
-from controller.flight.plants import UPDRAFT
+from controller.flight.gusts import UPDRAFT, Dryden, Gust, OneMinusCosine
 from controller.flight.scenario import Scenario, Uncertainty, met_at
 from controller.policy import paper_flight
 from controller.policy.signals import CommandedStates, CommandSteps, Harmonic, Signal

@@ -11,8 +11,7 @@ import casadi as ca
 import numpy as np
 
 from controller import FlownLaw, Game, Scenario, Signal, Stack, basis, learn, published_game, random_pool
-from controller.flight.closed_loop import ClosedLoop
-from controller.flight.plants import LinearPlant
+from controller.flight.closed_loop import ClosedLoop, LinearPlant
 from controller.flight.simulation import CompiledLoop, Flight
 from controller.game.basis import Basis
 from controller.game.learning_result import LearningResult
@@ -209,10 +208,9 @@ def simulate_plan(setting: Setting, plan: FlightPlan, section: str) -> FlightRec
     plant = LinearPlant((1.0 + plan.uncertainty) * case.game.A, case.game.B)
     noise = configuration.noise if plan.noise else zero(_N)
     settings, signals = configuration.flight, (reference, configuration.disturbance, noise)
-    scenario = Scenario(settings.duration, settings.step, settings.tick, np.zeros(0), *signals)
-    loop = CompiledLoop(ClosedLoop(plant, flown.policy, scenario))
     start = configuration.initial if plan.commanded else np.zeros(_N)
-    flight, lost_at = _flown(configuration, loop, flown, start)
+    scenario = Scenario(settings.duration, settings.step, settings.tick, start, *signals)
+    flight, lost_at = _flown(configuration, CompiledLoop(ClosedLoop(plant, flown, scenario)))
     times, errors = flight.times[::each], flight.errors[::each]
     # A flight that is lost in its first tick leaves its start behind.
     critic = learned(flight.memory[::each]) if learned is not None else None
@@ -237,16 +235,11 @@ def simulate_plan(setting: Setting, plan: FlightPlan, section: str) -> FlightRec
     )
 
 
-def _flown(
-    configuration: Configuration, loop: CompiledLoop, flown: FlownLaw, start: np.ndarray
-) -> tuple[Flight, float]:
+def _flown(configuration: Configuration, loop: CompiledLoop) -> tuple[Flight, float]:
     """The flight up to the last step at which it is not lost, and when it is (inf: never)."""
     limit = configuration.flight.lost_beyond
     with np.errstate(invalid="ignore", over="ignore"):
         flight = loop.fly(
-            start,
-            flown.constants,
-            memory=flown.memory,
             stop=lambda rows: (
                 ~(
                     np.all(np.abs(rows.states) <= limit, axis=1)

@@ -25,8 +25,7 @@ from controller import (
     published_game,
 )
 from controller.design.design import Actuator
-from controller.flight.nonlinear_flight import NonlinearFlight, Tracked, fly_law, tracked
-from controller.flight.plants import NonlinearPlant
+from controller.flight.nonlinear_flight import NonlinearFlight, Tracked, fly, tracked
 from controller.policy.servo_policy import MeasuredOutputs, servo_law
 from controller.policy.signals import CommandedStates
 from hfa_model import INPUTS, LINEAR_STATES, Aircraft
@@ -188,7 +187,8 @@ def fly_case(
     envelope = flight_envelope(aircraft, point)
     outputs = MeasuredOutputs(aircraft, point, commands.names)
     for law, make in laws_of(case.actuator.order, controllers, only).items():
-        result = fly_law(NonlinearPlant(aircraft, point), make(Start(aircraft, point, commands)), scenario, envelope)
+        made = make(Start(aircraft, point, commands))
+        result = fly(aircraft, point, made, scenario, envelope, predict=False)
         moved = np.abs(np.diff(result.flight.inputs[:, 1:], axis=0)).max(initial=0.0)  # without the throttle
         times = result.flight.times[:2]
         yield ServoFlight(law, tracked(result.flight, outputs, commands), float(moved / np.ptp(times)), result)

@@ -23,8 +23,7 @@ from controller import (
 )
 from controller.design.design import Actuator
 from controller.design.servo_loop import ServoLoop, check_margins, servo_loop, servo_plant
-from controller.flight.nonlinear_flight import NonlinearFlight, fly_law
-from controller.flight.plants import NonlinearPlant
+from controller.flight.nonlinear_flight import NonlinearFlight, fly
 from controller.policy.servo_policy import servo_law
 from hfa_model import INPUTS, LINEAR_STATES, Aircraft, Input
 from hfa_model.vectors import CONTROL_LIMITS
@@ -65,7 +64,8 @@ def flown(
         **{"duration": SECONDS, "step": STEP, "tick": TICK, **happens}, actuators=flown_actuators(acting)
     )
     envelope, point = flight_envelope(aircraft, model.point), model.point
-    return fly_law(NonlinearPlant(aircraft, point), servo_law(controller, still, aircraft, point), scenario, envelope)
+    law = servo_law(controller, still, aircraft, point)
+    return fly(aircraft, point, law, scenario, envelope, predict=False)
 
 
 def gust_held(

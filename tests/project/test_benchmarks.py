@@ -102,7 +102,7 @@ def test_the_members_fly_the_flight_of_the_benchmark(case: FlightCase) -> None:
     assert plan.law.policy.law.basis.size == 25
     assert len(plan.law.policy.law.stack.states) == 50
     assert (plan.scenario.step, critic_plan(1).scenario.duration, gain_plan(1).scenario.duration) == (1e-4, 20.0, 20.0)
-    assert fly_member(plan, 1)[1].left == -1
+    assert fly_member(plan, 1).departure is None
     np.testing.assert_array_equal(plan.law.memory, case.start[6:])
 
 

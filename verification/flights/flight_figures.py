@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from controller.flight.envelope import ALPHA, ANGLE_OF_ATTACK, flown_through_air
+from controller.flight.gusts import UPDRAFT
 from controller.flight.nonlinear_flight import NonlinearFlight
-from controller.flight.plants import UPDRAFT
 from hfa_support.reporting.figure import new_figure
 from hfa_support.reporting.text import shown_unit, shown_values
 from trim.point.operating_point import at_scheduled
@@ -122,7 +122,7 @@ def _start_map(axes: Axes, each: RecoverableMap) -> dict[str, Any]:
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
-    found, model = each.starts["nonlinear"].of_starts(), each.envelope.model
+    found, model = each.starts["nonlinear"], each.envelope.model
     states, inputs = tuple(model.states), tuple(model.inputs)
     inside, returned, left, exceeded = (found[name] for name in ("held", "returned", "left_first", "exceeded"))
     picture = np.ones((*inside.shape, 3))
@@ -143,7 +143,7 @@ def _start_map(axes: Axes, each: RecoverableMap) -> dict[str, Any]:
         fill(~inside & (left == index) & (returned == back), _PALE * color + 1 - _PALE if back else color, label)
     across, down = (shown_values(values, model.unit(name)) for name, values in each.axes.items())
     axes.pcolormesh(across, down, picture, shading="nearest")
-    linear = each.starts["linear"].of_starts()["held"].astype(float)
+    linear = each.starts["linear"]["held"].astype(float)
     if min(linear.shape) > 1 and 0.0 < linear.mean() < 1.0:
         axes.contour(across, down, linear, levels=[0.5], colors="black", linestyles="--", linewidths=1.2)
     label = "linear model inside the envelope"

@@ -5,20 +5,21 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from controller.flight.envelope import Envelope, control_excesses
-from controller.flight.plants import LinearPlant, NonlinearPlant, Plant
+from controller.flight.closed_loop import ClosedLoop, LinearPlant, NonlinearPlant, Plant
+from controller.flight.envelope import Envelope
+from controller.flight.nonlinear_flight import fly_within
 from controller.flight.scenario import Scenario
-from controller.flight.simulation import SummedLoop
+from controller.flight.simulation import CompiledLoop, Flight
 from controller.policy.policies import gain_law
 from controller.riccati.balancing import spectrum
 from hfa_support.errors import BadInputError, refuse_unknown
 from hfa_support.model import HasModel, Model
-from hfa_support.progress import Progress
+from hfa_support.progress import Progress, told
 from hfa_support.reporting.report import Part, Report, Reported
 from hfa_support.reporting.text import Table, short_number, shown_unit
 from trim.point.operating_point import OperatingPoint, at_scheduled
@@ -41,42 +42,29 @@ CLOSE = 0.01
 PLANTS = ("nonlinear", "linear")
 
 
-class Outcomes(NamedTuple):
-    """What became of flights, arrays of any one shape.
+class Outcome(NamedTuple):
+    """What became of a flight.
 
     left: index of the state that left the envelope first, -1 when none did. when: s, inf when none did.
     exceeded: index of the input that went farthest beyond its control limits inside the envelope, -1 when none did.
     returned: whether it ended at rest on its target, wherever it went in between.
     """
 
-    left: np.ndarray
-    when: np.ndarray
-    exceeded: np.ndarray
-    returned: np.ndarray
-
-    def of_starts(self) -> dict[str, np.ndarray]:
-        """held: inside the envelope and back at trim; within_limits: within the control limits too."""
-        held = (self.left < 0) & self.returned
-        within = held & (self.exceeded < 0)
-        found = {"held": held, "within_limits": within, "exceeded": self.exceeded}
-        return {**found, "returned": self.returned, "left_first": self.left}
+    left: int
+    when: float
+    exceeded: int
+    returned: bool
 
 
 class ManyFlights:
     """A plant under u = -K (x - c), flown for a time from many starts to many commands, wherever it goes."""
 
-    def __init__(
-        self,
-        plant: Plant,
-        point: OperatingPoint,
-        envelope: Envelope,
-        gain: np.ndarray,
-        seconds: float,
-    ) -> None:
-        model, offsets = envelope.model, np.array(point.states)
+    def __init__(self, plant: Plant, envelope: Envelope, gain: np.ndarray, seconds: float) -> None:
+        model, offsets = envelope.model, np.array(plant.point.states)
         rounded = float(TICK * np.ceil(seconds / TICK - 1e-9))
-        self._model, self._scenario = model, Scenario(rounded, STEP, TICK, np.zeros(len(offsets)))
-        self._loop = SummedLoop(plant, point, gain_law("map", gain), self._commanded({}), envelope, MOST_POINTS)
+        self._envelope, self._scenario = envelope, Scenario(rounded, STEP, TICK)
+        loop = ClosedLoop(plant, gain_law("map", gain), self._scenario_of({}, {}))
+        self._compiled = CompiledLoop(loop, MOST_POINTS)
         lowest, highest = np.array(envelope.lowest) - offsets, np.array(envelope.highest) - offsets
         self._far_below = lowest - _LOST_WIDTHS * (highest - lowest)
         self._far_above = highest + _LOST_WIDTHS * (highest - lowest)
@@ -84,40 +72,37 @@ class ManyFlights:
             speed = list(model.states).index("speed")
             self._far_below[speed] = _LOST_SPEED * envelope.lowest.speed - offsets[speed]
 
-    def fly(
-        self,
-        starts: Mapping[str, np.ndarray] | None = None,
-        commands: Mapping[str, np.ndarray] | None = None,
-        progress: Callable[[], None] | None = None,
-    ) -> Outcomes:
-        """starts, commands: state -> deviations, all of one shape. progress: called after each flight."""
-        model, found = self._model, []
-        shape, inputs = np.shape(next(iter({**(starts or {}), **(commands or {})}.values()))), tuple(model.inputs)
-        for index in np.ndindex(shape):
-            start = np.array([(starts or {}).get(name, np.zeros(shape))[index] for name in model.states])
-            command = {name: float(each[index]) for name, each in (commands or {}).items()}
-            scenario = replace(self._commanded(command), initial=start)
-            flown = self._loop.fly(scenario, lost=self._lost)
-            excess = control_excesses(model, flown.lowest_input, flown.highest_input)[:1]
-            over = inputs.index(excess[0].input) if excess else -1
-            still = not self._lost(flown.final[None]).any() and self._rests(flown.final, scenario)
-            at_target = still and on_target(model, flown.final, command)
-            found.append((flown.left, flown.flown if flown.left >= 0 else np.inf, over, at_target))
-            if progress is not None:
-                progress()
-        return Outcomes(*(np.array(each).reshape(shape) for each in zip(*found, strict=True)))
+    def fly(self, start: Mapping[str, float], command: Mapping[str, float]) -> Outcome:
+        """One flight. start, command: state -> deviation."""
+        model, scenario = self._envelope.model, self._scenario_of(start, command)
+        result = fly_within(self._compiled, self._envelope, scenario, lost=self._lost)
+        gone, end = result.departure, result.flight.states[-1]
+        left, when = (-1, np.inf) if gone is None else (list(model.states).index(gone.state), gone.time)
+        exceeded = list(model.inputs).index(result.exceeded[0].input) if result.exceeded else -1
+        still = not self._is_far(end) and self._rests(end, scenario)
+        return Outcome(left, when, exceeded, still and on_target(model, end, command))
+
+    def _scenario_of(self, start: Mapping[str, float], command: Mapping[str, float]) -> Scenario:
+        """A command is an offset of what is measured, which no flight needs to compile."""
+        model = self._envelope.model
+        initial = np.array([start.get(name, 0.0) for name in model.states])
+        offset = [-command.get(name, 0.0) for name in model.linear]
+        return replace(self._scenario, initial=initial, samples=np.tile(offset, (self._scenario.ticks, 1)))
 
     def _rests(self, x: np.ndarray, scenario: Scenario) -> bool:
         """Whether the rates of the controlled states have died out."""
-        rates = dict(zip(self._model.states, self._loop.rate(x, scenario).tolist(), strict=True))
-        return all(abs(rates[name]) <= CLOSE * self._model.states[name].nominal for name in self._model.linear)
+        loop, states = replace(self._compiled.loop, scenario=replace(scenario, initial=x)), self._envelope.model.states
+        rates = np.array(self._compiled.rate(0.0, loop.start(), loop.constants()(0))).ravel()
+        small = {name: abs(rate) <= CLOSE * states[name].nominal for name, rate in zip(states, rates, strict=True)}
+        return all(small[name] for name in self._envelope.model.linear)
 
-    def _commanded(self, command: Mapping[str, float]) -> Scenario:
-        """A command is an offset of what is measured, which no flight needs to compile."""
-        offset = [-command.get(name, 0.0) for name in self._model.linear]
-        return replace(self._scenario, samples=np.tile(offset, (self._scenario.ticks, 1)))
+    def _lost(self, rows: Flight) -> np.ndarray:
+        """Asked once a tick."""
+        found, each = np.zeros(len(rows.times), dtype=bool), self._scenario.steps_per_tick
+        found[::each] = self._is_far(rows.states[::each])
+        return found
 
-    def _lost(self, x: np.ndarray) -> np.ndarray:
+    def _is_far(self, x: np.ndarray) -> np.ndarray:
         return np.asarray(~((x >= self._far_below) & (x <= self._far_above)).all(axis=-1))
 
 
@@ -160,14 +145,15 @@ class Edge(NamedTuple):
 class RecoverableMap(Reported):
     """Flights from a grid of initial deviations, and how far one can go along axes and commands, by both plants.
 
-    axes: the two states that start off trim -> their deviations, (S,) and (D,); starts: of each of `PLANTS` the flights
-    of all pairs, (D, S). commands: the state that is commanded -> the steps from trim that were asked for.
+    axes: the two states that start off trim -> their deviations, (S,) and (D,); starts: of each of `PLANTS` what became
+    of all pairs, arrays (D, S): those of `Outcome`; held: inside the envelope and back at trim; within_limits: within
+    the control limits too. commands: the state that is commanded -> the steps from trim that were asked for.
     """
 
     point: OperatingPoint
     envelope: Envelope
     axes: dict[str, np.ndarray]
-    starts: dict[str, Outcomes]
+    starts: dict[str, dict[str, np.ndarray]]
     commands: dict[str, np.ndarray]
     edges: tuple[Edge, ...]
 
@@ -201,59 +187,67 @@ def recoverable_map(
             refuse_unknown("the map has no state", name, names)
             if len(values) == 0 or not np.all(np.isfinite(values)):
                 raise BadInputError(f"the map's {name} are empty or not finite; give numbers")
-    grid = dict(zip(starts, np.meshgrid(*starts.values()), strict=True))
-    size = next(iter(grid.values())).size
-    if size > MOST_POINTS:
-        raise BadInputError(f"the map has {size} points; at most {MOST_POINTS} are allowed")
+    across, down = starts.values()
+    grid = [dict(zip(starts, (x, y), strict=True)) for y in down.tolist() for x in across.tolist()]
+    if len(grid) > MOST_POINTS:
+        raise BadInputError(f"the map has {len(grid)} points; at most {MOST_POINTS} are allowed")
     linear = LinearPlant.at(aircraft, point)
     rows = [list(model.states).index(name) for name in model.linear]
     abscissa = spectrum(linear.A[np.ix_(rows, rows)] - linear.B[rows] @ gain).abscissa
     if abscissa >= 0.0:
         raise BadInputError(f"A - B K has abscissa {abscissa:+.4g} 1/s; give a gain that stabilizes the linear model")
-    done = itertools.count(1)
-    each_done = None if progress is None else lambda: progress(next(done), 2 * size)
-    found, edges = {}, list[Edge]()
+    found, edges = dict[str, dict[str, np.ndarray]](), list[Edge]()
     plants: tuple[Plant, ...] = NonlinearPlant(aircraft, point), linear
     for name, plant in zip(PLANTS, plants, strict=True):
-        flights = ManyFlights(plant, point, envelope, gain, TIME_CONSTANTS / -abscissa)
-        found[name] = flights.fly(grid, progress=each_done)
-        for is_command, rays in ((False, starts), (True, commands)):
-            for state, values in rays.items():
-                far = float(np.abs(values).max())
-                fly = partial(_along_ray, flights, state, is_command)
-                edges += [_edge(model, state, is_command, sign, name, fly, far) for sign in (-1, 1) if far > 0.0]
+        flights = ManyFlights(plant, envelope, gain, TIME_CONSTANTS / -abscissa)
+        outcomes = [flights.fly(start, {}) for start in told(grid, progress)]
+        found[name] = _starts(outcomes, (len(down), len(across)))
+        for state, values in starts.items():
+            fly = lambda x, state=state, flights=flights: flights.fly({state: x}, {})  # noqa: E731
+            edges += _edges(model, state, state, name, fly, values)
+        for state, values in commands.items():
+            fly = lambda x, state=state, flights=flights: flights.fly({}, {state: x})  # noqa: E731
+            edges += _edges(model, state, f"{state} command", name, fly, values)
     return RecoverableMap(point, envelope, dict(starts), found, dict(commands), tuple(edges))
 
 
-def _along_ray(flights: ManyFlights, state: str, is_command: bool, values: np.ndarray) -> Outcomes:
-    return flights.fly({} if is_command else {state: values}, {state: values} if is_command else {})
+def _starts(outcomes: list[Outcome], shape: tuple[int, int]) -> dict[str, np.ndarray]:
+    left, _, exceeded, returned = (np.array(each).reshape(shape) for each in zip(*outcomes, strict=True))
+    held = (left < 0) & returned
+    within = held & (exceeded < 0)
+    return {"held": held, "within_limits": within, "exceeded": exceeded, "returned": returned, "left_first": left}
+
+
+def _edges(
+    model: Model, state: str, axis: str, plant: str, fly: Callable[[float], Outcome], values: np.ndarray
+) -> list[Edge]:
+    """Both edges of a ray as far as its values."""
+    far = float(np.abs(values).max())
+    return [_edge(model, state, axis, sign, plant, fly, far) for sign in (-1, 1) if far > 0.0]
 
 
 def _edge(
-    model: Model, state: str, is_command: bool, sign: int, plant: str, fly: Callable[[np.ndarray], Any], far: float
+    model: Model, state: str, axis: str, sign: int, plant: str, fly: Callable[[float], Outcome], far: float
 ) -> Edge:
-    values = sign * far * np.arange(1, _SCAN + 1) / _SCAN
-    scan = fly(values)
+    values, flown = (sign * far * np.arange(1, _SCAN + 1) / _SCAN).tolist(), cache(fly)
 
-    def bisected(good: Callable[[Any], np.ndarray]) -> tuple[float, Any]:
-        """The last good value, and the flight of the first bad one, None where all of the scan are good."""
-        passed = good(scan)
-        if passed.all():
+    def bisected(good: Callable[[Outcome], bool]) -> tuple[float, Outcome | None]:
+        """The last good deviation, and the flight of the first bad one, None where all of the scan are good."""
+        first = next((place for place, each in enumerate(values) if not good(flown(each))), None)
+        if first is None:
             return far, None
-        first = int(np.argmin(passed))
-        low, high = (float(values[first - 1]) if first > 0 else 0.0), float(values[first])
+        low, high = (values[first - 1] if first else 0.0), values[first]
         for _ in range(_HALVINGS):
-            middle = np.array([(low + high) / 2])
-            low, high = (float(middle[0]), high) if good(fly(middle))[0] else (low, float(middle[0]))
-        return abs(low), fly(np.array([high]))
+            middle = (low + high) / 2
+            low, high = (middle, high) if good(flown(middle)) else (low, middle)
+        return abs(low), flown(high)
 
     inside, left = bisected(lambda flown: flown.left < 0)
-    limits, exceeded = bisected(lambda flown: (flown.left < 0) & (flown.exceeded < 0))
-    leaving, time = ("", np.inf) if left is None else ((*model.states,)[left.left[0]], float(left.when[0]))
-    control = "" if exceeded is None else (*model.inputs, "")[exceeded.exceeded[0]]
-    axis = f"{state} command" if is_command else state
-    returned = bisected(lambda flown: flown.returned)[0]
-    return Edge(axis, sign, plant, inside, leaving, time, limits, control, returned, far, model.unit(state))
+    within, exceeded = bisected(lambda flown: flown.left < 0 and flown.exceeded < 0)
+    returned, _ = bisected(lambda flown: flown.returned)
+    leaving, time = ("", np.inf) if left is None else ((*model.states,)[left.left], left.when)
+    control = "" if exceeded is None else (*model.inputs, "")[exceeded.exceeded]
+    return Edge(axis, sign, plant, inside, leaving, time, within, control, returned, far, model.unit(state))
 
 
 def map_report(maps: tuple[RecoverableMap, ...], law: str = "") -> Report:
@@ -270,13 +264,13 @@ def map_report(maps: tuple[RecoverableMap, ...], law: str = "") -> Report:
     data = {"schema": MAP_SCHEMA, "states": list(model.states), "inputs": list(model.inputs)}
     return Report(
         title="How far from trim u = -K z works" + (f", {at}" if at else "") + (f", law {law}" if law else ""),
-        parts=(*map(_edges, maps), ("envelope", Table(("state", "unit", "limits"), limits))),
+        parts=(*map(_tables, maps), ("envelope", Table(("state", "unit", "limits"), limits))),
         data=data | {"maps": {each.point.dynamics: _data(each) for each in maps}},
         records=_records(maps),
     )
 
 
-def _edges(each: RecoverableMap) -> Part:
+def _tables(each: RecoverableMap) -> Part:
     parts: list[str | Table] = []
     header = ("from trim", "unit", "inside the envelope", "then leaves", "within control limits", "then exceeds")
     inputs = tuple(each.envelope.model.inputs)
@@ -290,7 +284,7 @@ def _edges(each: RecoverableMap) -> Part:
             leaving = f"{edge.state} at {edge.time:.3g} s" if edge.state else ""
             rows.append((edge.axis, shown_unit(edge.unit), inside, leaving, within, edge.control, returned))
         parts.append(Table((*header, "comes back"), rows))
-        found = each.starts[plant].of_starts()
+        found = each.starts[plant]
         within_limits, over = found["within_limits"], found["held"] & ~found["within_limits"]
         text = f"{plant}: of {over.size} starts {within_limits.sum()} stayed within limits"
         if over.any():
@@ -307,7 +301,7 @@ def _records(maps: tuple[RecoverableMap, ...]) -> Table:
     words = {"left_first": (*model.states, ""), "exceeded": (*model.inputs, "")}
     rows: list[tuple[Any, ...]] = []
     for each, plant in itertools.product(maps, PLANTS):
-        found = each.starts[plant].of_starts()
+        found = each.starts[plant]
         across, down = np.meshgrid(*each.axes.values())
         for place in np.ndindex(across.shape):
             cells = (int(found[name][place]) for name in names)
@@ -328,5 +322,5 @@ def _data(each: RecoverableMap) -> dict[str, Any]:
         "commands": steps,
         "command_units": model.unit(commanded),
         "edges": [{**edge._asdict(), "held": edge.inside} for edge in each.edges],
-        **{plant: each.starts[plant].of_starts() for plant in PLANTS},
+        **each.starts,
     }

@@ -10,9 +10,8 @@ import casadi as ca
 import numpy as np
 
 from controller.flight.envelope import Envelope
-from controller.flight.nonlinear_flight import NonlinearFlight, fly_law
-from controller.flight.plants import NonlinearPlant
-from controller.flight.scenario import Scenario, with_errors
+from controller.flight.nonlinear_flight import NonlinearFlight, fly
+from controller.flight.scenario import Scenario
 from controller.game.zero_sum import Game, published_game
 from controller.laws.certified import learned_value
 from controller.policy.gain_table import GainTable
@@ -240,8 +239,8 @@ def fly_schedule(
     """
     begin = certified.at(change.start).point
     policy = ScheduledPolicy(certified, change, begin)
-    plant, law = NonlinearPlant(with_errors(aircraft, scenario), begin), FlownLaw("scheduled", policy)
-    return fly_law(plant, law, replace(scenario, reference=policy), envelope, progress=progress)
+    law, happens = FlownLaw("scheduled", policy), replace(scenario, reference=policy)
+    return fly(aircraft, begin, law, happens, envelope, predict=False, progress=progress)
 
 
 def schedule_report(result: NonlinearFlight, certified: Schedule, change: ScheduledChange, law: str) -> Report:

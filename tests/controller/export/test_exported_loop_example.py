@@ -12,8 +12,7 @@ from controllers import integrating_controller, small_controller
 
 from controller import Actuators, CommandSteps, Scenario, ScheduledController
 from controller.export.exported_loop import COMMANDED, EXAMPLE, SECONDS, SOURCE, c_controller_texts, controller_example
-from controller.flight.closed_loop import ClosedLoop
-from controller.flight.plants import NonlinearPlant
+from controller.flight.closed_loop import ClosedLoop, NonlinearPlant
 from controller.flight.simulation import CompiledLoop
 from controller.policy.servo_policy import servo_law
 from controller.policy.signals import CommandedStates
@@ -48,8 +47,7 @@ def flown(controller: ScheduledController, aircraft: Aircraft, point: OperatingP
     scenario = Scenario(
         float(SECONDS), 0.01, 0.1, initial, CommandedStates(commands, LINEAR_STATES), actuators=actuators(2)
     )
-    loop = CompiledLoop(ClosedLoop(NonlinearPlant(aircraft, point), law.policy, scenario, np.array(point.inputs)))
-    flight = loop.fly(initial, law.constants, memory=law.memory)
+    flight = CompiledLoop(ClosedLoop(NonlinearPlant(aircraft, point), law, scenario)).fly()
     return np.asarray(flight.states[-1] + np.array(point.states))
 
 

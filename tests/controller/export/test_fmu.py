@@ -14,16 +14,14 @@ from controllers import integrating_controller
 from own_models import NAVION
 from scipy.integrate import solve_ivp
 
-from controller import Actuators, CommandSteps, Scenario, Signal
+from controller import Actuators, CommandSteps, FlownLaw, Scenario, Signal, gain_law
 from controller.export import fmu
 from controller.export.exported_loop import ExportedLoop, exported_loop, interpolated_loop
 from controller.export.fmu import description, write_fmu
-from controller.flight.closed_loop import ClosedLoop
-from controller.flight.plants import NonlinearPlant
+from controller.flight.closed_loop import ClosedLoop, NonlinearPlant
 from controller.flight.simulation import CompiledLoop
-from controller.policy.policies import GainPolicy, gain_constants
 from controller.policy.servo_policy import servo_law
-from controller.policy.signals import CommandedStates, zero
+from controller.policy.signals import CommandedStates
 from hfa_model import LINEAR_STATES, STATES, Aircraft, Input
 from hfa_model.provenance import Provenance
 from trim import InterpolatedModel, OperatingPoint, sweep
@@ -68,37 +66,21 @@ def made(
 ) -> tuple[ExportedLoop, dict[str, float], np.ndarray]:
     """The loop, its inputs besides `START`, and our states each tenth of a second, (601, 7)."""
     if kind == "aircraft":
-        return exported_loop(aircraft, point), {}, flown(aircraft, point, np.zeros((5, 6)), zero(len(LINEAR_STATES)))
+        return exported_loop(aircraft, point), {}, flown(aircraft, point, gain_law("none", 0.0 * gain))
     if kind == "gain":
-        half_a_foot = Signal(np.eye(6)[0] * 0.5, np.zeros(6), ())
-        return exported_loop(aircraft, point, gain), {"reference_speed": 0.5}, flown(aircraft, point, gain, half_a_foot)
+        known = flown(aircraft, point, gain_law("exact", gain), reference=Signal(np.eye(6)[0] * 0.5, np.zeros(6)))
+        return exported_loop(aircraft, point, gain), {"reference_speed": 0.5}, known
     controller = integrating_controller(aircraft, W=np.full((3, 1, 1), 0.1))
     commands = CommandSteps(("dihedral",), np.zeros(1), np.array([[0.02]]))
-    law = servo_law(controller, commands, aircraft, point)
-    scenario = scenario_of(point, reference=CommandedStates(commands, LINEAR_STATES), actuators=ACTUATORS)
-    loop = CompiledLoop(ClosedLoop(NonlinearPlant(aircraft, point), law.policy, scenario, np.array(point.inputs)))
-    known = absolute(loop, point, scenario, law.constants, memory=law.memory)
+    law, reference = servo_law(controller, commands, aircraft, point), CommandedStates(commands, LINEAR_STATES)
+    known = flown(aircraft, point, law, reference=reference, actuators=ACTUATORS)
     return exported_loop(aircraft, point, None, controller, ACTUATORS), {"command_dihedral": 0.02}, known
 
 
-def flown(aircraft: Aircraft, point: OperatingPoint, gain: np.ndarray, follow: Signal) -> np.ndarray:
-    scenario = scenario_of(point, reference=follow)
-    loop = CompiledLoop(
-        ClosedLoop(NonlinearPlant(aircraft, point), GainPolicy(5, 6), scenario, np.array(point.inputs)),
-    )
-    constants = gain_constants(gain)
-    return absolute(loop, point, scenario, lambda _: constants)
-
-
-def scenario_of(point: OperatingPoint, **given: Any) -> Scenario:
+def flown(aircraft: Aircraft, point: OperatingPoint, law: FlownLaw, **happens: Any) -> np.ndarray:
     initial = np.array([START.get(name, value) for name, value in point.states._asdict().items()]) - point.states
-    return Scenario(duration=SECONDS, step=STEP, tick=0.1, initial=initial, **given)
-
-
-def absolute(
-    loop: CompiledLoop, point: OperatingPoint, scenario: Scenario, constants: Any, memory: np.ndarray | None = None
-) -> np.ndarray:
-    flight = loop.fly(scenario.initial, constants, memory=memory)
+    scenario = Scenario(duration=SECONDS, step=STEP, tick=0.1, initial=initial, **happens)
+    flight = CompiledLoop(ClosedLoop(NonlinearPlant(aircraft, point), law, scenario)).fly()
     return np.asarray(flight.states[::100] + np.array(point.states))
 
 

@@ -13,13 +13,12 @@ from own_models import NAVION
 from scipy.integrate import solve_ivp
 
 from controller import Actuators, CommandSteps, Game, MonteCarlo, Scenario, flight_envelope, fly, gain_law
-from controller.flight.closed_loop import ClosedLoop
-from controller.flight.limit_cycle import limit_cycle
-from controller.flight.monte_carlo import fly_member
+from controller.flight.closed_loop import ClosedLoop, LinearPlant, NonlinearPlant
+from controller.flight.envelope import limit_cycle
+from controller.flight.monte_carlo import fly_members
 from controller.flight.nonlinear_flight import NonlinearFlight
-from controller.flight.plants import LinearPlant
 from controller.flight.simulation import CompiledLoop, Flight
-from controller.policy.policies import GainPolicy, gain_constants, open_loop
+from controller.policy.policies import open_loop
 from controller.policy.signals import Harmonic, Signal
 from hfa_support import BadInputError, Signal as Declared
 from hfa_support.model import Model, record
@@ -99,10 +98,9 @@ def test_disturbances_are_those_of_the_model() -> None:
 def test_a_delay_is_a_delay(delay: float) -> None:
     """x' = -x(t - D), x(0) = 1, no command before 0; by the method of steps x = 1 + Σ_k (-1)^k (t - k D)_+^k / k!."""
     tick = 0.005
-    plant, scenario = LinearPlant(np.zeros((1, 1)), np.ones((1, 1))), Scenario(3.0, tick / 5, tick, delay=delay)
-    loop = CompiledLoop(ClosedLoop(plant, GainPolicy(1, 1), scenario))
-    gain = gain_constants(np.ones((1, 1)))
-    flight = loop.fly(np.ones(1), lambda _: gain)
+    scenario = Scenario(3.0, tick / 5, tick, np.ones(1), delay=delay)
+    plant, law = LinearPlant(np.zeros((1, 1)), np.ones((1, 1))), gain_law("one", np.ones((1, 1)))
+    flight = CompiledLoop(ClosedLoop(plant, law, scenario)).fly()
     t = flight.times
     np.testing.assert_allclose(flight.states[t < delay, 0], 1.0, atol=1e-12)
     exact = _by_steps(t, delay)
@@ -118,7 +116,8 @@ def _by_steps(t: np.ndarray, delay: float) -> np.ndarray:
 
 def test_what_still_oscillates_is_a_limit_cycle(navion: Model) -> None:
     """Planted: a sine that lasts, one that decays, one that something drives, one that is too small to be seen."""
-    t = np.arange(0.0, 20.0, 0.01)
+    plant = NonlinearPlant(navion, find_operating_point(navion, usual_condition(navion)))
+    law, t = gain_law("none", np.zeros((4, 8))), np.arange(0.0, 20.0, 0.01)
     columns = len(navion.states)
     zeros = np.zeros((len(t), columns))
     still = Flight(t, zeros, t[:, None], np.zeros((len(t), 4)), t[:, None], t[:, None], zeros, {})
@@ -127,7 +126,7 @@ def test_what_still_oscillates_is_a_limit_cycle(navion: Model) -> None:
         inputs = still.inputs.copy()
         inputs[:, 1] = signal
         given = Scenario(duration=20.0, **scenario)  # type: ignore[arg-type]
-        return limit_cycle(navion, given.on(navion), replace(still, inputs=inputs))
+        return limit_cycle(ClosedLoop(plant, law, given.on(navion)), replace(still, inputs=inputs))
 
     lasting = 0.05 * np.sin(3.0 * t) + 0.02 * t
     cycle = found(lasting)
@@ -160,7 +159,8 @@ def test_a_loop_that_its_delay_destabilizes_ends_in_a_limit_cycle(navion: Model)
         assert result.report().data["held"] == settles
         assert ("limit cycle: pitch_rate goes on" in result.report().title) == (not settles)
         plan = MonteCarlo(1, 0, navion, point, law, scenario, flight_envelope(navion, point))
-        cycle = fly_member(plan, 0)[1].cycle
-        assert cycle == (-1 if settles else [*navion.inputs, *navion.states].index("pitch_rate"))
+        assert fly_members(plan, 0, 1)["cycle"] == (
+            -1 if settles else [*navion.inputs, *navion.states].index("pitch_rate")
+        )
     with pytest.raises(BadInputError, match="make it a whole number of ticks"):
         Scenario(delay=0.015)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import casadi as ca
@@ -10,9 +11,9 @@ import pytest
 from lagrangian import lagrangian_rates
 from random_points import random_points
 
-from controller import Dryden, OneMinusCosine, Scenario
-from controller.flight.closed_loop import ClosedLoop
-from controller.flight.plants import UPDRAFT, LinearPlant
+from controller import Dryden, FlownLaw, OneMinusCosine, Scenario
+from controller.flight.closed_loop import ClosedLoop, LinearPlant
+from controller.flight.gusts import UPDRAFT
 from controller.flight.simulation import CompiledLoop
 from controller.policy.policies import OpenLoop
 from hfa_model import STATES, VARIANTS, Input, Parameters, State
@@ -122,8 +123,9 @@ def test_one_minus_cosine_has_its_length_and_its_peak() -> None:
 def sampled(gust: Dryden, interval: float, ticks: int) -> np.ndarray:
     """w at the ticks of a flight, by the integrator of the loop."""
     plant = LinearPlant(np.zeros((7, 7)), np.zeros((7, 5)), {UPDRAFT: np.zeros(7)})
-    loop = CompiledLoop(ClosedLoop(plant, OpenLoop(5), Scenario(ticks * interval, interval / 5, interval, gust=gust)))
-    return np.asarray(loop.fly(np.zeros(7), lambda _: np.zeros(5)).updrafts[::5])
+    law, scenario = FlownLaw("none", OpenLoop(5), np.zeros((1, 5))), Scenario(ticks * interval, interval / 5, interval)
+    loop = ClosedLoop(plant, law, replace(scenario, initial=np.zeros(7), gust=gust))
+    return np.asarray(CompiledLoop(loop).fly().updrafts[::5])
 
 
 def turbulence(interval: float, ticks: int, seed: int = 0) -> Dryden:

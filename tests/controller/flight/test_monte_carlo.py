@@ -13,13 +13,14 @@ from member_plans import EVERYTHING, PARAMETERS, with_scenario
 
 from controller import MonteCarlo, OneMinusCosine, Scenario, Uncertainty, flight_envelope, fly, gain_law
 from controller.flight import monte_carlo
-from controller.flight.monte_carlo import fly_member, fly_members, member_report, stream_monte_carlo
+from controller.flight.monte_carlo import fly_member, fly_members, member_report, member_row
+from controller.flight.scenario import with_errors
 from controller.policy.signals import zero
 from hfa_model import LINEAR_STATES, STATES, Aircraft, Input, Parameters, State
 from hfa_model.dynamics import rates
 from hfa_model.variants import variant_named
 from hfa_support import BadInputError
-from hfa_support.jobs.store import Store, open_store
+from hfa_support.jobs.store import Store, open_store, stream
 from hfa_support.native import machine_code as generated
 from studies.section5.critic_policy import critic_law
 from trim import find_operating_point, level_flight
@@ -33,7 +34,7 @@ RateOf = Callable[[MonteCarlo, Scenario], Rate]
 def nonlinear_rate(plan: MonteCarlo, member: Scenario) -> Rate:
     """x' by the equations of motion in plain numbers, without any compiled function."""
     X0, U0 = np.array(plan.point.states), np.array(plan.point.inputs)
-    p, variant = Parameters(*plan.parameters_of(member).tolist()), variant_named(plan.model.name)
+    p, variant = Parameters(*with_errors(plan.aircraft, member).p.tolist()), variant_named(plan.model.name)
 
     def rate(x: np.ndarray, u: np.ndarray, d: np.ndarray, w: float) -> np.ndarray:
         value = np.array([float(row) for row in rates(State(*(X0 + x)), Input(*(U0 + u)), p, variant, w)])
@@ -100,9 +101,9 @@ def flown_plainly(plan: MonteCarlo, member: Scenario, rate_of: RateOf) -> Mappin
 
 
 def assert_same_flight(plan: MonteCarlo, member: int, rate_of: RateOf) -> None:
-    scenario, summary = fly_member(plan, member)
-    found = summary._asdict() | {"final": summary.final + np.array(plan.point.states)}
-    for name, value in flown_plainly(plan, scenario, rate_of).items():
+    result = fly_member(plan, member)
+    found = member_row(plan, result)
+    for name, value in flown_plainly(plan, result.loop.scenario, rate_of).items():
         np.testing.assert_allclose(found[name], value, rtol=1e-8, atol=1e-12, err_msg=name)
 
 
@@ -124,11 +125,11 @@ def test_machine_code_gives_the_same_flight(plan: MonteCarlo, monkeypatch: pytes
 
 def test_a_member_that_leaves_its_envelope_ends_there(plan: MonteCarlo) -> None:
     away = replace(plan, law=gain_law("wrong sign", -np.array(plan.law.identity["K"])))
-    member, summary = fly_member(away, 0)
-    assert 0.0 < summary.flown < away.scenario.duration
-    assert STATES[summary.left] in ("pitch_rate", "alpha")
+    departure = fly_member(away, 0).departure
+    assert departure is not None
+    assert 0.0 < departure.time < away.scenario.duration
+    assert departure.state in ("pitch_rate", "angle_of_attack")
     assert_same_flight(away, 0, nonlinear_rate)
-    assert member.samples.shape == (50, 6)
 
 
 def test_the_envelope_counts_on_the_angle_through_the_air(plan: MonteCarlo) -> None:
@@ -138,17 +139,17 @@ def test_the_envelope_counts_on_the_angle_through_the_air(plan: MonteCarlo) -> N
     plan = with_scenario(replace(plan, envelope=narrow), duration=0.05, initial=np.zeros(7))
     gust = OneMinusCosine(10.0, 3.0, plan.point.states.speed)
     tight = with_scenario(plan, gust=gust, uncertainty=replace(plan.scenario.uncertainty, turbulence=None))
-    scenario, summary = fly_member(tight, 3)
-    assert summary.left == ALPHA
+    flown = fly_member(tight, 3)
+    assert flown.departure is not None
+    assert flown.departure.state == "angle_of_attack"
+    assert np.abs(flown.states[flown.flight.times <= flown.departure.time, ALPHA] - alpha).max() < near
     assert_same_flight(tight, 3, nonlinear_rate)
-    alone = fly(Aircraft(PARAMETERS), plan.point, gain_law("exact", plan.law.gains[0]), scenario, narrow)
-    assert alone.departure is not None
-    assert (alone.departure.state, alone.departure.time) == ("angle_of_attack", pytest.approx(summary.flown))
-    assert np.abs(alone.states[alone.flight.times <= summary.flown, ALPHA] - alpha).max() < near
-    scenario, at_once = fly_member(plan, 3)
-    assert (at_once.left, at_once.flown, at_once.effort.tolist()) == (ALPHA, 0.0, [0.0] * 5)
-    with pytest.raises(BadInputError, match="begins with angle_of_attack"):
-        fly(Aircraft(PARAMETERS), plan.point, gain_law("exact", plan.law.gains[0]), scenario, narrow)
+    at_once = fly_member(plan, 3)
+    row = member_row(plan, at_once)
+    assert (row["left"], row["flown"], row["effort"].tolist()) == (ALPHA, 0.0, [0.0] * 5)
+    for scenario, said in ((at_once.loop.scenario, "begins with angle_of_attack"), (plan.scenario, "to be drawn")):
+        with pytest.raises(BadInputError, match=said):
+            fly(Aircraft(PARAMETERS), plan.point, plan.law, scenario, narrow)
 
 
 def test_the_flight_test_sees_a_wrong_parameter(plan: MonteCarlo) -> None:
@@ -157,18 +158,6 @@ def test_the_flight_test_sees_a_wrong_parameter(plan: MonteCarlo) -> None:
 
     with pytest.raises(AssertionError, match=r"rms_error|peak_error|effort"):
         assert_same_flight(with_scenario(plan, duration=0.05), 3, forgetful)
-
-
-def test_a_member_is_one_scenario_simulated_alone(plan: MonteCarlo) -> None:
-    """The draw of a member, simulated with its whole history, is the flight that the Monte Carlo summed up."""
-    member, summary = fly_member(plan, 3)
-    K = plan.law.gains[0]
-    result = fly(Aircraft(PARAMETERS), plan.point, gain_law("exact", K), member, plan.envelope)
-    np.testing.assert_allclose(result.flight.states[-1], summary.final, rtol=1e-9, atol=1e-12)
-    np.testing.assert_allclose(np.abs(result.flight.errors[:-1]).max(axis=0), summary.peak_error, rtol=1e-9)
-    assert np.any(result.flight.updrafts)
-    with pytest.raises(BadInputError, match="still to be drawn"):
-        fly(Aircraft(PARAMETERS), plan.point, gain_law("exact", K), plan.scenario, plan.envelope)
 
 
 # Plans.
@@ -247,17 +236,17 @@ def test_a_resumed_run_simulates_only_what_is_missing(
             raise Stop
 
     with pytest.raises(Stop):
-        stream_monte_carlo(plan, tmp_path / "part.zarr", progress=stop_after_two)
+        stream(plan, tmp_path / "part.zarr", progress=stop_after_two)
     assert len(open_store(tmp_path / "part.zarr").missing()) == 4
     flown = []
     monkeypatch.setattr(monte_carlo, "fly_members", lambda *task: flown.append(task[1:]) or fly_members(*task))
-    resumed = stream_monte_carlo(plan, tmp_path / "part.zarr", resume=True)
+    resumed = stream(plan, tmp_path / "part.zarr", resume=True)
     assert flown == [(4, 6), (6, 8), (8, 10), (10, 12)]
     assert_same_rows(resumed, fly_members(plan, 0, 12))
     with pytest.raises(BadInputError, match="another Monte Carlo"):
-        stream_monte_carlo(replace(plan, seed=8), tmp_path / "part.zarr", resume=True)
+        stream(replace(plan, seed=8), tmp_path / "part.zarr", resume=True)
     with pytest.raises(BadInputError, match="exists"):
-        stream_monte_carlo(plan, tmp_path / "part.zarr")
+        stream(plan, tmp_path / "part.zarr")
 
 
 # Reports.
@@ -265,7 +254,7 @@ def test_a_resumed_run_simulates_only_what_is_missing(
 
 def test_a_summary_without_members_that_held_says_so(plan: MonteCarlo, tmp_path: Path) -> None:
     lost = replace(plan, members=1, law=gain_law("wrong sign", -np.array(plan.law.identity["K"])))
-    report = member_report(lost, stream_monte_carlo(lost, tmp_path / "a.zarr"))
+    report = member_report(lost, stream(lost, tmp_path / "a.zarr"))
     data = report.data
     assert (
         "stayed within limits: 0 of 1\nleft the envelope, by the state that left first: pitch_rate 1" in report.text()
@@ -283,6 +272,6 @@ def test_members_beyond_their_control_limits_are_counted_and_the_input_is_named(
     start = np.zeros(7)
     start[0] = 0.35
     pushed = replace(with_scenario(plan, initial=start, uncertainty=Uncertainty()), members=2)
-    found = member_report(pushed, stream_monte_carlo(pushed, tmp_path / "a.zarr"))
+    found = member_report(pushed, stream(pushed, tmp_path / "a.zarr"))
     assert (found.data["held"], found.data["within_limits"], found.data["exceeded"]["elevator_outer"]) == (2, 0, 2)
     assert "exceeded control limits: " in found.text()

@@ -22,6 +22,7 @@ from controller import (
     gain_law,
 )
 from controller.flight import scenario
+from controller.flight.scenario import with_errors
 from hfa_model import LINEAR_STATES, Input, Parameters
 from hfa_support import BadInputError
 
@@ -55,7 +56,7 @@ def test_errors_have_the_law_that_was_asked_for(plan: MonteCarlo) -> None:
     assert np.all(np.abs(factors.mean(axis=0) - 1.0) < 4 * asked / np.sqrt(2000))
     assert np.all(np.abs(factors.std(axis=0) / asked - 1.0) < 4 / np.sqrt(2 * 2000))
     member, nominal = plan.member(5), np.array(PARAMETERS, dtype=float)
-    parameters = plan.parameters_of(member)
+    parameters = with_errors(plan.aircraft, member).p
     changed = [Parameters._fields[i] for i in np.flatnonzero(parameters != nominal)]
     assert set(changed) == set(plan.scenario.uncertainty.errors)
     index = Parameters._fields.index("lift_slope")
@@ -84,7 +85,11 @@ def test_a_wrong_deviation_is_noticed(plan: MonteCarlo, monkeypatch: pytest.Monk
 def test_seed_and_member_decide_everything(plan: MonteCarlo) -> None:
     one, again, next_one = plan.member(3), replace(plan, members=99).member(3), plan.member(4)
     other_seed = replace(plan, seed=8).member(3)
-    for of in (lambda each: list(each.errors.values()), plan.parameters_of, lambda each: each.samples):
+    for of in (
+        lambda each: list(each.errors.values()),
+        lambda each: with_errors(plan.aircraft, each).p,
+        lambda each: each.samples,
+    ):
         assert np.array_equal(of(one), of(again))
         assert not np.array_equal(of(one), of(next_one))
         assert not np.array_equal(of(one), of(other_seed))

@@ -12,8 +12,8 @@ from known_models import model_at
 from scipy.integrate import solve_ivp
 
 from controller import Actuators, CommandSteps, Scenario, ScheduledController, flight_envelope, fly
+from controller.flight.closed_loop import LinearPlant
 from controller.flight.nonlinear_flight import NonlinearFlight
-from controller.flight.plants import LinearPlant
 from controller.policy.policies import Seen
 from controller.policy.servo_policy import MeasuredOutputs, ServoPolicy, servo_law
 from controller.policy.signals import CommandedStates

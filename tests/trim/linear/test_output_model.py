@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from known_models import released_simulation
 
-from controller.flight.plants import LinearPlant
+from controller.flight.closed_loop import LinearPlant
 from hfa_model import LINEAR_STATES, STATES, Aircraft, Parameters
 from hfa_model.winds import DISTURBANCES
 from hfa_support import BadInputError

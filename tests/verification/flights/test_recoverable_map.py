@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pytest
 from flight_cases import FlownCase, flown, signal
 
 from controller import Scenario
-from controller.flight.plants import NonlinearPlant
+from controller.flight.closed_loop import NonlinearPlant
 from hfa_model import INPUTS, LINEAR_STATES, STATES
 from hfa_model.aircraft import HFA
 from hfa_support import BadInputError
 from verification import recoverable_map
-from verification.flights.recoverable_map import ManyFlights, Outcomes, RecoverableMap, _edge, on_target
+from verification.flights.recoverable_map import ManyFlights, Outcome, RecoverableMap, _edge, on_target
 
 N = len(LINEAR_STATES)
 
@@ -36,7 +34,7 @@ def recoverable(newton: FlownCase) -> RecoverableMap:
 
 def test_the_map_is_what_single_flights_say(newton: FlownCase, recoverable: RecoverableMap) -> None:
     """The compiled flights, at their longer step, against `fly`: who leaves, what leaves, and when."""
-    found = recoverable.starts["nonlinear"].of_starts()
+    found = recoverable.starts["nonlinear"]
     left, held = found["left_first"], found["held"]
     for i, dihedral in enumerate(recoverable.axes["dihedral"]):
         for j, speed in enumerate(recoverable.axes["speed"]):
@@ -78,32 +76,30 @@ def test_control_limits_are_those_of_the_flight_itself(newton: FlownCase, recove
             result = flown(newton, Scenario(duration=2.0, initial=start))
             assert result.within_limits == within
             assert [each.input for each in result.exceeded] == [edge.control] * (not within)
-    found = recoverable.starts["nonlinear"].of_starts()
+    found = recoverable.starts["nonlinear"]
     assert np.all(found["within_limits"] <= (found["exceeded"] == -1))
 
 
 def test_commands_arrive_or_not(newton: FlownCase) -> None:
-    plant, asked = NonlinearPlant(newton.aircraft, newton.point), np.radians([-30.0, -5.0, 0.0, 5.0])
-    flights = ManyFlights(plant, newton.point, newton.envelope, newton.law.gains[0], 24.0).fly(
-        None, {"dihedral": asked}
-    )
-    assert flights.returned.tolist() == [False, True, True, True]
-    assert (flights.left < 0).tolist() == [False, True, True, True]
+    plant = NonlinearPlant(newton.aircraft, newton.point)
+    flights = ManyFlights(plant, newton.envelope, newton.law.gains[0], 24.0)
+    for degrees, arrives in ((-30.0, False), (-5.0, True), (0.0, True), (5.0, True)):
+        outcome = flights.fly({}, {"dihedral": float(np.radians(degrees))})
+        assert (outcome.returned, outcome.left < 0) == (arrives, arrives)
     # At rest elsewhere is not arrived: a planted end on the other side of trim.
-    ends = np.zeros((2, len(STATES)))
-    ends[:, STATES.index("dihedral")] = asked[1], -asked[1]
-    assert [on_target(HFA, end, {"dihedral": asked[1]}) for end in ends] == [True, False]
+    for end, arrived in ((-0.1, True), (0.1, False)):
+        x = end * np.eye(len(STATES))[STATES.index("dihedral")]
+        assert on_target(HFA, x, {"dihedral": -0.1}) == arrived
 
 
 @pytest.mark.parametrize("sign", [-1, 1])
 def test_an_edge_is_between_the_last_good_and_the_first_bad_start(sign: int) -> None:
-    def fly(values: np.ndarray) -> Any:
-        assert np.all(np.sign(values) == sign)
-        size = np.abs(values)
-        left = np.where(size < 3.7, -1, 2)
-        return Outcomes(left, np.full(len(values), 1.5), np.where(size < 1.3, -1, 3), size < 2.2)
+    def fly(deviation: float) -> Outcome:
+        assert np.sign(deviation) == sign
+        size = abs(deviation)
+        return Outcome(-1 if size < 3.7 else 2, 1.5, -1 if size < 1.3 else 3, size < 2.2)
 
-    found = _edge(HFA, "speed", False, sign, "linear", fly, 10.0)
+    found = _edge(HFA, "speed", "speed", sign, "linear", fly, 10.0)
     assert (found.inside, found.within_limits, found.returned) == pytest.approx((3.7, 1.3, 2.2), rel=0.02)
     assert (found.state, found.time, found.control, found.reach) == (STATES[2], 1.5, INPUTS[3], 10.0)
 
