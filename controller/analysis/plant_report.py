@@ -1,54 +1,20 @@
-"""Reports of controllers: of a game from measured outputs alone, and of a generalized plant."""
+"""The report of `hfa solve` on a generalized plant."""
 
 from __future__ import annotations
-
-from typing import Any
 
 import numpy as np
 
 from controller.riccati.balancing import spectrum
 from controller.riccati.generalized_plant import GeneralizedPlant, StateFeedback, closed_loop, solve_plant
 from controller.riccati.smallest_delta import minimum_delta
-from hfa_support.errors import NoSolutionError
 from hfa_support.jsonable import finite_or_none
 from hfa_support.reporting.checks import checks_block
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Table, eigenvalue_text, matrix_table, numbered
-from hfa_support.reporting.unit_system import in_force, unit_in_force
 
 SCHEMA = "hfa.plant-solution/1"
 #: delta / delta_min of a generalized plant that names no delta: nearer the controller gets ever faster poles.
 USUAL_MARGIN = 1.01
-
-
-def output_report(
-    plant: GeneralizedPlant, delta: float, noise: list[float], sensors: tuple[str, ...], units: tuple[str, ...]
-) -> Report:
-    """The central controller of a game when only the sensors are known; noise: their intensities.
-
-    Raises NoSolutionError that names the condition that fails.
-    """
-    found, least, data = _solved(plant, delta, "from measured outputs alone ", "or measure more")
-    rows = [
-        (name, f"{in_force(value, f'({unit})^2 s'):.4g}", unit_in_force(f"({unit})^2 s"))
-        for name, value, unit in zip(sensors, noise, units, strict=True)
-    ]
-    return Report(
-        title=f"From measured outputs alone: {least}",
-        parts=(
-            Table(("sensor", "noise", "unit"), rows),
-            f"coupling rho(XY) / delta^2: {found.coupling:.6g}, must stay below 1",
-            checks_block(found.checks),
-        ),
-        data={
-            "sensors": list(sensors),
-            "sensor_units": list(units),
-            "C": plant.C2.tolist(),
-            "D": plant.D22.tolist(),
-            "noise": noise,
-            **data,
-        },
-    )
 
 
 def plant_report(plant: GeneralizedPlant, delta: float | None, origin: str) -> Report:
@@ -56,7 +22,8 @@ def plant_report(plant: GeneralizedPlant, delta: float | None, origin: str) -> R
 
     Raises NoSolutionError that names the assumption or the condition that fails.
     """
-    found, least, data = _solved(plant, delta, "", "or change the plant")
+    smallest = minimum_delta(plant)
+    found = solve_plant(plant, (USUAL_MARGIN * smallest.value or 1.0) if delta is None else delta)
     states, inputs = numbered("x", len(plant.A)), numbered("u", plant.B2.shape[1])
     if isinstance(found, StateFeedback):
         what, names = "State feedback u = -K x", {"P": (states, states), "K": (inputs, states)}
@@ -66,8 +33,11 @@ def plant_report(plant: GeneralizedPlant, delta: float | None, origin: str) -> R
         loop, own = closed_loop(plant, (found.Ak, found.Bk, found.Ck, found.Dk))[0], numbered("xk", len(plant.A))
         names = {"Ak": (own, own), "Bk": (own, seen), "Ck": (inputs, own), "Dk": (inputs, seen)}
     poles = spectrum(loop).eigenvalues
+    ends = f", where the {smallest.condition} ends it" if smallest.condition != "none" else ""
+    checks = [check.to_dict() for check in found.checks]
+    values = {name: value for name, value in vars(found).items() if name not in ("delta", "checks")}
     return Report(
-        title=f"{what} for {origin}\n{least}",
+        title=f"{what} for {origin}\ndelta {found.delta:.6g}, smallest possible {smallest.value:.7g}{ends}",
         parts=(
             *(matrix_table(name, *both, getattr(found, name)) for name, both in names.items()),
             f"closed loop, 1/s: {', '.join(eigenvalue_text(value) for value in poles if value.imag >= 0)}",
@@ -78,7 +48,13 @@ def plant_report(plant: GeneralizedPlant, delta: float | None, origin: str) -> R
             "plant": origin,
             "feedback": "state" if isinstance(found, StateFeedback) else "output",
             "delta": finite_or_none(found.delta),
-            **data,
+            "delta_min": smallest.value,
+            "delta_min_refused": smallest.refused,
+            "delta_min_condition": smallest.condition,
+            "delta_margin": finite_or_none(smallest.margin(found.delta)),
+            **{name: value.tolist() if isinstance(value, np.ndarray) else value for name, value in values.items()},
+            "checks": checks,
+            "certificate": {"ok": all(check.ok for check in found.checks), "checks": checks},
             "closed_loop_eigenvalues": [[value.real, value.imag] for value in poles.tolist()],
         },
         records=Table(
@@ -90,38 +66,4 @@ def plant_report(plant: GeneralizedPlant, delta: float | None, origin: str) -> R
                 for j, column in enumerate(columns)
             ],
         ),
-    )
-
-
-def _solved(plant: GeneralizedPlant, delta: float | None, who: str, other: str) -> tuple[Any, str, dict[str, Any]]:
-    """The controller, where delta stands, and the data of both; NoSolutionError where delta is too small."""
-    smallest = minimum_delta(plant)
-    delta = (USUAL_MARGIN * smallest.value or 1.0) if delta is None else delta
-    if delta < smallest.value:
-        where = f"below delta_min = {smallest.value:.7g}"
-        if delta > smallest.refused:
-            where = f"too close to delta_min, which lies between {smallest.refused:.9g} and {smallest.value:.9g}"
-        raise NoSolutionError(
-            f"{who}delta = {delta:.9g} is {where}, where the {smallest.condition} fails; ask for a larger delta, "
-            f"{other}"
-        )
-    found = solve_plant(plant, delta)
-    ends = f", where the {smallest.condition} ends it" if smallest.condition != "none" else ""
-    checks = [check.to_dict() for check in found.checks]
-    return (
-        found,
-        f"delta {delta:.6g}, smallest possible {smallest.value:.7g}{ends}",
-        {
-            "delta_min": smallest.value,
-            "delta_min_refused": smallest.refused,
-            "delta_min_condition": smallest.condition,
-            "delta_margin": finite_or_none(smallest.margin(delta)),
-            **{
-                name: value.tolist() if isinstance(value, np.ndarray) else value
-                for name, value in vars(found).items()
-                if name not in ("delta", "checks")
-            },
-            "checks": checks,
-            "certificate": {"ok": all(check.ok for check in found.checks), "checks": checks},
-        },
     )

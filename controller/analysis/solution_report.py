@@ -2,26 +2,17 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from controller.analysis.cost import cost_checks, saddle_checks
 from controller.game.zero_sum import Game
 from controller.riccati.balancing import in_units, normal_form, reached
-from controller.riccati.frequency_response import (
-    DISK_AT_INFINITY,
-    DiskMargin,
-    balanced_sensitivity,
-    disk_margin,
-    disk_sizes,
-    gain_checks,
-    loop_grid,
-)
+from controller.riccati.frequency_response import gain_checks
 from controller.riccati.gare import GameSolution, solve_game
+from controller.riccati.margins import DiskMargin, LoopMargin, disk_margin, disk_sizes, loop_margins
 from controller.riccati.smallest_delta import DeltaMin, minimum_delta
 from hfa_support.errors import NoSolutionError
 from hfa_support.jsonable import finite_or_none
@@ -30,72 +21,6 @@ from hfa_support.reporting.checks import Check, checks_block
 from hfa_support.reporting.fields import Shown
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Table, eigenvalue_text, entry_rows, matrix_table
-
-#: A gain below this, or above its inverse, is a crossover at infinite or no frequency that rounding moved.
-ROUNDING = 1e-9
-#: A step of the grid is cut into so many parts so many times, until a crossover has all its digits.
-_PARTS, _ROUNDS = 16, 13
-
-
-class LoopMargin(NamedTuple):
-    """One input at a time, all other loops closed (classical margins, and the balanced disk margin).
-
-    The loop stays stable while its gain is multiplied by a factor in (gain_low, gain_high), or its phase
-    shifted by less than `phase`; with both at once, within the disk of margin `disk`.
-    """
-
-    gain_low: float
-    gain_high: float
-    phase: float
-    disk: float
-    disk_gain: float
-    disk_phase: float
-
-
-def loop_margins(game: Game, K: np.ndarray) -> tuple[LoopMargin, ...]:
-    """Margins of each input, in the order of the inputs. K: (m, n).
-
-    With M = S_ii - 1/2, S_ii = 1 / (1 + L_i), the loop is L_i = (1/2 - M) / (1/2 + M): real where M is, and of size 1
-    where M is imaginary. Such frequencies are found where Im M or Re M change their signs between those of a grid,
-    which has every resonance, and then in ever smaller parts. Raises NoSolutionError when A - B K is not Hurwitz.
-    Source: Blight, Dailey and Gangsaas, Int. J. Control 59 (1994).
-    """
-    grid = loop_grid(game, K)
-    seen = np.diagonal(balanced_sensitivity(game, K, grid), axis1=1, axis2=2)
-    return tuple(_loop_margin(game, K, i, grid, seen[:, i]) for i in range(game.B.shape[1]))
-
-
-def _loop_margin(game: Game, K: np.ndarray, i: int, grid: np.ndarray, seen: np.ndarray) -> LoopMargin:
-    """seen: M (jω) of the grid."""
-
-    def crossing(part: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
-        """M where this part of it changes its sign."""
-        above = part(seen) > 0.0
-        where = np.flatnonzero(above[1:] != above[:-1])
-        low, high, columns = grid[where], grid[where + 1], np.arange(len(where))
-        for _ in range(_ROUNDS):
-            points = np.linspace(low, high, _PARTS + 1)
-            there = balanced_sensitivity(game, K, points.ravel())[:, i, i].reshape(points.shape)
-            first = np.argmax((part(there[1:]) > 0.0) != above[where], axis=0)
-            low, high = points[first, columns], points[first + 1, columns]
-        return np.asarray(balanced_sensitivity(game, K, high)[:, i, i])
-
-    real = np.append(seen[0].real, crossing(np.imag).real)
-    with np.errstate(divide="ignore"):
-        gains = (real + 0.5) / (real - 0.5)  # -1 / L
-    gains = gains[(gains > ROUNDING) & (gains < 1.0 / ROUNDING)]
-    phases = 2.0 * np.degrees(np.arctan2(0.5, np.abs(crossing(np.real).imag)))
-    disk = min(1.0 / float(np.abs(seen).max()), DISK_AT_INFINITY)
-    gain, phase = disk_sizes(disk)
-    return LoopMargin(
-        gain_low=float(gains[gains < 1.0].max(initial=0.0)),
-        gain_high=float(gains[gains > 1.0].min(initial=math.inf)),
-        phase=float(phases.min(initial=math.inf)),
-        disk=disk,
-        disk_gain=gain,
-        disk_phase=phase,
-    )
-
 
 SCHEMA = "hfa.game-solution/1"
 #: Percent of the time that have passed, with a plant of 100 states, once P is certified and once delta_min is found.
@@ -189,8 +114,8 @@ def solution_report(
             "delta_min": smallest.value,
             "delta_margin": finite_or_none(margin),
             "meaning": [check.to_dict() for check in found.meaning],
-            "loop_margins": {name: _finite(loop) for name, loop in zip(inputs, found.loops, strict=True)},
-            "disk_margin": _finite(disk),
+            "loop_margins": dict(zip(inputs, map(_loop_data, found.loops), strict=True)),
+            "disk_margin": _finite(disk._asdict()),
             "state_units": list(units[0]),
             "input_units": list(units[1]),
         },
@@ -201,6 +126,11 @@ def solution_report(
     )
 
 
-def _finite(margin: LoopMargin | DiskMargin) -> dict[str, Any]:
+def _loop_data(margin: LoopMargin) -> dict[str, Any]:
+    gain, phase = disk_sizes(margin.disk)
+    return _finite({**margin._asdict(), "disk_gain": gain, "disk_phase": phase})
+
+
+def _finite(margins: dict[str, float]) -> dict[str, Any]:
     """Ready for JSON; infinite values become null."""
-    return {key: finite_or_none(value) for key, value in margin._asdict().items()}
+    return {key: finite_or_none(value) for key, value in margins.items()}

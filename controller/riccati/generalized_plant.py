@@ -270,20 +270,25 @@ def solve_plant(plant: GeneralizedPlant, delta: float) -> OutputFeedback | State
     Source: Doyle, Glover, Khargonekar, Francis, IEEE Trans. Automatic Control 34 (1989), 831-847, Theorem 3.
 
     Conditions: δ above what D11 lets past every controller, X >= 0 and Y >= 0 stabilize, ρ(XY) < δ².
-    NoSolutionError names the one that fails, the mode that violates an assumption, or the check.
+    NoSolutionError names the one that fails with delta_min, the mode that violates an assumption, or the check.
     """
     check_modes(plant)
+    try:
+        return _certified(plant, delta)
+    except NoSolutionError as failure:
+        raise NoSolutionError(f"{failure}; {minimum_of_plant(plant).advice(delta)}") from failure
+
+
+def _certified(plant: GeneralizedPlant, delta: float) -> OutputFeedback | StateFeedback:
     if not delta > plant.floor:
-        raise NoSolutionError(
-            f"the feedthrough condition fails: D11 alone lets {plant.floor:.6g} past every controller and delta is "
-            f"{delta:.6g}; ask for a larger delta"
-        )
+        past = f"D11 alone lets {plant.floor:.6g} past every controller"
+        raise NoSolutionError(f"the feedthrough condition fails: {past}")
     values, checks = [], list[Check]()
     for side, name in zip(plant.sides, ("control", "filter"), strict=False):
         try:
             found = solve_certified(side.game(delta))
         except NoSolutionError as error:
-            raise NoSolutionError(f"the {name} Riccati equation: {error}; ask for a larger delta") from error
+            raise NoSolutionError(f"the {name} Riccati equation: {error}") from error
         values.append(found.P)
         checks += [check._replace(name=f"{name}_{check.name}") for check in found.certificate.checks]
     # The controller is made and checked in balanced units; x̂ has the user's.
@@ -297,10 +302,7 @@ def solve_plant(plant: GeneralizedPlant, delta: float) -> OutputFeedback | State
     else:
         Y, radius = values[1], _radius(*values)
         if not radius < delta**2:
-            raise NoSolutionError(
-                f"the coupling condition fails: rho(XY) = {radius:.6g} is not below delta^2 = {delta**2:.6g}; "
-                "ask for a larger delta, or measure more"
-            )
+            raise NoSolutionError(f"the coupling condition fails: rho(XY) = {radius:.6g} is not below {delta**2:.6g}")
         X_there, Y_there = X * squared, Y / squared
         controller = central_controller(there, X_there, Y_there, delta)
         other = central_controller(there.transposed(), Y_there, X_there, delta)
@@ -316,7 +318,7 @@ def solve_plant(plant: GeneralizedPlant, delta: float) -> OutputFeedback | State
         result = OutputFeedback(Ak, Bk, Ck, Dk, X, Y, delta, radius / delta**2, (*checks, *own))
     for check in own:
         if not check.ok:
-            raise NoSolutionError(f"the controller is not certified: {check.reason}; ask for a larger delta")
+            raise NoSolutionError(f"the controller is not certified: {check.reason}")
     return result
 
 

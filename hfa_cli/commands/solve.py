@@ -1,13 +1,12 @@
 """The exact solution of the zero-sum game, its certificate, the smallest delta, and simulations of its policies.
 
-A design with sensors is solved from their measurements too. A --model with B1, B2, C1, D12 and optionally C2, D21, D11,
-D22 is a generalized plant, as `hinfsyn` takes it: the controller with a gain below delta, by default 1.01 delta_min.
+A --model with B1, B2, C1, D12 and optionally C2, D21, D11, D22 is a generalized plant, as `hinfsyn` takes it: the
+controller with a gain below delta, by default 1.01 delta_min.
 """
 
 from __future__ import annotations
 
 import argparse
-from dataclasses import replace
 from typing import Any
 
 from controller.analysis.solution_report import analyse_game, solution_report
@@ -33,16 +32,7 @@ def run(arguments: argparse.Namespace) -> int:
             return _solve_plant(arguments, found)
     named = games.game_of(arguments, found)
     report = solution_report(analyse_game(named.game, ProgressLine("solve")), *named.names)
-    report, built = report.with_data(**named.labels()), named.built
-    if built is not None and built.sensors:
-        from controller.analysis.plant_report import output_report
-        from controller.riccati.generalized_plant import GeneralizedPlant
-
-        noise = [*map(float, built.design.sensors.values())]
-        plant = GeneralizedPlant.measured(named.game, built.C, built.V, built.D)
-        measured = output_report(plant, named.game.delta, noise, built.sensors, built.sensor_units)
-        report = replace(report, parts=(*report.parts, measured)).with_data(output_feedback=measured.data)
-    show(report, arguments, target=arguments.output, notes=named.warnings)
+    show(report.with_data(**named.labels()), arguments, target=arguments.output, notes=named.warnings)
     return 0
 
 

@@ -21,9 +21,9 @@ from typing import Any
 
 import numpy as np
 
-from hfa_cli.options import games, trims
+from hfa_cli.options import trims
 from hfa_cli.options.argument_types import model, quantity
-from hfa_cli.options.parser import Option, Options
+from hfa_cli.options.parser import Options
 from hfa_cli.options.ranges import Range, array_of, value_range
 from hfa_cli.output import ProgressLine, draw, provenance, show
 from hfa_support.errors import BadInputError
@@ -33,9 +33,8 @@ from trim.sweeps.points import condition_at
 from trim.sweeps.sweep import MOST_POINTS, run_plan, stored_sweep_report, stream_sweep
 from trim.sweeps.sweep_plan import SweepPlan
 
-#: Suffixes of a store and of a unit of the models between the points; options that only a store and only a game has.
+#: Suffixes of a store and of a unit of the models between the points; options that only a store has.
 STORE, UNIT = ".zarr", ".fmu"
-OF_A_GAME = ("delta", "Q", "R")
 OF_A_STORE = ("workers", "resume")
 
 
@@ -47,8 +46,6 @@ def options() -> Options:
         **trims.flights(value_range, "RANGE", held),
         **trims.AIRCRAFT,
         **trims.picture("the root locus"),
-        "--game": Option("solve the game at every point: K, delta_min, margins"),
-        **games.WEIGHTS,
         **trims.workers(f"sweep to {STORE}"),
         **trims.output(STORE, UNIT),
     }
@@ -58,12 +55,10 @@ def run(arguments: argparse.Namespace) -> int:
     """Sweep and report; exit 1 when no point has a trim."""
     stored = arguments.output is not None and arguments.output.suffix.lower() == STORE
     if stored:
-        why = "does not go with a store, which holds all seven states, in feet, no picture and no games"
-        trims.refuse(arguments, ("picture", "units", "game", *OF_A_GAME), why)
+        why = "does not go with a store, which holds all seven states, in feet, and no picture"
+        trims.refuse(arguments, ("picture", "units"), why)
     else:
         trims.refuse(arguments, OF_A_STORE, f"needs a store; add -o FILE{STORE}")
-        if not arguments.game:
-            trims.refuse(arguments, OF_A_GAME, "needs the game; add --game")
     plan = _plan(arguments, stored)
     report, trimmed = (_in_store if stored else _in_memory)(plan, arguments)
     # The notes on standard error: the table on standard output stays a table.
@@ -139,7 +134,7 @@ def _listed(path: Path, condition: TrimCondition) -> dict[str, np.ndarray]:
 
 
 def _in_memory(plan: SweepPlan, arguments: argparse.Namespace) -> tuple[Report, bool]:
-    """The report, with the picture drawn and the games solved, and whether any point has a trim."""
+    """The report, with the picture drawn, and whether any point has a trim."""
     result = run_plan(plan, progress=ProgressLine("sweep"))
     notes, failed = [], np.flatnonzero(~result.trimmed)
     if failed.size and set(plan.variables) <= set(plan.condition.model.holdable):
@@ -158,11 +153,6 @@ def _in_memory(plan: SweepPlan, arguments: argparse.Namespace) -> tuple[Report, 
         write_fmu(interpolated_loop(InterpolatedModel(result)), arguments.output, provenance())
     report = result.report()
     report = replace(report, notes=[*report.notes, *notes])
-    if arguments.game:
-        from controller.analysis.game_sweep import sweep_games, with_games
-
-        weights = games.weights_of(arguments, result.model.units(result.model_states))
-        report = with_games(report, result, sweep_games(result, ProgressLine("games"), **weights))
     return report, bool(result.trimmed.any())
 
 

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 import casadi as ca
 import numpy as np
 
-from controller.design.design_model import DesignModel, design_model
 from controller.game.zero_sum import Game, usual_game
 from hfa_cli.options import trims
 from hfa_cli.options.argument_types import OWN, input_file, number, parsed, whole
@@ -80,7 +79,7 @@ def game_options() -> Options:
 
 @dataclass(frozen=True, eq=False)
 class NamedGame:
-    """A game with the names of its states and inputs, and where it comes from; `built` when that is a design.
+    """A game with the names of its states and inputs, and where it comes from.
 
     nonlinear: where there is a trim, makes (z, u) -> z', the aircraft about it.
     """
@@ -92,7 +91,6 @@ class NamedGame:
     input_units: tuple[str, ...]
     origin: str
     warnings: tuple[str, ...] = ()
-    built: DesignModel | None = None
     plant_provenance: Mapping[str, str] = field(default_factory=dict)
     nonlinear: Callable[[], ca.Function] | None = None
 
@@ -147,11 +145,13 @@ def game_of(arguments: argparse.Namespace, found: dict[str, Any] | None = None) 
             f"{' and '.join(missing)} not given: Q, R are 1/nominal^2 on the diagonal, delta is inf (no disturbance)",
         )
     if arguments.design is not None:
+        from controller.design.design_model import design_model
+
         built = design_model(aircraft, model, arguments.design)
         with said_of(f"design {built.design.name}"):
             game = replace(built.game(), **weights_of(arguments, built.state_units))
         names = built.states, built.inputs, built.state_units, built.input_units
-        return NamedGame(game, *names, f"design {built.design.name} of {origin}", tuple(point.warnings), built)
+        return NamedGame(game, *names, f"design {built.design.name} of {origin}", tuple(point.warnings))
     names = model.states, model.inputs, model.state_units, model.input_units
     return NamedGame(game_on(arguments, model), *names, origin, warnings, nonlinear=partial(_about_trim, own, model))
 

@@ -99,10 +99,14 @@ def _nowhere(_: str) -> None:
 
 def design(about: str = "") -> Options:
     """--design: of the HFA or the user's own aircraft."""
-    from controller.design.design import NAMED, load_design
+    about = about or "actuators, integrals, sensors, weights: paper, servo, or a .toml file"
+    return {"--design": Option(about, "NAME", parsed(_design))}
 
-    about = about or f"actuators, integrals, sensors, weights: {', '.join(NAMED)}, or a .toml file"
-    return {"--design": Option(about, "NAME", parsed(lambda name: load_design(name, model())))}
+
+def _design(name: str) -> Any:
+    from controller.design.design import load_design
+
+    return load_design(name, model())
 
 
 def flights(kind: Callable[[str, str], Any] = quantity, form: str = "VALUE", about: str = "") -> Options:

@@ -20,18 +20,15 @@ from hfa_support.reporting.unit_system import entries_in_force, in_force, unit_i
 
 #: Arrays -> the units of their last axes: the kind, of its list of units, and - where an entry is per that unit.
 _AXES = {
-    "A A_band A_difference Ak": "state -state",
+    "A A_band A_difference": "state -state",
     "B B_band B_difference": "state -input",
     "C": "output -state",
     "D": "output -input",
     "E": "state -disturbance",
     "F": "output -disturbance",
-    "P P_exact P_lower P_upper X": "-state -state",
-    "K K_exact gains Ck": "input -state",
+    "P P_exact P_lower P_upper": "-state -state",
+    "K K_exact gains": "input -state",
     "W weights": "weight",
-    "Y": "state state",
-    "Bk": "state -sensor",
-    "noise": "sensor^2",
     "disturbance_gain": "-state",  # of a disturbance in the rates as the game has them, in feet
     "half_widths state_offsets": "state",
     "input_offsets": "input",
@@ -85,8 +82,6 @@ def _declared(model: Model) -> dict[str, Any]:
 def _table(data: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any]:
     """above: the units that are declared, and the lists of units of the tables that this one is in."""
     known = {**above, **{key: each for key, each in data.items() if _is_units(key, each)}}
-    if "sensor_units" in data:
-        known["output_units"] = data["sensor_units"]
     return {key: _entry(key, value, data, known) for key, value in data.items()}
 
 
@@ -115,7 +110,7 @@ def _axes(key: str, of_controller: bool) -> list[tuple[str, int]]:
     """The kinds of the last axes of an array, with their powers; none of what is no array."""
     said = next((axes for names, axes in _AXES.items() if key in names.split()), "")
     words = _OF_CONTROLLER.get(key, said) if of_controller else said
-    return [(each.strip("-^2"), (-1) ** each.startswith("-") * (1 + each.endswith("^2"))) for each in words.split()]
+    return [(each.strip("-"), -1 if each.startswith("-") else 1) for each in words.split()]
 
 
 def _by_name(values: Any, units: Mapping[str, Any]) -> Any:

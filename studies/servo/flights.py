@@ -119,8 +119,7 @@ def slowest_delayed(aircraft: Aircraft, controller: ScheduledController, degrees
 def requirements(aircraft: Aircraft, controller: ScheduledController) -> Report:
     """Requirements and reached values, without the commands and faults of `comparison`."""
     degrees = np.arange(21.0)
-    margins = check_margins(aircraft, controller, np.radians(degrees), (2.0, 10.0))
-    single = [each for row in margins.rows for each in row.loops if each.loop != "all inputs"]
+    single = check_margins(aircraft, controller, np.radians(degrees), (2.0, 10.0)).single
     found: list[dict[str, Any]] = [
         {"what": "gain margin, dB", "asked": 6.0, "reached": min(each.gain for each in single)},
         {"what": "phase margin, deg", "asked": 45.0, "reached": min(each.phase for each in single)},

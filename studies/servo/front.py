@@ -32,8 +32,7 @@ def front(aircraft: Aircraft) -> Report:
         outputs = {**design.shaping.outputs, REGULATED[1]: weight._replace(gain=factor * weight.gain)}
         own = replace(design, name=f"{factor:g}", shaping=design.shaping._replace(outputs=outputs))
         made = design_controller(aircraft, own, np.array(design.shaping.places))
-        margins = check_margins(aircraft, made, np.radians([TRIM_DEG]), (2.0, 10.0))
-        single = [each for row in margins.rows for each in row.loops if each.loop != "all inputs"]
+        single = check_margins(aircraft, made, np.radians([TRIM_DEG]), (2.0, 10.0)).single
         (flight,) = fly_case(aircraft, CASES["order-1-fault"], {own.name: made}, SECONDS, only=[own.name])
         gusts = {f"{length:g}": gust_held(aircraft, model, made, REAL[0], length, LARGEST) for length in sorted(ASKED)}
         point = {"factor": factor, "acceleration": flight.tracked[1].rms, "dihedral": flight.tracked[0].rms}

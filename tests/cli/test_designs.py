@@ -68,22 +68,19 @@ def own(name: str, sensors: str = SENSORS, **changed: str) -> str:
     return name
 
 
-def test_a_design_with_sensors_is_solved_from_its_measurements_too() -> None:
-    words = ("--design", own("own.toml"), *AT_11, "--delta", "200")
-    data = answer("solve", *words)
+def test_a_design_with_sensors_is_designed_from_its_measurements() -> None:
+    file = own("own.toml", **{"delta = inf": "delta = 200.0"})
+    data = answer("solve", "--design", file, *AT_11)
     assert data["K"] == answer("solve", "--design", SIMVFA["simvfa-1"], *AT_11, "--delta", "200")["K"]
-    measured = data["output_feedback"]
-    assert measured["sensors"] == ["vertical_acceleration_short_period_integral", "dihedral_integral", "load_factor"]
-    assert measured["sensor_units"] == ["ft/s^2 s", "rad s", "1"]
-    assert data["delta_min"] < measured["delta_min"] < 200.0
-    assert (measured["delta_min_condition"], measured["noise"]) == ("coupling condition", [1e-2, 1e-4, 1e-3])
-    assert all(check["ok"] for check in measured["checks"])
-    assert np.shape(measured["Ak"]) == (10, 10)
-    below = 0.5 * (data["delta_min"] + measured["delta_min"])
-    result = hfa("solve", *words[:-1], str(below))
-    assert_refused(result, 1, "is below delta_min = ", "where the coupling condition fails")
-    assert "From measured outputs alone: delta 200, smallest possible" in hfa("solve", *words).out
-    assert "output_feedback" not in answer("solve", "--design", SIMVFA["simvfa-1"], *AT_11)
+    measured = answer("design", file, *AT_11)
+    assert measured["measurements"] == ["load_factor", "dihedral", "vertical_acceleration_short_period"]
+    (angle,) = measured["angles"]
+    assert data["delta_min"] < angle["delta_min"] < 200.0
+    assert all(check["ok"] for check in angle["checks"])
+    assert np.shape(measured["A"]) == (1, 12, 12)
+    below = 0.5 * (data["delta_min"] + angle["delta_min"])
+    refused = hfa("design", own("own.toml", **{"delta = inf": f"delta = {below}"}), *AT_11)
+    assert_refused(refused, 1, "at dihedral 11 deg: the coupling condition fails", "is below delta_min = ")
 
 
 @pytest.mark.parametrize(
@@ -105,7 +102,7 @@ def test_a_design_with_sensors_is_solved_from_its_measurements_too() -> None:
     ],
 )
 def test_what_no_controller_can_do_is_one_line(sensors: str, changed: dict[str, str], code: int, named: str) -> None:
-    assert_refused(hfa("solve", "--design", own("own.toml", sensors, **changed), *AT_11), code, named)
+    assert_refused(hfa("design", own("own.toml", sensors, **changed), *AT_11), code, named)
 
 
 def test_a_design_becomes_a_file_that_prints_the_same_table() -> None:

@@ -19,7 +19,7 @@ _ERRORS = ("P_rel_error", "K_rel_error", "riccati_residual", "largest_error")
 _LEARNED = ("residual_norm", "law_residual_norm")
 TABLES = {
     "linearize --dihedral 10 --outputs load_factor,gamma": (),
-    "sweep --dihedral 5,60 --hold alpha=1,2 --game": ("delta_min", "disk_margin", "gain_margin"),
+    "sweep --dihedral 5,60 --hold alpha=1,2": (),
     "trim --dihedral 10": (),
     "regenerate": _ENTRIES,
     "solve --dihedral 10": (),

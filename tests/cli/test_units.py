@@ -17,7 +17,7 @@ COMMANDS = {
     "trim": ("trim", "--dihedral", "12"),
     "linearize": ("linearize", "--dihedral", "12", "--outputs", "vertical_acceleration,alpha"),
     "solve": ("solve", "--dihedral", "12"),
-    "sweep": ("sweep", "--dihedral", "10", "--hold", "speed=18.288,20.7264", "--game"),
+    "sweep": ("sweep", "--dihedral", "10", "--hold", "speed=18.288,20.7264"),
     "validate": ("validate",),
 }
 ENGLISH = ("ft", "lbf", "slug")

@@ -22,7 +22,7 @@ FLIGHT = ("--law", "exact", "--duration", "0.5")
 RUNS: dict[str, tuple[str, ...]] = {
     "trim": AT,
     "linearize": (*AT, "--outputs", "vertical_acceleration,alpha"),
-    "sweep": ("--dihedral", "10,12", "--hold", "speed=60ft,68ft", "--game"),
+    "sweep": ("--dihedral", "10,12", "--hold", "speed=60ft,68ft"),
     "validate": (),
     "solve": (*AT, "--design", SIMVFA["simvfa-1"], "--delta", "inf"),
     "learn": AT,

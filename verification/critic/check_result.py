@@ -12,8 +12,8 @@ import numpy as np
 
 from controller.analysis.cost import FlightCost
 from controller.game.learning_result import LearningResult, settled_at
-from controller.riccati.frequency_response import DiskMargin
 from controller.riccati.gare import GameSolution
+from controller.riccati.margins import DiskMargin
 from hfa_support.errors import BadInputError
 from hfa_support.jsonable import finite_or_none
 from hfa_support.reporting.checks import Check, Checked, checks_block, verdict_text

@@ -16,8 +16,8 @@ from controller.game.learning_result import LearningResult, settled_at
 from controller.game.zero_sum import Game
 from controller.riccati.balancing import balanced_units, in_units, spectrum
 from controller.riccati.certificate import INDEFINITENESS, relative_residual
-from controller.riccati.frequency_response import disk_margin
 from controller.riccati.gare import GameSolution, solve_game
+from controller.riccati.margins import disk_margin
 from hfa_support.errors import BadInputError, refuse_unless_positive
 from hfa_support.progress import Progress, told
 from hfa_support.reporting.checks import Check, at_least, at_most, below

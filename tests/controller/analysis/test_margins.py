@@ -13,10 +13,9 @@ from scipy.optimize import minimize
 
 from controller import Game
 from controller.riccati.balancing import in_units
-from controller.riccati.frequency_response import best_scaling, bounded_real_gain, scaled_norm
+from controller.riccati.margins import best_scaling, loop_margins, scaled_norm
 from hfa_support import NoSolutionError
-from verification import disk_margin, minimum_delta, solve_game
-from verification.exact_solution import loop_margins
+from verification import bounded_real_gain, disk_margin, minimum_delta, solve_game
 
 
 def test_margins_of_lqr_are_the_textbook_ones(game: Game) -> None:

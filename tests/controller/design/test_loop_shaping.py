@@ -107,11 +107,10 @@ def test_every_loop_has_6_db_and_45_deg_behind_all_four_actuators(dynamics: str,
     """At every integer angle, also between the angles of the design; and 20 ms of delay in all inputs at once."""
     table = check_margins(Aircraft(dynamics=dynamics), servo(dynamics), np.radians(angles), (2.0, 10.0))
     assert (len(table.rows), table.ok) == (4 * len(angles), True)
-    single = [each for row in table.rows for each in row.loops if each.loop != "all inputs"]
-    assert len(single) == 4 * len(angles) * 7
-    assert min(each.gain for each in single) >= 6.0
-    assert min(each.phase for each in single) >= 45.0
-    assert min(each.delay for row in table.rows for each in row.loops) > 0.02
+    assert len(table.single) == 4 * len(angles) * 7
+    assert min(each.gain for each in table.single) >= 6.0
+    assert min(each.phase for each in table.single) >= 45.0
+    assert min(each.delay for row in table.rows for each in row.loops.values()) > 0.02
 
 
 @pytest.mark.parametrize("dynamics", ["published", "newton"])
@@ -133,15 +132,15 @@ def test_it_is_stable_with_half_the_effectiveness_and_20_ms(dynamics: str) -> No
 
 
 def test_margins_are_where_a_loop_by_hand_ends(published_aircraft: Aircraft) -> None:
-    """With the gain, the phase or the delay of the margin more in one loop, a pole lies on the axis."""
+    """With the gain or the phase of the margin more in one loop, a pole lies on the axis."""
     controller = servo("published", (11.0,))
     actuators = dict.fromkeys(INPUTS, Actuator(2, 2.0))
     loop = servo_loop(servo_plant(published_aircraft, model_at(11.0), controller, actuators), controller)
-    margins = {each.loop: each for each in loop_margins(loop, controller.inputs, controller.measurements)}
+    margins = loop_margins(loop, controller.inputs, controller.measurements)
     for k, name in enumerate(controller.inputs):
         gains = [10.0 ** (side * margins[name].gain / 20.0) for side in (1.0, -1.0)]
         found = [replace(loop, B=loop.B * np.where(np.arange(len(INPUTS)) == k, gain, 1.0)).abscissa for gain in gains]
-        assert min(map(abs, found)) < 1e-4
+        assert min(map(abs, found)) < 1e-9
     for k, name in enumerate(controller.measurements):
         turned, w = np.ones(3, dtype=complex), margins[name].crossover
         turned[k] = np.exp(1j * np.radians(margins[name].phase))
@@ -149,7 +148,7 @@ def test_margins_are_where_a_loop_by_hand_ends(published_aircraft: Aircraft) -> 
         for phase in (turned, turned.conj()):
             closed = np.block([[loop.A + 0j, loop.B @ loop.Ck], [loop.Bk @ (phase[:, None] * loop.C), loop.Ak]])
             both.append(np.linalg.svd(closed - 1j * w * np.eye(len(closed)), compute_uv=False)[-1])
-        assert np.isnan(w) or min(both) < 1e-4
+        assert np.isnan(w) or min(both) < 1e-9
 
 
 def test_a_double_integrator_has_the_margins_of_the_book(published_aircraft: Aircraft) -> None:
@@ -159,7 +158,7 @@ def test_a_double_integrator_has_the_margins_of_the_book(published_aircraft: Air
     one, none = np.ones((1, 1)), np.zeros((1, 1))
     loop = ServoLoop(none, one, one, -one, one, -one, none)
     found = loop_margins(loop, ("u",), ("y",))
-    for each in found:
+    for each in found.values():
         assert (each.phase, each.crossover) == pytest.approx((51.827, 0.78615), rel=1e-4)
         assert each.delay == pytest.approx(np.radians(51.827) / 0.78615, rel=1e-4)
         assert each.gain == np.inf

@@ -13,7 +13,7 @@ from reference_riccati import reference_solution, relative_error
 from servo_cases import simvfa_design
 
 from controller import Game, design_model
-from controller.analysis.plant_report import output_report
+from controller.analysis.plant_report import plant_report
 from controller.riccati.generalized_plant import square_root
 from hfa_model import Aircraft
 from hfa_support import BadInputError, NoSolutionError
@@ -63,14 +63,13 @@ def test_the_smallest_delta_of_a_scalar_plant_and_its_report() -> None:
     assert below < 0 < above
     with pytest.raises(NoSolutionError, match="the coupling condition fails: rho"):
         solve_plant(scalar(), smallest * 0.999)
-    report = output_report(scalar(), 3.0, [0.25], ("alpha",), ("rad",))
+    report = plant_report(scalar(), 3.0, "one state")
     assert report.title.endswith(f"delta 3, smallest possible {smallest:.7g}, where the coupling condition ends it")
-    assert (report.data["delta_margin"], report.data["noise"]) == (pytest.approx(3.0 / smallest), [0.25])
-    assert [tuple(row) for row in report.parts[0].rows] == [("alpha", "0.25", "(rad)^2 s")]  # type: ignore[union-attr]
-    with pytest.raises(NoSolutionError, match=r"outputs alone delta = .* is below delta_min = .*, or measure more"):
-        output_report(scalar(), 0.99 * smallest, [0.25], ("alpha",), ("rad",))
+    assert report.data["delta_margin"] == pytest.approx(3.0 / smallest)
+    with pytest.raises(NoSolutionError, match=r"the coupling condition fails: rho.* is below delta_min = "):
+        plant_report(scalar(), 0.99 * smallest, "one state")
     free = GeneralizedPlant.measured(Game(-0.5 * ONE, 2 * ONE, ONE, 0 * ONE, ONE, 9.0), ONE, 0.25 * ONE)
-    data = output_report(free, 9.0, [0.25], ("alpha",), ("rad",)).data
+    data = plant_report(free, 9.0, "one state").data
     assert (data["delta_min"], data["delta_margin"], data["coupling"]) == (0.0, None, 0.0)
 
 

@@ -27,16 +27,10 @@ def in_si(data: dict[str, Any], records: Table | None = None) -> Report:
         ("C", [[2.0, 3.0], [4.0, 5.0]], [[2.0, 3.0 * FT], [4.0 / FT, 5.0]]),
         ("P", [[2.0, 3.0], [4.0, 5.0]], [[2.0 / FT**2, 3.0 / FT], [4.0 / FT, 5.0]]),
         ("K", [[2.0, 3.0]], [[2.0 * LBF / FT, 3.0 * LBF]]),
-        ("Ak", [[2.0, 3.0], [4.0, 5.0]], [[2.0, 3.0 * FT], [4.0 / FT, 5.0]]),
-        ("Bk", [[2.0, 3.0], [4.0, 5.0]], [[2.0, 3.0 * FT], [4.0 / FT, 5.0]]),
-        ("Ck", [[2.0, 3.0]], [[2.0 * LBF / FT, 3.0 * LBF]]),
-        ("Y", [[2.0, 3.0], [4.0, 5.0]], [[2.0 * FT**2, 3.0 * FT], [4.0 * FT, 5.0]]),
-        ("noise", [2.0, 3.0], [2.0 * FT**2, 3.0]),
     ],
 )
 def test_arrays_by_the_lists_of_units_beside_them(name: str, value: Any, expected: Any) -> None:
-    beside = {"state_units": ["ft/s", "rad"], "input_units": ["lbf"]}
-    beside |= {"sensor_units": ["ft/s", "rad"]} if name in ("Bk", "noise") else {"output_units": ["ft/s", "rad"]}
+    beside = {"state_units": ["ft/s", "rad"], "input_units": ["lbf"], "output_units": ["ft/s", "rad"]}
     found = in_si({**beside, name: value}).data
     np.testing.assert_allclose(found[name], expected, rtol=1e-12)
     assert found["state_units"] == ["m/s", "rad"]

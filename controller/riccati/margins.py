@@ -1,0 +1,262 @@
+"""Margins of a closed loop: all inputs at once within disks, and one loop at a time while all others stay closed.
+
+S = (I + L)⁻¹ = I + C (jω I - A)⁻¹ B of a closed loop with the matrix A that is broken where B enters and C leaves; M =
+S - I/2. A loop l = (1/2 - M) / (1/2 + M) is real where M is, and of size 1 where M is imaginary. Margins are factors
+(not dB), phases degrees, frequencies rad/s.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from controller.game.zero_sum import Game
+from controller.riccati.balancing import spectrum
+from controller.riccati.frequency_response import TOLERANCE, frequency_grid, responses
+from hfa_support.errors import NoSolutionError
+
+#: Peaks whose scaling is optimised one after another until none is left above; a loop has far fewer.
+MAX_PEAKS = 200
+#: L vanishes at infinite frequency, where S - I/2 = I/2; no grid reaches that far.
+DISK_AT_INFINITY = 2.0
+#: Rounds of balancing all rows and columns: a start, which the search at each peak betters.
+SWEEPS = 20
+#: Most steps of that search, and most trials of the length of one: at a kink no length is left in the end.
+MAX_STEPS, MAX_TRIALS = 1000, 40
+#: Longest step of log D, which is best at infinity for a triangular M: there exp(log D) must not overflow on the way.
+FARTHEST = 5.0
+#: Condition of the modes up to which responses keep ten digits when summed over them.
+WELL_CONDITIONED = 1e6
+#: A gain below this, or above its inverse, is a crossover at infinite or no frequency that rounding moved.
+ROUNDING = 1e-9
+#: Secants, and halves of what is left between them, until a crossover has all its digits.
+_ROUNDS = 17
+
+#: ω, (N,) -> M, (N, m, m), where an index follows only of this loop; or (N, k) of k loops.
+Response = Callable[..., np.ndarray]
+
+
+class DiskMargin(NamedTuple):
+    """All inputs at once: each may be multiplied by its own factor f = (2 + αε)/(2 - αε), |ε| < 1 complex.
+
+    disk: α.  Real f lies in (1/gain, gain), gain = (2 + α)/(2 - α); pure phase within `phase` = 2 arctan(α/2).
+    frequency: where the margin is smallest.  A lower bound: the true margin may be a little larger.
+    """
+
+    disk: float
+    gain: float
+    phase: float
+    frequency: float
+
+
+class LoopMargin(NamedTuple):
+    """Of one loop, or the same factor, phase or delay in several at once.
+
+    The loop stays stable while its gain is multiplied by a factor in (gain_low, gain_high), its phase shifted by less
+    than `phase`, or its signal delayed by less than `delay` s; inf where none of them ends stability. crossover: where
+    |l| = 1 with that phase, nan where |l| is never 1. disk: α of `DiskMargin`, of both at once.
+    """
+
+    gain_low: float
+    gain_high: float
+    phase: float
+    crossover: float
+    delay: float
+    disk: float
+
+    @property
+    def gain(self) -> float:
+        """To the nearest instability, up or down, dB."""
+        with np.errstate(divide="ignore"):
+            return float(20.0 * np.abs(np.log10([self.gain_low, self.gain_high])).min())
+
+
+def shifted_sensitivity(closed: np.ndarray, enters: np.ndarray, leaves: np.ndarray) -> Response:
+    """M = I/2 + leaves (jω I - closed)⁻¹ enters: summed over the modes where these are well conditioned."""
+    half = 0.5 * np.eye(len(leaves))
+    poles, modes = np.linalg.eig(closed)
+    well = np.linalg.cond(modes) < WELL_CONDITIONED
+    left, right = (leaves @ modes, np.linalg.solve(modes, enters)) if well else (leaves, enters)
+
+    def response(frequencies: np.ndarray, loop: int | None = None) -> np.ndarray:
+        one = slice(loop, None if loop is None else loop + 1)
+        if not well:
+            return half[one, one] + left[one] @ responses(closed, right[:, one], frequencies)
+        return half[one, one] + (left[one] / (1j * frequencies[:, None, None] - poles)) @ right[:, one]
+
+    return response
+
+
+def stable_poles(closed: np.ndarray) -> np.ndarray:
+    """The poles of a closed loop. NoSolutionError where one is not stable."""
+    found = spectrum(closed)
+    if found.abscissa >= 0.0:
+        raise NoSolutionError(f"the loop has a pole at {found.abscissa:+.4g} 1/s: an unstable loop has no margins")
+    return found.eigenvalues
+
+
+def loop_margins(game: Game, K: np.ndarray) -> tuple[LoopMargin, ...]:
+    """Margins of each input of u = -K z, in the order of the inputs. K: (m, n).
+
+    Raises NoSolutionError when A - B K is not Hurwitz.
+    """
+    M, grid = _of_game(game, K)
+    return tuple(single_margin(M, i, grid) for i in range(game.B.shape[1]))
+
+
+def single_margin(M: Response, i: int, grid: np.ndarray) -> LoopMargin:
+    """Margin of loop i, the others closed."""
+    return margin_of(lambda frequencies: M(frequencies, i)[:, 0], grid)
+
+
+def margin_of(loci: Response, grid: np.ndarray) -> LoopMargin:
+    """Margin of k loops that change alike; loci: their M, (N, k), in any order. grid: has every resonance, and 0.
+
+    Frequencies at which Im M or Re M is 0 are sought where it changes its sign between those of the grid.
+    Source: Blight, Dailey and Gangsaas, Int. J. Control 59 (1994).
+    """
+    seen = _followed(loci(grid))
+
+    def crossing(part: Callable[[np.ndarray], np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+        """Frequencies at which this part of M changes its sign, and M there."""
+        above = part(seen) > 0.0
+        where, column = np.nonzero(above[1:] != above[:-1])
+        low, high, first, last = grid[where], grid[where + 1], seen[where, column], seen[where + 1, column]
+        for number in range(_ROUNDS):
+            share = 0.5 if number % 2 else part(first) / (part(first) - part(last))
+            point, expected = low + share * (high - low), first + share * (last - first)
+            found = loci(point)
+            value = found[np.arange(len(point)), np.abs(found - expected[:, None]).argmin(axis=1)]
+            before = (part(value) > 0.0) == above[where, column]
+            low, high = np.where(before, point, low), np.where(before, high, point)
+            first, last = np.where(before, value, first), np.where(before, last, value)
+        return point, value
+
+    real = np.append(seen[0].real, crossing(np.imag)[1].real)
+    with np.errstate(divide="ignore"):
+        gains = (real + 0.5) / (real - 0.5)  # -1 / l
+    gains = gains[(gains > ROUNDING) & (gains < 1.0 / ROUNDING)]
+    frequencies, values = crossing(np.real)
+    angles = np.angle((values - 0.5) / (values + 0.5))  # of -l
+    phases = np.degrees(np.abs(angles))
+    return LoopMargin(
+        gain_low=float(gains[gains < 1.0].max(initial=0.0)),
+        gain_high=float(gains[gains > 1.0].min(initial=math.inf)),
+        phase=float(phases.min(initial=math.inf)),
+        crossover=float(frequencies[phases.argmin()]) if phases.size else math.nan,
+        delay=float((np.mod(angles, 2.0 * np.pi) / frequencies).min(initial=math.inf)),
+        disk=min(1.0 / float(np.abs(seen).max()), DISK_AT_INFINITY),
+    )
+
+
+def _followed(loci: np.ndarray) -> np.ndarray:
+    """The same (N, k), each column a curve: of all orders of the next row the nearest to this one."""
+    orders = np.array(list(itertools.permutations(range(loci.shape[1]))))
+    nearest = orders[np.abs(loci[1:, orders] - loci[:-1, None]).sum(axis=2).argmin(axis=1)]
+    followed = list(itertools.accumulate(nearest, lambda before, step: step[before], initial=orders[0]))
+    return np.take_along_axis(loci, np.array(followed), 1)
+
+
+def _of_game(game: Game, K: np.ndarray) -> tuple[Response, np.ndarray]:
+    """M of all inputs of u = -K z, and a grid."""
+    closed = game.A - game.B @ game.checked_gain(K)
+    grid = frequency_grid(np.concatenate([stable_poles(closed), np.linalg.eigvals(game.A)]))
+    return shifted_sensitivity(closed, game.B, -K), grid
+
+
+def disk_margin(game: Game, K: np.ndarray) -> DiskMargin:
+    """α = 1 / max_ω μ(S(jω) - I/2), μ over independent complex factors, bounded above by D-scaling.
+
+    K: (m, n).  μ(M) <= min_D σ_max(D M D⁻¹), D diagonal: convex in log D, minimised at each peak of a frequency
+    grid until the highest peak has been minimised.  Raises NoSolutionError when A - B K is not Hurwitz.
+    Source: Seiler, Packard and Gahinet, IEEE Control Systems Magazine 40 (2020), 78-95.
+    """
+    M, grid = _of_game(game, K)
+    shifted = M(grid)
+    bounds = scaled_norm(shifted, _osborne_scaling(shifted))
+    minimised = np.zeros(len(grid), dtype=bool)
+    for _ in range(MAX_PEAKS):
+        peak = int(np.argmax(bounds))
+        if minimised[peak]:
+            break
+        # The scaling found at a peak serves its neighbours too: a flat top is done at once.
+        bounds = np.minimum(bounds, scaled_norm(shifted, best_scaling(shifted[peak])))
+        minimised[peak] = True
+    peak = int(np.argmax(bounds))
+    alpha = min(1.0 / float(bounds[peak]), DISK_AT_INFINITY)
+    return DiskMargin(alpha, *disk_sizes(alpha), float(grid[peak]))
+
+
+def best_scaling(M: np.ndarray) -> np.ndarray:
+    """log D, (m,), of the smallest σ_max(D M D⁻¹), D > 0 diagonal: the upper bound of μ(M), M: (m, m) complex.
+
+    Exact for m <= 3.  BFGS with a line search that asks for no smoothness: the smallest is often at a kink, where two
+    singular values are the largest.  Sources: Packard and Doyle, Automatica 29 (1993), 71-109; Lewis and Overton,
+    Mathematical Programming 141 (2013), 135-163.
+    """
+    start = _osborne_scaling(M)
+    free = start[:-1] - start[-1]
+    size, slope = _norm_and_slope(free, M)
+    inverse = np.eye(len(free)) / size if size > 0.0 else np.eye(len(free))
+    for _ in range(MAX_STEPS):
+        if np.abs(slope).max(initial=0.0) <= TOLERANCE * size:
+            break
+        way = -inverse @ slope
+        if np.abs(way).max() > FARTHEST:  # no curvature is left: steepest descent again
+            inverse = np.eye(len(free)) / size
+            way = -inverse @ slope
+        falls, share, low, high = slope @ way, 1.0, 0.0, math.inf
+        for _ in range(MAX_TRIALS):
+            there, slope_there = _norm_and_slope(free + share * way, M)
+            if there >= size + 1e-4 * share * falls:
+                high = share
+            elif slope_there @ way < 0.9 * falls:
+                low = share
+            else:
+                break
+            share = 2.0 * low if math.isinf(high) else 0.5 * (low + high)
+        else:
+            break
+        step, change = share * way, slope_there - slope
+        turn = np.eye(len(free)) - np.outer(step, change) / (step @ change)
+        inverse = turn @ inverse @ turn.T + np.outer(step, step) / (step @ change)
+        free, size, slope = free + step, there, slope_there
+    return np.append(free, 0.0)
+
+
+def _norm_and_slope(free: np.ndarray, M: np.ndarray) -> tuple[float, np.ndarray]:
+    """σ = σ_max(D M D⁻¹) and ∂σ/∂log D_i = σ (|u_i|² - |v_i|²), (m - 1,): its singular vectors are u, v; D_m = 1."""
+    D = np.exp(np.append(free, 0.0))
+    u, sizes, v = np.linalg.svd(D[:, None] * M / D)
+    return float(sizes[0]), sizes[0] * (np.abs(u[:-1, 0]) ** 2 - np.abs(v[0, :-1]) ** 2)
+
+
+def scaled_norm(M: np.ndarray, log_D: np.ndarray) -> np.ndarray:
+    """σ_max(D M D⁻¹) of one matrix or of a stack (..., m, m) with its scalings (..., m)."""
+    scaled = np.exp(log_D[..., :, None] - log_D[..., None, :]) * M
+    return np.asarray(np.linalg.norm(scaled, 2, axis=(-2, -1)))
+
+
+def _osborne_scaling(M: np.ndarray) -> np.ndarray:
+    """log D that equalises the norms of the rows and columns of D M D⁻¹ off the diagonal: a good start.
+
+    M: (..., m, m), one matrix or a stack; returns (..., m).
+    """
+    off = np.abs(M) ** 2 * (1.0 - np.eye(M.shape[-1]))
+    log_D = np.zeros(M.shape[:-1])
+    for _ in range(SWEEPS):
+        scaled = off * np.exp(2.0 * (log_D[..., :, None] - log_D[..., None, :]))
+        row, column = scaled.sum(axis=-1), scaled.sum(axis=-2)
+        ratio = np.divide(column, row, out=np.ones_like(row), where=(row > 0.0) & (column > 0.0))
+        log_D += 0.125 * np.log(np.where(ratio > 0.0, ratio, 1.0))
+    return np.asarray(log_D - log_D.mean(axis=-1, keepdims=True))
+
+
+def disk_sizes(alpha: float) -> tuple[float, float]:
+    """The real gain and the phase, degrees, of a disk of margin α."""
+    gain = (2.0 + alpha) / (2.0 - alpha) if alpha < 2.0 else math.inf
+    return gain, math.degrees(2.0 * math.atan(alpha / 2.0))
