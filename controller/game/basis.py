@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
@@ -111,12 +110,3 @@ BASES: dict[str, Callable[[int], np.ndarray]] = {
     "quadratic+quartic": lambda states: 4 * np.eye(states, dtype=int),
     "paper": _paper,
 }
-
-
-def bases_with(weights: int, states: int) -> list[str]:
-    """Names of the bases that have so many weights on so many states."""
-    found = []
-    for name in BASES:
-        with contextlib.suppress(BadInputError):
-            found += [name] * (basis(name, states).size == weights)
-    return found

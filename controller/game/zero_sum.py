@@ -172,14 +172,11 @@ def checked_matrix(name: str, value: Any, largest: float, ndim: int = 2) -> np.n
 
 
 def _delta_of(delta: float) -> float:
-    if not (isinstance(delta, (int, float, np.floating)) and delta > 0):
-        raise BadInputError(f"delta is {shown(delta)}; it must be a positive number")
-    if delta != np.inf and delta > LARGEST**0.5:
-        raise BadInputError(
-            f"delta is {delta}; it must not exceed {LARGEST**0.5:g}; give inf for a game without disturbance"
-        )
-    if delta**2 < 1.0 / LARGEST:
-        raise BadInputError(f"delta is {delta}; 1/delta^2 must not exceed {LARGEST:g}")
+    moderate = isinstance(delta, (int, float, np.floating)) and LARGEST**-0.5 <= delta <= LARGEST**0.5
+    if not (moderate or delta == np.inf):
+        few, many = LARGEST**-0.5, LARGEST**0.5
+        said = f"it must be a positive number from {few:g} to {many:g}, or inf for a game without disturbance"
+        raise BadInputError(f"delta is {shown(delta)}; {said}")
     return float(delta)
 
 

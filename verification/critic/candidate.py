@@ -20,7 +20,7 @@ import casadi as ca
 import numpy as np
 
 from controller.analysis.cost import is_moderate
-from controller.game.basis import Basis, bases_with, basis
+from controller.game.basis import Basis, basis
 from controller.game.zero_sum import Game
 from hfa_support.errors import BadInputError, numbers_in, said_of, shortened
 from hfa_support.reporting.fields import Shown
@@ -111,11 +111,8 @@ def from_weights(
         return _linearized(game, z, {"V": ca.DM(weights).T @ ca.vec(functions(z)) + constant}, precision)
     psi = basis(functions, n) if isinstance(functions, str) else functions
     if weights.shape != (psi.size,):
-        fitting = " or ".join(map(repr, bases_with(weights.size, psi.states)))
-        advice = f"name the basis of the weights, {fitting}" if fitting else "no basis has as many"
-        raise BadInputError(
-            f"there are {weights.size} weights; basis {psi.name!r} on {psi.states} states has {psi.size}: {advice}"
-        )
+        of = f"basis {psi.name!r} on {psi.states} states has {psi.size}"
+        raise BadInputError(f"there are {weights.size} weights; {of}: name the basis of these weights")
     P = psi.matrix(weights)
     return Candidate(game.gain(P), P, psi, weights)
 

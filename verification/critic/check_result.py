@@ -15,7 +15,7 @@ from controller.game.learning_result import LearningResult, settled_at
 from controller.riccati.gare import GameSolution
 from controller.riccati.margins import DiskMargin
 from hfa_support.errors import BadInputError
-from hfa_support.jsonable import finite_or_none
+from hfa_support.jsonable import finite_or_none, jsonable
 from hfa_support.reporting.checks import Check, Checked, checks_block, verdict_text
 from hfa_support.reporting.figure import new_figure
 from hfa_support.reporting.report import Part, Report, Reported
@@ -148,32 +148,26 @@ class CriticCheck(Checked, Reported):
     def to_dict(self) -> dict[str, Any]:
         """Ready for JSON."""
         candidate, exact = self.candidate, self.exact
-        data = {
-            "schema": SCHEMA,
+        data: dict[str, Any] = {
+            "schema": SCHEMA if self.dt is None else "hfa.discounted-check/1",
             "ok": self.ok,
-            "P_rel_error": finite_or_none(self.P_rel_error),
-            "K_rel_error": finite_or_none(self.K_rel_error),
+            "P_rel_error": self.P_rel_error,
+            "K_rel_error": self.K_rel_error,
             "diagnosis": self.diagnosis,
             "checks": [check.to_dict() for check in self.checks],
-            "P": None if candidate.P is None else candidate.P.tolist(),
-            "K": candidate.K.tolist(),
-            "P_exact": exact.P.tolist(),
-            "K_exact": exact.K.tolist(),
+            "P": candidate.P,
+            "K": candidate.K,
+            "P_exact": exact.P,
+            "K_exact": exact.K,
         }
         if self.dt is not None:
-            data |= {"schema": "hfa.discounted-check/1", "discount": self.discount, "dt": self.dt}
-            return data | {"cost_lost_worst_percent": finite_or_none(self.lost)}
-        assert self.flight is not None
-        assert self.box is not None
-        data |= {
-            "disk_margin": None if self.learned_margin is None else self.learned_margin.disk,
-            "disk_margin_exact": None if self.exact_margin is None else self.exact_margin.disk,
-            "graded": self.flight.to_dict(),
-            "box": self.box._asdict(),
-        }
-        for name, part in (("history", self.history), ("network", self.network)):
-            data |= {} if part is None else {name: part.to_dict()}
-        return data
+            data |= {"discount": self.discount, "dt": self.dt, "cost_lost_worst_percent": self.lost}
+        else:
+            margins = {"disk_margin": self.learned_margin, "disk_margin_exact": self.exact_margin}
+            data |= {name: margin and margin.disk for name, margin in margins.items()}
+        parts = {"graded": self.flight, "box": self.box, "history": self.history, "network": self.network}
+        data |= {name: part.to_dict() for name, part in parts.items() if part is not None}
+        return dict(jsonable(data))
 
     def report(
         self,
@@ -348,11 +342,18 @@ def check_figure(
 ) -> Figure:
     """P learned, exact and their relative difference as heat maps (signed logarithmic scale), K where there is no P; of
     a run also residual and error over time, of a history all its errors. origin: what the plant is called."""
-    run, history, name, rows = check.run, check.history, "P", states
-    figure = new_figure(12.0, 4.2 if run is None and history is None else 7.6)
+    run, history, exact_P = check.run, check.history, check.exact.P
+    curves, times = dict[str, np.ndarray](), np.empty(0)
+    if run is not None:
+        times, values = run.times, map(check.candidate.functions.matrix, run.weights)
+        curves = {"residual |e| / |z'Qz|": run.residual_norm}
+        curves["error |P - P exact| / |P exact|"] = np.array([relative_error(P, exact_P) for P in values])
+    elif history is not None:
+        times, curves = history.times, {said: history.errors[each] for each, said in HISTORY.items()}
+    figure = new_figure(12.0, 7.6 if curves else 4.2)
     figure.suptitle(f"Critic on {origin}, against the exact game solution: {verdict_text(check.ok)}")
-    grid = figure.add_gridspec(1 if run is None and history is None else 2, 3)
-    learned, exact, axis_units = check.candidate.P, check.exact.P, ((state_units, -1), (state_units, -1))
+    grid = figure.add_gridspec(2 if curves else 1, 3)
+    name, rows, learned, exact, axis_units = "P", states, check.candidate.P, exact_P, ((state_units, -1),) * 2
     if learned is None:
         name, rows, learned, exact = "K", inputs, check.candidate.K, check.exact.K
         axis_units = (input_units, 1), (state_units, -1)
@@ -369,16 +370,11 @@ def check_figure(
         axes.set_yticks(range(len(rows)), rows, fontsize=7)
         if state_units and size is not None:
             axes.set_xlabel(f"of states in {', '.join(dict.fromkeys(map(unit_in_force, state_units)))}", fontsize=7)
-    if run is not None:
-        matrix = check.candidate.functions.matrix
-        errors = np.array([relative_error(matrix(weights), check.exact.P) for weights in run.weights])
-        curves = {"residual |e| / |z'Qz|": run.residual_norm, "error |P - P exact| / |P exact|": errors}
-        _over_time(figure.add_subplot(grid[1, :]), run.times, curves, check.predefined_time)
-    elif history is not None:
+    if curves:
         axes = figure.add_subplot(grid[1, :])
-        axes.axhline(history.limit, color="C3", linewidth=0.8, label=f"limit {history.limit:g}")
-        curves = {said: history.errors[each] for each, said in HISTORY.items()}
-        _over_time(axes, history.times, curves, check.predefined_time)
+        if history is not None:
+            axes.axhline(history.limit, color="C3", linewidth=0.8, label=f"limit {history.limit:g}")
+        _over_time(axes, times, curves, check.predefined_time)
     return figure
 
 

@@ -9,7 +9,7 @@ polynomial hides between samples. The scale of a linear problem is arbitrary, so
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -37,6 +37,10 @@ class Box(NamedTuple):
 
     half_widths: np.ndarray
     about: str
+
+    def to_dict(self) -> dict[str, Any]:
+        """Ready for JSON."""
+        return self._asdict()
 
 
 def ordinary_box(

@@ -369,10 +369,8 @@ class _Family(NamedTuple):
 def _families(game: Game, at: GameAt | None) -> list[_Family]:
     """The LQR and the games of printed matrices; with another delta, with Q or R scaled, at another angle, with a
     discount, in discrete time."""
-    factors, angles = (
-        (0.01, 0.1, 0.3, 1.0, 3.0, 10.0, 100.0),
-        (1.0, 3.0, 5.0, 8.0, 12.0, 16.0, 20.0),
-    )  # none where stationary
+    factors = (0.01, 0.1, 0.3, 1.0, 3.0, 10.0, 100.0)
+    angles = (1.0, 3.0, 5.0, 8.0, 12.0, 16.0, 20.0)  # none where stationary
     logs, times = (tuple(map(math.log, each)) for each in (factors, (1e-3, 1e-2, 5e-2, 0.2, 1.0)))
     size = game.delta if math.isfinite(game.delta) else minimum_delta(game).value
     lqr, another, step = game.with_delta(math.inf), "{{}} of another game, ", "in discrete time, a step of {:.4g} s"
@@ -390,27 +388,28 @@ def _families(game: Game, at: GameAt | None) -> list[_Family]:
 
         return answer
 
-    found = [
+    found = list[_Family]()
+    if math.isfinite(game.delta):
+        said = f"LQR {{{{}}}} (delta = inf), not the game's at delta = {game.delta:.6g}"
+        found.append(_Family(said, of(lambda _: lqr)))
+    if size > 0.0:
+        with_delta = of(lambda x: game.with_delta(delta(x)))
+        found.append(_Family(f"{another}at delta = {{:.4g}}", with_delta, factors, delta))
+    if at is not None:
+        for each in published_models():
+            if each.B.shape == game.B.shape:
+                said = f"{another}of the matrices printed for {each.dihedral_deg:g} deg"
+                printed = replace(game, A=each.A, B=each.B)
+                found.append(_Family(said, of(partial(lambda alone, _: alone, printed))))
+        found.append(_Family(f"{another}at dihedral {{:.4f}} deg", of(at), angles, float))
+    found += [
         _Family(f"{another}with Q {{:.4g}} times as large", of(scaled("Q")), logs),
         _Family(f"{another}with R {{:.4g}} times as large", of(scaled("R")), logs),
         _Family(f"{another}with a discount of {{:.4g}} 1/s", of(lambda x: discounted(game, math.exp(x))), logs),
         _Family(f"{another}{step}", lambda x: held(game, math.exp(x)), times),
         _Family(f"{another}{step} and its whole cost", lambda x: held(game, math.exp(x), whole=True), times),
     ]
-    if at is not None:
-        found.insert(0, _Family(f"{another}at dihedral {{:.4f}} deg", of(at), angles, float))
-        for each in published_models():
-            if each.B.shape == game.B.shape:
-                printed = replace(game, A=each.A, B=each.B)
-                said = f"{another}of the matrices printed for {each.dihedral_deg:g} deg"
-                found.insert(0, _Family(said, of(partial(lambda alone, _: alone, printed))))
-    if size > 0.0:
-        found.insert(
-            0, _Family(f"{another}at delta = {{:.4g}}", of(lambda x: game.with_delta(delta(x))), factors, delta)
-        )
     if math.isfinite(game.delta):
-        said = f"LQR {{{{}}}} (delta = inf), not the game's at delta = {game.delta:.6g}"
-        found.insert(0, _Family(said, of(lambda _: lqr)))
         found.append(_Family(f"{another}of the LQR {step}", lambda x: held(lqr, math.exp(x)), times))
     return found
 
@@ -418,20 +417,15 @@ def _families(game: Game, at: GameAt | None) -> list[_Family]:
 def _other_games(seen: _Seen, families: list[_Family]) -> Iterator[Repair]:
     """Of each family the game whose answer is nearest, as a repair. Of a polynomial that is near the LQR's and is not
     the LQR's, another game must explain what the LQR leaves."""
-    few = _known(seen) <= _REDUNDANT  # a few numbers fit many games
-    before = math.inf
+    few, before = _known(seen) <= _REDUNDANT, math.inf  # a few numbers fit many games
     for family in families:
+        x = 0.0 if not family.starts else None if few else _searched(seen, family)
+        if x is None:
+            continue
         with contextlib.suppress(NoSolutionError):
-            x = _searched(seen, family) if family.starts and not few else None
-            if x is None and family.starts:
-                continue
-            found = seen.is_of(family.said.format(family.value(x or 0.0)), family.answer(x or 0.0))
-            left = seen.error(found[1])
-            if (
-                seen.asked is _OF_POLYNOMIALS
-                and family.said.startswith("LQR")
-                and left > _SAME * seen.error(seen.given)
-            ):
+            found = seen.is_of(family.said.format(family.value(x)), family.answer(x))
+            left, near_lqr = seen.error(found[1]), seen.asked is _OF_POLYNOMIALS and family.said.startswith("LQR")
+            if near_lqr and left > _SAME * seen.error(seen.given):
                 before = left * seen.asked.explained
             elif left <= before:
                 yield found

@@ -15,7 +15,6 @@ import numpy as np
 from controller.game.zero_sum import Game
 from controller.riccati.balancing import spectrum
 from controller.riccati.gare import GameSolution
-from hfa_support.jsonable import jsonable
 from hfa_support.native.bound import BoundFunction
 from hfa_support.reporting.checks import Check, at_most
 from verification.critic.candidate import Candidate, Nonlinear
@@ -82,8 +81,7 @@ class NetworkSearch(NamedTuple):
     def to_dict(self) -> dict[str, Any]:
         """Ready for JSON."""
         starts = STARTS if self.searched else 0
-        found = self._asdict() | {"starts": starts, "searched": [each._asdict() for each in self.searched]}
-        return dict(jsonable(found))
+        return self._asdict() | {"starts": starts, "searched": [each._asdict() for each in self.searched]}
 
 
 def network_checks(
