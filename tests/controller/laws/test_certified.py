@@ -86,7 +86,7 @@ def test_richer_bases_learn_that_the_value_is_quadratic(name: str) -> None:
     assert np.all(result.weights[0] == pytest.approx(100.0))
 
 
-@pytest.mark.parametrize("games", [5, pytest.param(24, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("games", [4, pytest.param(24, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("scaled", [False, True])
 def test_random_games_are_solved_or_refused_rightly(scaled: bool, games: int) -> None:
     rng = np.random.default_rng(5)
@@ -103,7 +103,7 @@ def test_random_games_are_solved_or_refused_rightly(scaled: bool, games: int) ->
             with pytest.raises(NoSolutionError):
                 learn(game, seed=index, tick=0.2, initial_weights=0.0)
             refused += 1
-    assert min(solved, refused) >= 5 * games // 24
+    assert min(solved, refused) >= games // 5
 
 
 @pytest.mark.parametrize("name", PUBLISHED)

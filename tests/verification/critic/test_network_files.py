@@ -9,15 +9,15 @@ import casadi as ca
 import numpy as np
 import pytest
 from cli import answer, hfa
-from game_files import AT_15, stored
+from game_files import AT_15, small as small_plant, stored
 from network_files import onnx_file, torch_file
 from planted_critics import gain, value, weights_of
 
-from controller import Game
+from controller import Game, load_game
 from controller.game.user_files import StoredCritic, critic_in
 from hfa_cli.main import FAILED
 from hfa_support import BadInputError
-from verification import check_critic, from_network, from_weights
+from verification import check_critic, from_network, from_weights, solve_game
 from verification.critic.candidate import features_of
 from verification.critic.network_file import network_in
 
@@ -135,9 +135,10 @@ FEATURES = ", ".join(["1", *(f"x{i}*x{j}" for i in range(1, 7) for j in range(i,
 
 
 def test_a_basis_in_words_or_as_a_function_and_a_constant(game: Game) -> None:
+    plant, P = small_plant("plant.json", states=["speed", "alpha"]), solve_game(load_game("plant.json")).P
+    words = ("verify", "--model", plant, "--weights", stored("W.npz", weights=[*weights_of(P), -1.0]), "--basis")
+    assert answer(*words, "speed**2, speed*x2, x2**2, sin(alpha)**4", code=FAILED)["ok"] is False
     weights = np.append(-3.0, weights_of(value(game)))
-    words = ("verify", *AT_15, "--weights", stored("W.npz", weights=weights), "--basis")
-    assert not answer(*words, FEATURES.replace("x1*x1", "sin(speed)**2/1e2"), code=FAILED)["ok"]
     check = check_critic(game, from_weights(game, weights, features_of(FEATURES, 6)), flights=1)
     assert check.ok
     assert check.network is not None

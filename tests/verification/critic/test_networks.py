@@ -64,30 +64,31 @@ def test_what_torch_wrote_is_read_and_differentiated(game: Game) -> None:
     assert about(critic).precision == "float32"
 
 
-_OPERATORS: dict[str, dict[str, Any]] = {
-    **{name: {} for name in ("Tanh", "Relu", "LeakyRelu", "Sigmoid", "Softplus", "Elu", "Gelu")},
-    "Elu ": {"alpha": 0.7},
-    "LeakyRelu ": {"alpha": 0.2},
-    "Gelu ": {"approximate": "tanh"},
-    "Transpose": {"perm": [0, 1]},
-}
+#: Operators, some with attributes.
+_OPERATORS: list[tuple[str, dict[str, Any]]] = [
+    *((name, {}) for name in ("Tanh", "Relu", "LeakyRelu", "Sigmoid", "Softplus", "Elu", "Gelu")),
+    ("Elu", {"alpha": 0.7}),
+    ("LeakyRelu", {"alpha": 0.2}),
+    ("Gelu", {"approximate": "tanh"}),
+    ("Transpose", {"perm": [0, 1]}),
+]
 
 
-@pytest.mark.parametrize("name", _OPERATORS)
-def test_each_operator_is_that_of_onnx_runtime(game: Game, name: str) -> None:
+def test_the_operators_are_those_of_onnx_runtime(game: Game) -> None:
+    """Each on the same numbers, its results weighted by others and added."""
     runtime = pytest.importorskip("onnxruntime", reason="the package onnxruntime is not installed")
-    rng = np.random.default_rng(0)
-    constants = {
-        key: rng.normal(size=size).astype("float32") for key, size in (("W", (8, 6)), ("b", (8,)), ("c", (1,)))
-    }
-    constants |= {"shape": np.array([0, 2, -1]), "begin": np.array([1]), "end": np.array([9]), "axis": np.array([1])}
-    constants |= {"back": np.array([1, 12]), "rest": rng.normal(size=(12, 1)).astype("float32")}
-    nodes = [
+    rng, count = np.random.default_rng(0), len(_OPERATORS)
+    sizes = {"W": (8, 6), "b": (8,), "c": (1,), "rest": (12 * count, 1)}
+    constants = {key: rng.normal(size=size).astype("float32") for key, size in sizes.items()}
+    constants |= {"shape": np.array([0, 2, -1]), "begin": np.array([2 * count]), "end": np.array([4 * count])}
+    constants |= {"axis": np.array([2]), "back": np.array([1, 12 * count])}
+    nodes: list[tuple[Any, ...]] = [
         ("Gemm", "x W b", "h", {"transB": 1, "alpha": 0.5, "beta": 2.0}),
-        (name.strip(), "h", "g", _OPERATORS[name]),
+        *((name, "h", f"g{place}", how) for place, (name, how) in enumerate(_OPERATORS)),
+        ("Concat", " ".join(f"g{place}" for place in range(count)), "g", {"axis": 1}),
         ("Reshape", "g shape", "square"),
         ("Slice", "square begin end axis", "half"),
-        ("Concat", "half square", "joined", {"axis": 1}),
+        ("Concat", "half square", "joined", {"axis": 2}),
         ("Reshape", "joined back", "flat"),
         ("Sub", "flat c", "less"),
         ("Div", "less c", "part"),
@@ -99,7 +100,7 @@ def test_each_operator_is_that_of_onnx_runtime(game: Game, name: str) -> None:
     V = ca.Function("V", [about(critic).z], [about(critic).V])
     for z in rng.normal(scale=3.0, size=(20, 6)).astype("float32"):
         theirs = float(session.run(None, {"x": z[None]})[0][0, 0])
-        assert float(V(z)) == pytest.approx(theirs, rel=1e-4, abs=1e-4)
+        assert float(V(z)) == pytest.approx(theirs, rel=1e-4, abs=1e-3)
 
 
 @pytest.mark.parametrize("name", ["tanh", "sigmoid", "softplus", "gelu"])
@@ -194,8 +195,9 @@ def test_a_value_that_is_not_a_number_somewhere_fails(game: Game) -> None:
     constants = {"P": value(game), "ones": ONES, "a": np.array([0]), "b": np.array([1]), "c": np.array([1])}
     constants |= {"half": np.array(2.5), "zero": np.array(1e-30)}
     path = onnx_file("nan.onnx", [*nodes, ("Mul", "r zero", "n"), ("Add", "V n", "y")], constants)
-    check = check_critic(game, from_network(game, path), flights=1)
-    assert "searched_value_error" in {each.name for each in check.checks if not each.ok}
+    critic, exact = from_network(game, path), solve_game(game)
+    found = {each.name: each.error for each in search(game, about(critic), exact, ordinary_box(game).half_widths)[1]}
+    assert found["value"] == math.inf
 
 
 def test_the_search_finds_what_many_samples_find(game: Game) -> None:
@@ -249,13 +251,12 @@ def test_several_critics_are_in_one_table(game: Game) -> None:
     safetensors_file("bent.safetensors", {"0.weight": 0.1 * np.eye(6), "2.weight": -10.0 * gain(game)})
     twice = stored("P.npz", P=2 * value(game))
     words = ("verify", *AT_15, "--set", "activation=tanh", "--weights", "right.pt", "bent.safetensors", twice)
-    said = hfa(*words, "--picture", "a.png", "-o", "a.json")
-    assert (said.code, Path("a.png").stat().st_size > 10_000) == (FAILED, True)
+    said = hfa(*words, "-o", "a.json")
+    assert said.code == FAILED
     ends = {name: each["ok"] for name, each in json.loads(Path("a.json").read_text())["critics"].items()}
     assert ends == {"right.pt": True, "bent.safetensors": False, "P.npz": False}
     assert said.out.startswith("1 of 3 critics on the aircraft at dihedral 15 deg")
     assert "\nP.npz: the value is twice the exact one" in said.out
-    assert hfa(*words[:-1], "--limit-cost", "1").code == DONE
 
 
 # Refused in one line.
