@@ -1,7 +1,4 @@
-"""The benchmarks: peers that compute the same thing, verdicts that can say NO, documents that show the stored results.
-
-Nothing here asserts a time.
-"""
+"""The benchmarks: peers that compute the same thing, verdicts that can say NO, documents with the stored results."""
 
 from __future__ import annotations
 
@@ -9,19 +6,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from known_models import model_at
+from project import ROOT
 
 from benchmarks import __main__ as bench, report
 from benchmarks.flight_case import FlightCase, c_flight, difference
 from benchmarks.jobs_models import f16_case, f16_peer, peer_point, peer_system
-from benchmarks.jobs_scale import critic_plan, gain_plan, growth
+from benchmarks.jobs_scale import growth
 from benchmarks.numpy_dynamics import six_state_rates
-from benchmarks.report import Comparison, Row, Size, in_turn
-from controller.flight.monte_carlo import fly_member
+from benchmarks.report import Comparison, Row, Size
 from hfa_model import LINEAR_STATES, STATES, Aircraft, default_parameters
 from hfa_support.native import machine_code as generated
-from trim import find_operating_point, level_flight, linearize, trim_points
+from trim import trim_points
 
-ROOT = Path(__file__).parents[2]
 SCALING = ROOT / "docs" / "scaling.md"
 PARAMETERS = default_parameters().values
 ALTITUDE = 40_000.0
@@ -62,9 +59,7 @@ def test_other_dynamics_would_be_noticed() -> None:
 @pytest.mark.filterwarnings("ignore:number of constraints")
 def test_python_control_trims_and_linearizes_the_same_aircraft() -> None:
     found, model = peer_point(peer_system(), float(np.radians(10.0)))
-    exact = linearize(
-        Aircraft(PARAMETERS), find_operating_point(Aircraft(PARAMETERS), level_flight(float(np.radians(10.0))))
-    )
+    exact = model_at(10.0)
     np.testing.assert_allclose(found.inputs, exact.input_offsets, rtol=1e-6, atol=1e-8)
     np.testing.assert_allclose(model.A, exact.A, atol=2e-3)  # by finite differences
     np.testing.assert_allclose(model.B, exact.B, atol=2e-3)
@@ -97,25 +92,7 @@ def test_c_by_hand_flies_our_flight_and_another_would_be_noticed(
     assert (difference(case.fly(False, 300), history) < 1e-6) == (factor == 1.0)
 
 
-def test_the_members_fly_the_flight_of_the_benchmark(case: FlightCase) -> None:
-    plan = critic_plan(2, duration=0.02)
-    assert plan.law.policy.law.basis.size == 25
-    assert len(plan.law.policy.law.stack.states) == 50
-    assert (plan.scenario.step, critic_plan(1).scenario.duration, gain_plan(1).scenario.duration) == (1e-4, 20.0, 20.0)
-    assert fly_member(plan, 1).departure is None
-    np.testing.assert_array_equal(plan.law.memory, case.start[6:])
-
-
 # Timing, table and verdict.
-
-
-def test_times_are_taken_in_turn_after_one_uncounted_round() -> None:
-    calls = []
-    timing = in_turn(lambda: calls.append("ours"), lambda: calls.append("peer"), units=2.0, repeats=3)
-    assert calls == ["ours", "peer"] * 4
-    assert timing.ours > 0.0
-    # The median of the ratios, not the ratio of the medians: each pair saw the same machine.
-    assert Comparison.of([1.0, 10.0, 2.0], [3.0, 20.0, 8.0]) == Comparison(2.0, 8.0, 3.0)
 
 
 def row(ratio: float, target: float | None) -> Row:
@@ -132,23 +109,10 @@ def test_a_figure_that_misses_its_target_says_so(ratio: float, target: float | N
     assert line.endswith(f"| {verdict} |")
 
 
-def sizes(*seconds_and_memory: tuple[float, float]) -> list[Size]:
-    return [Size(10**power, *pair, 100.0) for power, pair in enumerate(seconds_and_memory, start=3)]
-
-
-def test_growth_is_linear_or_not() -> None:
-    time, memory = growth("points", sizes((4e-5, 70.0), (2e-5, 300.0), (2.2e-5, 310.0)))
-    assert (time.verdict, memory.verdict) == ("yes", "yes")
-    assert time.timing.ratio == pytest.approx(2.0 / 2.2)
-    slower, _ = growth("points", sizes((4e-5, 70.0), (2e-5, 300.0), (2.6e-5, 300.0)))
-    _, larger = growth("points", sizes((4e-5, 70.0), (2e-5, 300.0), (2e-5, 400.0)))
-    assert (slower.verdict, larger.verdict) == ("NO", "NO")
-
-
 def test_results_are_stored_and_drawn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     rows = {
         "first": [row(50.0, 20.0), row(0.5, 1.0)],
-        "second": growth("points", sizes((4e-5, 70.0), (2e-5, 300.0))),
+        "second": growth("points", [Size(1000, 4e-5, 70.0, 100.0), Size(10_000, 2e-5, 300.0, 100.0)]),
     }
     monkeypatch.setattr(report, "RESULTS", tmp_path / "results.json")
     report.store({"second": rows["second"]}, list(rows))

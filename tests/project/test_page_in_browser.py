@@ -1,16 +1,18 @@
-"""The page of `hfa report` in a real browser: the slider, the numbers, widths, colors, printing, names of files."""
+"""The page of `hfa report` in a real browser: the slider, the numbers, widths, printing, names of files."""
 
 from __future__ import annotations
 
 import base64
 import json
 import re
-from itertools import pairwise
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import pytest
-from browser import browser, screenshot, seen_at, settles
 from cli import hfa
 from project import ROOT
 
@@ -23,22 +25,53 @@ AT = "12.5"
 #: None that sends the plot to somebody.
 BUTTONS = ["Zoom in", "Zoom out", "Autoscale", "Reset axes", "Zoom", "Pan", "Download plot as a PNG"]
 
-_LEGEND_ABOVE = """[...document.querySelectorAll('.plot')].every((plot) =>
-    plot.querySelector('.legend').getBoundingClientRect().bottom
-      <= plot.querySelector('.gridlayer').getBoundingClientRect().top)"""
 _ROWS = """return [...document.querySelectorAll('section.point:not([hidden]) table')]
     .filter((table) => table.querySelector('th').textContent === arguments[0])
     .flatMap((table) => [...table.querySelectorAll('tbody tr')])
     .map((row) => [...row.children].map((cell) => cell.textContent))"""
-_CONTRAST = """const parts = (color) => color.match(/[0-9.]+/g).slice(0, 3).map((part) => part / 255)
-    .map((part) => part <= 0.04045 ? part / 12.92 : ((part + 0.055) / 1.055) ** 2.4);
-  const light = (color) => parts(color).reduce((sum, part, i) => sum + [0.2126, 0.7152, 0.0722][i] * part, 0);
-  const style = getComputedStyle(document.documentElement), text = document.querySelector('.plot text');
-  const back = light(style.backgroundColor);
-  return [style.color, getComputedStyle(text).fill].map(light)
-    .map((front) => (Math.max(front, back) + 0.05) / (Math.min(front, back) + 0.05))"""
 _DRAWN = "return document.querySelector('#plot-trim-1 .scatterlayer path.js-line').getAttribute('d')"
 _TEXTS = "return [...document.querySelectorAll('#plot-trim-1 .textpoint text')].map((text) => text.textContent)"
+
+
+#: No window, no network, nothing kept from another start.
+FLAGS = (
+    *("--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run"),
+    *("--disable-background-networking", "--disable-component-update", "--disable-sync", "--disable-dev-shm-usage"),
+)
+
+
+@contextmanager
+def browser() -> Iterator[Any]:
+    """Chromium, driven by selenium; the test is skipped, and says what to install, where there is no browser."""
+    selenium = pytest.importorskip("selenium.webdriver", reason="needs selenium: pip install '.[dev]'")
+    program, driver = shutil.which("chromium"), shutil.which("chromedriver")
+    if program is None or driver is None:
+        pytest.skip("needs a browser: apt-get install chromium chromium-driver")
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile:
+        options = selenium.ChromeOptions()
+        options.binary_location = program
+        for flag in (*FLAGS, f"--user-data-dir={profile}"):
+            options.add_argument(flag)
+        options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
+        found = selenium.Chrome(options=options, service=selenium.ChromeService(driver))
+        try:
+            yield found
+        finally:
+            found.quit()
+
+
+def seen_at(driver: Any, width: int, medium: str = "screen") -> None:
+    """Show the page at this width (px), on the screen or as printed."""
+    metrics = {"width": width, "height": 1000, "deviceScaleFactor": 1, "mobile": False}
+    driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
+    driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": medium})
+
+
+def settles(driver: Any, condition: str) -> bool:
+    """Wait until a JavaScript expression is true: drawings follow a new width a moment later."""
+    from selenium.webdriver.support.wait import WebDriverWait
+
+    return bool(WebDriverWait(driver, 10.0, 0.05).until(lambda _: driver.execute_script(f"return {condition}")))
 
 
 def chosen(driver: Any) -> str:
@@ -61,10 +94,8 @@ def test_the_page_in_a_browser(tmp_path: Path, subtests: pytest.Subtests, monkey
     monkeypatch.chdir(tmp_path)
     Path(NAME).write_bytes((ROOT / "hfa_model" / "parameters.toml").read_bytes())
     with browser() as driver:
-        assert (
-            hfa("report", "-o", "page.html", "--parameters", NAME, "--dihedral", "15", "--sweep", "12:15:0.5").code
-            == DONE
-        )
+        words = ("report", "-o", "page.html", "--parameters", NAME, "--dihedral", "15", "--sweep", "12:15:0.5")
+        assert hfa(*words).code == DONE
         driver.get((tmp_path / "page.html").as_uri())
         assert settles(driver, "document.body.classList.contains('scripted')")
         with subtests.test("names are escaped and nothing is loaded from elsewhere"):
@@ -99,15 +130,6 @@ def test_the_page_in_a_browser(tmp_path: Path, subtests: pytest.Subtests, monkey
             for width in (1600, 400):
                 seen_at(driver, width)
                 assert settles(driver, f"document.documentElement.scrollWidth <= {width}"), width
-                assert screenshot(driver, tmp_path / f"page-{width}.png").startswith(b"\x89PNG")
-        with subtests.test("text stands out, light and dark"):
-            for scheme in ("light", "dark"):
-                seen_at(driver, 1600, scheme)
-                assert settles(driver, _LEGEND_ABOVE)
-                assert min(driver.execute_script(_CONTRAST)) >= 4.5, scheme
-                screenshot(driver, tmp_path / f"page-{scheme}.png")
-        with subtests.test("headings, headers and texts for those who cannot see"):
-            assert_readable(driver)
         with subtests.test("prints to A4"):
             seen_at(driver, 688, medium="print")  # 182 mm between the margins
             wide = "return [...document.querySelectorAll('table')].filter((t) => t.offsetParent)"
@@ -135,22 +157,3 @@ def compare_with_the_command(driver: Any) -> None:
     for name in ("outer_lift", "center_lift"):
         assert f"{loads[name]:.1f} lbf" in texts
     assert f"{loads['hinge_moment']:.1f} ft lbf" in texts
-
-
-def assert_readable(driver: Any) -> None:
-    levels = driver.execute_script(
-        "return [...document.querySelectorAll('h1,h2,h3,h4,h5')].map((heading) => +heading.tagName[1])"
-    )
-    assert levels.count(1) == 1
-    assert levels[0] == 1
-    assert all(after <= before + 1 for before, after in pairwise(levels))
-    for lacking in (
-        "th:not([scope])",
-        "img:not([alt])",
-        "div.plot:not([aria-label])",
-        "table:not(.table > table)",
-        "input:not([aria-valuetext])",
-    ):
-        assert driver.find_elements("css selector", lacking) == [], lacking
-    assert driver.execute_script("return document.getElementById('dihedral').labels.length") == 1
-    assert driver.find_element("tag name", "html").get_attribute("lang") == "en"
