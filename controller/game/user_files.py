@@ -283,7 +283,9 @@ def critic_in(
     with said_of(path):
         if UNKNOWN in stored:
             stored = {_by_shape(stored[UNKNOWN], game): stored[UNKNOWN]}
-        history = _history(stored, game, functions, plant) if "time" in stored and {*_NDIM} & set(stored) else None
+        # Beside the rows over time a file may hold the last of them.
+        rows = stored | {own: stored[key] for key, own in _ALSO.items() if key in stored}
+        history = _history(rows, game, functions, plant) if "time" in rows and {*_NDIM} & set(rows) else None
         return history or _single(stored, plant, basis(functions or "quadratic", len(game.A)))
 
 

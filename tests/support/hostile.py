@@ -26,7 +26,6 @@ from game_files import small
 
 from hfa_cli.main import COMMANDS, filled
 from hfa_cli.options.parser import Parser
-from hfa_support.reporting.report import SUFFIXES
 
 #: Seconds of the processor that a command may take, unless it announces that it takes long.
 LONGEST = 10.0
@@ -97,6 +96,7 @@ LINES = (
     "validate --units si",
     "report --dihedral 5",
 )
+SUFFIXES = (".json", ".npz", ".mat")
 #: Way in -> a command; "{}" in it is the file of that name, which becomes hostile.
 WAYS: dict[str, tuple[str, ...]] = {
     "command line": (),
@@ -104,7 +104,7 @@ WAYS: dict[str, tuple[str, ...]] = {
     "condition.toml": ("sweep", "--dihedral", "10,15", "--condition", "{}"),
     "design.toml": ("solve", *_AT, "--design", "{}", "--json"),
     "point.json": ("trim", *_AT, "--start", "{}"),
-    **{f"plant{each}": ("solve", "--model", "{}") for each in (".json", ".npz", ".mat")},
+    **{f"plant{each}": ("solve", "--model", "{}") for each in SUFFIXES},
     "A.csv": ("solve", "--model", "{}", "--Q", "1,1", "--R", "1", "--delta", "inf"),
     **{
         f"{what}{each}": ("verify", "--model", "plant.json", "--weights", "{}")
@@ -269,7 +269,7 @@ def seeds() -> Mapping[str, bytes]:
         np.savez("table.npz", dihedral_deg=table.places, K=table.K)
         text = {"dihedral_deg": table.places.tolist(), "K": table.K.tolist()}
         Path("table.json").write_text(json.dumps(text), encoding="utf-8")
-        for suffix in (".json", ".npz", ".mat"):
+        for suffix in SUFFIXES:
             small(Path(f"plant{suffix}"))
         Path("A.csv").write_text("a,b\n-0.2,1.0\n-2.0,-0.3\n", encoding="utf-8")
         Path("B.csv").write_text("u\n0.0\n1.0\n", encoding="utf-8")

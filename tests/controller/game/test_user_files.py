@@ -201,7 +201,7 @@ K = np.arange(6.0).reshape(3, 1, 2)
 @pytest.mark.parametrize("suffix", ["npz", "json"])
 def test_arrays_by_name(suffix: str) -> None:
     for content in (
-        {"times": TIMES, "weights": W, "other": 1.0},
+        {"times": TIMES, "weights": W, "W": W[-1], "other": 1.0},  # as `hfa learn` writes it, with the last row
         {"t": TIMES, "W": W, "K": K},
         {"time": TIMES, "W": W, "gains": np.moveaxis(K, 0, -1)},
         {"t": TIMES, "W": W, "K": K.reshape(3, 2)},
