@@ -6,11 +6,10 @@ from typing import Generic, NamedTuple
 
 import casadi as ca
 
-from hfa_model.kinematics import Flow, airspeed, center_flow, center_height, outer_flow
+from hfa_model.kinematics import STILL_AIR, Flow, Winds, airspeed, center_flow, center_height, outer_flow
 from hfa_model.parameters import Parameters
 from hfa_model.variants import Variant
 from hfa_model.vectors import Input, Quantity, State, T
-from hfa_model.winds import Air, winds_of
 
 
 class PanelLoads(NamedTuple, Generic[T]):
@@ -80,14 +79,12 @@ def aircraft_loads(
     density: Quantity,
     p: Parameters[Quantity],
     variant: Variant,
-    air: Air = 0.0,
+    winds: Winds = STILL_AIR,
 ) -> Loads[Quantity]:
     """The loads of the panels (`panel_loads`) and their sums (`sum_of_panels`).
 
-    air: a uniform updraft, ft/s, positive up, or the wind at each panel, whose drag takes the speed of the aircraft
-    through the panel's own air.
+    The drag of a panel takes the speed of the aircraft through the panel's own air, unless `winds` says otherwise.
     """
-    winds = winds_of(air)
     speeds = [x.speed if winds.ground_drag else airspeed(x, wind) for wind in (winds.center, winds.outer)]
     center = panel_loads(center_flow(x, p, winds), speeds[0], u.aileron_center, u.elevator_center, density, p)
     outer = panel_loads(outer_flow(x, p, winds), speeds[1], u.aileron_outer, u.elevator_outer, density, p)

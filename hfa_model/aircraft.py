@@ -12,12 +12,12 @@ import numpy as np
 
 from hfa_model.aerodynamics import Loads, aircraft_loads
 from hfa_model.atmosphere import density, refuse_beyond_the_atmosphere
+from hfa_model.kinematics import DISTURBANCES, winds_named
 from hfa_model.outputs import OUTPUTS, moment_of, outputs_of
 from hfa_model.parameters import FIELDS, Parameters, default_parameters
 from hfa_model.printed_matrices import published_data
 from hfa_model.variants import VARIANTS, Variant, variant_named
 from hfa_model.vectors import INPUT_SIGNALS, INPUTS, LINEAR_STATES, STATE_SIGNALS, STATES, Input, State
-from hfa_model.winds import DISTURBANCE_UNIT, DISTURBANCES, winds_named
 from hfa_support.errors import BadInputError, is_finite, numbers_in, shown
 from hfa_support.model import Model, Signal
 
@@ -80,8 +80,8 @@ HFA = Model(
     inputs=INPUT_SIGNALS,  # type: ignore[arg-type]
     equations=Equations(variant_named("published")),
     parameters=Parameters(*(Signal(each.unit, min=0.0 if each.positive else -math.inf, start=1.0) for each in FIELDS)),  # type: ignore[arg-type]
-    disturbances={name: Signal(DISTURBANCE_UNIT, 10.0) for name in DISTURBANCES},
-    outputs={name: Signal(each.unit, _TYPICAL.get(each.unit, 1.0)) for name, each in OUTPUTS.items()},
+    disturbances={name: Signal("ft/s", 10.0) for name in DISTURBANCES},
+    outputs={name: Signal(unit, _TYPICAL.get(unit, 1.0)) for name, (unit, _) in OUTPUTS.items()},
     # The paper's level flight (Section 5.1), with a flat wing.
     trim={
         "speed": _PAPER["speed"],

@@ -1,19 +1,17 @@
-"""The seven equations of motion as one pure function of state, input and parameters."""
+"""The seven equations of motion as one pure function of state, loads and parameters."""
 
 from __future__ import annotations
 
 import casadi as ca
 
-from hfa_model.aerodynamics import Loads, aircraft_loads
-from hfa_model.atmosphere import density
+from hfa_model.aerodynamics import Loads
 from hfa_model.parameters import Parameters
 from hfa_model.variants import Variant
-from hfa_model.vectors import Input, Quantity, State
-from hfa_model.winds import Air
+from hfa_model.vectors import Quantity, State
 
 
-def rates(
-    x: State[Quantity], u: Input[Quantity], p: Parameters[Quantity], variant: Variant, air: Air = 0.0
+def rates_from_loads(
+    x: State[Quantity], loads: Loads[Quantity], p: Parameters[Quantity], variant: Variant
 ) -> State[Quantity]:
     """dX/dt for X = [V, α, h, θ, q, η, η'] (paper Section 2.2; γ = θ - α, m_tot = 3 m):
 
@@ -24,18 +22,9 @@ def rates(
     η'' = (H - k_c η' - k_k η + (m s/2) cos η (V' sin α + V cos α α') + coupling - d2) / d3
     d2  = (I_yy - I_zz - m s²/12) sin η cos η q²
 
-    `coupling` and d3 are the variant's (`variants.py`). V is over ground; moving air (a uniform updraft, ft/s,
-    positive up, or the wind at each panel) acts through the loads alone. Numbers or CasADi expressions in, the same
-    out.
+    `coupling` and d3 are the variant's (`variants.py`). V is over ground; moving air acts through the loads alone.
+    Numbers or CasADi expressions in, the same out.
     """
-    loads = aircraft_loads(x, u, density(x.altitude), p, variant, air)
-    return rates_from_loads(x, loads, p, variant)
-
-
-def rates_from_loads(
-    x: State[Quantity], loads: Loads[Quantity], p: Parameters[Quantity], variant: Variant
-) -> State[Quantity]:
-    """The same equations with the loads given: the rest is mechanics."""
     gamma = x.pitch - x.alpha
     total_mass = 3 * p.panel_mass
     sin_alpha, cos_alpha = ca.sin(x.alpha), ca.cos(x.alpha)

@@ -5,20 +5,61 @@ point is its own center of mass, at mid-span on the quarter chord. Wings bend up
 panel sits (s/3) sin η below the common center of mass and each outer panel (s/6) sin η above it.
 The right and the left panel mirror each other, so one "outer" panel represents both.
 
-Air that moves (`winds.py`) by (-h, ±o, -w) in north, east, down at a panel, headwind h, outward o, updraft w, in ft/s:
-relative to it the panel moves by h forward, o inward and w downward more, which in body axes is
-(h cos θ - w sin θ, ∓o, h sin θ + w cos θ).
+Air that moves, uniformly or otherwise at the center panel and at the outer ones, by (-h, ±o, -w) in north, east, down,
+headwind h, outward o, updraft w, in ft/s: relative to it a panel moves by h forward, o inward and w downward more,
+which in body axes is (h cos θ - w sin θ, ∓o, h sin θ + w cos θ). The aircraft flies north in its plane of symmetry, so
+both outer panels are in mirrored air (what differs left and right rolls and yaws), and the center panel has no wind
+from the side.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple, TypeAlias
 
 import casadi as ca
 
 from hfa_model.parameters import Parameters
 from hfa_model.vectors import Quantity, State
-from hfa_model.winds import Air, Wind, winds_of
+
+
+class Wind(NamedTuple):
+    """Velocity of the air at a panel over ground, ft/s: upward, from ahead, toward the tips."""
+
+    updraft: Quantity = 0.0
+    headwind: Quantity = 0.0
+    outward: Quantity = 0.0
+
+
+class Winds(NamedTuple):
+    """The wind at the center panel and at each outer panel.
+
+    ground_drag: the drag takes the speed over ground, as the simulation released with Gibson et al. 2011 has it; else
+    that of the aircraft through the air of the panel.
+    """
+
+    center: Wind
+    outer: Wind
+    ground_drag: bool = False
+
+
+STILL_AIR = Winds(Wind(), Wind())
+#: The disturbances of a model, ft/s: a component of `Wind`, the same at every panel, or that at one place.
+DISTURBANCES = (
+    *("updraft", "updraft_center", "updraft_outer"),
+    *("headwind", "headwind_center", "headwind_outer", "outward_outer"),
+)
+
+
+def winds_named(names: Sequence[str], values: Sequence[Quantity], *, ground_drag: bool = False) -> Winds:
+    """The sum of winds by name, of `DISTURBANCES`, with these values, ft/s."""
+    sums: dict[str, dict[str, Quantity]] = {"center": {}, "outer": {}}
+    for name, value in zip(names, values, strict=True):
+        component, _, place = name.partition("_")
+        for each in (place,) if place else sums:
+            sums[each][component] = sums[each].get(component, 0.0) + value
+    return Winds(Wind(**sums["center"]), Wind(**sums["outer"]), ground_drag)
+
 
 #: Of a panel through the air, along its own axes, ft/s: forward, toward the center, downward.
 Velocity: TypeAlias = tuple[Quantity, Quantity, Quantity]
@@ -52,41 +93,41 @@ def airspeed(x: State[Quantity], wind: Wind) -> Quantity:
     return ca.sqrt(rising + 2 * x.speed * h * ca.cos(gamma) + h**2 + wind.outward**2)
 
 
-def angle_of_attack(x: State[Quantity], air: Air = 0.0) -> Quantity:
+def angle_of_attack(x: State[Quantity], winds: Winds) -> Quantity:
     """α_a = atan2(V sin α + w cos θ + h sin θ, V cos α - w sin θ + h cos θ): of the center of mass through the air at
     the center panel, rad; α in still air."""
-    wind = winds_of(air).center
+    wind = winds.center
     return x.alpha if _is_still(wind) else ca.atan2(_downward(x, wind), _forward(x, wind))
 
 
-def center_flow(x: State[Quantity], p: Parameters[Quantity], air: Air = 0.0) -> Flow:
+def center_flow(x: State[Quantity], p: Parameters[Quantity], winds: Winds) -> Flow:
     """The flow at the center panel."""
-    return flow_of(*center_velocity(x, p, air))
+    return flow_of(*center_velocity(x, p, winds))
 
 
-def outer_flow(x: State[Quantity], p: Parameters[Quantity], air: Air = 0.0) -> Flow:
+def outer_flow(x: State[Quantity], p: Parameters[Quantity], winds: Winds) -> Flow:
     """The flow at an outer panel."""
-    return flow_of(*outer_velocity(x, p, air))
+    return flow_of(*outer_velocity(x, p, winds))
 
 
-def center_velocity(x: State[Quantity], p: Parameters[Quantity], air: Air = 0.0) -> Velocity:
+def center_velocity(x: State[Quantity], p: Parameters[Quantity], winds: Winds) -> Velocity:
     """u = V cos α + q z_c - w sin θ + h cos θ,  v = 0,  w_c = V sin α + (s/3) cos η η' + w cos θ + h sin θ
 
     (Gibson et al. 2011, Eqs. 75-76; w and h of the center panel).
     """
-    wind = winds_of(air).center
+    wind = winds.center
     forward = _forward(x, wind) + x.pitch_rate * center_height(x.dihedral, p)
     return forward, 0.0, _hinge_descent(x, p, wind)
 
 
-def outer_velocity(x: State[Quantity], p: Parameters[Quantity], air: Air = 0.0) -> Velocity:
+def outer_velocity(x: State[Quantity], p: Parameters[Quantity], winds: Winds) -> Velocity:
     """u = V cos α + q z_o - w sin θ + h cos θ,  v = w_h sin η + o cos η,  w_o = w_h cos η - o sin η - (s/2) η',
     w_h = V sin α + (s/3) cos η η' + w cos θ + h sin θ.
 
     w_h is the descent of the hinge through the air, split along and across the outer panel, o that toward the center
     (Gibson et al. 2011, Eqs. 69, 77-78; w, h and o of the outer panels).
     """
-    wind = winds_of(air).outer
+    wind = winds.outer
     hinge = _hinge_descent(x, p, wind)
     sin_eta, cos_eta = ca.sin(x.dihedral), ca.cos(x.dihedral)
     forward = _forward(x, wind) + x.pitch_rate * outer_height(x.dihedral, p)

@@ -1,4 +1,4 @@
-"""What a flight can be watched by besides its states: outputs of state, input and air, each declared once.
+"""What a flight can be watched by besides its states: outputs of state, input and air.
 
 Axes as in `kinematics.py`: x forward, y to the right, z down. Accelerations and load factors are those of an
 accelerometer fixed to the panel, so that steady level flight has a load factor of 1.
@@ -6,7 +6,7 @@ accelerometer fixed to the panel, so that steady level flight has a load factor 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable
 from typing import NamedTuple
 
 import casadi as ca
@@ -14,11 +14,18 @@ import casadi as ca
 from hfa_model.aerodynamics import Loads, aircraft_loads
 from hfa_model.atmosphere import density
 from hfa_model.dynamics import rates_from_loads
-from hfa_model.kinematics import angle_of_attack, center_flow, center_height, outer_flow, outer_height
+from hfa_model.kinematics import (
+    STILL_AIR,
+    Winds,
+    angle_of_attack,
+    center_flow,
+    center_height,
+    outer_flow,
+    outer_height,
+)
 from hfa_model.parameters import Parameters
 from hfa_model.variants import Variant
-from hfa_model.vectors import STATE_UNITS, STATES, Input, Quantity, State
-from hfa_model.winds import Air, Winds, winds_of
+from hfa_model.vectors import Input, Quantity, State
 
 
 class Moment(NamedTuple):
@@ -27,50 +34,22 @@ class Moment(NamedTuple):
     x: State[Quantity]
     u: Input[Quantity]
     p: Parameters[Quantity]
-    air: Winds
+    winds: Winds
     loads: Loads[Quantity]
     rates: State[Quantity]
 
 
-class Output(NamedTuple):
-    """One output: its unit, what it means, and how it follows from a `Moment`."""
-
-    unit: str
-    meaning: str
-    of: Callable[[Moment], Quantity]
-
-
 def moment_of(
-    x: State[Quantity], u: Input[Quantity], p: Parameters[Quantity], variant: Variant, air: Air = 0.0
+    x: State[Quantity], u: Input[Quantity], p: Parameters[Quantity], variant: Variant, winds: Winds = STILL_AIR
 ) -> Moment:
-    """Loads and rates at (x, u) in air that rises, ft/s, or with the wind at each panel."""
-    winds = winds_of(air)
+    """Loads and rates at (x, u), with the wind at each panel."""
     loads = aircraft_loads(x, u, density(x.altitude), p, variant, winds)
     return Moment(x, u, p, winds, loads, rates_from_loads(x, loads, p, variant))
 
 
-class outputs_of(Mapping[str, Quantity]):  # a function to its callers
-    """Every output at a moment, by name; each is computed when it is looked up."""
-
-    def __init__(self, moment: Moment) -> None:
-        self._moment = moment
-
-    def __getitem__(self, name: str) -> Quantity:
-        return OUTPUTS[name].of(self._moment)
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(OUTPUTS)
-
-    def __len__(self) -> int:
-        return len(OUTPUTS)
-
-    def __contains__(self, name: object) -> bool:
-        return name in OUTPUTS
-
-
-def unit_of(name: str) -> str:
-    """Unit of an output or a state."""
-    return str(getattr(STATE_UNITS, name)) if name in STATES else OUTPUTS[name].unit
+def outputs_of(moment: Moment) -> dict[str, Quantity]:
+    """Every output at a moment, by name."""
+    return {name: of(moment) for name, (_, of) in OUTPUTS.items()}
 
 
 def _vertical_acceleration(m: Moment) -> Quantity:
@@ -113,30 +92,23 @@ def _elastic_moment(m: Moment) -> Quantity:
     return m.loads.hinge_moment - m.p.hinge_damping * m.x.dihedral_rate - m.p.hinge_stiffness * m.x.dihedral
 
 
-#: Name -> output. States are outputs too, by their own names.
-OUTPUTS: dict[str, Output] = {
-    "vertical_acceleration": Output(
-        "ft/s^2", "V (alpha' - q) of the center of mass, positive downward", _vertical_acceleration
-    ),
-    "load_factor": Output("1", "force across the path over weight, at the center of mass", _load_factor),
-    "load_factor_center": Output("1", "accelerometer of the center panel, across it", _center_load_factor),
-    "load_factor_outer": Output("1", "accelerometer of an outer panel, across it", _outer_load_factor),
-    "angle_of_attack": Output(
-        "rad", "of the center of mass through the air of the center panel", lambda m: angle_of_attack(m.x, m.air)
-    ),
-    "alpha_air_center": Output(
-        "rad", "angle of attack of the center panel through the air", lambda m: center_flow(m.x, m.p, m.air).alpha
-    ),
-    "alpha_air_outer": Output(
-        "rad", "angle of attack of an outer panel through the air", lambda m: outer_flow(m.x, m.p, m.air).alpha
-    ),
-    "gamma": Output("rad", "flight-path angle over ground", lambda m: m.x.pitch - m.x.alpha),
-    "climb_rate": Output("ft/s", "rate of altitude", lambda m: m.rates.altitude),
-    "hinge_moment": Output("ft lbf", "of loads and weight about a hinge", lambda m: m.loads.hinge_moment),
-    "hinge_moment_total": Output("ft lbf", "with spring and damper", _elastic_moment),
-    "lift_center": Output("lbf", "wing and tail of the center panel", lambda m: m.loads.center.lift),
-    "lift_outer": Output("lbf", "wing and tail of one outer panel", lambda m: m.loads.outer.lift),
-    "dynamic_pressure": Output(
-        "lbf/ft^2", "half density times squared speed", lambda m: density(m.x.altitude) * m.x.speed**2 / 2
-    ),
+#: Name -> unit, and how it follows from a `Moment`. States are outputs too, by their own names.
+OUTPUTS: dict[str, tuple[str, Callable[[Moment], Quantity]]] = {
+    "vertical_acceleration": ("ft/s^2", _vertical_acceleration),
+    "load_factor": ("1", _load_factor),
+    "load_factor_center": ("1", _center_load_factor),
+    "load_factor_outer": ("1", _outer_load_factor),
+    # Of the center of mass through the air of the center panel; of the panels through their own air.
+    "angle_of_attack": ("rad", lambda m: angle_of_attack(m.x, m.winds)),
+    "alpha_air_center": ("rad", lambda m: center_flow(m.x, m.p, m.winds).alpha),
+    "alpha_air_outer": ("rad", lambda m: outer_flow(m.x, m.p, m.winds).alpha),
+    "gamma": ("rad", lambda m: m.x.pitch - m.x.alpha),  # over ground
+    "climb_rate": ("ft/s", lambda m: m.rates.altitude),
+    # Of loads and weight about a hinge; with spring and damper.
+    "hinge_moment": ("ft lbf", lambda m: m.loads.hinge_moment),
+    "hinge_moment_total": ("ft lbf", _elastic_moment),
+    # Wing and tail of one panel.
+    "lift_center": ("lbf", lambda m: m.loads.center.lift),
+    "lift_outer": ("lbf", lambda m: m.loads.outer.lift),
+    "dynamic_pressure": ("lbf/ft^2", lambda m: density(m.x.altitude) * m.x.speed**2 / 2),
 }

@@ -44,30 +44,18 @@ class Provenance:
 
     def to_dict(self) -> dict[str, Any]:
         """JSON data: angles in radians."""
-        names = (
-            "version",
-            "command",
-            "date",
-            "dynamics",
-            "parameters",
-            "parameter_hash",
-            "changed",
-            "condition",
-            "model",
-        )
-        found = {"schema": SCHEMA, **{name: getattr(self, name) for name in names}, "condition": dict(self.condition)}
         changed = {name: {"value": value, "identified": known} for name, (value, known) in self.changed.items()}
-        return found | {"changed": changed}
+        found = {"schema": SCHEMA, **vars(self), "condition": dict(self.condition), "changed": changed}
+        del found["flight"]
+        return found
 
     def _changes(self) -> list[str]:
         """The parameters that differ, the relatively largest differences first; of many their number and the first."""
         sizes = {name: abs(value - known) / (abs(known) or 1.0) for name, (value, known) in self.changed.items()}
         told = []
         for name in sorted(sizes, key=lambda name: -sizes[name])[:_MOST_TOLD]:
-            (value, known), unit = (
-                self.changed[name],
-                f" {getattr(FIELDS, name).unit}" if name in FIELDS._fields else "",
-            )
+            value, known = self.changed[name]
+            unit = f" {getattr(FIELDS, name).unit}" if name in FIELDS._fields else ""
             told.append(f"{name} {value:.6g}{unit} (identified: {known:.6g})")
         return [f"{len(sizes)} parameters differ, most", *told] if len(sizes) > _MOST_TOLD else told
 

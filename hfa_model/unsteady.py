@@ -32,18 +32,19 @@ from hfa_model.atmosphere import density
 from hfa_model.dynamics import rates_from_loads
 from hfa_model.kinematics import (
     Velocity,
+    Winds,
     airspeed,
     center_height,
     center_velocity,
     flow_of,
     outer_height,
     outer_velocity,
+    winds_named,
 )
 from hfa_model.outputs import Moment, outputs_of
 from hfa_model.parameters import default_parameters
 from hfa_model.variants import Newton
 from hfa_model.vectors import LINEAR_STATES, STATE_SIGNALS, STATES, Quantity
-from hfa_model.winds import Winds, winds_named
 from hfa_support.model import Signal
 
 NEWTON = Newton()

@@ -21,10 +21,8 @@ DEGREE = math.pi / 180
 
 
 class State(NamedTuple, Generic[T]):
-    """X = [V, α, h, θ, q, η, η'] in the order of the paper (Section 2.2), or one quantity per state.
-
-    The fields hold floats, CasADi expressions, units or scales: whatever is stated once per state.
-    """
+    """X = [V, α, h, θ, q, η, η'] in the order of the paper (Section 2.2): numbers, CasADi expressions, units or
+    signals."""
 
     speed: T
     alpha: T
@@ -53,7 +51,7 @@ INPUTS: tuple[str, ...] = Input._fields
 #: The six states of the paper's linear model: the altitude deviation is not controlled (Section 2.2).
 LINEAR_STATES: tuple[str, ...] = tuple(name for name in STATES if name != "altitude")
 
-#: Where they stand among all states.
+#: Their places among all states.
 LINEAR_ROWS = [STATES.index(name) for name in LINEAR_STATES]
 
 #: The highest altitude that the atmosphere covers, ft (the 20 km geopotential limit lies at 65,824 ft).
@@ -76,12 +74,5 @@ _ELEVATOR = _ANGLE._replace(min=-math.radians(30), max=math.radians(30))
 INPUT_SIGNALS = Input(Signal("1", 40.0, 0.0, 200.0, start=40.0), _AILERON, _AILERON, _ELEVATOR, _ELEVATOR)
 
 STATE_UNITS, INPUT_UNITS = State(*(s.unit for s in STATE_SIGNALS)), Input(*(s.unit for s in INPUT_SIGNALS))
-STATE_SCALES, INPUT_SCALES = State(*(s.nominal for s in STATE_SIGNALS)), Input(*(s.nominal for s in INPUT_SIGNALS))
 CONTROL_LIMITS = Input(*((s.min, s.max) for s in INPUT_SIGNALS))
-#: One scaled unit of each rate.
-RATE_SCALES = State(*(s.rate or s.nominal for s in STATE_SIGNALS))
-
-#: Unit of every state and input, of the flight-path angle, and of alpha through the air.
-UNITS: dict[str, str] = STATE_UNITS._asdict() | INPUT_UNITS._asdict() | {"gamma": "rad", "angle_of_attack": "rad"}
-#: Those of the six states.
-LINEAR_UNITS: tuple[str, ...] = tuple(UNITS[name] for name in LINEAR_STATES)
+LINEAR_UNITS: tuple[str, ...] = tuple(getattr(STATE_UNITS, name) for name in LINEAR_STATES)

@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from known_models import model_at
-from random_points import random_points
+from random_points import random_points, rates
 
 from hfa_model import VARIANTS, Aircraft, Input, Parameters, State
-from hfa_model.dynamics import rates
 from hfa_model.variants import Variant
 from hfa_support import BadInputError
 from trim import find_operating_point, level_flight, linearize

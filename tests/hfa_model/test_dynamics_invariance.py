@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from random_points import random_points
+from random_points import RATE_SCALES, random_points
 
 from hfa_model import STATES, VARIANTS, Aircraft, Input, Parameters, State
 from hfa_model.aerodynamics import aircraft_loads
@@ -16,7 +16,7 @@ from hfa_model.atmosphere import density
 from hfa_model.dynamics import rates_from_loads
 from hfa_model.parameters import FIELDS, Field
 from hfa_model.variants import Published, Variant
-from hfa_model.vectors import INPUT_UNITS, RATE_SCALES, STATE_UNITS
+from hfa_model.vectors import INPUT_UNITS, STATE_UNITS
 from trim import TrimCondition, find_operating_point, level_flight, linearize, release
 from trim.linear.compare import eigenvalue_errors
 

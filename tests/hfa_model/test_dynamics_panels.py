@@ -11,16 +11,13 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from random_points import random_points
+from random_points import RATE_SCALES, random_points, rates
 
 from hfa_model import VARIANTS, Input, Parameters, State
 from hfa_model.aerodynamics import panel_loads
 from hfa_model.atmosphere import density
-from hfa_model.dynamics import rates
-from hfa_model.kinematics import flow_of
+from hfa_model.kinematics import DISTURBANCES, Winds, flow_of, winds_named
 from hfa_model.variants import Newton
-from hfa_model.vectors import RATE_SCALES
-from hfa_model.winds import DISTURBANCES, Winds, winds_named
 
 SIDES = (0, 1, -1)
 

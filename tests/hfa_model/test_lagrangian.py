@@ -6,14 +6,14 @@ import casadi as ca
 import numpy as np
 import pytest
 from lagrangian import lagrangian_rates, mechanical_energy
-from random_points import by_name, random_points, rates_function, symbols
+from random_points import RATE_SCALES, by_name, random_points, rates_function, symbols
 
 from hfa_model import STATES, Input, Parameters, State
 from hfa_model.aerodynamics import aircraft_loads
 from hfa_model.atmosphere import density
 from hfa_model.dynamics import rates_from_loads
 from hfa_model.variants import Newton, Published, Variant
-from hfa_model.vectors import RATE_SCALES, Quantity
+from hfa_model.vectors import Quantity
 
 
 @pytest.fixture(scope="module")

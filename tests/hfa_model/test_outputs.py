@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from known_models import model_at
-from random_points import random_points
+from random_points import random_points, rising
 
 from hfa_model import STATES, Aircraft, Input, Parameters, State
 from hfa_model.kinematics import center_height, outer_height
@@ -16,7 +16,7 @@ from trim import find_operating_point, level_flight
 
 
 def outputs(aircraft: Aircraft, x: np.ndarray, u: np.ndarray, updraft: float = 0.0) -> dict[str, float]:
-    moment = moment_of(State(*x), Input(*u), aircraft.parameters, aircraft.variant, updraft)
+    moment = moment_of(State(*x), Input(*u), aircraft.parameters, aircraft.variant, rising(updraft))
     return {name: float(value) for name, value in outputs_of(moment).items()}
 
 

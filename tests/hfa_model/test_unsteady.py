@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from random_points import random_points
+from random_points import random_points, rates
 from scipy import special
 from unsteady_energy import derived_unsteady
 
@@ -25,9 +25,8 @@ from hfa_model import (
     default_parameters,
 )
 from hfa_model.atmosphere import density
-from hfa_model.dynamics import rates
+from hfa_model.kinematics import DISTURBANCES, winds_named
 from hfa_model.unsteady import EFFECTS, KUESSNER, LAG_STATES, WAGNER, Lag
-from hfa_model.winds import DISTURBANCES, winds_named
 from trim import find_operating_point, level_model, linearize
 from trim.point.condition import usual_condition
 

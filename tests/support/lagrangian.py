@@ -17,10 +17,9 @@ from typing import Any, NamedTuple
 import casadi as ca
 
 from hfa_model.aerodynamics import PanelLoads, panel_loads
-from hfa_model.kinematics import Flow, flow_of
+from hfa_model.kinematics import STILL_AIR, Flow, Winds, flow_of
 from hfa_model.parameters import Parameters
 from hfa_model.vectors import Input, Quantity, State
-from hfa_model.winds import Air, Winds, winds_of
 
 
 class Panel(NamedTuple):
@@ -31,8 +30,8 @@ class Panel(NamedTuple):
     spin: ca.SX
 
 
-def lagrangian_rates(x: State, u: Input, density: Quantity, p: Parameters, air: Air = 0.0) -> State:
-    """dX/dt of the aircraft by the Euler-Lagrange equations; arguments as in `dynamics.rates`.
+def lagrangian_rates(x: State, u: Input, density: Quantity, p: Parameters, winds: Winds = STILL_AIR) -> State:
+    """dX/dt of the aircraft by the Euler-Lagrange equations; the wind at each panel in ft/s.
 
     `density` (slug/ft^3) is given, so that 0 means flight without air. The flow at a panel is its
     inertial velocity less that of the air there. CasADi expressions in and out.
@@ -41,7 +40,7 @@ def lagrangian_rates(x: State, u: Input, density: Quantity, p: Parameters, air: 
     r, v = ca.SX.sym("r", 4), ca.SX.sym("v", 4)
     panels = panels_at(r, v, p)
     kinetic = sum(kinetic_energy(panel, r, v, p) for panel in panels)
-    force = _generalized_force(panels, r, v, u, density, p, winds_of(air))
+    force = _generalized_force(panels, r, v, u, density, p, winds)
     return euler_lagrange(x, kinetic, force, panels, r, v, p)
 
 

@@ -7,10 +7,14 @@ import numpy as np
 
 from hfa_model import Input, Parameters, State
 from hfa_model.aircraft import HFA
-from hfa_model.dynamics import rates
+from hfa_model.kinematics import STILL_AIR, Winds, winds_named
+from hfa_model.outputs import moment_of
 from hfa_model.variants import Variant
-from hfa_model.winds import Air
+from hfa_model.vectors import INPUT_SIGNALS, STATE_SIGNALS, Quantity
 
+STATE_SCALES, INPUT_SCALES = State(*(s.nominal for s in STATE_SIGNALS)), Input(*(s.nominal for s in INPUT_SIGNALS))
+#: One scaled unit of each rate.
+RATE_SCALES = State(*map(HFA.rate_scale, HFA.states))
 _LOWEST_STATE = State(20.0, -0.35, 0.0, -1.0, -1.0, -1.2, -1.0)
 _HIGHEST_STATE = State(300.0, 0.35, 65_000.0, 1.0, 1.0, 1.2, 1.0)
 _LOWEST_INPUT = Input(0.0, -0.35, -0.35, -0.5, -0.5)
@@ -35,9 +39,19 @@ def by_name(x: ca.SX, u: ca.SX, p: ca.SX) -> tuple[State, Input, Parameters]:
     return State(*ca.vertsplit(x)), Input(*ca.vertsplit(u)), Parameters(*ca.vertsplit(p))
 
 
-def state_rates(x: ca.SX, u: ca.SX, p: ca.SX, variant: Variant, air: Air = 0.0) -> ca.SX:
+def rising(updraft: Quantity) -> Winds:
+    """Air that rises by `updraft`, ft/s, at every panel."""
+    return winds_named(("updraft",), (updraft,))
+
+
+def rates(x: State, u: Input, p: Parameters, variant: Variant, winds: Winds = STILL_AIR) -> State:
+    """dX/dt of vectors by name."""
+    return moment_of(x, u, p, variant, winds).rates
+
+
+def state_rates(x: ca.SX, u: ca.SX, p: ca.SX, variant: Variant, winds: Winds = STILL_AIR) -> ca.SX:
     """dX/dt of columns, (7,)."""
-    return ca.vertcat(*rates(*by_name(x, u, p), variant, air))
+    return ca.vertcat(*rates(*by_name(x, u, p), variant, winds))
 
 
 def rates_function(variant: Variant) -> ca.Function:

@@ -24,9 +24,8 @@ from lagrangian import (
 )
 
 from hfa_model.aerodynamics import panel_loads
-from hfa_model.kinematics import Flow, flow_of
+from hfa_model.kinematics import Flow, Winds, flow_of
 from hfa_model.vectors import Quantity, State
-from hfa_model.winds import Winds
 
 #: (A_1, A_2), (b_1, b_2): Jones's approximations of Wagner's and Küssner's functions.
 MOTION, GUST = ((0.165, 0.335), (0.0455, 0.3)), ((0.5, 0.5), (0.13, 1.0))

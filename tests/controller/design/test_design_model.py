@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 from known_models import model_at, released_simulation
+from random_points import rising
 from servo_cases import simvfa_design
 
 from controller import Game, design_model, load_design, published_game
@@ -78,9 +79,8 @@ def test_the_loop_of_a_servo_brings_the_integrated_outputs_to_zero(published_air
 def _gust_by_differences(aircraft: Aircraft, built: DesignModel) -> np.ndarray:
     """Rates of the six states and of the integrals in an updraft, from the nonlinear equations, per ft/s."""
     point, h = built.model.point, 1e-4
-    up, down = (
-        moment_of(point.states, point.inputs, aircraft.parameters, aircraft.variant, side * h) for side in (1.0, -1.0)
-    )
+    winds = (rising(side * h) for side in (1.0, -1.0))
+    up, down = (moment_of(point.states, point.inputs, aircraft.parameters, aircraft.variant, each) for each in winds)
     plain = [built.design.model.part(name)[0] for name in built.design.integrals]
     rates = [(getattr(up.rates, name) - getattr(down.rates, name)) / (2 * h) for name in LINEAR_STATES]
     seen = [{**moment.x._asdict(), **outputs_of(moment)} for moment in (up, down)]

@@ -10,11 +10,10 @@ import numpy as np
 import pytest
 from c_files import called, compiled, footprint, needs_gcc, ran
 from known_models import model_at
-from random_points import state_rates, symbols
+from random_points import INPUT_SCALES, STATE_SCALES, rising, state_rates, symbols
 
 from controller.export.c_model import EXAMPLE, HEADER, SOURCE, c_model_texts, comment_lines
 from hfa_model import Aircraft
-from hfa_model.vectors import INPUT_SCALES, STATE_SCALES
 from hfa_support import BadInputError
 from hfa_support.files import write_texts
 from hfa_support.model import load_model
@@ -43,7 +42,7 @@ def library(folder: Path) -> ctypes.CDLL:
 
 def test_rates_are_ours(library: ctypes.CDLL, aircraft: Aircraft, point: OperatingPoint) -> None:
     (x, u, p), w = symbols(), ca.SX.sym("w")
-    ours = ca.Function("ours", [x, u, p, w], [state_rates(x, u, p, aircraft.variant, w)])
+    ours = ca.Function("ours", [x, u, p, w], [state_rates(x, u, p, aircraft.variant, rising(w))])
     random, dx = np.random.default_rng(5), np.empty(7)
     for row in range(POINTS):
         state = np.array(point.states) + 0.5 * np.array(STATE_SCALES) * random.uniform(-1, 1, 7)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from cli import assert_refused, hfa
 from flight_cases import SMALL, FlownCase, flown, signal
+from random_points import STATE_SCALES
 from scipy.integrate import solve_ivp
 
 from controller import Actuators, Dryden, FlownLaw, OneMinusCosine, Scenario, Signal
@@ -16,7 +17,7 @@ from controller.flight.nonlinear_flight import NonlinearFlight
 from controller.flight.simulation import CompiledLoop
 from controller.policy.signals import Harmonic
 from hfa_model import LINEAR_STATES, STATES, Input
-from hfa_model.vectors import CONTROL_LIMITS, STATE_SCALES
+from hfa_model.vectors import CONTROL_LIMITS
 from trim import find_operating_point, level_flight
 
 N = len(LINEAR_STATES)

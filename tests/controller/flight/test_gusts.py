@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from lagrangian import lagrangian_rates
-from random_points import random_points
+from random_points import RATE_SCALES, random_points, rates, rising
 
 from controller import Dryden, FlownLaw, OneMinusCosine, Scenario
 from controller.flight.closed_loop import ClosedLoop, LinearPlant
@@ -18,9 +18,7 @@ from controller.flight.simulation import CompiledLoop
 from controller.policy.policies import OpenLoop
 from hfa_model import STATES, VARIANTS, Input, Parameters, State
 from hfa_model.atmosphere import density
-from hfa_model.dynamics import rates
 from hfa_model.variants import Newton, Variant
-from hfa_model.vectors import RATE_SCALES
 
 # The model.
 
@@ -35,7 +33,7 @@ def judge(parameters: Parameters) -> ca.Function:
     """(x, u, updraft) -> dX/dt by the Euler-Lagrange equations."""
     x, u, w = ca.SX.sym("x", len(STATES)), ca.SX.sym("u", len(Input._fields)), ca.SX.sym("w")
     state = State(*ca.vertsplit(x))
-    found = lagrangian_rates(state, Input(*ca.vertsplit(u)), density(state.altitude), parameters, w)
+    found = lagrangian_rates(state, Input(*ca.vertsplit(u)), density(state.altitude), parameters, rising(w))
     return ca.Function("judge", [x, u, w], [ca.vertcat(*found)])
 
 
@@ -44,7 +42,7 @@ def disagreement(judge: ca.Function, parameters: Parameters, sign: float = 1.0) 
     worst = 0.0
     for x, u, w in points(300, seed=3):
         expected = np.array(judge(x, u, w)).ravel()
-        found = np.array(rates(State(*x.tolist()), Input(*u.tolist()), parameters, Newton(), sign * w))
+        found = np.array(rates(State(*x.tolist()), Input(*u.tolist()), parameters, Newton(), rising(sign * w)))
         worst = max(worst, float((np.abs(found - expected) / np.maximum(np.abs(expected), RATE_SCALES)).max()))
     return worst
 
@@ -74,10 +72,10 @@ def test_no_gust_changes_no_bit(parameters: Parameters, variant: Variant) -> Non
     for x, u, _ in points(50, seed=1):
         state, control = State(*x.tolist()), Input(*u.tolist())
         still = rates(state, control, parameters, variant)
-        assert rates(state, control, parameters, variant, 0.0) == still
+        assert rates(state, control, parameters, variant, rising(0.0)) == still
         # A gust of 0 that is not known to be 0 goes the other way to the airspeed, and arrives at the same.
         np.testing.assert_allclose(
-            rates(state, control, parameters, variant, np.float64(0.0)), still, rtol=1e-13, atol=1e-13
+            rates(state, control, parameters, variant, rising(np.float64(0.0))), still, rtol=1e-13, atol=1e-13
         )
 
 
@@ -96,7 +94,7 @@ def test_flight_in_rising_air_is_flight_in_still_air_seen_from_the_ground(parame
         north, up = still.speed * np.cos(gamma), still.speed * np.sin(gamma) + w
         moving = still._replace(speed=float(np.hypot(north, up)), alpha=still.pitch - float(np.arctan2(up, north)))
         one = rates(still, control, parameters, Newton())
-        two = rates(moving, control, parameters, Newton(), w)
+        two = rates(moving, control, parameters, Newton(), rising(w))
         np.testing.assert_allclose(acceleration(moving, two), acceleration(still, one), rtol=1e-9, atol=1e-9)
         assert two.pitch_rate == pytest.approx(one.pitch_rate, rel=1e-9, abs=1e-9)
         assert two.dihedral_rate == pytest.approx(one.dihedral_rate, rel=1e-9, abs=1e-9)

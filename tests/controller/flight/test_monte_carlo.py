@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from member_plans import EVERYTHING, PARAMETERS, with_scenario
+from random_points import rates, rising
 
 from controller import MonteCarlo, OneMinusCosine, Scenario, Uncertainty, flight_envelope, fly, gain_law
 from controller.flight import monte_carlo
@@ -17,7 +18,6 @@ from controller.flight.monte_carlo import fly_member, fly_members, member_report
 from controller.flight.scenario import with_errors
 from controller.policy.signals import zero
 from hfa_model import LINEAR_STATES, STATES, Aircraft, Input, Parameters, State
-from hfa_model.dynamics import rates
 from hfa_model.variants import variant_named
 from hfa_support import BadInputError
 from hfa_support.jobs.store import Store, open_store, stream
@@ -37,7 +37,7 @@ def nonlinear_rate(plan: MonteCarlo, member: Scenario) -> Rate:
     p, variant = Parameters(*with_errors(plan.aircraft, member).p.tolist()), variant_named(plan.model.name)
 
     def rate(x: np.ndarray, u: np.ndarray, d: np.ndarray, w: float) -> np.ndarray:
-        value = np.array([float(row) for row in rates(State(*(X0 + x)), Input(*(U0 + u)), p, variant, w)])
+        value = np.array([float(row) for row in rates(State(*(X0 + x)), Input(*(U0 + u)), p, variant, rising(w))])
         value[SEEN] += d
         return value
 

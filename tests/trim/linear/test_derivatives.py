@@ -7,12 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from random_points import random_points
+from random_points import INPUT_SCALES, STATE_SCALES, random_points
 
 from hfa_model import INPUTS, STATES, Aircraft, Input, State
+from hfa_model.kinematics import DISTURBANCES, winds_named
 from hfa_model.outputs import OUTPUTS, moment_of, outputs_of
-from hfa_model.vectors import INPUT_SCALES, STATE_SCALES
-from hfa_model.winds import DISTURBANCES, winds_named
 
 NAMES, WATCHED = tuple(DISTURBANCES), tuple(OUTPUTS)
 ROWS, COLUMNS = (*STATES, *WATCHED), (*STATES, *INPUTS, *NAMES)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from random_points import STATE_SCALES
 
 from hfa_model import Aircraft
-from hfa_model.vectors import STATE_SCALES
 from trim import sweep
 from trim.linear.modes import track_modes
 

@@ -11,7 +11,7 @@ from known_models import released_simulation
 
 from controller.flight.closed_loop import LinearPlant
 from hfa_model import LINEAR_STATES, STATES, Aircraft, Parameters
-from hfa_model.winds import DISTURBANCES
+from hfa_model.kinematics import DISTURBANCES
 from hfa_support import BadInputError
 from hfa_support.model import Model
 from trim import LinearModel, OperatingPoint, find_operating_point, level_flight, linearize

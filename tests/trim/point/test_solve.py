@@ -6,9 +6,9 @@ from collections.abc import Mapping
 
 import numpy as np
 import pytest
+from random_points import INPUT_SCALES, RATE_SCALES
 
 from hfa_model import STATES, Aircraft
-from hfa_model.vectors import INPUT_SCALES, RATE_SCALES
 from hfa_support import BadInputError, NoSolutionError
 from trim import OperatingPoint, TrimCondition, TrimError, find_operating_point, level_flight, release
 

@@ -10,10 +10,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from cli import hfa
+from random_points import RATE_SCALES
 
 from hfa_model import Aircraft
 from hfa_model.aircraft import HFA
-from hfa_model.vectors import RATE_SCALES, UNITS
 from hfa_support import Report
 from trim import OperatingPoint, TrimCondition, find_operating_point, level_flight, release, trim_report
 from trim.point.trim_report import all_margins
@@ -31,7 +31,7 @@ def test_every_variable_is_shown_with_its_limits_and_the_margin_to_one(published
     point, report = reported(published_aircraft, condition)
     said = report.text()
     for name, margin in all_margins(condition, point).items():
-        factor = math.degrees(1.0) if UNITS[name].startswith("rad") else 1.0
+        factor = math.degrees(1.0) if HFA.unit(name).startswith("rad") else 1.0
         limits = "" if math.isinf(margin.lowest) else f" +{margin.lowest * factor:.6g} +{margin.highest * factor:.6g}"
         to = f" +{margin.distance * factor:.5f} +{margin.nearer}" if margin.nearer else ""
         role = "imposed" if margin.role == "held" else margin.role

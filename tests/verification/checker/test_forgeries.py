@@ -13,12 +13,12 @@ from typing import Any
 import numpy as np
 import pytest
 from proof_cases import PROOFS, certificate, delayed_abscissa, forge
+from random_points import INPUT_SCALES
 
 from controller import Game, basis
 from controller.riccati.gare import solve_game
 from controller.riccati.smallest_delta import minimum_delta
 from hfa_model import INPUTS, Aircraft, Parameters
-from hfa_model.vectors import INPUT_SCALES
 from hfa_support import BadInputError, NoSolutionError
 from trim import TrimCondition, find_operating_point, linearize
 from verification import check_certificate

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from known_models import exact_gain, model_at
 from proof_cases import ORIGIN, family
+from random_points import INPUT_SCALES
 
-from hfa_model.vectors import INPUT_SCALES
 from hfa_support import NoSolutionError
 from verification import check_certificate, coarsest_grid
 from verification.proof.proof_report import checked_report
