@@ -10,7 +10,7 @@ import numpy as np
 
 from controller.design.design import Actuator, Design, Shaping
 from controller.design.design_model import DesignModel, design_model
-from controller.design.loop_shaping import following_model, output_weights, shaped_controller
+from controller.design.loop_shaping import following_model, output_weights, robust_check, robust_controller
 from controller.design.scheduled_controller import COMMAND_SIGNALS, ScheduledController, identity
 from controller.riccati.gare import solve_game
 from controller.riccati.generalized_plant import GeneralizedPlant, solve_plant
@@ -133,11 +133,14 @@ def controller_at(aircraft: Aircraft | Model, model: LinearModel, design: Design
 
 
 def _shaped(aircraft: Aircraft | Model, built: DesignModel, shaping: Shaping) -> LinearController:
-    """The robust controller of the shaped plant, and the model that the commands go through."""
-    design, following = built.design, shaping.following
+    """x = [x_m; the weights' own; x̂]: u = u_m - W1 F x̂, x̂ observes the shaped plant from y_s = W2 (y - y_m).
+
+    x_m, u_m, y_m: of the model that the commands go through. The observer receives the inputs that are applied.
+    """
+    design, following, z = built.design, shaping.following, np.zeros
     slow = dict.fromkeys(design.inputs, Actuator(bandwidth=following.bandwidth))
     answer = design_model(aircraft, built.model, replace(design, actuators=slow))
-    model = following_model(
+    A_m, B_m = following_model(
         answer.A,
         answer.B,
         answer.C[[answer.sensors.index(name) for name in following.outputs]],
@@ -146,17 +149,29 @@ def _shaped(aircraft: Aircraft | Model, built: DesignModel, shaping: Shaping) ->
         rates=np.array([following.rates[name] for name in design.inputs]),
     )
     gains = np.array([shaping.inputs[name] for name in design.inputs])
-    sensed = np.hstack([answer.C, np.zeros((len(answer.C), len(gains)))])
-    plant = built.A, built.B, built.C
-    found = shaped_controller(
-        plant,
-        gains,
-        output_weights(shaping.outputs_at(built.model.point.values[design.model.schedule])),
-        shaping.factor,
-        model,
-        sensed,
+    weights = output_weights(shaping.outputs_at(built.model.point.values[design.model.schedule]))
+    (n, m), (k, p), (size, commands) = built.B.shape, weights.B.shape, B_m.shape
+    h = n + k
+    A_s = np.block([[built.A, z((n, k))], [weights.B @ built.C, weights.A]])
+    B_s, C_s = np.vstack([built.B * gains, z((k, m))]), np.hstack([weights.D @ built.C, weights.C])
+    found = robust_controller(A_s, B_s, C_s, shaping.factor)
+    sensed, seen = np.hstack([answer.C, z((p, m))]), found.H @ weights.D
+    observer = A_s - B_s @ found.F - found.H @ C_s
+    return LinearController(
+        A=np.block(
+            [
+                [A_m, z((size, k + h))],
+                [-weights.B @ sensed, weights.A, z((k, h))],
+                [-seen @ sensed, found.H @ weights.C, observer],
+            ]
+        ),
+        B=np.block([[z((size, p)), B_m], [weights.B, z((k, commands))], [seen, z((h, commands))]]),
+        C=np.hstack([np.eye(m, size, k=size - m), z((m, k)), -gains[:, None] * found.F]),
+        D=z((m, p + commands)),
+        W=np.vstack([z((size + k, m)), built.B, z((k, m))]),
+        limit=found.gamma_min,
+        checks=(robust_check(A_s, B_s, C_s, found),),
     )
-    return LinearController(found.A, found.B, found.C, found.D, found.W, found.gamma_min, found.checks)
 
 
 def _names(design: Design, feedback: str) -> tuple[tuple[str, ...], tuple[str, ...], tuple[float, ...]]:
@@ -174,7 +189,7 @@ def _names(design: Design, feedback: str) -> tuple[tuple[str, ...], tuple[str, .
     )
     estimates = tuple(f"{name}_estimate" for name in (*design.plant_states, *own))
     commands = tuple(f"{name}{signal}" for signal in COMMAND_SIGNALS for name in following.outputs)
-    return (*model, *own, *estimates), commands, following.filter
+    return (*model, *own, *estimates), commands, tuple(following.filter)
 
 
 def measurements(design: Design, feedback: str) -> tuple[str, ...]:

@@ -10,6 +10,7 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -65,10 +66,10 @@ class Following(NamedTuple):
     """
 
     outputs: Mapping[str, float]
-    states: Mapping[str, float]
     rates: Mapping[str, float]
-    filter: tuple[float, float]
-    bandwidth: float
+    states: Mapping[str, float] = MappingProxyType({})
+    filter: Sequence[float] = COMMAND_FILTER
+    bandwidth: float = 2.0
 
 
 class Shaping(NamedTuple):
@@ -78,10 +79,10 @@ class Shaping(NamedTuple):
 
     inputs: Mapping[str, float]
     outputs: Mapping[str, OutputWeight]
-    factor: float
     places: tuple[float, ...]
-    schedule: Mapping[str, Sequence[float]]
     following: Following
+    factor: float = 1.1
+    schedule: Mapping[str, Sequence[float]] = MappingProxyType({})
 
     def outputs_at(self, place: float) -> dict[str, OutputWeight]:
         """The weights with their gains at a value of the scheduling variable."""
@@ -133,6 +134,7 @@ class Design:
             ("sensor", [*self.sensors], seen),
             ("disturbance", [*self.disturbances], (*DISTURBANCES, *model.disturbances)),
         ]
+        needed: dict[str, Mapping[str, Any]] = {"weight": self.input_weights}
         if shaping is not None:
             following, outputs = shaping.following, [*shaping.outputs]
             known += [
@@ -141,6 +143,14 @@ class Design:
                 ("scheduled output", [*shaping.schedule], outputs),
                 ("followed output, which must be measured", [*following.outputs], outputs),
             ]
+            needed |= {"actuator": self.actuators, "weight in shaping.following.rates": following.rates}
+            for name, factors in shaping.schedule.items():
+                if len(factors) != len(shaping.places):
+                    raise BadInputError(f"{where} shaping.schedule.{name} needs one factor for each {model.schedule}")
+            if len(following.filter) != 2 or list(shaping.places) != (sorted({*shaping.places}) or [0]):
+                raise BadInputError(
+                    f"{where} shaping.following.filter is a bandwidth and a damping, and the {model.schedule}s increase"
+                )
         for what, names, choices in known:
             for name in names:
                 refuse_unknown(f"{where} unknown {what}", name, choices)
@@ -149,22 +159,10 @@ class Design:
         for what, numbers in (("noise of sensor", self.sensors), ("intensity of disturbance", self.disturbances)):
             for name, value in numbers.items():
                 refuse_unless_positive(f"{where} the {what} {name}", value)
-        for name in self.inputs:
-            if shaping and not (name in shaping.inputs and name in shaping.following.rates and name in self.actuators):
-                raise BadInputError(
-                    f"{where} input {name} needs an actuator, a gain in shaping.inputs and a weight in "
-                    "shaping.following.rates; give all three"
-                )
-            if name not in self.input_weights:
-                raise BadInputError(f"{where} input {name} has no weight; every input needs one")
-        if shaping is not None:
-            for name, factors in shaping.schedule.items():
-                if len(factors) != len(shaping.places):
-                    raise BadInputError(f"{where} shaping.schedule.{name} needs one factor for each {model.schedule}")
-            if len(shaping.following.filter) != 2 or list(shaping.places) != (sorted({*shaping.places}) or [0]):
-                raise BadInputError(
-                    f"{where} shaping.following.filter is a bandwidth and a damping, and the {model.schedule}s increase"
-                )
+        for what, table in needed.items():
+            for name in self.inputs:
+                if name not in table:
+                    raise BadInputError(f"{where} input {name} has no {what}; every input needs one")
 
     @property
     def plant_states(self) -> tuple[str, ...]:
@@ -234,9 +232,7 @@ def load_design(name: str, model: Model = HFA) -> Design:
     bandwidth, and by name outputs, states, rates: `Shaping`, `Following`. [newton.TABLE]: entries that replace those
     above for these equations. BadInputError names the file, the entry and the fault.
     """
-    if name in ("simvfa-1", "simvfa-2"):
-        raise BadInputError(f"{name} is now the file studies/servo/designs/{name}.toml of the project; name the file")
-    return design_of(name, read_named("design", name, NAMED, "controller.designs", {...: None}), model)
+    return design_of(name, read_named("design", name, NAMED, "controller.design", {...: None}), model)
 
 
 def design_of(name: str, data: Mapping[str, Any], model: Model = HFA) -> Design:
@@ -251,14 +247,10 @@ def design_of(name: str, data: Mapping[str, Any], model: Model = HFA) -> Design:
         for other in ("integrals", "disturbance", "delta", "weights", "sensors"):
             if other in data:
                 raise BadInputError(f"{name}: {other} belongs to a game, [shaping] has none; leave one of them out")
-        table: dict[str, Any] = {"factor": 1.1, "schedule": {}} | data["shaping"]
-        following = {"states": {}, "filter": COMMAND_FILTER, "bandwidth": 2.0} | table["following"]
-        following["filter"] = tuple(following["filter"])
-        at = tuple(map(math.radians if model.schedule_unit == "deg" else float, table.pop(places)))
+        table = dict(data["shaping"])
+        table["places"] = tuple(map(math.radians if model.schedule_unit == "deg" else float, table.pop(places)))
         table["outputs"] = {output: OutputWeight(**each) for output, each in table["outputs"].items()}
-        shaping = Shaping(
-            **table | {"places": at, "following": Following(**following | {"filter": tuple(following["filter"])})}
-        )
+        shaping = Shaping(**table | {"following": Following(**table["following"])})
     actuators = {}
     for key, each in data.get("actuators", {}).items():
         with said_of(f"{name}: actuators.{shortened(key)}"):

@@ -15,13 +15,12 @@ from typing import NamedTuple
 import numpy as np
 
 from controller.design.design import Following, OutputWeight
+from controller.riccati.frequency_response import system_gain
 from hfa_support.errors import NoSolutionError
 from hfa_support.reporting.checks import Check, at_most
 
-#: The gain of the robust loop, swept over frequencies, may exceed gamma by this share: rounding.
-SWEEP = 1e-6
-#: Frequencies of the sweep, rad/s.
-_FREQUENCIES = np.geomspace(1e-4, 1e4, 400)
+#: The gain of the robust loop may exceed gamma by this share.
+ROUNDING = 1e-6
 
 
 class Robust(NamedTuple):
@@ -56,16 +55,13 @@ def robust_controller(A: np.ndarray, B: np.ndarray, C: np.ndarray, factor: float
 
 def robust_check(A: np.ndarray, B: np.ndarray, C: np.ndarray, found: Robust) -> Check:
     """‖[K; I] (I - G K)⁻¹ [I G]‖∞ <= γ and the loop is stable, from the closed loop alone; inf where it is not."""
-    n, m, p = len(A), B.shape[1], len(C)
+    (n, m), p = B.shape, len(C)
     closed = np.block([[A, -B @ found.F], [found.H @ C, A - B @ found.F - found.H @ C]])
-    gain = np.inf
-    if np.linalg.eigvals(closed).real.max() < 0.0:
-        enters = np.block([[np.zeros((n, p)), B], [found.H, np.zeros((n, m))]])
-        leaves = np.block([[np.zeros((m, n)), -found.F], [C, np.zeros((p, n))]])
-        at_once = np.block([[np.zeros((m, p + m))], [np.eye(p), np.zeros((p, m))]])
-        grid = 1j * _FREQUENCIES[:, None, None] * np.eye(2 * n) - closed
-        gain = float(np.linalg.norm(leaves @ np.linalg.solve(grid, enters[None]) + at_once, 2, (1, 2)).max())
-    return at_most("robustness", gain, (1.0 + SWEEP) * found.gamma, "the loop is less robust than gamma promises")
+    enters = np.block([[np.zeros((n, p)), B], [found.H, np.zeros((n, m))]])
+    leaves = np.block([[np.zeros((m, n)), -found.F], [C, np.zeros((p, n))]])
+    at_once = np.block([[np.zeros((m, p + m))], [np.eye(p), np.zeros((p, m))]])
+    gain = system_gain(closed, enters, leaves, at_once)
+    return at_most("robustness", gain, (1.0 + ROUNDING) * found.gamma, "the loop is less robust than gamma promises")
 
 
 class Weights(NamedTuple):
@@ -79,40 +75,31 @@ class Weights(NamedTuple):
 
 
 def output_weights(outputs: Mapping[str, OutputWeight]) -> Weights:
-    """k (1 + c/s) / (1 + τ s) of each output: an integral where c > 0, then a lag where τ > 0."""
+    """k (1 + c/s) / (1 + τ s) of each output: v = y + c e with e' = y where c > 0, then τ x' = v - x where τ > 0."""
     names: list[str] = []
     for name, each in outputs.items():
         names += [f"{name}_integral"] * (each.corner > 0.0) + [f"{name}_lag_1"] * (each.lag > 0.0)
     n, p = len(names), len(outputs)
-    A, B, C, D = np.zeros((n, n)), np.zeros((n, p)), np.zeros((p, n)), np.zeros((p, p))
+    rates, seen = np.zeros((n, n + p)), np.zeros((p, n + p))
     for row, (name, each) in enumerate(outputs.items()):
-        integral = names.index(f"{name}_integral") if each.corner > 0.0 else None
-        if integral is not None:
-            B[integral, row] = 1.0
+        signal = np.eye(n + p)[n + row]
+        if each.corner > 0.0:
+            integral = names.index(f"{name}_integral")
+            rates[integral] = signal
+            signal = signal + each.corner * np.eye(n + p)[integral]
         if each.lag > 0.0:
-            lag = names.index(f"{name}_lag_1")
-            A[lag, lag], B[lag, row], C[row, lag] = -1.0 / each.lag, 1.0 / each.lag, each.gain
-            if integral is not None:
-                A[lag, integral] = each.corner / each.lag
-        else:
-            D[row, row] = each.gain
-            if integral is not None:
-                C[row, integral] = each.gain * each.corner
-    return Weights(A, B, C, D, tuple(names))
-
-
-class Model(NamedTuple):
-    """x_m' = A x_m + B w: the aircraft as the commands are to move it, w = [r; r'; r_end]; its inputs are C x_m."""
-
-    A: np.ndarray
-    B: np.ndarray
-    C: np.ndarray
+            lagged = np.eye(n + p)[names.index(f"{name}_lag_1")]
+            rates[names.index(f"{name}_lag_1")] = (signal - lagged) / each.lag
+            signal = lagged
+        seen[row] = each.gain * signal
+    return Weights(rates[:, :n], rates[:, n:], seen[:, :n], seen[:, n:], tuple(names))
 
 
 def following_model(
     A: np.ndarray, B: np.ndarray, regulated: np.ndarray, chosen: Following, paid: np.ndarray, rates: np.ndarray
-) -> Model:
-    """The optimal answer of x' = A x + B u to commands of the outputs `regulated` x, (q, n): x_m = [x; u].
+) -> tuple[np.ndarray, np.ndarray]:
+    """A and B of x_m' = A x_m + B w: x_m = [x; u] is the optimal answer of x' = A x + B u to commands w of the outputs
+    `regulated` x, (q, n), w = [r; r'; r_end].
 
     u' = Γ w - K (x_m - Π w): Π, Γ hold the outputs on the commands for ever (Francis), K is the LQR of what x_m still
     has to go: weights of the squared errors and of x (`paid`, (n,)), and of u' (`rates`, (m,)).
@@ -142,55 +129,4 @@ def following_model(
     cost = seen.T @ np.diag([chosen.outputs[name] for name in chosen.outputs]) @ seen
     cost += np.diag(np.concatenate([paid, np.zeros(m)]))
     K = steered.T @ solve_continuous_are(moved, steered, cost, np.diag(rates)) / rates[:, None]
-    return Model(moved - steered @ K, steered @ (Gamma + K @ Pi), np.eye(m, n + m, k=n))
-
-
-class Shaped(NamedTuple):
-    """x' = A x + B [y; w] + W (u_applied - u), u = C x (+ D y), w = [r; r'; r_end]; what certifies it; names of x."""
-
-    A: np.ndarray
-    B: np.ndarray
-    C: np.ndarray
-    D: np.ndarray
-    W: np.ndarray
-    gamma_min: float
-    checks: tuple[Check, ...]
-
-
-def shaped_controller(
-    plant: tuple[np.ndarray, np.ndarray, np.ndarray],
-    gains: np.ndarray,
-    weights: Weights,
-    factor: float,
-    model: Model,
-    sensed: np.ndarray,
-) -> Shaped:
-    """x = [x_m; the weights' own; x̂]: u = u_m - W1 F x̂ of y_s = W2 (y - y_m), y_m = `sensed` x_m.
-
-    plant: A, B, C with its actuators. gains: of W1, (m,). The controller is an observer: its observer receives the
-    applied inputs.
-    """
-    A, B, C = plant
-    k, n, h = len(weights.A), len(A), len(A) + len(weights.A)
-    A_s = np.block([[A, np.zeros((n, k))], [weights.B @ C, weights.A]])
-    told, B_s = np.vstack([B, np.zeros((k, B.shape[1]))]), np.vstack([B * gains, np.zeros((k, B.shape[1]))])
-    C_s = np.hstack([weights.D @ C, weights.C])
-    found = robust_controller(A_s, B_s, C_s, factor)
-    seen, own, z = found.H @ weights.D, found.H @ weights.C, np.zeros
-    size, p, m = len(model.A), len(C), B.shape[1]
-    commands = model.B.shape[1]
-    return Shaped(
-        A=np.block(
-            [
-                [model.A, z((size, k + h))],
-                [-weights.B @ sensed, weights.A, z((k, h))],
-                [-seen @ sensed, own, A_s - B_s @ found.F - found.H @ C_s],
-            ]
-        ),
-        B=np.block([[z((size, p)), model.B], [weights.B, z((k, commands))], [seen, z((h, commands))]]),
-        C=np.hstack([model.C, z((m, k)), -gains[:, None] * found.F]),
-        D=z((m, p + commands)),
-        W=np.vstack([z((size + k, m)), told]),
-        gamma_min=found.gamma_min,
-        checks=(robust_check(A_s, B_s, C_s, found),),
-    )
+    return moved - steered @ K, steered @ (Gamma + K @ Pi)

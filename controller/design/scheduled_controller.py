@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,7 @@ from controller.design.design import signal_unit
 from controller.game.array_file import read_arrays
 from hfa_model.aircraft import HFA, Aircraft
 from hfa_model.provenance import parameter_hash
-from hfa_support.errors import BadInputError, shown
+from hfa_support.errors import BadInputError, said_of, shown
 from hfa_support.jsonable import jsonable
 from hfa_support.linear_table import LinearTable
 from hfa_support.model import Model
@@ -28,7 +28,7 @@ from hfa_support.reporting.data_files import save_data
 from hfa_support.reporting.fields import ByValue
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.text import Table, shown_value
-from hfa_support.schema import checked
+from hfa_support.schema import NUMBER, POSITIVE, checked
 
 #: What a controller may be told of a command r: its value, its rate, and the value that the filter goes to.
 COMMAND_SIGNALS = ("_command", "_command_rate", "_command_end")
@@ -151,51 +151,40 @@ class ScheduledController(ByValue, Reported):
 
     def report(self) -> Report:
         """The table of `about`: delta, delta_min or gamma_min of each angle, certificate."""
-        try:
-            return self._report(self.about.get("angles", ()), self.about.get("delta"))
-        except (AttributeError, KeyError, TypeError, ValueError) as error:
-            raise BadInputError(
-                f"controller {self.name}: the table of its design is damaged ({shown(error)}); make it anew"
-            ) from error
-
-    def _report(self, points: Sequence[dict[str, Any]], delta: float | None) -> Report:
+        points, model, count = self.about.get("angles", []), self.model, len(self.places)
         limit = "delta_min" if any("delta_min" in row for row in points) else "gamma_min"
-        model, count, (first, last) = self.model, len(self.places), self.places[[0, -1]].tolist()
-        by, unit = model.schedule, model.unit(model.schedule)
+        by, unit, (first, last) = model.schedule, model.unit(model.schedule), self.places[[0, -1]].tolist()
         rows = [
-            (shown_value(row[by], unit), f"{row[limit]:.6g}", verdict_text(all(each["ok"] for each in row["checks"])))
+            (
+                shown_value(row[by], unit),
+                f"{row.get(limit, np.nan):.6g}",
+                verdict_text(all(each["ok"] for each in row["checks"])),
+            )
             for row in points
         ]
-        told = [f"told: {', '.join(self.commands)}"] if self.commands else []
+        delta = self.about.get("delta")
+        said = [] if limit == "gamma_min" else [f"delta {'inf' if delta is None else format(delta, 'g')}"]
+        said += [f"measured: {', '.join(self.measurements)}", f"moved: {', '.join(self.inputs)}"]
+        said += [f"told: {', '.join(self.commands)}"] if self.commands else []
         if self.command_filter:
-            told.append("of a command filter of {:g} rad/s, damping {:g}".format(*self.command_filter))
-        game = [] if limit == "gamma_min" else [f"delta {'inf' if delta is None else format(delta, 'g')}"]
+            said.append("of a command filter of {:g} rad/s, damping {:g}".format(*self.command_filter))
         what = "angles" if model.schedule_unit == "deg" else "places"
         where = f"{count} {what} from {self._between(first, last)}" if count > 1 else f"at {model.describe(by, first)}"
-        names = {name: list(getattr(self, name)) for name in ("states", "measurements", "commands", "inputs")}
-        units = {
-            "state_units": names["states"],
-            "signal_units": names["measurements"] + names["commands"],
-            "input_units": names["inputs"],
-        }
-        said = [*game, f"measured: {', '.join(self.measurements)}", f"moved: {', '.join(self.inputs)}", *told]
+        shown_as = {"signal": (*self.measurements, *self.commands), "state": self.states, "input": self.inputs}
+        stored = {key: each for key, each in _stored(self).items() if key not in ("name", "trim_states", "trim_inputs")}
         return Report(
             f"Controller {self.name}: {self.feedback} feedback, {len(self.states)} states, {where}, {self.called}",
             ("; ".join(said), Table((by, limit, "certificate"), rows)),
             data={
-                "schema": DESIGN_SCHEMA,
-                "design": self.name,
-                "feedback": self.feedback,
-                **names,
-                **{key: [signal_unit(model, name) for name in each] for key, each in units.items()},
-                "schedule": by,
-                _key(model): self.places.tolist(),
-                **{name: getattr(self, name).tolist() for name in "ABCDW"},
-                "command_filter": list(self.command_filter),
-                "dynamics": self.dynamics,
-                "parameters": self.parameters,
-                "delta": delta,
-                "angles": list(points),
+                **jsonable(stored),
+                **{f"{kind}_units": [signal_unit(model, name) for name in names] for kind, names in shown_as.items()},
+                **{
+                    "schema": DESIGN_SCHEMA,
+                    "design": self.name,
+                    "schedule": by,
+                    "delta": delta,
+                    "angles": list(points),
+                },
             },
         )
 
@@ -210,6 +199,14 @@ def _key(model: Model) -> str:
     return "dihedrals" if model.schedule == "dihedral" else "places"
 
 
+def _stored(controller: ScheduledController) -> dict[str, Any]:
+    """The arrays, names and texts of a controller by the keys that files and data have."""
+    keys = {"places": _key(controller.model)}
+    content: dict[str, Any] = {key: getattr(controller, key) for key in _TEXTS}
+    content |= {key: list(getattr(controller, key)) for key in _NAMES}
+    return content | {keys.get(key, key): np.array(getattr(controller, key), dtype=float) for key in _ARRAYS}
+
+
 def save_controller(path: str | Path, controller: ScheduledController) -> None:
     """Write .npz, stacks (N, rows, columns) as in Python, or .mat, stacks (rows, columns, N); whole or not at all.
 
@@ -218,16 +215,8 @@ def save_controller(path: str | Path, controller: ScheduledController) -> None:
     target = Path(path)
     if target.suffix.lower() not in SUFFIXES:
         raise BadInputError(f"{path}: a controller is written as {' or '.join(SUFFIXES)}; choose one of them")
-    content: dict[str, Any] = {"schema": SCHEMA, "about": json.dumps(jsonable(controller.about))}
-    content |= {key: getattr(controller, key) for key in _TEXTS}
-    keys = {"places": _key(controller.model)}
-    content |= {keys.get(key, key): np.array(getattr(controller, key), dtype=float) for key in _ARRAYS}
-    names = {key: list(getattr(controller, key)) for key in _NAMES}
-    if target.suffix.lower() == ".mat":
-        content |= names
-    else:
-        content |= {key: np.array(value, dtype=np.str_) for key, value in names.items()}
-    save_data(target, content, Table((), ()))
+    about = json.dumps(jsonable(controller.about))
+    save_data(target, {"schema": SCHEMA, "about": about, **_stored(controller)}, Table((), ()))
 
 
 def load_controller(path: str | Path, model: Model = HFA) -> ScheduledController:
@@ -238,20 +227,27 @@ def load_controller(path: str | Path, model: Model = HFA) -> ScheduledController
     content = read_arrays(path)
     if str(content.get("schema", "")) != SCHEMA:
         raise BadInputError(f"{path}: this is no controller file ({SCHEMA}); make one with hfa design -o")
+    row = {
+        f"{model.schedule}*": NUMBER,
+        "delta_min": NUMBER,
+        "gamma_min": NUMBER,
+        "checks*": [{"ok*": None, ...: None}],
+    }
     try:
-        found: dict[str, Any] = {key: str(content[key]) for key in _TEXTS}
-        found |= {key: tuple(map(str, content[key].ravel())) for key in _NAMES}
-        if found["dynamics"] not in (model.name, *model.variants):
-            raise BadInputError(f"the controller was made for {found['dynamics']}, not for {model.title}")
-        content["places"] = content[_key(model)]
-        found |= {key: np.asarray(content[key], dtype=float) for key in _ARRAYS} | {"model": model}
-        found["command_filter"] = tuple(found["command_filter"].ravel().tolist())
-        return ScheduledController(
-            **found, about=checked("its content", json.loads(str(content["about"])), {...: None}, "about")
-        )
-    except BadInputError as error:
-        raise BadInputError(f"{path}: {error}") from error
+        with said_of(path):
+            found: dict[str, Any] = {key: str(content[key]) for key in _TEXTS}
+            found |= {key: tuple(map(str, content[key].ravel())) for key in _NAMES}
+            if found["dynamics"] not in (model.name, *model.variants):
+                raise BadInputError(f"the controller was made for {found['dynamics']}, not for {model.title}")
+            content["places"] = content[_key(model)]
+            found |= {key: np.asarray(content[key], dtype=float) for key in _ARRAYS} | {"model": model}
+            found["command_filter"] = tuple(found["command_filter"].ravel().tolist())
+            about = {key: value for key, value in json.loads(str(content["about"])).items() if value is not None}
+            about = checked("its content", about, {"delta": POSITIVE, "angles": [row], ...: None})
+            return ScheduledController(**found, about=about)
+    except BadInputError:
+        raise
     except KeyError as error:
         raise BadInputError(f"{path}: {error.args[0]} is missing; make the file anew with hfa design -o") from error
-    except (ValueError, TypeError, RecursionError) as error:
+    except (ValueError, TypeError, AttributeError, RecursionError) as error:
         raise BadInputError(f"{path}: its content is damaged ({error}); make the file anew") from error

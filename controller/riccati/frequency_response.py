@@ -72,14 +72,18 @@ def peak_gain(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, level:
 
 
 def bounded_real_gain(game: Game, K: np.ndarray) -> float:
-    """L2 gain to 1e-9 relative, from above by `peak_gain`; inf when A - B K is not Hurwitz. K: (m, n)."""
-    loop = game.A - game.B @ game.checked_gain(K)
-    if not is_hurwitz(loop):
-        return math.inf
+    """L2 gain of the loop of u = -K z, as `system_gain`. K: (m, n)."""
     C = np.vstack([square_root(game.Q), square_root(game.R) @ K])
-    D, typical = np.zeros((len(C), game.E.shape[1])), np.linalg.norm(C) * np.linalg.norm(game.E) / np.linalg.norm(loop)
-    level = ZERO * float(typical)
-    while level > 0.0 and (found := peak_gain(loop, game.E, C, D, level)) >= level:
+    return system_gain(game.A - game.B @ game.checked_gain(K), game.E, C, np.zeros((len(C), game.E.shape[1])))
+
+
+def system_gain(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray) -> float:
+    """Largest gain of C (sI - A)⁻¹ B + D to 1e-9 relative, from above by `peak_gain`; inf when A is not Hurwitz."""
+    if not is_hurwitz(A):
+        return math.inf
+    typical = float(np.linalg.norm(C) * np.linalg.norm(B) / np.linalg.norm(A))
+    level = ZERO * typical
+    while level > 0.0 and (found := peak_gain(A, B, C, D, level)) >= level:
         level = found * (1.0 + TOLERANCE)
     return level if level > 10.0 * ZERO * typical else 0.0
 

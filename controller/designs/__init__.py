@@ -1,1 +1,0 @@
-"""Designs that come with the package, one TOML file each."""
