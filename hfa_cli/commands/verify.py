@@ -10,31 +10,21 @@ import math
 import re
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from controller.game.basis import basis
+from controller.game.critic_file import History, critic_in
 from hfa_cli.options import games, trims
 from hfa_cli.options.argument_types import input_file, number, positive
-from hfa_cli.options.games import NamedGame
+from hfa_cli.options.games import MATRIX_FILES, NamedGame
 from hfa_cli.options.parser import Option, Options
 from hfa_cli.output import ProgressLine, draw, show
 from hfa_support.errors import BadInputError, refuse_unknown, said_of
-from hfa_support.files import MATRIX_FILES
-from verification.critic.candidate import (
-    NETWORK_FILES,
-    Candidate,
-    features_of,
-    from_network,
-    from_stored,
-    from_weights,
-    is_network,
-)
+from verification.critic.candidate import features_of, from_network, from_stored, from_weights
 from verification.critic.check_result import CriticCheck, check_figure, checks_figure, checks_report
 from verification.critic.critic_check import LIMIT, check_critic, check_discounted, check_history
 from verification.critic.critic_errors import ordinary_box
-
-if TYPE_CHECKING:
-    from controller.game.user_files import History
+from verification.critic.network_file import ACTIVATIONS, NETWORK_FILES, is_network
 
 #: Of more files than this, each network is flown from a few starts.
 _MANY, _FEW_FLIGHTS = 5, 10
@@ -64,7 +54,7 @@ def options() -> Options:
     settings = (
         "a setting of the law; of --weights predefined_time=S, of a network scale=a,b,... (times each state) and "
     )
-    settings += "of a state dict activation=tanh|relu|... between its layers, after a comma at its output"
+    settings += f"of a state dict activation={'|'.join(ACTIVATIONS)} between its layers, after a comma at its output"
     functions = "of --weights: a name (default quadratic), or a list 'x1**2, x1*x2, sin(x3)'"
     network = "which part of a file is what: value, V=critic,policy=actor, gradient=; default: by its number of outputs"
     cost = "exit 0 when the critic costs at most this much more than the optimum"
@@ -106,10 +96,10 @@ def run(arguments: argparse.Namespace) -> int:
     cost, checks = arguments.limit_cost, dict[str, CriticCheck]()
     if arguments.discount is not None:
         problem, limit = (arguments.discount, arguments.dt), arguments.limit_error
-        candidate = _candidate(paths[0], arguments, named, settings)
-        if not isinstance(candidate, Candidate):
-            raise BadInputError(f"{paths[0]}: --discount takes one critic; this file has several over time")
-        judged = check_discounted(named.game, candidate, *problem, limit=limit)
+        critic = _candidate(paths[0], arguments, named, settings)
+        if isinstance(critic, History):
+            raise BadInputError(f"{paths[0]}: --discount judges one critic and this is over time; give one row of it")
+        judged = check_discounted(named.game, critic, *problem, limit=limit)
         checks, report = {"": judged}, judged.report(*named.names, limit_cost=cost)
     elif len(paths) > 1:
         found, told = dict[str, CriticCheck](), ProgressLine("compare")
@@ -152,6 +142,8 @@ def _settings(arguments: argparse.Namespace, paths: list[Path]) -> dict[str, Any
         kind, of = _SETTINGS[name]
         if of == "networks" and not any(map(is_network, paths)):
             raise BadInputError(f"--set {name} belongs to networks; give the file of one by --weights")
+        if of == "critics over time" and arguments.discount is not None:
+            raise BadInputError(f"--set {name} does not go with --discount; leave it out")
         try:
             found[name] = kind(text)
         except argparse.ArgumentTypeError as error:
@@ -161,10 +153,8 @@ def _settings(arguments: argparse.Namespace, paths: list[Path]) -> dict[str, Any
 
 def _candidate(
     path: Path, arguments: argparse.Namespace, named: NamedGame, settings: dict[str, Any], files: int = 1
-) -> Candidate | History:
+) -> Any:
     """The critic in a file, or its `History`."""
-    from controller.game.user_files import History, critic_in
-
     game, name = named.game, arguments.basis
     listed = name is not None and re.search(r"[^a-z+]", name) is not None
     n = len(game.A)
@@ -188,7 +178,7 @@ def _check_file(
     """The critic in a file, or each of its rows where it has a time."""
     time, game = settings.get("predefined_time"), named.game
     found = _candidate(path, arguments, named, settings, files)
-    if not isinstance(found, Candidate):
+    if isinstance(found, History):
         with said_of(path):
             return check_history(game, found, predefined_time=time, progress=ProgressLine("compare"), **how)
     if time is not None:

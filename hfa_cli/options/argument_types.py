@@ -15,7 +15,6 @@ from typing import TypeVar
 
 from hfa_support.errors import BadInputError, shortened
 from hfa_support.model import Model
-from hfa_support.reporting.report import SUFFIXES
 from hfa_support.reporting.unit_system import typed
 
 Parsed = TypeVar("Parsed")
@@ -155,18 +154,20 @@ def input_file(*suffixes: str) -> Callable[[str], Path]:
     return convert
 
 
-def output_file(*suffixes: str) -> Callable[[str], Path | None]:
+def output_file(*suffixes: str) -> Callable[[str], Path]:
     """The type of files that can be written, with one of the suffixes."""
     return parsed(lambda text: check_target(text, suffixes))
 
 
-def check_target(path: str | Path | None, suffixes: tuple[str, ...] = SUFFIXES) -> Path | None:
-    """The output file of a command, refused before anything is computed when it cannot be written."""
-    if path is None:
-        return None
+def check_target(path: str, suffixes: tuple[str, ...], also: str = "") -> Path:
+    """The output file of a command, refused before anything is computed when it cannot be written.
+
+    also: another choice than one of the suffixes.
+    """
     target = Path(path)
     if target.suffix.lower() not in suffixes:
-        raise BadInputError(f"{path or repr(path)}: unknown suffix {target.suffix!r}; use one of {', '.join(suffixes)}")
+        known = f"use one of {', '.join(suffixes)}{also}"
+        raise BadInputError(f"{path or repr(path)}: unknown suffix {target.suffix!r}; {known}")
     if not target.parent.is_dir():
         raise BadInputError(f"{path}: the folder {target.parent} does not exist; create it first")
     if target.is_dir() and target.suffix.lower() != ".zarr":  # a Zarr store is a folder
@@ -184,9 +185,10 @@ def check_folder(path: str) -> Path:
     return folder
 
 
-def folder_or_file(*suffixes: str) -> Callable[[str], Path | None]:
+def folder_or_file(*suffixes: str) -> Callable[[str], Path]:
     """The type of files that can be written, with one of the suffixes, and of folders, which have none."""
-    return parsed(lambda text: check_target(text, suffixes) if Path(text).suffix else check_folder(text))
+    folder = ", or a folder, whose name has no suffix"
+    return parsed(lambda text: check_target(text, suffixes, folder) if Path(text).suffix else check_folder(text))
 
 
 def numbers(form: str, least: int, *units: str) -> Callable[[str], tuple[float, ...]]:

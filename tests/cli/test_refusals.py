@@ -112,7 +112,7 @@ REFUSED = {
     ],
     "export": [
         ("", "the following arguments are required: --output"),
-        ("-o aircraft.zip", "aircraft.zip: unknown suffix '.zip'; use one of .fmu, .m"),
+        ("-o aircraft.zip", "aircraft.zip: unknown suffix '.zip'; use one of .fmu, .m, or a folder"),
         ("-o out --set samples=30", "--set belongs to a learning law"),
         ("-o out --actuators 0.5:60", "--actuators belongs to --controller; leave it out"),
     ],

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from cli import answer, hfa
+from cli import answer, assert_refused, hfa
 from game_files import AT_15, LABELS, QUICK, checks_of, small, stored
 from planted_critics import NAMED, UNNAMED
 from scipy.io import loadmat
@@ -143,9 +143,13 @@ def test_a_critic_over_time_is_held_to_its_time() -> None:
     late = hfa(*words, "--set", "predefined_time=1.9")
     assert late.code == FAILED
     assert "FAIL settling_time: the largest error stays within 1e-06 from 2 s on; T_w is 1.9 s" in late.out
+    discounted = ("--discount", "0.99", "--dt", "0.1")
+    assert_refused(hfa(*words, *discounted), BAD_INPUT, "--discount judges one critic and this is over time")
     single = stored("single.npz", P=exact)
     refused = hfa("verify", "--model", plant, "--weights", single, "--set", "predefined_time=2")
-    assert (refused.code, "single.npz has no time" in refused.err) == (BAD_INPUT, True)
+    assert_refused(refused, BAD_INPUT, "single.npz has no time")
+    refused = hfa("verify", "--model", plant, "--weights", single, "--set", "predefined_time=2", *discounted)
+    assert_refused(refused, BAD_INPUT, "--set predefined_time does not go with --discount")
     refused = hfa("verify", "--model", plant, "--set", "predefined_time=2")
     assert refused.err == ""
 

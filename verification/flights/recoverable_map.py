@@ -181,7 +181,7 @@ def recoverable_map(
     """
     model = aircraft.model
     if len(starts) != 2 or len(commands) != 1:
-        raise BadInputError("a map has two states off trim at the start and one that is commanded; name so many")
+        raise BadInputError("a map varies two states at the start and one command: name two states with --initial and one with --command")
     for of, names in ((starts, tuple(model.states)), (commands, model.linear)):
         for name, values in of.items():
             refuse_unknown("the map has no state", name, names)
