@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import importlib
+import inspect
 import io
 import itertools
 import os
@@ -12,10 +13,9 @@ import sys
 import warnings
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
-from typing import Any
 
 from hfa_cli.entry import INTERRUPTED
-from hfa_cli.options.parser import Option, Parser, unknown
+from hfa_cli.options.parser import Command, Option, Parser, unknown
 from hfa_support.errors import BadInputError, NoSolutionError, on_one_line, shortened
 from hfa_support.progress import drop, say_aside
 from hfa_support.version import VERSION
@@ -28,7 +28,7 @@ _WRITTEN = ("output", "picture")
 #: Of warnings of the libraries that compute.
 _MOST_NOTES = 5
 
-#: Group -> an example, and its commands with what they do; the module of a command is imported when it runs.
+#: Group -> an example, and its commands with what they do.
 GROUPS = {
     "model": (
         "hfa linearize --dihedral 10 -o model.mat",
@@ -73,6 +73,14 @@ GROUPS = {
     ),
 }
 COMMANDS = {name: about for _, commands in GROUPS.values() for name, about in commands.items()}
+
+#: Command -> its module in `hfa_cli.commands`, imported when it runs; the others have one of their own name.
+MODULES = {
+    **dict.fromkeys(("identify", "regenerate", "validate"), "printed"),
+    **dict.fromkeys(("solve", "learn"), "game"),
+    **dict.fromkeys(("fly", "schedule", "map", "monte-carlo"), "flight"),
+    "lpv": "prove",
+}
 
 #: Commands that take a user's own aircraft.
 WITH_AIRCRAFT = set(COMMANDS) - {"identify", "regenerate", "validate", "report"}
@@ -133,7 +141,7 @@ def _run(words: list[str]) -> int:
     """Parse the words and run the command that they name."""
     with _as_named(words):
         try:
-            module, arguments = _parsed(words)
+            command, arguments = _parsed(words)
         except SystemExit:
             return DONE  # how argparse leaves after --help and --version
         _refuse_same_file(words[1:], arguments)
@@ -141,7 +149,7 @@ def _run(words: list[str]) -> int:
 
         quiet = contextlib.redirect_stderr(io.StringIO()) if arguments.quiet else contextlib.nullcontext()
         with run_of(words, arguments), quiet:
-            return int(module.run(arguments))
+            return command.run(arguments)
 
 
 @contextlib.contextmanager
@@ -196,7 +204,7 @@ def _say_warnings(caught: Iterable[warnings.WarningMessage]) -> None:
     say_notes((*dict.fromkeys(own), *list(dict.fromkeys(others))[:_MOST_NOTES]))
 
 
-def _parsed(words: list[str]) -> tuple[Any, argparse.Namespace]:
+def _parsed(words: list[str]) -> tuple[Command, argparse.Namespace]:
     chosen = words[0] if words else "--help"
     if chosen not in COMMANDS:
         if chosen in MOVED:
@@ -204,23 +212,24 @@ def _parsed(words: list[str]) -> tuple[Any, argparse.Namespace]:
             raise BadInputError(f"`hfa {chosen}` is a study now: run python -m studies.{study} in the repository")
         overview().parse_words([chosen])
         raise BadInputError(unknown(f"command {shortened(chosen)!r}", chosen.lower(), COMMANDS, "hfa"))
-    command = Parser(prog=f"hfa {chosen}")
-    module = filled(command, chosen)
-    return module, command.parse_words(words[1:])
+    parser = Parser(prog=f"hfa {chosen}")
+    command = filled(parser, chosen)
+    return command, parser.parse_words(words[1:])
 
 
-def filled(command: Parser, name: str) -> Any:
-    """Give a parser the options of a command; its module."""
+def filled(parser: Parser, name: str) -> Command:
+    """Give a parser the options of a command; the command."""
     from hfa_cli.options.trims import IN_FEET, UNITS
 
-    module = importlib.import_module(f"hfa_cli.commands.{name.replace('-', '_')}")
-    command.description = (module.__doc__ or "").strip()
-    command.declare({"-q --quiet": Option("no notes and no progress; errors are still said")})
-    command.declare({**module.options(), **(UNITS if name not in IN_FEET else {})})
-    return module
+    module = importlib.import_module(f"hfa_cli.commands.{MODULES.get(name, name)}")
+    command: Command = getattr(module, name.replace("-", "_"))
+    parser.description = inspect.cleandoc(command.run.__doc__ or "")
+    parser.declare({"-q --quiet": Option("no notes and no progress; errors are still said")})
+    parser.declare({**command.options(), **(UNITS if name not in IN_FEET else {})})
+    return command
 
 
-def overview(with_command: bool = True) -> Parser:
+def overview() -> Parser:
     """`hfa` without a command: --help and --version."""
     parser = Parser(
         prog="hfa",
@@ -232,17 +241,7 @@ def overview(with_command: bool = True) -> Parser:
         ),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    if with_command:
-        parser.add_argument("command", nargs="?", help=argparse.SUPPRESS)
+    parser.add_argument("command", nargs="?", help=argparse.SUPPRESS)
     about = argparse.SUPPRESS
     parser.add_argument("--version", action="version", version=f"hfa {VERSION}", help=about)
-    return parser
-
-
-def whole_parser() -> Parser:
-    """Every command in one parser, for completions: `shtab --prog hfa --shell bash hfa_cli.main.whole_parser`."""
-    parser = overview(with_command=False)
-    commands = parser.add_subparsers(dest="command", parser_class=Parser)
-    for name, about in COMMANDS.items():
-        filled(commands.add_parser(name, help=about), name)
     return parser

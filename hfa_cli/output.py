@@ -99,38 +99,31 @@ def show(
     report: Report,
     arguments: argparse.Namespace,
     *,
-    target: Path | None,
+    written: bool = False,
     only_in_files: Mapping[str, Any] | None = None,
     notes: Iterable[str] = (),
+    points: Iterable[OperatingPoint] = (),
 ) -> None:
-    """Write the file, if one was asked for; print the report or, with --json, its data; then the notes.
+    """Write the file of -o, unless the command has `written` it; print the report or, with --json, its data; then the
+    notes.
 
-    only_in_files: data that would drown the rest on a terminal.
+    only_in_files: data that would drown the rest on a terminal. points: trims whose warnings are data and notes too.
     """
     from hfa_cli.options.trims import REPORTS
     from hfa_support.files import write_text
 
-    if target is not None:
-        written = stated(report.with_data(**(only_in_files or {})), arguments)
+    if points:
+        notes = list(dict.fromkeys(warning for point in points for warning in point.warnings))
+        report = report.with_data(warnings=notes)
+    if not written and (target := arguments.output) is not None:
+        whole = stated(report.with_data(**(only_in_files or {})), arguments)
         if (form := REPORTS.get(target.suffix.lower())) is not None:
-            write_text(target, form(written))
+            write_text(target, form(whole))
         else:
-            written.save(target)
+            whole.save(target)
     report = stated(report, arguments)
     say(report.json() if arguments.json else report.text(_in_color()))
     say_notes(notes)
-
-
-def tell(
-    report: Report,
-    points: Sequence[OperatingPoint],
-    arguments: argparse.Namespace,
-    target: Path | None,
-    only_in_files: dict[str, Any] | None = None,
-) -> None:
-    """`show`, with what should be known of the trims `points` in the data and as notes."""
-    notes = list(dict.fromkeys(warning for point in points for warning in point.warnings))
-    show(report.with_data(warnings=notes), arguments, target=target, only_in_files=only_in_files, notes=notes)
 
 
 def _in_color() -> bool:
@@ -153,7 +146,7 @@ def failure_as_data(arguments: argparse.Namespace, aircraft: Aircraft | Model) -
     except TrimError as error:
         if arguments.json:
             report = trim_report(aircraft, condition_of(arguments), error.attempt)
-            show(report.with_data(reason=str(error)), arguments, target=None)
+            show(report.with_data(reason=str(error)), arguments, written=True)
         raise
 
 

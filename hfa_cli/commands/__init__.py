@@ -1,1 +1,1 @@
-"""One module a command; each has `add_arguments(parser)` and `run(arguments) -> exit code`."""
+"""The commands, each a function with its options (`Command`); `hfa_cli.main.GROUPS` says which module has which."""

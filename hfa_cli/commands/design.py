@@ -1,9 +1,4 @@
-"""The controller of a design at every dihedral angle, certified, as one file; or the table of a file made before.
-
-With --aircraft it is scheduled over the model's own scheduling variable. Margins are those of each loop opened alone,
-at every input and sensor, behind actuators of orders 1 and 2 and the bandwidths of --bandwidth. Exit 1 when one of the
-loops is unstable.
-"""
+"""The command `hfa design`."""
 
 from __future__ import annotations
 
@@ -17,7 +12,7 @@ from controller.design.design import load_design
 from controller.design.scheduled_controller import SUFFIXES, load_controller, save_controller
 from hfa_cli.options import trims
 from hfa_cli.options.argument_types import input_file, model as named_model, numbers, output_file
-from hfa_cli.options.parser import Option, Options
+from hfa_cli.options.parser import Option, Options, command
 from hfa_cli.options.ranges import array_of, value_range
 from hfa_cli.output import ProgressLine, provenance, show
 from hfa_model.aircraft import HFA
@@ -30,8 +25,7 @@ _RANGE = "0:20:1"
 _BANDWIDTHS = (2.0, 10.0)
 
 
-def options() -> Options:
-    """Of `hfa design`."""
+def _options() -> Options:
     file, by = "a design (.toml), or a controller to print (.npz)", named_model().schedule
     bandwidth = "of the actuators behind which margins are computed, rad/s; default 2:10"
     return {
@@ -45,12 +39,18 @@ def options() -> Options:
     }
 
 
-def run(arguments: argparse.Namespace) -> int:
-    """Design or read, print, check; exit 1 when a loop is unstable."""
+@command(_options)
+def design(arguments: argparse.Namespace) -> int:
+    """The controller of a design at every dihedral angle, certified, as one file; or the table of a file made before.
+
+    With --aircraft it is scheduled over the model's own scheduling variable. Margins are those of each loop opened
+    alone, at every input and sensor, behind actuators of orders 1 and 2 and the bandwidths of --bandwidth. Exit 1 when
+    one of the loops is unstable.
+    """
     from controller.design.controllers import design_controller
     from controller.design.servo_loop import check_margins
 
-    trims.refuse_files(arguments, ("output",), "a controller is in ft, slug, lbf")
+    trims.refuse_si(arguments, "a controller is in ft, slug, lbf")
     if (arguments.file is None) == (arguments.design is None):
         raise BadInputError("name one of --design NAME and a file: of a design (.toml) or of a controller (.npz)")
     if arguments.file is not None and arguments.file.suffix == ".toml":
@@ -82,5 +82,5 @@ def run(arguments: argparse.Namespace) -> int:
     report = replace(report, parts=(*report.parts, margins.report())).with_data(margins=margins.to_dict())
     if arguments.output is not None:
         save_controller(arguments.output, controller)
-    show(report, arguments, target=None)
+    show(report, arguments, written=True)
     return 0 if margins.ok else 1

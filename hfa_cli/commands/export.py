@@ -1,12 +1,4 @@
-"""The aircraft for other tools; the suffix of -o says which.
-
-FOLDER: C source that needs no library: equations of motion, the trim at --dihedral, its A and B, and the gain of a
-policy, with an example of a 100 Hz loop. FILE.fmu: the nonlinear aircraft
-trimmed at --dihedral as an FMU 2.0 for model exchange and co-simulation; with --law, its policy flies. Needs a C
-compiler. --controller FILE: in both, a scheduled controller with its states in place of the policy; in the FMU behind
---actuators, with which the C files have an example of a 100 Hz loop too. FILE.m: a function of MATLAB and Octave that
-makes state-space systems of what `hfa sweep` and `hfa linearize` write as .mat.
-"""
+"""The command `hfa export`."""
 
 from __future__ import annotations
 
@@ -18,9 +10,9 @@ from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from hfa_cli.options import flights, trims
-from hfa_cli.options.argument_types import OWN, folder_or_file
-from hfa_cli.options.parser import Option, Options
+from hfa_cli.options import flights, games, trims
+from hfa_cli.options.argument_types import OWN, one_of, output_file
+from hfa_cli.options.parser import Option, Options, command
 from hfa_cli.output import origin_lines, provenance, show
 from hfa_support.errors import BadInputError
 from hfa_support.files import write_text, write_texts
@@ -34,27 +26,36 @@ if TYPE_CHECKING:
     from trim.point.operating_point import OperatingPoint
 
 SCHEMA = "hfa.export/1"
+_LAWS = ("exact", games.DEFAULT_LAW)
 
 
-def options() -> Options:
-    """Of `hfa export`."""
+def _options() -> Options:
     place = "a folder for C source, or a file .fmu (FMU) or .m (the function that reads .mat files of models)"
-    default = {"default": math.radians(15.0)} if OWN.get() is None else {}
+    at = math.radians(15.0) if OWN.get() is None else None
     return {
-        **{name: replace(each, more=default) for name, each in trims.at().items()},
+        **{name: replace(each, default=at) for name, each in trims.at().items()},
         **trims.flights(),
         **trims.AIRCRAFT,
-        "-o --output": Option(place, "PLACE", folder_or_file(".fmu", ".m"), more={"required": True}),
+        "-o --output": Option(place, "PLACE", output_file(".fmu", ".m", folder=True), more={"required": True}),
         **flights.law(),
-        "--law": Option("the gain: exact, certified; default exact in C, none in an FMU", "NAME"),
+        "--law": Option("the gain: exact, certified; default exact in C, none in an FMU", "NAME", one_of(*_LAWS)),
         **flights.CONTROLLER,
         **flights.ACTUATORS,
         **trims.JSON,
     }
 
 
-def run(arguments: argparse.Namespace) -> int:
-    """Trim, linearize, find what controls it, write, say what was written."""
+@command(_options)
+def export(arguments: argparse.Namespace) -> int:
+    """The aircraft for other tools; the suffix of -o says which.
+
+    FOLDER: C source that needs no library: equations of motion, the trim at --dihedral, its A and B, and the gain of a
+    policy, with an example of a 100 Hz loop. FILE.fmu: the nonlinear aircraft trimmed at --dihedral as an FMU 2.0 for
+    model exchange and co-simulation; with --law, its policy flies. Needs a C compiler. --controller FILE: in both, a
+    scheduled controller with its states in place of the policy; in the FMU behind --actuators, with which the C files
+    have an example of a 100 Hz loop too. FILE.m: a function of MATLAB and Octave that makes state-space systems of what
+    `hfa sweep` and `hfa linearize` write as .mat.
+    """
     place = arguments.output
     provenance()  # before anything is written: it finds what is wrong with options that nothing below reads
     if place.suffix == ".m":
@@ -63,7 +64,7 @@ def run(arguments: argparse.Namespace) -> int:
                 f"{place}: a function is called by its file's name; choose letters, digits and _, as in hfa_models.m"
             )
         write_text(place, files("controller.export").joinpath("hfa_models.m").read_text("utf-8"))
-        show(_report([place]), arguments, target=None)
+        show(_report([place]), arguments, written=True)
         return 0
     if arguments.controller is None:
         trims.refuse(arguments, ("actuators",), "belongs to --controller; leave it out")
@@ -76,7 +77,7 @@ def run(arguments: argparse.Namespace) -> int:
     aircraft = trims.aircraft_of(arguments)
     point = trims.point_of(arguments, aircraft)
     written = _written(arguments, aircraft, point, with_gain=not (alone and place.suffix))
-    show(_report(written), arguments, target=None, notes=point.warnings)
+    show(_report(written), arguments, written=True, notes=point.warnings)
     return 0
 
 

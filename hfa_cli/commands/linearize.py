@@ -1,4 +1,4 @@
-"""Exact linear model at a trim: matrices, modes, handling qualities, transfer functions, error bands, the print."""
+"""The command `hfa linearize`."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from dataclasses import replace
 import numpy as np
 
 from hfa_cli.options import trims
-from hfa_cli.options.argument_types import model as named_model, some_of
-from hfa_cli.options.parser import Option, Options
+from hfa_cli.options.argument_types import model, some_of
+from hfa_cli.options.parser import Option, Options, command
 from hfa_cli.output import draw, failure_as_data, show
 from hfa_model.aircraft import Aircraft
 from hfa_model.variants import VARIANTS
@@ -18,19 +18,19 @@ from hfa_model.vectors import INPUTS, LINEAR_STATES
 from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.model import Model
 from hfa_support.reporting.report import Report
+from trim.linear import linear_model
 from trim.linear.compare import beside_the_print, printed_at
 from trim.linear.entry_bands import bands_known, entry_bands, trust_in
 from trim.linear.frequency import bode_figure, re_im, transfer_tables
 from trim.linear.handling_qualities import handling_qualities, quantities_data, quantities_table
-from trim.linear.linear_model import LinearModel, linear_model_report, linearize, reduction_note
+from trim.linear.linear_model import LinearModel, linear_model_report, reduction_note
 from trim.point.condition import TrimCondition
 from trim.point.operating_point import OperatingPoint
 from trim.point.solve import find_operating_point
 
 
-def options() -> Options:
-    """Of `hfa linearize`."""
-    of, lists = named_model(), dict[str, Option]()
+def _options() -> Options:
+    of, lists = model(), dict[str, Option]()
     for name, known, about in (
         ("states", of.states, f"states of the model, in order; default: {len(of.linear)} of {len(of.states)}"),
         ("inputs", of.inputs, "inputs of the model, in order; default: all"),
@@ -43,8 +43,9 @@ def options() -> Options:
     return {**trims.trim(required=True), **lists, **bode, **picture, **trims.output()}
 
 
-def run(arguments: argparse.Namespace) -> int:
-    """Trim, linearize and report."""
+@command(_options)
+def linearize(arguments: argparse.Namespace) -> int:
+    """Exact linear model at a trim: matrices, modes, handling qualities, transfer functions, error bands, the print."""
     aircraft, condition = trims.aircraft_of(arguments), trims.condition_of(arguments)
     with failure_as_data(arguments, aircraft):
         point = trims.point_of(arguments, aircraft)
@@ -67,7 +68,7 @@ def run(arguments: argparse.Namespace) -> int:
         report = beside_the_print(report, model, printed)
     notes = [each for each in (*report.notes, reduction_note(model, full.select(usual), follow)) if each]
     draw(arguments.picture, lambda: bode_figure(model))
-    show(replace(report, notes=notes).with_data(warnings=notes), arguments, target=arguments.output)
+    show(replace(report, notes=notes).with_data(warnings=notes), arguments)
     return 0
 
 
@@ -75,11 +76,12 @@ def _with_winds(
     aircraft: Aircraft | Model, point: OperatingPoint, outputs: tuple[str, ...], kept: tuple[str, ...]
 ) -> LinearModel:
     """The model of all states with all winds, but none where winds act through states that are not kept."""
-    found = linearize(aircraft, point, full=True, outputs=outputs, disturbances=tuple(aircraft.model.disturbances))
+    winds = tuple(aircraft.model.disturbances)
+    found = linear_model.linearize(aircraft, point, full=True, outputs=outputs, disturbances=winds)
     rows = [i for i, name in enumerate(found.states) if name in kept]
     through = [i for i in range(len(found.states)) if i not in rows and np.any(found.A[rows, i]) and np.any(found.E[i])]
     if isinstance(aircraft, Model) and through:
-        return linearize(aircraft, point, full=True, outputs=outputs, disturbances=())
+        return linear_model.linearize(aircraft, point, full=True, outputs=outputs, disturbances=())
     return found
 
 
@@ -91,7 +93,7 @@ def _of_the_hfa(arguments: argparse.Namespace, condition: TrimCondition, model: 
         name = next((each for each in VARIANTS if each != arguments.dynamics), "")
         changed = Aircraft(parameters.values, name)
         with suppress(BadInputError, NoSolutionError):  # it has no trim there
-            other = linearize(changed, find_operating_point(changed, condition, model.point))
+            other = linear_model.linearize(changed, find_operating_point(changed, condition, model.point))
     return linear_model_report(model, bands, trust_in(bands, model, other), other=other)
 
 

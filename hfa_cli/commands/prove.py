@@ -1,39 +1,34 @@
-"""Statements with a proof in ball arithmetic, for every angle of an interval and not for the points of a grid.
-
-schedule: at every dihedral of LOW:HIGH the trim exists within its limits and the scheduled gain makes the loop Hurwitz,
-with --bandwidth through all actuators of intervals, also delayed and of less effect.
-solution: the game has one stabilizing solution within a radius of P, which is its value; with a bracket of delta_min.
-critic FILE: the distance of W, P or K in a file from the exact solution, from below and from above.
--o FILE.json writes a certificate; --check FILE verifies it, by other means than it was made with.
-Exit 0: proved. Exit 1: refuted, or left open. Needs python-flint (`pip install .[proof]`).
-"""
+"""The commands `hfa prove` and `hfa lpv`."""
 
 from __future__ import annotations
 
 import argparse
 import math
-from argparse import ArgumentTypeError
-from pathlib import Path
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from controller.design.scheduled_controller import load_controller
+from controller.game.basis import basis
+from controller.game.user_files import UNNAMED, PlantNames, load_critic
 from controller.policy.gain_table import load_gains
 from hfa_cli.options import games, trims
-from hfa_cli.options.argument_types import input_file, number, one_of, places
-from hfa_cli.options.games import NamedGame
-from hfa_cli.options.parser import Option, Options
+from hfa_cli.options.argument_types import OWN, input_file, model, number, one_of, places, positive
+from hfa_cli.options.parser import Option, Options, command
 from hfa_cli.output import ProgressLine, provenance, show
 from hfa_support.errors import BadInputError, said_of
 from hfa_support.files import MATRIX_FILES
 from hfa_support.model import Model
+from hfa_support.schema import Number
 
 if TYPE_CHECKING:
     from verification.checker.checker import Verified
     from verification.enclosures.trim_branch import Family
     from verification.proof.scheduled_loop import LoopTable
 
+#: Of uncertain actuators.
+_INTERVALS = ("bandwidth", "effectiveness", "delay")
 #: Statement -> options that do not belong to it.
-_SCHEDULES = ("design", "weights", "resume", "rate", "error", "bandwidth", "effectiveness", "delay")
+_SCHEDULES = ("design", "weights", "resume", "rate", "error", *_INTERVALS)
 STATEMENTS = {
     "schedule": ("start", "basis", "model", "file"),
     "solution": ("basis", "file", *_SCHEDULES),
@@ -41,9 +36,22 @@ STATEMENTS = {
 }
 
 
-def options() -> Options:
-    """Of `hfa prove`."""
+def _interval(text: str) -> tuple[float, float]:
+    ends = places(text)
+    if not ends[0] > 0.0:
+        raise BadInputError(f"is {text}; it must be positive")
+    return ends[0], ends[-1]
+
+
+def _trims(form: str) -> Options:
+    """Trims over an interval of the scheduling variable, about which something is proved."""
+    about = "what is proved holds at every value between"
+    return {**trims.at(places, form, about), **trims.flights(), **trims.AIRCRAFT}
+
+
+def _options() -> Options:
     matrices, optional = input_file(*MATRIX_FILES), {"nargs": "?"}
+    not_negative = partial(number, declared=Number(0.0))
     design = "of `schedule`: --weights is a controller with memory, on the actuators of this design"
     error = "of `schedule`: for all parameters within N standard errors; default 0"
     effectiveness = "with --bandwidth: share of each command that arrives, changing at any time; default 1"
@@ -52,51 +60,48 @@ def options() -> Options:
         "--weights": Option("gains K over dihedral_deg; default: the exact game's", "FILE", matrices),
         **trims.design(design),
         "--rate": Option("of `schedule`: also how fast the dihedral may move"),
-        "--error": Option(error, "N", _not_negative, more={"default": 0.0}),
+        "--error": Option(error, "N", not_negative, 0.0),
         "--bandwidth": Option("of `schedule`: through actuators of any bandwidth, rad/s", "LOW:HIGH", _interval),
         "--effectiveness": Option(effectiveness, "LOW:HIGH", _interval),
-        "--delay": Option(delay, "S", _not_negative),
+        "--delay": Option(delay, "S", not_negative),
         "--resume": Option("go on with the unfinished certificate that -o names"),
     }
     return {
         "statement": Option(f"what to prove: {', '.join(STATEMENTS)}", "STATEMENT", one_of(*STATEMENTS), more=optional),
         "file": Option(f"of `critic`: W, P or K ({' '.join(MATRIX_FILES)})", "FILE", matrices, more=optional),
-        "--basis": Option("of the W of `critic`; default quadratic", "NAME"),
+        "--basis": Option("of the W of `critic`; default quadratic", "NAME", default="quadratic"),
         "--check": Option("verify a certificate instead of proving", "FILE", input_file(".json")),
         **of_schedule,
-        **trims.proved_trims("DEG|LOW:HIGH"),
+        **_trims("DEG|LOW:HIGH"),
         **games.MODEL,
         **games.WEIGHTS,
         **trims.output(),
     }
 
 
-def run(arguments: argparse.Namespace) -> int:
-    """Prove or check, and report."""
+@command(_options)
+def prove(arguments: argparse.Namespace) -> int:
+    """Statements with a proof in ball arithmetic, for every angle of an interval and not for the points of a grid.
+
+    schedule: at every dihedral of LOW:HIGH the trim exists within its limits and the scheduled gain makes the loop
+    Hurwitz, with --bandwidth through all actuators of intervals, also delayed and of less effect.
+    solution: the game has one stabilizing solution within a radius of P, its value; with a bracket of delta_min.
+    critic FILE: the distance of W, P or K in a file from the exact solution, from below and from above.
+    -o FILE.json writes a certificate; --check FILE verifies it, by other means than it was made with.
+    Exit 0: proved. Exit 1: refuted, or left open. Needs python-flint (`pip install .[proof]`).
+    """
     from verification.arithmetic import flint_or_refusal
 
     flint_or_refusal()
+    statement, target = arguments.statement, arguments.output
     if arguments.check is not None:
         return _check(arguments)
-    if arguments.statement is None:
+    if statement is None:
         raise BadInputError(f"say what to prove, one of {', '.join(STATEMENTS)}, or --check FILE")
-    unused = tuple(name for name in STATEMENTS[arguments.statement] if getattr(arguments, name) != 0.0)
-    trims.refuse(arguments, unused, f"does not go with `hfa prove {arguments.statement}`; leave it out")
-    return {"schedule": _schedule, "solution": _solution, "critic": _critic}[arguments.statement](arguments)
-
-
-def _not_negative(text: str) -> float:
-    value = number(text)
-    if value < 0.0:
-        raise ArgumentTypeError(f"is {value:g}; it must not be negative")
-    return value
-
-
-def _interval(text: str) -> tuple[float, float]:
-    ends = places(text)
-    if not ends[0] > 0.0:
-        raise ArgumentTypeError(f"is {text}; it must be positive")
-    return ends[0], ends[-1]
+    trims.refuse(arguments, STATEMENTS[statement], f"does not go with `hfa prove {statement}`; leave it out")
+    if target is not None and target.suffix.lower() != ".json":
+        raise BadInputError(f"{target}: a certificate is a .json file; name one")
+    return _schedule(arguments) if statement == "schedule" else _game(arguments)
 
 
 def _check(arguments: argparse.Namespace) -> int:
@@ -112,144 +117,157 @@ def _check(arguments: argparse.Namespace) -> int:
     found = check_certificate(arguments.check, ProgressLine("check"), arguments.aircraft)
     _require_same(found, arguments)
     report = checked_report(found)
-    show(report, arguments, target=arguments.output)
+    show(report, arguments)
     return 0 if report.data["proved"] else 1
 
 
 def _require_same(found: Verified, arguments: argparse.Namespace) -> None:
     """Bind the certificate to the user's own data: --dihedral, --weights, --delta, --Q, --R must be what it states."""
-    from controller.game.basis import basis
-    from controller.game.user_files import UNNAMED, PlantNames, load_critic
     from verification.proof.proof_report import require_same
 
+    claim, own = found.statement, dict[str, Any]()
     if ends := arguments.at:
-        require_same(found.statement, {"range": ends * (2 // len(ends))}, "--at")
+        require_same(claim, {"range": ends * (2 // len(ends))}, "--at")
     for name, value in games.weights_of(arguments).items():
-        require_same(found.statement.get("game", {}), {name: value}, f"--{name}")
+        require_same(claim.get("game", {}), {name: value}, f"--{name}")
     if arguments.weights is None:
         return
-    claim, own = found.statement, dict[str, Any]()
     if found.kind == "game":
-        model = found.model
-        plant = PlantNames(model.linear, tuple(model.inputs), model.units(model.linear)) if model else UNNAMED
+        of = found.model
+        plant = PlantNames(of.linear, tuple(of.inputs), of.units(of.linear)) if of else UNNAMED
         stored = load_critic(arguments.weights, plant, basis("quadratic", len(claim["game"]["Q"])))
         own = {key: value for key, value in stored._asdict().items() if value is not None}
         own |= {"W": own["W"][:, None]} if "W" in own else {}
     else:
         assert found.model is not None
-        table = _given_table(
-            arguments, found.model, claim["imposed"].get("speed", 0.0), _uncertain(claim.get("actuators"))
-        )
+        actuators = claim.get("actuators") or {}
+        uncertain = {name: actuators[name] for name in _INTERVALS if actuators}
+        table = _table(arguments, found.model, claim["imposed"].get("speed", 0.0), uncertain)
         own = {key: getattr(table, key) for key in ("places", *"KMNX"[: 4 if found.kind == "schedule" else 1])}
         if table.actuators is not None:
-            require_same(claim["actuators"], vars(table.actuators), f"--weights {arguments.weights}")
+            require_same(actuators, vars(table.actuators), f"--weights {arguments.weights}")
     require_same(claim["table"], own, f"--weights {arguments.weights}")
 
 
-def _certificate(arguments: argparse.Namespace) -> Path | None:
-    """The file of -o; of a proof it is a certificate, whatever it says is printed."""
-    target: Path | None = arguments.output
-    if target is not None and target.suffix.lower() != ".json":
-        raise BadInputError(f"{target}: a certificate is a .json file; name one")
-    return target
+def _table(arguments: argparse.Namespace, of: Model, speed: float, uncertain: dict[str, Any]) -> LoopTable:
+    """The gains of --weights; with --design a controller with memory on its actuators. speed: of the trims, ft/s."""
+    from verification.proof.scheduled_loop import LoopTable, servo_table
+
+    if arguments.design is not None:
+        controller = load_controller(arguments.weights, of)
+        return servo_table(controller, arguments.design.of(of).actuators, speed, of, **uncertain)
+    table = LoopTable.of(load_gains(arguments.weights, of))
+    return table.through(**uncertain) if uncertain else table
 
 
 def _schedule(arguments: argparse.Namespace) -> int:
     from verification.proof.certificate import CertificateFile
     from verification.proof.schedule_proof import prove_schedule
-
-    target = _certificate(arguments)
-    if arguments.resume and target is None:
-        raise BadInputError("--resume needs the certificate to go on with; add -o FILE.json")
-    family = trims.family_of(arguments, arguments.error)
-    low, high = trims.interval_of(arguments, family)
-    table = _table(arguments, family, low, high)
-    file = None if target is None else CertificateFile(target, provenance(), resume=arguments.resume)
-    progress = ProgressLine("prove")
-    proof = prove_schedule(family, table, low, high, moving=arguments.rate, file=file, progress=progress)
-    show(proof.report(), arguments, target=None)
-    return 0 if proof.proved else 1
-
-
-def _solution(arguments: argparse.Namespace) -> int:
-    from verification.proof.proof_report import game_report
-    from verification.proof.solution_proof import prove_solution
-
-    target = _certificate(arguments)
-    named, family, degrees = _game(arguments)
-    proof = prove_solution(named.game, family, degrees)
-    if target is not None and proof.proved:
-        proof.write(target, provenance())
-    show(game_report(proof, named.states, named.origin), arguments, target=None)
-    return 0 if proof.proved else 1
-
-
-def _critic(arguments: argparse.Namespace) -> int:
-    from controller.game.basis import basis
-    from controller.game.user_files import load_critic
-    from verification.proof.proof_report import game_report
-    from verification.proof.solution_proof import prove_critic
-
-    if arguments.file is None:
-        raise BadInputError("name the file of the critic: `hfa prove critic FILE --dihedral DEG`")
-    target = _certificate(arguments)
-    named, family, degrees = _game(arguments)
-    functions = basis(arguments.basis or "quadratic", len(named.game.A))
-    stored = load_critic(arguments.file, named.plant, functions)
-    with said_of(arguments.file):
-        proof = prove_critic(named.game, stored, functions, family, degrees)
-    if target is not None:
-        proof.write(target, provenance())
-    show(game_report(proof, named.states, named.origin, str(arguments.file)), arguments, target=None)
-    return 0
-
-
-def _game(arguments: argparse.Namespace) -> tuple[NamedGame, Family | None, float | None]:
-    """The game that the options name, with its flights and their place unless it is a plant of a file."""
-    place, named = trims.at_one_place(arguments), games.game_of(arguments)
-    if arguments.model is not None:
-        return named, None, None
-    family = trims.family_of(arguments)
-    if place is None:
-        start = family.model.signals[family.over].start if family.over else 0.0
-        value = {**family.model.trim, **(arguments.hold or {})}.get(family.over, start)
-        place = math.degrees(value) if family.unit == "deg" else value
-    family.check(place, place)
-    return named, family, place
-
-
-def _given_table(arguments: argparse.Namespace, model: Model, speed: float, uncertain: dict[str, Any]) -> LoopTable:
-    """The gains of --weights; with --design a controller with memory on its actuators. speed: of the trims, ft/s."""
-    from verification.proof.scheduled_loop import LoopTable, servo_table
-
-    if arguments.design is not None:
-        controller = load_controller(arguments.weights, model)
-        return servo_table(controller, arguments.design.of(model).actuators, speed, model, **uncertain)
-    table = LoopTable.of(load_gains(arguments.weights, model))
-    return table.through(**uncertain) if uncertain else table
-
-
-def _uncertain(actuators: Any) -> dict[str, Any]:
-    """The intervals of actuators, of the options or of a certificate."""
-    if isinstance(actuators, argparse.Namespace):
-        given = {name: getattr(actuators, name) for name in ("bandwidth", "effectiveness", "delay")}
-        if given["bandwidth"] is None:
-            trims.refuse(actuators, ("effectiveness", "delay"), "is of actuators: give --bandwidth LOW:HIGH too, rad/s")
-        elif actuators.rate:
-            raise BadInputError("--rate does not go with --bandwidth; leave one out")
-        return {name: value for name, value in given.items() if value is not None}
-    return {name: actuators[name] for name in ("bandwidth", "effectiveness", "delay")} if actuators else {}
-
-
-def _table(arguments: argparse.Namespace, family: Family, low: float, high: float) -> LoopTable:
     from verification.proof.scheduled_loop import exact_gains
 
-    if arguments.design is not None and arguments.weights is None:
-        raise BadInputError("--design goes with a controller; name its file by --weights FILE.npz")
-    uncertain, changes = _uncertain(arguments), games.weights_of(arguments, family.model.units(family.model.linear))
+    if arguments.resume and arguments.output is None:
+        raise BadInputError("--resume needs the certificate to go on with; add -o FILE.json")
+    uncertain = {name: value for name in _INTERVALS if (value := getattr(arguments, name)) is not None}
+    if arguments.bandwidth is None:
+        trims.refuse(arguments, _INTERVALS, "is of actuators: give --bandwidth LOW:HIGH too, rad/s")
+    elif arguments.rate:
+        raise BadInputError("--rate does not go with --bandwidth; leave one out")
+    family = _family(arguments, arguments.error)
+    low, high = _ends(arguments, family)
     if arguments.weights is not None:
-        if changes:
-            raise BadInputError("--weights gives the gains; leave --delta, --Q and --R out")
-        speed = family.condition(low).imposed.get("speed", 0.0)
-        return _given_table(arguments, family.model, speed, uncertain)
-    return exact_gains(family, low, high, uncertain, **changes)
+        trims.refuse(arguments, ("delta", "Q", "R"), "does not go with --weights, which gives the gains; leave it out")
+        table = _table(arguments, family.model, family.condition(low).imposed.get("speed", 0.0), uncertain)
+    else:
+        trims.refuse(arguments, ("design",), "goes with a controller; name its file by --weights FILE.npz")
+        changes = games.weights_of(arguments, family.model.units(family.model.linear))
+        table = exact_gains(family, low, high, uncertain, **changes)
+    place, progress = arguments.output, ProgressLine("prove")
+    file = None if place is None else CertificateFile(place, provenance(), resume=arguments.resume)
+    proof = prove_schedule(family, table, low, high, moving=arguments.rate, file=file, progress=progress)
+    show(proof.report(), arguments, written=True)
+    return 0 if proof.proved else 1
+
+
+def _game(arguments: argparse.Namespace) -> int:
+    """`solution` and `critic`: of the model at one place, or of a plant of the user's own."""
+    from verification.proof.proof_report import game_report
+    from verification.proof.solution_proof import prove_critic, prove_solution
+
+    critic, typed = arguments.statement == "critic", arguments.at
+    if critic and arguments.file is None:
+        raise BadInputError("name the file of the critic: `hfa prove critic FILE --dihedral DEG`")
+    if typed is not None and len(typed) != 1:
+        raise BadInputError(f"a game is at one place; give --{trims.called_at()} with one value")
+    if typed is not None:  # from here on as in the commands of one trim
+        arguments.at = math.radians(typed[0]) if model().schedule_unit == "deg" else typed[0]
+    named, of = games.game_of(arguments), tuple[Any, ...]()
+    if arguments.model is None:
+        family = _family(arguments)
+        start = family.model.signals[family.over].start if family.over else 0.0
+        value = {**family.model.trim, **arguments.hold}.get(family.over, start)
+        place = typed[0] if typed else math.degrees(value) if family.unit == "deg" else value
+        family.check(place, place)
+        of = (family, place)
+    if critic:
+        functions = basis(arguments.basis, len(named.game.A))
+        stored = load_critic(arguments.file, named.plant, functions)
+        with said_of(arguments.file):
+            proof = prove_critic(named.game, stored, functions, *of)
+    else:
+        proof = prove_solution(named.game, *of)
+    if arguments.output is not None and proof.proved:
+        proof.write(arguments.output, provenance())
+    show(game_report(proof, named.states, named.origin, str(arguments.file or "")), arguments, written=True)
+    return 0 if proof.proved else 1
+
+
+def _family(arguments: argparse.Namespace, errors: float = 0.0) -> Family:
+    """The aircraft and the flights that the options name; the scheduling variable is left.
+
+    errors: every identified parameter may be off by this many of its standard errors.
+    """
+    from verification.enclosures.trim_branch import Family
+
+    known = {} if OWN.get() is not None else trims.parameters_of(arguments).standard_errors
+    if errors and not known:
+        raise BadInputError("the parameters have no standard errors; leave --error out")
+    spread = {name: errors * error for name, error in known.items() if errors * error > 0.0}
+    return Family(trims.aircraft_of(arguments), trims.flights_of(arguments), spread)
+
+
+def _ends(arguments: argparse.Namespace, family: Family) -> tuple[float, float]:
+    """LOW:HIGH of --at, in places; refused where no trim can be."""
+    if len(arguments.at or ()) != 2:
+        raise BadInputError(
+            f"give the interval of {family.over or 'the scheduling variable'} as --{trims.called_at()} LOW:HIGH"
+        )
+    family.check(*arguments.at)
+    low, high = arguments.at
+    return low, high
+
+
+def _grid() -> Options:
+    limit = Option("of the interpolation, relative; default 1e-3", "X", positive, 1e-3)
+    return {**_trims("LOW:HIGH"), "--limit-error": limit, **trims.output()}
+
+
+@command(_grid)
+def lpv(arguments: argparse.Namespace) -> int:
+    """Linear models on the coarsest grid of dihedrals whose interpolation error is proved below a tolerance.
+
+    The error of A, B, the trimmed inputs and the exact game's gain K is bounded at every angle between the nodes, in
+    ball arithmetic. -o FILE.json writes a certificate that `hfa prove --check` verifies, .npz, .mat and .csv the
+    matrices. Needs python-flint (`pip install .[proof]`).
+    """
+    from verification.arithmetic import flint_or_refusal
+    from verification.proof.lpv_grid import coarsest_grid
+
+    flint_or_refusal()
+    trims.refuse(arguments, ("start",), "belongs to a single trim; leave it out")
+    family, target = _family(arguments), arguments.output
+    proof = coarsest_grid(family, *_ends(arguments, family), arguments.limit_error, progress=ProgressLine("lpv"))
+    certified = target is not None and target.suffix.lower() == ".json"
+    if certified:
+        proof.write(target, provenance())
+    show(proof.report(), arguments, written=certified)
+    return 0

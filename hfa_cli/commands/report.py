@@ -1,7 +1,4 @@
-"""The main job on one page: both printed pairs regenerated, the linear models over the dihedral angle with a slider,
-and at each asked angle the trim, the model beside its print, the exact game solution and a learned critic.
-
-The page needs Plotly (`pip install .[page]`), which it then holds: it loads nothing from any network."""
+"""The command `hfa report`."""
 
 from __future__ import annotations
 
@@ -13,8 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from hfa_cli.options import trims
-from hfa_cli.options.argument_types import folder_or_file, parsed, some_of
-from hfa_cli.options.parser import Option, Options
+from hfa_cli.options.argument_types import output_file, some_of
+from hfa_cli.options.parser import Option, Options, command
 from hfa_cli.options.ranges import Range, array_of, value_range
 from hfa_cli.output import ProgressLine, provenance, stated
 from hfa_model.outputs import OUTPUTS
@@ -25,14 +22,12 @@ from hfa_support.jsonable import jsonable
 from hfa_support.progress import say
 from hfa_support.reporting.figure import save
 from hfa_support.reporting.report import Report
-from trim.point.condition import TrimCondition
 from verification.page.claims import load_claims
 from verification.page.job_report import main_report, page, plotly_script
 from verification.page.main_job import ASKED, MOST_ASKED, MOST_SWEPT, SWEEP, MainJob, main_job
 
 
-def options() -> Options:
-    """Of `hfa report`."""
+def _options() -> Options:
     angles = partial(value_range, "dihedral")
     claims = "claims of the paper to show: the claims.json that `python -m studies.section5` wrote, or its folder"
     place = "one self-contained .html file, or a folder for the page, its pictures and its numbers (JSON)"
@@ -40,20 +35,28 @@ def options() -> Options:
         **trims.at(angles, "RANGE", "shown in full: a,b,c or start:stop:step; default: the printed 5 and 15"),
         "--sweep": Option("angles of the slider and the root locus; default 0:20:0.5", "RANGE", angles),
         "--outputs": Option("C and D of these outputs too", "a,b,...", some_of(*STATES, *OUTPUTS)),
-        "--claims": Option(claims, "FILE", parsed(lambda text: load_claims(Path(text)))),
+        "--claims": Option(claims, "FILE", lambda text: load_claims(Path(text))),
         **trims.flights(),
         **trims.HFA_OPTIONS,
-        "-o --output": Option(place, "PLACE", folder_or_file(".html")),
+        "-o --output": Option(place, "PLACE", output_file(".html", folder=True)),
         "--json": Option("print the numbers as JSON (radians, feet, pounds)"),
     }
 
 
-def run(arguments: argparse.Namespace) -> int:
-    """Compute, write, say where; exit 1 when the printed matrices were not regenerated or a learned critic is wrong."""
+@command(_options)
+def report(arguments: argparse.Namespace) -> int:
+    """The main job on one page: both printed pairs regenerated, the linear models over the dihedral angle with a
+    slider, and at each asked angle the trim, the model beside its print, the exact game solution and a learned critic.
+
+    The page needs Plotly (`pip install .[page]`), which it then holds: it loads nothing from any network. Exit code 1
+    when the printed matrices were not regenerated or a learned critic is wrong.
+    """
     if arguments.output is None and not arguments.json:
         raise BadInputError("give the place of the report, --output FILE.html or --output FOLDER, or --json")
     if arguments.output is not None:
         plotly_script()  # refused before anything is computed
+    if "dihedral" in (*arguments.free, *arguments.hold):
+        raise BadInputError("the angles of a report are given by --dihedral and --sweep; do not free or hold dihedral")
     job = main_job(
         trims.parameters_of(arguments),
         arguments.dynamics,
@@ -61,23 +64,16 @@ def run(arguments: argparse.Namespace) -> int:
         swept=_angles("--sweep", arguments.sweep, SWEEP, MOST_SWEPT),
         outputs=arguments.outputs,
         claims=arguments.claims,
-        flight=_flight_of(arguments),
+        flight=trims.flights_of(arguments),
         start=trims.start_of(arguments),
         progress=ProgressLine("report"),
     )
-    report = stated(main_report(job), arguments)
-    lines = [f"wrote {name}" for name in _written(job, report, arguments.output)]
+    found = stated(main_report(job), arguments)
+    lines = [f"wrote {name}" for name in _written(job, found, arguments.output)]
     lines.append(f"Both printed pairs regenerated: {'yes' if job.regeneration.ok else 'NO'}")
     lines.append(f"Learned critics agree with the exact game solution: {'yes' if job.learned else 'NO'}")
-    say(report.json() if arguments.json else "\n".join(lines))
+    say(found.json() if arguments.json else "\n".join(lines))
     return 0 if job.ok else 1
-
-
-def _flight_of(arguments: argparse.Namespace) -> TrimCondition:
-    """What is trimmed at every angle of the page; the angle itself is the page's."""
-    if "dihedral" in (*(arguments.free or ()), *(arguments.hold or {})):
-        raise BadInputError("the angles of a report are given by --dihedral and --sweep; do not free or hold dihedral")
-    return trims.flights_of(arguments)
 
 
 def _angles(option: str, given: Range | None, default: np.ndarray, most: int) -> np.ndarray:

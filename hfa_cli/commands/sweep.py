@@ -1,18 +1,9 @@
-"""Trims and linear models over a grid of conditions; modes tracked, failures kept as rows.
-
-Whatever a trim can hold can be swept, --hold speed=60:70:2, and any parameter of the aircraft, --hold
-panel_mass=9:11:1. What else a trim imposes, frees and limits is typed as in `hfa trim`.
-
--o FILE.fmu writes the models between the points of a grid as an FMU; its inputs are those of the aircraft and the swept
-variables. A sweep that outgrows memory goes to a Zarr store (-o FILE.zarr): any number of points, several
-processes or machines (--workers), and it can be continued after an interruption (--resume).
-"""
+"""The command `hfa sweep`."""
 
 from __future__ import annotations
 
 import argparse
 import csv
-import math
 import warnings
 from dataclasses import replace
 from functools import partial
@@ -23,7 +14,7 @@ import numpy as np
 
 from hfa_cli.options import trims
 from hfa_cli.options.argument_types import model, quantity
-from hfa_cli.options.parser import Options
+from hfa_cli.options.parser import Options, command
 from hfa_cli.options.ranges import Range, array_of, value_range
 from hfa_cli.output import ProgressLine, draw, provenance, show
 from hfa_support.errors import BadInputError
@@ -38,8 +29,7 @@ STORE, UNIT = ".zarr", ".fmu"
 OF_A_STORE = ("workers", "resume")
 
 
-def options() -> Options:
-    """Of `hfa sweep`."""
+def _options() -> Options:
     held = "hold a variable, or a parameter of the aircraft, at a value or a range of them"
     return {
         **trims.at(partial(value_range, model().schedule), "RANGE", "start:stop:step, a,b,c or one number"),
@@ -51,9 +41,20 @@ def options() -> Options:
     }
 
 
-def run(arguments: argparse.Namespace) -> int:
-    """Sweep and report; exit 1 when no point has a trim."""
-    stored = arguments.output is not None and arguments.output.suffix.lower() == STORE
+@command(_options)
+def sweep(arguments: argparse.Namespace) -> int:
+    """Trims and linear models over a grid of conditions; modes tracked, failures kept as rows.
+
+    Whatever a trim can hold can be swept, --hold speed=60:70:2, and any parameter of the aircraft, --hold
+    panel_mass=9:11:1. What else a trim imposes, frees and limits is typed as in `hfa trim`. Exit code 1 when no point
+    has a trim.
+
+    -o FILE.fmu writes the models between the points of a grid as an FMU; its inputs are those of the aircraft and the
+    swept variables. A sweep that outgrows memory goes to a Zarr store (-o FILE.zarr): any number of points, several
+    processes or machines (--workers), and it can be continued after an interruption (--resume).
+    """
+    suffix = "" if arguments.output is None else arguments.output.suffix.lower()
+    stored = suffix == STORE
     if stored:
         why = "does not go with a store, which holds all seven states, in feet, and no picture"
         trims.refuse(arguments, ("picture", "units"), why)
@@ -62,9 +63,7 @@ def run(arguments: argparse.Namespace) -> int:
     plan = _plan(arguments, stored)
     report, trimmed = (_in_store if stored else _in_memory)(plan, arguments)
     # The notes on standard error: the table on standard output stays a table.
-    written = stored or (arguments.output is not None and arguments.output.suffix.lower() == UNIT)
-    target = None if written else arguments.output
-    show(replace(report, notes=()), arguments, target=target, notes=report.notes)
+    show(replace(report, notes=()), arguments, written=suffix in (STORE, UNIT), notes=report.notes)
     return 0 if trimmed else 1
 
 
@@ -75,10 +74,10 @@ def _plan(arguments: argparse.Namespace, stored: bool) -> SweepPlan:
         arguments.condition = None
     condition, aircraft, by = trims.flights_of(arguments), trims.aircraft_of(arguments), model().schedule
     held: dict[str, Range] = {} if arguments.at is None else {by: arguments.at}
-    held |= {name: each for name, each in (arguments.hold or {}).items() if not trims.is_constant(name, each)}
+    held |= {name: each for name, each in arguments.hold.items() if not trims.is_constant(name, each)}
     if listing is not None:
         axes: dict[str, Any] = _listed(listing, condition)
-        for name, values in {**(arguments.hold or {}), **held}.items():
+        for name, values in {**arguments.hold, **held}.items():
             if name in axes or not (isinstance(values, tuple) and len(values) == 1):
                 raise BadInputError(f"{name} has a column or a range beside the list {listing}; give one value")
         rows = len(next(iter(axes.values())))
@@ -92,7 +91,7 @@ def _plan(arguments: argparse.Namespace, stored: bool) -> SweepPlan:
         axes = dict(sorted(axes.items(), key=lambda axis: axis[1].size > 1))
     if arguments.picture is not None and len(varied := [name for name, each in axes.items() if np.ptp(each) > 0]) > 1:
         raise BadInputError(f"--picture draws a sweep in one variable, not in {' and '.join(varied)}; fix all but one")
-    if listing is None and by == "dihedral" and by not in (*axes, *condition.free, *(arguments.hold or {})):
+    if listing is None and by == "dihedral" and by not in (*axes, *condition.free, *arguments.hold):
         warnings.warn("no --dihedral is given: every point is at 0 deg", stacklevel=2)
     return SweepPlan(axes, aircraft, condition, trims.start_of(arguments), listing is not None)
 
@@ -103,34 +102,25 @@ def _listed(path: Path, condition: TrimCondition) -> dict[str, np.ndarray]:
     BadInputError names the row, the header being row 1, and the column.
     """
     try:
-        with path.open(encoding="utf-8-sig", newline="") as file:
-            header, *rows = [row for row in csv.reader(file) if any(map(str.strip, row))] or [[]]
+        lines = path.read_text("utf-8-sig").splitlines()
+        names, *rows = [row for row in csv.reader(lines) if any(map(str.strip, row))] or [[]]
     except (OSError, UnicodeDecodeError, csv.Error) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise BadInputError(f"{path}: cannot be read ({reason}); give a CSV file of conditions") from error
-    names, own, table = [name.strip() for name in header], condition.model, []
+        raise BadInputError(f"{path}: cannot be read ({error}); give a CSV file of conditions") from error
+    names, of = [name.strip() for name in names], condition.model
+    if not rows or len({*names}) < len(names):
+        raise BadInputError(f"{path}: give a row of names, each once, and a row of their values for each point")
     for name in names:
-        own.refuse_unheld(f"{path}: the column of row 1 is unknown:", name, tuple(own.parameters))
-        if names.count(name) > 1:
-            raise BadInputError(f"{path}: column {name} comes twice; leave one out")
-    if not rows:
-        raise BadInputError(f"{path}: has no conditions; give a row of names and a row for each condition")
-    for place, row in enumerate(rows, start=2):
+        of.refuse_unheld(f"{path}: the column of row 1 is unknown:", name, tuple(of.parameters))
+    table = np.empty((len(rows), len(names)))
+    for place, row in enumerate(rows):
         if len(row) != len(names):
-            raise BadInputError(f"{path}: row {place} has {len(row)} cells for {len(names)} columns; correct it")
-        values = []
-        for name, text in zip(names, row, strict=True):
+            raise BadInputError(f"{path}: row {place + 2} has {len(row)} cells for {len(names)} columns; correct it")
+        for column, (name, text) in enumerate(zip(names, row, strict=True)):
             try:
-                values.append(quantity(name, text))
-            except argparse.ArgumentTypeError as error:
-                raise BadInputError(f"{path}: row {place}, column {name} {error}") from error
-            lowest, highest = condition.limits_of(name) if name in own.limits else (-math.inf, math.inf)
-            if not lowest <= values[-1] <= highest:
-                said, low, high = (own.describe(name, each) for each in (values[-1], lowest, highest))
-                where = f"{path}: row {place}, column {name} is {said}"
-                raise BadInputError(f"{where}; it must lie between {low} and {high}")
-        table.append(values)
-    return dict(zip(names, np.array(table).T, strict=True))
+                table[place, column] = quantity(name, text)
+            except BadInputError as error:
+                raise BadInputError(f"{path}: row {place + 2}, column {name} {error}") from error
+    return dict(zip(names, table.T, strict=True))
 
 
 def _in_memory(plan: SweepPlan, arguments: argparse.Namespace) -> tuple[Report, bool]:

@@ -1,33 +1,30 @@
-"""Trim the aircraft and report variables and their limits, what binds, each equation's verdict, loads, performance."""
+"""The command `hfa trim`."""
 
 from __future__ import annotations
 
 import argparse
 
 from hfa_cli.options import trims
-from hfa_cli.options.parser import Options
+from hfa_cli.options.parser import Options, command
 from hfa_cli.output import draw, failure_as_data, show
 from hfa_support.model import Model
 from trim.point.hfa_report import trim_figure
 from trim.point.trim_report import trim_report
 
 
-def options() -> Options:
-    """Of `hfa trim`."""
-    return {
-        **trims.trim(required=True),
-        **trims.picture("the aircraft from the front with its loads"),
-        **trims.output(),
-    }
+def _options() -> Options:
+    picture = trims.picture("the aircraft from the front with its loads")
+    return {**trims.trim(required=True), **picture, **trims.output()}
 
 
-def run(arguments: argparse.Namespace) -> int:
-    """Solve and report."""
+@command(_options)
+def trim(arguments: argparse.Namespace) -> int:
+    """Trim the aircraft and report variables, limits, what binds, each equation's verdict, loads and performance."""
     aircraft = trims.aircraft_of(arguments)
     if isinstance(aircraft, Model):
         trims.refuse(arguments, ("picture",), "draws the HFA from the front; leave it out with --aircraft")
     with failure_as_data(arguments, aircraft):
         point = trims.point_of(arguments, aircraft)
     draw(arguments.picture, lambda: trim_figure(trims.hfa_of(arguments), point))
-    show(trim_report(aircraft, trims.condition_of(arguments), point), arguments, target=arguments.output)
+    show(trim_report(aircraft, trims.condition_of(arguments), point), arguments)
     return 0

@@ -18,7 +18,7 @@ from controller.flight.scenario import Scenario, Uncertainty, met_at
 from controller.policy import paper_flight
 from controller.policy.signals import CommandedStates, CommandSteps, Harmonic, Signal
 from hfa_cli.options import games, trims
-from hfa_cli.options.argument_types import OWN, Parsed, input_file, model, number, numbers, positive, quantity, span
+from hfa_cli.options.argument_types import OWN, input_file, model, number, numbers, positive, quantity, span
 from hfa_cli.options.parser import Option, Options
 from hfa_cli.output import ProgressLine
 from hfa_model.aircraft import Aircraft
@@ -29,9 +29,7 @@ from trim.linear.linear_model import LinearModel, linearize
 from trim.point.operating_point import OperatingPoint
 
 if TYPE_CHECKING:
-    from controller.flight.nonlinear_flight import NonlinearFlight
     from controller.policy.policies import FlownLaw
-    from hfa_support.reporting.report import Report
 
 #: No law: the commands are of inputs.
 NONE = "none"
@@ -51,8 +49,7 @@ def weights(about: str = "use this gain K, or the policy of the critic W or P, i
 
 def law(*more: str) -> Options:
     """--law, one of the laws or of `more`, its settings and its game."""
-    about = f"exact, certified{''.join(f', {name}' for name in more)}; default {games.DEFAULT_LAW}"
-    return {"--law": Option(about, "NAME"), **games.SETTINGS, **games.WEIGHTS}
+    return {**games.learning(*more, "exact"), **games.WEIGHTS}
 
 
 CONTROLLER: Options = {
@@ -67,7 +64,7 @@ ACTUATORS: Options = {
 }
 ENVELOPE: Options = {
     "--envelope": Option(
-        "other limits of a state, absolute (alpha: through the air); repeatable", "NAME=LOW:HIGH", span, named=True
+        "other limits of a state, absolute (alpha: through the air); repeatable", "NAME=LOW:HIGH", span, {}, named=True
     )
 }
 
@@ -78,7 +75,7 @@ def commands() -> Options:
     return {
         **CONTROLLER,
         "--command": Option(
-            f"{about} inputs; repeatable", _COMMAND, _command, named=True, alone=_paper(paper_flight.REFERENCE)
+            f"{about} inputs; repeatable", _COMMAND, _command, {}, named=True, alone=_paper(paper_flight.REFERENCE)
         ),
     }
 
@@ -88,33 +85,32 @@ def _paper(signal: Signal) -> dict[str, Signal]:
     return {"paper": signal} if OWN.get() is None else {}
 
 
-def scenario(duration: str = "20", *, members: bool = False) -> Options:
+def scenario(duration: float | None = 20.0, *, members: bool = False) -> Options:
     """What happens in the flight besides a reference; everything is off by default.
 
-    duration: what help calls it. members: --error, --noise and --turbulence are drawn for each member.
+    duration: s; None for 20 s more than a change takes. members: --error, --noise and --turbulence are drawn for each.
     """
     states, air = model().linear, (*model().linear, *model().disturbances)
     wind = model().unit(UPDRAFT) if UPDRAFT in model().disturbances else "ft/s"
     length = wind.removesuffix("/s")
+    factor = "factor on a parameter of the simulated aircraft, unknown to the design"
     own: Options = {
-        "--error": Option(
-            "factor on a parameter of the simulated aircraft, unknown to the design", "NAME=FACTOR", _number, named=True
-        ),
+        "--error": Option(factor, "NAME=FACTOR", _number, {}, named=True),
         "--noise": _signal("added to what a sensor says", states, paper_flight.NOISE),
         "--gust": Option("1-cosine updraft, ft, ft/s and s", _GUST, numbers(_GUST, 2, length, wind, "s")),
     }
+    sensor = "standard deviation of a sensor, degrees for angles"
     drawn: Options = {
-        "--error": Option("relative standard deviation of a parameter", "NAME=DEVIATION", _number, named=True),
-        "--noise": Option(
-            "standard deviation of a sensor, degrees for angles", "NAME=DEVIATION", among(states, quantity), named=True
-        ),
+        "--error": Option("relative standard deviation of a parameter", "NAME=DEVIATION", _number, {}, named=True),
+        "--noise": Option(sensor, "NAME=DEVIATION", among(states, quantity), {}, named=True),
     }
     return {
-        "--duration": Option(f"default {duration}", "S", number),
+        "--duration": Option(f"default {duration or '20 more than the change takes'}", "S", number, duration),
         "--initial": Option(
             "a state off trim at the start, degrees; or `paper`",
             "NAME=VALUE",
             among(tuple(model().states), quantity),
+            {},
             named=True,
             alone={} if OWN.get() else {"paper": dict(zip(states, paper_flight.INITIAL.tolist(), strict=True))},
         ),
@@ -127,7 +123,7 @@ def scenario(duration: str = "20", *, members: bool = False) -> Options:
             _FAULT,
             numbers(_FAULT, 2, "1", "1", "s"),
         ),
-        "--delay": Option("time by which every command of the policy comes late", "S", number),
+        "--delay": Option("time by which every command of the policy comes late", "S", number, 0.0),
         "--turbulence": Option(
             "Dryden turbulence, ft/s and ft, from --seed", _TURBULENCE, numbers(_TURBULENCE, 2, wind, length)
         ),
@@ -136,12 +132,12 @@ def scenario(duration: str = "20", *, members: bool = False) -> Options:
     }
 
 
-def among(names: tuple[str, ...], kind: Callable[[str, str], Parsed]) -> Callable[[str, str], Parsed]:
+def among(names: tuple[str, ...], kind: Callable[[str, str], Any]) -> Callable[[str, str], Any]:
     """The kind of the values of some names."""
 
-    def convert(name: str, text: str) -> Parsed:
+    def convert(name: str, text: str) -> Any:
         if name not in names:
-            raise argparse.ArgumentTypeError(f"is not among {', '.join(names)}")
+            raise BadInputError(f"is not among {', '.join(names)}")
         return kind(name, text)
 
     return convert
@@ -152,19 +148,15 @@ def _number(_: str, text: str) -> float:
 
 
 def _signal(about: str, names: tuple[str, ...], paper: Signal) -> Option:
-    return Option(f"{about}; or `paper`", _WAVE, among(names, _constant_or_wave), named=True, alone=_paper(paper))
+    return Option(f"{about}; or `paper`", _WAVE, among(names, _constant_or_wave), {}, named=True, alone=_paper(paper))
 
 
 def _constant_or_wave(name: str, text: str) -> tuple[float, ...]:
     """(constant,) or (constant, amplitude, rad/s)."""
     parts = text.split(":")
     if len(parts) not in (1, 3):
-        raise argparse.ArgumentTypeError(f"is {text!r}; give {name}=CONSTANT or {name}=CONSTANT:AMPLITUDE:RAD/S")
-    try:
-        frequency = [positive(part) for part in parts[2:]]
-    except argparse.ArgumentTypeError as error:
-        raise argparse.ArgumentTypeError(f"frequency {error}") from error
-    return (*(quantity(name, part) for part in parts[:2]), *frequency)
+        raise BadInputError(f"is {text!r}; give {name}=CONSTANT or {name}=CONSTANT:AMPLITUDE:RAD/S")
+    return (*(quantity(name, part) for part in parts[:2]), *map(positive, parts[2:]))
 
 
 def _command(name: str, text: str) -> list[tuple[float, float]] | tuple[float, ...]:
@@ -173,40 +165,27 @@ def _command(name: str, text: str) -> list[tuple[float, float]] | tuple[float, .
         return _constant_or_wave(name, text)
     pairs = [part.split(":") for part in text.split(",")]
     if any(len(pair) != 2 for pair in pairs):
-        raise argparse.ArgumentTypeError(f"is {text!r}; give {_COMMAND}")
+        raise BadInputError(f"is {text!r}; give {_COMMAND}")
     found = [(number(time), quantity(name, value)) for time, value in pairs]
     if found[0][0] < 0.0 or any(late <= early for (early, _), (late, _) in pairwise(found)):
-        raise argparse.ArgumentTypeError(f"is {text!r}; the times must increase, from 0 on")
+        raise BadInputError(f"is {text!r}; the times must increase, from 0 on")
     return found
 
 
 # The policy.
 
 
-def law_of(arguments: argparse.Namespace) -> str:
-    """The law that the options name."""
-    open_loop = hasattr(arguments, "controller") and hasattr(arguments, "command")
-    return games.law_of(arguments, "exact", *[NONE] * open_loop)
-
-
-def seed_of(arguments: argparse.Namespace) -> int:
-    """The seed that the options name."""
-    return 0 if arguments.seed is None else int(arguments.seed)
-
-
 def check_policy(arguments: argparse.Namespace) -> None:
     """BadInputError for an unknown law, and for options that have no effect on the policy."""
-    law = law_of(arguments)
-    instead = [name for name in _IN_PLACE if trims.given(arguments, name)]
+    law, instead = arguments.law, [name for name in _IN_PLACE if name in arguments.given]
     for name in instead:
         trims.refuse(arguments, _IN_PLACE[name], f"changes nothing beside --{name}; leave it out")
     if law == NONE:
         trims.refuse(arguments, ("delta", "Q", "R"), f"belongs to a law; leave it out with --law {NONE}")
     if law != games.DEFAULT_LAW or instead:
         trims.refuse(arguments, ("set",), f"belongs to a learning law; with --law {law} there is nothing to learn")
-        if not (hasattr(arguments, "samples") or trims.given(arguments, "turbulence")):
-            about = "belongs to a learning law or to --turbulence; here nothing is random"
-            trims.refuse(arguments, ("seed",), about)
+        if not (hasattr(arguments, "samples") or "turbulence" in arguments.given):
+            trims.refuse(arguments, ("seed",), "belongs to a learning law or to --turbulence; here nothing is random")
 
 
 def flown_law_of(arguments: argparse.Namespace, linear: LinearModel) -> FlownLaw:
@@ -218,12 +197,11 @@ def flown_law_of(arguments: argparse.Namespace, linear: LinearModel) -> FlownLaw
     from controller.riccati.gare import solve_game
     from verification.critic.candidate import from_gain, from_stored
 
-    game, law, path = games.game_on(arguments, linear), law_of(arguments), getattr(arguments, "weights", None)
+    game, law, path = games.game_on(arguments, linear), arguments.law, getattr(arguments, "weights", None)
     if path is None and law == "exact":
         return gain_law("exact", solve_game(game).K)
     if path is None:
-        settings = games.law_settings(arguments)
-        return gain_law(law, learned_value(game, law, seed_of(arguments), ProgressLine("learn"), **settings).K)
+        return gain_law(law, learned_value(game, law, arguments.seed, ProgressLine("learn"), **arguments.set).K)
     functions = basis("quadratic", len(game.A))
     stored = load_critic(path, PlantNames(linear.states, linear.inputs, linear.state_units), functions)
     if stored.W is not None and stored.W.size != functions.size:
@@ -252,7 +230,7 @@ def _policy_of(
     from controller.policy.policies import open_loop
     from controller.policy.servo_policy import servo_law
 
-    given, law = arguments.command or {}, law_of(arguments)
+    given, law = arguments.command, arguments.law
     stepped = {isinstance(each, list) for each in given.values()} if isinstance(given, dict) else {False}
     if len(stepped) > 1 or (False in stepped and (arguments.controller is not None or law == NONE)):
         raise BadInputError(f"--command takes steps here; give {_COMMAND} for each name")
@@ -288,13 +266,12 @@ def _steps_of(given: dict[str, list[tuple[float, float]]]) -> CommandSteps:
 # What happens.
 
 
-def scenario_of(arguments: argparse.Namespace, point: OperatingPoint, duration: float = 20.0) -> Scenario:
+def scenario_of(arguments: argparse.Namespace, point: OperatingPoint) -> Scenario:
     """The scenario that the options name, about a trim; of members the random quantities of each.
 
-    duration: unless given, s. The tick is 0.01 s, or the longest shorter one of which the delay is a whole number.
+    The tick is 0.01 s, or the longest shorter one of which the delay is a whole number.
     """
-    duration = duration if arguments.duration is None else arguments.duration
-    delay, own, disturbed = arguments.delay or 0.0, point.model, arguments.disturbance or {}
+    duration, delay, own, disturbed = arguments.duration, arguments.delay, point.model, arguments.disturbance
     if delay and not 0.0 < delay < duration:
         raise BadInputError(f"--delay is {delay:g} s; it must lie between 0 and the duration")
     air: dict[str, Signal] = {}
@@ -302,17 +279,16 @@ def scenario_of(arguments: argparse.Namespace, point: OperatingPoint, duration: 
         winds = [name for name in disturbed if name in own.disturbances]
         air = {name: _signal_of({name: disturbed[name]}, (name,)) for name in winds}
         disturbed = {name: each for name, each in disturbed.items() if name not in winds}
-    initial = arguments.initial or {}
     common = Scenario(
         duration=duration,
         tick=math.gcd(10, round(1000.0 * delay)) / 1000.0,
-        initial=np.array([initial.get(name, 0.0) for name in own.states]),
+        initial=np.array([arguments.initial.get(name, 0.0) for name in own.states]),
         disturbance=_signal_of(disturbed, own.linear),
         actuators=actuators_of(arguments),
         delay=delay,
         air=air,
     )
-    errors, noise = arguments.error or {}, arguments.noise or {}
+    errors, noise = arguments.error, arguments.noise
     if hasattr(arguments, "samples"):
         return replace(common, uncertainty=Uncertainty(errors, noise, arguments.turbulence)).on(own)
     noise = _signal_of(noise, own.linear)
@@ -329,7 +305,7 @@ def _gust(arguments: argparse.Namespace, point: OperatingPoint, happens: Scenari
         return OneMinusCosine(length, peak, met_at(point), begin)
     if arguments.turbulence is not None:
         intensity, scale = arguments.turbulence
-        return Dryden(intensity, scale, met_at(point), happens.tick, happens.ticks, seed_of(arguments))
+        return Dryden(intensity, scale, met_at(point), happens.tick, happens.ticks, arguments.seed)
     return None
 
 
@@ -368,15 +344,3 @@ def actuators_of(arguments: argparse.Namespace) -> Actuators | None:
     fastest = values(*(rates.get(each.unit, math.inf) for each in own.inputs.values()))
     lags = values(*[lag] * len(own.inputs))
     return Actuators(lags, lowest, highest, fastest, order=int(order), faults=tuple(faults))
-
-
-def tell_flight(
-    result: NonlinearFlight, report: Report, points: list[OperatingPoint], arguments: argparse.Namespace
-) -> int:
-    """Draw, print and write a flight; the exit code, 1 when it did not stay within its limits."""
-    from hfa_cli.output import draw, tell
-    from verification.flights.flight_figures import flight_figure
-
-    draw(arguments.picture, lambda: flight_figure(result, report.title))
-    tell(report, points, arguments, arguments.output, result.history())
-    return 0 if result.within_limits else 1

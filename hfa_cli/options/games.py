@@ -14,10 +14,10 @@ import numpy as np
 
 from controller.game.zero_sum import Game, usual_game
 from hfa_cli.options import trims
-from hfa_cli.options.argument_types import OWN, input_file, number, parsed, whole
+from hfa_cli.options.argument_types import OWN, input_file, number, one_of, whole
 from hfa_cli.options.parser import Option, Options
 from hfa_cli.output import ProgressLine
-from hfa_support.errors import BadInputError, refuse_unknown, said_of
+from hfa_support.errors import BadInputError, said_of
 from hfa_support.files import MATRIX_FILES
 from hfa_support.model import Model
 from hfa_support.reporting.text import numbered
@@ -36,40 +36,49 @@ def _delta(text: str) -> float:
     return math.inf if text.strip().lower() in ("inf", "infinity") else number(text)
 
 
-def parse_diagonal(name: str, text: str) -> np.ndarray:
-    """diag(a, b, ...) from "a,b,...", (n, n): how Q and R are given. BadInputError where an entry is no number."""
-    entries = []
-    for position, entry in enumerate(text.split(","), start=1):
-        try:
-            entries.append(float(entry))
-        except ValueError as error:
-            said = f"{name}: entry {position} is {entry.strip()!r}"
-            raise BadInputError(f"{said}; give the diagonal as numbers, as in 1,0.5,2") from error
-    return np.diag(entries)
+def diagonal(text: str) -> np.ndarray:
+    """diag(a, b, ...) from "a,b,...", (n, n): how Q and R are given."""
+    return np.diag([number(entry) for entry in text.split(",")])
 
 
 #: The weights of the game.
 WEIGHTS: Options = {
     "--delta": Option("disturbance weight, inf for none; default: the paper's 200", "NUMBER", _delta),
-    **{
-        f"--{name}": Option(
-            f"diagonal of {name}; default: the paper's", "a,b,...", parsed(partial(parse_diagonal, name))
-        )
-        for name in ("Q", "R")
-    },
+    **{f"--{name}": Option(f"diagonal of {name}; default: the paper's", "a,b,...", diagonal) for name in ("Q", "R")},
 }
 MODEL: Options = {
     "--model": Option(
         f"a plant of your own: A, B, optionally E, Q, R ({' '.join(MATRIX_FILES)})", "FILE", input_file(*MATRIX_FILES)
     )
 }
-SETTINGS: Options = {
-    "--seed": Option("seed of the recorded data and of what else is random; default 0", "N", whole(0)),
-    "--set": Option(
-        "a setting of the law, for example predefined_time=2", "NAME=VALUE", lambda _, text: text, named=True
-    ),
-}
-LEARNING: Options = {"--law": Option(f"only {DEFAULT_LAW} (irl: studies/update_law)", "NAME"), **SETTINGS}
+SEED: Options = {"--seed": Option("seed of the recorded data and of what else is random; default 0", "N", whole(0), 0)}
+
+
+def learning(*laws: str, about: str = "", own: Mapping[str, Callable[[str], Any]] | None = None) -> Options:
+    """--law, one of `laws` and the one that learns, its --seed and --set.
+
+    about: help of --set. own: further settings, and how a word becomes the value of each.
+    """
+
+    def setting(name: str, text: str) -> Any:
+        from controller.laws.certified import CertifiedSettings
+
+        kinds: dict[str, Callable[[str], Any]] = {
+            **{field.name: partial(_converted, str(field.type)) for field in fields(CertifiedSettings)},
+            **(own or {}),
+        }
+        if name not in kinds:
+            raise BadInputError(f"is no setting of law {DEFAULT_LAW!r}; choose from {', '.join(kinds)}")
+        return kinds[name](text)
+
+    choices = (*laws, DEFAULT_LAW)
+    said = f"{', '.join(choices)}; default {DEFAULT_LAW}" if laws else f"only {DEFAULT_LAW} (irl: studies/update_law)"
+    about = about or "a setting of the law, for example predefined_time=2"
+    return {
+        "--law": Option(said, "NAME", one_of(*choices), DEFAULT_LAW),
+        **SEED,
+        "--set": Option(about, "NAME=VALUE", setting, {}, named=True),
+    }
 
 
 def game_options() -> Options:
@@ -172,8 +181,7 @@ def refuse_of_the_aircraft(arguments: argparse.Namespace) -> None:
     """BadInputError where an option of the aircraft comes with --model."""
     if arguments.at is not None:
         raise BadInputError("name the plant: either --dihedral DEG or --model FILE")
-    of_the_aircraft: tuple[str, ...] = ("aircraft", *trims.OF_THE_TRIM, "parameters", "design", "units")
-    of_the_aircraft += ("dynamics",) * (arguments.dynamics != trims.DEFAULT_DYNAMICS)
+    of_the_aircraft = ("aircraft", *trims.OF_THE_TRIM, "parameters", "design", "units", "dynamics")
     trims.refuse(arguments, of_the_aircraft, "belongs to the aircraft; leave it out with --model")
 
 
@@ -187,40 +195,14 @@ def _about_trim(model: Model, linear: LinearModel) -> ca.Function:
     return ca.Function("plant", [z, u], [rates[[list(model.states).index(name) for name in linear.states]]])
 
 
-# Learning.
-
-
-def law_of(arguments: argparse.Namespace, *more: str) -> str:
-    """The law that the options name: the learning one, or one of the others."""
-    from controller.laws.certified import known_law
-
-    return known_law(DEFAULT_LAW if arguments.law is None else str(arguments.law), (*more, DEFAULT_LAW))
-
-
-def law_settings(arguments: argparse.Namespace) -> dict[str, Any]:
-    """The --set words, each converted to the kind of value that its setting has."""
-    from controller.laws.certified import CertifiedSettings
-
-    kinds = {field.name: str(field.type) for field in fields(CertifiedSettings)}
-    result = {}
-    for name, text in (arguments.set or {}).items():
-        refuse_unknown(f"law {DEFAULT_LAW!r} has no setting", name, kinds)
-        try:
-            result[name] = _converted(text, kinds[name])
-        except argparse.ArgumentTypeError as error:
-            raise BadInputError(f"{name} {error}") from error
-    return result
-
-
 def run_learning(arguments: argparse.Namespace, game: Game) -> LearningResult:
     """Run the law that the options name."""
     from controller.laws.certified import learn
 
-    settings = law_settings(arguments)
-    return learn(game, law_of(arguments), arguments.seed or 0, progress=ProgressLine("learn"), **settings)
+    return learn(game, arguments.law, arguments.seed, progress=ProgressLine("learn"), **arguments.set)
 
 
-def _converted(text: str, kind: str) -> Any:
+def _converted(kind: str, text: str) -> Any:
     """The value of a setting whose field is annotated with `kind`, for example "float | tuple[float, ...]"."""
     if kind.startswith("str"):
         return text

@@ -1,4 +1,4 @@
-"""argparse as `hfa` wants it: options declared as data, and one line for each complaint."""
+"""argparse as `hfa` wants it: commands and options declared as data, and one line for each complaint."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ import argparse
 import re
 import sys
 import textwrap
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, NoReturn
+from typing import Any, NamedTuple, NoReturn
 
 from hfa_support.errors import BadInputError, shortened
 
@@ -17,14 +17,16 @@ from hfa_support.errors import BadInputError, shortened
 class Option:
     """One option of a command.
 
-    about: its help. form: how help shows its value; "" for a switch. kind: word -> value. named: its words are
-    NAME=VALUE and it may be repeated; kind takes the name and the word. alone: a word in place of all of these -> its
-    value. more: further arguments of `add_argument`.
+    about: its help. form: how help shows its value; "" for a switch. kind: word -> value; its BadInputError is the rest
+    of a sentence that begins with the option. default: its value where it is not given. named: its words are NAME=VALUE
+    and it may be repeated; kind takes the name and the word. alone: a word in place of all of these -> its value.
+    more: further arguments of `add_argument`.
     """
 
     about: str
     form: str = ""
     kind: Callable[..., Any] = str
+    default: Any = None
     named: bool = False
     alone: Mapping[str, Any] = field(default_factory=dict)
     more: Mapping[str, Any] = field(default_factory=dict)
@@ -33,32 +35,24 @@ class Option:
 #: Names of an option, as in "-o --output" -> what it is.
 Options = Mapping[str, Option]
 
-#: Former options, for one release -> the option that has the same effect, and how its value then begins.
-FORMER = {
-    "--predefined-time": ("--set", "predefined_time="),
-    "--activation": ("--set", "activation="),
-    "--scale": ("--set", "scale="),
-    "--features": ("--basis", ""),
-    "--certificate": ("--output", ""),
-}
+
+class Command(NamedTuple):
+    """What makes the options of a command, and what runs it: its docstring is the help, its result the exit code."""
+
+    options: Callable[[], Options]
+    run: Callable[[argparse.Namespace], int]
+
+
+def command(options: Callable[[], Options]) -> Callable[[Callable[[argparse.Namespace], int]], Command]:
+    """Makes a `Command` of the function that runs it."""
+    return lambda run: Command(options, run)
+
 
 #: Options that `--help` lists by name only; `--help more` explains them.
 RARE = (
     "Q R basis condition delay disturbance effectiveness envelope error fault free inputs limit network noise "
     "parameters quiet resume samples seed set start turbulence units workers"
 )
-
-
-def _in_present_words(words: Iterable[str]) -> Iterator[str]:
-    """The words with each former option in the words of this release."""
-    rest = iter(words)
-    for word in rest:
-        option, equals, value = word.partition("=")
-        if option in FORMER:
-            now, begin = FORMER[option]
-            yield from (now, begin + (value if equals else next(rest, "")))
-        else:
-            yield word
 
 
 class Parser(argparse.ArgumentParser):
@@ -69,6 +63,7 @@ class Parser(argparse.ArgumentParser):
         self.add_argument("-h", "--help", nargs="?", const="", action=_Help, help=argparse.SUPPRESS)
         # "-5:5:1" and "-.5,1" are values too.
         self._negative_number_matcher = re.compile(r"-[\d.]")
+        self._otherwise: dict[str, Any] = {}
 
     def declare(self, options: Options) -> None:
         """Add the options."""
@@ -76,7 +71,10 @@ class Parser(argparse.ArgumentParser):
             how: dict[str, Any] = {"type": each.kind, "metavar": each.form} if each.form else {"action": "store_true"}
             if each.named:
                 how = {"action": _Named, "value": each.kind, "alone": each.alone, "metavar": each.form}
-            self.add_argument(*names.split(), help=each.about, **how, **each.more)
+            if names.startswith("-"):
+                how["default"] = argparse.SUPPRESS
+            action = self.add_argument(*names.split(), help=each.about, **how, **each.more)
+            self._otherwise[action.dest] = each.default if each.form else False
         places = "".join(f" [{each.metavar}]" for each in self._actions if not each.option_strings)
         self.usage = f"{self.prog}{places} [options]"
 
@@ -94,8 +92,7 @@ class Parser(argparse.ArgumentParser):
         return text + (textwrap.fill(f"more ({self.prog} --help more): {named}", 80) + "\n" if rare else "")
 
     def parse_words(self, words: list[str]) -> argparse.Namespace:
-        """The options and their values; of an option that comes twice the last value."""
-        words = list(_in_present_words(words))
+        """The options and their values, of an option that comes twice the last; `given`: the names of those typed."""
         for word in words[: words.index("--")] if "--" in words else words:
             option = word.partition("=")[0]
             if option.startswith("--") and option not in self._option_string_actions:
@@ -108,10 +105,20 @@ class Parser(argparse.ArgumentParser):
         arguments, strays = self.parse_known_intermixed_args(words)
         if strays:
             self.error(f"unrecognized arguments: {' '.join(map(shortened, strays))}")
-        missing = [action.option_strings[-1] for action in required if getattr(arguments, action.dest) is None]
+        typed = {name: value for name, value in vars(arguments).items() if value is not None}
+        missing = [action.option_strings[-1] for action in required if action.dest not in typed]
         if missing:
             self.error(f"the following arguments are required: {', '.join(missing)}")
-        return arguments
+        return argparse.Namespace(**{**self._otherwise, **typed}, given=frozenset(typed))
+
+    def _get_value(self, action: argparse.Action, arg_string: str) -> Any:
+        try:
+            return self._registry_get("type", action.type, action.type)(arg_string)
+        except BadInputError as error:
+            raise argparse.ArgumentError(action, str(error)) from error
+        except (ValueError, RecursionError) as error:  # a file of digits, or of brackets, without end
+            reason = f"{shortened(arg_string)}: cannot be read ({shortened(str(error))})"
+            raise argparse.ArgumentError(action, reason) from error
 
     def _get_values(self, action: argparse.Action, arg_strings: list[str]) -> Any:
         if action.option_strings and arg_strings == ["--"]:  # argparse would make an empty list of it
@@ -140,7 +147,7 @@ class _Named(argparse.Action):
         self._value, self._alone = value, alone
 
     def __call__(self, parser: Any, namespace: argparse.Namespace, values: Any, option_string: Any = None) -> None:
-        known = getattr(namespace, self.dest)
+        known = getattr(namespace, self.dest, None)
         name, separator, text = values.partition("=")
         if known and (values in self._alone or known in self._alone.values()):
             raise argparse.ArgumentError(self, f"{', '.join(self._alone)} goes alone; leave the others out")
@@ -148,7 +155,7 @@ class _Named(argparse.Action):
             raise argparse.ArgumentError(self, f"{shortened(values)!r} is not NAME=VALUE")
         try:
             found = self._alone[values] if values in self._alone else {**(known or {}), name: self._value(name, text)}
-        except argparse.ArgumentTypeError as error:
+        except BadInputError as error:
             raise argparse.ArgumentError(self, f"{shortened(name)} {error}") from error
         setattr(namespace, self.dest, found)
 

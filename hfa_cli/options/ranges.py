@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from argparse import ArgumentTypeError
 
 import numpy as np
 
@@ -21,19 +20,16 @@ def value_range(name: str, text: str) -> Range:
     if len(parts) == 1:
         return tuple(quantity(name, word) for word in text.split(","))
     if len(parts) != 3:
-        raise ArgumentTypeError(f"is {shortened(text)!r}; give start:stop:step, a list a,b,c or one number")
-    try:
-        start, stop, step = map(number, parts)
-    except ArgumentTypeError as error:
-        raise ArgumentTypeError(f"is {shortened(text)!r}, one part {error}") from error
+        raise BadInputError(f"is {shortened(text)!r}; give start:stop:step, a list a,b,c or one number")
+    start, stop, step = map(number, parts)
     if step <= 0:
-        raise ArgumentTypeError(f"step is {step:g}; it must be positive")
+        raise BadInputError(f"step is {step:g}; it must be positive")
     if stop < start:
-        raise ArgumentTypeError(f"runs backwards from {start:g} to {stop:g}; give the lower end first")
+        raise BadInputError(f"runs backwards from {start:g} to {stop:g}; give the lower end first")
     intervals = (stop - start) / step
     if intervals >= MOST_POINTS:
         said = f"{np.floor(intervals) + 1.0:,.15g}"
-        raise ArgumentTypeError(f"is a range of {said} points; at most {MOST_POINTS:,} are allowed, take a larger step")
+        raise BadInputError(f"is a range of {said} points; at most {MOST_POINTS:,} are allowed, take a larger step")
     unit, count = quantity(name, "1"), math.floor(intervals + 1e-9) + 1
     spacing = min(step * unit, (stop - start) * unit / (count - 1)) if count > 1 else step * unit
     while start * unit + spacing * (count - 1) > stop * unit:  # by rounding: stop may be a limit

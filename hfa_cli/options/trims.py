@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import argparse
-import math
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,7 +15,6 @@ from hfa_cli.options.argument_types import (
     model,
     one_of,
     output_file,
-    parsed,
     place,
     places,
     quantity,
@@ -36,9 +34,8 @@ from trim.point.operating_point import OperatingPoint
 from trim.point.solve import TrimError, find_operating_point
 
 if TYPE_CHECKING:
-    from verification.enclosures.trim_branch import Family
+    pass
 
-DEFAULT_DYNAMICS = "published"
 #: All that says where the aircraft is trimmed, the scheduling variable apart.
 OF_THE_TRIM = ("condition", "free", "hold", "limit", "start")
 MOST_WORKERS = 1000
@@ -57,11 +54,9 @@ HFA_OPTIONS: Options = {
         "published (regenerates the printed matrices; default), newton (exact mechanics, the same air loads) or "
         "unsteady (newton with air that has mass and memory, and tails that feel pitch rate)",
         "VARIANT",
-        more={"default": DEFAULT_DYNAMICS},
+        default="published",
     ),
-    "--parameters": Option(
-        f"parameters file, or {' or '.join(NAMED)} (default: identified)", "FILE", parsed(load_parameters)
-    ),
+    "--parameters": Option(f"parameters file, or {' or '.join(NAMED)} (default: identified)", "FILE", load_parameters),
 }
 #: The HFA, or a model of the user's own, which `main` has loaded.
 AIRCRAFT: Options = {
@@ -94,13 +89,13 @@ def at(kind: Callable[[str], Any] = place, form: str = "", about: str = "", *, r
 
 
 def _nowhere(_: str) -> None:
-    raise argparse.ArgumentTypeError(f"is of a scheduling variable; {model().name} declares none")
+    raise BadInputError(f"is of a scheduling variable; {model().name} declares none")
 
 
 def design(about: str = "") -> Options:
     """--design: of the HFA or the user's own aircraft."""
     about = about or "actuators, integrals, sensors, weights: paper, servo, or a .toml file"
-    return {"--design": Option(about, "NAME", parsed(_design))}
+    return {"--design": Option(about, "NAME", _design)}
 
 
 def _design(name: str) -> Any:
@@ -117,14 +112,12 @@ def flights(kind: Callable[[str, str], Any] = quantity, form: str = "VALUE", abo
     lists = "; or a list of points, .csv: a row of names, then a row each, typed as in --hold"
     files = f"file, or {', '.join(NAMED_CONDITIONS)}; what it imposes in place of the usual values"
     return {
-        "--condition": Option(files + lists * (kind is not quantity), "FILE", parsed(_condition)),
-        "--free": Option("leave a variable free; repeatable", "NAME", more={"action": "append"}),
-        "--hold": Option(f"{about or usual}; repeatable", f"NAME={form}", kind, named=True),
-        "--limit": Option("limits of an unknown, degrees for angles; repeatable", "NAME=LOW:HIGH", span, named=True),
+        "--condition": Option(files + lists * (kind is not quantity), "FILE", _condition),
+        "--free": Option("leave a variable free; repeatable", "NAME", default=(), more={"action": "append"}),
+        "--hold": Option(f"{about or usual}; repeatable", f"NAME={form}", kind, {}, True),
+        "--limit": Option("limits of an unknown, degrees for angles; repeatable", "NAME=LOW:HIGH", span, {}, True),
         "--start": Option(
-            "begin from a saved operating point (.json), or with these values: NAME=VALUE,NAME=VALUE",
-            "FILE",
-            parsed(_start),
+            "begin from a saved operating point (.json), or with these values: NAME=VALUE,NAME=VALUE", "FILE", _start
         ),
     }
 
@@ -154,7 +147,7 @@ def picture(what: str) -> Options:
 def workers(what: str) -> Options:
     """--workers, --resume."""
     return {
-        "--workers": Option("processes, or a Dask scheduler, tcp://host:port; default 1", "N|URL", _workers),
+        "--workers": Option("processes, or a Dask scheduler, tcp://host:port; default 1", "N|URL", _workers, 1),
         "--resume": Option(f"continue an interrupted {what}"),
     }
 
@@ -181,28 +174,22 @@ def _workers(text: str) -> int | str:
 
 def crew_of(arguments: argparse.Namespace) -> dict[str, Any]:
     """Who works, and whether on an interrupted job, as `stream` takes it."""
-    workers = arguments.workers or 1
+    workers = arguments.workers
     count, scheduler = (1, workers) if isinstance(workers, str) else (workers, None)
     return {"count": count, "scheduler": scheduler, "resume": arguments.resume}
 
 
-def given(arguments: argparse.Namespace, name: str) -> bool:
-    """Whether an option was given; an empty word counts, so that it is refused and not passed over."""
-    value = getattr(arguments, name, None)
-    return value is not None and value is not False
-
-
-def refuse(arguments: argparse.Namespace, names: tuple[str, ...], reason: str) -> None:
+def refuse(arguments: argparse.Namespace, names: Iterable[str], reason: str) -> None:
     """BadInputError for the first option of these that was given: it would change nothing."""
     for name in names:
-        if given(arguments, name):
+        if name in arguments.given:
             raise BadInputError(f"--{name.replace('_', '-')} {reason}")
 
 
-def refuse_files(arguments: argparse.Namespace, names: tuple[str, ...], reason: str) -> None:
-    """BadInputError when --units si is given with an option whose file is always in feet."""
+def refuse_si(arguments: argparse.Namespace, reason: str) -> None:
+    """BadInputError when --units si is given with --output, whose file is always in feet."""
     if arguments.units == "si":
-        refuse(arguments, names, f"does not go with --units si: {reason}; leave one out")
+        refuse(arguments, ("output",), f"does not go with --units si: {reason}; leave one out")
 
 
 # The aircraft.
@@ -224,15 +211,13 @@ def aircraft_of(arguments: argparse.Namespace) -> Aircraft | Model:
 
         own = UNSTEADY.with_parameters(**parameters_of(arguments).values._asdict())
     else:
-        refuse(arguments, ("parameters",), "belongs to the HFA; hold parameters of the aircraft with --hold")
-        if arguments.dynamics != DEFAULT_DYNAMICS:
-            raise BadInputError("--dynamics belongs to the HFA; leave it out with --aircraft")
+        refuse(arguments, ("dynamics", "parameters"), "belongs to the HFA; --hold imposes parameters of --aircraft")
     return own.with_parameters(**held_parameters(arguments))
 
 
 def held_parameters(arguments: argparse.Namespace) -> dict[str, float]:
     """The parameters of the model in use that the options hold at one value."""
-    held = {**(getattr(arguments, "hold", None) or {}), model().schedule: arguments.at}
+    held = {**getattr(arguments, "hold", {}), model().schedule: arguments.at}
     return {name: held[name] for name in model().parameters if isinstance(held.get(name), float)}
 
 
@@ -247,7 +232,7 @@ def hfa_of(arguments: argparse.Namespace) -> Aircraft:
 def flights_of(arguments: argparse.Namespace) -> TrimCondition:
     """What all trims of the options have in common, the scheduling variable apart."""
     own, by = model(), model().schedule
-    usual, free, held = arguments.condition or usual_condition(own), tuple(arguments.free or ()), arguments.hold or {}
+    usual, free, held = arguments.condition or usual_condition(own), tuple(arguments.free), arguments.hold
     for name in free:
         if name in held:
             raise BadInputError(f"{name} is both set free and held; name it once")
@@ -317,41 +302,5 @@ def freed_alpha(arguments: argparse.Namespace, aircraft: Aircraft | Model, condi
     except NoSolutionError:
         return ""
     held, found = (model().describe("alpha", each) for each in (condition.imposed["alpha"], point.states.alpha))
-    how = f"{'leave --hold alpha out and ' if 'alpha' in (arguments.hold or {}) else ''}add --free alpha"
+    how = f"{'leave --hold alpha out and ' if 'alpha' in arguments.hold else ''}add --free alpha"
     return f"alpha is held at {held}, free it trims at {found}: {how}"
-
-
-def family_of(arguments: argparse.Namespace, errors: float = 0.0) -> Family:
-    """The aircraft and the flights that the options name; the scheduling variable is left.
-
-    errors: every identified parameter may be off by this many of its standard errors.
-    """
-    from verification.enclosures.trim_branch import Family
-
-    known = {} if OWN.get() is not None else parameters_of(arguments).standard_errors
-    if errors and not known:
-        raise BadInputError("the parameters have no standard errors; leave --error out")
-    spread = {name: errors * error for name, error in known.items() if errors * error > 0.0}
-    return Family(aircraft_of(arguments), flights_of(arguments), spread)
-
-
-def interval_of(arguments: argparse.Namespace, family: Family) -> tuple[float, float]:
-    """LOW:HIGH of --at, in places; refused where no trim can be."""
-    if len(arguments.at or ()) != 2:
-        raise BadInputError(
-            f"give the interval of {family.over or 'the scheduling variable'} as --{called_at()} LOW:HIGH"
-        )
-    family.check(*arguments.at)
-    low, high = arguments.at
-    return low, high
-
-
-def at_one_place(arguments: argparse.Namespace) -> float | None:
-    """The place of --at, when one is given; the options then name a trim like those of other commands."""
-    if arguments.at is None:
-        return None
-    if len(arguments.at) != 1:
-        raise BadInputError(f"a game is at one {model().schedule}; give --{called_at()} with one value")
-    typed = float(arguments.at[0])
-    arguments.at = math.radians(typed) if model().schedule_unit == "deg" else typed
-    return typed

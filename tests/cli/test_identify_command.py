@@ -12,8 +12,8 @@ import pytest
 from cli import Result, hfa
 from project import ROOT
 
-from hfa_cli.commands import identify
 from hfa_model import default_parameters, load_parameters
+from trim.identification import identify
 from trim.identification.identification_result import Identification
 from trim.identification.identify import ALTERNATIVES, run_identification, save_fit
 

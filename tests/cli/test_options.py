@@ -1,19 +1,14 @@
-"""Options: words as numbers, completion in a shell, long work announced."""
+"""Options: words as numbers, long work announced, too little memory."""
 
 from __future__ import annotations
 
 import math
-import shutil
-import subprocess
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
 from cli import assert_refused, hfa
 
 from hfa_cli import output
-from hfa_cli.main import COMMANDS
 from hfa_cli.options.argument_types import quantity
 from hfa_cli.options.ranges import array_of, value_range
 from hfa_cli.output import ProgressLine
@@ -49,33 +44,3 @@ def test_what_takes_more_than_a_minute_is_announced_once(
 def test_too_little_memory_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("trim.sweeps.points._newton", lambda *_, **__: np.empty(10**15))
     assert_refused(hfa("sweep", "--dihedral", "0:5:1"), 2, "not enough memory")
-
-
-PARSER = "hfa_cli.main.whole_parser"
-#: What bash calls, with the words typed so far.
-ASK = """
-source completions
-COMP_WORDS=("$@"); COMP_CWORD=$(($# - 1)); COMP_LINE="$*"; COMP_POINT=${#COMP_LINE}
-$(complete -p hfa | sed 's/.*-F \\([^ ]*\\).*/\\1/') hfa "${@: -1}"
-echo "${COMPREPLY[@]}"
-"""
-
-
-def written(shell: str) -> str:
-    words = [sys.executable, "-m", "shtab", "--prog", "hfa", "--shell", shell, PARSER]
-    return subprocess.run(words, check=True, capture_output=True, text=True, timeout=60).stdout
-
-
-@pytest.mark.skipif(shutil.which("bash") is None, reason="there is no bash")
-def test_bash_completes_commands_and_options(tmp_path: Path) -> None:
-    (tmp_path / "completions").write_text(written("bash"), encoding="utf-8")
-
-    def completed(*typed: str) -> list[str]:
-        words = ["bash", "-c", ASK, "ask", *typed]
-        return subprocess.run(words, cwd=tmp_path, check=True, capture_output=True, text=True).stdout.split()
-
-    assert set(completed("hfa", "")) >= set(COMMANDS)
-    assert completed("hfa", "swe") == ["sweep"]
-    assert completed("hfa", "sweep", "--cond") == ["--condition"]
-    assert "--dihedral" in completed("hfa", "trim", "--")
-    assert completed("hfa", "trim", "--nothing") == []

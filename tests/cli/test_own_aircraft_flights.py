@@ -148,7 +148,7 @@ def test_exports_have_its_names() -> None:
         ("schedule --to 176", "begins and ends at 176 ft/s"),
         ("schedule --to 190 --dihedral 5", "unknown option --dihedral"),
         ("map --initial speed=1", "name two states with --initial and one with --command"),
-        ("map --law none", "unknown law 'none'"),
+        ("map --law none", "--law is 'none'; use one of exact, certified"),
     ],
 )
 def test_what_does_not_fit_the_model_is_one_line(words: str, named: str) -> None:

@@ -98,13 +98,13 @@ def test_a_signal_ends_the_run_wherever_it_comes(where: str, name: str, code: in
 def test_warnings_are_notes_of_a_result_and_nothing_before_a_refusal(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from hfa_cli.commands import solve
+    from hfa_cli.commands import game
 
     extreme = small(tmp_path / "extreme.json", A=[[1e200, 1e200], [-1e200, 3e150]])
     refused = hfa_process("solve", "--model", extreme, folder=tmp_path)
     assert (refused.code in (1, 2), refused.err.count("\n")) == (True, 1), refused.err
     plain = hfa("solve", "--model", small(tmp_path / "plant.json"))
-    run = solve.run
+    run = game.solve.run
 
     def warning(arguments) -> int:
         for text in ("overflow\nin multiply", "overflow\nin multiply"):
@@ -112,7 +112,7 @@ def test_warnings_are_notes_of_a_result_and_nothing_before_a_refusal(
         warnings.warn("two chunks were damaged", stacklevel=1)
         return run(arguments)
 
-    monkeypatch.setattr(solve, "run", warning)
+    monkeypatch.setattr(game, "solve", game.solve._replace(run=warning))
     result = hfa("solve", "--model", str(tmp_path / "plant.json"))
     notes = "hfa: note: two chunks were damaged\nhfa: note: while computing: overflow in multiply; check the result\n"
     assert (result.code, result.out, result.err) == (plain.code, plain.out, plain.err + notes)

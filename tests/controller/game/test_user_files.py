@@ -13,7 +13,7 @@ from scipy.sparse import csc_matrix
 
 from controller import Game, History, load_critic, load_game
 from controller.game.user_files import PlantNames, StoredCritic, critic_in, file_scales, stored_game
-from hfa_cli.options.games import parse_diagonal
+from hfa_cli.options.games import diagonal
 from hfa_model import LINEAR_STATES, published_models
 from hfa_support import BadInputError
 
@@ -76,10 +76,10 @@ def test_the_wind_s_column_is_named_as_what_it_is() -> None:
 def test_an_argument_counts_before_the_file() -> None:
     path = stored("plant.json", A=A2, B=B2, Q=Q2, R=R1, delta=5.0)
     assert stored_game(path).game.delta == 5.0
-    game, *_ = stored_game(path, Q=np.eye(2), R=parse_diagonal("R", "9"), delta=math.inf)
+    game, *_ = stored_game(path, Q=np.eye(2), R=diagonal("9"), delta=math.inf)
     assert np.array_equal(game.Q, np.eye(2))
     assert game.R[0, 0] == 9.0
-    assert np.array_equal(parse_diagonal("Q", "1, 0.5,2e3"), np.diag([1.0, 0.5, 2000.0]))
+    assert np.array_equal(diagonal("1, 0.5,2e3"), np.diag([1.0, 0.5, 2000.0]))
     assert game.delta == math.inf
 
 
