@@ -136,7 +136,7 @@ $ hfa --version
 $ hfa --version
 ...
 $ hfa trim --dihedral abc  # exit 2
-hfa: --dihedral is 'abc'; give a number
+hfa: --dihedral is 'abc'; give a finite number
 ```
 """
 
@@ -156,7 +156,7 @@ def test_a_sound_document_passes() -> None:
         ("make test", "make tea", "no target 'tea'"),
         ("hfa --version\n...\n$ hfa --version", "hfa --version\n$ hfa --version", "+hfa 0"),
         ("  # exit 2", "", "exit code 2 instead of 0"),
-        ("give a number", "give another", "-hfa: --dihedral is 'abc'; give another"),
+        ("give a finite number", "give another", "-hfa: --dihedral is 'abc'; give another"),
         ("$ make test", "$ ls", "neither hfa nor make"),
         ("end\n```", "end\n```\n```python\nprint(1)\n```\n", "+1"),
         ("python\na = 2", "python slow\na = 2", "no python block before"),

@@ -164,7 +164,7 @@ LISTS = [
     ("dihedral,spd\n5,64\n", "the column of row 1 is unknown: 'spd'; choose from speed, "),
     ("dihedral,dihedral\n5,64\n", "give a row of names, each once"),
     ("dihedral,speed\n5,64,3\n", "row 2 has 3 cells for 2 columns; correct it"),
-    ("dihedral,speed\n", "and a row of their values for each point"),
+    ("dihedral,speed\n", "give a row of names, each once"),
 ]
 
 
