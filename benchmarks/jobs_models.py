@@ -7,16 +7,17 @@ import sys
 import warnings
 from collections.abc import Callable, Sequence
 from functools import partial
+from math import asin, atan2, cos, sin, sqrt
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from benchmarks.numpy_dynamics import six_state_rates
 from benchmarks.report import Row, in_turn
 from controller.game.zero_sum import published_game
 from controller.riccati.gare_batch import solve_games
-from hfa_model import LINEAR_STATES, STATES, Aircraft, default_parameters
+from hfa_model import LINEAR_STATES, STATES, Aircraft, Parameters, default_parameters
+from hfa_model.atmosphere import density
 from hfa_support.model import load_model
 from hfa_support.native.bound import BoundFunction
 from hfa_support.native.machine_code import c_compiler
@@ -35,25 +36,24 @@ def rows(quick: bool = False) -> list[Row]:
     with warnings.catch_warnings():
         # python-control counts the states that it is told to hold as constraints, and warns of too many of them.
         warnings.filterwarnings("ignore", "number of constraints", UserWarning)
-        trims = [_one_point(), *_many_points(angles, peer_angles), _optimizer(angles, peer_angles // 2)]
+        trims = [_one_point(), *_many_points(angles, peer_angles)]
         trims += [row for turning in (False, True) for row in _f16(turning, angles, peer_angles)]
     return [*_startup(1 if quick else 11), *trims, _games(20 if quick else 1000)]
 
 
 def _startup(repeats: int) -> list[Row]:
     """A trim, and the help, from nothing to the last line."""
-
-    def run(*words: str) -> None:
-        subprocess.run(words, check=True, stdout=subprocess.DEVNULL)
-
-    hfa, peer = str(Path(sys.executable).with_name("hfa")), 'python -c "import control"'
-    found = []
-    for words in (("trim", "--dihedral", "15"), ("--help",)):
-        timing = in_turn(
-            lambda words=words: run(hfa, *words), lambda: run(sys.executable, "-c", "import control"), repeats=repeats
+    hfa, peer = str(Path(sys.executable).with_name("hfa")), (sys.executable, "-c", "import control")
+    run = partial(subprocess.run, check=True, stdout=subprocess.DEVNULL)
+    return [
+        Row(
+            f"`hfa {' '.join(words)}`, new process",
+            '`python -c "import control"`',
+            in_turn(partial(run, (hfa, *words)), partial(run, peer), repeats=repeats),
+            1.0,
         )
-        found.append(Row(f"`hfa {' '.join(words)}`, new process", f"`{peer}`", timing, 1.0))
-    return found
+        for words in (("trim", "--dihedral", "15"), ("--help",))
+    ]
 
 
 def _games(count: int) -> Row:
@@ -76,6 +76,62 @@ def _games(count: int) -> Row:
     timing = in_turn(ours, peer, units=count, peer_units=count / 5)
     job = f"{count} game Riccati equations, certified"
     return Row(job, "SciPy solve_continuous_are, no certificate", timing, 0.4)
+
+
+def six_state_rates(p: Parameters, altitude: float):
+    """(t, x (6,), u (5,), params) -> x' of the six states at a fixed altitude, in python-control's signature.
+
+    The published dynamics written a second time, plainly in Python floats, as a user of python-control would write
+    them: a test compares it with ours.
+    """
+    rho = float(density(altitude))
+    area, span, mass, gravity = p.panel_span * p.chord, p.panel_span, p.panel_mass, p.gravity
+    total = 3 * mass
+    c1 = 3 * p.inertia_pitch
+    c2 = 2 * p.inertia_yaw - 2 * p.inertia_pitch + mass * span**2 / 6
+
+    def panel(forward, sideward, downward, speed, aileron, elevator):
+        local = sqrt(forward**2 + sideward**2 + downward**2)
+        alpha, beta = atan2(downward, forward), asin(sideward / local)
+        q = rho * local**2 / 2
+        coefficient = p.lift_slope * alpha + p.aileron_lift * aileron
+        tail = q * p.tail_area * p.lift_slope * (alpha + elevator)
+        lift = q * area * coefficient + tail
+        drag = rho * speed**2 / 2 * area * (p.zero_lift_drag + p.induced_drag * coefficient**2)
+        moment = q * p.chord * area * (p.zero_lift_moment + p.aileron_moment * aileron)
+        along = drag * cos(beta)
+        X = lift * sin(alpha) - along * cos(alpha)
+        Y = -drag * sin(beta)
+        Z = -lift * cos(alpha) - along * sin(alpha)
+        return X, Y, Z, -tail * cos(alpha), moment
+
+    def rates(t, x, u, params):
+        V, a, theta, q, eta, eta_rate = x.tolist()
+        throttle, aileron_c, aileron_o, elevator_c, elevator_o = u.tolist()
+        sa, ca, se, ce = sin(a), cos(a), sin(eta), cos(eta)
+        hinge = V * sa + span / 3 * ce * eta_rate
+        Xc, _, Zc, Tc, Mc = panel(V * ca + q * span / 3 * se, 0.0, hinge, V, aileron_c, elevator_c)
+        normal = hinge * ce - span / 2 * eta_rate
+        Xo, Yo, Zo, To, Mo = panel(V * ca - q * span / 6 * se, hinge * se, normal, V, aileron_o, elevator_o)
+        X, Z = Xc + 2 * Xo, Zc + 2 * (Zo * ce + Yo * se)
+        D, L = -(X * ca + Z * sa), X * sa - Z * ca
+        M = Mc + 2 * Mo + p.boom_length * (Tc + 2 * ce * To) + span / 3 * se * Xc
+        M -= 2 * (span / 2 - span / 3 * se) * Xo
+        H = -span / 2 * (Zo + mass * gravity * ce * cos(theta))
+        T = p.thrust_per_throttle * throttle
+        gamma = theta - a
+        V_rate = (T * ca - D) / total - gravity * sin(gamma)
+        a_rate = -(T * sa + L) / (total * V) + q + gravity * cos(gamma) / V
+        q_rate = (M - 2 * c2 * se * ce * eta_rate * q) / (c1 + c2 * se**2)
+        half = mass * span / 2
+        inertial = half * ce * (V_rate * sa + V * ca * a_rate)
+        coupling = half * (ce * V * ca * q - V * sa * se * eta_rate - 2 * span / 3 * ce * se * eta_rate**2)
+        d2 = (p.inertia_pitch - p.inertia_yaw - mass * span**2 / 12) * se * ce * q**2
+        d3 = p.inertia_roll + mass * span**2 / 4 + mass * span**2 / 6 * cos(eta**2)
+        elastic = -p.hinge_damping * eta_rate - p.hinge_stiffness * eta
+        return np.array([V_rate, a_rate, q, q_rate, eta_rate, (H + elastic + inertial + coupling - d2) / d3])
+
+    return rates
 
 
 def peer_system():
@@ -132,47 +188,24 @@ def _many_points(count: int, peer_count: int) -> list[Row]:
     aircraft, system = Aircraft(), peer_system()
     angles = np.radians(np.linspace(0.0, 20.0, count))
 
+    def ours(compile_code: bool, modes: bool = False):
+        flights = trim_points(aircraft, ("dihedral",), angles[:, None], compile_code=compile_code)
+        assert (flights.status == TRIMMED).all()
+        if modes:
+            rows = [STATES.index(name) for name in LINEAR_STATES]
+            track_modes(flights.A[:, rows][:, :, rows], LINEAR_STATES)
+
     def peer():
         for angle in angles[:: count // peer_count]:
             peer_point(system, angle)
 
-    def full():
-        flights = trim_points(aircraft, ("dihedral",), angles[:, None], compile_code=True)
-        assert (flights.status == TRIMMED).all()
-        rows = [STATES.index(name) for name in LINEAR_STATES]
-        track_modes(flights.A[:, rows][:, :, rows], LINEAR_STATES)
-
-    peer_name = "python-control, point by point"
-    found = [
-        Row(
-            f"{count} dihedral angles, no compiler",
-            peer_name,
-            in_turn(
-                lambda: trim_points(aircraft, ("dihedral",), angles[:, None], compile_code=False),
-                peer,
-                units=count,
-                peer_units=peer_count,
-            ),
-            10.0,
-        )
-    ]
+    job, name, units = f"{count} dihedral angles", "python-control, point by point", (count, peer_count)
+    found = [Row(f"{job}, no compiler", name, in_turn(partial(ours, False), peer, *units), 10.0)]
     if c_compiler() is not None:
-        timing = in_turn(
-            lambda: trim_points(aircraft, ("dihedral",), angles[:, None], compile_code=True),
-            peer,
-            units=count,
-            peer_units=peer_count,
-        )
-        found.append(Row(f"{count} dihedral angles, generated C", peer_name, timing, 200.0))
-    found.append(
-        Row(
-            f"{count} dihedral angles with tracked modes, every residual and limit checked",
-            peer_name + " (trim, A, B only)",
-            in_turn(full, peer, units=count, peer_units=peer_count, repeats=3),
-            20.0,
-        )
-    )
-    return found
+        found.append(Row(f"{job}, generated C", name, in_turn(partial(ours, True), peer, *units), 200.0))
+    job += " with tracked modes, every residual and limit checked"
+    timing = in_turn(partial(ours, True, modes=True), peer, *units, repeats=3)
+    return [*found, Row(job, f"{name} (trim, A, B only)", timing, 20.0)]
 
 
 #: Held by a flight straight ahead, which leaves 5 unknowns of the 12 of a turn: angle of attack, pitch, power,
@@ -249,48 +282,11 @@ def _f16(turning: bool, count: int, peer_count: int) -> list[Row]:
         assert (found.status == TRIMMED).all()
 
     job = f"{count} points of an F-16 with {len(condition.free)} unknowns"
+    by = "python-control (hybr, from the neighbour) + linearize"
     found = []
     for compiled, target in ((False, 10.0), (True, 100.0 if turning else 300.0)):
         if compiled <= (c_compiler() is not None):
-            timing = in_turn(
-                partial(ours, compiled),
-                lambda: peer(name, values[:: count // peer_count]),
-                units=count,
-                peer_units=peer_count,
-            )
-            how = "generated C" if compiled else "no compiler"
-            found.append(Row(f"{job}, {how}", "python-control (hybr, from the neighbour) + linearize", timing, target))
+            every = values[:: count // peer_count]
+            timing = in_turn(partial(ours, compiled), partial(peer, name, every), count, peer_count)
+            found.append(Row(f"{job}, {'generated C' if compiled else 'no compiler'}", by, timing, target))
     return found
-
-
-def _optimizer(count: int, peer_count: int) -> Row:
-    """CasADi's Opti with IPOPT, as optimization-based aircraft tools trim."""
-    import casadi as ca
-
-    aircraft = Aircraft()
-    opti = ca.Opti()
-    u, dihedral = opti.variable(4), opti.parameter()
-    state = ca.vertcat(68.0, np.radians(2.8), 40_000.0, np.radians(2.8), 0.0, dihedral, 0.0)
-    f = aircraft.model.functions(())(state, ca.vertcat(u[0], 0.0, u[1:]), aircraft.model.p)[0]
-    opti.subject_to(f[[0, 1, 4, 6]] == 0)
-    opti.minimize(0)
-    opti.solver("ipopt", {"print_time": False}, {"print_level": 0, "sb": "yes"})
-    angles = np.radians(np.linspace(0.0, 20.0, count))
-
-    def peer():
-        for angle in angles[:: count // peer_count]:
-            opti.set_value(dihedral, angle)
-            opti.set_initial(u, [40.0, 0.03, 0.0, -0.05])
-            opti.solve()
-
-    return Row(
-        f"{count} dihedral angles, trim alone for the peer",
-        "CasADi Opti + IPOPT, point by point",
-        in_turn(
-            lambda: trim_points(aircraft, ("dihedral",), angles[:, None], compile_code=True),
-            peer,
-            units=count,
-            peer_units=peer_count,
-        ),
-        500.0,
-    )

@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.flight_case import STEP, FlightCase
+from benchmarks.jobs_flight import STEP, FlightCase
 from benchmarks.report import Comparison, Row, Size, in_turn, value_text
 from controller.flight.envelope import Envelope, flight_envelope
 from controller.flight.monte_carlo import MonteCarlo, fly_member

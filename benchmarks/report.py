@@ -15,6 +15,8 @@ from typing import Any, NamedTuple
 
 from hfa_support.files import write_text
 from hfa_support.reporting.figure import new_figure, save
+from hfa_support.reporting.report import markdown_table
+from hfa_support.reporting.text import Table
 
 FOLDER = Path(__file__).parent
 RESULTS = FOLDER / "results.json"
@@ -37,7 +39,7 @@ class Comparison(NamedTuple):
 
 
 def in_turn(
-    ours: Callable[[], Any], peer: Callable[[], Any], *, units: float = 1.0, peer_units: float = 1.0, repeats: int = 7
+    ours: Callable[[], Any], peer: Callable[[], Any], units: float = 1.0, peer_units: float = 1.0, *, repeats: int = 7
 ) -> Comparison:
     """Ours, peer, ours, peer, ... after one uncounted round: a drift of the machine's speed is fair to both.
 
@@ -99,12 +101,12 @@ def figure(row: Row, subject: str = "") -> dict[str, Any]:
 
 def markdown(figures: Iterable[dict[str, Any]]) -> str:
     """The figures as a table, one row each."""
-    lines = ["| job | compared with | ours | peer's | ratio | target | met |", "|---|---|---|---|---|---|---|"]
+    rows = []
     for each in figures:
-        ours, peers = (value_text(each[name], each["unit"]) for name in ("ours", "peers"))
-        ratio, target = ratio_text(each["ratio"]), ratio_text(each["to_reach"])
-        lines.append(f"| {' | '.join((each['job'], each['peer'], ours, peers, ratio, target, each['reached']))} |")
-    return "\n".join(lines)
+        times = (value_text(each[name], each["unit"]) for name in ("ours", "peers"))
+        ratios = (ratio_text(each[name]) for name in ("ratio", "to_reach"))
+        rows.append((each["job"], each["peer"], *times, *ratios, each["reached"]))
+    return markdown_table(Table(("job", "compared with", "ours", "peer's", "ratio", "target", "met"), rows))
 
 
 def value_text(value: float, unit: str) -> str:
