@@ -16,7 +16,7 @@ import numpy as np
 nox.options.error_on_missing_interpreters = False
 PROJECT = nox.project.load_toml("pyproject.toml")["project"]
 EXTRAS = ("distributed", "page", "proof")
-TOOLS = ("pytest", "pytest-xdist", "hypothesis", "jsonschema", "mpmath", "setuptools>=70.1", "ambiance", "xarray")
+TOOLS = ("pytest", "pytest-xdist", "jsonschema", "mpmath", "setuptools>=70.1", "ambiance", "xarray")
 #: Command -> the arrays of its JSON that are compared.
 COMMANDS = {
     "sweep --dihedral 0:20:1": ("A", "B", "operating_inputs"),
