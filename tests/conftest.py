@@ -24,8 +24,7 @@ if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
 
 import numpy as np
 import pytest
-from flight_cases import FlownCase, case_at
-from known_models import exact_gain, game_at, model_at
+from known_models import FlownCase, case_at, exact_gain, game_at, model_at
 from made_once import share
 
 from controller import Game

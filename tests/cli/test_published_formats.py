@@ -10,11 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 import zarr
-from cli import hfa
+from cli import complaints_about, hfa
 from controllers import small_controller
 from jsonschema import Draft202012Validator
 from project import project_sources
-from published_formats import complaints_about
 
 from controller import save_controller
 from hfa_cli.formats import formats

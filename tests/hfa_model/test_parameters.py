@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from refused_files import refusal
+from cli import refusal
 
 from hfa_model import Parameters, default_parameters, load_parameters, save_parameters
 from hfa_model.parameters import FIELDS, ParameterSet

@@ -8,14 +8,17 @@ import json
 import os
 import subprocess
 import sys
+from collections.abc import Callable
+from functools import cache
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import pytest
-from published_formats import assert_published
 
+from hfa_cli.formats import formats
 from hfa_cli.main import BAD_INPUT, DONE, main
+from hfa_support import BadInputError
 
 #: The console script beside the interpreter that runs the tests.
 SCRIPT = Path(sys.executable).with_name("hfa")
@@ -101,3 +104,45 @@ def assert_refused(result: Result, code: int, *named: str) -> None:
     assert result.err.count("\n") == 1, result.err
     for word in named:
         assert word in result.err
+
+
+#: What was validated in this process: the format and the keys. Numbers alone make no new shape.
+_SEEN: set[tuple[str, ...]] = set()
+
+
+def assert_published(text: str) -> None:
+    """JSON with every key known and of its type; once for each set of keys."""
+    data = json.loads(text)
+    shape = (str(data.get("schema")), *data)
+    if shape not in _SEEN:
+        found = complaints_about(data)
+        assert found == [], f"{found}: correct hfa_cli/formats.toml"
+        _SEEN.add(shape)
+
+
+def complaints_about(data: dict[str, Any]) -> list[str]:
+    """What is wrong with an output: the errors of the schema, and keys that it does not list."""
+    name = str(data.get("schema")).removeprefix("hfa.").partition("/")[0]
+    definitions = formats()["$defs"]
+    if name not in definitions:
+        return [f"{data.get('schema')} is not published"]
+    unknown = [f"{key} is not published" for key in data if key not in definitions[name]["properties"]]
+    return unknown + [f"{error.json_path}: {error.message[:200]}" for error in _validator(name).iter_errors(data)]
+
+
+@cache
+def _validator(name: str) -> Any:
+    from jsonschema import Draft202012Validator
+
+    definitions = formats()["$defs"]
+    return Draft202012Validator({**definitions[name], "$defs": definitions})
+
+
+def refusal(load: Callable[[str], object], path: Path) -> str:
+    """The message with which a file is refused: one line that names the file."""
+    with pytest.raises(BadInputError) as caught:
+        load(str(path))
+    message = str(caught.value)
+    assert "\n" not in message
+    assert str(path) in message
+    return message

@@ -6,11 +6,13 @@ import math
 from collections.abc import Iterable
 
 import numpy as np
+import pytest
 from known_models import game_at
 
 from controller import Game, published_game
 from hfa_model import VARIANTS, published_models
 from hfa_support import Check
+from verification import solve_game
 
 #: The initial state of the paper's experiments (Section 5.1).
 INITIAL = np.array([5.0, 0.05, 0.0, 0.0, 0.0, 0.0])
@@ -50,3 +52,15 @@ def random_game(rng: np.random.Generator, *, scaled: bool) -> Game:
 def failed_names(checks: Iterable[Check]) -> set[str]:
     """The names of the checks that do not hold."""
     return {check.name for check in checks if not check.ok}
+
+
+@pytest.fixture(params=sorted(game_models()))
+def game(request: pytest.FixtureRequest) -> Game:
+    return game_models()[request.param]
+
+
+@pytest.fixture(scope="session")
+def first() -> tuple[Game, np.ndarray]:
+    """The game of one of them and its P."""
+    game = game_models()["published-15"]
+    return game, solve_game(game).P

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from refused_files import refusal
+from cli import refusal
 from servo_cases import SIMVFA, simvfa_design
 
 from controller import load_design

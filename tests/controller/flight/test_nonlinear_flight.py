@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from flight_cases import SMALL, FlownCase, flown, signal
+from known_models import SMALL, FlownCase, flown, signal
 
 from controller import OneMinusCosine, Scenario, flight_envelope, fly, gain_law
 from controller.flight.nonlinear_flight import UNDISTURBED

@@ -1,5 +1,5 @@
 """The games that the exact solution is tested on: those of the two printed models."""
 
-from printed_games import first, game
+from game_samples import first, game
 
 __all__ = ["first", "game"]

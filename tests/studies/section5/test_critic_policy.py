@@ -8,7 +8,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
-from flight_cases import seen
+from known_models import seen
 
 from controller import Signal, published_game, random_pool
 from controller.policy.signals import Harmonic, zero

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from flight_cases import SMALL, FlownCase
+from known_models import SMALL, FlownCase
 
 from controller import Scenario, fly, gain_law
 from controller.laws.certified import learned_value

@@ -6,7 +6,7 @@ import math
 from pathlib import Path
 
 import pytest
-from refused_files import refusal
+from cli import refusal
 
 from hfa_model import Aircraft
 from hfa_support import BadInputError

@@ -10,7 +10,7 @@ from pathlib import Path
 import control
 import numpy as np
 import pytest
-from refused_files import refusal
+from cli import refusal
 
 from hfa_model import Aircraft
 from trim import OperatingPoint, find_operating_point, level_flight

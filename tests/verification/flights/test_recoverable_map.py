@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from flight_cases import FlownCase, flown, signal
+from known_models import FlownCase, flown, signal
 
 from controller import Scenario
 from controller.flight.closed_loop import NonlinearPlant

@@ -8,7 +8,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
-from flight_cases import seen
+from known_models import seen
 
 from controller import Scenario, flight_envelope
 from controller.flight.nonlinear_flight import NonlinearFlight
