@@ -51,7 +51,7 @@ def _identification() -> Options:
 @command(_identification)
 def identify(arguments: argparse.Namespace) -> int:
     """Find the aircraft's parameters from the printed matrices and say how far to trust them."""
-    from trim.identification.identify import run_identification, save_fit
+    from trim.identification import run_identification
 
     target = arguments.output
     as_parameters = target is not None and target.suffix.lower() == PARAMETERS
@@ -59,6 +59,6 @@ def identify(arguments: argparse.Namespace) -> int:
         trims.refuse_si(arguments, "a parameters file is in ft, slug, lbf")
     result = run_identification(arguments.seed, ProgressLine("identify"))
     if as_parameters:
-        save_fit(result.fit, target)
+        result.fit.save(target)
     show(result.report(), arguments, written=as_parameters)
     return 0

@@ -13,9 +13,8 @@ from cli import Result, hfa
 from project import ROOT
 
 from hfa_model import default_parameters, load_parameters
-from trim.identification import identify
-from trim.identification.identification_result import Identification
-from trim.identification.identify import ALTERNATIVES, run_identification, save_fit
+from trim import identification
+from trim.identification import ALTERNATIVES, Identification, run_identification
 
 COMMITTED = ROOT / "hfa_model"
 FILE = "parameters.toml"
@@ -39,10 +38,10 @@ def identified(tmp_path_factory: pytest.TempPathFactory) -> Run:
         return found[0]
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(identify, "run_identification", kept)
+        patch.setattr(identification, "run_identification", kept)
         with contextlib.chdir(folder):
             result = hfa("identify", "-o", "evidence.json")
-            save_fit(found[0].fit, Path(FILE))
+            found[0].fit.save(Path(FILE))
     return Run(result, folder, found[0])
 
 
@@ -56,7 +55,7 @@ def test_it_writes_the_committed_parameters(identified: Run) -> None:
 
 
 def test_the_output_may_be_the_parameters(identified: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(identify, "run_identification", lambda *_: identified.found)
+    monkeypatch.setattr(identification, "run_identification", lambda *_: identified.found)
     path = tmp_path / "mine.TOML"
     assert hfa("identify", "-o", str(path)).code == 0
     written, committed = load_parameters(path), load_parameters(identified.folder / FILE)

@@ -11,7 +11,7 @@ from known_models import model_at
 from hfa_model import Aircraft, Parameters, published_models
 from hfa_model.printed_matrices import PublishedModel
 from trim import LinearModel, compare, regenerate
-from trim.identification.identification_result import IDENTIFIED
+from trim.identification import IDENTIFIED
 from trim.linear.compare import (
     eigenvalue_errors,
     matrices_beside_the_print,

@@ -1,0 +1,415 @@
+"""The aircraft behind the printed matrices: weighted least squares over both pairs and their trims, and the evidence.
+
+Unknown are the parameters; the trim inputs, which the paper does not print, follow from them and are solved for at
+every step. Each printed entry weighs with half a unit of its last digit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from hfa_model.aircraft import HFA, Aircraft, Equations
+from hfa_model.parameters import FIELDS, Parameters, ParameterSet, save_parameters
+from hfa_model.printed_matrices import PublishedModel, published_models
+from hfa_model.variants import Newton, Published, Variant
+from hfa_model.vectors import INPUTS, LINEAR_ROWS, LINEAR_STATES, Input
+from hfa_support.errors import NoSolutionError
+from hfa_support.native.bound import BoundFunction
+from hfa_support.progress import Progress
+from hfa_support.reporting.report import Report, Reported
+from hfa_support.reporting.text import Table
+from trim.linear.compare import EntryRow, compare, entries_records, entries_table, regenerate
+from trim.linear.entry_bands import entries_at
+from trim.point.condition import level_flight
+from trim.sweeps.points import newton_functions
+
+#: Not determined by the print: value, source and reason.
+ASSUMED: dict[str, tuple[float, str, str]] = {
+    "chord": (
+        8.0,
+        "assumed",
+        "the printed matrices determine area times coefficient only; Gibson et al. 2011, Table 1, has a chord of 8 ft",
+    ),
+    "thrust_per_throttle": (
+        1.0,
+        "assumed",
+        "the printed matrices determine forces per mass; counting throttle in lbf of total thrust fixes the mass scale",
+    ),
+    "gravity": (32.2, "print", "A(speed, pitch) is printed as -32.2"),
+}
+IDENTIFIED: tuple[str, ...] = tuple(name for name in Parameters._fields if name not in ASSUMED)
+# Where the search begins: a 200 ft flying wing of 1000 lbf, from textbook formulas, deliberately not the answer.
+_MASS, _SPAN, _CHORD = 1000.0 / 3 / 32.2, 70.0, 8.0
+ROUGH: dict[str, float] = {
+    "panel_mass": _MASS,
+    "panel_span": _SPAN,
+    "tail_area": 0.05 * _SPAN * _CHORD,
+    "boom_length": 3 * _CHORD,
+    "inertia_roll": _MASS * _SPAN**2 / 12,  # uniform rod
+    "inertia_pitch": _MASS * _CHORD**2 / 12,  # uniform plate
+    "inertia_yaw": _MASS * (_SPAN**2 + _CHORD**2) / 12,
+    "lift_slope": 5.5,
+    "aileron_lift": 2.5,
+    "aileron_moment": -0.4,
+    "zero_lift_moment": 0.01,
+    "zero_lift_drag": 0.01,
+    "induced_drag": 0.05,
+    "hinge_stiffness": 1.0e4,
+    "hinge_damping": 1.0e5,
+}
+_FREE_INPUTS = tuple(name for name in INPUTS if name != "aileron_center")
+_ROUGH_INPUTS = np.array([40.0, 0.0, 0.0, 0.0])
+_TRIM_STEPS = 30
+#: A structure that can reach the print does so in a few hundred steps; one that cannot would creep for ever.
+_MAX_EVALUATIONS = 500
+#: Seeded rough guesses, and the standard deviation of their logarithms.
+STARTS, _START_SPREAD = 8, 0.3
+#: Trust in the rough guess where one printed angle alone leaves a combination open (standard deviation of the log).
+_PRIOR_SPREAD = 0.3
+
+
+def _with_newtons(method: str) -> Variant:
+    """The published structure with one method of Newton's."""
+    changed: type[Published] = type(f"PublishedWith_{method}", (Published,), {method: getattr(Newton, method)})
+    return changed()
+
+
+#: The published structure with each of its departures from Newton undone, one at a time, then all.
+ALTERNATIVES: tuple[tuple[str, Variant], ...] = (
+    ("outer lever (s/6) sin η", _with_newtons("outer_lever")),
+    ("outer section moment times cos η", _with_newtons("section_projection")),
+    ("hinge coupling of Newton", _with_newtons("hinge_coupling")),
+    ("hinge inertia of Newton", _with_newtons("hinge_inertia")),
+    ("all four: newton", Newton()),
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """One least-squares fit.
+
+    parameters: with sources and covariance. inputs: fitted trim inputs, one `Input` a printed angle.
+    sum_of_squares: Σ (difference / half unit)² over the printed entries; `entries`: how many of them some
+    parameter moves. largest: the largest |difference| / half unit.
+    expected_sum: the sum of squares that rounding alone gives on average, trace((I - H) C): C the covariance of
+    the rounding errors, H the projection onto what the parameters can fit (no prior).
+    singular_values: of the weighted Jacobian in relative parameters.
+    directions: rows are their parameter combinations.
+    """
+
+    parameters: ParameterSet
+    inputs: tuple[Input, ...]
+    sum_of_squares: float
+    expected_sum: float
+    entries: int
+    largest: float
+    singular_values: np.ndarray
+    directions: np.ndarray
+
+    def save(self, path: Path) -> None:
+        """Write a parameters file."""
+        header = (
+            "The aircraft behind the printed matrices. Written by `hfa identify`; do not edit.\n"
+            f"Sum of squares {self.sum_of_squares:.2f} half units^2 over {self.entries} printed entries "
+            f"(rounding alone gives {self.expected_sum:.1f} on average).\n"
+            "The covariance is that of small errors: sample it in the logarithms of the parameters, as\n"
+            "hfa_model.sample_parameters does. Sampled as a plain Gaussian it spreads entries of A up to 4.8 times "
+            "too far."
+        )
+        save_parameters(self.parameters, path, header)
+
+
+class Structure(NamedTuple):
+    """A structure tried, and the best that it reaches on the print."""
+
+    description: str
+    sum_of_squares: float
+    largest: float
+
+
+class LeftOut(NamedTuple):
+    """One printed angle predicted from the other: combinations determined, and the worst entry of each row.
+
+    errors: row of the linear model -> largest |predicted - printed| relative to the row's largest entry.
+    pitch_shape_error: the same for the pitch-rate row after the best common factor on that row.
+    """
+
+    fitted_deg: float
+    predicted_deg: float
+    determined: int
+    errors: dict[str, float]
+    pitch_shape_error: float
+
+
+@dataclass(frozen=True, repr=False)
+class Identification(Reported):
+    """The published structure's fit, and the evidence.
+
+    starts: sum of squares that each seeded start reached. tables: printed angle (deg) -> entries.
+    """
+
+    fit: Fit
+    starts: list[float]
+    tables: dict[float, tuple[EntryRow, ...]]
+    structures: tuple[Structure, ...]
+    left_out: tuple[LeftOut, ...]
+
+    def report(self) -> Report:
+        """The whole evidence."""
+        fit, parameters = self.fit, self.fit.parameters
+        combinations = []
+        for value, direction in zip(fit.singular_values, fit.directions, strict=True):
+            largest = np.argsort(-np.abs(direction))[:4]
+            words = "  ".join(f"{direction[i]:+.2f} {IDENTIFIED[i]}" for i in largest if abs(direction[i]) > 0.1)
+            combinations.append((f"{value:.3g}", f"{100 / (value * np.sqrt(3)):.2g} %", words))
+        rows = "speed", "alpha", "pitch_rate", "dihedral_rate"
+        predicted = [
+            (
+                f"{each.predicted_deg:g} from {each.fitted_deg:g} deg",
+                f"{each.determined} of {len(IDENTIFIED)}",
+                *(f"{100 * error:.2g} %" for error in (*map(each.errors.__getitem__, rows), each.pitch_shape_error)),
+            )
+            for each in self.left_out
+        ]
+        tried = [(each.description, *(f"{number:.4g}" for number in each[1:])) for each in self.structures]
+        return Report(
+            title=f"{len(IDENTIFIED)} parameters identified from {fit.entries} printed entries; "
+            f"{_agreeing(self.starts)} of {len(self.starts)} starts agree\n"
+            f"Sum of squares {fit.sum_of_squares:.2f} half units² (rounding alone gives {fit.expected_sum:.1f} on "
+            f"average), largest difference {fit.largest:.2f} half units",
+            parts=(
+                parameters.table(),
+                entries_table("entry, as printed", {f"{angle:g} deg ": each for angle, each in self.tables.items()}),
+                (
+                    Table(("singular value", "known to", "combination of relative parameters"), combinations),
+                    "Not determined by the print, in combination only: all masses, inertias, hinge constants and force "
+                    "coefficients together\n(fixed by thrust_per_throttle), and chord times the coefficients "
+                    "(fixed by chord).",
+                ),
+                Table(("structure", "sum of squares", "largest, half units"), tried),
+                (
+                    Table(("predicted", "determined", *rows, "pitch_rate, up to a factor"), predicted),
+                    "One angle alone does not split the pitch inertia into its constant and its sin² η part:\n"
+                    "it leaves one factor on the whole pitch-rate row open, and nothing else.",
+                ),
+            ),
+            data={
+                "schema": "hfa.identification/1",
+                "parameters": {
+                    name: {
+                        "value": value,
+                        "unit": getattr(FIELDS, name).unit,
+                        "source": parameters.sources[name],
+                        "standard_error": parameters.standard_errors.get(name),
+                    }
+                    for name, value in parameters.values._asdict().items()
+                },
+                "sum_of_squares": fit.sum_of_squares,
+                "expected_sum": fit.expected_sum,
+                "largest_half_units": fit.largest,
+                "starts": self.starts,
+                "singular_values": fit.singular_values.tolist(),
+                "trim_inputs": {
+                    str(angle): inputs._asdict() for angle, inputs in zip(self.tables, fit.inputs, strict=True)
+                },
+                "entries": [
+                    {"dihedral_deg": angle, **entry.to_dict()} for angle, each in self.tables.items() for entry in each
+                ],
+                "structures": [each._asdict() for each in self.structures],
+                "left_out": [each._asdict() for each in self.left_out],
+            },
+            records=entries_records(self.tables),
+        )
+
+
+def run_identification(seed: int = 0, progress: Progress | None = None) -> Identification:
+    """Identify, then collect the evidence; a few seconds. progress: called with (stages done, stages in all)."""
+    best, starts = identify(seed)
+    aircraft, rng = Aircraft(best.parameters.values, Published()), np.random.default_rng(seed)
+    tables = {model.dihedral_deg: compare(regenerate(aircraft, model), model) for model in published_models()}
+    structures = [Structure("published", best.sum_of_squares, best.largest)]
+    # From the published optimum and from rough guesses: the alternative gets its best chance.
+    near = np.log([abs(getattr(best.parameters.values, name) / ROUGH[name]) for name in IDENTIFIED])
+    for done, (description, variant) in enumerate(ALTERNATIVES, start=1):
+        noises = near, None, rng.normal(size=near.size) / 3
+        tries = [fit(published_models(), variant, noise=noise) for noise in noises]
+        chosen = min(tries, key=lambda one: one.sum_of_squares)
+        structures.append(Structure(description, chosen.sum_of_squares, chosen.largest))
+        if progress is not None:
+            progress(done, len(ALTERNATIVES))
+    first, second = published_models()
+    left_out = predicted_from(first, second), predicted_from(second, first)
+    return Identification(best, starts, tables, tuple(structures), left_out)
+
+
+def predicted_from(known: PublishedModel, unknown: PublishedModel) -> LeftOut:
+    """A printed pair predicted by the aircraft that is fitted to the other alone."""
+    fitted = fit([known], Published(), prior=True)
+    model = regenerate(Aircraft(fitted.parameters.values, Published()), unknown)
+    computed, printed = np.hstack([model.A, model.B]), np.hstack([unknown.A, unknown.B])
+    sizes, pitch = np.abs(printed).max(axis=1), LINEAR_STATES.index("pitch_rate")
+    errors = np.abs(computed - printed).max(axis=1) / sizes
+    factor = computed[pitch] @ printed[pitch] / (computed[pitch] @ computed[pitch])
+    shape_error = float(np.abs(factor * computed - printed)[pitch].max() / sizes[pitch])
+    # A direction is determined when the data know it to 1 % (singular value s: standard error 1/(s √3)).
+    determined = int(np.count_nonzero(fitted.singular_values * np.sqrt(3) > 100))
+    named = dict(zip(LINEAR_STATES, errors.tolist(), strict=True))
+    return LeftOut(known.dihedral_deg, unknown.dihedral_deg, determined, named, shape_error)
+
+
+def _agreeing(sums: Sequence[float]) -> int:
+    """How many starts end at the best sum of squares."""
+    return sum(value < min(sums) * (1 + 1e-6) + 1e-9 for value in sums)
+
+
+def identify(seed: int = 0) -> tuple[Fit, list[float]]:
+    """The published structure fitted to both printed pairs from `STARTS` seeded rough guesses.
+
+    Returns the best fit and the sum of squares that each start reached. NoSolutionError when fewer than half
+    of the starts agree on the best.
+    """
+    noises = np.random.default_rng(seed).normal(size=(STARTS, len(IDENTIFIED))) * _START_SPREAD
+    noises[0] = 0.0
+    fits = [fit(published_models(), Published(), noise=noise) for noise in noises]
+    sums = [one.sum_of_squares for one in fits]
+    if 2 * _agreeing(sums) < STARTS:
+        raise NoSolutionError(
+            f"only {_agreeing(sums)} of {STARTS} starts of the identification agree; try another --seed"
+        )
+    return fits[int(np.argmin(sums))], sums
+
+
+def fit(
+    models: Sequence[PublishedModel], structure: Variant, *, noise: np.ndarray | None = None, prior: bool = False
+) -> Fit:
+    """min_p Σ ((A(p, U(p)) - A_print)/h)² + ((B(p, U(p)) - B_print)/h)²,  U(p) the trim inputs: f(p, U(p)) = 0.
+
+    models: printed pairs to fit. structure: the equations. noise: added to the log of the rough guess. prior: weigh
+    the rough guess in, weakly, for data that leave combinations open. Solved by Levenberg-Marquardt on exact
+    Jacobians, the inputs eliminated by the implicit function theorem (variable projection).
+    """
+    from scipy.optimize import least_squares
+
+    problem = _Problem(models, structure)
+    guess = np.array(list(ROUGH.values()))
+    weights = np.eye(len(guess)) / _PRIOR_SPREAD if prior else np.zeros((0, len(guess)))
+
+    def residual(y: np.ndarray) -> np.ndarray:
+        return np.concatenate([problem.entries(y * guess)[0], weights @ (y - 1)])
+
+    def jacobian(y: np.ndarray) -> np.ndarray:
+        return np.vstack([problem.entries(y * guess)[1] * guess, weights])
+
+    start = np.exp(noise) if noise is not None else np.ones(len(guess))
+    solution = least_squares(
+        residual, start, jacobian, method="lm", xtol=1e-15, ftol=1e-15, gtol=1e-15, max_nfev=_MAX_EVALUATIONS
+    )
+    return _as_fit(problem, np.asarray(solution.x) * guess, prior)
+
+
+class _Problem:
+    """The weighted entries of the printed pairs and their Jacobian as functions of the unknown parameters θ."""
+
+    def __init__(self, models: Sequence[PublishedModel], structure: Variant) -> None:
+        self._layout, names = replace(HFA, equations=Equations(structure)).layout, HFA.variables
+        self._held = [level_flight(model.dihedral).imposed for model in models]
+        given, rates = tuple(self._held[0]), tuple((name, 0.0, HFA.rate_scale(name)) for name in HFA.steady)
+        functions = newton_functions(self._layout, given, _FREE_INPUTS, rates)
+        assert functions is not None
+        self._step, self._free = BoundFunction(functions[0]), [names.index(name) for name in _FREE_INPUTS]
+        #: The rows θ' = q and η' = η' are the same for every aircraft.
+        moved = [i for i, name in enumerate(LINEAR_STATES) if name not in ("pitch", "dihedral")]
+        self._rows = [LINEAR_ROWS[i] for i in moved]
+        self._entries = [i + len(LINEAR_STATES) * j for j in range(len(LINEAR_STATES + INPUTS)) for i in moved]
+        printed = [np.hstack(each).ravel("F") for m in models for each in ((m.A, m.B), (m.half_unit_A, m.half_unit_B))]
+        self._printed = [each[self._entries] for each in printed]
+        self._p = np.array([ASSUMED.get(name, (0.0,))[0] for name in Parameters._fields])
+        self._known = [Parameters._fields.index(name) for name in IDENTIFIED]
+        self._last: tuple[np.ndarray, tuple[np.ndarray, np.ndarray]] | None = None
+
+    def trim_inputs(self, theta: np.ndarray) -> list[np.ndarray]:
+        """The free inputs that balance each printed condition, by Newton's method (the loads are nearly affine)."""
+        self._p[self._known] = theta
+        return [self._trimmed(list(held.values())) for held in self._held]
+
+    def _trimmed(self, held: list[float]) -> np.ndarray:
+        inputs = best = _ROUGH_INPUTS
+        smallest, step = np.inf, self._step
+        step.inputs[0][:], step.inputs[2][:] = held, self._p
+        for _ in range(_TRIM_STEPS):
+            step.inputs[1][:] = inputs
+            step()
+            if not step.results[1][0] < smallest:
+                break
+            best, smallest, inputs = inputs, step.results[1][0], step.results[0].copy()
+        return best
+
+    def entries(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(entry - print) / half unit of every printed entry that the structure can move, and its Jacobian with the
+        trim's share in it.
+
+        The last answer is kept: the solver asks for values and Jacobian one after the other.
+        """
+        if self._last is None or not np.array_equal(self._last[0], theta):
+            values, jacobians = [], []
+            for k, inputs in enumerate(self.trim_inputs(theta)):
+                v = np.array([self._held[k].get(name, 0.0) for name in HFA.variables])
+                v[self._free] = inputs
+                found, by_p = entries_at(self._layout, v, self._p, self._free, self._rows)
+                printed, half = self._printed[2 * k : 2 * k + 2]
+                values.append((found[self._entries] - printed) / half)
+                jacobians.append(by_p[np.ix_(self._entries, self._known)] / half[:, None])
+            self._last = theta.copy(), (np.concatenate(values), np.vstack(jacobians))
+        return self._last[1]
+
+
+def _as_fit(problem: _Problem, theta: np.ndarray, prior: bool) -> Fit:
+    printed, jacobian = problem.entries(theta)
+    relative = jacobian * np.abs(theta)
+    fitted, singular_values, directions = np.linalg.svd(relative, full_matrices=False)
+    # A direction has no sign of its own: its largest component is made positive, on every machine alike.
+    directions *= np.sign(directions[np.arange(len(directions)), np.abs(directions).argmax(axis=1)])[:, None]
+    prior_information = np.eye(len(theta)) / _PRIOR_SPREAD**2 if prior else np.zeros((len(theta), len(theta)))
+    inverse = np.linalg.inv(relative.T @ relative + prior_information)
+    rounding = _rounding_covariance(relative)
+    spread = relative.T @ rounding @ relative + prior_information / 3
+    covariance = inverse @ spread @ inverse * np.outer(np.abs(theta), np.abs(theta))
+    moved = np.abs(relative).max(axis=1) > 1e-3  # by some parameter, by more than rounding errors are
+    values = {name: value for name, (value, _, _) in ASSUMED.items()}
+    values |= dict(zip(IDENTIFIED, theta.tolist(), strict=True))
+    parameters = ParameterSet(
+        values=Parameters(**values),
+        sources={name: ASSUMED[name][1] if name in ASSUMED else "identified" for name in Parameters._fields},
+        notes={name: note for name, (_, _, note) in ASSUMED.items()},
+        covariance=(covariance + covariance.T) / 2,
+    )
+    return Fit(
+        parameters=parameters,
+        inputs=tuple(
+            Input(aileron_center=0.0, **dict(zip(_FREE_INPUTS, inputs.tolist(), strict=True)))
+            for inputs in problem.trim_inputs(theta)
+        ),
+        sum_of_squares=float(printed @ printed),
+        # Structural zeros (no parameter moves them) carry no rounding.
+        expected_sum=float(np.trace(rounding[moved][:, moved]) - np.trace(fitted.T @ rounding @ fitted)),
+        entries=int(np.count_nonzero(moved)),
+        largest=float(np.abs(printed).max()),
+        singular_values=singular_values,
+        directions=directions,
+    )
+
+
+def _rounding_covariance(relative: np.ndarray) -> np.ndarray:
+    """Covariance of the entries' rounding errors, in half units²: an entry rounded to a unit of 2h has h²/3.
+
+    Entries with equal derivatives are one number printed at both angles, as B(speed, throttle) is: they were
+    rounded alike, and the second of them tells nothing new.
+    """
+    distance = np.abs(relative[:, None, :] - relative[None, :, :]).max(axis=2)
+    same = distance < 1e-6 * np.abs(relative).max(axis=1)
+    return np.where(same | np.eye(len(relative), dtype=bool), 1 / 3, 0.0)

@@ -1,1 +1,0 @@
-"""The parameters behind the printed matrices, and how far they can be trusted."""
