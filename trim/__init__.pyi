@@ -5,9 +5,13 @@ from .linear.entry_bands import entry_bands as entry_bands
 from .linear.linear_model import LinearModel as LinearModel, level_model as level_model, linearize as linearize
 from .linear.modes import modes_of as modes_of
 from .linear.varying import InterpolatedModel as InterpolatedModel, models_along as models_along
-from .point.condition import TrimCondition as TrimCondition, level_flight as level_flight, release as release
+from .point.condition import (
+    TrimCondition as TrimCondition,
+    level_flight as level_flight,
+    load_condition as load_condition,
+    release as release,
+)
 from .point.hfa_report import trim_figure as trim_figure
-from .point.named_condition import load_condition as load_condition
 from .point.operating_point import OperatingPoint as OperatingPoint
 from .point.solve import TrimError as TrimError, find_operating_point as find_operating_point
 from .point.trim_report import trim_report as trim_report

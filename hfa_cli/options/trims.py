@@ -28,8 +28,7 @@ from hfa_support.errors import BadInputError, NoSolutionError, refuse_unknown
 from hfa_support.model import Model
 from hfa_support.reporting.report import SUFFIXES, Report
 from hfa_support.reporting.unit_system import SYSTEMS
-from trim.point.condition import TrimCondition, release, usual_condition
-from trim.point.named_condition import NAMED as NAMED_CONDITIONS, load_condition
+from trim.point.condition import NAMED as NAMED_CONDITIONS, TrimCondition, load_condition, release, usual_condition
 from trim.point.operating_point import OperatingPoint
 from trim.point.solve import TrimError, find_operating_point
 

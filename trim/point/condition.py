@@ -1,7 +1,8 @@
-"""What a trim imposes and what it leaves free: a condition on states, inputs, outputs and rates."""
+"""What a trim imposes and what it leaves free: a condition on states, inputs, outputs and rates, also from a file."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -9,10 +10,14 @@ from typing import Any
 import numpy as np
 
 from hfa_model.aircraft import HFA
-from hfa_support.errors import BadInputError, is_finite, pair_of, refuse_unknown, shown
+from hfa_support.errors import BadInputError, is_finite, pair_of, refuse_unknown, said_of, shown
 from hfa_support.linear_table import LinearTable
 from hfa_support.model import Model
-from hfa_support.reporting.text import shown_value
+from hfa_support.schema import NUMBER, checked, read_named
+
+#: Conditions that come with the package: name -> file; what a file holds.
+NAMED = {"paper": "paper.toml", "simvfa-64": "simvfa_64.toml", "simvfa-30": "simvfa_30.toml"}
+_FILE = {"description": str, "source": str, "impose": {str: None}, "free": [str], "limits": {str: [NUMBER]}}
 
 
 @dataclass(frozen=True)
@@ -28,7 +33,7 @@ class TrimCondition:
     """
 
     imposed: Mapping[str, Any]
-    rates: Mapping[str, float] | None = None
+    rates: Mapping[str, float] = None  # type: ignore[assignment]  # replaced below
     limits: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     begin: Mapping[str, float] = field(default_factory=dict)
     name: str = field(default="", compare=False)
@@ -39,26 +44,28 @@ class TrimCondition:
         model, describe = self.model, self.model.describe
         if self.rates is None:
             object.__setattr__(self, "rates", dict.fromkeys(model.steady, 0.0))
-        rates = {f"the rate of {name}": (name, value) for name, value in (self.rates or {}).items()}
-        if not rates:
+        if not self.rates:
             raise BadInputError("no rate is imposed; name at least one of " + ", ".join(model.states))
-        for name, _ in rates.values():
-            refuse_unknown("unknown rate", name, model.states)
-        for names, known in ((self.imposed, model.holdable), (self.limits, model.limits)):
+        for what, names, known in (
+            ("rate", self.rates, model.states),
+            ("trim variable", self.imposed, model.holdable),
+            ("trim variable", self.limits, model.limits),
+        ):
             for name in names:
-                refuse_unknown("unknown trim variable", name, known)
+                refuse_unknown(f"unknown {what}", name, known)
+        for name, rate in self.rates.items():
+            if not is_finite(rate):
+                raise BadInputError(f"the rate of {name} is {shown(rate)}; give a finite number")
         for name, ends in self.limits.items():
             lowest, highest = pair_of(f"limits of {name}", ends)
             if not lowest < highest:
                 said = f"limits of {name} are {describe(name, lowest)} to {describe(name, highest)}"
                 raise BadInputError(f"{said}; the first must be the lower one")
-        for name, value in [*self.imposed.items(), *((said, value) for said, (_, value) in rates.items())]:
+        for name, value in self.imposed.items():
+            lowest, highest = self.limits_of(name)
             for each in value.values.tolist() if isinstance(value, LinearTable) else [value]:
                 if not is_finite(each):
                     raise BadInputError(f"{name} is {shown(each)}; give a finite number")
-                if name in rates:
-                    continue
-                lowest, highest = self.limits_of(name)
                 if not lowest <= each <= highest:
                     between = f"{describe(name, lowest)} and {describe(name, highest)}"
                     raise BadInputError(f"{name} is {describe(name, each)}; it must lie between {between}")
@@ -72,7 +79,7 @@ class TrimCondition:
     def equations(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
         """The states whose rates are imposed, and the imposed outputs that are no variables."""
         outputs = tuple(name for name in self.imposed if name not in self.model.variables)
-        return tuple(name for name in self.model.states if name in (self.rates or {})), outputs
+        return tuple(name for name in self.model.states if name in self.rates), outputs
 
     def at(self, scheduled: float | None = None, hold: Mapping[str, float] | None = None) -> TrimCondition:
         """The condition in numbers at a value of the scheduling variable, of the HFA the dihedral angle, rad (None for
@@ -83,12 +90,10 @@ class TrimCondition:
         """
         by, model = self.model.schedule, self.model
         place = self.imposed.get(by, self.begin.get(by, 0.0)) if scheduled is None else scheduled
-        own = ({by: place} if by in self.imposed else {}) | dict(hold or {})
-        states = {name: name.removesuffix("_dot") for name in model.rates if name in own}
-        rates = {**(self.rates or {}), **{state: own.pop(name) for name, state in states.items()}}
+        own, rates = _apart(model, ({by: place} if by in self.imposed else {}) | dict(hold or {}))
         imposed = {name: float(self.values_at(name, place)) for name in self.imposed} | own
         begin = {**self.begin, by: place} if by in model.variables and by not in imposed else self.begin
-        return replace(self, imposed=imposed, rates=rates, begin=begin)
+        return replace(self, imposed=imposed, rates={**self.rates, **rates}, begin=begin)
 
     def values_at(self, name: str, scheduled: float | np.ndarray) -> np.ndarray:
         """What is imposed on a variable at one value of the scheduling variable or at many."""
@@ -99,7 +104,7 @@ class TrimCondition:
         outside = asked[(asked < first - 1e-12) | (asked > last + 1e-12)]
         if outside.size:
             by, say = self.model.schedule, self.model.describe
-            given = f"{name} is given from {shown_value(first, self.model.unit(by))} to {say(by, last)} of {by}"
+            given = f"{name} is given from {say(by, first)} to {say(by, last)} of {by}"
             raise BadInputError(f"condition {self.name}: {given}; {say(by, outside[0])} lies outside")
         return table.at(scheduled)
 
@@ -111,31 +116,29 @@ class TrimCondition:
                 imposed[name] = np.column_stack([value.places, value.values]).tolist()
             elif self.model.trim.get(name) != value:
                 imposed[name] = value
-        rates, usual, begun = dict(self.rates or {}), self.model.trim, self.begin
+        usual, begun = self.model.trim, self.begin
         changes: dict[str, Any] = {
             "imposed": imposed,
             "free": [name for name in usual if name not in self.imposed],
             "limits": {name: list(limits) for name, limits in self.limits.items()},
             "begin": {name: begun[name] for name in self.free if begun.get(name, usual.get(name)) != usual.get(name)},
-            "rates": {} if rates == dict.fromkeys(self.model.steady, 0.0) else rates,
+            "rates": {} if self.rates == dict.fromkeys(self.model.steady, 0.0) else dict(self.rates),
         }
         return {name: change for name, change in changes.items() if change}
 
     def in_words(self) -> str:
         """The same for people: speed 60 ft/s, alpha free, throttle within 0 and 50; empty for the model's own trim."""
-        changes, describe = self.to_dict(), self.model.describe
+        changes, describe, model = self.to_dict(), self.model.describe, self.model
+        changed = {f"{name}_dot": rate for name, rate in self.rates.items() if rate or name not in model.steady}
         words = [
-            f"{name} {f'over the {self.model.schedule}' if isinstance(value, list) else describe(name, value)}"
-            for name, value in changes.get("imposed", {}).items()
+            f"{name} {f'over the {model.schedule}' if isinstance(value, list) else describe(name, value)}"
+            for name, value in {**changes.get("imposed", {}), **changed}.items()
         ]
-        words += [f"{name} free" for name in changes.get("free", ())]
-        usual, rates = dict.fromkeys(self.model.steady, 0.0), self.rates or {}
-        changed = {f"{name}_dot": rate for name, rate in rates.items() if usual.get(name) != rate}
-        words += [f"{name} {describe(name, rate)}" for name, rate in changed.items()]
-        words += [f"{name}_dot free" for name in usual if name not in rates]
+        left = [f"{name}_dot" for name in model.steady if name not in self.rates]
+        words += [f"{name} free" for name in (*changes.get("free", ()), *left)]
         words += [
             f"{name} within {describe(name, low)} and {describe(name, high)}"
-            for name, (low, high) in changes.get("limits", {}).items()
+            for name, (low, high) in self.limits.items()
         ]
         return ", ".join(words)
 
@@ -173,19 +176,61 @@ def release(
     The search for a variable set free begins at the value that it was held at. A rate (speed_dot) set free is not
     balanced.
     """
-    model, hold = condition.model, dict(hold or {})
+    model, hold = condition.model, hold or {}
     for name in (*free, *hold):
         model.refuse_unheld("unknown trim variable", name)
     if both := sorted(set(free) & set(hold)):
         raise BadInputError(f"{both[0]} is both set free and held; name it once")
-    rates = {name: rate for name, rate in (condition.rates or {}).items() if f"{name}_dot" not in free}
-    for name in [each for each in hold if each in model.rates]:
-        rate = hold.pop(name)
-        if isinstance(rate, LinearTable):
-            raise BadInputError(f"{name} is given over {model.schedule}; give one number")
-        rates[name.removesuffix("_dot")] = rate
-    values = {**condition.imposed, **hold}
+    own, held_rates = _apart(model, hold)
+    rates = {name: rate for name, rate in condition.rates.items() if f"{name}_dot" not in free} | held_rates
+    values = {**condition.imposed, **own}
     begin = {name: values.pop(name) for name in free if name in values}
     begin = {name: float(v.values[0]) if isinstance(v, LinearTable) else v for name, v in begin.items()}
     limits, begin = {**condition.limits, **(limits or {})}, {**condition.begin, **begin}
     return replace(condition, rates=rates, imposed=values, limits=limits, begin=begin)
+
+
+def _apart(model: Model, held: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
+    """The held values of variables and outputs, and those of rates, by state."""
+    rates = {name.removesuffix("_dot"): value for name, value in held.items() if name in model.rates}
+    return {name: value for name, value in held.items() if name not in model.rates}, rates
+
+
+def load_condition(name: str, usual: TrimCondition = LEVEL_FLIGHT) -> TrimCondition:
+    """A condition that comes with the package, by its name in `NAMED`, or one of the user's, by its file; it changes
+    the usual one.
+
+    [impose]: variable = value, or variable = [[dihedral, value], ...]; angles in degrees under the variable's name
+    with _deg behind it (alpha_deg), in rad without. free: list of variables. [limits]: variable = [lowest, highest],
+    likewise. BadInputError names the file, the entry and the fault.
+    """
+    data, model = read_named("condition", name, NAMED, "trim.conditions", _FILE), usual.model
+
+    def variable(key: str, *also: str) -> tuple[str, float]:
+        """The variable that a key names, and the factor from its unit."""
+        found = key.removesuffix("_deg")
+        model.refuse_unheld(f"{name}: unknown trim variable", found, also)
+        if found != key and not model.unit(found).startswith("rad"):
+            raise BadInputError(f"{name}: {key} is no angle; write {found}, in {model.unit(found)}")
+        return found, 1.0 if found == key else math.pi / 180.0
+
+    hold: dict[str, Any] = {}
+    for key, value in data.get("impose", {}).items():
+        found, factor = variable(key)
+        if isinstance(value, list):
+            rows = checked(name, value, [[NUMBER]], key)
+            if not rows or any(len(row) != 2 for row in rows):
+                raise BadInputError(f"{name}: {key} is {shown(value)}; give [{model.schedule}, value] rows")
+            places, values = np.array(rows).T
+            with said_of(f"{name}: {key}"):
+                by_angle = model.schedule and model.unit(model.schedule).startswith("rad")
+                hold[found] = LinearTable(np.radians(places) if by_angle else places, values * factor)
+        else:
+            hold[found] = checked(name, value, NUMBER, key) * factor
+    limits: dict[str, Any] = {}
+    for key, ends in data.get("limits", {}).items():
+        found, factor = variable(key, *model.states)
+        limits[found] = tuple(end * factor for end in ends)
+    free = tuple(variable(key)[0] for key in data.get("free", []))
+    with said_of(name):
+        return replace(release(usual, free=free, hold=hold, limits=limits), name=name)

@@ -91,7 +91,7 @@ class TrimProblem:
         self.scales = np.array([model.signals[name].nominal for name in self.free])
         self.equations = (*rates, *outputs)
         self.row_scales = np.array([*map(model.rate_scale, rates), *(model.signals[y].nominal for y in outputs)])
-        imposed = [*((condition.rates or {})[name] for name in rates), *(condition.imposed[y] for y in outputs)]
+        imposed = [*(condition.rates[name] for name in rates), *(condition.imposed[y] for y in outputs)]
         self.wanted = np.array(imposed)
         values = {name: begin[name] for name in self.idle} | dict(condition.imposed)
         self.held = np.array([values.get(name, 0.0) for name in variables])

@@ -130,9 +130,9 @@ def trim_report(aircraft: Aircraft | Model, condition: TrimCondition, point: Ope
     angles in degrees for people, radians, feet and pounds in the data."""
     every, near, model = all_margins(condition, point), nearest_limits(condition, point), aircraft.model
     search, said = _search(aircraft, condition, point)
-    imposed = {**condition.imposed, **(condition.rates or {})}
+    imposed = {**condition.imposed, **condition.rates}
     rates = model.rates_at(point.states, point.inputs)
-    left = {name: rate for name, rate in rates.items() if name not in (condition.rates or {})}
+    left = {name: rate for name, rate in rates.items() if name not in condition.rates}
     header = "value", "unit", "status", "lowest", "highest", "margin", "nearest limit"
     parts: list[Any] = [
         Table(("state", *header), [each.row() for name, each in every.items() if name not in model.inputs]),

@@ -213,7 +213,7 @@ def _key(model: Model, variables: tuple[str, ...], condition: TrimCondition) -> 
     given = tuple(name for name in model.holdable if name in nonzero or (name in held and name in model.outputs))
     given += tuple(name for name in model.rates if name in varied)
     free = tuple(name for name in condition.free if name not in varied)
-    steady = {**(condition.rates or {}), **{name: 0.0 for name in model.states if f"{name}_dot" in varied}}
+    steady = {**condition.rates, **{name: 0.0 for name in model.states if f"{name}_dot" in varied}}
     rates = tuple((name, rate, model.rate_scale(name)) for name, rate in steady.items())
     outputs = tuple(
         (name, model.signals[name].nominal) for name in given if name not in (*model.variables, *model.rates)

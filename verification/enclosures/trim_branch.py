@@ -107,7 +107,7 @@ class Family:
             for name in (each for each, value in self.flights.imposed.items() if isinstance(value, LinearTable)):
                 raise BadInputError(f"{name} changes with the {self.over} in this condition; --hold it at one value")
         first, _ = (self.condition(end) for end in (low, high))
-        still = dict(first.rates or {}) == dict.fromkeys(model.steady, 0.0)
+        still = first.rates == dict.fromkeys(model.steady, 0.0)
         branch = TrimBranch(self)
         if not (still and self.over not in first.free and len(first.free) == len(branch.rows)):
             raise BadInputError(

@@ -86,7 +86,7 @@ def test_a_sweep_and_a_trim_say_the_same(aircraft: Aircraft) -> None:
     ("grid", "condition", "words"),
     [
         ({"throttle": [0.0, 50.0]}, LIMITED, "throttle is 50; it must lie between 0 and 40"),
-        ({"dihedral": [0.1, 0.5]}, load_condition("simvfa-64"), "alpha is given from 0 to 20 deg of dihedral"),
+        ({"dihedral": [0.1, 0.5]}, load_condition("simvfa-64"), "alpha is given from 0 deg to 20 deg of dihedral"),
         ({"flaps": [0.1]}, LEVEL_FLIGHT, "cannot sweep 'flaps'; choose from speed, alpha"),
         ({"dihedral": [5.0, 15.0]}, LEVEL_FLIGHT, "dihedral is 286.479 deg; it must lie between -60 deg and 60 deg"),
         ({"dihedral": [0.1], "speed": [68.0, -5.0]}, LEVEL_FLIGHT, "speed is -5 ft/s; it must lie between 1 ft/s and"),
