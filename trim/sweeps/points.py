@@ -5,8 +5,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Mapping, Sequence
-from functools import lru_cache, partial
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import casadi as ca
@@ -19,7 +18,7 @@ from hfa_support.native.bound import BoundFunction, cached_per_thread
 from hfa_support.progress import Progress
 from trim.point.condition import LEVEL_FLIGHT, TrimCondition
 from trim.point.operating_point import BALANCE, OperatingPoint, Status
-from trim.point.solve import beyond_limits, find_operating_point
+from trim.point.solve import find_operating_point
 
 #: What became of a point.
 STATUS = (Status.TRIMMED, Status.BEYOND_LIMITS, Status.NO_TRIM)
@@ -79,33 +78,54 @@ def trim_points(
     model = aircraft.model
     for name in variables:
         model.refuse_unheld("cannot sweep", name, tuple(model.parameters))
-    constants = parameters_at(model, variables, values)
-    n, m = len(model.states), len(model.inputs)
-    flat, watched, balanced = _newton(model, variables, values, constants, condition, start, compile_code)
-    excess, width = _excess(model, flat, watched, condition)
+    n, m, key = len(model.states), len(model.inputs), _key(model, variables, condition)
+    watched = () if key is None else key[-1]
+    seen = (*model.states, *model.inputs, *watched)
+    ends = list(itertools.accumulate([n, m, len(watched), n * n, n * m]))
+    if key is None or not len(values):
+        flat = np.full((len(values), ends[-1] + 1), np.nan)
+    else:
+        flat = _newton(model, variables, values, condition, key, start, compile_code)
+    balanced = (np.abs(flat[:, ends[-1] :]) <= BALANCE).all(axis=1)
+    # How far what is seen lies beyond its limits, negative within.
+    limits = np.array([condition.limits_of(name) for name in seen])
+    excess = np.maximum(limits[:, 0] - flat[:, : len(seen)], flat[:, : len(seen)] - limits[:, 1])
     within = (excess <= 0.0).all(axis=1)
     status = np.where(balanced & within, TRIMMED, NO_TRIM).astype(np.int8)
     if set(condition.free) - set(variables) <= set(model.inputs):
         status[balanced & ~within] = BEYOND_LIMITS
-    states, inputs, A, B, _ = np.split(flat, _ends(model)[:-1], axis=1)
+    states, inputs, _, A, B, _ = np.split(flat, ends, axis=1)
     A, B = A.reshape(-1, n, n), B.reshape(-1, n, m)
     failures: dict[int, str] = {}
     slow = np.flatnonzero(status == NO_TRIM).tolist()
     for done, i in enumerate(slow, start=len(values) - len(slow) + 1):
         try:
-            own = _own(model, constants[i])
+            own = model_at(model, variables, values[i])
             point = find_operating_point(own, condition_at(condition, variables, values[i]), start)
-            found = own.at(point.states, point.inputs)
-            status[i], states[i], inputs[i], A[i], B[i] = TRIMMED, point.states, point.inputs, found.A, found.B
+            exact = own.at(point.states, point.inputs)
+            status[i], states[i], inputs[i], A[i], B[i] = TRIMMED, point.states, point.inputs, exact.A, exact.B
         except (BadInputError, NoSolutionError) as error:
             failures[i], states[i], inputs[i] = str(error), np.nan, np.nan
         if progress is not None:
             progress(done, len(values))
-    limiting = np.full(len(values), -1, dtype=np.int8)
-    beyond = status == BEYOND_LIMITS
-    limiting[beyond] = (excess[beyond, : n + m] / width[: n + m]).argmax(axis=1)
+    limiting, beyond = np.full(len(values), -1, dtype=np.int8), status == BEYOND_LIMITS
+    width = np.where(np.isfinite(limits).all(axis=1), limits[:, 1] - limits[:, 0], 1.0)
+    limiting[beyond] = (excess[beyond] / width)[:, : n + m].argmax(axis=1)
     A[status != TRIMMED], B[status != TRIMMED] = np.nan, np.nan
     return Points(status, limiting, states, inputs, A, B, failures)
+
+
+def model_at(model: Model, variables: tuple[str, ...], row: np.ndarray) -> Model:
+    """The model with the parameters of one point."""
+    values = zip(variables, row.tolist(), strict=True)
+    return model.with_parameters(**{name: value for name, value in values if name in model.parameters})
+
+
+def condition_at(condition: TrimCondition, variables: tuple[str, ...], row: np.ndarray) -> TrimCondition:
+    """The condition of one point; BadInputError where one of its values lies outside its limits."""
+    known = (*condition.model.holdable, *condition.model.rates)
+    hold = {name: value for name, value in zip(variables, row.tolist(), strict=True) if name in known}
+    return condition.at(hold.get(condition.model.schedule), hold)
 
 
 def parameters_at(model: Model, variables: tuple[str, ...], values: np.ndarray) -> np.ndarray:
@@ -117,47 +137,12 @@ def parameters_at(model: Model, variables: tuple[str, ...], values: np.ndarray) 
     return constants
 
 
-def _own(model: Model, constants: np.ndarray) -> Model:
-    return model.with_parameters(**dict(zip(model.parameters, constants.tolist(), strict=True)))
-
-
-def _ends(model: Model) -> list[int]:
-    """Columns of x, u, A and B (row by row), dX/dt."""
-    n, m = len(model.states), len(model.inputs)
-    return list(itertools.accumulate([n, m, n * n, n * m, n]))
-
-
-def reasons_of(
-    status: np.ndarray,
-    inputs: np.ndarray,
-    failures: Mapping[int, str],
-    aircraft: Aircraft | Model,
-    variables: tuple[str, ...],
-    values: np.ndarray,
-    condition: TrimCondition,
-) -> tuple[str, ...]:
-    """Why each point has no trim, "" where it has one; status, inputs and failures as in `Points`."""
-    model, reasons = aircraft.model, [failures.get(i, "") for i in range(len(values))]
-    constants = parameters_at(model, variables, values)
-    for i in np.flatnonzero(status == BEYOND_LIMITS).tolist():
-        balancing = dict(zip(model.inputs, inputs[i].tolist(), strict=True))
-        at = condition_at(condition, variables, values[i])
-        reasons[i] = beyond_limits(_own(model, constants[i]), at, balancing)
-    return tuple(reasons)
-
-
-def condition_at(condition: TrimCondition, variables: tuple[str, ...], row: np.ndarray) -> TrimCondition:
-    """The condition of one point; BadInputError where one of its values lies outside its limits."""
-    known = (*condition.model.holdable, *condition.model.rates)
-    hold = {name: value for name, value in zip(variables, row.tolist(), strict=True) if name in known}
-    return condition.at(hold.get(condition.model.schedule), hold)
-
-
 def is_square(model: Model, variables: tuple[str, ...], condition: TrimCondition) -> bool:
     """Whether the points have as many equations as unknowns, so that Newton's method settles many at once."""
     return _key(model, variables, condition) is not None
 
 
+@lru_cache(maxsize=16)
 def newton_functions(
     layout: Layout,
     given: tuple[str, ...],
@@ -166,9 +151,9 @@ def newton_functions(
     outputs: tuple[tuple[str, float], ...] = (),
     watched: tuple[str, ...] = (),
 ) -> tuple[ca.Function, ca.Function] | None:
-    """(given, v, p) -> v after a Newton step and the norm of the scaled residuals before it; and -> x, u, A, B
-    (row by row), dX/dt, the imposed and the watched outputs at v. None unless as many equations as unknowns feel them,
-    each of these unknowns in one.
+    """(given, v, p) -> v after a Newton step and the norm of the scaled residuals before it; and -> x, u, the watched
+    outputs, A, B (row by row) and the scaled residuals at v, one below the other. None unless as many equations as
+    unknowns feel them, each of these unknowns in one.
 
     given: imposed values, rates too; a variable that is neither given nor free is 0. v: the values of `free`; what is
     in no equation stays. rates: (state, rate unless given, scale); outputs: (imposed output, scale).
@@ -191,91 +176,72 @@ def newton_functions(
     after = ca.SX(v)
     after[moving] = v[moving] - ca.solve(jacobian[moved, moving], residual[moved])
     f, _ = layout.expressions(list(map(components, (x, u, p))), ())
-    flat = [f, *(ca.vec(ca.densify(ca.jacobian(f, by)).T) for by in (x, u))]
-    rate, A, B = ca.substitute(flat, [x, u], [state, control])
+    A, B = ca.substitute([ca.jacobian(f, by) for by in (x, u)], [x, u], [state, control])
+    flat = ca.vertcat(
+        state, control, *components(y)[len(names) :], *(ca.vec(ca.densify(each).T) for each in (A, B)), residual
+    )
     arguments = [known, v, p]
     return (
         ca.Function("newton", arguments, ca.cse([after, ca.sqrt(ca.sumsqr(ca.densify(residual)))])),
-        ca.Function("at", arguments, ca.cse([*map(ca.densify, (state, control)), A, B, rate, *[y] * bool(y.numel())])),
+        ca.Function("at", arguments, [ca.cse(ca.densify(flat))]),
     )
-
-
-def first_guess(model: Model, free: tuple[str, ...], begin: Mapping[str, float]) -> list[float]:
-    """Where Newton's method begins."""
-    return [begin.get(name, model.signals[name].start) for name in free]
 
 
 def _key(model: Model, variables: tuple[str, ...], condition: TrimCondition) -> Any:
-    """Key of `_compiled`: layout, given, free, rates, imposed outputs, watched; None where it makes no functions."""
+    """What `newton_functions` takes; None where it makes no functions."""
     varied = [name for name in variables if name not in model.parameters]
-    held = dict.fromkeys([*condition.imposed, *varied])
-    nonzero = [name for name in held if name in varied or condition.imposed.get(name) != 0.0]
-    given = tuple(name for name in model.holdable if name in nonzero or (name in held and name in model.outputs))
-    given += tuple(name for name in model.rates if name in varied)
+    held = {*condition.imposed, *varied}
+    # An imposed 0 that does not vary is no symbol: the functions become smaller.
+    zero = {name for name in held.intersection(model.variables).difference(varied) if condition.imposed[name] == 0.0}
+    given = tuple(name for name in (*model.holdable, *model.rates) if name in held - zero)
     free = tuple(name for name in condition.free if name not in varied)
     steady = {**condition.rates, **{name: 0.0 for name in model.states if f"{name}_dot" in varied}}
     rates = tuple((name, rate, model.rate_scale(name)) for name, rate in steady.items())
-    outputs = tuple(
-        (name, model.signals[name].nominal) for name in given if name not in (*model.variables, *model.rates)
-    )
-    key = model.layout, given, free, rates, outputs, _watched(model, condition, [*held])
-    return key if free and _pair(*key) is not None else None
-
-
-def _watched(model: Model, condition: TrimCondition, held: Sequence[str]) -> tuple[str, ...]:
-    """What has limits and is neither a state, an input nor held."""
+    imposed = [name for name in given if name not in (*model.variables, *model.rates)]
+    outputs = tuple((name, model.signals[name].nominal) for name in imposed)
     limits = {**model.limits, **condition.limits}
-    return tuple(name for name in model.outputs if name not in held and any(map(math.isfinite, limits[name])))
-
-
-@lru_cache(maxsize=16)
-def _pair(*key: Any) -> tuple[ca.Function, ca.Function] | None:
-    return newton_functions(*key)
+    watched = tuple(name for name in model.outputs if name not in held and any(map(math.isfinite, limits[name])))
+    key = model.layout, given, free, rates, outputs, watched
+    return key if free and newton_functions(*key) is not None else None
 
 
 @cached_per_thread(maxsize=16)
-def _compiled(key: Any, together: int, use_machine_code: bool) -> tuple[BoundFunction, BoundFunction]:
+def _compiled(key: Any, together: int, use_machine_code: bool) -> list[BoundFunction]:
     """The functions of `newton_functions` for as many points a call, bound to memory."""
-    found = []
-    for function in _pair(*key) or ():
-        flat = ca.vertcat(*function.call(function.sx_in())) if function.name() == "at" else None
-        one = function if flat is None else ca.Function("at", function.sx_in(), [flat])
-        many = one.map(together) if together > 1 else one
-        if use_machine_code:
-            from hfa_support.native.machine_code import machine_code
+    many = [function.map(together) if together > 1 else function for function in newton_functions(*key) or ()]
+    if use_machine_code:
+        from hfa_support.native.machine_code import machine_code
 
-            many = machine_code(many)
-        found.append(BoundFunction(many))
-    return found[0], found[1]
+        many = list(map(machine_code, many))
+    return list(map(BoundFunction, many))
 
 
 def _newton(
     model: Model,
     variables: tuple[str, ...],
     values: np.ndarray,
-    constants: np.ndarray,
     condition: TrimCondition,
+    key: Any,
     start: OperatingPoint | None,
     compile_code: bool | None,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """A row x, u, A, B, dX/dt a point, nan without as many equations as unknowns; the watched outputs; and which points
-    balance."""
-    count = len(values)
-    key = _key(model, variables, condition)
-    if key is None or not count:
-        return np.full((count, _ends(model)[-1]), np.nan), np.zeros((count, 0)), np.zeros(count, dtype=bool)
-    free = key[2]
+) -> np.ndarray:
+    """Of each point what the second function of `newton_functions` returns, in a row."""
+    free, count = key[2], len(values)
     together = next(size for size in _TOGETHER if size <= count)
     functions = _compiled(key, together, count >= COMPILE_FROM if compile_code is None else compile_code)
-    settle = partial(_settle, model, variables, condition, key, functions)
-    guess = np.tile(first_guess(model, free, condition.begin if start is None else start.values), (count, 1))
-    # Whole steps lead to the one solution there then is; with states free there may be others, which they may reach.
-    whole_steps = set(free) <= set(model.inputs)
-    if variables and not whole_steps:
-        places, cell = _cells(model, variables, values)
-        *_, balanced, near = settle(places, parameters_at(model, variables, places), guess[: len(places)], whole_steps)
-        guess = np.where(balanced[cell, None], near[cell], guess)
-    return settle(values, constants, guess, whole_steps)[:3]
+    begin = condition.begin if start is None else start.values
+    first = np.array([begin.get(name, model.signals[name].start) for name in free])
+    guess = np.tile(first, (count, 1))
+    # Inputs alone have one solution. With states free there may be others: all points begin at solutions of the same
+    # coarse grid (a fiftieth of the nominal values), the model's, so that no row depends on its neighbours.
+    if variables and not set(free) <= set(model.inputs):
+        known = {**model.rates, **model.signals}
+        size = np.array([0.02 * known[name].nominal for name in variables])
+        places, cell = np.unique(np.round(values / size), axis=0, return_inverse=True)
+        near, unknowns = _settle(model, variables, condition, key, functions, places * size, guess[: len(places)])
+        balanced = (np.abs(near[:, -len(key[3] + key[4]) :]) <= BALANCE).all(axis=1)
+        guess = np.where(balanced[:, None], unknowns, first)[cell.ravel()]
+    return _settle(model, variables, condition, key, functions, values, guess)[0]
 
 
 def _settle(
@@ -283,87 +249,51 @@ def _settle(
     variables: tuple[str, ...],
     condition: TrimCondition,
     key: Any,
-    functions: tuple[BoundFunction, BoundFunction],
+    functions: list[BoundFunction],
     values: np.ndarray,
-    constants: np.ndarray,
     guess: np.ndarray,
-    whole_steps: bool,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+) -> tuple[np.ndarray, np.ndarray]:
     """What `_newton` returns and the unknowns, from a guess of the unknowns of each point."""
-    (_, given, _, rates, outputs, watched), (step, at) = key, functions
-    count, end = len(values), _ends(model)[-1]
-    flat, unknowns = np.full((count, end + len(outputs) + len(watched)), np.nan), np.empty_like(guess)
-    columns, by = dict(zip(variables, values.T, strict=True)), model.schedule
+    given, (step, at), by, count = key[1], functions, model.schedule, len(values)
+    columns = dict(zip(variables, values.T, strict=True))
     place = columns.get(by, np.full(count, condition.imposed.get(by, 0.0)))
     columns |= {name: condition.values_at(name, place) for name in given if name not in columns}
     imposed = np.stack([columns[name] for name in given], axis=-1) if given else np.zeros((count, 0))
-    after = step.results[0].reshape(-1, guess.shape[1])
-    together = len(after)
-    residual = step.results[1].reshape(together, -1)
+    tables = imposed, guess, parameters_at(model, variables, values)
+    together = step.results[0].size // guess.shape[1]
+    rows = at.results[0].reshape(together, -1)
+    v = step.inputs[1].reshape(together, -1)
+    flat, unknowns = np.empty((count, rows.shape[1])), np.empty_like(guess)
     for first in range(0, count, together):
-        rows = slice(first, min(first + together, count))
-        tables = imposed[rows], guess[rows], constants[rows]
+        here = min(together, count - first)
         for memory, table in zip(step.inputs, tables, strict=True):
-            memory.reshape(together, -1)[: rows.stop - first] = table
-        v, searching = step.inputs[1].reshape(together, -1), np.ones(together, dtype=bool)
-        for _ in range(_MOST_STEPS if whole_steps else 0):
-            step()
-            v[searching] = after[searching]
-            searching &= residual[:, 0] > BALANCE  # one step more than balance asks for: to rounding; nan ends it
-            if not searching[: rows.stop - first].any():
-                break
-        lost = ~(residual[:, 0] <= BALANCE) if whole_steps else searching
-        lost[rows.stop - first :] = False
-        if lost.any():
-            v[lost] = guess[rows][lost[: rows.stop - first]]
-            _halving(step, v, lost)
-        unknowns[rows] = v[: rows.stop - first]
+            memory.reshape(together, -1)[:here] = table[first : first + here]
+        _halving(step, v)
+        unknowns[first : first + here] = v[:here]
         for target, source in zip(at.inputs, step.inputs, strict=True):
             target[:] = source
         at()
-        flat[rows] = at.results[0].reshape(together, -1)[: rows.stop - first]
-    begin, index = _ends(model)[3], list(model.states).index
-    off = [(flat[:, begin + index(name)] - columns.get(f"{name}_dot", rate)) / scale for name, rate, scale in rates]
-    off += [(flat[:, end + i] - columns[name]) / scale for i, (name, scale) in enumerate(outputs)]
-    balanced = np.asarray((np.abs(off) <= BALANCE).all(axis=0))
-    return flat[:, :end], flat[:, end + len(outputs) :], balanced, unknowns
+        flat[first : first + here] = rows[:here]
+    return flat, unknowns
 
 
-def _cells(model: Model, variables: tuple[str, ...], values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The places of a coarse grid (a fiftieth of the nominal values) next to the points, and each point's place in
-    them. The grid is the model's, so that no row depends on its neighbours."""
-    known = {**model.rates, **model.signals}
-    size = np.array([0.02 * known[name].nominal for name in variables])
-    places, cell = np.unique(np.round(values / size), axis=0, return_inverse=True)
-    return places * size, cell.ravel()
-
-
-def _halving(step: BoundFunction, v: np.ndarray, searching: np.ndarray) -> None:
-    """Newton's method again for the points that are lost, each step halved until the residual falls."""
+def _halving(step: BoundFunction, v: np.ndarray) -> None:
+    """Newton's method on the unknowns v, a row a point: each step is halved until the residual falls. One step more
+    than `_NEARLY` asks for ends at rounding."""
     after, residual = (result.reshape(len(v), -1) for result in step.results)
-    base, move, share, best = v.copy(), np.zeros_like(v), np.ones((len(v), 1)), np.full(len(v), np.inf)
+    step()
+    base, best, share = v.copy(), residual.copy(), np.ones((len(v), 1))
+    v[:] = after
     for _ in range(2 * _MOST_STEPS):
-        step()
-        better = searching & (residual[:, 0] < best)
-        base[better], best[better], share[better] = v[better], residual[better, 0], 1.0
-        move[better] = after[better] - v[better]
-        v[better] = after[better]
-        searching = searching & (best > _NEARLY) & (share[:, 0] > _LEAST_SHARE)
-        halved = searching & ~better
-        share[halved] /= 2.0
-        v[halved] = (base + share * move)[halved]
+        searching = (best > _NEARLY) & (share > _LEAST_SHARE)
         if not searching.any():
             break
-
-
-def _excess(
-    model: Model, flat: np.ndarray, watched: np.ndarray, condition: TrimCondition
-) -> tuple[np.ndarray, np.ndarray]:
-    """How far x, u and the watched outputs lie beyond their limits, negative within, (N, k); and the width of the
-    limits, (k,)."""
-    names = (*model.states, *model.inputs)
-    values = np.hstack([flat[:, : len(names)], watched])
-    seen = _watched(model, condition, [*condition.imposed])[: watched.shape[1]]
-    limits = np.array([condition.limits_of(name) for name in (*names, *seen)])
-    width = np.where(np.isfinite(limits).all(axis=1), limits[:, 1] - limits[:, 0], 1.0)
-    return np.maximum(limits[:, 0] - values, values - limits[:, 1]), width
+        step()
+        better = searching & (residual < best)
+        for target, source in ((base, v), (best, residual), (v, after)):
+            np.copyto(target, source, where=better)
+        share[better] = 1.0
+        halved = searching & ~better
+        if halved.any():
+            share[halved] /= 2.0
+            np.copyto(v, (base + v) / 2.0, where=halved)

@@ -22,7 +22,18 @@ from trim.linear.kinks import kinks_in
 from trim.linear.modes import fastest_first, modes_of, track_modes
 from trim.point.condition import TrimCondition
 from trim.point.operating_point import OperatingPoint, Status
-from trim.sweeps.points import COMPILE_FROM, STATUS, TRIMMED, is_square, parameters_at, reasons_of, trim_points
+from trim.point.solve import beyond_limits
+from trim.sweeps.points import (
+    BEYOND_LIMITS,
+    COMPILE_FROM,
+    STATUS,
+    TRIMMED,
+    condition_at,
+    is_square,
+    model_at,
+    parameters_at,
+    trim_points,
+)
 from trim.sweeps.root_locus import RootLocus
 from trim.sweeps.sweep_plan import SweepPlan
 
@@ -380,7 +391,11 @@ def run_plan(plan: SweepPlan, *, full: bool = False, progress: Progress | None =
     task, model = task_of(plan, 0, plan.count), plan.model
     rows = run_points(*task, progress)  # type: ignore[call-arg]
     trimmed = rows["status"] == TRIMMED
-    reasons = reasons_of(rows["status"], rows["inputs"], rows["failures"], *task[:4])
+    reasons = [rows["failures"].get(i, "") for i in range(plan.count)]
+    for i in np.flatnonzero(rows["status"] == BEYOND_LIMITS).tolist():
+        balancing = dict(zip(model.inputs, rows["inputs"][i].tolist(), strict=True))
+        at = condition_at(plan.condition, plan.variables, rows["values"][i])
+        reasons[i] = beyond_limits(model_at(model, plan.variables, rows["values"][i]), at, balancing)
     states, inputs = (np.where(trimmed[:, None], rows[name], np.nan) for name in ("states", "inputs"))
     model_states = tuple(model.states) if full else model.linear
     chosen = [list(model.states).index(name) for name in model_states]
@@ -392,7 +407,9 @@ def run_plan(plan: SweepPlan, *, full: bool = False, progress: Progress | None =
         modes = modes_of(A[first], model_states, model.modes)
         up = [complex(value.real, abs(value.imag)) for value in eigenvalues[first]]
         names = tuple(min(modes, key=lambda mode: abs(mode.eigenvalue - value)).name for value in up)
-    return Sweep(plan, rows["values"], reasons, states, inputs, A, B, eigenvalues, model_states, names, rows["kinked"])
+    return Sweep(
+        plan, rows["values"], tuple(reasons), states, inputs, A, B, eigenvalues, model_states, names, rows["kinked"]
+    )
 
 
 def _neighbours(sizes: list[int], trimmed: np.ndarray) -> np.ndarray:
