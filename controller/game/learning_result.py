@@ -125,8 +125,7 @@ class LearningResult(Reported):
 
     def to_dict(self) -> dict[str, Any]:
         """Everything as plain JSON values; a number that is not finite becomes None."""
-        parts = "name", "value", "relation", "limit", "ok"
-        certificates = [{part: getattr(row, part) for part in parts} for row in self.certificates]
+        certificates = [row._asdict() for row in self.certificates]
         values = {each.name: getattr(self, each.name) for each in fields(self)}
         structured = {"excitation": asdict(self.excitation), "certificates": certificates, "status": self.outcome}
         plain: dict[str, Any] = jsonable({"schema": SCHEMA} | values | structured)

@@ -13,7 +13,7 @@ import numpy as np
 
 from controller.game.array_file import UNKNOWN, read_arrays
 from controller.game.basis import Basis, basis
-from controller.game.zero_sum import LARGEST, LARGEST_CRITIC_ENTRY, Game, checked_matrix
+from controller.game.zero_sum import LARGEST, LARGEST_CRITIC_ENTRY, Game, checked_matrix, shape_text
 from hfa_model.printed_matrices import published_data
 from hfa_model.vectors import LINEAR_STATES, LINEAR_UNITS
 from hfa_support.errors import BadInputError, numbers_in, said_of, shortened
@@ -235,28 +235,19 @@ class History(Shown):
     basis: str = "quadratic"
 
     def __post_init__(self) -> None:
-        """Name the first row that is wrong."""
+        """Name the first entry, or row, that is wrong."""
         for name in ("times", *_NDIM):
             if (value := getattr(self, name)) is not None:
-                object.__setattr__(self, name, numbers_in(name.replace("times", "time"), value))
-        times = self.times
-        if times.ndim != 1 or not len(times):
-            raise BadInputError(f"time has shape {times.shape}; give one time for each row")
-        late = np.flatnonzero(np.diff(times) <= 0.0)
-        if len(late):
-            before, after = times[late[0] : late[0] + 2]
-            raise BadInputError(f"time goes from {before:g} to {after:g} s at row {late[0] + 2}; it must increase")
-        wrong = {"time is negative or not finite": ~(times >= 0.0) | ~np.isfinite(times)}
-        for name in (rows := self._rows()):
-            if len(rows[name]) != len(times):
-                raise BadInputError(f"{name} has {len(rows[name])} rows and there are {len(times)} times")
-            moderate = np.abs(rows[name].reshape(len(times), -1)) <= LARGEST_CRITIC_ENTRY
-            wrong[f"{name} is not finite, or beyond {LARGEST_CRITIC_ENTRY:g},"] = ~moderate.all(axis=1)
-        if not rows:
-            raise BadInputError("a history needs W (rows of weights), P or K (a matrix for each time)")
-        for what, where in wrong.items():
-            for row in np.flatnonzero(where):
-                raise BadInputError(f"{what} at row {row + 1} (t = {times[row]:g} s)")
+                array = checked_matrix(name.replace("times", "time"), value, LARGEST_CRITIC_ENTRY, ndim=None)
+                object.__setattr__(self, name, array)
+        times, rows = self.times, self._rows()
+        if times.ndim != 1 or not len(times) or not rows:
+            raise BadInputError("a history needs a time for each row, and W (rows of weights), P or K (matrices)")
+        for row in np.flatnonzero(np.diff(times, prepend=-np.finfo(float).tiny) <= 0.0):
+            raise BadInputError(f"time is {times[row]:g} s at row {row + 1}; it must increase, from 0 s or later")
+        for name, values in rows.items():
+            if len(values) != len(times):
+                raise BadInputError(f"{name} has {len(values)} rows and there are {len(times)} times")
 
     def row(self, index: int) -> StoredCritic:
         """What is known at one time; of the last row, -1, also its single matrices."""
@@ -365,6 +356,6 @@ def _rows(name: str, value: Any, count: int, size: tuple[int, ...], said: str) -
         return np.moveaxis(array, -1, 0)
     if array.shape == (count, math.prod(size)):
         return array.reshape(count, *size)
-    found, wanted = (" x ".join(map(str, each)) for each in (array.shape, (count, *size)))
     of = f"{said} and there" if name == "W" else "there"
-    raise BadInputError(f"{name} is {found}; {of} are {count} times, so it must be {wanted}")
+    wanted = f"{of} are {count} times, so it must be {shape_text((count, *size))}"
+    raise BadInputError(f"{name} is {shape_text(array.shape)}; {wanted}")

@@ -44,17 +44,16 @@ class Game(ByValue, Shown):
     def __post_init__(self) -> None:
         """Check everything once, so that no solver has to."""
         for name in ("A", "B", "E", "Q", "R"):
-            matrix = checked_matrix(name, getattr(self, name), LARGEST)
-            object.__setattr__(self, name, matrix)
-        n, m = self.A.shape[0], self.B.shape[1]
-        if n == 0 or m == 0:
-            raise BadInputError(f"A is {_shape(self.A)} and B is {_shape(self.B)}; a game needs a state and an input")
-        if self.A.shape != (n, n):
-            raise BadInputError(f"A is {_shape(self.A)}; it must be square")
-        for name, shape in (("B", (n, m)), ("E", (n, self.E.shape[1])), ("Q", (n, n)), ("R", (m, m))):
-            matrix = getattr(self, name)
-            if matrix.shape != shape:
-                raise BadInputError(f"{name} is {_shape(matrix)}; with this A and B it must be {shape[0]} x {shape[1]}")
+            object.__setattr__(self, name, checked_matrix(name, getattr(self, name), LARGEST))
+        n, m = len(self.A), self.B.shape[1]
+        if 0 in (n, m):
+            raise BadInputError("A or B is empty; a game needs a state and an input")
+        shapes = {"A": (n, n), "B": (n, m), "E": (n, self.E.shape[1]), "Q": (n, n), "R": (m, m)}
+        for name, shape in shapes.items():
+            found = getattr(self, name).shape
+            if found != shape:
+                needed = "it must be square" if name == "A" else f"with this A and B it must be {shape_text(shape)}"
+                raise BadInputError(f"{name} is {shape_text(found)}; {needed}")
         check_definite("Q", self.Q, strictly=False)
         check_definite("R", self.R, strictly=True)
         object.__setattr__(self, "delta", _delta_of(self.delta))
@@ -94,7 +93,7 @@ class Game(ByValue, Shown):
         if K.shape != (m, n):
             hint = ": give its transpose" if K.shape == (n, m) else ""
             raise BadInputError(
-                f"K is {_shape(K)}; on a plant with {n} states and {m} inputs it must be {m} x {n}{hint}"
+                f"K is {shape_text(K.shape)}; on a plant with {n} states and {m} inputs it must be {m} x {n}{hint}"
             )
         return K
 
@@ -158,10 +157,10 @@ def usual_game(model: Model, A: np.ndarray, B: np.ndarray, **changes: Any) -> Ga
     return Game(A, B, **(usual | changes))
 
 
-def checked_matrix(name: str, value: Any, largest: float, ndim: int = 2) -> np.ndarray:
+def checked_matrix(name: str, value: Any, largest: float, ndim: int | None = 2) -> np.ndarray:
     """The value as a read-only array of floats. BadInputError where it is none, or a number not finite or too large."""
     array = numbers_in(name, value)
-    if array.ndim != ndim:
+    if ndim not in (None, array.ndim):
         raise BadInputError(f"{name} has {array.ndim} dimension(s); it must have {ndim}")
     for bad in np.argwhere(~(np.abs(array) <= largest)):
         place, found = "".join(f"[{index}]" for index in bad), array[tuple(bad)]
@@ -205,5 +204,6 @@ def check_definite(name: str, matrix: np.ndarray, *, strictly: bool) -> None:
             )
 
 
-def _shape(matrix: np.ndarray) -> str:
-    return " x ".join(str(size) for size in matrix.shape)
+def shape_text(shape: tuple[int, ...]) -> str:
+    """For a message: 5 x 6."""
+    return " x ".join(map(str, shape))

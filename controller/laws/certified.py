@@ -17,14 +17,13 @@ import numpy as np
 
 from controller.game.basis import Basis, basis
 from controller.game.learning_result import LearningResult
-from controller.game.zero_sum import Game
+from controller.game.zero_sum import Game, checked_matrix
 from controller.laws import recording
 from controller.laws.bellman_equations import GAME, LQ, PartialGame, StackEquations, newton_step
 from controller.laws.certify import Riccati, Run, conclude, run
 from controller.laws.recording import Stack
-from hfa_support.errors import BadInputError, NoSolutionError, refuse_unknown
+from hfa_support.errors import BadInputError, NoSolutionError, refuse_unknown, refuse_unless_positive
 from hfa_support.progress import Progress
-from hfa_support.schema import POSITIVE, Number
 
 
 def decay_rate(time: float, eta: float, theta: float) -> float:
@@ -226,15 +225,10 @@ def enough_for(weights: int, least: int) -> int:
 
 def initial_weights(value: Any, basis: Basis) -> np.ndarray:
     """W(0), (M,): one number for all weights. Raises BadInputError for another size or too large an entry."""
-    weights = np.asarray(value, dtype=float)
-    if weights.ndim == 0:
-        weights = np.full(basis.size, float(weights))
-    if weights.shape != (basis.size,):
-        raise BadInputError(f"initial weights are {weights.shape}; basis '{basis.name}' has {basis.size} weights")
-    usable = np.abs(weights) <= LARGEST_WEIGHT
-    if not np.all(usable):
-        worst = int(np.argmin(usable))
-        raise BadInputError(f"initial weight {worst} is {weights[worst]}; it must not exceed {LARGEST_WEIGHT:g}")
+    all_of_them = np.full(basis.size, value) if np.isscalar(value) else value
+    weights = checked_matrix("initial_weights", all_of_them, LARGEST_WEIGHT, ndim=1)
+    if weights.size != basis.size:
+        raise BadInputError(f"there are {weights.size} initial_weights; basis '{basis.name}' has {basis.size} weights")
     return weights
 
 
@@ -258,19 +252,17 @@ class CertifiedSettings:
 
     def __post_init__(self) -> None:
         """Refuse what cannot run, naming the setting."""
-        share, samples = Number(0.0, 1.0, above=True), (self.samples, self.pool_samples)
-        for name, declared in {"predefined_time": POSITIVE, "tick": POSITIVE, "eta": share, "theta": share}.items():
-            value = getattr(self, name)
-            if declared.of(value) is None or (declared is share and value == 1.0):
-                raise BadInputError(f"{name} is {value}; give {declared}{' and not 1' * (declared is share)}")
-        for name, value in zip(("samples", "pool_samples"), samples, strict=True):
+        for name in ("predefined_time", "tick", "eta", "theta"):
+            refuse_unless_positive(name, getattr(self, name))
+        for name in ("eta", "theta"):
+            if getattr(self, name) >= 1.0:
+                raise BadInputError(f"{name} is {getattr(self, name)}; it must be less than 1")
+        if self.tick > self.predefined_time:
+            raise BadInputError(f"tick is {self.tick} s; it must not exceed predefined_time, {self.predefined_time} s")
+        for name, value in {"samples": self.samples, "pool_samples": self.pool_samples}.items():
             whole = isinstance(value, (int, np.integer)) and value is not True
             if value is not None and not (whole and 1 <= value <= MOST_SAMPLES):
                 raise BadInputError(f"{name} is {value}; give a whole number from 1 to {MOST_SAMPLES}")
-        if self.tick > self.predefined_time:
-            raise BadInputError(
-                f"tick is {self.tick} s; it must not exceed the predefined time, {self.predefined_time} s"
-            )
 
 
 @dataclass(frozen=True, eq=False)

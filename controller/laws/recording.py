@@ -8,7 +8,7 @@ import numpy as np
 
 from controller.game.basis import Basis
 from controller.game.learning_result import Excitation
-from controller.game.zero_sum import Game
+from controller.game.zero_sum import LARGEST, Game, checked_matrix
 from hfa_support.errors import BadInputError
 from hfa_support.reporting.fields import Shown
 
@@ -33,13 +33,9 @@ class Stack(Shown):
     def __post_init__(self) -> None:
         """Check both arrays once and make them read-only."""
         for name in ("states", "drifts"):
-            array = np.array(getattr(self, name), dtype=float)
-            if array.ndim != 2 or array.shape != np.shape(self.states):
-                raise BadInputError(f"stack {name} is {array.shape}; states and drifts must both be (N_h, n)")
-            if not np.all(np.isfinite(array)):
-                raise BadInputError(f"stack {name} holds a number that is not finite; drop that sample")
-            array.setflags(write=False)
-            object.__setattr__(self, name, array)
+            object.__setattr__(self, name, checked_matrix(f"stack {name}", getattr(self, name), LARGEST))
+        if self.states.shape != self.drifts.shape:
+            raise BadInputError(f"states are {self.states.shape} and drifts {self.drifts.shape}; both must be (N_h, n)")
 
     @property
     def samples(self) -> int:

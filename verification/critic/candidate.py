@@ -21,7 +21,7 @@ import numpy as np
 
 from controller.analysis.cost import is_moderate
 from controller.game.basis import Basis, basis
-from controller.game.zero_sum import Game
+from controller.game.zero_sum import Game, shape_text
 from hfa_support.errors import BadInputError, numbers_in, said_of, shortened
 from hfa_support.reporting.fields import Shown
 
@@ -122,7 +122,7 @@ def from_value(game: Game, P: np.ndarray) -> Candidate:
     P = numbers_in("P", P)
     if P.shape != game.A.shape:
         n = len(game.A)
-        raise BadInputError(f"P is {_shape(P)}; on a plant with {n} states it must be {n} x {n}")
+        raise BadInputError(f"P is {shape_text(P.shape)}; on a plant with {n} states it must be {n} x {n}")
     return Candidate(game.gain(P), P, basis("quadratic", len(P)))
 
 
@@ -297,7 +297,3 @@ def _kinds(sizes: Mapping[str, int], n: int, m: int) -> dict[str, str]:
         said = f"its outputs {shortened(', '.join(sizes))} are {', '.join(found.values())}"
         raise BadInputError(f"{said}; name one, or V and a policy, as in --network V=value,policy=actor")
     return found
-
-
-def _shape(matrix: np.ndarray) -> str:
-    return " x ".join(str(size) for size in matrix.shape)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import casadi as ca
 import numpy as np
 
-from controller.analysis.cost import CHANGE, SIGNLESS, flight_cost, saddle_checks
+from controller.analysis.cost import SIGNLESS, flight_cost, saddle_checks
 from controller.game.basis import Basis, basis
 from controller.game.learning_result import LearningResult, settled_at
 from controller.game.zero_sum import Game
@@ -31,8 +31,6 @@ if TYPE_CHECKING:
 
 #: Default limit of the errors of P, K, V, its slopes and the policies, and of the Riccati residual.
 LIMIT = 1e-6
-#: With a larger limit the saddle checks, which see errors beyond it, are left out.
-SADDLE_LIMIT = 1e-5
 #: From how many starts a network is flown.
 FLIGHTS = 100
 #: Relative Riccati residual, in balanced units, below which a run counts as settled.
@@ -58,7 +56,7 @@ def check_critic(
     data, which is taken from it, and its `settling_time` against T_w. limit: of the errors and the residual. box:
     default `ordinary_box`. at_dihedral: degrees -> the game there, to recognize a critic of another angle. Of a network
     the box is searched, and it is flown from there `flights` times, also on a nonlinear plant (z, u) -> z'.
-    With a limit above `SADDLE_LIMIT` there are no saddle checks: they would refuse what the limit allows.
+    With a limit above the default there are no saddle checks: they would refuse what the limit allows.
     Raises NoSolutionError when the game itself has no certified solution to compare with.
     """
     exact, box = solve_game(game), box or ordinary_box(game)
@@ -220,17 +218,13 @@ def _value_checks(game: Game, P: np.ndarray, exact: np.ndarray, limit: float) ->
         at_least("P_smallest_eigenvalue", smallest, least, indefinite),
         at_most("riccati_residual", residual, limit, f"the Riccati equation is left with a residual of {residual:.2g}"),
     ]
-    if limit > SADDLE_LIMIT or not (game.Q.any() or P.any()):
+    if limit > LIMIT or not exact.any():
         return checks
-    change, initial = (
-        CHANGE if limit <= CHANGE else 10.0 * limit,
-        np.ones(len(P)),
-    )  # errors within the limit hide under it
-    saddle = saddle_checks(balanced, scaled, initial, change)
-    if all(check.ok for check in saddle) or not exact.any():
-        return [*checks, *saddle]
-    rounded = not all(check.ok for check in saddle_checks(balanced, right, initial, change))
-    return checks if rounded else [*checks, *saddle]
+    initial = np.ones(len(P))
+    saddle = saddle_checks(balanced, scaled, initial)
+    if all(check.ok for check in saddle) or all(check.ok for check in saddle_checks(balanced, right, initial)):
+        checks += saddle
+    return checks
 
 
 def _smallest_eigenvalue(P: np.ndarray) -> float:

@@ -138,9 +138,9 @@ def test_a_reference_forcing_shows_as_misfit() -> None:
 
 def test_malformed_stacks_are_refused() -> None:
     game = stable_game()
-    with pytest.raises(BadInputError, match=r"must both be \(N_h, n\)"):
+    with pytest.raises(BadInputError, match=r"both must be \(N_h, n\)"):
         Stack(np.zeros((4, 2)), np.zeros((4, 3)))
-    with pytest.raises(BadInputError, match="not finite"):
+    with pytest.raises(BadInputError, match=r"stack drifts\[0\]\[0\] is nan; every entry must be finite"):
         Stack(np.zeros((1, 2)), np.array([[np.nan, 0.0]]))
     with pytest.raises(BadInputError, match=r"must be \(N, 2\)"):
         record(game, np.zeros((4, 3)))
