@@ -3,12 +3,12 @@
 from .checker.checker import check_certificate as check_certificate
 from .critic.candidate import (
     from_gain as from_gain,
-    from_network as from_network,
     from_value as from_value,
     from_weights as from_weights,
 )
 from .critic.critic_check import check_critic as check_critic, check_history as check_history
 from .critic.critic_errors import relative_error as relative_error
+from .critic.network_file import from_network as from_network
 from .enclosures.trim_branch import Family as Family
 from .exact_solution import (
     GeneralizedPlant as GeneralizedPlant,

@@ -22,7 +22,6 @@ from verification.critic.candidate import (
     NETWORK_FILES,
     Candidate,
     features_of,
-    from_network,
     from_stored,
     from_weights,
     is_network,
@@ -153,6 +152,8 @@ def _candidate(path: Path, arguments: argparse.Namespace, named: NamedGame, file
     n = len(game.A)
     functions: Any = features_of(name, n, named.states) if listed else basis(name or "quadratic", n)
     if is_network(path):
+        from verification.critic.network_file import from_network
+
         activation = settings.get("activation")
         if files == 1 and path.suffix.lower() == ".onnx" and activation is not None:
             raise BadInputError(f"{path}: --set activation belongs to a state dict; an ONNX file says it")

@@ -12,7 +12,6 @@ import re
 import zipfile
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -22,14 +21,12 @@ import numpy as np
 from controller.analysis.cost import is_moderate
 from controller.game.basis import Basis, basis
 from controller.game.zero_sum import Game, shape_text
-from hfa_support.errors import BadInputError, numbers_in, said_of, shortened
+from hfa_support.errors import BadInputError, numbers_in, shortened
 from hfa_support.reporting.fields import Shown
 
 if TYPE_CHECKING:
     from controller.game.user_files import StoredCritic
 
-#: What a network may compute of the state: V, dV/dz, u, or V and u one behind the other.
-OUTPUTS = ("V", "gradient", "policy", "V+policy")
 #: Suffixes of the files of networks.
 NETWORK_FILES = (".onnx", ".pt", ".pth", ".pkl", ".safetensors", ".zip")
 #: What a list of features may call and do, and its most letters.
@@ -49,8 +46,8 @@ TOGETHER = 1e-6
 class Nonlinear(NamedTuple):
     """A critic as a function of the state. z: (n,) symbols; of them V, F = ∂V/∂z (n,) and u (m,), None where unknown.
 
-    output: which of `OUTPUTS` the network has. precision: of its weights. constant: V(0). variants: the same network
-    read otherwise, what is different -> candidate, to recognize a mistake.
+    output: which of `network_file.OUTPUTS` the network has. precision: of its weights. constant: V(0). variants: the
+    same network read otherwise, what is different -> candidate, to recognize a mistake.
     """
 
     z: Any
@@ -108,7 +105,7 @@ def from_weights(
                 f"there are {weights.size} weights and {n} states; the features are {count} functions of {takes} states"
             )
         z = ca.SX.sym("z", n)
-        return _linearized(game, z, {"V": ca.DM(weights).T @ ca.vec(functions(z)) + constant}, precision)
+        return linearized(game, z, {"V": ca.DM(weights).T @ ca.vec(functions(z)) + constant}, precision)
     psi = basis(functions, n) if isinstance(functions, str) else functions
     if weights.shape != (psi.size,):
         of = f"basis {psi.name!r} on {psi.states} states has {psi.size}"
@@ -186,7 +183,7 @@ def features_of(text: str, states: int, names: tuple[str, ...] = ()) -> ca.Funct
 
 
 def is_network(path: Path) -> bool:
-    """Whether a file is one for `from_network`: by its suffix, or an .npz whose arrays are named like layers."""
+    """Whether a file is one of a network: by its suffix, or an .npz whose arrays are named like layers."""
     if path.suffix.lower() == ".npz":
         try:
             with zipfile.ZipFile(path) as archive:
@@ -196,63 +193,14 @@ def is_network(path: Path) -> bool:
     return path.suffix.lower() in NETWORK_FILES
 
 
-def from_network(
-    game: Game,
-    source: str | Path | ca.Function,
-    *,
-    network: str = "",
-    activation: str | None = None,
-    scale: np.ndarray | None = None,
-    features: Basis | ca.Function | None = None,
-) -> Candidate:
-    """The critic that a network is: a file, as `network_in` reads it, or a CasADi Function of the state.
-
-    network: which part of a file is what, as "value", "V=value" or "V=value,policy=actor"; without a name of `OUTPUTS`
-    the number of outputs says it. scale: (n,), the network takes state i times scale[i]. A single layer on the features
-    (default: the quadratic basis) is a polynomial in them. BadInputError, one line, names the file.
-    """
-    from verification.critic.network_file import COMMON, Network, network_in
-
-    n, m = game.B.shape
-    scale = np.ones(n) if scale is None else np.asarray(scale, dtype=float)
-    if scale.shape != (n,) or not np.all(np.isfinite(scale) & (scale != 0.0)):
-        raise BadInputError(f"scale needs {n} numbers other than 0, one for each state")
-    functions = basis("quadratic", n) if features is None else features
-    count = functions.size if isinstance(functions, Basis) else functions.numel_out(0)
-    if isinstance(source, ca.Function):
-        found = Network({network: source}, "float64", [])
-    else:
-        found = network_in(source, n, activation, _parts(network), count)
-    with said_of("" if isinstance(source, ca.Function) else source):
-        if not found.functions:
-            (weight, bias), *_ = found.layers
-            if len(weight) != 1 or not {*_parts(network)} <= {"", "V"}:
-                raise BadInputError(
-                    f"a layer on the basis has {len(weight)} outputs; only V, which has 1, is read of it"
-                )
-            if not isinstance(functions, Basis):
-                return from_weights(game, weight[0], functions, float(bias[0]), found.precision)
-            made = from_weights(game, weight[0] * functions.scaling(scale), functions)
-            return replace(made, nonlinear=Nonlinear(None, None, None, None, "V", found.precision, float(bias[0])))
-        z = ca.SX.sym("z", n)
-        kinds = _kinds({key: each.numel_out(0) for key, each in found.functions.items()}, n, m)
-        outputs = {kinds[key]: ca.vec(each(ca.DM(scale) * z)) for key, each in found.functions.items()}
-        if "V+policy" in outputs:
-            both = outputs.pop("V+policy")
-            outputs |= {"V": both[0], "policy": both[1:]}
-        read = partial(from_network, game, source, network=network, scale=scale, features=features)
-        others = [each for each in COMMON if activation and each != activation.partition(",")[0]]
-        variants = {f"the activation is {each}, not {activation}": partial(read, activation=each) for each in others}
-        return _linearized(game, z, outputs, found.precision, variants)
-
-
-def _linearized(
+def linearized(
     game: Game,
     z: Any,
     outputs: Mapping[str, Any],
     precision: str,
     variants: Mapping[str, Callable[[], Candidate]] | None = None,
 ) -> Candidate:
+    """The critic of which these outputs, of `network_file.OUTPUTS` but the last, are functions of the symbols z."""
     n = len(game.A)
     V, u = outputs.get("V"), outputs.get("policy")
     F = ca.gradient(V, z) if V is not None else outputs.get("gradient")
@@ -267,33 +215,3 @@ def _linearized(
     K = game.gain(P) if u is None and P is not None else -slope(u)
     about = Nonlinear(z, V, F, u, " and ".join(outputs), precision, constant, variants or {})
     return Candidate(K, P, basis("quadratic", n), None, about, derived=u is None)
-
-
-def _parts(network: str) -> dict[str, str]:
-    """Which of `OUTPUTS` ("": not said) -> the part of the file, of "value" or "V=value,policy=actor"."""
-    found: dict[str, str] = {}
-    for each in network.split(","):
-        output, equals, part = each.strip().rpartition("=")
-        if equals and output not in OUTPUTS:
-            raise BadInputError(f"--network {shortened(each)!r}: before = stands one of {', '.join(OUTPUTS)}")
-        found[output] = part
-    return found
-
-
-def _kinds(sizes: Mapping[str, int], n: int, m: int) -> dict[str, str]:
-    """What each output of a network is, by its name where that is one of `OUTPUTS`, else by its size."""
-    counts, found = dict(zip(OUTPUTS, (1, n, m, 1 + m), strict=True)), dict[str, str]()
-    for name, size in sizes.items():
-        fitting = [kind for kind in ([name] if name in counts else counts) if counts[kind] == size]
-        if "gradient" in fitting and m != n:
-            fitting = ["gradient"]  # V and a policy have as many where 1 + m = n; then they must be named
-        if not fitting:
-            said = ", ".join(f"{kind} has {count}" for kind, count in counts.items())
-            raise BadInputError(f"the network has {size} outputs; on this plant {said}")
-        if len(fitting) > 1:
-            raise BadInputError(f"{size} outputs may be {' or '.join(fitting)}; say which, as --network {fitting[0]}=")
-        found[name] = fitting[0]
-    if sorted(found.values()) not in (*([each] for each in OUTPUTS), ["V", "policy"]):
-        said = f"its outputs {shortened(', '.join(sizes))} are {', '.join(found.values())}"
-        raise BadInputError(f"{said}; name one, or V and a policy, as in --network V=value,policy=actor")
-    return found

@@ -14,6 +14,7 @@ import re
 import zipfile
 from collections import OrderedDict
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -21,9 +22,14 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
+from controller.game.basis import Basis, basis
+from controller.game.zero_sum import Game
 from hfa_support.errors import BadInputError, refuse_unknown, said_of, shortened
 from hfa_support.files import regular_file
+from verification.critic.candidate import Candidate, Nonlinear, from_weights, linearized
 
+#: What a network may compute of the state: V, dV/dz, u, or V and u one behind the other.
+OUTPUTS = ("V", "gradient", "policy", "V+policy")
 #: Bytes of a file, and numbers in it: derivatives are symbolic.
 LARGEST_FILE, LARGEST_NETWORK = 2**24, 200_000
 #: The oldest ONNX operator set that is read.
@@ -33,7 +39,7 @@ Layers = list[tuple[np.ndarray, np.ndarray]]
 
 class Network(NamedTuple):
     """functions: name of an output -> x -> its numbers, CasADi Functions (n,) -> (k,), in doubles; the name is one of
-    `candidate.OUTPUTS` where it was asked for, "" of a state dict otherwise.
+    `OUTPUTS` where it was asked for, "" of a state dict otherwise.
 
     precision: of the weights in the file, as "float32". layers: of a state dict, (weight (k, n), bias (k,)) each; a
     single one that acts on the basis has no function.
@@ -399,4 +405,82 @@ def _named(prefix: str, stored: Any, depth: int = 0) -> dict[str, np.ndarray]:
     if isinstance(stored, dict) and depth < 4:
         for name, value in stored.items():
             found |= _named(f"{prefix}{name}.", value, depth + 1)
+    return found
+
+
+def from_network(
+    game: Game,
+    source: str | Path | ca.Function,
+    *,
+    network: str = "",
+    activation: str | None = None,
+    scale: np.ndarray | None = None,
+    features: Basis | ca.Function | None = None,
+) -> Candidate:
+    """The critic that a network is: a file, as `network_in` reads it, or a CasADi Function of the state.
+
+    network: which part of a file is what, as "value", "V=value" or "V=value,policy=actor"; without a name of `OUTPUTS`
+    the number of outputs says it. scale: (n,), the network takes state i times scale[i]. A single layer on the features
+    (default: the quadratic basis) is a polynomial in them. BadInputError, one line, names the file.
+    """
+    n, m = game.B.shape
+    scale = np.ones(n) if scale is None else np.asarray(scale, dtype=float)
+    if scale.shape != (n,) or not np.all(np.isfinite(scale) & (scale != 0.0)):
+        raise BadInputError(f"scale needs {n} numbers other than 0, one for each state")
+    functions = basis("quadratic", n) if features is None else features
+    count = functions.size if isinstance(functions, Basis) else functions.numel_out(0)
+    if isinstance(source, ca.Function):
+        found = Network({network: source}, "float64", [])
+    else:
+        found = network_in(source, n, activation, _parts(network), count)
+    with said_of("" if isinstance(source, ca.Function) else source):
+        if not found.functions:
+            (weight, bias), *_ = found.layers
+            if len(weight) != 1 or not {*_parts(network)} <= {"", "V"}:
+                raise BadInputError(
+                    f"a layer on the basis has {len(weight)} outputs; only V, which has 1, is read of it"
+                )
+            if not isinstance(functions, Basis):
+                return from_weights(game, weight[0], functions, float(bias[0]), found.precision)
+            made = from_weights(game, weight[0] * functions.scaling(scale), functions)
+            return replace(made, nonlinear=Nonlinear(None, None, None, None, "V", found.precision, float(bias[0])))
+        z = ca.SX.sym("z", n)
+        kinds = _kinds({key: each.numel_out(0) for key, each in found.functions.items()}, n, m)
+        outputs = {kinds[key]: ca.vec(each(ca.DM(scale) * z)) for key, each in found.functions.items()}
+        if "V+policy" in outputs:
+            both = outputs.pop("V+policy")
+            outputs |= {"V": both[0], "policy": both[1:]}
+        read = partial(from_network, game, source, network=network, scale=scale, features=features)
+        others = [each for each in COMMON if activation and each != activation.partition(",")[0]]
+        variants = {f"the activation is {each}, not {activation}": partial(read, activation=each) for each in others}
+        return linearized(game, z, outputs, found.precision, variants)
+
+
+def _parts(network: str) -> dict[str, str]:
+    """Which of `OUTPUTS` ("": not said) -> the part of the file, of "value" or "V=value,policy=actor"."""
+    found: dict[str, str] = {}
+    for each in network.split(","):
+        output, equals, part = each.strip().rpartition("=")
+        if equals and output not in OUTPUTS:
+            raise BadInputError(f"--network {shortened(each)!r}: before = stands one of {', '.join(OUTPUTS)}")
+        found[output] = part
+    return found
+
+
+def _kinds(sizes: Mapping[str, int], n: int, m: int) -> dict[str, str]:
+    """What each output of a network is, by its name where that is one of `OUTPUTS`, else by its size."""
+    counts, found = dict(zip(OUTPUTS, (1, n, m, 1 + m), strict=True)), dict[str, str]()
+    for name, size in sizes.items():
+        fitting = [kind for kind in ([name] if name in counts else counts) if counts[kind] == size]
+        if "gradient" in fitting and m != n:
+            fitting = ["gradient"]  # V and a policy have as many where 1 + m = n; then they must be named
+        if not fitting:
+            said = ", ".join(f"{kind} has {count}" for kind, count in counts.items())
+            raise BadInputError(f"the network has {size} outputs; on this plant {said}")
+        if len(fitting) > 1:
+            raise BadInputError(f"{size} outputs may be {' or '.join(fitting)}; say which, as --network {fitting[0]}=")
+        found[name] = fitting[0]
+    if sorted(found.values()) not in (*([each] for each in OUTPUTS), ["V", "policy"]):
+        said = f"its outputs {shortened(', '.join(sizes))} are {', '.join(found.values())}"
+        raise BadInputError(f"{said}; name one, or V and a policy, as in --network V=value,policy=actor")
     return found
