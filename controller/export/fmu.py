@@ -11,14 +11,14 @@ import subprocess
 import sys
 import zipfile
 from collections.abc import Mapping
+from datetime import datetime
 from importlib.resources import files
 from pathlib import Path
 from xml.etree import ElementTree as xml
 
 import casadi as ca
 
-from controller.export.c_model import comment_lines
-from controller.export.exported_loop import ExportedLoop
+from controller.export.exported_loop import ExportedLoop, comment_lines
 from hfa_model.provenance import Provenance
 from hfa_support.errors import NoSolutionError
 from hfa_support.files import temporary_folder, written_whole
@@ -58,10 +58,10 @@ def write_fmu(loop: ExportedLoop, path: Path, origin: Provenance) -> None:
         "resources/provenance.json": json_text(origin.to_dict()),
         **{f"sources/{name}": text for name, text in sources.items()},
     }
-    date = tuple(int(origin.date[begin:end]) for begin, end in ((0, 4), (5, 7), (8, 10), (11, 13), (14, 16), (17, 19)))
+    date = datetime.fromisoformat(origin.date).timetuple()[:6]
     with written_whole(path) as stream, zipfile.ZipFile(stream, "w") as archive:
         for name, data in content.items():
-            archive.writestr(zipfile.ZipInfo(name, date), data, zipfile.ZIP_DEFLATED)  # type: ignore[arg-type]
+            archive.writestr(zipfile.ZipInfo(name, date), data, zipfile.ZIP_DEFLATED)
 
 
 def _source(loop: ExportedLoop, origin: Provenance) -> str:

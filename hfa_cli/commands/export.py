@@ -87,7 +87,6 @@ def _written(
     """The aircraft with the gain of a law, or under a scheduled controller behind actuators."""
     from controller.design.scheduled_controller import load_controller
     from controller.export import exported_loop as loops
-    from controller.export.c_model import c_model_texts
     from controller.export.fmu import write_fmu
 
     place, actuators, origin = arguments.output, flights.actuators_of(arguments), origin_lines()
@@ -98,11 +97,9 @@ def _written(
     if place.suffix:
         write_fmu(loops.exported_loop(aircraft, point, gain, controller, actuators), place, provenance())
         return [place]
-    texts = c_model_texts(aircraft, model, gain, origin)
+    texts = loops.c_model_texts(aircraft, model, gain, origin)
     if controller is not None:
-        texts |= loops.c_controller_texts(controller, aircraft, point, origin)
-        if actuators is not None:
-            texts[loops.EXAMPLE] = loops.controller_example(controller, aircraft, point, actuators, origin)
+        texts |= loops.c_controller_texts(controller, aircraft, point, origin, actuators)
     return write_texts(place, texts)
 
 

@@ -12,7 +12,7 @@ from c_files import called, compiled, footprint, needs_gcc, ran
 from known_models import model_at
 from random_points import INPUT_SCALES, STATE_SCALES, rising, state_rates, symbols
 
-from controller.export.c_model import EXAMPLE, HEADER, SOURCE, c_model_texts, comment_lines
+from controller.export.exported_loop import AIRCRAFT_FILES, c_model_texts, comment_lines
 from hfa_model import Aircraft
 from hfa_support import BadInputError
 from hfa_support.files import write_texts
@@ -22,6 +22,7 @@ from trim import OperatingPoint, find_operating_point, linearize
 from trim.point.condition import usual_condition
 
 pytestmark = needs_gcc
+HEADER, SOURCE, EXAMPLE = AIRCRAFT_FILES
 POINTS = 1000
 EXAMPLES = Path(__file__).parents[3] / "examples"
 

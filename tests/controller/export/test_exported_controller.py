@@ -12,13 +12,7 @@ from c_files import called, compiled, footprint, needs_gcc
 from controllers import small_controller
 
 from controller import CommandSteps, ScheduledController
-from controller.export.exported_loop import (
-    HEADER,
-    SOURCE,
-    c_controller_texts,
-    commandable,
-    longest_step,
-)
+from controller.export.exported_loop import CONTROLLER_FILES, c_controller_texts, commandable, longest_step
 from controller.policy.policies import Seen
 from controller.policy.servo_policy import ServoPolicy, servo_law
 from hfa_model import LINEAR_STATES, Aircraft
@@ -26,6 +20,7 @@ from hfa_support.files import write_texts
 from trim import OperatingPoint
 
 pytestmark = needs_gcc
+HEADER, SOURCE, _ = CONTROLLER_FILES
 POINTS, STATES, HIGHEST = 1000, 4, 0.3
 Z = "vertical_acceleration_short_period"
 

@@ -11,7 +11,7 @@ from c_files import needs_gcc, ran
 from controllers import integrating_controller, small_controller
 
 from controller import Actuators, CommandSteps, Scenario, ScheduledController
-from controller.export.exported_loop import COMMANDED, EXAMPLE, SECONDS, SOURCE, c_controller_texts, controller_example
+from controller.export.exported_loop import COMMANDED, CONTROLLER_FILES, SECONDS, c_controller_texts
 from controller.flight.closed_loop import ClosedLoop, NonlinearPlant
 from controller.flight.simulation import CompiledLoop
 from controller.policy.servo_policy import servo_law
@@ -21,6 +21,7 @@ from hfa_support.files import write_texts
 from trim import OperatingPoint
 
 pytestmark = needs_gcc
+_, SOURCE, EXAMPLE = CONTROLLER_FILES
 
 
 def actuators(order: int) -> Actuators:
@@ -32,8 +33,7 @@ def printed(
     controller: ScheduledController, aircraft: Aircraft, point: OperatingPoint, folder: Path, *words: str
 ) -> dict[str, float]:
     """What the example prints: name -> number."""
-    write_texts(folder, c_controller_texts(controller, aircraft, point, "here"))
-    (folder / EXAMPLE).write_text(controller_example(controller, aircraft, point, actuators(2), "from */ here"))
+    write_texts(folder, c_controller_texts(controller, aircraft, point, "from */ here", actuators(2)))
     return ran(folder, *words, EXAMPLE, SOURCE)
 
 
