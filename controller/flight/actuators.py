@@ -61,8 +61,8 @@ class Actuators:
 
     def __post_init__(self) -> None:
         """Refuse what cannot move, naming the actuator."""
-        for each in zip(self.inputs, self.lag, self.lowest, self.highest, self.rate, strict=True):
-            name, lag, lowest, highest, rate = each
+        numbers = zip(self.inputs, self.lag, self.lowest, self.highest, self.rate, strict=True)
+        for name, lag, lowest, highest, rate in numbers:
             refuse_unless_positive(f"the lag of {name}", lag, " s")
             if not rate > 0.0:
                 raise BadInputError(f"the rate limit of {name} is {rate}; it must be positive (inf for none)")
@@ -104,14 +104,11 @@ class Actuators:
 
     @property
     def constants_size(self) -> int:
-        """Bandwidths, dampings and effectivenesses where a fault changes them; else none."""
+        """Those of `constants` where a fault changes them; else none."""
         return 3 * len(self.lag) if self.faults else 0
 
     def constants(self, time: float) -> np.ndarray:
-        """[ω; ζ; λ] at a time, s, (3 m,); (0,) without faults."""
-        return self._numbers(time) if self.faults else np.zeros(0)
-
-    def _numbers(self, time: float) -> np.ndarray:
+        """[ω; ζ; λ] at a time, s, (3 m,)."""
         m = len(self.lag)
         values = np.concatenate([1.0 / np.array(self.lag), np.full(m, self.damping), np.ones(m)])
         for fault in self.faults:
@@ -136,7 +133,7 @@ class Actuators:
 
     def states_rate(self, states: ca.SX, reachable: ca.SX, p: ca.SX) -> ca.SX:
         """Time derivative of the states. reachable: c. p: of `constants`."""
-        numbers = p if self.faults else ca.SX(ca.DM(self._numbers(0.0)))
+        numbers = p if self.faults else ca.SX(ca.DM(self.constants(0.0)))
         m = len(self.lag)
         bandwidth, damping, effectiveness = numbers[:m], numbers[m : 2 * m], numbers[2 * m :]
         fastest = np.array(self.rate, dtype=float)

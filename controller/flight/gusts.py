@@ -91,11 +91,12 @@ class Dryden:
 
     def updraft(self, t: Any, memory: ca.SX, p: ca.SX) -> Any:
         """sigma sqrt(τ) (x1 + √3 τ x2) in the states of `memory_rate`."""
-        return self.intensity * (self._output[0] * memory[0] + self._output[1] * memory[1])
+        _, _, output = self._filter
+        return self.intensity * (output[0] * memory[0] + output[1] * memory[1])
 
     def memory_rate(self, t: Any, memory: ca.SX, p: ca.SX) -> ca.SX:
         """x1' = x2,  x2' = -x1/τ² - 2 x2/τ + n/τ²: x1 = n / (1 + τ s)²."""
-        A, b = self._filter
+        A, b, _ = self._filter
         return ca.mtimes(ca.DM(A), memory) + ca.DM(b) * p
 
     def start(self) -> np.ndarray:
@@ -107,30 +108,22 @@ class Dryden:
         return self._draws[1][tick : tick + 1]
 
     @property
-    def _tau(self) -> float:
-        return self.scale / self.speed
-
-    @property
-    def _filter(self) -> tuple[np.ndarray, np.ndarray]:
-        tau = self._tau
-        return np.array([[0.0, 1.0], [-1.0 / tau**2, -2.0 / tau]]), np.array([0.0, 1.0 / tau**2])
-
-    @property
-    def _output(self) -> np.ndarray:
-        """w / sigma from the filter states."""
-        tau = self._tau
-        return np.array([1.0, np.sqrt(3.0) * tau]) * np.sqrt(tau)
+    def _filter(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """A and b of x' = A x + b n, and c of w / sigma = c x."""
+        tau = self.scale / self.speed
+        A, b = np.array([[0.0, 1.0], [-1.0 / tau**2, -2.0 / tau]]), np.array([0.0, 1.0 / tau**2])
+        return A, b, np.array([1.0, np.sqrt(3.0) * tau]) * np.sqrt(tau)
 
     @cached_property
     def _draws(self) -> tuple[np.ndarray, np.ndarray]:
         """Start (2,) and noise (ticks,): the held noise gets the variance that makes w's variance sigma²."""
         from scipy.linalg import expm, solve_discrete_lyapunov
 
-        A, b = self._filter
+        A, b, output = self._filter
         held = expm(np.block([[A, b[:, None]], [np.zeros((1, 3))]]) * self.interval)
         Phi, Gamma = held[:2, :2], held[:2, 2:]
         unit = solve_discrete_lyapunov(Phi, Gamma @ Gamma.T)
-        variance = 1.0 / float(self._output @ unit @ self._output)
+        variance = 1.0 / float(output @ unit @ output)
         rng = np.random.default_rng(self.seed)
         start = np.linalg.cholesky(variance * unit) @ rng.standard_normal(2)
         return start, np.sqrt(variance) * rng.standard_normal(self.ticks)

@@ -107,8 +107,9 @@ class MonteCarlo(Shown):
         """The loop of member 0. The parameters of the aircraft differ from member to member."""
         return ClosedLoop(NonlinearPlant(self.aircraft, self.point, uncertain=True), self.law, self.member(0))
 
-    def to_dict(self) -> dict[str, Any]:
-        """JSON data that decides the results."""
+    @cached_property
+    def identity(self) -> str:
+        """JSON of everything that decides the results, the order in which errors are drawn included."""
         data = {
             "members": self.members,
             "seed": self.seed,
@@ -122,12 +123,7 @@ class MonteCarlo(Shown):
             "uncertainty": asdict(self.scenario.uncertainty),
             "envelope": self.envelope.to_dict(self.scenario.moving_air),
         }
-        return dict(json.loads(json.dumps(data, default=lambda value: np.asarray(value).tolist())))
-
-    @cached_property
-    def identity(self) -> str:
-        """A hash of everything that decides the results, the order in which errors are drawn included."""
-        return hashlib.sha256(json.dumps(self.to_dict()).encode()).hexdigest()
+        return json.dumps(data, default=lambda value: np.asarray(value).tolist())
 
     @property
     def layout(self) -> Layout:
@@ -158,7 +154,7 @@ class MonteCarlo(Shown):
             **names_and_units(model),
         }
         chunk = -(-CHUNK_STEPS // (self.scenario.ticks * self.scenario.steps_per_tick))
-        plan, rows = self.to_dict(), self.members
+        plan, rows = json.loads(self.identity), self.members
         return Layout(STORE_SCHEMA, "Monte Carlo", rows, "member", chunk, plan, arrays, labels, attributes)
 
     @property
@@ -237,47 +233,53 @@ def member_report(plan: MonteCarlo, store: Store, where: str = "") -> Report:
     limit; limit_cycle: by what still oscillates at the end; quantity -> variable -> `QUANTILES` over those inside, None
     where none was; errors: parameter -> relative standard deviation asked for, mean and deviation of its factor.
     """
-    model, duration = plan.model, plan.scenario.duration
+    model, duration, moving = plan.model, plan.scenario.duration, plan.scenario.moving_air
     left, flown, cycle = store.read("left"), store.read("flown"), store.read("cycle")
-    inside, names = left < 0, limited_names(model, plan.scenario.moving_air)
+    inside, names = left < 0, limited_names(model, moving)
     beyond = np.any([beyond_control_limits(model, store.read(f"{end}_input")) for end in ("lowest", "highest")], 0)
     within = int((inside & ~beyond.any(axis=1) & (cycle < 0)).sum())
+    first = None if inside.all() else float(flown[~inside].min())
     counts = {
         "left": {name: int((left == index).sum()) for index, name in enumerate(names)},
         "exceeded": dict(zip(model.inputs, beyond.sum(axis=0).tolist(), strict=True)),
         "limit_cycle": {name: int((cycle == index).sum()) for index, name in enumerate((*model.inputs, *model.states))},
     }
-    first = None if inside.all() else float(flown[~inside].min())
-    shown = {"rms_error": model.linear, "peak_error": model.linear, "effort": tuple(model.inputs)}
-    quantiles = {name: _quantiles(store.read(name)[inside], of) for name, of in shown.items()}
-    if flown_through_air(model):
-        quantiles["peak_deviation"] = _quantiles(store.read("peak_angle_of_attack")[inside, None], (ANGLE_OF_ATTACK,))
-    asked = plan.scenario.uncertainty.errors
-    alone = plan.members == 1
-    errors = {
-        name: {"asked": size, "mean": float(of.mean()), "deviation": None if alone else float(of.std(ddof=1))}
-        for (name, size), of in zip(asked.items(), store.read("factors").T, strict=True)
-    }
     lines = [f"stayed within limits: {within} of {plan.members}"]
-    if first is not None:
-        listed = f"{_counted(counts['left'])}; the first after {first:.3g} s"
-        lines.append(f"left the envelope, by the state that left first: {listed}")
-    for name, words in (("exceeded", "exceeded control limits"), ("limit_cycle", "limit cycle that does not decay")):
+    for name, words in (
+        ("left", "left the envelope, by the state that left first"),
+        ("exceeded", "exceeded control limits"),
+        ("limit_cycle", "limit cycle that does not decay"),
+    ):
         if any(counts[name].values()):
-            lines.append(f"{words}: {_counted(counts[name])}")
+            listed = ", ".join(f"{each} {count}" for each, count in counts[name].items() if count)
+            lines.append(f"{words}: {listed}" + (f"; the first after {first:.3g} s" if name == "left" else ""))
     parts: list[str | Table] = ["\n".join(lines)]
-    if inside.any():
-        through_air = plan.scenario.moving_air and flown_through_air(model)
-        parts.append(
-            _quantile_table({k: v for k, v in quantiles.items() if through_air or k != "peak_deviation"}, model)
-        )
-        parts += [OVER_GROUND] * through_air
+    shown = {"rms_error": model.linear, "peak_error": model.linear, "effort": tuple(model.inputs)}
+    if flown_through_air(model):
+        shown["peak_deviation"] = (ANGLE_OF_ATTACK,)
+    quantiles, rows = dict[str, Any](), list[tuple[str, ...]]()
+    for name, of in shown.items():
+        values = store.read("peak_angle_of_attack" if name == "peak_deviation" else name)[inside].reshape(-1, len(of))
+        found = np.quantile(values, QUANTILES, axis=0).T.tolist() if inside.any() else [None] * len(of)
+        quantiles[name] = dict(zip(of, found, strict=True))
+        for each, numbers in quantiles[name].items() if inside.any() and (moving or name != "peak_deviation") else ():
+            unit = model.unit(each)
+            cells = (short_number(number, unit) for number in numbers)
+            rows.append((f"{name.replace('_', ' ')} {each}", *cells, shown_unit(unit)))
+    if rows:
+        shares = ["largest" if share == 1.0 else f"{100 * share:g} %" for share in QUANTILES]
+        parts.append(Table(("of those inside the envelope", *shares, "unit"), rows))
+        parts += [OVER_GROUND] * (moving and flown_through_air(model))
+    errors = {}
+    for (name, size), drawn in zip(plan.scenario.uncertainty.errors.items(), store.read("factors").T, strict=True):
+        deviation = None if plan.members == 1 else float(drawn.std(ddof=1))
+        errors[name] = {"asked": size, "mean": float(drawn.mean()), "deviation": deviation}
     if errors:
-        rows = [
-            (name, *("-" if value is None else f"{value:.4g}" for value in drawn.values()))
-            for name, drawn in errors.items()
+        drawn_rows = [
+            (name, *("-" if value is None else f"{value:.4g}" for value in each.values()))
+            for name, each in errors.items()
         ]
-        parts.append(Table(("parameter", "relative deviation", "drawn mean", "drawn deviation"), rows))
+        parts.append(Table(("parameter", "relative deviation", "drawn mean", "drawn deviation"), drawn_rows))
     title = (
         f"Monte Carlo, {plan.point.called}, nonlinear aircraft, law {plan.law.name}: "
         f"{plan.members} members of {duration:g} s, seed {plan.seed}" + (f", {where}" if where else "")
@@ -301,24 +303,3 @@ def member_report(plan: MonteCarlo, store: Store, where: str = "") -> Report:
     alike = plan.scenario.uncertainty == Uncertainty()
     notes = ["nothing differs from member to member: give parameter errors, noise or turbulence"] if alike else []
     return Report(title, parts, notes, data)
-
-
-def _counted(counts: Mapping[str, int]) -> str:
-    return ", ".join(f"{name} {count}" for name, count in counts.items() if count)
-
-
-def _quantiles(values: np.ndarray, names: tuple[str, ...]) -> Mapping[str, list[float] | None]:
-    if not len(values):
-        return dict.fromkeys(names)
-    return dict(zip(names, np.quantile(values, QUANTILES, axis=0).T.tolist(), strict=True))
-
-
-def _quantile_table(quantiles: Mapping[str, Mapping[str, list[float] | None]], model: Model) -> Table:
-    rows = []
-    for quantity, found in quantiles.items():
-        for name, values in found.items():
-            unit = model.unit(name)
-            shown = (short_number(value, unit) for value in values or ())
-            rows.append((f"{quantity.replace('_', ' ')} {name}", *shown, shown_unit(unit)))
-    shares = ["largest" if share == 1.0 else f"{100 * share:g} %" for share in QUANTILES]
-    return Table(("of those inside the envelope", *shares, "unit"), rows)

@@ -147,18 +147,16 @@ class NonlinearFlight(Reported):
         """Which flight, and whether it stayed within its limits."""
         at = at_scheduled(self.point).removeprefix("at ")
         flight = f"Flight, {self.point.called}" + (f", {at}" if at else "") + law
-        time, lines = f"{self.flight.times[-1]:g} s", []
-        if self.departure is not None:
-            lines.append(self.departure.text())
-        elif self.cycle is not None:
-            lines.append(self.cycle.text())
-        elif self.exceeded:
-            lines.append(f"inside the envelope for {time}, but not within the control limits")
-        else:
-            lines.append(f"stayed within limits: {time} inside the envelope and the control limits")
-        if self.exceeded:
-            lines.append(f"exceeded control limits: {', '.join(each.text() for each in self.exceeded)}")
-        return "\n".join([flight, *lines])
+        time, wrong = f"{self.flight.times[-1]:g} s", self.departure or self.cycle
+        outcome = f"stayed within limits: {time} inside the envelope and the control limits"
+        exceeded = [f"exceeded control limits: {', '.join(each.text() for each in self.exceeded)}"] * bool(
+            self.exceeded
+        )
+        if wrong is not None:
+            outcome = wrong.text()
+        elif exceeded:
+            outcome = f"inside the envelope for {time}, but not within the control limits"
+        return "\n".join([flight, outcome, *exceeded])
 
     def report(self) -> Report:
         """Outcome, states against the envelope and the linear prediction, inputs against the control limits.

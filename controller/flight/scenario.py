@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
 from controller.flight.actuators import Actuators
 from controller.flight.gusts import UPDRAFT, Dryden, Gust
-from controller.policy.signals import CommandedStates, Signal, TimeVector, zero
+from controller.policy.signals import Signal, TimeVector, zero
 from hfa_support.errors import BadInputError, is_finite, refuse_unknown, refuse_unless_positive, shown
 from hfa_support.model import HasModel, Model
 from hfa_support.reporting.fields import Shown
@@ -30,8 +31,8 @@ class Uncertainty:
 
     errors: parameter -> relative standard deviation of the flown aircraft's about the nominal value. noise: state of
     the linear model -> standard deviation of what its sensor adds, drawn anew every tick and held. turbulence:
-    (intensity, ft/s, scale, ft) of Dryden turbulence, or None. BadInputError when a
-    number is wrong; `Scenario.refuse_other` looks at the names.
+    (intensity, ft/s, scale, ft) of Dryden turbulence, or None. BadInputError when a deviation is negative;
+    `Scenario.on` looks at the names.
 
     The draws of member k = 0, 1, ... are three independent streams from (seed, k), NumPy's `SeedSequence`: one kind of
     randomness more or less leaves the draws of the others as they are.
@@ -42,16 +43,10 @@ class Uncertainty:
     turbulence: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
-        """Check everything before the simulation."""
-        for given in (self.errors, self.noise):
-            for name, value in given.items():
-                if not (is_finite(value) and value >= 0.0):
-                    raise BadInputError(
-                        f"the standard deviation of {name} is {shown(value)}; it must be a number that is not negative"
-                    )
-        for value in self.turbulence or ():
-            if not (is_finite(value) and value > 0.0):
-                raise BadInputError(f"the turbulence has {shown(value)}; intensity and scale must be positive numbers")
+        """Check the deviations before the simulation."""
+        for name, value in (*self.errors.items(), *self.noise.items()):
+            if not (is_finite(value) and value >= 0.0):
+                raise BadInputError(f"the standard deviation of {name} is {shown(value)}; give a number from 0 on")
 
     def factors(self, seed: int, member: int) -> np.ndarray:
         """Parameter over nominal, (E,), in the order of `errors`: exp(σ ξ - σ²/2), ξ ~ N(0, 1), σ² = ln(1 + s²).
@@ -68,12 +63,6 @@ class Uncertainty:
         if not levels.any():
             return None
         return levels * _stream(seed, member, _NOISE).standard_normal((ticks, len(levels)))
-
-    def air(self, seed: int, member: int, scenario: Scenario, speed: float) -> Dryden:
-        """The turbulence of a member, met at `speed`, ft/s."""
-        assert self.turbulence is not None
-        own_seed = int(_sequence(seed, member, _AIR).generate_state(1, np.uint64)[0])
-        return Dryden(*self.turbulence, speed, scenario.tick, scenario.ticks, own_seed)
 
 
 def _stream(seed: int, member: int, kind: int) -> np.random.Generator:
@@ -115,7 +104,15 @@ class Scenario(Shown):
 
     def __post_init__(self) -> None:
         """Refuse times that do not fit and errors of nothing."""
-        _check_times(self.duration, self.step, self.tick)
+        times = {"duration": self.duration, "tick": self.tick, "step": self.step}
+        for name, value in times.items():
+            refuse_unless_positive(name, value, " s")
+        for (name, long), (part, short) in pairwise(times.items()):
+            if round(long / short) < 1 or abs(long / short - round(long / short)) > 1e-6 * long / short:
+                raise BadInputError(f"{name} is {long:g} s and {part} {short:g} s; make it a whole number of {part}s")
+        if self.duration > MOST_STEPS * self.step * (1 + 1e-9):
+            most = f"with a step of {self.step:g} s it must not exceed {MOST_STEPS * self.step:g} s"
+            raise BadInputError(f"duration is {self.duration:g} s; {most}")
         if self.actuators is not None:
             self.actuators.refuse_step(self.step)
         for name, factor in self.errors.items():
@@ -175,36 +172,32 @@ class Scenario(Shown):
 
     def drawn(self, seed: int, member: int, point: OperatingPoint) -> Scenario:
         """One draw of the uncertain quantities, which seed and member decide. point: whose speed gusts are met at."""
-        uncertain = self.uncertainty
-        factors = zip(uncertain.errors, uncertain.factors(seed, member).tolist(), strict=True)
+        uncertain, errors, gust = self.uncertainty, dict(self.errors), self.gust
+        for name, factor in zip(uncertain.errors, uncertain.factors(seed, member).tolist(), strict=True):
+            errors[name] = errors.get(name, 1.0) * factor
+        if uncertain.turbulence is not None:
+            own_seed = int(_sequence(seed, member, _AIR).generate_state(1, np.uint64)[0])
+            gust = Dryden(*uncertain.turbulence, met_at(point), self.tick, self.ticks, own_seed)
         return replace(
             self,
-            errors={**self.errors, **{name: self.errors.get(name, 1.0) * factor for name, factor in factors}},
-            gust=self.gust if uncertain.turbulence is None else uncertain.air(seed, member, self, met_at(point)),
+            errors=errors,
+            gust=gust,
             uncertainty=Uncertainty(),
             samples=uncertain.samples(seed, member, self.ticks, point.model.linear),
         )
 
     def to_dict(self) -> dict[str, Any]:
         """What is known before anything is drawn, for JSON; a signal without a formula is named by its kind."""
-        signals = {name: getattr(self, name) for name in ("reference", "disturbance", "noise")}
+        data = {name: getattr(self, name) for name in ("duration", "step", "tick", "initial", "errors")}
+        for name in ("reference", "disturbance", "noise"):
+            signal = getattr(self, name)
+            data[name] = signal.to_dict() if hasattr(signal, "to_dict") else type(signal).__name__
         gust: Any = self.gust
-        formulas = {
-            name: each.to_dict() if isinstance(each, (Signal, CommandedStates)) else type(each).__name__
-            for name, each in signals.items()
-        }
-        return {
-            "duration": self.duration,
-            "step": self.step,
-            "tick": self.tick,
-            "initial": self.initial,
-            "errors": dict(self.errors),
-            **formulas,
-            "actuators": None if self.actuators is None else asdict(self.actuators),
-            "gust": None if gust is None else {"kind": type(gust).__name__, **asdict(gust)},
-            **({"air": {name: each.to_dict() for name, each in self.air.items()}} if self.air else {}),
-            **({"delay": self.delay} if self.delay else {}),
-        }
+        data["actuators"] = None if self.actuators is None else asdict(self.actuators)
+        data["gust"] = None if gust is None else {"kind": type(gust).__name__, **asdict(gust)}
+        if self.air:
+            data["air"] = {name: each.to_dict() for name, each in self.air.items()}
+        return data | ({"delay": self.delay} if self.delay else {})
 
 
 def met_at(point: OperatingPoint) -> float:
@@ -222,22 +215,3 @@ def with_errors(aircraft: HasModel, scenario: Scenario) -> Model:
     model = aircraft.model
     wrong = {name: model.parameters[name].start * factor for name, factor in scenario.errors.items()}
     return model.with_parameters(**wrong) if wrong else model
-
-
-def _check_times(duration: float, step: float, tick: float) -> None:
-    """Raise BadInputError unless all, s, are positive and make `MOST_STEPS` steps at most, the duration whole ticks, a
-    tick whole steps."""
-    times = {"duration": duration, "step": step, "tick": tick}
-    for name, value in times.items():
-        refuse_unless_positive(name, value, " s")
-    for long, short in (("duration", "tick"), ("tick", "step")):
-        count = times[long] / times[short]
-        if round(count) < 1 or abs(count - round(count)) > 1e-6 * count:
-            raise BadInputError(
-                f"{long} is {times[long]:g} s and {short} is {times[short]:g} s; make the {long} a whole number of "
-                f"{short}s"
-            )
-    if duration > MOST_STEPS * step * (1 + 1e-9):
-        raise BadInputError(
-            f"duration is {duration:g} s; with a step of {step:g} s it must not exceed {MOST_STEPS * step:g} s"
-        )

@@ -67,10 +67,6 @@ class GainTable(Shown):
         new = [place for place in inside if np.abs(places - place).min() > _AT_THE_END]
         return np.sort([*places, *new])
 
-    def at(self, place: float) -> np.ndarray:
-        """K, (m, n), at a value of the scheduling variable, an angle in rad."""
-        return self.table.at(place)
-
 
 def load_gains(path: Path, model: Model = HFA) -> GainTable:
     """K (m, n), or the values of the scheduling variable (G,) under the model's `schedule_key` and K (G, m, n), also as

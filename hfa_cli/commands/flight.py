@@ -127,7 +127,7 @@ def schedule(arguments: argparse.Namespace) -> int:
     envelope, progress = flight_envelope(aircraft, ends[0], arguments.envelope), ProgressLine("simulate")
     result = scheduling.fly_schedule(aircraft, certified, change, scenario, envelope, progress=progress)
     name = arguments.law if path is None else f"gain of {path}"
-    return _tell(result, scheduling.schedule_report(result, certified, change, name), ends, arguments)
+    return _tell(result, scheduling.schedule_report(result, name), ends, arguments)
 
 
 def _varied() -> Options:

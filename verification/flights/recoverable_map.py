@@ -62,7 +62,7 @@ class ManyFlights:
     def __init__(self, plant: Plant, envelope: Envelope, gain: np.ndarray, seconds: float) -> None:
         model, offsets = envelope.model, np.array(plant.point.states)
         rounded = float(TICK * np.ceil(seconds / TICK - 1e-9))
-        self._envelope, self._scenario = envelope, Scenario(rounded, STEP, TICK)
+        self.model, self._envelope, self._scenario = model, envelope, Scenario(rounded, STEP, TICK)
         loop = ClosedLoop(plant, gain_law("map", gain), self._scenario_of({}, {}))
         self._compiled = CompiledLoop(loop, MOST_POINTS)
         lowest, highest = np.array(envelope.lowest) - offsets, np.array(envelope.highest) - offsets
@@ -74,7 +74,7 @@ class ManyFlights:
 
     def fly(self, start: Mapping[str, float], command: Mapping[str, float]) -> Outcome:
         """One flight. start, command: state -> deviation."""
-        model, scenario = self._envelope.model, self._scenario_of(start, command)
+        model, scenario = self.model, self._scenario_of(start, command)
         result = fly_within(self._compiled, self._envelope, scenario, lost=self._lost)
         gone, end = result.departure, result.flight.states[-1]
         left, when = (-1, np.inf) if gone is None else (list(model.states).index(gone.state), gone.time)
@@ -84,17 +84,17 @@ class ManyFlights:
 
     def _scenario_of(self, start: Mapping[str, float], command: Mapping[str, float]) -> Scenario:
         """A command is an offset of what is measured, which no flight needs to compile."""
-        model = self._envelope.model
+        model = self.model
         initial = np.array([start.get(name, 0.0) for name in model.states])
         offset = [-command.get(name, 0.0) for name in model.linear]
         return replace(self._scenario, initial=initial, samples=np.tile(offset, (self._scenario.ticks, 1)))
 
     def _rests(self, x: np.ndarray, scenario: Scenario) -> bool:
         """Whether the rates of the controlled states have died out."""
-        loop, states = replace(self._compiled.loop, scenario=replace(scenario, initial=x)), self._envelope.model.states
+        loop, states = replace(self._compiled.loop, scenario=replace(scenario, initial=x)), self.model.states
         rates = np.array(self._compiled.rate(0.0, loop.start(), loop.constants()(0))).ravel()
         small = {name: abs(rate) <= CLOSE * states[name].nominal for name, rate in zip(states, rates, strict=True)}
-        return all(small[name] for name in self._envelope.model.linear)
+        return all(small[name] for name in self.model.linear)
 
     def _lost(self, rows: Flight) -> np.ndarray:
         """Asked once a tick."""
@@ -202,12 +202,10 @@ def recoverable_map(
         flights = ManyFlights(plant, envelope, gain, TIME_CONSTANTS / -abscissa)
         outcomes = [flights.fly(start, {}) for start in told(grid, progress)]
         found[name] = _starts(outcomes, (len(down), len(across)))
-        for state, values in starts.items():
-            fly = lambda x, state=state, flights=flights: flights.fly({state: x}, {})  # noqa: E731
-            edges += _edges(model, state, state, name, fly, values)
-        for state, values in commands.items():
-            fly = lambda x, state=state, flights=flights: flights.fly({}, {state: x})  # noqa: E731
-            edges += _edges(model, state, f"{state} command", name, fly, values)
+        for is_command, rays in ((False, starts), (True, commands)):
+            for state, values in rays.items():
+                far = float(np.abs(values).max())
+                edges += [_edge(flights, name, state, is_command, sign * far) for sign in (-1, 1) if far > 0.0]
     return RecoverableMap(point, envelope, dict(starts), found, dict(commands), tuple(edges))
 
 
@@ -218,24 +216,20 @@ def _starts(outcomes: list[Outcome], shape: tuple[int, int]) -> dict[str, np.nda
     return {"held": held, "within_limits": within, "exceeded": exceeded, "returned": returned, "left_first": left}
 
 
-def _edges(
-    model: Model, state: str, axis: str, plant: str, fly: Callable[[float], Outcome], values: np.ndarray
-) -> list[Edge]:
-    """Both edges of a ray as far as its values."""
-    far = float(np.abs(values).max())
-    return [_edge(model, state, axis, sign, plant, fly, far) for sign in (-1, 1) if far > 0.0]
+def _edge(flights: ManyFlights, plant: str, state: str, is_command: bool, reach: float) -> Edge:
+    """reach: the end of the scanned range, signed."""
+    model, values = flights.model, (reach * np.arange(1, _SCAN + 1) / _SCAN).tolist()
 
-
-def _edge(
-    model: Model, state: str, axis: str, sign: int, plant: str, fly: Callable[[float], Outcome], far: float
-) -> Edge:
-    values, flown = (sign * far * np.arange(1, _SCAN + 1) / _SCAN).tolist(), cache(fly)
+    @cache
+    def flown(deviation: float) -> Outcome:
+        there = {state: deviation}
+        return flights.fly({}, there) if is_command else flights.fly(there, {})
 
     def bisected(good: Callable[[Outcome], bool]) -> tuple[float, Outcome | None]:
         """The last good deviation, and the flight of the first bad one, None where all of the scan are good."""
         first = next((place for place, each in enumerate(values) if not good(flown(each))), None)
         if first is None:
-            return far, None
+            return abs(reach), None
         low, high = (values[first - 1] if first else 0.0), values[first]
         for _ in range(_HALVINGS):
             middle = (low + high) / 2
@@ -247,7 +241,8 @@ def _edge(
     returned, _ = bisected(lambda flown: flown.returned)
     leaving, time = ("", np.inf) if left is None else ((*model.states,)[left.left], left.when)
     control = "" if exceeded is None else (*model.inputs, "")[exceeded.exceeded]
-    return Edge(axis, sign, plant, inside, leaving, time, within, control, returned, far, model.unit(state))
+    axis, sign, unit = state + " command" * is_command, int(np.sign(reach)), model.unit(state)
+    return Edge(axis, sign, plant, inside, leaving, time, within, control, returned, abs(reach), unit)
 
 
 def map_report(maps: tuple[RecoverableMap, ...], law: str = "") -> Report:

@@ -179,7 +179,7 @@ def certified_schedule(
     *,
     law: str = "exact",
     seed: int = 0,
-    game: Mapping[str, Any] | Callable[[LinearModel], Game] | None = None,
+    game: Callable[[LinearModel], Game] | None = None,
     settings: Mapping[str, Any] | None = None,
     gains: GainTable | None = None,
     condition: Callable[[float], TrimCondition] = level_flight,
@@ -187,13 +187,12 @@ def certified_schedule(
 ) -> Schedule:
     """Trim, linearize and solve or learn at every value of η (angles in rad); every gain must be certified.
 
-    law: "exact", or a learning law. game: changes of the published game (Q, R, delta), or model -> game. settings: of
-    the law. gains: in place of a law, as they are, certified or not. condition: η -> trim.
+    law: "exact", or a learning law. game: model -> game, the published one unless given. settings: of the law. gains:
+    in place of a law, as they are, certified or not. condition: η -> trim.
     Raises NoSolutionError at the first value without a trim or without a certified gain.
     """
     if np.ndim(places) != 1 or len(places) < 2 or np.any(np.diff(places) <= 0.0):
         raise BadInputError("a schedule needs at least two values, in increasing order")
-    game_on = game if callable(game) else lambda model: published_game(model.A, model.B, **(game or {}))
 
     def model_at(place: float) -> LinearModel:
         return linearize(aircraft, find_operating_point(aircraft, condition(place)))
@@ -202,14 +201,15 @@ def certified_schedule(
     for place in told(places.tolist(), progress):
         model = model_at(place)
         if gains is None:
-            grid.append(_certified(model, game_on(model), law, seed, settings or {}))
+            given = published_game(model.A, model.B) if game is None else game(model)
+            grid.append(_certified(model, given, law, seed, settings or {}))
         else:
-            K = gains.at(place)
+            K = gains.table.at(place)
             grid.append(GridPoint(model.point, K, spectrum(model.A - model.B @ K).abscissa))
-    between, table = -np.inf, Schedule(tuple(grid)).tables[2]
-    for halfway in ((table.places[:-1] + table.places[1:]) / 2).tolist():
-        model = model_at(halfway)
-        between = max(between, spectrum(model.A - model.B @ table.at(halfway)).abscissa)
+    _, _, table = Schedule(tuple(grid)).tables
+    halfway = ((table.places[:-1] + table.places[1:]) / 2).tolist()
+    models = zip(halfway, map(model_at, halfway), strict=True)
+    between = max(spectrum(model.A - model.B @ table.at(place)).abscissa for place, model in models)
     return Schedule(tuple(grid), between)
 
 
@@ -243,20 +243,21 @@ def fly_schedule(
     return fly(aircraft, begin, law, happens, envelope, predict=False, progress=progress)
 
 
-def schedule_report(result: NonlinearFlight, certified: Schedule, change: ScheduledChange, law: str) -> Report:
-    """The report of the flight with that of the schedule, whose gains `law` has made."""
-    flown, model = result.report(), certified.model
+def schedule_report(result: NonlinearFlight, law: str) -> Report:
+    """The report of a flight of `fly_schedule` with that of the schedule, whose gains `law` has made."""
+    policy: Any = result.loop.law.policy
+    flown, schedule, change, model = result.report(), policy.schedule, policy.change, policy.schedule.model
     words = f", to {model.describe(model.schedule, change.end)} over {change.duration:g} s, law {law}, scheduled"
     grid = {
         "law": law,
-        "dihedrals": certified.places,
+        "dihedrals": schedule.places,
         "dihedral_units": model.unit(model.schedule),
-        "gains": certified.tables[2].values,
+        "gains": schedule.tables[2].values,
         "state_units": list(model.units(model.linear)),
-        "control_abscissae": [row.control_abscissa for row in certified.grid],
-        "game_abscissae": [row.game_abscissa for row in certified.grid],
-        "distances_from_exact": [row.distance for row in certified.grid],
-        "largest_abscissa_between": certified.between,
+        "control_abscissae": [row.control_abscissa for row in schedule.grid],
+        "game_abscissae": [row.game_abscissa for row in schedule.grid],
+        "distances_from_exact": [row.distance for row in schedule.grid],
+        "largest_abscissa_between": schedule.between,
     }
-    parts, data = (*flown.parts, *certified.report().parts), {**flown.data, "schedule": grid}
+    parts, data = (*flown.parts, *schedule.report().parts), {**flown.data, "schedule": grid}
     return replace(flown, title=result.title(words), parts=parts, data=data)

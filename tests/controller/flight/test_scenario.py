@@ -118,9 +118,8 @@ def test_noise_and_air_are_as_strong_as_asked_for(plan: MonteCarlo) -> None:
 @pytest.mark.parametrize(
     ("make", "said"),
     [
-        (lambda: Uncertainty({"lift_slope": -0.1}), "deviation of lift_slope is -0.1; it must be a number that is not"),
+        (lambda: Uncertainty({"lift_slope": -0.1}), "deviation of lift_slope is -0.1; give a number from 0 on"),
         (lambda: Uncertainty(noise={"alpha": np.inf}), "the standard deviation of alpha is inf"),
-        (lambda: Uncertainty(turbulence=(3.0, 0.0)), "the turbulence has 0.0; intensity and scale must be positive"),
         (lambda: Scenario(step=0.0), "step is 0.0"),
         (lambda: Scenario(step=0.003), "whole number of steps"),
         (lambda: Scenario(duration=np.inf), "duration is inf"),

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 from known_models import FlownCase, flown, signal
@@ -99,7 +102,8 @@ def test_an_edge_is_between_the_last_good_and_the_first_bad_start(sign: int) -> 
         size = abs(deviation)
         return Outcome(-1 if size < 3.7 else 2, 1.5, -1 if size < 1.3 else 3, size < 2.2)
 
-    found = _edge(HFA, "speed", "speed", sign, "linear", fly, 10.0)
+    flights: Any = SimpleNamespace(model=HFA, fly=lambda start, command: fly(start["speed"]))
+    found = _edge(flights, "linear", "speed", False, 10.0 * sign)
     assert (found.inside, found.within_limits, found.returned) == pytest.approx((3.7, 1.3, 2.2), rel=0.02)
     assert (found.state, found.time, found.control, found.reach) == (STATES[2], 1.5, INPUTS[3], 10.0)
 

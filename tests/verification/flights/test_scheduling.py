@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from known_models import seen
 
-from controller import Scenario, flight_envelope
+from controller import Scenario, flight_envelope, published_game
 from controller.flight.nonlinear_flight import NonlinearFlight
 from controller.policy.policies import Seen
 from hfa_model import INPUTS, LINEAR_STATES, STATES, Aircraft
@@ -90,7 +90,9 @@ def test_every_grid_point_is_certified_and_the_points_between_are_stable(certifi
 
 def test_a_point_without_certificate_stops_the_schedule(published_aircraft: Aircraft) -> None:
     with pytest.raises(NoSolutionError, match="delta_min"):
-        certified_schedule(published_aircraft, radians(5.0, 15.0), game={"delta": 100.0})
+        certified_schedule(
+            published_aircraft, radians(5.0, 15.0), game=lambda model: published_game(model.A, model.B, delta=100.0)
+        )
 
 
 # The flight.
