@@ -20,7 +20,7 @@ density of the air counts as constant along the path. Nothing here was fitted: a
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -204,7 +204,7 @@ def _with_apparent_mass(
     X: Quantity = 0.0
     Z: Quantity = 0.0
     pitching, hinge = loads.pitching_moment, loads.hinge_moment
-    mass: list[list[Quantity]] = [[0.0] * 3 for _ in range(3)]
+    mass: Any = ca.DM(3, 3)
     heights = center_height(x.dihedral, p), outer_height(x.dihedral, p)
     for number, (panel, count) in enumerate((("center", 1), ("outer", 2))):
         (u, _, w), turn, wind = motion[number], _turn(panel, x), (still.center, still.outer)[number]
@@ -225,12 +225,9 @@ def _with_apparent_mass(
             pitching += count * (moment + 2 * spin * lean * bend * x.pitch_rate * hinge_rate)
             if not center:
                 hinge -= p.panel_span / 2 * across + spin * lean * bend * x.pitch_rate**2
-            t = (lean, plate.aft * lean, by_hinge)
-            turned = (0.0, spin * lean**2, 0.0 if center else roll)
-            for i in range(3):
-                mass[i][i] += count * turned[i]
-                for j in range(3):
-                    mass[i][j] += count * plate.mass * t[i] * t[j]
+            t = ca.vertcat(lean, plate.aft * lean, by_hinge)
+            turned = ca.vertcat(0.0, spin * lean**2, 0.0 if center else roll)
+            mass += count * (ca.diag(turned) + plate.mass * t @ t.T)
 
     def added(X: Quantity, Z: Quantity, pitching: Quantity, hinge: Quantity) -> Loads[Quantity]:
         lift, drag = X * sin_alpha - Z * cos_alpha, -(X * cos_alpha + Z * sin_alpha)
@@ -239,12 +236,13 @@ def _with_apparent_mass(
         )
 
     base = rates_from_loads(x, added(X, Z, pitching, hinge), p, NEWTON)
-    first = base.speed * sin_alpha + x.speed * cos_alpha * base.alpha, base.pitch_rate, base.dihedral_rate
+    descent_rate = base.speed * sin_alpha + x.speed * cos_alpha * base.alpha
+    first = ca.vertcat(descent_rate, base.pitch_rate, base.dihedral_rate)
     c2 = 2 * p.inertia_yaw - 2 * p.inertia_pitch + p.panel_mass * p.panel_span**2 / 6
-    own = 3 * p.panel_mass, 3 * p.inertia_pitch + c2 * sin_eta**2, 2 * NEWTON.hinge_inertia(x.dihedral, p)
-    whole = [[entry + own[i] * (i == j) for j, entry in enumerate(row)] for i, row in enumerate(mass)]
-    less = _solved(whole, _times(mass, first))
-    forces = _times(mass, [one - other for one, other in zip(first, less, strict=True)])
+    hinge_inertia = 2 * NEWTON.hinge_inertia(x.dihedral, p)
+    own = ca.diag(ca.vertcat(3 * p.panel_mass, 3 * p.inertia_pitch + c2 * sin_eta**2, hinge_inertia))
+    # Both matrices are symmetric, their sum positive definite: L D L' keeps the digits that a symbolic QR loses.
+    forces = mass @ (first - ca.ldl_solve(mass @ first, *ca.ldl(own + mass)))
     by_the_hinge = (forces[2] - third * cos_eta * forces[0]) / 2
     return added(X, Z - forces[0], pitching - forces[1], hinge - by_the_hinge)
 
@@ -257,21 +255,6 @@ def _plates(p: Any, air: Quantity) -> tuple[_Plate, _Plate]:
         _Plate(mass[0], p.chord / 2, p.panel_span, p.chord / 4),
         _Plate(mass[1], chord / 2, p.tail_area / chord, p.boom_length + chord / 4),
     )
-
-
-def _times(A: list[list[Quantity]], b: Sequence[Quantity]) -> list[Quantity]:
-    return [sum(entry * value for entry, value in zip(row, b, strict=True)) for row in A]
-
-
-def _solved(A: list[list[Quantity]], b: list[Quantity]) -> list[Quantity]:
-    """A⁻¹ b, A symmetric and positive definite: elimination, which then needs no pivots."""
-    rows = [[*row, value] for row, value in zip(A, b, strict=True)]
-    for i, pivot in enumerate(rows):
-        for j, row in enumerate(rows):
-            if j != i:
-                factor = row[i] / pivot[i]
-                rows[j] = [entry - factor * other for entry, other in zip(row, pivot, strict=True)]
-    return [row[-1] / row[i] for i, row in enumerate(rows)]
 
 
 def _signals() -> dict[str, Signal]:
