@@ -38,21 +38,6 @@ def test_loads_at_trim_are_those_of_steady_flight(aircraft: Aircraft, degrees: f
     assert loads.hinge_moment == pytest.approx(p.hinge_stiffness * point.states.dihedral, abs=1e-6)
 
 
-def test_loads_give_the_rates(aircraft: Aircraft) -> None:
-    """Forces and moments of `loads` against the accelerations of `rates`, away from trim."""
-    p = aircraft.parameters
-    for state, control in zip(*random_points(50, seed=9), strict=True):
-        x, found, loads = State(*state), State(*aircraft.rates(state, control)), aircraft.loads(state, control)
-        gamma = x.pitch - x.alpha
-        drag_force = loads.thrust * np.cos(x.alpha) - loads.drag
-        assert found.speed == pytest.approx(drag_force / (3 * p.panel_mass) - p.gravity * np.sin(gamma), rel=1e-10)
-        pitch_inertia = 3 * p.inertia_pitch
-        growth = 2 * p.inertia_yaw - 2 * p.inertia_pitch + p.panel_mass * p.panel_span**2 / 6
-        pitch_inertia += growth * np.sin(x.dihedral) ** 2
-        momentum_change = growth * np.sin(2 * x.dihedral) * x.dihedral_rate * x.pitch_rate
-        assert pitch_inertia * found.pitch_rate + momentum_change == pytest.approx(loads.pitching_moment, rel=1e-9)
-
-
 def test_controls_act_in_the_right_direction(aircraft: Aircraft) -> None:
     """More thrust speeds up; trailing edge down on the tail pitches down, on the outer wings raises the tips."""
     model = linearize(aircraft, find_operating_point(aircraft, level_flight(DEGREES_15)), full=True)

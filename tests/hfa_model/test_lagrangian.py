@@ -2,49 +2,85 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import cache
+from typing import Any
+
 import casadi as ca
 import numpy as np
 import pytest
 from lagrangian import lagrangian_rates, mechanical_energy
-from random_points import RATE_SCALES, by_name, random_points, rates_function, symbols
+from random_points import RATE_SCALES, by_name, random_points, rates, symbols
 
-from hfa_model import STATES, Input, Parameters, State
+from hfa_model import STATES, Input, Parameters, State, kinematics
 from hfa_model.aerodynamics import aircraft_loads
 from hfa_model.atmosphere import density
 from hfa_model.dynamics import rates_from_loads
+from hfa_model.kinematics import DISTURBANCES, STILL_AIR, Winds, winds_named
 from hfa_model.variants import Newton, Published, Variant
 from hfa_model.vectors import Quantity
 
-
-@pytest.fixture(scope="module")
-def judge() -> ca.Function:
-    """(x, u, p) -> dX/dt by the Euler-Lagrange equations."""
-    x, u, p = symbols()
-    state, control, parameters = by_name(x, u, p)
-    return ca.Function(
-        "judge", [x, u, p], [ca.vertcat(*lagrangian_rates(state, control, density(state.altitude), parameters))]
-    )
+NAMES = tuple(DISTURBANCES)
 
 
-def disagreement(judge: ca.Function, variant: Variant, parameters: Parameters, count: int = 1000) -> State:
+def function_of(rates: Callable[..., State], moving: bool, **drag: bool) -> ca.Function:
+    """(x, u, p, w) -> dX/dt by these equations, in still air or with all named winds."""
+    (x, u, p), w = symbols(), ca.SX.sym("w", len(NAMES))
+    winds = winds_named(NAMES, ca.vertsplit(w), **drag) if moving else STILL_AIR
+    return ca.Function("rates", [x, u, p, w], [ca.vertcat(*rates(*by_name(x, u, p), winds))])
+
+
+@cache
+def judge(moving: bool, **drag: bool) -> ca.Function:
+    """The Euler-Lagrange equations."""
+    return function_of(lambda x, u, p, w: lagrangian_rates(x, u, density(x.altitude), p, w), moving, **drag)
+
+
+def disagreement(judge: ca.Function, variant: Variant, parameters: Parameters, count: int, **air: bool) -> State:
     """Largest |difference| of each rate over random points, relative to the rate or, near zero, to its scale.
 
     The parameters vary too, by some 20 percent each.
     """
-    closed_form = rates_function(variant)
-    spread = np.random.default_rng(5).normal(size=(count, len(parameters))) * 0.2
+    closed_form = function_of(lambda x, u, p, w: rates(x, u, p, variant, w), **air)
+    random = np.random.default_rng(5)
+    spread, winds = random.normal(size=(count, len(parameters))) * 0.2, random.uniform(-15, 15, (count, len(NAMES)))
     worst = np.zeros(len(STATES))
-    for state, control, noise in zip(*random_points(count, seed=4), spread, strict=True):
+    for state, control, noise, wind in zip(*random_points(count, seed=4), spread, winds, strict=True):
         aircraft = np.array(parameters) * np.exp(noise)
-        expected = np.array(judge(state, control, aircraft)).ravel()
-        found = np.array(closed_form(state, control, aircraft)).ravel()
+        expected = np.array(judge(state, control, aircraft, wind)).ravel()
+        found = np.array(closed_form(state, control, aircraft, wind)).ravel()
         worst = np.maximum(worst, np.abs(found - expected) / np.maximum(np.abs(expected), RATE_SCALES))
     return State(*worst.tolist())
 
 
-def test_newton_equals_the_euler_lagrange_equations(judge: ca.Function, parameters: Parameters) -> None:
-    worst = disagreement(judge, Newton(), parameters)
+def test_newton_equals_the_euler_lagrange_equations(parameters: Parameters) -> None:
+    worst = disagreement(judge(False), Newton(), parameters, 1000, moving=False)
     assert max(worst) <= 1e-12, worst
+
+
+@pytest.mark.parametrize("ground_drag", [False, True])
+def test_newton_in_wind_equals_the_euler_lagrange_equations(parameters: Parameters, ground_drag: bool) -> None:
+    known = judge(True, ground_drag=ground_drag)
+    assert max(disagreement(known, Newton(), parameters, 100, moving=True, ground_drag=ground_drag)) <= 1e-11
+    assert max(disagreement(known, Newton(), parameters, 20, moving=True, ground_drag=not ground_drag)) > 1e-3
+
+
+def from_the_wrong_side(x: State, p: Parameters, winds: Winds) -> kinematics.Flow:
+    wind = winds.outer
+    return kinematics.outer_flow(x, p, winds._replace(outer=wind._replace(outward=-wind.outward)))
+
+
+@pytest.mark.parametrize(
+    ("place", "wrong"),
+    [
+        ("hfa_model.aerodynamics.outer_flow", from_the_wrong_side),
+        ("hfa_model.kinematics._forward", lambda x, wind: x.speed * ca.cos(x.alpha)),  # not in body axes
+    ],
+)
+def test_a_wrong_wind_is_seen(parameters: Parameters, monkeypatch: pytest.MonkeyPatch, place: str, wrong: Any) -> None:
+    known = judge(True)
+    monkeypatch.setattr(place, wrong)
+    assert max(disagreement(known, Newton(), parameters, 20, moving=True)) > 1e-3
 
 
 class _WrongCoupling(Newton):
@@ -76,16 +112,14 @@ class _WrongProjection(Newton):
         (_WrongProjection(), "pitch_rate"),
     ],
 )
-def test_one_wrong_term_is_seen_in_its_equation(
-    judge: ca.Function, parameters: Parameters, variant: Variant, rate: str
-) -> None:
-    worst = disagreement(judge, variant, parameters, count=20)._asdict()
+def test_one_wrong_term_is_seen_in_its_equation(parameters: Parameters, variant: Variant, rate: str) -> None:
+    worst = disagreement(judge(False), variant, parameters, 20, moving=False)._asdict()
     assert worst.pop(rate) > 1e-10
     assert max(worst.values()) <= 1e-12, worst
 
 
-def test_published_differs_from_newton_in_two_equations_only(judge: ca.Function, parameters: Parameters) -> None:
-    worst = disagreement(judge, Published(), parameters, count=100)._asdict()
+def test_published_differs_from_newton_in_two_equations_only(parameters: Parameters) -> None:
+    worst = disagreement(judge(False), Published(), parameters, 100, moving=False)._asdict()
     assert worst.pop("pitch_rate") > 0.1
     assert worst.pop("dihedral_rate") > 0.1
     assert max(worst.values()) <= 1e-12, worst

@@ -17,7 +17,7 @@ COUNT = 6000
 DETERMINED = [STATES.index(name) for name in LINEAR_STATES]
 
 
-@pytest.fixture(scope="module", params=[5.0, 10.0, 15.0])
+@pytest.fixture(scope="module", params=[5.0, 15.0])
 def at_angle(request: pytest.FixtureRequest, published_aircraft, parameter_set) -> tuple[float, LinearModel, Bands]:
     angle = float(np.radians(request.param))
     condition = level_flight(angle)

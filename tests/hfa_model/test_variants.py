@@ -84,14 +84,3 @@ def test_none_of_the_four_can_be_left_out(parameters: Parameters, repairs: tuple
 def test_published_is_gibsons_report_but_for_the_lever_and_the_hinge_inertia(parameters: Parameters) -> None:
     assert worst(Aircraft(parameters, GibsonsLever()), ()) < 1e-12
     assert worst(Aircraft(parameters, "published"), ()) > 1e-2
-
-
-def test_the_moving_hinge_is_both_terms_in_the_dihedral_rate(parameters: Parameters) -> None:
-    """-(m s/2) w_h sin η η', w_h = V sin α + (s/3) cos η η': the η' term and half of the η'² term of `published`."""
-    p = parameters
-    for row in random_points(100, seed=5)[0]:
-        x = State(*row)._replace(pitch_rate=0.0)
-        hinge_descent = x.speed * sin(x.alpha) + p.panel_span / 3 * cos(x.dihedral) * x.dihedral_rate
-        expected = -p.panel_mass * p.panel_span / 2 * hinge_descent * sin(x.dihedral) * x.dihedral_rate
-        difference = Published().hinge_coupling(x, p) - Newton().hinge_coupling(x, p)
-        assert difference == pytest.approx(expected, rel=1e-9, abs=1e-6)
