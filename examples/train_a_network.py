@@ -21,11 +21,7 @@ from verification import solve_game
 
 #: Half widths of the box: ft/s, rad, rad/s.
 BOX = np.array([7.0, 0.1, 0.1, 0.1, 0.1, 0.1])
-ACTIVATIONS = {
-    "tanh": ca.tanh,
-    "relu": lambda x: ca.fmax(x, 0.0),
-    "softplus": lambda x: ca.log(1.0 + ca.exp(x)),
-}
+ACTIVATIONS = {"tanh": ca.tanh, "relu": lambda x: ca.fmax(x, 0.0), "softplus": lambda x: ca.log(1.0 + ca.exp(x))}
 
 
 def game_at(degrees: float) -> Game:

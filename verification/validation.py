@@ -180,9 +180,7 @@ def _trim_difference(released: ReleasedTrim, model: LinearModel) -> TrimDifferen
 
 
 def _checks(
-    trims: tuple[TrimDifference, ...],
-    entries: tuple[EntryRow, ...],
-    roots: list[tuple[float, float, float]],
+    trims: tuple[TrimDifference, ...], entries: tuple[EntryRow, ...], roots: list[tuple[float, float, float]]
 ) -> tuple[Check, ...]:
     found = []
     for speed in dict.fromkeys(each.speed for each in trims):

@@ -245,7 +245,7 @@ def _flown(configuration: Configuration, loop: CompiledLoop) -> tuple[Flight, fl
                     np.all(np.abs(rows.states) <= limit, axis=1)
                     & np.isfinite(np.hstack([rows.states, rows.memory])).all(1)
                 )
-            ),
+            )
         )
         sound = np.all(np.abs(np.hstack([flight.states, flight.inputs])) <= limit, axis=1)
         sound &= np.all(np.isfinite(flight.memory), axis=1)

@@ -47,23 +47,20 @@ WORDS = (
     "x" * 5000,
 )
 _TOKENS = re.compile(r'"[^"\n]*"|[-+.\w]+|\s+|.', re.DOTALL)
-#: What an array becomes, and of a .npz file also what MATLAB has no type for.
+#: What an array becomes.
 _FILLED = (np.nan, np.inf, 1j, 1e308, 1e-320, 0.0, True, "1.5", "\x1b[31m" * 300)
+_TYPES: tuple[Any, ...] = ("M8[D]", [("x", "f8")], ">f8", "f2", "S1")
 _ARRAYS: tuple[Callable[[np.ndarray], Any], ...] = (
     *(partial(lambda value, a: np.full(a.shape, value), value) for value in _FILLED),
     *(lambda a: np.empty(0), lambda a: np.empty((0, 3)), lambda a: np.array("text"), lambda a: np.array(["a", "b"])),
     *(lambda a: np.ones((2, *a.shape)), lambda a: np.ones((400, 400)), lambda a: np.ones((1,) * 9), lambda a: a.T),
     *(lambda a: a.ravel(), lambda a: a[None], lambda a: a[:-1] if a.ndim else a, lambda a: a[::-1] if a.ndim else a),
+    *(partial(lambda kind, a: np.zeros(a.shape, dtype=kind), kind) for kind in _TYPES),
 )
-_TYPES: tuple[Any, ...] = ("M8[D]", [("x", "f8")], ">f8", "f2", "S1")
-_TYPED = tuple(partial(lambda kind, a: np.zeros(a.shape, dtype=kind), kind) for kind in _TYPES)
 _NAMES = ("A", "B", "E", "Q", "R", "W", "P", "K", "delta", "time", "basis", "states", "schema", "x" * 300, "\x1b[31m")
 
 _AT = ("--dihedral", "15")
-_FLOWN = ("fly", *_AT, "--duration", "0.02")
 _PROVED = ("prove", "schedule", "--dihedral", "15:15.001")
-SWEPT = ("sweep", "--dihedral", "5:8:1", "-o", "points.zarr")
-MEMBERS = ("monte-carlo", *_AT, "--law", "exact", "--samples", "5", "--duration", "0.1", "-o", "members.zarr")
 CONDITION = """description = "slow"
 free = ["speed"]
 [impose]
@@ -115,8 +112,6 @@ WAYS: dict[str, tuple[str, ...]] = {
     "table.json": (*_PROVED, "--weights", "{}"),
     "table.npz": (*_PROVED, "--weights", "{}"),
     **dict.fromkeys(("certificate.json", "game.json"), ("prove", "--check", "{}")),
-    "points.zarr": (*SWEPT, "--resume"),
-    "members.zarr": (*MEMBERS, "--resume"),
 }
 
 
@@ -162,7 +157,7 @@ def _hostile_text(content: bytes, chance: random.Random) -> bytes:
     return "".join(tokens).encode("utf-8", "replace")
 
 
-def _hostile_arrays(arrays: Mapping[str, Any], chance: random.Random, changes: Sequence[Any]) -> dict[str, Any]:
+def _hostile_arrays(arrays: Mapping[str, Any], chance: random.Random) -> dict[str, Any]:
     result = {name: np.asarray(array) for name, array in arrays.items() if not name.startswith("_")}
     for _ in range(chance.randint(1, 3)):
         name = chance.choice(list(result) or ["A"])
@@ -173,13 +168,13 @@ def _hostile_arrays(arrays: Mapping[str, Any], chance: random.Random, changes: S
             case 1:
                 result[chance.choice(_NAMES)] = result.pop(name, array)
             case _:
-                result[name] = np.asarray(chance.choice(changes)(array))
+                result[name] = np.asarray(chance.choice(_ARRAYS)(array))
     return result
 
 
 def _hostile_npz(content: bytes, chance: random.Random) -> bytes:
     with np.load(io.BytesIO(content)) as loaded:
-        arrays = _hostile_arrays(dict(loaded), chance, (*_ARRAYS, *_TYPED))
+        arrays = _hostile_arrays(dict(loaded), chance)
     stream = io.BytesIO()
     with zipfile.ZipFile(stream, "w") as archive:
         for name, array in arrays.items():
@@ -195,24 +190,10 @@ def _hostile_npz(content: bytes, chance: random.Random) -> bytes:
     return stream.getvalue()
 
 
-def _hostile_mat(content: bytes, chance: random.Random) -> bytes:
-    from scipy.io import loadmat, savemat
-
-    arrays = _hostile_arrays(loadmat(io.BytesIO(content)), chance, _ARRAYS)
-    named = {re.sub(r"\W", "x", name)[:31]: array for name, array in arrays.items()}
-    stream = io.BytesIO()
-    try:
-        savemat(stream, named, format=chance.choice(("5", "4")), do_compression=chance.random() < 0.5)
-    except (TypeError, ValueError):  # what MATLAB has no type for
-        return damaged(content, chance)
-    return stream.getvalue()
-
-
 def _hostile_file(name: str, content: bytes, chance: random.Random) -> bytes:
-    stored = ".zarr" in name and not name.endswith(".json")
-    if stored or chance.random() < 0.3:
+    if name.endswith(".mat") or chance.random() < 0.3:
         return damaged(content, chance)
-    return {".npz": _hostile_npz, ".mat": _hostile_mat}.get(Path(name).suffix, _hostile_text)(content, chance)
+    return (_hostile_npz if name.endswith(".npz") else _hostile_text)(content, chance)
 
 
 def _hostile_words(chance: random.Random) -> list[str]:
@@ -243,16 +224,13 @@ def case(way: str, number: int) -> tuple[list[str], dict[str, bytes]]:
         return _hostile_words(chance), {}
     known = seeds()
     beside = [name for name in known if name in ("plant.json", "B.csv")]
-    own = [name for name in known if name == way or name.startswith(f"{way}/")]
-    given = {name: known[name] for name in (*beside, *own)}
-    changed = chance.choice(own)
-    given[changed] = _hostile_file(changed, known[changed], chance)
+    given = {name: known[name] for name in beside} | {way: _hostile_file(way, known[way], chance)}
     return [way if word == "{}" else word for word in WAYS[way]], given
 
 
 @cache
 def seeds() -> Mapping[str, bytes]:
-    """Files as the commands write them, name -> content; those of a store by their path."""
+    """Files as the commands write them, name -> content."""
     from controllers import small_controller
     from proof_cases import exact_table
     from servo_cases import SIMVFA
@@ -274,14 +252,14 @@ def seeds() -> Mapping[str, bytes]:
         Path("A.csv").write_text("a,b\n-0.2,1.0\n-2.0,-0.3\n", encoding="utf-8")
         Path("B.csv").write_text("u\n0.0\n1.0\n", encoding="utf-8")
         commands = [("trim", *_AT, "-o", "point.json"), (*_PROVED, "--weights", "table.json", "-o", "certificate.json")]
-        commands += [("prove", "solution", *_AT, "-o", "game.json"), SWEPT, MEMBERS]
+        commands.append(("prove", "solution", *_AT, "-o", "game.json"))
         for suffix in SUFFIXES:
             commands.append(("solve", "--model", "plant.json", "-o", f"critic{suffix}"))
             commands.append(("learn", "--model", "plant.json", "--set", "tick=0.5", "-o", f"history{suffix}"))
         for words in commands:
             result = hfa(*words)
             assert result.code == 0, (words, result.err)
-        return {str(path): path.read_bytes() for path in sorted(Path().rglob("*")) if path.is_file()}
+        return {str(path): path.read_bytes() for path in sorted(Path().iterdir())}
 
 
 def attempt(words: Sequence[str], given: Mapping[str, bytes]) -> str | None:

@@ -76,9 +76,7 @@ def panels_at(r: ca.SX, v: ca.SX, p: Parameters) -> tuple[Panel, Panel, Panel]:
         # The right wing (side 1) rises by a rotation of -η about the body's x axis, the left one by +η.
         roll, roll_rate = -side * r[3], -side * v[3]
         lean = ca.vertcat(
-            ca.horzcat(1, 0, 0),
-            ca.horzcat(0, ca.cos(roll), -ca.sin(roll)),
-            ca.horzcat(0, ca.sin(roll), ca.cos(roll)),
+            ca.horzcat(1, 0, 0), ca.horzcat(0, ca.cos(roll), -ca.sin(roll)), ca.horzcat(0, ca.sin(roll), ca.cos(roll))
         )
         arm = side * p.panel_span / 2
         offset = ca.vertcat(0, arm, 0) + lean @ ca.vertcat(0, arm, 0)

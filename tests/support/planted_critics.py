@@ -121,11 +121,7 @@ NAMED: dict[str, tuple[str, Plant, str]] = {
     "half cost, K": ("K", lambda game: gain(game) / 2, "the gain is half the exact one"),
     "twice, K": ("K", lambda game: gain(game) * 2, "the gain is twice the exact one"),
     "thousandfold": ("P", lambda game: 1000.0 * value(game), "every entry of P is 1000 times the exact one"),
-    "weights as P": (
-        "P",
-        lambda game: value(game) * (2.0 - np.eye(len(game.A))),
-        "of twice their size",
-    ),
+    "weights as P": ("P", lambda game: value(game) * (2.0 - np.eye(len(game.A))), "of twice their size"),
     "column order": (
         "W",
         lambda game: in_order(game, lambda row, column: np.lexsort((row, column))),

@@ -16,7 +16,5 @@ A_Z = "vertical_acceleration_short_period"
 
 def measured_servo(**changed: object) -> Design:
     """The settings of `simvfa-1` from the three measurements of its servo."""
-    settings: dict[str, object] = {
-        "sensors": {"pitch_rate": 1e-4, "dihedral_integral": 1e-4, f"{A_Z}_integral": 1e-2},
-    }
+    settings: dict[str, object] = {"sensors": {"pitch_rate": 1e-4, "dihedral_integral": 1e-4, f"{A_Z}_integral": 1e-2}}
     return replace(simvfa_design("simvfa-1"), **(settings | changed))  # type: ignore[arg-type]

@@ -13,15 +13,7 @@ from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
-from lagrangian import (
-    Panel,
-    at_state,
-    euler_lagrange,
-    kinetic_energy,
-    mechanical_energy,
-    panels_at,
-    virtual_work,
-)
+from lagrangian import Panel, at_state, euler_lagrange, kinetic_energy, mechanical_energy, panels_at, virtual_work
 
 from hfa_model.aerodynamics import panel_loads
 from hfa_model.kinematics import Flow, Winds, flow_of

@@ -29,12 +29,6 @@ def test_learning_in_flight_flies_the_baseline_then_certified_gains_and_knows_no
     cut = replace(learned, times=learned.times[:120], weights=learned.weights[:120])
     assert np.array_equal(certified_gains(newton.game, cut, 0.01)[0][:119], gains[:119])
     law = gain_law("learning", gains)
-    result = fly(
-        newton.aircraft,
-        newton.point,
-        law,
-        Scenario(duration=3.0, initial=0.5 * SMALL),
-        newton.envelope,
-    )
+    result = fly(newton.aircraft, newton.point, law, Scenario(duration=3.0, initial=0.5 * SMALL), newton.envelope)
     assert result.departure is None
     np.testing.assert_allclose(result.flight.inputs[0], -baseline @ result.flight.errors[0], rtol=1e-12)
