@@ -1,4 +1,4 @@
-"""What several test files fly: the identified aircraft with either set of equations."""
+"""How the tests run: the environment, and the fixtures of all rooms in the processes that run tests."""
 
 from __future__ import annotations
 
@@ -6,8 +6,6 @@ import gc
 import os
 import signal
 import sys
-from collections.abc import Iterator
-from pathlib import Path
 
 # Matrices of six rows gain nothing from threads; must be set before NumPy loads.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -22,15 +20,7 @@ os.environ.pop("PYTHONUNBUFFERED", None)
 if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
-import numpy as np
 import pytest
-from known_models import FlownCase, case_at, exact_gain, game_at, model_at
-from made_once import share
-
-from controller import Game
-from hfa_model import VARIANTS, Aircraft, Parameters, default_parameters
-from hfa_model.parameters import ParameterSet
-from trim import OperatingPoint
 
 sys.dont_write_bytecode = False  # as above, for this process
 gc.set_threshold(50_000, 20, 20)  # what the test files load and define stays
@@ -40,63 +30,7 @@ def pytest_collection_finish() -> None:
     gc.freeze()  # thousands of tests, which are never garbage
 
 
-@pytest.fixture(autouse=True, scope="session")
-def made_once() -> Iterator[None]:
-    with pytest.MonkeyPatch.context() as patched:
-        share(patched)
-        yield
-
-
-@pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """An empty one, in which the test runs."""
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
-
-
-@pytest.fixture(scope="session")
-def parameter_set() -> ParameterSet:
-    return default_parameters()
-
-
-@pytest.fixture(scope="session")
-def parameters(parameter_set: ParameterSet) -> Parameters:
-    return parameter_set.values
-
-
-@pytest.fixture(scope="session", params=sorted(VARIANTS))
-def aircraft(request: pytest.FixtureRequest, parameters: Parameters) -> Aircraft:
-    """The identified aircraft, once with each set of equations."""
-    return Aircraft(parameters, request.param)
-
-
-@pytest.fixture(scope="session")
-def published_aircraft(parameters: Parameters) -> Aircraft:
-    return Aircraft(parameters, "published")
-
-
-@pytest.fixture(scope="session")
-def point() -> OperatingPoint:
-    """What `--dihedral 15` means: the trim, and below its game and the exact gain."""
-    return model_at(15.0).point
-
-
-@pytest.fixture(scope="session")
-def game() -> Game:
-    return game_at(15.0)
-
-
-@pytest.fixture(scope="session")
-def gain() -> np.ndarray:
-    return exact_gain(15.0)
-
-
-@pytest.fixture(scope="session", params=["published", "newton"])
-def at_15(request: pytest.FixtureRequest, parameters: Parameters) -> FlownCase:
-    """The exact gain at 15 degrees, on each set of equations."""
-    return case_at(parameters, request.param, 15.0)
-
-
-@pytest.fixture(scope="session")
-def newton(parameters: Parameters) -> FlownCase:
-    return case_at(parameters, "newton", 15.0)
+def pytest_configure(config: pytest.Config) -> None:
+    """The process that only starts workers needs no fixtures, and not the second of importing what they use."""
+    if hasattr(config, "workerinput") or not config.getoption("numprocesses", None):
+        config.pluginmanager.import_plugin("shared_fixtures")

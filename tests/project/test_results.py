@@ -82,17 +82,14 @@ def results() -> dict[str, Any]:
         controller.gain_law("mine", gain),
         controller.Scenario(gust=controller.OneMinusCosine(100.0, 3.0, 68.0)),
     )
-    return {type(result).__name__: result for result in found}
-
-
-def test_every_result_is_here() -> None:
-    assert list(results()) == list(SHOWN)
+    return dict(zip(SHOWN, found, strict=True))
 
 
 @pytest.mark.parametrize("name", SHOWN)
 def test_a_result_shows_its_report(name: str) -> None:
     result = results()[name]
     shown = repr(result)
+    assert type(result).__name__ == name
     assert SHOWN[name] in shown
     assert "array(" not in shown
     assert len(shown) < 10_000
@@ -118,12 +115,6 @@ def test_an_aircraft_from_a_pickle_gives_the_same_rates() -> None:
     newton = hfa_model.Aircraft(aircraft.parameters, "newton")
     np.testing.assert_array_equal(again.rates(x, point.inputs), newton.rates(x, point.inputs))
     assert not np.array_equal(again.rates(x, point.inputs), aircraft.rates(x, point.inputs))
-
-
-def test_an_aircraft_without_parameters_is_the_identified_one() -> None:
-    aircraft = hfa_model.Aircraft()
-    assert aircraft.parameters == hfa_model.default_parameters().values
-    assert aircraft.variant.name == "published"
 
 
 def test_linear_models_are_equal_by_their_values() -> None:

@@ -1,0 +1,78 @@
+"""What several test files fly: the identified aircraft with either set of equations."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from known_models import FlownCase, case_at, exact_gain, game_at, model_at
+from made_once import share
+
+from controller import Game
+from hfa_model import VARIANTS, Aircraft, Parameters, default_parameters
+from hfa_model.parameters import ParameterSet
+from trim import OperatingPoint
+
+
+@pytest.fixture(autouse=True, scope="session")
+def made_once() -> Iterator[None]:
+    with pytest.MonkeyPatch.context() as patched:
+        share(patched)
+        yield
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """An empty one, in which the test runs."""
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.fixture(scope="session")
+def parameter_set() -> ParameterSet:
+    return default_parameters()
+
+
+@pytest.fixture(scope="session")
+def parameters(parameter_set: ParameterSet) -> Parameters:
+    return parameter_set.values
+
+
+@pytest.fixture(scope="session", params=sorted(VARIANTS))
+def aircraft(request: pytest.FixtureRequest, parameters: Parameters) -> Aircraft:
+    """The identified aircraft, once with each set of equations."""
+    return Aircraft(parameters, request.param)
+
+
+@pytest.fixture(scope="session")
+def published_aircraft(parameters: Parameters) -> Aircraft:
+    return Aircraft(parameters, "published")
+
+
+@pytest.fixture(scope="session")
+def point() -> OperatingPoint:
+    """What `--dihedral 15` means: the trim, and below its game and the exact gain."""
+    return model_at(15.0).point
+
+
+@pytest.fixture(scope="session")
+def game() -> Game:
+    return game_at(15.0)
+
+
+@pytest.fixture(scope="session")
+def gain() -> np.ndarray:
+    return exact_gain(15.0)
+
+
+@pytest.fixture(scope="session", params=["published", "newton"])
+def at_15(request: pytest.FixtureRequest, parameters: Parameters) -> FlownCase:
+    """The exact gain at 15 degrees, on each set of equations."""
+    return case_at(parameters, request.param, 15.0)
+
+
+@pytest.fixture(scope="session")
+def newton(parameters: Parameters) -> FlownCase:
+    return case_at(parameters, "newton", 15.0)
