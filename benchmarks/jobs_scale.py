@@ -34,8 +34,8 @@ from studies.section5.critic_policy import CriticPolicy, critic_law
 from trim.linear.linear_model import level_model
 from trim.point.condition import level_flight
 from trim.point.solve import find_operating_point
-from trim.sweeps.sweep import stream_sweep
 from trim.sweeps.sweep_plan import Steps, SweepPlan
+from trim.sweeps.sweep_store import stream_sweep
 
 _EFFICIENCY = 0.85
 #: A row of the largest job may cost this much more than one of the cheapest smaller one, and need as much memory.

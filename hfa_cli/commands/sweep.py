@@ -21,7 +21,7 @@ from hfa_support.errors import BadInputError
 from hfa_support.reporting.report import Report
 from trim.point.condition import TrimCondition
 from trim.sweeps.points import condition_at
-from trim.sweeps.sweep import MOST_POINTS, run_plan, stored_sweep_report, stream_sweep
+from trim.sweeps.sweep import MOST_POINTS, run_plan
 from trim.sweeps.sweep_plan import SweepPlan
 
 #: Suffixes of a store and of a unit of the models between the points; options that only a store has.
@@ -134,7 +134,7 @@ def _in_memory(plan: SweepPlan, arguments: argparse.Namespace) -> tuple[Report, 
     if arguments.picture is not None and not result.trimmed.any():
         notes.append(f"nothing to draw: {arguments.picture} is not written")
     else:
-        draw(arguments.picture, result.root_locus.figure)
+        draw(arguments.picture, result.figure)
     if arguments.output is not None and arguments.output.suffix.lower() == UNIT:
         from controller.export.exported_loop import interpolated_loop
         from controller.export.fmu import write_fmu
@@ -148,6 +148,8 @@ def _in_memory(plan: SweepPlan, arguments: argparse.Namespace) -> tuple[Report, 
 
 def _in_store(plan: SweepPlan, arguments: argparse.Namespace) -> tuple[Report, bool]:
     """The report of the store, and whether any point has a trim."""
+    from trim.sweeps.sweep_store import stored_sweep_report, stream_sweep
+
     crew, origin = trims.crew_of(arguments), provenance().to_dict()
     store = stream_sweep(plan, arguments.output, **crew, provenance=origin, progress=ProgressLine("sweep"))
     report = stored_sweep_report(plan, store, arguments.output)

@@ -22,7 +22,7 @@ from trim.point.condition import usual_condition
 from trim.point.operating_point import OperatingPoint
 from trim.point.solve import other_trims
 from trim.point.trim_report import trim_report
-from trim.sweeps.sweep import stored_sweep_report, stream_sweep
+from trim.sweeps.sweep_store import stored_sweep_report, stream_sweep
 
 #: Stevens and Lewis, table 3.6-3: xcg, what is held, rates, alpha, beta, throttle, elevator, aileron, rudder.
 TRIMS = [

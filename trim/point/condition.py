@@ -204,7 +204,7 @@ def load_condition(name: str, usual: TrimCondition = LEVEL_FLIGHT) -> TrimCondit
     with _deg behind it (alpha_deg), in rad without. free: list of variables. [limits]: variable = [lowest, highest],
     likewise. BadInputError names the file, the entry and the fault.
     """
-    data, model = read_named("condition", name, NAMED, "trim.conditions", _FILE), usual.model
+    data, model = read_named("condition", name, NAMED, "trim.point", _FILE), usual.model
 
     def variable(key: str, *also: str) -> tuple[str, float]:
         """The variable that a key names, and the factor from its unit."""

@@ -1,21 +1,19 @@
-"""Trims and linear models over many points: one function makes the named arrays of a sweep in memory or in a store."""
+"""Trims and linear models over many points: the function that makes their arrays, and a sweep in memory."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
-from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from hfa_model.aircraft import Aircraft
 from hfa_support.errors import BadInputError
-from hfa_support.jobs.store import Array, Layout, Store, Task, described, stream
 from hfa_support.model import Model
 from hfa_support.progress import Progress
 from hfa_support.reporting.fields import ByValue
+from hfa_support.reporting.figure import new_figure
 from hfa_support.reporting.report import Picture, Report, Reported
 from hfa_support.reporting.text import RowsMade, Table, eigenvalue_text, shown_unit, shown_value
 from trim.linear.kinks import kinks_in
@@ -23,36 +21,19 @@ from trim.linear.modes import fastest_first, modes_of, track_modes
 from trim.point.condition import TrimCondition
 from trim.point.operating_point import OperatingPoint, Status
 from trim.point.solve import beyond_limits
-from trim.sweeps.points import (
-    BEYOND_LIMITS,
-    COMPILE_FROM,
-    STATUS,
-    TRIMMED,
-    condition_at,
-    is_square,
-    model_at,
-    parameters_at,
-    trim_points,
-)
-from trim.sweeps.root_locus import RootLocus
+from trim.sweeps.points import BEYOND_LIMITS, TRIMMED, condition_at, model_at, parameters_at, trim_points
 from trim.sweeps.sweep_plan import SweepPlan
 
-SCHEMA, STORE_SCHEMA, SUMMARY_SCHEMA = "hfa.sweep/1", "hfa.sweep-store/1", "hfa.sweep-summary/1"
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
 #: Of a sweep in memory.
 MOST_POINTS = 1_000_000
-#: Points of a chunk: half a second of work or more, about 90 MB of results.
-CHUNK = 100_000
-#: The same where each point is trimmed on its own: seconds of work.
-SLOW_CHUNK = 1_000
 #: Points of a chunk in which kinks are looked for where the sweep runs as machine code.
 LOOKED_AT = 2_000
-_NAN = float("nan")
-
-
-def task_of(plan: SweepPlan, start: int, stop: int) -> Task:
-    """Arguments of `run_points` for rows start .. stop - 1."""
-    compiled = plan.count >= COMPILE_FROM
-    return plan.aircraft, plan.variables, plan.values(start, stop), plan.condition, plan.start, compiled
+#: A mode is slow when it never has a larger share of the fastest eigenvalue.
+_SLOW = 0.15
 
 
 def run_points(
@@ -64,7 +45,7 @@ def run_points(
     compile_code: bool,
     progress: Progress | None = None,
 ) -> dict[str, Any]:
-    """The points of a task: the arrays of `arrays_of` by name, and `failures` and `kinked`, words by point. What a
+    """The points of a task: the arrays of a store by name, and `failures` and `kinked`, words by point. What a
     worker runs."""
     options: Any = {"start": start, "compile_code": compile_code, "progress": progress}
     points, model = trim_points(aircraft, variables, values, condition, **options), aircraft.model
@@ -80,113 +61,6 @@ def run_points(
     columns = dict(zip(variables, values.T, strict=True))
     found = {"values": values, "eigenvalues": eigenvalues, "kinks": kinks, "kinked": kinked}
     return points._asdict() | columns | found
-
-
-def arrays_of(plan: SweepPlan) -> dict[str, Array]:
-    """What `run_points` makes of a plan: one row a point."""
-    states, inputs, variables = tuple(plan.model.states), tuple(plan.model.inputs), plan.variables
-
-    def numbers(meaning: str, units: str, *axes: tuple[str, Sequence[str]], of: str = "units_of") -> Array:
-        shape, kind = tuple(len(names) for _, names in axes), "float64"
-        return Array(shape, kind, _NAN, tuple(axis for axis, _ in axes), described(meaning, **{of: units}))
-
-    def coded(meaning: str, words: Sequence[str]) -> Array:  # by the CF conventions
-        flags = {"flag_values": list(range(len(words)))}
-        meanings = " ".join(word.replace(" ", "_") for word in words)
-        return Array((), "int8", -1, (), described(meaning) | flags | {"flag_meanings": meanings})
-
-    varied = zip(variables, plan.units, strict=True)
-    state, control, rate = ("state", states), ("input", inputs), ("rate", states)
-    poles = described("of A, fastest first", "1/s")
-    return {name: numbers("what is varied", unit, of="units") for name, unit in varied} | {
-        "values": numbers("what is varied", "variable_unit", ("variable", variables)),
-        "status": coded("how the trim came out", STATUS),
-        "limiting": coded("what lies beyond its limit", states + inputs),
-        "states": numbers("X0", "state_unit", state),
-        "inputs": numbers("U0", "input_unit", control),
-        "A": numbers("dx'/dx", "rate_unit / state_unit", rate, state),
-        "B": numbers("dx'/du", "rate_unit / input_unit", rate, control),
-        "eigenvalues": Array((len(states),), "complex128", complex(_NAN, _NAN), ("mode",), poles),
-        "kinks": Array(
-            (), "int16", -1, (), described("entries of A and B whose one-sided slopes differ, -1 where not looked for")
-        ),
-    }
-
-
-@dataclass(frozen=True, eq=False)
-class SweepJob:
-    """A plan as a job of `stream`."""
-
-    plan: SweepPlan
-
-    @cached_property
-    def layout(self) -> Layout:
-        """The arrays of `arrays_of`, the names on their axes and the units of these."""
-        plan, model = self.plan, self.plan.model
-        states, inputs = tuple(model.states), tuple(model.inputs)
-        state_units, input_units = model.units(states), model.units(inputs)
-        labels = {
-            "variable": ("variable", plan.variables),
-            "variable_unit": ("variable", plan.units),
-            "state": ("state", states),
-            "state_unit": ("state", state_units),
-            "rate": ("rate", states),
-            "rate_unit": ("rate", tuple(map(model.rate_unit, states))),
-            "input": ("input", inputs),
-            "input_unit": ("input", input_units),
-        }
-        attributes = {
-            "coordinates": " ".join((*plan.variables, *(name for name in labels if name.endswith("_unit")))),
-            **plan.varied,
-            **{"states": list(states), "state_units": list(state_units)},
-            **{"inputs": list(inputs), "input_units": list(input_units)},
-            "status": list(STATUS),
-            "limiting": list(states + inputs),
-            "warnings": plan.warnings,
-        }
-        chunk = CHUNK if is_square(model, plan.variables, plan.condition) else SLOW_CHUNK
-        arrays = arrays_of(plan)
-        return Layout(STORE_SCHEMA, "sweep", plan.count, "point", chunk, plan.to_dict(), arrays, labels, attributes)
-
-    @property
-    def function(self) -> Callable[..., Mapping[str, np.ndarray]]:
-        """What workers run."""
-        return run_points
-
-    def task(self, start: int, stop: int) -> Task:
-        """Its arguments for some rows."""
-        return task_of(self.plan, start, stop)
-
-
-def stream_sweep(plan: SweepPlan, path: Path, **options: Any) -> Store:
-    """Every point of the plan in the store at `path`; options of `stream`."""
-    return stream(SweepJob(plan), path, **options)
-
-
-def stored_sweep_report(plan: SweepPlan, store: Store, path: Path) -> Report:
-    """Points by status, "missing" for those not computed yet; how many lie at a kink."""
-    totals, kinks, notes = np.zeros(len(STATUS) + 1, dtype=int), 0, plan.warnings
-    for start in range(0, plan.count, store.chunk):
-        rows = slice(start, start + store.chunk)
-        totals += np.bincount(store.read("status", rows) + 1, minlength=len(totals))
-        kinks += int(np.count_nonzero(store.read("kinks", rows) > 0))
-    if kinks:
-        notes.append(f"kinks at {kinks} points: one-sided slopes differ from A or B (the array kinks counts entries)")
-    counts = dict(zip(("missing", *STATUS), totals.tolist(), strict=True))
-    return Report(
-        title=f"Sweep over {', '.join(plan.variables)}, {plan.model.title}, in {path}",
-        parts=(Table(("status", "points"), [(status, str(count)) for status, count in counts.items()]),),
-        notes=notes,
-        data={
-            "schema": SUMMARY_SCHEMA,
-            "store": str(path),
-            "dynamics": plan.model.name,
-            **plan.varied,
-            "points": plan.count,
-            "counts": counts,
-            "warnings": notes,
-        },
-    )
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -213,11 +87,6 @@ class Sweep(ByValue, Reported):
     kinks: dict[int, tuple[str, ...]] = field(default_factory=dict)
 
     @property
-    def dynamics(self) -> str:
-        """Name of the dynamics."""
-        return self.model.name
-
-    @property
     def model(self) -> Model:
         """Whose trims these are."""
         return self.plan.model
@@ -228,20 +97,51 @@ class Sweep(ByValue, Reported):
         return self.plan.variables
 
     @property
-    def units(self) -> tuple[str, ...]:
-        """Unit of each variable, in order."""
-        return self.plan.units
-
-    @property
     def trimmed(self) -> np.ndarray:
         """(N,) true where a trim was found."""
         return np.array([reason == "" for reason in self.reasons])
 
     @property
-    def root_locus(self) -> RootLocus:
-        """The eigenvalues over the last variable."""
-        variable, unit = self.variables[-1], self.units[-1]
-        return RootLocus(variable, unit, self.values[:, -1], self.eigenvalues, self.mode_names, self.model.title)
+    def slow(self) -> np.ndarray:
+        """(n,) which eigenvalues stay slow: below a share of the fastest everywhere."""
+        size = np.nanmax(np.abs(self.eigenvalues), axis=0)
+        return np.asarray(size < _SLOW * size.max())
+
+    def figure(self) -> Figure:
+        """The root locus over the last variable: one color a mode, the slow ones enlarged; both ends marked.
+
+        BadInputError when no point has a trim: there is nothing to draw.
+        """
+        if not self.mode_names:
+            raise BadInputError("no point of the sweep has a trim: there is no root locus to draw")
+        slow = self.slow
+        parts = [("all modes", np.ones(len(slow), dtype=bool))]
+        if slow.any() and not slow.all():
+            parts.append(("the slow modes", slow))
+        figure = new_figure(10.0, 5.2)
+        for axes, (title, shown) in zip(figure.subplots(1, len(parts), squeeze=False)[0], parts, strict=True):
+            self._draw(axes, shown)
+            axes.set_title(f"{self.model.title}, {title}", fontsize=10)
+        handles, labels = figure.axes[0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside upper center", ncols=4, fontsize=8)
+        return figure
+
+    def _draw(self, axes: Axes, shown: np.ndarray) -> None:
+        """The columns that are shown, a line a mode, and both ends of the line."""
+        names = list(dict.fromkeys(self.mode_names))
+        for column in np.flatnonzero(shown).tolist():
+            name, roots = self.mode_names[column], self.eigenvalues[:, column]
+            style = ("-", "--", "-.", ":")[names.index(name) % 4]
+            label = name if column == self.mode_names.index(name) else None
+            axes.plot(roots.real, roots.imag, style, color=f"C{names.index(name)}", label=label)
+        for end, marker in zip(np.flatnonzero(self.trimmed)[[0, -1]], "os", strict=True):
+            roots, unit = self.eigenvalues[end, shown], self.plan.units[-1]
+            note = f"{self.variables[-1]} {shown_value(self.values[end, -1], unit, '.4g')} {shown_unit(unit)}"
+            axes.plot(roots.real, roots.imag, marker, color="black", fillstyle="none", markersize=5, label=note)
+        axes.axvline(0.0, color="gray", linewidth=0.8)
+        axes.set_xlabel("real part, 1/s")
+        axes.set_ylabel("imaginary part, 1/s")
+        axes.grid(alpha=0.3)
 
     def report(self) -> Report:
         """One line a point: the varied values and the eigenvalues of each mode, or why there is no trim.
@@ -253,7 +153,7 @@ class Sweep(ByValue, Reported):
         members = [[i for i, each in enumerate(self.mode_names) if each == name] for name in modes]
 
         def varied(i: int) -> tuple[str, ...]:
-            return tuple(map(shown_value, self.values[i], self.units))
+            return tuple(map(shown_value, self.values[i], self.plan.units))
 
         def row(i: int) -> tuple[str, ...]:
             if self.reasons[i]:
@@ -266,14 +166,14 @@ class Sweep(ByValue, Reported):
             where = f"{len(self.kinks)} of {count} points, the first at {', '.join(varied(first))}"
             warnings.append(f"{words[0]} ({where})")
         header = (
-            *(f"{name} {shown_unit(unit)}" for name, unit in zip(self.variables, self.units, strict=True)),
+            *(f"{name} {shown_unit(unit)}" for name, unit in zip(self.variables, self.plan.units, strict=True)),
             *(f"{name} 1/s" for name in modes),
         )
         failures = [f"{', '.join(varied(i))}: {reason}" for i, reason in enumerate(self.reasons) if reason]
         pictures, moving = tuple[Picture, ...](), np.ptp(self.values, axis=0) > 0
         if self.mode_names and moving.sum() == 1 and moving[-1]:
             text = f"Eigenvalues over {self.variables[-1]}"
-            pictures = (Picture("root_locus.png", text, self.root_locus.figure),)
+            pictures = (Picture("root_locus.png", text, self.figure),)
         return Report(
             title=f"Sweep, {self.model.title}: {int(self.trimmed.sum())} of {count} points trimmed",
             parts=((Table(header, RowsMade(count, row)), *failures), *pictures),
@@ -286,7 +186,7 @@ class Sweep(ByValue, Reported):
         """One row a point: the varied values, status, reason, operating point, eigenvalues, entries of A and B."""
         n, model = len(self.model_states), self.model
         header = (
-            *(f"{name} [{unit}]" for name, unit in zip(self.variables, self.units, strict=True)),
+            *(f"{name} [{unit}]" for name, unit in zip(self.variables, self.plan.units, strict=True)),
             *("status", "reason"),
             *(f"state {name} [{each.unit}]" for name, each in model.states.items()),
             *(f"input {name} [{each.unit}]" for name, each in model.inputs.items()),
@@ -312,6 +212,8 @@ class Sweep(ByValue, Reported):
         points of a list, with names, units and reasons. Needs xarray."""
         import xarray
 
+        from trim.sweeps.sweep_store import arrays_of
+
         plan, model = self.plan, self.model
         place, shape = (("point",), (plan.count,)) if plan.listed else (plan.variables, tuple(plan.sizes))
         names = {"state": tuple(model.states), "input": tuple(model.inputs), "mode": self.mode_names}
@@ -333,8 +235,8 @@ class Sweep(ByValue, Reported):
         """Names, units and arrays; complex eigenvalues as [real, imaginary]."""
         inputs = tuple(self.model.inputs)
         return {
-            "schema": SCHEMA,
-            "dynamics": self.dynamics,
+            "schema": "hfa.sweep/1",
+            "dynamics": self.model.name,
             **self.plan.varied,
             "values": self.values,
             "reasons": list(self.reasons),
@@ -388,8 +290,7 @@ def run_plan(plan: SweepPlan, *, full: bool = False, progress: Progress | None =
     """Every point of a plan with a grid, in memory; full: all states, not the linear ones alone."""
     if plan.count > MOST_POINTS:
         raise BadInputError(f"the sweep has {plan.count:,} points; a grid of at most {MOST_POINTS:,} fits in memory")
-    task, model = task_of(plan, 0, plan.count), plan.model
-    rows = run_points(*task, progress)  # type: ignore[call-arg]
+    model, rows = plan.model, run_points(*plan.task(0, plan.count), progress)  # type: ignore[call-arg]
     trimmed = rows["status"] == TRIMMED
     reasons = [rows["failures"].get(i, "") for i in range(plan.count)]
     for i in np.flatnonzero(rows["status"] == BEYOND_LIMITS).tolist():

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import math
 from collections.abc import Mapping
@@ -17,7 +16,7 @@ from hfa_support.errors import BadInputError, numbers_in, shown
 from hfa_support.model import Model
 from trim.point.condition import TrimCondition, usual_condition
 from trim.point.operating_point import OperatingPoint, beyond_range
-from trim.sweeps.points import condition_at
+from trim.sweeps.points import COMPILE_FROM, condition_at
 
 #: Of a grid, which is never made as a whole.
 MOST_POINTS = 1_000_000_000
@@ -84,11 +83,8 @@ class SweepPlan:
         for corner in np.array(list(self._ends.values())).T:
             condition_at(self.condition, self.variables, corner)
 
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, SweepPlan) and self.identity == other.identity
-
-    def __hash__(self) -> int:
-        return hash(self.identity)
+    def __eq__(self, other: object) -> bool:  # the order of the axes counts
+        return isinstance(other, SweepPlan) and json.dumps(self.to_dict()) == json.dumps(other.to_dict())
 
     @property
     def model(self) -> Model:
@@ -151,6 +147,11 @@ class SweepPlan:
         axes = (values if isinstance(values, Steps) else np.array(values) for values in self.axes.values())
         return np.stack([values[each] for values, each in zip(axes, indices, strict=True)], axis=-1)
 
+    def task(self, start: int, stop: int) -> tuple[Any, ...]:
+        """Arguments of `run_points` for rows start .. stop - 1."""
+        values, compiled = self.values(start, stop), self.count >= COMPILE_FROM
+        return self.aircraft, self.variables, values, self.condition, self.start, compiled
+
     def to_dict(self) -> dict[str, Any]:
         """The plan as JSON data; two plans with the same data visit the same points."""
         return {
@@ -162,8 +163,3 @@ class SweepPlan:
             "condition": self.condition.to_dict(),
             "start": None if self.start is None else self.start.to_dict(),
         }
-
-    @cached_property
-    def identity(self) -> str:
-        """A hash of everything that decides the results, the order of the axes included."""
-        return hashlib.sha256(json.dumps(self.to_dict()).encode()).hexdigest()

@@ -160,7 +160,7 @@ def page(job: MainJob, report: Report, origin: Provenance) -> str:
 <meta name="pictures" content="{names}"><style>{_file("page.css")}</style></head><body><main>
 <h1>{TITLE}</h1>
 <p>Both pairs of matrices (A, B) that the paper prints are {regenerated} from one set of parameters,
-{html.escape(job.sweep.dynamics)} dynamics. The learned critic {agrees} with the exact solution
+{html.escape(job.sweep.model.name)} dynamics. The learned critic {agrees} with the exact solution
 of the game at {asked} deg.
 The paper: {_PAPER}.</p>
 <nav aria-label="Contents"><ul>{contents}</ul></nav>

@@ -151,12 +151,12 @@ def locus_plot(swept: Sweep) -> InteractivePlot | None:
     """All modes, and the slow ones alone where there are slow and fast ones; None where nothing is trimmed."""
     if not swept.mode_names:
         return None
-    every, slow = np.ones(len(swept.mode_names), dtype=bool), swept.root_locus.slow
+    every, slow = np.ones(len(swept.mode_names), dtype=bool), swept.slow
     figures, text = [_locus(swept, every)], "Eigenvalues over the dihedral angle"
     if slow.any() and not slow.all():
         figures.append(_locus(swept, slow))
         text += ": all modes, and the slow ones alone"
-    return InteractivePlot("root_locus.png", text, swept.root_locus.figure, tuple(figures))
+    return InteractivePlot("root_locus.png", text, swept.figure, tuple(figures))
 
 
 def _locus(swept: Sweep, shown: np.ndarray) -> PlotlyFigure:

@@ -15,8 +15,8 @@ from hfa_model.vectors import STATE_UNITS
 from hfa_support import BadInputError
 from trim import find_operating_point, level_flight, release, sweep
 from trim.point.condition import LEVEL_FLIGHT
-from trim.sweeps.sweep import stored_sweep_report, stream_sweep
 from trim.sweeps.sweep_plan import Steps, SweepPlan
+from trim.sweeps.sweep_store import stored_sweep_report, stream_sweep
 
 ALPHA_FREE = release(LEVEL_FLIGHT, free=("alpha",), hold={"aileron_outer": 0.0})
 LIMITED = release(LEVEL_FLIGHT, limits={"throttle": (0.0, 40.0)})
@@ -84,7 +84,7 @@ def test_where_a_search_begins_is_part_of_a_plan(parameters: Parameters) -> None
         SweepPlan({"speed": (64.0, 68.0)}, Aircraft(parameters), condition=release(held, free=("alpha",)))
         for held in (LEVEL_FLIGHT, release(LEVEL_FLIGHT, hold={"alpha": 0.06}))
     ]
-    assert plans[0].identity != plans[1].identity
+    assert plans[0] != plans[1]
     assert plans[0].condition.to_dict() == {"free": ["alpha"]}
 
 

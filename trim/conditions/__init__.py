@@ -1,1 +1,0 @@
-"""Flight conditions that come with the package, one TOML file each."""
