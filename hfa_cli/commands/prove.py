@@ -217,7 +217,7 @@ def _game(arguments: argparse.Namespace) -> int:
         proof = prove_solution(named.game, *of)
     if arguments.output is not None and proof.proved:
         proof.write(arguments.output, provenance())
-    show(game_report(proof, named.states, named.origin, str(arguments.file or "")), arguments, written=True)
+    show(game_report(proof.data, named.states, named.origin, str(arguments.file or "")), arguments, written=True)
     return 0 if proof.proved else 1
 
 

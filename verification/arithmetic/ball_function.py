@@ -66,17 +66,12 @@ class BallFunction:
 
 def _operation(code: int, name: str) -> Callable[..., Any]:
     if code not in _OPERATIONS:
-        raise BadInputError(f"{name}: the operation {_NAMES.get(code, code)} is not known to ball arithmetic")
+        word = next((word for word in dir(ca) if word.startswith("OP_") and getattr(ca, word) == code), str(code))
+        raise BadInputError(
+            f"{name}: its equations use {word.removeprefix('OP_').lower()}, which a proof does not take; put a "
+            "polynomial in place of a table or a switch"
+        )
     return _OPERATIONS[code]
-
-
-_NAMES = {getattr(ca, word): word.removeprefix("OP_") for word in dir(ca) if word.startswith("OP_")}
-
-
-def operations(function: ca.Function) -> set[str]:
-    """The names of a Function's operations: MUL, FABS."""
-    codes = {function.instruction_id(index) for index in range(function.n_instructions())}
-    return {_NAMES.get(code, str(code)) for code in codes}
 
 
 def constant_part(value: Any) -> Any:

@@ -9,16 +9,8 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
-from hfa_support.errors import BadInputError
 from hfa_support.model import Model
-from verification.arithmetic.ball_function import BallFunction, operations
-
-#: CasADi's operations that are not smooth, as people write them.
-_SWITCHES = {
-    "IF_ELSE_ZERO": "if_else", "FABS": "fabs", "SIGN": "sign", "FLOOR": "floor", "CEIL": "ceil", "FMAX": "fmax",
-    "FMIN": "fmin", "FMOD": "fmod", "REMAINDER": "remainder", "COPYSIGN": "copysign", "LE": "<=", "LT": "<", "EQ": "==",
-    "NE": "!=", "NOT": "not", "AND": "and", "OR": "or",
-}  # fmt: skip
+from verification.arithmetic.ball_function import BallFunction
 
 
 class SteadyFlight(NamedTuple):
@@ -53,36 +45,22 @@ class SteadyFlight(NamedTuple):
 def steady_flight(model: Model, imposed: Mapping[str, float]) -> SteadyFlight:
     """Of a model, whatever its parameters, with the values imposed on a trim.
 
-    BadInputError names an operation that is not smooth, unless only imposed states reach it that the linear model
-    has not.
+    BadInputError names an operation that balls do not take, such as that of a table.
     """
     outputs = [name for name in imposed if name not in model.variables]
     limited = [name for name in model.outputs if np.isfinite(model.limits[name]).any() and name not in model.variables]
-    still = {*model.states} - {*model.linear}
-    known = tuple((name, value) for name, value in imposed.items() if name in still)
     free = tuple(name for name in model.variables if name not in imposed and name != model.schedule)
-    return _steady_flight(model, known, free, tuple(outputs), tuple(dict.fromkeys((*outputs, *limited))))
+    return _steady_flight(model, free, tuple(outputs), tuple(dict.fromkeys((*outputs, *limited))))
 
 
 @lru_cache(maxsize=16)
 def _steady_flight(
-    model: Model,
-    known: tuple[tuple[str, float], ...],
-    free: tuple[str, ...],
-    imposed: tuple[str, ...],
-    outputs: tuple[str, ...],
+    model: Model, free: tuple[str, ...], imposed: tuple[str, ...], outputs: tuple[str, ...]
 ) -> SteadyFlight:
     states, names = list(model.states), model.variables
     v, (p,) = ca.SX.sym("v", len(names)), model.layout.symbols("p")
     x, u, f, y = model.layout.in_variables(dict(zip(names, ca.vertsplit(v), strict=True)), p, outputs)
-    y, constants = ca.vec(y), dict(known)
-    fixed = ca.vertcat(*(constants.get(name, v[i]) for i, name in enumerate(names)))
-    smooth = ca.Function("smooth", [v, p], [ca.Function("f", [v, p], [ca.vertcat(f, y)])(fixed, p)])
-    for operation in (name for name in _SWITCHES if name in operations(smooth)):
-        raise BadInputError(
-            f"{model.name}: its equations use {_SWITCHES[operation]}; a proof takes smooth equations: put a "
-            "polynomial in place of a table or a switch"
-        )
+    y = ca.vec(y)
     _, _, A, B, *_ = model.functions(())(x, u, p)
     balanced, rows = ([states.index(name) for name in chosen] for chosen in (model.steady, model.linear))
     given = y[: len(imposed), :]

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from dataclasses import dataclass
 from functools import reduce
 from itertools import chain, pairwise, zip_longest
 from pathlib import Path
@@ -27,26 +28,45 @@ from verification.arithmetic.taylor_model import TaylorModel
 from verification.checker.structure import Content, check_structure, model_of
 
 SCHEMA = "hfa.certificate/6"
+Run = tuple[float, float, int]
 
 
 class Rejected(NoSolutionError):
     """A box of the certificate does not prove what it states."""
 
 
-class Verified(NamedTuple):
-    """A verified statement; covers: list of boxes -> (low, high, unstable modes) of each; rate: of decay, 1/s.
+@dataclass(frozen=True, eq=False, repr=False)
+class Statement:
+    """A statement, and the boxes that prove it, as `structure.py` declares a certificate of this kind.
 
-    parted: places from which on the trims are not proved to be those of the boxes before, in one branch.
-    written: version, command and date in the file, which nothing verifies. model: that it is about.
+    kind: schedule, game or lpv. boxes: list -> boxes. model: that it is about; None of a plant of a file.
     """
 
     kind: str
     statement: Content
-    covers: dict[str, list[tuple[float, float, int]]]
-    rate: float
+    boxes: dict[str, list[Content]]
+    model: Model | None
+
+    @property
+    def covers(self) -> dict[str, list[Run]]:
+        """List of boxes -> low, high and the number of unstable modes of each."""
+        return {name: [(*box["range"], box["unstable"]) for box in own] for name, own in self.boxes.items()}
+
+    @property
+    def rate(self) -> float:
+        """Of decay, proved of the loop where it is Hurwitz, 1/s."""
+        return min((box["rate"] for box in self.boxes.get("loop", ()) if not box["unstable"]), default=0.0)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Verified(Statement):
+    """parted: places from which on the trims are not proved to be those of the boxes before, in one branch.
+
+    written: version, command and date in the file, which nothing verifies.
+    """
+
     parted: list[float]
     written: Content
-    model: Model | None
 
 
 def sealed(head: str, origin: str) -> str:
@@ -63,7 +83,7 @@ def check_certificate(path: Path, progress: Progress | None = None, model: Model
 
     BadInputError when the file is none or was edited; Rejected names entries that are not understood or not proved.
     """
-    ctx.prec, where, covers, done = 256, "the statement", {}, 0
+    ctx.prec, where, done = 256, "the statement", 0
     try:
         content, text = read_json(path), path.read_text(encoding="utf-8")
         origin, closing = content["provenance"], ("digest", "provenance", "checksum")
@@ -82,8 +102,7 @@ def check_certificate(path: Path, progress: Progress | None = None, model: Model
         kind, claim, boxes = content["kind"], content["statement"], content["boxes"]
         (low, high), roots = claim["range"], dict[str, list[Root]]()
         for name, own in boxes.items():
-            covers[name] = [(*box["range"], box["unstable"]) for box in own]
-            runs = sorted([*(list(run[:2]) for run in covers[name]), *content.get("open", {}).get(name, ())])
+            runs = sorted([*(box["range"] for box in own), *content.get("open", {}).get(name, ())])
             ends = [low, *chain(*runs), high]
             if ends != sorted(ends) or not (name in ("least", "most") or (runs and ends[::2] == ends[1::2])):
                 raise Rejected("the boxes and what is open do not cover the interval once")
@@ -94,12 +113,11 @@ def check_certificate(path: Path, progress: Progress | None = None, model: Model
                 roots.setdefault(name, []).append(Root(box, known.pop("root", None)))
                 if progress is not None:
                     progress(done, sum(map(len, boxes.values())))
-        rate = min((box["rate"] for box in boxes.get("loop", ()) if not box["unstable"]), default=0.0)
     except BadInputError as error:  # it is about another model
         raise BadInputError(f"{path}: {error}") from error
     except (NoSolutionError, LookupError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
         raise Rejected(f"{path}: {where} is not proved: {error or type(error).__name__}") from error
-    return Verified(kind, claim, covers, rate, _parted(roots) if kind == "schedule" else [], written, about)
+    return Verified(kind, claim, boxes, about, _parted(roots) if kind == "schedule" else [], written)
 
 
 class Root(NamedTuple):

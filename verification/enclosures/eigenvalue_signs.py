@@ -34,9 +34,10 @@ def counted(A: TaylorModel | arb_mat, rate: float = 0.0) -> ProvedModes | None:
     whole = TaylorModel.of(A)
     middle, *additions = whole.parts
     for H, turn in candidates(doubles(middle), rate, additions, additions[3:]):
-        count = unstable_count(whole, H, turn, rate)
-        if count is not None:
-            return ProvedModes(count, H, turn)
+        T, weight = matrix(turn), matrix(H)
+        signs, half = pivots(T.transpose() * weight * T), -(weight * (whole + matrix(rate * np.eye(len(H)))))
+        if signs is not None and is_positive(half + half.transpose(), turn):
+            return ProvedModes(sum(1 for pivot in signs if pivot < 0), H, turn)
     return None
 
 
@@ -72,17 +73,11 @@ def candidates(A: np.ndarray, rate: float, *additions: Sequence[arb_mat]) -> Ite
             yield (H + H.T) / 2, congruence
 
 
-def unstable_count(A: TaylorModel, H: np.ndarray, congruence: np.ndarray, rate: float) -> int | None:
-    """Eigenvalues with Re λ > -rate of every matrix; None when H does not prove it."""
-    T, weight = matrix(congruence), matrix(H)
-    signs = pivots(T.transpose() * weight * T)
-    if signs is None:
-        return None
-    half = -(weight * (A + matrix(rate * np.eye(len(H)))))
-    decrease = (half + half.transpose()).map(lambda part: T.transpose() * part * T)
-    if not all(is_positive_definite(corner) for corner in roomy(decrease).corners()):
-        return None
-    return sum(1 for pivot in signs if pivot < 0)
+def is_positive(form: TaylorModel, turn: np.ndarray) -> bool:
+    """Every symmetric matrix of the form is positive definite, with room: tested in the coordinates `turn`."""
+    T = matrix(turn)
+    turned = form.map(lambda part: T.transpose() * part * T)
+    return all(map(is_positive_definite, roomy(turned).corners()))
 
 
 def roomy(model: TaylorModel) -> TaylorModel:

@@ -1,12 +1,13 @@
-"""The branch of trims over a box of the scheduling variable, and the linear model along it, enclosed."""
+"""Boxes of a scheduling variable, such as the dihedral; the branch of trims over one and the linear model, enclosed."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from flint import arb, arb_mat, arb_series
@@ -20,13 +21,74 @@ from trim.point.operating_point import OperatingPoint
 from trim.point.solve import find_operating_point
 from verification.arithmetic import flint_or_refusal
 from verification.arithmetic.ball_function import Undecided
-from verification.arithmetic.balls import as_read, doubles, exact, inside, matrix, symmetric
+from verification.arithmetic.balls import as_read, doubles, exact, inside, interval, matrix, symmetric
 from verification.arithmetic.steady_flight import SteadyFlight, steady_flight
 from verification.arithmetic.taylor_model import TaylorModel
-from verification.enclosures.place_box import ORDER, PlaceBox
 
+Proved = TypeVar("Proved")
 #: Limits farther away than this are none.
 _FAR = 1e300
+#: Coefficients of the polynomial: 1, τ, τ². The remainder is of third order.
+_ORDER = 3
+#: Attempts to widen a box of unknowns until Krawczyk's operator maps it into itself.
+_ATTEMPTS = 6
+#: Least half width of a box of unknowns: what is known exactly still needs an interior.
+_TINY = 1e-30
+#: Widest box with errors of the parameters, whose derivatives are enclosed to first order, in steps of the family.
+_WIDEST_WITH_ERRORS = 0.25
+#: Half width, relative, of the first box of unknowns for all parameters.
+_FIRST = 1e-4
+Series = Sequence[Sequence[arb]]
+
+
+@dataclass(frozen=True)
+class PlaceBox:
+    """The places η from `low` to `high`, both included; low < high, exact doubles. Of an angle they are degrees.
+
+    s = (η - middle) / radius is the place of a Taylor model on the box.
+    """
+
+    low: float
+    high: float
+
+    @cached_property
+    def middle(self) -> arb:
+        """(low + high) / 2, exact."""
+        return (exact(self.low) + exact(self.high)) / 2
+
+    @cached_property
+    def radius(self) -> arb:
+        """(high - low) / 2, exact."""
+        return (exact(self.high) - exact(self.low)) / 2
+
+    @cached_property
+    def places(self) -> arb:
+        """The ball of all places of the box."""
+        return interval(self.low, self.high)
+
+
+def bisected(
+    boxes: list[PlaceBox], prove: Callable[[PlaceBox], Proved | None], narrowest: float, start: float = -math.inf
+) -> Iterator[tuple[PlaceBox, Proved | None]]:
+    """Each box with what `prove` returns, or its halves where that is None or it is `Undecided`.
+
+    A box no wider than `narrowest` is not halved but comes with None. Boxes up to `start` are passed over,
+    and bisected as if none of them had been proved as a whole: a continued proof has the same boxes there.
+    """
+    waiting = boxes[::-1]
+    while waiting:
+        box = waiting.pop()
+        if box.high <= start:
+            continue
+        wide, proved = box.high - box.low > narrowest, None
+        if not (wide and box.low < start):
+            with suppress(Undecided):
+                proved = prove(box)
+        if proved is None and wide:
+            cut = float(box.middle)
+            waiting += [PlaceBox(cut, box.high), PlaceBox(box.low, cut)]
+        else:
+            yield box, proved
 
 
 @dataclass(frozen=True)
@@ -114,17 +176,6 @@ class Family:
                 f"a proof takes trims at a given {self.over}, all rates 0, with {len(branch.rows)} unknowns; "
                 f"here free are {', '.join(first.free)}: change --hold and --free"
             )
-
-
-#: Attempts to widen a box of unknowns until Krawczyk's operator maps it into itself.
-_ATTEMPTS = 6
-#: Least half width of a box of unknowns: what is known exactly still needs an interior.
-_TINY = 1e-30
-#: Widest box with errors of the parameters, whose derivatives are enclosed to first order, in steps of the family.
-_WIDEST_WITH_ERRORS = 0.25
-#: Half width, relative, of the first box of unknowns for all parameters.
-_FIRST = 1e-4
-Series = Sequence[Sequence[arb]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -226,19 +277,16 @@ def _coefficients(value: Any, length: int) -> list[arb]:
 
 @dataclass(frozen=True, eq=False)
 class ModelForms:
-    """Over a box: `values` of all that may have limits, (k, 1), A(η), (n, n), B(η), (n, m), of the linear model.
+    """A(η), (n, n), and B(η), (n, m), of the linear model over a box.
 
-    unknowns: the free variables of the trim, (f, 1). trim: free variable -> c_0, c_1, c_2 of its polynomial, how far
-    Newton's step goes from there, and what each error does to it, in doubles. The parameters with a half width are the
-    errors.
+    trim: free variable -> c_0, c_1, c_2 of its polynomial, how far Newton's step goes from there, and what each error
+    does to it, in doubles. The parameters with a half width are the errors.
     """
 
     box: PlaceBox
     trim: dict[str, list[float]]
-    values: TaylorModel
     A: TaylorModel
     B: TaylorModel
-    unknowns: TaylorModel
 
 
 class TrimBranch:
@@ -260,37 +308,42 @@ class TrimBranch:
         widened = {name: known[name] + symmetric(width) for name, width in self._widths.items()}
         self._known = TrimEquations(family, flight, known)
         self._all = TrimEquations(family, flight, known | widened)
-        self._input_rows = matrix(np.eye(len(flight.names))[[flight.names.index(name) for name in model.inputs]])
 
     def forms(self, box: PlaceBox) -> ModelForms:
-        """The model over a box. Undecided when the box is too wide, TrimError when its middle has no trim."""
+        """The model over a box. Undecided when the box is too wide or a trim may lie beyond its limits, TrimError when
+        its middle has no trim."""
         if self._widths and box.radius > _WIDEST_WITH_ERRORS * self.family.step / 2:
             raise Undecided("the errors of the parameters are enclosed on narrower boxes only")
-        known, at_middle = self._known, self._known.branch(box.middle, self.trim_at(float(box.middle)), ORDER)
+        known, at_middle = self._known, self._known.branch(box.middle, self.trim_at(float(box.middle)), _ORDER)
         # A ball for each unknown that holds the branch on the whole box: w(η) = w(η_0) + w'(ξ) (η - η_0).
         start = [series[0] for series in at_middle]
         widths = [series[0].rad() + abs(series[1]).upper() * box.radius + exact(_TINY) for series in at_middle]
         slopes = known.branch(box.places, known.around(box.places, start, widths), 2)
         everywhere = [value + symmetric(box.radius) * series[1] for value, series in zip(start, slopes, strict=True)]
-        thin = known.model_of(known.along(box.middle, ORDER), at_middle, ORDER)
-        far = known.branch(box.places, everywhere, ORDER + 1)
-        wide = known.model_of(known.along(box.places, ORDER + 1), far, ORDER + 1)
+        thin = known.model_of(known.along(box.middle, _ORDER), at_middle, _ORDER)
+        far = known.branch(box.places, everywhere, _ORDER + 1)
+        wide = known.model_of(known.along(box.places, _ORDER + 1), far, _ORDER + 1)
         errors = list(self._errors(box, everywhere)) if self._widths else []
         # F(η_0 + s r) = F_0 + F_1 r s + F_2 r² s² + F_3(ξ) r³ s³, F_3 anywhere on the box (Lagrange).
-        powers, last = [box.radius**j for j in range(ORDER)], symmetric(box.radius**ORDER)
+        powers, last = [box.radius**j for j in range(_ORDER)], symmetric(box.radius**_ORDER)
         forms = {
             name: TaylorModel(
                 *(part * power for part, power in zip(thin[name], powers, strict=True)),
-                wide[name][ORDER] * last,
+                wide[name][_ORDER] * last,
                 *(each[name] for each in errors),
             )
             for name in thin
         }
+        ranges = dict(zip(self.free, forms["unknowns"].range().entries(), strict=True))
+        ranges |= zip(self._names, forms["values"].range().entries(), strict=True)
+        for name, (low, high) in self.family.limits().items():
+            if not exact(low) <= ranges[name] <= exact(high):
+                raise Undecided(f"{name} may lie beyond its limits")
         c0, c1, c2, _, *z = ([float(entry.mid()) for entry in part.entries()] for part in forms["unknowns"].parts)
         polynomials = list(zip(c0, c1, c2, *z, strict=True))
         steps = self._steps(box, polynomials, everywhere)
         trim = {name: [*row[:3], step, *row[3:]] for name, row, step in zip(self.free, polynomials, steps, strict=True)}
-        return ModelForms(box, trim, **forms)
+        return ModelForms(box, trim, forms["A"], forms["B"])
 
     def _steps(self, box: PlaceBox, polynomials: list[tuple[float, ...]], everywhere: list[arb]) -> list[float]:
         """Bounds of C F along polynomials of the unknowns, C about the inverse of F_w, in the checker's arithmetic."""
@@ -306,15 +359,11 @@ class TrimBranch:
         C = matrix(np.linalg.inv(doubles(self._known.derivative(box.places, everywhere))))
         return [float(abs(entry).upper()) for entry in (C * left).entries()]
 
-    def model_at(self, place: float) -> tuple[arb_mat, arb_mat, arb_mat]:
-        """A (n, n), B (n, m) and the inputs (m, 1) at one place, in balls."""
+    def model_at(self, place: float) -> tuple[arb_mat, arb_mat]:
+        """A (n, n) and B (n, m) at one place, in balls."""
         point = [[value] for value in self.trim_at(place)]
         found = self._known.model_of(self.family.value(exact(place)), point, 1)
-        return found["A"][0], found["B"][0], self._input_rows * found["values"][0]
-
-    def inputs(self, forms: ModelForms) -> TaylorModel:
-        """The trimmed inputs over a box, (m, 1)."""
-        return forms.values.map(lambda part: self._input_rows * part)
+        return found["A"][0], found["B"][0]
 
     def trim_at(self, place: float) -> list[arb]:
         """The unknowns at one place, in balls: Newton's method on midpoints, then Krawczyk."""
@@ -325,15 +374,6 @@ class TrimBranch:
             middle = [(value - change).mid() for value, change in zip(middle, step, strict=True)]
         step, _ = self._known.newton(at, middle)
         return self._known.contracted(at, middle, [abs(change).upper() + exact(_TINY) for change in step])
-
-    def beyond_limits(self, forms: ModelForms) -> str | None:
-        """What may leave its limits somewhere on the box; None when all is proved to stay within."""
-        values = dict(zip(self.free, forms.unknowns.range().entries(), strict=True))
-        values |= zip(self._names, forms.values.range().entries(), strict=True)
-        for name, (low, high) in self.family.limits().items():
-            if not (exact(low) <= values[name] <= exact(high)):
-                return name
-        return None
 
     def _errors(self, box: PlaceBox, known: list[arb]) -> Iterator[dict[str, arb_mat]]:
         """What each parameter does; `known`: the unknowns on the box without errors.

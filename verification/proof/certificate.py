@@ -19,10 +19,11 @@ from hfa_support.version import VERSION
 from verification.arithmetic import flint_or_refusal
 from verification.arithmetic.balls import exact
 from verification.arithmetic.taylor_model import TaylorModel
-from verification.checker.checker import SCHEMA, Rejected, check_certificate, sealed
-from verification.checker.structure import facts_of
+from verification.checker.checker import SCHEMA, Rejected, Statement, check_certificate, sealed
+from verification.checker.structure import Content, facts_of
 from verification.enclosures.eigenvalue_signs import roomy
 from verification.enclosures.trim_branch import Family, ModelForms
+from verification.proof.proof_report import game_report, lpv_report, schedule_report
 
 #: Least time between two writings of an unfinished certificate, s, and in writing times: writing takes a tenth at most.
 _PAUSE, _RARELY = 2.0, 9.0
@@ -35,23 +36,12 @@ _FLOOR = 1e-6
 #: stated polynomial, in Newton's steps; at least within so many nominal values.
 _ROOM, FINEST = 1.5, 1e-46
 
-Content = dict[str, Any]
-Run = tuple[float, float, int]
-
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Proof(Reported):
-    """A statement, and the boxes that prove it, as `checker/structure.py` declares a certificate of this kind.
+class Proof(Reported, Statement):
+    """Boxes in increasing order. open: list -> [low, high] of what is left open. data: the result as JSON has it."""
 
-    kind: schedule, game or lpv. boxes, open: list -> boxes in increasing order; [low, high] of what is left open.
-    model: None of a plant of a file. data: the result as JSON has it.
-    """
-
-    kind: str
-    statement: Content
-    boxes: dict[str, list[Content]]
     open: dict[str, list[list[float]]] = field(default_factory=dict)
-    model: Model | None = None
     data: Content = field(default_factory=dict)
 
     @property
@@ -59,22 +49,11 @@ class Proof(Reported):
         """All that was asked; of distances and grids whatever was found is."""
         return bool(self.data.get("proved", True))
 
-    @property
-    def covers(self) -> dict[str, list[Run]]:
-        """List of boxes -> low, high and the number of unstable modes of each."""
-        return {name: [(*box["range"], box["unstable"]) for box in own] for name, own in self.boxes.items()}
-
-    @property
-    def rate(self) -> float:
-        """Of decay, proved of the loop where it is Hurwitz, 1/s."""
-        return min((box["rate"] for box in self.boxes["loop"] if not box["unstable"]), default=0.0)
-
     def report(self) -> Report:
         """What is proved, in words, tables and data."""
-        from verification.proof.lpv_grid import lpv_report
-        from verification.proof.proof_report import game_report, schedule_report
-
-        return {"schedule": schedule_report, "game": game_report, "lpv": lpv_report}[self.kind](self)
+        if self.kind == "game":
+            return game_report(self.data)
+        return {"schedule": schedule_report, "lpv": lpv_report}[self.kind](self, self.data)
 
     def write(self, path: Path, origin: Provenance) -> None:
         """The certificate, every number a double in full; of which run it is is not in its digest.

@@ -19,17 +19,13 @@ from controller.riccati.gare_schur import schur_solution
 from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.jsonable import jsonable
 from hfa_support.progress import Progress, told
-from hfa_support.reporting.report import Report
-from hfa_support.reporting.text import Table
-from hfa_support.reporting.unit_system import gain_unit
 from verification.arithmetic.ball_function import Undecided
 from verification.arithmetic.balls import doubles, exact, matrix, norm
 from verification.arithmetic.taylor_model import TaylorModel
 from verification.checker.checker import Rejected, distances, model_on, solution_on
 from verification.enclosures.eigenvalue_signs import counted
 from verification.enclosures.game_balls import lyapunov_operator
-from verification.enclosures.place_box import PlaceBox, bisected
-from verification.enclosures.trim_branch import Family, ModelForms, TrimBranch
+from verification.enclosures.trim_branch import Family, ModelForms, PlaceBox, TrimBranch, bisected
 from verification.proof.certificate import Content, Proof, flights_claim, proved_box
 from verification.proof.proof_report import place_data
 
@@ -70,7 +66,7 @@ def coarsest_grid(
         raise BadInputError(f"the interval goes from {low:g} to {high:g}; give the lower end first")
     branch, model, cells = TrimBranch(family), family.model, list[_Cell]()
     narrowest = _NARROWEST * family.step
-    game = usual_game(model, *map(doubles, branch.model_at(low)[:2]))
+    game = usual_game(model, *map(doubles, branch.model_at(low)))
     weights = {name: getattr(game, name) for name in "QRE"} | {"delta": game.delta if game.delta < np.inf else "inf"}
     claim = jsonable(flights_claim(family, low, high) | {"game": weights, "distances": dict.fromkeys(_PARTS)})
 
@@ -135,7 +131,7 @@ def coarsest_grid(
         "state_units": list(model.units(model.linear)),
         "input_units": list(model.units(tuple(model.inputs))),
     }
-    return Proof("lpv", claim, {"cells": [cell.entry for cell in cells]}, model=model, data=data)
+    return Proof("lpv", claim, {"cells": [cell.entry for cell in cells]}, model, data=data)
 
 
 def _game_on(forms: ModelForms, first: Game) -> Content:
@@ -161,40 +157,3 @@ def _game_on(forms: ModelForms, first: Game) -> Content:
         raise Undecided("the solution of the game is not found on this box")
     reach = _REACH * float(norm(step.entries()).upper())
     return {"units": units, "P": guess, "reach": reach, "H": modes.H, "turn": modes.turn}
-
-
-def lpv_report(proof: Proof) -> Report:
-    """The proved bounds and where the nodes are; the matrices are data."""
-    data, model = proof.data, proof.model
-    assert model is not None
-    places, unit, inputs = np.array(proof.statement["table"]["places"]), model.schedule_unit, tuple(model.inputs)
-    rows = [
-        (
-            f"|{name} - interpolated| / |{name}|" if name != "inputs" else "|U0 - interpolated|, in nominal units",
-            f"{value:.3g}",
-        )
-        for name, value in data["error"].items()
-    ]
-    steps, every = np.diff(places), "angle" if unit == "deg" else model.schedule
-    records = [
-        (place, name, row, column, value, unit_of(row, column))
-        for k, place in enumerate(places.tolist())
-        for name, entries, names, columns, unit_of in (
-            ("A", data["A"], model.linear, model.linear, model.entry_unit),
-            ("B", data["B"], model.linear, inputs, model.entry_unit),
-            ("K", data["K"], inputs, model.linear, lambda u, x: gain_unit(model.unit(u), model.unit(x))),
-            ("U0", data["inputs_offset"][..., None], inputs, ("",), lambda u, _: model.unit(u)),
-        )
-        for row, values in zip(names, entries[k].tolist(), strict=True)
-        for column, value in zip(columns, values, strict=True)
-    ]
-    return Report(
-        title=f"Proved: {len(places)} models from {places[0]:g} to {places[-1]:g} {unit}, {model.title}, interpolate "
-        f"linearly within {data['tolerance']:g}",
-        parts=[
-            Table((f"error at every {every} between, at most", "bound"), rows),
-            f"steps from {steps.min():g} to {steps.max():g} {unit}",
-        ],
-        data=data,
-        records=Table((model.schedule_key, "matrix", "row", "column", "value", "unit"), records),
-    )

@@ -16,8 +16,9 @@ from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.model import Model
 from hfa_support.reporting.report import Part, Report
 from hfa_support.reporting.text import Table, matrix_table, numbered
-from verification.checker.checker import Verified
-from verification.proof.certificate import Content, Proof, Run
+from hfa_support.reporting.unit_system import gain_unit
+from verification.checker.checker import Run, Statement, Verified
+from verification.checker.structure import Content
 
 SCHEMA = "hfa.proof/1"
 #: The least size of an entry of A or B that the text shows.
@@ -42,7 +43,7 @@ def gaps(runs: list[Run], low: float, high: float) -> list[tuple[float, float]]:
     return [(a, b) for a, b in zip(ends[::2], ends[1::2], strict=True) if a < b]
 
 
-def crossings(found: Proof | Verified) -> list[tuple[float, float, tuple[int, int]]]:
+def crossings(found: Statement) -> list[tuple[float, float, tuple[int, int]]]:
     """Where the modes of A are not counted: low, high, the least and the most that are proved to be unstable."""
     covers, (low, high) = found.covers, found.statement["range"]
     cuts = sorted({end for name in ("least", "most") for run in covers[name] for end in run[:2]})
@@ -54,83 +55,75 @@ def crossings(found: Proof | Verified) -> list[tuple[float, float, tuple[int, in
     return joined(crossed)
 
 
-def place_data(model: Model | None, places: Any) -> Content:
+def place_data(model: Model, places: Any) -> Content:
     """Places as data: of the HFA dihedral_deg; of other models by the name of the scheduling variable."""
-    return (
-        {"dihedral_deg": places}
-        if model is None or model.schedule == "dihedral"
-        else {"scheduled": {model.schedule: places}}
-    )
+    return {"dihedral_deg": places} if model.schedule == "dihedral" else {"scheduled": {model.schedule: places}}
 
 
-def loop_statement(found: Proof | Verified, moving: bool) -> tuple[list[Part], Content]:
+def loop_statement(found: Statement, moving: bool) -> tuple[list[Part], Content]:
     """What is proved of the loop and of the modes of A, in words and as JSON has it. moving: a rate was asked for."""
-    claim, covers = found.statement, found.covers
+    claim, covers, model = found.statement, found.covers, found.model
+    assert model is not None
     (low, high), over, unit = claim["range"], claim["over"], claim["unit"]
     every, end = ("angle", "_deg") if unit == "deg" else (over, "")
+    loop, modes, crossed = joined(covers["loop"]), joined(covers["modes"]), crossings(found)
+    still, refuted = gaps(covers["loop"], low, high), [run for run in loop if run[2] > 0]
+    resting = gaps(covers.get("motion", []), low, high) if moving else []
+    stable, data = not (still or refuted), Content()
+
+    def span(run: tuple[Any, ...]) -> str:
+        return f"{run[0]:.10g} to {run[1]:.10g}"
 
     def ends(run: tuple[Any, ...], **more: Any) -> Content:
         return {f"from{end}": run[0], f"to{end}": run[1]} | more
 
-    counts, crossed = {name: joined(covers[name]) for name in ("loop", "modes")}, crossings(found)
-    still, refuted = gaps(covers["loop"], low, high), [run for run in counts["loop"] if run[2] > 0]
-    resting = gaps(covers.get("motion", []), low, high) if moving else []
-    stable, data = not (still or refuted), Content()
-    lines = [
-        f"the loop has {n} unstable modes at every {every} from {a:.10g} to {b:.10g} {unit}" for a, b, n in refuted
-    ]
-    lines += [f"open: the loop from {a:.10g} to {b:.10g} {unit}" for a, b in still]
-    others = "other actuators than the loop's own, delay"
+    lines = [f"the loop has {run[2]} unstable modes at every {every} from {span(run)} {unit}" for run in refuted]
+    lines += [f"open: the loop from {span(gap)} {unit}" for gap in still]
     what, of_rate = "A - B K is Hurwitz", [f"decay rate where the loop is Hurwitz: {found.rate:.6g} 1/s"]
-    for_all = list[str]()
+    others, more = "other actuators than the loop's own, delay", list[Part]()
     if "actuators" in claim:
         what, of_rate, others = "the loop through the actuators is stable", [], "other actuators than these"
         data["actuators"] = {key: claim["actuators"][key] for key in ("bandwidth", "effectiveness", "delay")}
         (slow, fast), (least, most), delay = data["actuators"].values()
-        for_all = [
+        more.append(
             f"{'' if stable else 'asked '}for every actuator bandwidth from {slow:g} to {fast:g} rad/s, the same of all"
             f" inputs; for effectiveness from {least:g} to {most:g}\nand delay up to {delay:g} s of each input for "
             "itself, changing at any time, as when commands are sampled and held"
-        ]
-    lines += [f"the trim exists within its limits and {what} at every {every}"] if stable else []
-    lines += [*of_rate, f"boxes: {len(covers['loop'])} for the loop, {len(covers['modes'])} for the aircraft's modes"]
-    moves = "\n".join(f"open: a moving {over} from {a:.10g} to {b:.10g} {unit}" for a, b in resting)
+        )
+    lines += [f"the trim exists within its limits and {what} at every {every}"] * stable + of_rate
+    lines.append(f"boxes: {len(covers['loop'])} for the loop, {len(covers['modes'])} for the aircraft's modes")
     if moving:
         rate, lyapunov = claim.get("place_rate", 0.0), claim.get("lyapunov", {"places": [low, high], "P": []})
         data["dihedral_rate_deg_s" if over == "dihedral" else "scheduled_rate"] = 0.0 if resting else rate
-        data["lyapunov"] = {**place_data(found.model, lyapunov["places"]), "P": lyapunov["P"]}
-        moves = moves or f"stable while the {over} moves by at most {rate:.4g} {unit}/s, however it does"
+        data["lyapunov"] = {**place_data(model, lyapunov["places"]), "P": lyapunov["P"]}
+        moves = f"stable while the {over} moves by at most {rate:.4g} {unit}/s, however it does"
+        more.append("\n".join(f"open: a moving {over} from {span(gap)} {unit}" for gap in resting) or moves)
     data["not_covered"] = (
         f"not covered: {others}, sampling of a controller's own states, a {over} that the loop\n"
         "itself moves and that is not imposed from outside, limits of the inputs, the nonlinear aircraft"
     )
     data |= {"proved": stable and not resting, "decay_rate": found.rate}
-    data |= {
-        name: {"proved": [ends(run, unstable=run[2]) for run in own], "boxes": len(covers[name])}
-        for name, own in counts.items()
-    }
+    for name, runs in (("loop", loop), ("modes", modes)):
+        data[name] = {"proved": [ends(run, unstable=run[2]) for run in runs], "boxes": len(covers[name])}
     data["loop"]["open"] = [ends(gap) for gap in still]
     data["modes"]["open"] = [ends(run, at_least=run[2][0], at_most=run[2][1]) for run in crossed]
     data["refuted"] = [ends(run, unstable=run[2]) for run in refuted]
-    rows: dict[str, list[tuple[float, float, Any]]] = {
-        "loop A - B K": [*counts["loop"], *((*gap, "open") for gap in still)],
-        "aircraft A": [*counts["modes"], *((a, b, f"{n} to {m}") for a, b, (n, m) in crossed)],
+    counts = {
+        "loop A - B K": [*loop, *((*gap, "open") for gap in still)],
+        "aircraft A": [*modes, *((*run[:2], "{} to {}".format(*run[2])) for run in crossed)],
     }
     tables = [
-        Table(
-            (f"{name}: {over}, {unit}", "unstable modes"),
-            [(f"{a:.10g} to {b:.10g}", str(count)) for a, b, count in sorted(own, key=lambda run: run[0])],
-        )
-        for name, own in rows.items()
+        Table((f"{name}: {over}, {unit}", "unstable modes"), [(span(run), str(run[2])) for run in sorted(runs)])
+        for name, runs in counts.items()
     ]
-    return ["\n".join(lines), *for_all, *([moves] if moving else []), data["not_covered"], *tables], data
+    return ["\n".join(lines), *more, data["not_covered"], *tables], data
 
 
-def schedule_report(proof: Proof) -> Report:
+def schedule_report(proof: Statement, data: Content) -> Report:
     """The statement of the loop, and the enclosures of the model's entries."""
-    claim, data, model, entries = proof.statement, proof.data, proof.model, []
+    claim, model, entries = proof.statement, proof.model, []
     assert model is not None
-    verdict = "Left open" if data["loop"]["open"] else "Proved"
+    verdict = "Refuted" if data["refuted"] else "Left open" if data["loop"]["open"] else "Proved"
     for name, columns in (("A", model.linear), ("B", tuple(model.inputs))):
         ends = np.array([box[name] for box in proof.boxes["loop"]] or np.zeros((1, len(model.linear), len(columns), 2)))
         lowest, highest = ends[..., 0].min(axis=0), ends[..., 1].max(axis=0)
@@ -138,32 +131,29 @@ def schedule_report(proof: Proof) -> Report:
             place = f"{name}({model.linear[i]}, {columns[j]})"
             entries.append((place, f"{lowest[i, j]:.5g}", f"{highest[i, j]:.5g}"))
     parts = [*loop_statement(proof, "lyapunov" in data)[0], Table(("entry", "at least", "at most"), entries)]
-    title = f"{'Refuted' if data['refuted'] else verdict}: every {_interval(claim)}, {model.title}"
-    return Report(title, parts, data=data)
+    return Report(f"{verdict}: every {_interval(claim)}, {model.title}", parts, data=data)
 
 
-def game_report(proof: Proof, states: tuple[str, ...] = (), origin: str = "a plant", file: str = "it") -> Report:
+def game_report(data: Content, states: tuple[str, ...] = (), origin: str = "a plant", file: str = "it") -> Report:
     """Of a solution the statements one by one and the P that the radius is about, of a critic the distances.
 
     states: of P. origin: whose game it is. file: of the critic.
     """
-    data, proved = proof.data, "Proved" if proof.proved else "Left open"
+    verdict = "Proved" if data.get("proved", True) else "Left open"
     if data["statement"] == "critic":
         found = [(key, f"{each['at_least']:.6e}", f"{each['at_most']:.6e}") for key, each in data["distances"].items()]
         hurwitz = {True: "proved Hurwitz", False: "proved not Hurwitz", None: "open: a mode may lie on the axis"}
-        parts: list[Part] = [Table(("|X - X*| / |X*|", "at least", "at most"), found)]
-        parts.append(f"A - B K with this gain: {hurwitz[data['closed_loop_hurwitz']]}")
-        return Report(
-            f"{proved}: the distance of {file} from the exact solution of the game of {origin}", parts, data=data
-        )
+        parts = [Table(("|X - X*| / |X*|", "at least", "at most"), found)]
+        loop = f"A - B K with this gain: {hurwitz[data['closed_loop_hurwitz']]}"
+        title = f"{verdict}: the distance of {file} from the exact solution of the game of {origin}"
+        return Report(title, [*parts, loop], data=data)
     above, most, count = (data[key] for key in ("delta_min_above", "delta_min_at_most", "unstable_modes"))
+    said = {True: "proved", False: "open"}
     rows = [
-        ("the stabilizing solution exists and is unique", "worst_case_hurwitz"),
-        ("P is positive definite", "positive_definite"),
-        ("A - S P is Hurwitz", "worst_case_hurwitz"),
-        ("A - B K is Hurwitz", "closed_loop_hurwitz"),
-    ]
-    rows = [(name, "proved" if data[key] else "open") for name, key in rows] + [
+        ("the stabilizing solution exists and is unique", said[data["worst_case_hurwitz"]]),
+        ("P is positive definite", said[data["positive_definite"]]),
+        ("A - S P is Hurwitz", said[data["worst_case_hurwitz"]]),
+        ("A - B K is Hurwitz", said[data["closed_loop_hurwitz"]]),
         ("relative radius about the printed P", f"{data['relative_radius']:.3g}"),
         ("delta_min", "open" if above is None else f"above {above:.10g}, at most {most:.10g}"),
         ("relative width of the bracket", "" if above is None else f"{(most - above) / most:.2g}"),
@@ -171,7 +161,39 @@ def game_report(proof: Proof, states: tuple[str, ...] = (), origin: str = "a pla
     ]
     states = states or numbered("z", len(data["P"]))
     parts = [Table(("statement", "result"), rows), matrix_table("P", states, states, data["P"])]
-    return Report(f"{proved}: the solution of the game of {origin}", parts, data=data)
+    return Report(f"{verdict}: the solution of the game of {origin}", parts, data=data)
+
+
+def lpv_report(proof: Statement, data: Content) -> Report:
+    """The proved bounds and where the nodes are; the matrices are data."""
+    model = proof.model
+    assert model is not None
+    places, unit, inputs = np.array(proof.statement["table"]["places"]), model.schedule_unit, tuple(model.inputs)
+    names = {name: f"|{name} - interpolated| / |{name}|" for name in data["error"]}
+    names["inputs"] = "|U0 - interpolated|, in nominal units"
+    steps, every = np.diff(places), "angle" if unit == "deg" else model.schedule
+    records = [
+        (place, name, row, column, value, unit_of(row, column))
+        for k, place in enumerate(places.tolist())
+        for name, entries, names_of_rows, columns, unit_of in (
+            ("A", data["A"], model.linear, model.linear, model.entry_unit),
+            ("B", data["B"], model.linear, inputs, model.entry_unit),
+            ("K", data["K"], inputs, model.linear, lambda u, x: gain_unit(model.unit(u), model.unit(x))),
+            ("U0", data["inputs_offset"][..., None], inputs, ("",), lambda u, _: model.unit(u)),
+        )
+        for row, values in zip(names_of_rows, entries[k].tolist(), strict=True)
+        for column, value in zip(columns, values, strict=True)
+    ]
+    return Report(
+        title=f"Proved: {len(places)} models from {places[0]:g} to {places[-1]:g} {unit}, {model.title}, interpolate "
+        f"linearly within {data['tolerance']:g}",
+        parts=[
+            Table((f"error at every {every} between, at most", "bound"), _bounds(data["error"], names)),
+            f"steps from {steps.min():g} to {steps.max():g} {unit}",
+        ],
+        data=data,
+        records=Table((model.schedule_key, "matrix", "row", "column", "value", "unit"), records),
+    )
 
 
 def checked_report(found: Verified) -> Report:
@@ -180,25 +202,23 @@ def checked_report(found: Verified) -> Report:
     claim, model = found.statement, found.model
     low, high = claim["range"]
     what, parts, own = {"schedule": _schedule, "game": _game, "lpv": _lpv}[found.kind](found)
-    data: Content = {"schema": SCHEMA, "statement": "check", "kind": found.kind, **place_data(model, [low, high])}
-    boxes, proved = sum(len(runs) for runs in found.covers.values()), own.get("proved", True)
+    boxes, proved = sum(map(len, found.boxes.values())), own.get("proved", True)
+    data: Content = {"schema": SCHEMA, "statement": "check", "kind": found.kind}
     data |= {"boxes": boxes, "proved": proved, "written": found.written} | own
+    digest, lines = _digest(claim["table"]), list[str]()
+    data["table_sha256"] = digest
+    lines.append(f"table of {', '.join(key for key in claim['table'] if key not in 'MNX')}: SHA-256 {digest[:16]}")
     if model is None:
         what += "the plant of a file"
     else:
         what += f"{claim['over']} {low:g} {claim['unit']}" if low == high else _interval(claim)
         about, of_aircraft = _aircraft(claim, model)
-        parts, data = [about, *parts], data | of_aircraft
-    data["table_sha256"] = digest = _digest(claim["table"])
-    lines = [f"table of {', '.join(key for key in claim['table'] if key not in 'MNX')}: SHA-256 {digest[:16]}"]
-    for key, name in (("limits", "limits of the trims"), ("spread", "half widths of the parameters")):
-        if model is not None and claim.get(key):
-            data[key] = claim[key]
-            ends = (
-                f"{each} " + " to ".join(model.describe(each, x) for x in np.atleast_1d(own))
-                for each, own in claim[key].items()
-            )
-            lines.append(f"{name}: {', '.join(ends)}")
+        parts, data = [about, *parts], data | of_aircraft | place_data(model, [low, high])
+        for key, name in (("limits", "limits of the trims"), ("spread", "half widths of the parameters")):
+            if claim[key]:
+                data[key] = claim[key]
+                ends = {each: [model.describe(each, x) for x in np.atleast_1d(own)] for each, own in claim[key].items()}
+                lines.append(f"{name}: " + ", ".join(f"{each} {' to '.join(own)}" for each, own in ends.items()))
     if "game" in claim:
         data |= {"game": claim["game"]}
         lines += [f"{key} = {_matrix_said(value)}" for key, value in claim["game"].items()]
@@ -210,6 +230,10 @@ def checked_report(found: Verified) -> Report:
 def _interval(claim: Content) -> str:
     low, high = claim["range"]
     return f"{claim['over']} from {low:g} to {high:g} {claim['unit']}"
+
+
+def _bounds(error: Mapping[str, float], names: Mapping[str, str]) -> list[tuple[str, str]]:
+    return [(names.get(name, name), f"{most:.3g}") for name, most in error.items()]
 
 
 def _aircraft(claim: Content, model: Model) -> tuple[str, Content]:
@@ -234,11 +258,10 @@ def _matrix_said(value: Any) -> str:
     """A number; I; the diagonal; else the SHA-256 of the matrix, whose entries are data."""
     if not isinstance(value, list):
         return str(value)
-    matrix = np.array(value)
-    diagonal = np.diag(matrix)
-    if matrix.shape[0] == matrix.shape[1] and np.array_equal(matrix, np.diag(diagonal)):
-        return "I" if np.all(diagonal == 1.0) else f"diag({', '.join(f'{each:.10g}' for each in diagonal)})"
-    return f"matrix {matrix.shape[0]} x {matrix.shape[1]}, SHA-256 {_digest(value)[:16]}"
+    diagonal = np.diag(value).tolist()
+    if np.array_equal(value, np.diag(diagonal)):
+        return "I" if set(diagonal) == {1.0} else f"diag({', '.join(f'{each:.10g}' for each in diagonal)})"
+    return f"matrix {len(value)} x {len(value[0])}, SHA-256 {_digest(value)[:16]}"
 
 
 def require_same(claim: Content, own: Mapping[str, Any], what: str) -> None:
@@ -279,6 +302,6 @@ def _game(found: Verified) -> tuple[str, list[Part], Content]:
 
 def _lpv(found: Verified) -> tuple[str, list[Part], Content]:
     error = {name: most for name, (_, most) in found.statement["distances"].items()}
-    table = Table(("error between the nodes, at most", "bound"), [(k, f"{v:.3g}") for k, v in error.items()])
     nodes = len(found.statement["table"]["places"])
+    table = Table(("error between the nodes, at most", "bound"), _bounds(error, {}))
     return f"linear interpolation of {nodes} models, ", [table], {"error": error, "nodes": nodes}

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 from functools import lru_cache, partial
 from itertools import pairwise
@@ -20,14 +21,14 @@ from hfa_support.progress import Progress, told
 from verification.arithmetic.ball_function import Undecided
 from verification.arithmetic.balls import doubles, exact, is_positive_definite, matrix
 from verification.arithmetic.taylor_model import TaylorModel
-from verification.enclosures.eigenvalue_signs import counted, roomy
-from verification.enclosures.place_box import PlaceBox, bisected
-from verification.enclosures.trim_branch import Family, ModelForms, TrimBranch
+from verification.enclosures.eigenvalue_signs import counted, is_positive
+from verification.enclosures.trim_branch import Family, ModelForms, PlaceBox, TrimBranch, bisected
 from verification.proof.certificate import CertificateFile, Content, Proof, flights_claim, proved_box
 from verification.proof.proof_report import SCHEMA, loop_statement, place_data
 from verification.proof.scheduled_loop import LoopTable, closed_loop, segments
 from verification.proof.uncertain_loop import proved_pieces
 
+Forms = Callable[[PlaceBox], ModelForms]
 #: Narrower boxes, in steps of the family, are not tried: they stay open. With errors of the parameters or actuators,
 #: which do not become smaller with the box, one gives up earlier.
 NARROWEST, NARROWEST_WITH_ERRORS, NARROWEST_WITH_ACTUATORS = 2.0**-10, 2.0**-5, 2.0**-3
@@ -60,20 +61,11 @@ def prove_schedule(
     moving: also prove how fast the scheduling variable may move. file: of the certificate, which is written on the way.
     Raises NoSolutionError where a place has no trim, BadInputError when the table or the model does not reach.
     """
-    branch, table = TrimBranch(family), LoopTable.of(table)
-    parts, model = segments(table, low, high), family.model
+    table, model, forms = LoopTable.of(table), family.model, lru_cache(maxsize=256)(TrimBranch(family).forms)
+    parts = segments(table, low, high)
     statement = flights_claim(family, low, high) | {"table": table.stated()}
     if table.actuators is not None:
         statement |= {"actuators": vars(table.actuators)}
-
-    @lru_cache(maxsize=64)
-    def forms(box: PlaceBox) -> ModelForms:
-        found = branch.forms(box)
-        beyond = branch.beyond_limits(found)
-        if beyond is not None:
-            raise Undecided(f"{beyond} may lie beyond its limits")
-        return found
-
     known: Content = {"boxes": {}, "open": {}} if file is None else file.known(statement, model)
     boxes: dict[str, list[Content]] = {name: [] for name in ("loop", "modes", "least", "most")}
     gaps: dict[str, list[list[float]]] = {"loop": [], "modes": []}
@@ -87,16 +79,13 @@ def prove_schedule(
 
     def so_far() -> Proof:
         still = {name: own + [[frontier(name), high]] * (frontier(name) < high) for name, own in gaps.items()}
-        return Proof("schedule", statement, boxes, still, model)
+        return Proof("schedule", statement, boxes, model, still)
 
     narrowest = [NARROWEST_WITH_ERRORS if family.spread else NARROWEST] * 2
     if table.actuators is not None:
         narrowest[0] = NARROWEST_WITH_ACTUATORS
-    proofs: tuple[Callable[[PlaceBox], Content | None], ...] = (
-        lambda box: _prove(forms(box), table, family),
-        lambda box: _prove(forms(box), None, family),
-    )
-    for index, (name, prove) in enumerate(zip(gaps, proofs, strict=True)):
+    for index, (name, given) in enumerate((("loop", table), ("modes", None))):
+        prove = partial(_prove, forms, given, family)
         for box, proved in bisected(parts, prove, narrowest[index] * family.step, frontier(name)):
             if proved is not None:
                 boxes[name].append(proved)
@@ -107,42 +96,35 @@ def prove_schedule(
             if progress is not None:
                 progress(round(500 * (index + (box.high - low) / (high - low))), 1000)
     for name, side in (("least", 1), ("most", -1)):
-        bounds = (_bound(forms, PlaceBox(*ends), family, side) for ends in gaps["modes"])
-        boxes[name] += [each for each in bounds if each is not None]
+        for ends in gaps["modes"]:
+            with suppress(Undecided):
+                boxes[name] += _bound(forms(PlaceBox(*ends)), family, side)
     if moving:
-        more, moved = proved_motion(branch, table, low, high, progress=progress)
+        more, moved = proved_motion(forms, family, table, low, high, progress=progress)
         if moved:
             statement, boxes = statement | more, boxes | {"motion": moved}
-    found = Proof("schedule", statement, boxes, gaps, model)
+    found = Proof("schedule", statement, boxes, model, gaps)
     if file is not None:
         file.save(found, finished=True)
-    data: Content = {
-        "schema": SCHEMA,
-        "statement": "schedule",
-        "dynamics": model.name,
-        **place_data(model, [low, high]),
-    }
+    data = {"schema": SCHEMA, "statement": "schedule", "dynamics": model.name} | place_data(model, [low, high])
     entries = [place_data(model, box["range"]) | {key: box[key] for key in "AB"} for box in boxes["loop"]]
     return replace(found, data=data | loop_statement(found, moving)[1] | {"boxes": entries})
 
 
-def _bound(forms: Callable[[PlaceBox], ModelForms], box: PlaceBox, family: Family, side: int) -> Content | None:
+def _bound(model: ModelForms, family: Family, side: int) -> list[Content]:
     """How many modes of A lie right of the first line, on a side of the axis, 1 or -1, that is proved to have none."""
-    try:
-        model = forms(box)
-    except Undecided:
-        return None
     values = sorted(np.linalg.eigvals(doubles(model.A.parts[0])).real.tolist())
     lines = [(a + b) / 2 for a, b in pairwise(values) if b > a and side * (a + b) > 0.0]
     for line in sorted(lines, key=abs):
         found = counted(model.A, -line)
         if found is not None:
-            return proved_box(model, family, **found._asdict() | {"rate": -line})
-    return None
+            return [proved_box(model, family, **found._asdict() | {"rate": -line})]
+    return []
 
 
-def _prove(model: ModelForms, table: LoopTable | None, family: Family) -> Content | None:
+def _prove(forms: Forms, table: LoopTable | None, family: Family, box: PlaceBox) -> Content | None:
     """The loop of a table on a box, or without one A: so many eigenvalues have Re λ > -rate, and none Re λ = -rate."""
+    model = forms(box)
     if table is not None and table.actuators is not None:
         pieces = proved_pieces(table, model)
         return None if pieces is None else proved_box(model, family, pieces=[each._asdict() for each in pieces])
@@ -157,7 +139,7 @@ def _prove(model: ModelForms, table: LoopTable | None, family: Family) -> Conten
 
 
 def proved_motion(
-    branch: TrimBranch, table: LoopTable, low: float, high: float, *, progress: Progress | None = None
+    forms: Forms, family: Family, table: LoopTable, low: float, high: float, *, progress: Progress | None = None
 ) -> tuple[Content, list[Content]]:
     """place_rate and lyapunov (places, P) of a statement, and the boxes that prove it; no boxes when none are found.
 
@@ -166,14 +148,14 @@ def proved_motion(
     and is linear between: V is continuous, its derivative is the above where η is inside a piece, and P is as smooth
     as A_c, whatever its modes do.
     """
-    family, places = branch.family, list[float]()
+    places = list[float]()
     for part in segments(table, low, high):
         pieces = math.ceil((part.high - part.low) / (_STEP * family.step))
         places += np.linspace(part.low, part.high, pieces + 1)[:-1].tolist()
     places.append(high)
     boxes = [PlaceBox(a, b) for a, b in pairwise(places)]
     try:
-        loops = [closed_loop(table, branch.forms(box)) for box in boxes]
+        loops = [closed_loop(table, forms(box)) for box in boxes]
     except Undecided:
         return {}, []
     scales = [1.0 / float(box.radius) for box in boxes]
@@ -187,12 +169,11 @@ def proved_motion(
     P = [_lyapunov(A, W) for A in ends]
 
     def prove(rate: float, index: int, box: PlaceBox) -> Content | None:
-        forms = branch.forms(box)
         first, width = exact(places[index]), exact(places[index + 1]) - exact(places[index])
         rise = (matrix(P[index + 1]) - matrix(P[index])) * (1 / width)
         value = matrix(P[index]) + (box.middle - first) * rise
-        turn = _decreases(closed_loop(table, forms), TaylorModel(value, rise * box.radius), exact(rate) * rise)
-        return None if turn is None else proved_box(forms, family, turn=turn)
+        turn = _decreases(closed_loop(table, forms(box)), TaylorModel(value, rise * box.radius), exact(rate) * rise)
+        return None if turn is None else proved_box(forms(box), family, turn=turn)
 
     def proved(rate: float) -> list[Content]:
         """The boxes on which the rate is proved; none when it is not on all of them."""
@@ -220,10 +201,7 @@ def _decreases(loop: TaylorModel, P: TaylorModel, motion: arb_mat) -> np.ndarray
         turn = np.linalg.inv(np.linalg.cholesky(doubles(decrease.parts[0]))).T
     except np.linalg.LinAlgError:
         return None
-    T = matrix(turn)
-    turned, moved = decrease.map(lambda part: T.transpose() * part * T), T.transpose() * motion * T
-    corners = [each for corner in roomy(turned).corners() for each in (corner + moved, corner - moved)]
-    return turn if all(map(is_positive_definite, corners)) else None
+    return turn if all(is_positive(decrease + each, turn) for each in (motion, -motion)) else None
 
 
 def _lyapunov(A: np.ndarray, W: np.ndarray) -> np.ndarray:

@@ -130,7 +130,7 @@ class StatedGame(NamedTuple):
             radius = 2 * float(value.rad()) + FINEST * self.family.model.signals[name].nominal
             trim[name] = [value.mid().str(_DIGITS, radius=False), 0.0, 0.0, radius]
         point = {"range": [self.place, self.place], "decimals": decimals, "trim": trim}
-        return BallGame(self.game, *branch.model_at(self.place)[:2]), modes | point
+        return BallGame(self.game, *branch.model_at(self.place)), modes | point
 
     def proof(self, data: Content, table: Content, distances: Content, boxes: dict[str, Content], **more: Any) -> Proof:
         """With the statement of the plant and of the game. data: what JSON has, beside which game it is."""
@@ -142,7 +142,7 @@ class StatedGame(NamedTuple):
         own = {"E": game.E, "delta": delta, "Q": (game.Q + game.Q.T) / 2, "R": (game.R + game.R.T) / 2}
         claim |= {"game": own, "table": table, "distances": distances} | more
         lists = {name: [box] for name, box in boxes.items()}
-        return Proof("game", claim, lists, model=model, data={"schema": SCHEMA} | data)
+        return Proof("game", claim, lists, model, data={"schema": SCHEMA} | data)
 
 
 def prove_solution(game: Game, family: Family | None = None, place: float | None = None) -> Proof:

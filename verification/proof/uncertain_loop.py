@@ -20,7 +20,7 @@ import numpy as np
 
 from verification.arithmetic.balls import doubles, exact, is_positive_definite, matrix
 from verification.arithmetic.taylor_model import TaylorModel
-from verification.enclosures.eigenvalue_signs import roomy
+from verification.enclosures.eigenvalue_signs import is_positive
 from verification.enclosures.trim_branch import ModelForms
 from verification.proof.scheduled_loop import LoopTable, closed_loop
 
@@ -78,10 +78,7 @@ def _piece(table: LoopTable, forms: ModelForms, bandwidth: tuple[float, float]) 
         turn = np.linalg.inv(np.linalg.cholesky(sum(doubles(each.parts[0]) for each in forms_of_V))).T
     except np.linalg.LinAlgError:
         return None
-    T = matrix(turn)
-    turned = [each.map(lambda part: T.transpose() * part * T) for each in forms_of_V]
-    held = is_positive_definite(matrix(H)) and min(X) >= 0.0
-    proved = held and all(is_positive_definite(corner) for each in turned for corner in roomy(each).corners())
+    proved = is_positive_definite(matrix(H)) and min(X) >= 0.0 and all(is_positive(each, turn) for each in forms_of_V)
     return Piece(bandwidth, H, X, turn) if proved else None
 
 

@@ -19,8 +19,7 @@ from trim import level_model, release
 from trim.point.condition import LEVEL_FLIGHT
 from verification.arithmetic.ball_function import Undecided
 from verification.arithmetic.balls import exact
-from verification.enclosures.place_box import PlaceBox
-from verification.enclosures.trim_branch import TrimBranch
+from verification.enclosures.trim_branch import PlaceBox, TrimBranch, bisected
 
 
 def numbers(values: Any, of: str = "mid") -> np.ndarray:
@@ -32,12 +31,13 @@ def numbers(values: Any, of: str = "mid") -> np.ndarray:
 def test_the_program_s_models_lie_in_the_enclosure(dynamics: str, low: float) -> None:
     branch = TrimBranch(family(dynamics))
     forms = branch.forms(PlaceBox(low, low + 0.5))
-    parts = (forms.A, forms.B, branch.inputs(forms))
     for s in (-1.0, -0.4, 0.0, 1.0):
         model = model_at(low + 0.25 + 0.25 * s, dynamics)
-        for form, expected in zip(parts, (model.A, model.B, model.input_offsets[:, None]), strict=True):
+        for form, expected in ((forms.A, model.A), (forms.B, model.B)):
             found, rounding = form.parts[0] + form.away(exact(s), exact(s * s)), 1e-11 * (1.0 + np.abs(expected).max())
             assert np.all(np.abs(numbers(found) - expected) <= numbers(found, "rad") + rounding)
+        for name, (c0, c1, c2, *_) in forms.trim.items():
+            assert c0 + c1 * s + c2 * s * s == pytest.approx(getattr(model.point.inputs, name), rel=1e-4)
 
 
 @pytest.mark.parametrize("name", ["panel_mass", "hinge_damping"])
@@ -79,8 +79,9 @@ def test_where_there_is_no_enclosure_no_trim_or_none_within_limits_is_said() -> 
             last = middle
         except NoSolutionError:
             without = middle
-    assert branch.beyond_limits(branch.forms(PlaceBox(last - 0.2, last - 0.1))) is None
-    assert branch.beyond_limits(branch.forms(PlaceBox(last - 0.1, last))) == "elevator_center"
+    branch.forms(PlaceBox(last - 0.2, last - 0.1))
+    with pytest.raises(Undecided, match="elevator_center may lie beyond its limits"):
+        branch.forms(PlaceBox(last - 0.1, last))
 
 
 def test_doubles_alone_give_a_sharper_model() -> None:
@@ -106,7 +107,7 @@ def test_trims_that_a_statement_is_not_about_are_refused() -> None:
 @pytest.mark.parametrize(("low", "high"), [(0.0, 20.0), (14.1, 14.3), (-3.7, 2.9)])
 def test_the_halves_of_a_box_cover_it_and_its_place_reaches_its_ends(low: float, high: float) -> None:
     box = PlaceBox(low, high)
-    left, right = box.halves()
+    (left, _), (right, _) = bisected([box], lambda _: None, 0.6 * (high - low))
     assert (left.low, right.high) == (low, high)
     assert left.high == right.low == pytest.approx((low + high) / 2)
     assert (box.middle - box.radius, box.middle + box.radius) == (arb(low), arb(high))
