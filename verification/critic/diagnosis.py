@@ -145,7 +145,7 @@ def diagnose(
         return _of_network(game, exact, candidate, box, others)
     value, gain = _seen(game, candidate, exact.P, exact.K)
     if value is None:
-        return gain.named(repairs(game, gain))[1] or gain.named(_other_games(gain, others()))[1]
+        return _cause(game, gain, others)
     assert P is not None
     together = gain.error(gain.given + exact.K - game.gain(P)) <= limit
     if all(check.ok for check in matrix_errors(game, "P", P, exact.P, limit)):
@@ -162,8 +162,7 @@ def diagnose(
     of_weights = (
         () if candidate.weights is None else repairs_of_weights(candidate.weights, exact.P, candidate.functions)
     )
-    named = value.named([*of_weights, *repairs(game, value)])[1]
-    named = named or value.named(_other_games(value, others()))[1]
+    named = _cause(game, value, others, of_weights)
     units, abscissa = balanced_units(game), spectrum(game.A - game.S @ P).abscissa
     residual = relative_residual(in_units(game, units), P * np.outer(units, units))
     if named or not together or residual > _ROOT or abscissa < 0.0:
@@ -181,6 +180,11 @@ def repaired(game: Game, P: np.ndarray, K: np.ndarray, candidate: Candidate) -> 
     return seen.named([*repairs(game, seen), continuous])[1]
 
 
+def _cause(game: Game, seen: _Seen, others: Callable[[], list[_Family]], more: Iterable[Repair] = ()) -> str:
+    """The best of these and the usual repairs, else of other games, which take longer; or ""."""
+    return seen.named([*more, *repairs(game, seen)])[1] or seen.named(_other_games(seen, others()))[1]
+
+
 def _seen(game: Game, candidate: Candidate, P: np.ndarray, K: np.ndarray) -> tuple[_Seen | None, _Seen]:
     """What a polynomial has of P and of K, in balanced units."""
     units, given = balanced_units(game), candidate.P
@@ -192,8 +196,8 @@ def _seen(game: Game, candidate: Candidate, P: np.ndarray, K: np.ndarray) -> tup
 def _of_network(
     game: Game, exact: GameSolution, candidate: Candidate, box: np.ndarray, others: Callable[[], list[_Family]]
 ) -> str:
-    """The mistake that explains most, of the network at the origin or over the box. V counts by its size in the box, or
-    each state alike; slopes and inputs count by the size of each in the box."""
+    """The mistake that explains most, of the network at the origin or over the box. V, slopes and inputs count by their
+    size in the box."""
     about = candidate.nonlinear
     assert about is not None
 
@@ -201,17 +205,16 @@ def _of_network(
         sizes = np.linalg.norm(matrix * box, axis=1, keepdims=True)
         return box / np.maximum(sizes, SMALL * sizes.max())
 
-    diagonal = 1.0 / np.sqrt(np.maximum(np.diag(exact.P), SMALL * np.diag(exact.P).max()))
-    sizes = np.outer(box, box), rows(exact.P) if about.V is None else np.outer(diagonal, diagonal)
-
     def views(of: Candidate) -> list[list[_Seen]]:
-        """At the origin and over the box: P by both weights, if there is any, and K."""
+        """At the origin and over the box: P, if there is any, and K."""
+        sizes = {"P": rows(exact.P) if about.V is None else np.outer(box, box), "K": rows(exact.K)}
         return [
             [
-                *(_Seen("P", P, exact.P, size, _OF_NETWORKS) for size in sizes if P is not None),
-                _Seen("K", K, exact.K, rows(exact.K), _OF_NETWORKS),
+                _Seen(kind, getattr(answer, kind), getattr(exact, kind), size, _OF_NETWORKS)
+                for kind, size in sizes.items()
+                if getattr(answer, kind) is not None
             ]
-            for P, K in (Answer(of.P, of.K), fitted(game, of, box))
+            for answer in (Answer(of.P, of.K), fitted(game, of, box))
         ]
 
     seen, own = views(candidate), slice(None if about.u is not None else -1)  # a K that follows from P is not judged
@@ -222,13 +225,10 @@ def _of_network(
     for each in (*seen[0][own], *seen[1][own]):
         slopes = _repairs_of_sides(each, _OF_SLOPES) if each.kind == "P" and about.V is None else ()
         named.append(each.named([*repairs(game, each), *slopes]))
-    # Small errors of a network without noise have a cause too.
-    quiet = relative_error(seen[0][-1].given, seen[1][-1].given) <= _OF_POLYNOMIALS.explained
-    wrong = quiet or over[-1 if about.u is not None else 0] > _OF_NETWORKS.least / 3.0
-    if wrong and min(named)[0] > _OF_NETWORKS.clear:
+    if min(named)[0] > _OF_NETWORKS.clear:
         for said, read in about.variants.items():
             named += [here[0].named([(said, there[0].given)]) for here, there in zip(seen, views(read()), strict=True)]
-    if wrong and min(named)[0] > _OF_NETWORKS.clear:
+    if min(named)[0] > _OF_NETWORKS.clear:
         named += [each.named(_other_games(each, others())) for each in seen[1][own]]
     if about.F is not None and about.u is None and over[0] <= NEAR and over[-1] > FAR:
         hidden = f"V is near and its policy off by {over[-1]:.2g}: u = -½ R⁻¹B'∂V/∂z amplifies what V hardly shows"
