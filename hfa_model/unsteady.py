@@ -277,4 +277,5 @@ UNSTEADY = replace(
     # Wind alone moves the states of gusts: no input reaches them, and a game cannot learn them.
     linear=(*LINEAR_STATES, *_LAGS, "downwash"),
     modes={**HFA.modes, "lag": (*_LAGS, "downwash"), "gust": _GUSTS},
+    parts={"short_period": ("alpha", *_LAGS, "downwash")},
 )

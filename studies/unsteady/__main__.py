@@ -27,15 +27,16 @@ from controller import (
     load_design,
     published_game,
 )
-from hfa_model import LINEAR_STATES, UNSTEADY, Aircraft
+from controller.design.design import Actuator
+from controller.design.servo_loop import loop_margins, servo_loop, servo_plant
+from hfa_model import UNSTEADY, Aircraft
 from hfa_support import Model
 from studies.servo.simvfa import simvfa_design
-from trim import LinearModel, level_model, linearize
+from trim import LinearModel, level_model
 from verification import solve_game
 
 PLANTS: dict[str, Aircraft | Model] = {name: Aircraft(dynamics=name) for name in ("published", "newton")}
 PLANTS["unsteady"] = UNSTEADY
-SHORT_PERIOD = "_short_period"
 
 
 @cache
@@ -44,50 +45,16 @@ def model_at(plant: str, degrees: float) -> LinearModel:
     return level_model(PLANTS[plant], np.radians(degrees))
 
 
-def opened(plant: str, degrees: float, servo: ScheduledController, order: int) -> tuple[np.ndarray, ...]:
-    """A, B, C of plant, actuators and controller with all commands open: u = C x without, u' in."""
-    model = model_at(plant, degrees)
-    position = {f"{name}_position": i for i, name in enumerate(servo.inputs)}
-    plain = [name for name in servo.measurements if name not in position]
-    seen = linearize(PLANTS[plant], model.point, outputs=tuple(name.removesuffix(SHORT_PERIOD) for name in plain))
-    columns, n, m = [seen.inputs.index(name) for name in servo.inputs], len(seen.A), len(servo.inputs)
-    fast = [name not in LINEAR_STATES or name == "alpha" for name in seen.states]
-    C, D = np.zeros((len(servo.measurements), n)), np.zeros((len(servo.measurements), m))
-    for row, name in enumerate(servo.measurements):
-        if name in position:
-            D[row, position[name]] = 1.0
-        else:
-            C[row] = seen.C[plain.index(name)] * (fast if name.endswith(SHORT_PERIOD) else 1.0)
-            D[row] = seen.D[plain.index(name), columns]
-    one, w = np.eye(m), 2.0
-    if order == 1:
-        Aa, Ba, Ca = -w * one, w * one, one
-    else:
-        Aa = np.block([[0 * one, one], [-(w**2) * one, -2 * 0.7 * w * one]])
-        Ba, Ca = np.vstack([0 * one, w**2 * one]), np.hstack([one, 0 * one])
-    Ak, Bk, Ck, Dk = servo.at(np.radians(degrees))
-    Bk, Dk = Bk[:, : len(servo.measurements)], Dk[:, : len(servo.measurements)]
-    Cy, nk, na = np.hstack([C, D @ Ca]), len(Ak), len(Aa)
-    A = np.block([[seen.A, seen.B[:, columns] @ Ca], [np.zeros((na, n)), Aa]])
-    A = np.block([[A, np.zeros((n + na, nk))], [Bk @ Cy, Ak]])
-    B = np.vstack([np.zeros((n, m)), Ba, np.zeros((nk, m))])
-    return A, B, np.hstack([Dk @ Cy, Ck])
-
-
-def margins(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> tuple[float, float]:
-    """Abscissa of the closed loop, 1/s, and the smallest disk margin of one command with the others closed; nan when
-    unstable. A disk margin a means a gain of (2 + a) / (2 - a) and a phase of 2 atan(a / 2) at least."""
-    abscissa = float(np.linalg.eigvals(A + B @ C).real.max())
-    if abscissa >= 0.0:
-        return abscissa, np.nan
-    found = []
-    for i in range(B.shape[1]):
-        others = [j for j in range(B.shape[1]) if j != i]
-        rest = A + B[:, others] @ C[others]
-        for w in np.geomspace(1e-3, 300.0, 600):
-            loop = -C[i] @ np.linalg.solve(1j * w * np.eye(len(A)) - rest, B[:, i])
-            found.append(2 * abs((1 + loop) / (1 - loop)))
-    return abscissa, min(found)
+def margins(plant: str, degrees: float, servo: ScheduledController, order: int) -> tuple[float, float]:
+    """Behind actuators of 2 rad/s: the abscissa of the closed loop, 1/s, and the smallest disk margin of one command
+    with the others closed; nan when unstable. A disk margin a means a gain of (2 + a) / (2 - a) and a phase of
+    2 atan(a / 2) at least."""
+    actuators = dict.fromkeys(servo.inputs, Actuator(order, 2.0))
+    loop = servo_loop(servo_plant(PLANTS[plant], model_at(plant, degrees), servo, actuators), servo)
+    if loop.abscissa >= 0.0:
+        return loop.abscissa, np.nan
+    found = loop_margins(loop, servo.inputs, servo.measurements)
+    return loop.abscissa, min(found[name].disk for name in servo.inputs)
 
 
 def flier(plant: str, degrees: float) -> Callable[[float, float], bool]:
@@ -127,7 +94,7 @@ def main() -> None:
         for degrees in angles:
             for plant in PLANTS:
                 orders = (1, 2) if name == "servo" else (1,)
-                said = [margins(*opened(plant, degrees, table, order)) for order in orders]
+                said = [margins(plant, degrees, table, order) for order in orders]
                 print(f"{name:9} {of:9} {degrees:3g} deg {plant:9}", *(f"{a:8.4f} {m:5.2f}" for a, m in said))
     print("largest 1-cosine updraft, up / down, ft/s, under the paper's policy of published")
     for degrees in (5.0, 15.0):
