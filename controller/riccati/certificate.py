@@ -156,11 +156,11 @@ def iterated_solution(game: Game) -> np.ndarray:
     """
     form = normal_form(game)
     X = best = np.zeros_like(form.A)
-    smallest = np.inf
+    smallest, size = np.inf, 0.0
     for step in range(1, MAX_STEPS + 1):
         Z = _lqr_step(form, X, step)
         X, correction = X + Z, float(np.abs(Z).max())
-        size = float(np.abs(X).max())
+        size = max(size, float(np.abs(X).max()))  # of a P of 0 nothing but rounding is left
         if smallest <= SETTLING * size and correction > 0.5 * smallest:  # no digit more
             return form.value(best)
         best, smallest = X, correction

@@ -10,8 +10,6 @@ Source: Zhou, Doyle and Glover, Robust and Optimal Control, Theorem 17.1 and Sec
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from pathlib import Path
@@ -22,13 +20,11 @@ import numpy as np
 from controller.game.array_file import read_arrays
 from controller.game.user_files import entries_of, one_number
 from controller.game.zero_sum import LARGEST, Game, check_definite, checked_matrix
-from controller.riccati.balancing import RANK, balanced_units, in_units, is_hurwitz, spectrum
-from controller.riccati.certificate import relative_residual
-from controller.riccati.frequency_response import peak_gain, square_root, without_feedthrough
+from controller.riccati.balancing import RANK, balanced_units, spectrum
+from controller.riccati.frequency_response import peak_gain, responses, square_root, without_feedthrough
 from controller.riccati.gare import solve_certified
-from controller.riccati.gare_schur import quick_solution, schur_solution
-from controller.riccati.smallest_delta import DeltaMin, bracketed, has_value, obstacle
-from hfa_support.errors import BadInputError, NoSolutionError, said_of, shortened
+from controller.riccati.smallest_delta import DeltaMin, bracketed, has_value, obstacle, solution_that_holds
+from hfa_support.errors import BadInputError, NoSolutionError, refuse_unless_positive, said_of, shortened
 from hfa_support.reporting.checks import Check, at_most, below
 from hfa_support.reporting.fields import Shown
 
@@ -36,10 +32,6 @@ from hfa_support.reporting.fields import Shown
 DERIVATIONS_AGREE = 1e-8
 #: Of delta_min, relative.
 TOLERANCE = 2.5e-7
-#: Where ρ(XY) is farther from δ² than this part of it, a search does without the last digits of X and Y.
-_CLEAR = 1e-4
-#: Relative residual, in balanced units, up to which a search believes a solution without a certificate.
-_BELIEVED = 1e-9
 
 #: On the control side and on the filter side: a mode that is not stable and cannot be moved, a zero on the axis.
 _OBSTACLES = (
@@ -117,28 +109,25 @@ class GeneralizedPlant(Shown):
         """Check everything once, so that no solver has to."""
         given = {each.name: getattr(self, each.name) for each in fields(self)}
         found = {name: checked_matrix(name, M, LARGEST) for name, M in given.items() if M is not None}
-        for name in ("A", "B1", "B2", "C1", "D12"):
+        measured = "C2" in found
+        for name in ("A", "B1", "B2", "C1", "D12", *["D21"] * measured):
             if name not in found:
                 raise BadInputError(f"there is no {name}; a plant has A, B1, B2, C1, D12, with measurements C2 and D21")
-        if self.C2 is None and ("D21" in found or "D22" in found):
+        if not measured and ("D21" in found or "D22" in found):
             raise BadInputError("there is a D21 or D22 and no C2; give C2, or none of them for state feedback")
-        if self.C2 is not None and "D21" not in found:
-            raise BadInputError("there is no D21; with C2 every measurement needs noise of its own in D21")
         n, k, m, r = len(found["A"]), found["B1"].shape[1], found["B2"].shape[1], len(found["C1"])
+        p = len(found["C2"]) if measured else 0
         shapes = {"A": (n, n), "B1": (n, k), "B2": (n, m), "C1": (r, n), "D12": (r, m), "D11": (r, k)}
-        p = 0 if self.C2 is None else len(found["C2"])
-        if self.C2 is not None:
-            shapes |= {"C2": (p, n), "D21": (p, k), "D22": (p, m)}
-        for name, shape in shapes.items():
+        for name, shape in (shapes | ({"C2": (p, n), "D21": (p, k), "D22": (p, m)} if measured else {})).items():
             matrix = found.get(name, np.zeros(shape))
             if matrix.shape != shape:
                 raise BadInputError(f"{name} has shape {matrix.shape}; with the other matrices it must be {shape}")
             object.__setattr__(self, name, matrix)
-        if 0 in (n, m) or (p == 0 and self.C2 is not None):
+        if 0 in (n, m) or (measured and p == 0):
             raise BadInputError("a plant needs a state, an input u, and with C2 an output y")
-        _check_rank("D12", self.D12, "column", "a cost of its own in z", "u")
-        if self.D21 is not None:
-            _check_rank("D21", self.D21.T, "row", "noise of its own from w", "y")
+        _check_rank("D12", self.D12, "column", "every u needs a cost of its own in z")
+        if measured:
+            _check_rank("D21", self.D21.T, "row", "every y needs noise of its own from w")
 
     @cached_property
     def sides(self) -> tuple[_Side, ...]:
@@ -203,32 +192,26 @@ def stored_plant(
 
     found: what `read_arrays` has read of it already. BadInputError names the file.
     """
-    found = read_arrays(path) if found is None else found
     names = [field.name for field in fields(GeneralizedPlant)]
     with said_of(path):
-        stored, notes = entries_of(found, {"A", "B2"})
+        stored, notes = entries_of(read_arrays(path) if found is None else found, {"A", "B2"})
         unused = sorted(set(stored) - {*names, "delta", "states", "inputs", "state_units", "input_units"})
         notes += [f"{shortened(', '.join(unused), 200)} not used"] if unused else []
         plant = GeneralizedPlant(**{name: stored.get(name) for name in names})  # type: ignore[arg-type]
         delta = one_number("delta", stored["delta"]) if "delta" in stored else None
-        if delta is not None and not delta > 0.0:
-            raise BadInputError(f"delta is {delta:g}; it must be a positive number")
+        if delta is not None and delta != math.inf:
+            refuse_unless_positive("delta", delta)
     return plant, delta, tuple(f"{path}: {note}" for note in notes)
 
 
-def _check_rank(name: str, matrix: np.ndarray, kind: str, lacking: str, signal: str) -> None:
+def _check_rank(name: str, matrix: np.ndarray, kind: str, needed: str) -> None:
     sizes = np.linalg.norm(matrix, axis=0)
     empty = np.flatnonzero(sizes == 0.0)
     if empty.size:
-        raise BadInputError(
-            f"{name} has only zeros in {kind} {empty[0] + 1}: every {signal} needs {lacking}; give it some"
-        )
-    values = np.linalg.svd(matrix / sizes, compute_uv=False)
-    rank = int(np.sum(values > RANK * values[0]))
+        raise BadInputError(f"{name} has only zeros in {kind} {empty[0] + 1}: {needed}; give it some")
+    rank = np.linalg.matrix_rank(matrix / sizes, rtol=RANK)
     if rank < matrix.shape[1]:
-        raise BadInputError(
-            f"{name} has rank {rank} and {matrix.shape[1]} {kind}s: every {signal} needs {lacking}; give more"
-        )
+        raise BadInputError(f"{name} has rank {rank} and {matrix.shape[1]} {kind}s: {needed}; give more")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -414,14 +397,12 @@ def check_modes(plant: GeneralizedPlant) -> None:
 
 
 def _response_difference(one: Controller, other: Controller) -> float:
-    """Largest |K1(jω) - K2(jω)| / |K1(jω)|, or |K2(jω)| where K1 is zero, over the controllers' own frequencies."""
+    """Largest |K1(jω) - K2(jω)| / |K1(jω)|, or |K2(jω)| where K1 is zero, over the frequencies of K1."""
     poles = np.abs(np.linalg.eigvals(one[0]))
     grid = np.geomspace(1e-2 * max(poles.min(), 1e-6), 1e2 * poles.max(), 60)
-    apart = 0.0
-    for omega in grid:
-        first, second = (C @ np.linalg.solve(1j * omega * np.eye(len(A)) - A, B) + D for A, B, C, D in (one, other))
-        apart = max(apart, float(np.linalg.norm(first - second) / (np.linalg.norm(first) or 1.0)))
-    return apart
+    first, second = (C @ responses(A, B, grid) + D for A, B, C, D in (one, other))
+    size = np.linalg.norm(first, axis=(1, 2))
+    return float((np.linalg.norm(first - second, axis=(1, 2)) / np.where(size > 0.0, size, 1.0)).max())
 
 
 def _conditions(plant: GeneralizedPlant, delta: float) -> tuple[bool | None, str]:
@@ -434,26 +415,10 @@ def _conditions(plant: GeneralizedPlant, delta: float) -> tuple[bool | None, str
             return found, f"{which} Riccati equation" + " (rounding leaves it open)" * (found is None)
     if len(games) == 1 or math.isinf(delta):
         return True, ""
-    for solution in (quick_solution, schur_solution):
-        X, Y = (_believed(game, solution) for game in games)
-        if X is None or Y is None:
-            continue
-        radius, limit = _radius(X, Y), delta**2
-        if solution is schur_solution or abs(radius - limit) > _CLEAR * limit:
-            return (True, "") if radius < limit else (False, "coupling condition")
-    return None, "accuracy of a Riccati solution"
-
-
-def _believed(game: Game, solution: Callable[[Game], np.ndarray]) -> np.ndarray | None:
-    """The stabilizing solution with a small residual, or None."""
-    if not game.Q.any() and is_hurwitz(game.A):
-        return np.zeros_like(game.A)
-    with suppress(NoSolutionError):
-        P, units = solution(game), balanced_units(game)
-        residual = relative_residual(in_units(game, units), P * np.outer(units, units))
-        if residual <= _BELIEVED and spectrum(game.A - game.S @ P).abscissa < 0.0:
-            return P
-    return None
+    X, Y = map(solution_that_holds, games)
+    if X is None or Y is None:
+        return None, "accuracy of a Riccati solution"
+    return (True, "") if _radius(X, Y) < delta**2 else (False, "coupling condition")
 
 
 def _radius(X: np.ndarray, Y: np.ndarray) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -61,14 +62,16 @@ def has_value(game: Game) -> bool | None:
     product = basis[:n].T @ basis[n:]
     smallest = float(np.linalg.eigvalsh((product + product.T) / 2.0)[0])
     signless = SIGNLESS * max(1.0, float(np.linalg.cond(form.hamiltonian)) / WELL_CONDITIONED)
-    return smallest > 0.0 if abs(smallest) > signless else _solution_holds(game) or None
+    return smallest > 0.0 if abs(smallest) > signless else (solution_that_holds(game) is not None or None)
 
 
-def _solution_holds(game: Game) -> bool:
-    try:
-        return all(check.ok for check in solution_checks(game, first_derivation(game)))
-    except NoSolutionError:
-        return False
+def solution_that_holds(game: Game) -> np.ndarray | None:
+    """P of the first derivation, (n, n), where every test of P alone holds: for a search, without a certificate."""
+    with suppress(NoSolutionError):
+        P = first_derivation(game)
+        if all(check.ok for check in solution_checks(game, P)):
+            return P
+    return None
 
 
 class DeltaMin(NamedTuple):
