@@ -13,8 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game
-from controller.riccati.balancing import balanced_units, is_hurwitz, spectrum
-from controller.riccati.exact_product import add, exact, product
+from controller.riccati.balancing import add, balanced_units, exact, is_hurwitz, product, spectrum
 from controller.riccati.frequency_response import bounded_real_gain
 from controller.riccati.gare import GameSolution
 from hfa_support.errors import BadInputError, NoSolutionError

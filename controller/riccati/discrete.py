@@ -14,7 +14,7 @@ import numpy as np
 from controller.game.zero_sum import Game
 from controller.riccati.balancing import balanced_units, in_units
 from controller.riccati.certificate import DISAGREEMENT, INDEFINITENESS, RESIDUAL, Certificate, refuse_failures
-from hfa_support.errors import BadInputError, NoSolutionError
+from hfa_support.errors import BadInputError, NoSolutionError, is_finite, refuse_unless_positive
 from hfa_support.reporting.checks import Check, at_least, at_most, below
 from hfa_support.reporting.fields import Shown
 
@@ -45,13 +45,11 @@ def sampled(game: Game, dt: float) -> Game:
     """
     from scipy.linalg import expm
 
-    if not (isinstance(dt, (int, float, np.floating)) and 0.0 < dt < math.inf):
-        raise BadInputError(f"dt is {dt}; it must be a positive number of seconds")
+    refuse_unless_positive("dt", dt, " s")
     n, m = game.B.shape
-    motion = np.zeros((n + m + game.E.shape[1],) * 2)
-    motion[:n] = np.hstack([game.A, game.B, game.E])
-    step = expm(motion * dt)[:n]
-    A, B, E = step[:, :n], step[:, n : n + m], step[:, n + m :]
+    moved = np.hstack([game.A, game.B, game.E])
+    step = expm(dt * np.vstack([moved, np.zeros((moved.shape[1] - n, moved.shape[1]))]))[:n]
+    A, B, E = np.split(step, [n, n + m], axis=1)
     return Game(A=A, B=B, E=E, Q=game.Q * dt, R=game.R * dt, delta=game.delta * math.sqrt(dt))
 
 
@@ -63,35 +61,44 @@ def solve_discounted(game: Game, discount: float, dt: float | None = None) -> Di
     saddle point exists; √γ F must have its eigenvalues within the unit circle.
     Source: Basar and Bernhard, H-infinity Optimal Control, Theorem 3.7, for √γ A, √γ B, √γ E.
     """
-    if not (isinstance(discount, (int, float, np.floating)) and 0.0 < discount <= 1.0):
-        raise BadInputError(
-            f"discount is {discount}; it must be a number above 0 and at most 1, the factor of one step"
-        )
+    if not (is_finite(discount) and 0.0 < discount <= 1.0):
+        raise BadInputError(f"discount is {discount}; it must be above 0 and at most 1, the factor of one step")
     step = game if dt is None else sampled(game, dt)
-    units, root = balanced_units(step), math.sqrt(discount)
-    alike = in_units(step, units)
-    alike = replace(alike, A=root * alike.A, B=root * alike.B, E=root * alike.E)  # without discount, in balanced units
+    units = balanced_units(step)
+    alike = _undiscounted(in_units(step, units), discount)
     try:
         P = _by_schur(alike)
         for _ in range(_REFINEMENTS):
-            P = P + _correction(alike, P)
+            P = P + _newton(alike, P)[1]
         apart = float(np.abs(P - _by_doubling(alike)).max()) / (float(np.abs(P).max()) or 1.0)
         reason = f"value iteration gives another P (difference {apart:.2g})"
         second = at_most("second_derivation", apart, DISAGREEMENT, reason)
         certificate = Certificate((*discounted_checks(alike, P), second))
         refuse_failures(certificate.checks)
     except (NoSolutionError, np.linalg.LinAlgError, ValueError) as failure:
-        raise NoSolutionError(
-            f"no certified value of the discounted game: {failure}; ask for a larger delta"
-        ) from failure
-    K, L = _policies(alike, P)
+        reason = f"no certified value of the discounted game: {failure}"
+        raise NoSolutionError(f"{reason}; ask for a larger delta") from failure
+    K, L = policies_of_step(alike, P)
     return DiscountedSolution(P / np.outer(units, units), K / units, L / units, step, float(discount), certificate)
 
 
-def policies_of_step(step: Game, P: np.ndarray, discount: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
-    """K and L of u = -K x, w = L x, which the value x'P x of the next state implies; step: a game of one step."""
+def _undiscounted(step: Game, discount: float) -> Game:
+    """The game without discount that has the same value."""
     root = math.sqrt(discount)
-    return _policies(replace(step, A=root * step.A, B=root * step.B, E=root * step.E), P)
+    return replace(step, A=root * step.A, B=root * step.B, E=root * step.E)
+
+
+def policies_of_step(step: Game, P: np.ndarray, discount: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
+    """K and L of u = -K x, w = L x, which the value x'P x of the next state implies; step: a game of one step.
+
+    As in `solve_discounted`, with E divided by δ, so that δ = inf is no exception.
+    """
+    m = step.B.shape[1]
+    G = np.hstack([step.B, step.E / step.delta])
+    W = np.diag(np.repeat([0.0, -1.0], [m, G.shape[1] - m]))
+    W[:m, :m] = step.R
+    both = np.linalg.solve(W + discount * G.T @ P @ G, discount * G.T @ P @ step.A)
+    return both[:m], -both[m:] / step.delta
 
 
 def quick_discounted(step: Game) -> tuple[np.ndarray, np.ndarray]:
@@ -100,19 +107,19 @@ def quick_discounted(step: Game) -> tuple[np.ndarray, np.ndarray]:
     try:
         with np.errstate(all="ignore"), warnings.catch_warnings(action="ignore"):
             P = _by_schur(step)
-            return P, _policies(step, P)[0]
+            return P, policies_of_step(step, P)[0]
     except (np.linalg.LinAlgError, ValueError) as error:
         raise NoSolutionError("no value of the game in discrete time") from error
 
 
 def discounted_checks(game: Game, P: np.ndarray) -> tuple[Check, ...]:
     """The tests of P alone, for γ = 1: Bellman's equation, signs, both closed loops."""
-    K, L = _policies(game, P)
+    K, L = policies_of_step(game, P)
     size = float(np.abs(P).max()) or 1.0
     loop = game.A - game.B @ K
     terms = np.abs(game.Q) + np.abs(K.T @ game.R @ K) + np.abs(P) + np.abs(loop.T) @ np.abs(P) @ np.abs(loop)
-    residual = float(np.abs(_residual(game, P)).max() / (terms.max() or 1.0))
-    error = float(np.abs(_correction(game, P)).max()) / size
+    left, correction = _newton(game, P)
+    residual, error = float(np.abs(left).max() / (terms.max() or 1.0)), float(np.abs(correction).max()) / size
     smallest = float(np.linalg.eigvalsh(P)[0]) / size
     pays = np.linalg.eigvalsh(np.eye(game.E.shape[1]) - game.E.T @ P @ game.E / game.delta**2).min(initial=1.0)
     radii = [float(np.abs(np.linalg.eigvals(each)).max()) for each in (loop + game.E @ L, loop)]
@@ -126,32 +133,17 @@ def discounted_checks(game: Game, P: np.ndarray) -> tuple[Check, ...]:
     )
 
 
-def _policies(game: Game, P: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """K and L of `solve_discounted`; E is divided by δ, so that δ = inf is no exception."""
-    m = game.B.shape[1]
-    G = np.hstack([game.B, game.E / game.delta])
-    W = np.diag(np.repeat([0.0, -1.0], [m, G.shape[1] - m]))
-    W[:m, :m] = game.R
-    both = np.linalg.solve(W + G.T @ P @ G, G.T @ P @ game.A)
-    return both[:m], -both[m:] / game.delta
-
-
-def _residual(game: Game, P: np.ndarray) -> np.ndarray:
-    """Q + K'RK - δ² L'L + F'P F - P: errors of K and L count by their squares only."""
-    K, L = _policies(game, P)
-    F, price = game.A - game.B @ K + game.E @ L, 0.0 if math.isinf(game.delta) else game.delta**2
-    return np.asarray(game.Q - P + K.T @ game.R @ K - price * L.T @ L + F.T @ P @ F)
-
-
-def _correction(game: Game, P: np.ndarray) -> np.ndarray:
-    """Newton's correction of P: Z = F'Z F + residual."""
+def _newton(game: Game, P: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Q + K'RK - δ² L'L + F'P F - P, in which errors of K and L count by their squares only, and Newton's correction of
+    P: Z = F'Z F + this."""
     from scipy.linalg import solve_discrete_lyapunov
 
-    K, L = _policies(game, P)
-    residual = _residual(game, P)
+    K, L = policies_of_step(game, P)
+    F, price = game.A - game.B @ K + game.E @ L, 0.0 if math.isinf(game.delta) else game.delta**2
+    residual = game.Q - P + K.T @ game.R @ K - price * L.T @ L + F.T @ P @ F
     with warnings.catch_warnings(action="ignore"):  # of a loop near the unit circle, whose correction is judged
-        found = solve_discrete_lyapunov((game.A - game.B @ K + game.E @ L).T, (residual + residual.T) / 2.0)
-    return np.asarray(found + found.T) / 2.0
+        found = solve_discrete_lyapunov(F.T, (residual + residual.T) / 2.0)
+    return residual, np.asarray(found + found.T) / 2.0
 
 
 def _by_schur(game: Game) -> np.ndarray:

@@ -96,17 +96,17 @@ class DeltaMin(NamedTuple):
 
     def advice(self, delta: float) -> str:
         """Where delta stands and what to change when a solution at this delta fails a test."""
+        what = "ask for a larger delta"
         if self.refused < delta < self.value:  # there a value may exist or not
-            between = f"between {self.refused:.9g} and {self.value:.9g}"
-            known = f"which rounding leaves {between}" if self.uncertain else f"which lies {between}"
-            return f"delta = {delta:.9g} is too close to delta_min, {known}; ask for a larger delta"
-        if delta < self.value:
-            return f"delta = {delta:.9g} is below delta_min = {self.value:.7g}; ask for a larger delta"
-        excess = self.margin(delta) - 1.0
-        if excess < CLOSE:
-            above = f"{100.0 * excess:.2g} % above delta_min = {self.value:.7g}"
-            return f"delta = {delta:.9g} is only {above}; ask for a larger delta"
-        return f"delta = {delta:.9g} is well above delta_min = {self.value:.7g}; check the scaling of A, B, Q and R"
+            known = "rounding leaves" if self.uncertain else "lies"
+            where = f"too close to delta_min, which {known} between {self.refused:.9g} and {self.value:.9g}"
+        elif delta < self.value:
+            where = f"below delta_min = {self.value:.7g}"
+        elif (excess := self.margin(delta) - 1.0) < CLOSE:
+            where = f"only {100.0 * excess:.2g} % above delta_min = {self.value:.7g}"
+        else:
+            where, what = f"well above delta_min = {self.value:.7g}", "check the scaling of A, B, Q and R"
+        return f"delta = {delta:.9g} is {where}; {what}"
 
 
 def minimum_delta(problem: Game | GeneralizedPlant, progress: Progress | None = None) -> DeltaMin:
