@@ -151,8 +151,8 @@ def test_theodorsen() -> None:
 
 
 def step(of: Callable[[np.ndarray], np.ndarray], end: float, s: np.ndarray) -> np.ndarray:
-    """end + (2/π) ∫ (Re f(k) - end) sin(k s) / k dk from 0 to 400, where f is within 0.02 of its end."""
-    k = np.linspace(1e-6, 400.0, 400_001)
+    """end + (2/π) ∫ (Re f(k) - end) sin(k s) / k dk from 0 to 200, where f is within 0.03 of its end."""
+    k = np.linspace(1e-6, 200.0, 100_001)
     parts = (of(k).real - end) / k
     return np.array([end + 2 / np.pi * np.trapezoid(parts * np.sin(k * each), k) for each in s])
 

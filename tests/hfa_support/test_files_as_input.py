@@ -52,7 +52,7 @@ def test_no_result_takes_the_place_of_a_fifo(
     suffix = ".png" if words[-1] == "--picture" else {"export": ".fmu"}.get(words[0], ".json")
     fifo = tmp_path / f"fifo{suffix}"
     os.mkfifo(fifo)
-    assert_refused(hfa(*words, str(fifo)), 2, "it is not a regular file; name another")
+    assert_refused(hfa(*words, str(fifo)), 2, "it is no regular file; name another")
     assert list(tmp_path.iterdir()) == [fifo]
     assert fifo.is_fifo()
 

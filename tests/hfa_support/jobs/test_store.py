@@ -86,8 +86,8 @@ def test_what_was_computed_is_read_in_any_slice(made: Path) -> None:
     for name, values in expected.items():
         np.testing.assert_array_equal(store.read(name), values)
     assert store.read("pole")[3:6].imag.tolist() == [0.0, 0.0, 0.0]
-    for start in range(-2, ROWS + 1):
-        for stop in range(ROWS + 2):
+    for start in (-2, 0, 2, 3, 7, ROWS):
+        for stop in (0, 3, 5, 6, ROWS + 1):
             np.testing.assert_array_equal(store.read("square", slice(start, stop)), expected["square"][start:stop])
 
 
@@ -183,7 +183,7 @@ def test_every_bit_of_every_file_counts(made: Path, tmp_path: Path) -> None:
     whole, rng, outcomes = contents(made), np.random.default_rng(1), {"refused": 0, "computed": 0}
     path = shutil.copytree(made, tmp_path / "a.zarr")
     for name, content in sorted(whole.items()):
-        for bit in rng.integers(8 * len(content), size=3):
+        for bit in rng.integers(8 * len(content), size=2):
             flipped = bytearray(content)
             flipped[bit // 8] ^= 1 << int(bit % 8)
             (path / name).write_bytes(bytes(flipped))
@@ -195,7 +195,7 @@ def test_every_bit_of_every_file_counts(made: Path, tmp_path: Path) -> None:
                 outcomes["refused"] += 1
             (path / name).write_bytes(content)
     described = 11  # zarr.json of the store and of seven arrays, names and units of an axis, the digest
-    assert outcomes == {"refused": 3 * described, "computed": 3 * (len(whole) - described)}
+    assert outcomes == {"refused": 2 * described, "computed": 2 * (len(whole) - described)}
 
 
 def test_a_store_is_neither_overwritten_nor_continued_by_another_job(

@@ -58,6 +58,7 @@ def test_a_job_that_is_left_leaves_no_worker() -> None:
     assert _gone()
 
 
+@pytest.mark.slow
 def test_a_task_that_kills_the_workers_of_a_cluster_is_one_line() -> None:
     dask, distributed = pytest.importorskip("dask"), pytest.importorskip("distributed")
     with (
