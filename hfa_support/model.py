@@ -500,6 +500,7 @@ def load_model(place: str) -> Model:
     try:
         if where.endswith(".py"):
             text, module = Path(where).read_bytes(), types.ModuleType(f"aircraft_{Path(where).stem}")
+            module.__file__, sys.modules[module.__name__] = where, module  # for its tables, for its dataclasses
             exec(compile(text, where, "exec"), module.__dict__)
         else:
             if "" not in sys.path:
@@ -509,7 +510,8 @@ def load_model(place: str) -> Model:
     except BadInputError as error:
         raise BadInputError(f"{where}: {error}") from error
     except OSError as error:
-        raise BadInputError(f"{where}: cannot be read ({error.strerror}); give FILE.py:NAME") from error
+        what = f"{where}: {error.filename} cannot be read ({error.strerror})"
+        raise BadInputError(f"{what}; give FILE.py:NAME") from error
     except Exception as error:  # whatever the user's file raises
         line = f" in line {error.lineno}" if isinstance(error, SyntaxError) else ""
         said = error.msg if isinstance(error, SyntaxError) else error

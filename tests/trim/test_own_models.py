@@ -11,7 +11,7 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 import pytest
-from cli import assert_refused, hfa
+from cli import answer, assert_refused, hfa
 from own_models import F16, GTM, NAVION, navion, trimmed
 
 from hfa_model import Aircraft
@@ -319,6 +319,29 @@ def test_what_is_wrong_with_a_file_is_said_in_one_line(text: str, words: str, tm
     path = tmp_path / "own.py"
     path.write_text(text)
     assert_refused(hfa("trim", "--aircraft", f"{path}:A"), 2, f"{path}: ", words)
+
+
+WITH_A_TABLE = """
+from __future__ import annotations
+from dataclasses import dataclass
+from pathlib import Path
+from hfa_support import Model, Signal
+
+@dataclass
+class Drag:
+    slope: float
+
+DRAG = Drag(float((Path(__file__).parent / "drag.csv").read_text()))
+A = Model("cart", {"v": Signal()}, {"u": Signal()}, lambda x, u, p, w: ({"v": u.u - DRAG.slope * x.v}, {}))
+"""
+
+
+def test_a_file_may_have_dataclasses_and_tables_beside_it(tmp_path: Path) -> None:
+    (tmp_path / "own.py").write_text(WITH_A_TABLE)
+    assert_refused(hfa("trim", "--aircraft", f"{tmp_path / 'own.py'}:A"), 2, "drag.csv cannot be read")
+    (tmp_path / "drag.csv").write_text("0.5")
+    point = answer("trim", "--aircraft", f"{tmp_path / 'own.py'}:A", "--hold", "u=1", "--free", "v")["operating_point"]
+    assert point["states"]["v"] == pytest.approx(2.0)
 
 
 OWN = ("--aircraft", "examples/f16.py:F16")
