@@ -20,14 +20,10 @@ class BoundFunction:
     """
 
     def __init__(self, function: ca.Function) -> None:
-        for kind, sparsities in (
-            ("argument", [function.sparsity_in(i) for i in range(function.n_in())]),
-            ("result", [function.sparsity_out(i) for i in range(function.n_out())]),
-        ):
-            if not all(sparsity.is_dense() for sparsity in sparsities):
-                raise ValueError(f"{function.name()}: every {kind} must be dense to be bound to memory")
         self.inputs = tuple(np.zeros(function.numel_in(i)) for i in range(function.n_in()))
         self.results = tuple(np.zeros(function.numel_out(i)) for i in range(function.n_out()))
+        if function.nnz_in() + function.nnz_out() != sum(array.size for array in (*self.inputs, *self.results)):
+            raise ValueError(f"{function.name()}: arguments and results must be dense to be bound to memory")
         buffer: Any
         buffer, self._evaluate = function.buffer()
         for index, array in enumerate(self.inputs):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import fields
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
@@ -34,12 +34,9 @@ class ByValue:
 class Shown(Reported):
     """A dataclass that shows its fields at the prompt, where arrays would fill the screen."""
 
-    #: Properties that are shown before the fields: a verdict.
-    says: ClassVar[tuple[str, ...]] = ()
-
     def report(self) -> Report:
         """The first line of the docstring, the fields, small matrices, the checks."""
-        held = {name: getattr(self, name) for name in (*self.says, *(one.name for one in fields(self)))}  # type: ignore[arg-type]
+        held = {one.name: getattr(self, one.name) for one in fields(self)}  # type: ignore[arg-type]
         lines: list[str] = []
         matrices: list[Part] = []
         checks: list[Part] = []
