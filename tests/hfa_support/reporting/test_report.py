@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import csv
 import json
+import math
 import pickle
 from pathlib import Path
 
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
+from matplotlib.image import imread
 
-from hfa_support import Report
-from hfa_support.reporting.figure import new_figure
+from hfa_support import Check, Report
+from hfa_support.reporting.checks import at_least, at_most, below
+from hfa_support.reporting.figure import new_figure, save
 from hfa_support.reporting.report import Picture
 from hfa_support.reporting.text import Cell, RowsMade, Table
 
@@ -110,3 +113,39 @@ def test_names_are_no_formulas_links_or_columns(tmp_path: Path) -> None:
     assert "&lt;script>" in markdown
     assert "[a]\\(b)" in markdown
     assert "=cmd\\|" in markdown
+
+
+def test_checks_judge_and_give_reasons() -> None:
+    assert at_most("x", 1.0, 1.0, "too large") == Check("x", 1.0, 1.0, True, "")
+    assert at_most("x", 1.1, 1.0, "too large") == Check("x", 1.1, 1.0, False, "too large")
+    assert at_least("x", 1.0, 1.0, "small").ok
+    assert not at_least("x", 0.9, 1.0, "small").ok
+    assert not below("x", 1.0, 1.0, "not below").ok
+    for judge in (at_most, at_least, below):
+        assert not judge("x", math.nan, 1.0, "not a number").ok
+    assert at_most("x", math.inf, 1.0, "infinite").to_dict()["value"] is None
+
+
+@pytest.mark.parametrize("suffix", [".png", ".svg", ".pdf"])
+def test_the_origin_is_in_the_file_and_the_file_is_made_again(suffix: str, tmp_path: Path) -> None:
+    paths = [tmp_path / f"{number}{suffix}" for number in (1, 2)]
+    for path in paths:
+        figure = new_figure(4.0, 3.0)
+        figure.subplots().plot([0.0, 1.0])
+        save(figure, path, "hfa 0, parameters c1fb")
+    assert paths[0].read_bytes() == paths[1].read_bytes()
+    assert b"hfa 0, parameters c1fb" in paths[0].read_bytes()
+
+
+def test_the_caption_has_its_own_strip(tmp_path: Path) -> None:
+    for name, source in (("plain", ""), ("signed", "origin " * 60)):
+        figure = new_figure(4.0, 3.0)
+        figure.subplots().set_facecolor("red")
+        save(figure, tmp_path / f"{name}.png", source)
+    plain, signed = (imread(tmp_path / f"{name}.png") for name in ("plain", "signed"))
+    assert plain.shape == signed.shape
+    lowest = [
+        int(np.flatnonzero((image[:, :, :3] == (1.0, 0.0, 0.0)).all(axis=2).any(axis=1)).max())
+        for image in (plain, signed)
+    ]
+    assert lowest[1] < lowest[0] - 40  # six lines of small print below the axes
