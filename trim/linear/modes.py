@@ -15,6 +15,9 @@ from hfa_support.errors import refuse_unknown
 from hfa_support.model import Model
 from hfa_support.reporting.text import Table, eigenvalue_text
 
+#: More than a permutation of eigenvalues gains: what it adds is decided first.
+_PAIRED = 1e3
+
 
 @dataclass(frozen=True)
 class Mode:
@@ -55,30 +58,23 @@ def modes_of(
     the slower "slow".
     """
     eigenvalues, right = np.linalg.eig(A)
-    left = np.linalg.pinv(right)
-    weights = np.abs(right * left.T)
+    weights = np.abs(right * np.linalg.pinv(right).T)
     shares = weights / weights.sum(axis=0)
-    found = []
-    for index in np.argsort(-np.abs(eigenvalues), kind="stable"):
-        value = complex(eigenvalues[index])
-        if value.imag >= 0.0:
-            found.append((value, dict(zip(states, shares[:, index].tolist(), strict=True))))
     named = {state for members in families.values() for state in members}
     known = {**families, **{state: (state,) for state in states if state not in named}}
-    names = [_family(participation, known) for _, participation in found]
-    return tuple(_mode(_unique_name(names, i), value, participation) for i, (value, participation) in enumerate(found))
-
-
-def _family(participation: dict[str, float], families: Mapping[str, tuple[str, ...]]) -> str:
-    return max(families, key=lambda name: sum(participation.get(state, 0.0) for state in families[name]))
-
-
-def _unique_name(families: list[str], index: int) -> str:
-    same = [i for i, family in enumerate(families) if family == families[index]]
-    if len(same) == 1:
-        return families[index]
-    words = ["fast", "slow"] if len(same) == 2 else [str(number) for number in range(1, len(same) + 1)]
-    return f"{families[index]} ({words[same.index(index)]})"
+    found = []
+    for index in np.argsort(-np.abs(eigenvalues), kind="stable"):
+        if (value := complex(eigenvalues[index])).imag >= 0.0:
+            taking = dict(zip(states, shares[:, index].tolist(), strict=True))
+            family = max(known, key=lambda name: sum(taking.get(state, 0.0) for state in known[name]))
+            found.append((family, value, taking))
+    modes = []
+    for index, (family, value, taking) in enumerate(found):
+        same = [i for i, (other, _, _) in enumerate(found) if other == family]
+        words = ["fast", "slow"] if len(same) == 2 else [str(number) for number in range(1, len(same) + 1)]
+        name = family if len(same) == 1 else f"{family} ({words[same.index(index)]})"
+        modes.append(_mode(name, value, taking))
+    return tuple(modes)
 
 
 def _mode(name: str, value: complex, participation: dict[str, float]) -> Mode:
@@ -130,10 +126,11 @@ def track_modes(
 
     neighbours: (M, 2) pairs of points that lie next to each other; None for points along a path. Two neighbours are
     paired by the permutation that maximizes
-    Σ |v_i^H w_i|² - |λ_i - μ_i| / (|λ_i| + |μ_i|): the first term (modal assurance criterion, on states in
-    units of their nominal values) holds on to the shape of a mode where eigenvalues cross, the second tells the two
-    members of a pair apart. From the first point on, the pairings are followed along the tree of neighbours that are
-    most alike. The first point is ordered fastest first, positive imaginary part first.
+    Σ |v_i^H w_i|² - |λ_i - μ_i| / (|λ_i| + |μ_i|), conjugate pairs first and with both members: the first term
+    (modal assurance criterion, on states in units of their nominal values) holds on to the shape of a mode where
+    eigenvalues cross, the second tells the two members of a pair apart. From the first point on, the pairings are
+    followed along the tree of neighbours that are most alike. The first point is ordered fastest first, positive
+    imaginary part first.
     """
     for name in states:
         refuse_unknown("unknown state", name, model.states)
@@ -158,23 +155,21 @@ def _tree(
         yield from zip(range(1, len(points)), range(len(points) - 1), _pairings(values, shapes, path)[0], strict=True)
         return
     from scipy.sparse import csr_array
-    from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree
+    from scipy.sparse.csgraph import breadth_first_order, connected_components, minimum_spanning_tree
 
-    # The path joins what the neighbours leave apart, where nothing better does.
-    pairs = np.concatenate([neighbours, path])
-    pairings, gain = _pairings(values, shapes, pairs)
-    cost = 2.0 * values.shape[1] - gain
-    cost[len(neighbours) :] += 1e6
-    cheapest = np.lexsort((cost, pairs[:, 1], pairs[:, 0]))
-    chosen = cheapest[np.r_[True, (np.diff(pairs[cheapest], axis=0) != 0).any(axis=1)]]
     shape = (len(points), len(points))
-    graph = csr_array((cost[chosen], tuple(pairs[chosen].T)), shape)
-    order, before = breadth_first_order(minimum_spanning_tree(graph), 0, directed=False)
-    number = csr_array((chosen + 1, tuple(pairs[chosen].T)), shape)
-    for point in order[1:].tolist():
-        forward = int(number[before[point], point])
-        found = pairings[(forward or int(number[point, before[point]])) - 1]
-        yield point, int(before[point]), found if forward else np.argsort(found)
+    joined = connected_components(csr_array((np.ones(len(neighbours)), tuple(neighbours.T)), shape), directed=False)[1]
+    # The path joins what the neighbours leave apart.
+    pairs = np.concatenate([neighbours, path[joined[path[:, 0]] != joined[path[:, 1]]]])
+    pairings, gain = _pairings(values, shapes, pairs)
+    alike, rank = np.argsort(-gain), np.empty(len(pairs))
+    rank[alike] = np.arange(1.0, len(pairs) + 1)
+    tree = minimum_spanning_tree(csr_array((rank, tuple(pairs.T)), shape))
+    order, before = breadth_first_order(tree, 0, directed=False)
+    numbers = alike[np.asarray((tree + tree.T)[before[order[1:]], order[1:]]).astype(int).ravel() - 1]
+    for point, number in zip(order[1:].tolist(), numbers.tolist(), strict=True):
+        found, first = pairings[number], int(before[point])
+        yield point, first, found if pairs[number, 0] == first else np.argsort(found)
 
 
 def _pairings(values: np.ndarray, shapes: np.ndarray, pairs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -191,12 +186,15 @@ def _pairings(values: np.ndarray, shapes: np.ndarray, pairs: np.ndarray) -> tupl
         gain = likeness - distance / np.maximum(size, 1e-12)
         best = gain.argmax(axis=2)
         # Where every row's favourite is another column the favourites are the optimal permutation already.
-        contested = np.flatnonzero((np.sort(best, axis=1) != np.arange(best.shape[1])).any(axis=1))
-        if contested.size:
+        for i in np.flatnonzero((np.sort(best, axis=1) != np.arange(best.shape[1])).any(axis=1)).tolist():
             from scipy.optimize import linear_sum_assignment
 
-            for i in contested:
-                best[i] = linear_sum_assignment(gain[i], maximize=True)[1]
+            up, up_after = (np.flatnonzero(each.imag > 0) for each in (before[i], after[i]))
+            first, second = linear_sum_assignment(gain[i][np.ix_(up, up_after)], maximize=True)
+            forced = gain[i].copy()
+            for member in (0, 1):  # a pair has both its members side by side
+                forced[up[first] + member, up_after[second] + member] += _PAIRED
+            best[i] = linear_sum_assignment(forced, maximize=True)[1]
         found[rows] = best
         sums[rows] = np.take_along_axis(gain, best[:, :, None], axis=2)[:, :, 0].sum(axis=1)
     return found, sums

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from own_models import F16
 from random_points import STATE_SCALES
 
 from hfa_model import Aircraft
@@ -38,6 +39,15 @@ def test_shapes_that_hardly_differ_leave_the_word_to_the_eigenvalues() -> None:
     values = np.array([[-5.0, -1.0, -0.1]])
     A = np.concatenate([models_with(values, NEARLY_PARALLEL), models_with(values, NEARLY_PARALLEL[:, [1, 0, 2]])])
     np.testing.assert_allclose(track_modes(A, STATES), np.repeat(values, 2, axis=0), atol=1e-9)
+
+
+def test_a_pair_is_followed_as_a_pair() -> None:
+    """The F-16: beyond 400 ft/s its short period is two real eigenvalues, far to both sides of the phugoid's pair."""
+    result = sweep(F16, {"speed": [300.0, 502.0], "altitude": [0.0, 10_000.0]}, listed=True)
+    names = np.array(result.mode_names)
+    short, phugoid = (result.eigenvalues[1, names == name] for name in ("short period", "phugoid"))
+    np.testing.assert_allclose(short, [-1.5297, 0.1323], atol=1e-4)
+    np.testing.assert_allclose(phugoid, [-0.0847 + 0.1319j, -0.0847 - 0.1319j], atol=1e-4)
 
 
 @pytest.mark.parametrize("sizes", [(5,), (3, 4), (2, 3, 4), (4, 1, 3)])
