@@ -21,8 +21,7 @@ from hfa_support.reporting.report import Report
 from trim.linear import linear_model
 from trim.linear.compare import beside_the_print, printed_at
 from trim.linear.entry_bands import bands_known, entry_bands, trust_in
-from trim.linear.frequency import bode_figure, re_im, transfer_tables
-from trim.linear.handling_qualities import handling_qualities, quantities_data, quantities_table
+from trim.linear.handling_qualities import with_qualities
 from trim.linear.linear_model import LinearModel, linear_model_report, reduction_note
 from trim.point.condition import TrimCondition
 from trim.point.operating_point import OperatingPoint
@@ -56,18 +55,16 @@ def linearize(arguments: argparse.Namespace) -> int:
     full = _with_winds(aircraft, point, arguments.outputs or states, (*states, *follow))
     model = full.select(states, arguments.inputs, residualize=follow)
     report = linear_model_report(model) if isinstance(aircraft, Model) else _of_the_hfa(arguments, condition, model)
-    if qualities := handling_qualities(aircraft, point):
-        report = replace(report, parts=(*report.parts, quantities_table(qualities)))
-        report = report.with_data(handling_qualities=quantities_data(qualities))
+    report = with_qualities(report, aircraft, point)
     if arguments.bode:
-        responses, zeros = model.transfers(), model.zeros()
-        report = replace(report, parts=(*report.parts, *transfer_tables(model, responses, zeros)))
-        report = report.with_data(zeros=re_im(zeros), transfers=[each.to_dict() for each in responses])
+        from trim.linear.frequency import with_transfers
+
+        report = with_transfers(report, model)
     # The print is in feet.
     if _is_printed(model) and arguments.units != "si" and (printed := printed_at(point)) is not None:
         report = beside_the_print(report, model, printed)
     notes = [each for each in (*report.notes, reduction_note(model, full.select(usual), follow)) if each]
-    draw(arguments.picture, lambda: bode_figure(model))
+    draw(arguments.picture, model.bode)
     show(replace(report, notes=notes).with_data(warnings=notes), arguments)
     return 0
 

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from itertools import product
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from hfa_support.errors import BadInputError
 from hfa_support.reporting.figure import new_figure
+from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Table, eigenvalue_text
 from hfa_support.reporting.unit_system import entries_in_force, in_force, unit_in_force
 from trim.linear.modes import fastest_first
 
 if TYPE_CHECKING:
-    import control
     from matplotlib.figure import Figure
 
     from trim.linear.linear_model import LinearModel
@@ -39,41 +41,29 @@ class Transfer(NamedTuple):
     zeros: np.ndarray
     poles: np.ndarray
 
-    def to_control(self) -> control.TransferFunction:
-        """The same as python-control's `TransferFunction`, names kept."""
-        import control
-
-        found = control.zpk(self.zeros, self.poles, self.gain)
-        found.set_inputs([self.input])
-        found.set_outputs([self.output])
-        return found
-
     def to_dict(self) -> dict[str, Any]:
         """Ready for JSON; zeros and poles as [re, im]."""
-        return self._asdict() | {"zeros": re_im(self.zeros), "poles": re_im(self.poles)}
+        return self._asdict() | {"zeros": _re_im(self.zeros), "poles": _re_im(self.poles)}
 
 
 def transfers(model: LinearModel) -> list[Transfer]:
     """The transfer function of each output and input, outputs first."""
-    A, B, C, D = _scaled(model)
-    found, signals = [], model.point.model.signals
-    for i, output in enumerate(model.outputs):
-        for j, name in enumerate(model.inputs):
-            b, c, d = B[:, [j]], C[[i]], D[i, j]
-            zeros, rank = transmission_zeros(A, b, c, np.array([[d]]))
-            zeros, poles = _without_common(zeros, np.linalg.eigvals(A)) if rank else (np.zeros(0), np.zeros(0))
-            gain = static = 0.0
-            if rank:
-                beyond = 1.0 + 2.0 * np.abs([*zeros, *poles]).max(initial=0.0)
-                value = (c @ np.linalg.solve(beyond * np.eye(len(A)) - A, b)).item() + d
-                rest = np.prod(beyond - poles[len(zeros) :])
-                gain = float(np.real(value * rest * np.prod((beyond - poles[: len(zeros)]) / (beyond - zeros))))
-                gain *= signals[output].nominal / signals[name].nominal
-                slowest_zero, slowest_pole = (np.abs(roots).min(initial=np.inf) for roots in (zeros, poles))
+    (A, B, C, D), found, signals = scaled(model), [], model.point.model.signals
+    for (i, output), (j, name) in product(enumerate(model.outputs), enumerate(model.inputs)):
+        b, c = B[:, [j]], C[[i]]
+        zeros, rank = transmission_zeros(A, b, c, D[[i]][:, [j]])
+        zeros, poles = _without_common(zeros, np.linalg.eigvals(A)) if rank else (np.zeros(0), np.zeros(0))
+        gain = static = 0.0
+        if rank:
+            # The first number of d, c b, c A b, c A² b, ... that is not 0.
+            order = len(poles) - len(zeros)
+            first = (c @ np.linalg.matrix_power(A, order - 1) @ b).item() if order else float(D[i, j])
+            gain = first * signals[output].nominal / signals[name].nominal
+            slowest_zero, slowest_pole = (np.abs(roots).min(initial=np.inf) for roots in (zeros, poles))
+            if slowest_zero > _SLOW:
                 static = float(np.real(gain * np.prod(-zeros) / np.prod(-poles))) if slowest_pole > _SLOW else np.inf
-                static = static if slowest_zero > _SLOW else 0.0
-            unit = f"({signals[output].unit})/({signals[name].unit})"
-            found.append(Transfer(output, name, unit, gain, static, zeros, poles))
+        unit = f"({signals[output].unit})/({signals[name].unit})"
+        found.append(Transfer(output, name, unit, gain, static, zeros, poles))
     return found
 
 
@@ -143,8 +133,9 @@ def bode_figure(model: LinearModel) -> Figure:
     return figure
 
 
-def transfer_tables(model: LinearModel, found: list[Transfer], zeros: np.ndarray) -> tuple[str, Table]:
-    """The transmission zeros in words, and a row a transfer function that is not zero."""
+def with_transfers(report: Report, model: LinearModel) -> Report:
+    """The report of a model with its transmission zeros and a row for each transfer function that is not zero."""
+    found, zeros = model.transfers(), model.zeros()
     rows = [
         (
             f"{each.output} / {each.input}",
@@ -155,20 +146,17 @@ def transfer_tables(model: LinearModel, found: list[Transfer], zeros: np.ndarray
         if each.gain
     ]
     said = f"Transmission zeros from {', '.join(model.inputs)} to {', '.join(model.outputs)}, 1/s: {_pairs_text(zeros)}"
-    return said, Table(("transfer function", "gain", "at s = 0", "zeros 1/s", "poles 1/s"), rows)
+    table = Table(("transfer function", "gain", "at s = 0", "zeros 1/s", "poles 1/s"), rows)
+    report = replace(report, parts=(*report.parts, said, table))
+    return report.with_data(zeros=_re_im(zeros), transfers=[each.to_dict() for each in found])
 
 
-def re_im(values: np.ndarray) -> list[list[float]]:
+def _re_im(values: np.ndarray) -> list[list[float]]:
     """Complex numbers as JSON has them."""
     return [[value.real, value.imag] for value in values.tolist()]
 
 
-def zeros_of(model: LinearModel) -> np.ndarray:
-    """The transmission zeros from all inputs to all outputs, 1/s."""
-    return transmission_zeros(*_scaled(model))[0]
-
-
-def _scaled(model: LinearModel) -> tuple[np.ndarray, ...]:
+def scaled(model: LinearModel) -> tuple[np.ndarray, ...]:
     """A, B, C, D in nominal values, in which one rank decision suits all rows."""
     signals = model.point.model.signals
     names = model.states, model.inputs, model.outputs

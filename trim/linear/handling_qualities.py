@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any, NamedTuple
+from dataclasses import replace
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Table
 from trim.linear.linear_model import LinearModel, linearize
 
@@ -17,7 +19,6 @@ if TYPE_CHECKING:
 
 #: Modes that oscillate, and those with one real eigenvalue, as models name them.
 _OSCILLATING, _REAL = ("short period", "phugoid", "dutch roll"), ("roll", "spiral")
-_HEADER = ("handling qualities", "value", "unit")
 
 
 class Quantity(NamedTuple):
@@ -63,14 +64,16 @@ def handling_qualities(aircraft: Aircraft | Model, point: OperatingPoint) -> lis
     return found
 
 
-def quantities_table(found: list[Quantity]) -> Table:
-    """A row a quantity."""
-    return Table(_HEADER, [(each.name, f"{each.value:.4f}", each.unit) for each in found])
-
-
-def quantities_data(found: list[Quantity]) -> dict[str, Any]:
-    """Name -> value and unit, ready for JSON."""
-    return {each.name: {"value": each.value, "unit": each.unit} for each in found}
+def with_qualities(report: Report, aircraft: Aircraft | Model, point: OperatingPoint) -> Report:
+    """The report of a linear model with its handling qualities, a row each; as it is where there are none."""
+    found = handling_qualities(aircraft, point)
+    if not found:
+        return report
+    table = Table(
+        ("handling qualities", "value", "unit"), [(name, f"{value:.4f}", unit) for name, value, unit in found]
+    )
+    data = {each.name: {"value": each.value, "unit": each.unit} for each in found}
+    return replace(report, parts=(*report.parts, table)).with_data(handling_qualities=data)
 
 
 def _eigenvalues(linear: LinearModel, family: str) -> list[complex]:

@@ -140,12 +140,12 @@ class LinearModel(ByValue, Reported):
 
     def zeros(self) -> np.ndarray:
         """Transmission zeros from all inputs to all outputs, 1/s."""
-        from trim.linear.frequency import zeros_of
+        from trim.linear.frequency import scaled, transmission_zeros
 
-        return zeros_of(self)
+        return transmission_zeros(*scaled(self))[0]
 
     def transfers(self) -> list[Transfer]:
-        """The transfer function of each output and input, outputs first; `.to_control()` of each."""
+        """The transfer function of each output and input, outputs first."""
         from trim.linear.frequency import transfers
 
         return transfers(self)
