@@ -26,22 +26,21 @@ if TYPE_CHECKING:
 #: whole aircraft, tails included, q = ρ V² / 2, S = 3 s c the wing without tails. hinge_moment_total: of loads and
 #: weight about a hinge, with spring and damper, zero in balance.
 PERFORMANCE: dict[str, tuple[str, str]] = {
-    "weight": ("lbf", ""),
-    "wing_area": ("ft^2", "wing area S, without tails"),
-    "density": ("slug/ft^3", "air density"),
     "dynamic_pressure": ("lbf/ft^2", "dynamic pressure q"),
+    "density": ("slug/ft^3", "air density"),
     "speed_of_sound": ("ft/s", "speed of sound"),
     "mach": ("1", "Mach number"),
-    "lift_coefficient": ("1", ""),
+    "wing_area": ("ft^2", "wing area S, without tails"),
     "drag_coefficient": ("1", "drag coefficient D/(q S)"),
-    "lift_over_drag": ("1", ""),
     "load_factor": ("1", "load factor"),
     "gamma": ("rad", "flight-path angle"),
     "climb_rate": ("ft/s", "climb rate"),
+    "weight": ("lbf", ""),
+    "lift_coefficient": ("1", ""),
+    "lift_over_drag": ("1", ""),
     "hinge_moment_total": ("ft lbf", ""),
 }
 _WATCHED = ("dynamic_pressure", "load_factor", "gamma", "climb_rate", "hinge_moment_total")
-_SHOWN_FIRST = ("dynamic_pressure", "density", "speed_of_sound", "mach", "wing_area")
 
 
 def with_loads(report: Report, aircraft: Aircraft, point: OperatingPoint) -> Report:
@@ -52,8 +51,11 @@ def with_loads(report: Report, aircraft: Aircraft, point: OperatingPoint) -> Rep
         flat |= {f"{panel}_{name}": getattr(getattr(loads, panel), name) for name in PanelLoads._fields}
     load_units = {name: "ft lbf" if name.endswith("moment") else "lbf" for name in flat}
     units = {name: unit for name, (unit, _) in PERFORMANCE.items()}
-    shown = [name for name in dict.fromkeys((*_SHOWN_FIRST, *PERFORMANCE)) if PERFORMANCE[name][1]]
-    rows = [(PERFORMANCE[name][1], short_number(numbers[name], units[name]), shown_unit(units[name])) for name in shown]
+    rows = [
+        (called, short_number(numbers[name], unit), shown_unit(unit))
+        for name, (unit, called) in PERFORMANCE.items()
+        if called
+    ]
     parts = (*report.parts, _loads(loads, numbers), Table(("performance", "value", "unit"), rows))
     return replace(report, parts=parts).with_data(
         loads=flat, load_units=load_units, performance=numbers, performance_units=units
@@ -108,7 +110,7 @@ _LONGEST = 0.55
 
 
 class Panel(NamedTuple):
-    """A panel from the front; horizontal to the right of the picture and up, ft; forces in lbf.
+    """A panel from the front; horizontal to the right of the picture and up, in the units of the report.
 
     ends: (2, 2), the ends of its span. middle: (2,), where its forces act. lift: (2,), across the panel. weight: (2,).
     """
@@ -126,25 +128,20 @@ def panels_from_the_front(aircraft: Aircraft, point: OperatingPoint) -> tuple[Pa
     sin η) further on, its lift L_o points along (∓sin η, cos η).
     """
     p, loads = aircraft.parameters, aircraft.loads(point.states, point.inputs)
-    half, weight = p.panel_span / 2, np.array([0.0, -p.panel_mass * p.gravity])
-    center = Panel(np.array([[-half, 0.0], [half, 0.0]]), np.zeros(2), np.array([0.0, loads.center.lift]), weight)
+    half, weight = in_force(p.panel_span, "ft") / 2, np.array([0.0, -in_force(p.panel_mass * p.gravity, "lbf")])
+    middle, outer = (in_force(each.lift, "lbf") for each in (loads.center, loads.outer))
+    center = Panel(np.array([[-half, 0.0], [half, 0.0]]), np.zeros(2), np.array([0.0, middle]), weight)
     cos_eta, sin_eta = np.cos(point.states.dihedral), np.sin(point.states.dihedral)
     right, left = (
         Panel(
             np.array([[side * half, 0.0], [side * half * (1 + 2 * cos_eta), 2 * half * sin_eta]]),
             np.array([side * half * (1 + cos_eta), half * sin_eta]),
-            loads.outer.lift * np.array([-side * sin_eta, cos_eta]),
+            outer * np.array([-side * sin_eta, cos_eta]),
             weight,
         )
         for side in (-1, 1)
     )
     return right, center, left
-
-
-def shown_panel(panel: Panel) -> Panel:
-    """In the units of the report: m and N in place of ft and lbf."""
-    ends, middle = (in_force(each, "ft") for each in (panel.ends, panel.middle))
-    return Panel(ends, middle, in_force(panel.lift, "lbf"), in_force(panel.weight, "lbf"))
 
 
 def scale_text(scale: float) -> str:
@@ -154,7 +151,7 @@ def scale_text(scale: float) -> str:
 
 def trim_figure(aircraft: Aircraft, point: OperatingPoint) -> Figure:
     """Forces to one scale, stated in the picture; angles and lengths true; the hinge moments in words."""
-    panels = tuple(map(shown_panel, panels_from_the_front(aircraft, point)))
+    panels = panels_from_the_front(aircraft, point)
     span, x = in_force(aircraft.parameters.panel_span, "ft"), point.states
     force, length, of_moment = map(unit_in_force, ("lbf", "ft", "ft lbf"))
     scale = (

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,7 +18,6 @@ from trim.point.condition import TrimCondition
 from trim.point.operating_point import BALANCE, OperatingPoint, Status, scheduled_data
 from trim.point.solve import STARTS, other_trims, trim_problem
 
-TRIM_SCHEMA = "hfa.trim/1"
 #: A variable is at its limit when it is this close to it, in its scaled unit and relative to the limit.
 _CLOSE = 1e-6
 
@@ -64,11 +64,6 @@ class Margin(NamedTuple):
         """Whether the variable is at its nearer limit or beyond it."""
         return bool(self.nearer) and self.distance <= _CLOSE * (self.scale + abs(self.nearer_limit))
 
-    @property
-    def binds(self) -> bool:
-        """Whether a limit keeps the variable where it is: one that is held stays where it was put."""
-        return self.at_limit and self.role != "held"
-
     def row(self) -> tuple[str, ...]:
         """Name, value, unit, status, limits, margin and the nearer limit; angles in degrees."""
         limits = ("" if math.isinf(limit) else shown_value(limit, self.unit) for limit in (self.lowest, self.highest))
@@ -110,25 +105,15 @@ def all_margins(condition: TrimCondition, point: OperatingPoint) -> dict[str, Ma
     }
 
 
-def margins(condition: TrimCondition, point: OperatingPoint) -> dict[str, Margin]:
-    """The limited inputs, free variables and what follows, such as the pitch angle: what the trim used up, or could."""
-    every = all_margins(condition, point)
-    following = (each.name for each in every.values() if each.role == "follows")
-    names = dict.fromkeys((*point.model.inputs, *condition.free, *following))
-    return {name: every[name] for name in names if every[name].nearer}
-
-
-def nearest_limits(condition: TrimCondition, point: OperatingPoint) -> list[Margin]:
-    """The three margins that are the least share of their range, and all others that are at a limit; least first."""
-    ordered = sorted(margins(condition, point).values(), key=lambda each: each.share)
-    return [each for index, each in enumerate(ordered) if index < 3 or each.at_limit]
-
-
 def trim_report(aircraft: Aircraft | Model, condition: TrimCondition, point: OperatingPoint) -> Report:
     """Every variable between its limits, the limits that bind, the verdict on each equation, what the search found
     beside this point, the rates that are not balanced; of the HFA loads and performance, of other models their outputs;
     angles in degrees for people, radians, feet and pounds in the data."""
-    every, near, model = all_margins(condition, point), nearest_limits(condition, point), aircraft.model
+    every, model = all_margins(condition, point), aircraft.model
+    # What the trim used up, or could; of that the least shares of their ranges, and all that is at a limit.
+    limited = [each for name, each in every.items() if each.nearer and (each.role != "held" or name in model.inputs)]
+    ordered = enumerate(sorted(limited, key=lambda each: each.share))
+    near = [each for index, each in ordered if index < 3 or each.at_limit]
     search, said = _search(aircraft, condition, point)
     imposed = {**condition.imposed, **condition.rates}
     rates = model.rates_at(point.states, point.inputs)
@@ -145,17 +130,17 @@ def trim_report(aircraft: Aircraft | Model, condition: TrimCondition, point: Ope
         rows = [(name, *degrees(rate, model.rate_unit(name))) for name, rate in left.items()]
         parts.append(Table(("not balanced", "rate", "unit"), rows))
     data = {
-        "schema": TRIM_SCHEMA,
+        "schema": "hfa.trim/1",
         "status": str(point.status),
         **scheduled_data(point),
         "dynamics": point.dynamics,
         "operating_point": point.to_dict(),
         "scaled_residuals": point.scaled_residuals,
         "balance_limit": BALANCE,
-        "margins": {name: each.distance for name, each in margins(condition, point).items()},
+        "margins": {each.name: each.distance for each in limited},
         "variables": {name: each.to_dict() for name, each in every.items()},
         "nearest_limits": [each.name for each in near],
-        "binding": [each.name for each in near if each.binds],
+        "binding": [each.name for each in near if each.at_limit and each.role != "held"],
         "equations": {
             name: {
                 **{"imposed": imposed[name], "residual": value, "tolerance": point.tolerance(name)},
@@ -167,17 +152,17 @@ def trim_report(aircraft: Aircraft | Model, condition: TrimCondition, point: Ope
         "search": search,
         "rates_left": left,
     }
-    title, table, unit = point.title, point.records(), model.unit
+    report = Report(point.title, parts, point.warnings, data, point.records())
     if isinstance(aircraft, Aircraft):
         from trim.point.hfa_report import with_loads
 
-        return with_loads(Report(title, parts, point.warnings, data, table), aircraft, point)
+        return with_loads(report, aircraft, point)
     outputs = model.outputs_at(point.states, point.inputs)
+    units = {name: model.unit(name) for name in outputs}
     if outputs:
-        rows = [(name, short_number(value, unit(name)), shown_unit(unit(name))) for name, value in outputs.items()]
-        parts.append(Table(("performance", "value", "unit"), rows))
-    data |= {"performance": outputs, "performance_units": {name: unit(name) for name in outputs}}
-    return Report(title, parts, point.warnings, data, table)
+        rows = [(name, short_number(value, units[name]), shown_unit(units[name])) for name, value in outputs.items()]
+        report = replace(report, parts=(*parts, Table(("performance", "value", "unit"), rows)))
+    return report.with_data(performance=outputs, performance_units=units)
 
 
 def _near(each: Margin) -> tuple[str, ...]:
@@ -187,13 +172,13 @@ def _near(each: Margin) -> tuple[str, ...]:
         degrees(each.distance, each.unit)[0],
         shown_unit(each.unit),
         f"{100 * each.share:.1f} %",
-        Cell("BINDS", "far") if each.binds else "held there" if each.at_limit else "-",
+        "-" if not each.at_limit else "held there" if each.role == "held" else Cell("BINDS", "far"),
     )
 
 
 def _equations(condition: TrimCondition, point: OperatingPoint) -> Table:
     """One row an equation, those that do not balance first; without the imposed rates where all are zero."""
-    rates = condition.rates if condition.rates and any(condition.rates.values()) else {}
+    rates = condition.rates if any(condition.rates.values()) else {}
     rows, scaled = [], point.scaled_residuals
     for name in sorted(point.residuals, key=lambda each: abs(scaled[each]) <= BALANCE):
         unit, numbers = point.equation_unit(name), (point.residuals[name], point.tolerance(name))

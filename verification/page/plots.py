@@ -18,7 +18,7 @@ from hfa_model.aircraft import Aircraft
 from hfa_support.jsonable import jsonable
 from hfa_support.reporting.report import Picture
 from hfa_support.reporting.unit_system import in_force, unit_in_force
-from trim.point.hfa_report import panels_from_the_front, scale_text, shown_panel, trim_figure
+from trim.point.hfa_report import panels_from_the_front, scale_text, trim_figure
 from trim.point.operating_point import OperatingPoint
 from trim.sweeps.sweep import Sweep
 from verification.page.main_job import Angle
@@ -106,7 +106,7 @@ def front_view(aircraft: Aircraft, points: tuple[Angle, ...]) -> InteractivePlot
     if not known:
         return None
     span, length = in_force(aircraft.parameters.panel_span, "ft"), unit_in_force("ft")
-    panels = [shown_panel(panel) for point in known for panel in panels_from_the_front(aircraft, point)]
+    panels = [panel for point in known for panel in panels_from_the_front(aircraft, point)]
     scale = _LONGEST * span / max(float(np.linalg.norm(force)) for each in panels for force in (each.lift, each.weight))
     moving = [_drawing(aircraft, point, scale) for point in trims]
     heights = np.concatenate([np.asarray(trace["y"], dtype=float) for traces in moving for trace in traces])
@@ -124,7 +124,7 @@ def _drawing(aircraft: Aircraft, point: OperatingPoint | None, scale: float) -> 
     """What moves: the ends of the panels, lift, weight, hinges, and their sizes; nothing without a trim."""
     if point is None:
         return [{"x": [], "y": []} for _ in _FIXED]
-    panels, gap = list(map(shown_panel, panels_from_the_front(aircraft, point))), np.array([np.nan, np.nan])
+    panels, gap = panels_from_the_front(aircraft, point), np.array([np.nan, np.nan])
     half = in_force(aircraft.parameters.panel_span, "ft") / 2
     forces = [(panel.middle, panel.lift) for panel in panels], [(panel.middle, panel.weight) for panel in panels]
     hinges = np.array([[-half, 0.0], [half, 0.0]])
