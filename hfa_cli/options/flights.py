@@ -15,8 +15,7 @@ from controller.flight.actuators import ActuatorFault, Actuators
 from controller.flight.envelope import Envelope, control_limits, flight_envelope
 from controller.flight.gusts import UPDRAFT, Dryden, Gust, OneMinusCosine
 from controller.flight.scenario import Scenario, Uncertainty, met_at
-from controller.policy import paper_flight
-from controller.policy.signals import CommandedStates, CommandSteps, Harmonic, Signal
+from controller.policy.signals import CommandedStates, CommandSteps, Harmonic, PaperFlight, Signal
 from hfa_cli.options import games, trims
 from hfa_cli.options.argument_types import OWN, input_file, model, number, numbers, positive, quantity, span
 from hfa_cli.options.parser import Option, Options
@@ -75,7 +74,7 @@ def commands() -> Options:
     return {
         **CONTROLLER,
         "--command": Option(
-            f"{about} inputs; repeatable", _COMMAND, _command, {}, named=True, alone=_paper(paper_flight.REFERENCE)
+            f"{about} inputs; repeatable", _COMMAND, _command, {}, named=True, alone=_paper(PaperFlight.REFERENCE)
         ),
     }
 
@@ -96,7 +95,7 @@ def scenario(duration: float | None = 20.0, *, members: bool = False) -> Options
     factor = "factor on a parameter of the simulated aircraft, unknown to the design"
     own: Options = {
         "--error": Option(factor, "NAME=FACTOR", _number, {}, named=True),
-        "--noise": _signal("added to what a sensor says", states, paper_flight.NOISE),
+        "--noise": _signal("added to what a sensor says", states, PaperFlight.NOISE),
         "--gust": Option("1-cosine updraft, ft, ft/s and s", _GUST, numbers(_GUST, 2, length, wind, "s")),
     }
     sensor = "standard deviation of a sensor, degrees for angles"
@@ -112,10 +111,10 @@ def scenario(duration: float | None = 20.0, *, members: bool = False) -> Options
             among(tuple(model().states), quantity),
             {},
             named=True,
-            alone={} if OWN.get() else {"paper": dict(zip(states, paper_flight.INITIAL.tolist(), strict=True))},
+            alone={} if OWN.get() else {"paper": dict(zip(states, PaperFlight.INITIAL.tolist(), strict=True))},
         ),
         "--disturbance": _signal(
-            "added to the rate of a state, or a disturbance of the model", air, paper_flight.DISTURBANCE
+            "added to the rate of a state, or a disturbance of the model", air, PaperFlight.DISTURBANCE
         ),
         **ACTUATORS,
         "--fault": Option(

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 from typing import Any
 
 from controller import Signal
-from controller.policy import paper_flight
+from controller.policy.signals import PaperFlight
 from hfa_support.files import read_toml
 from hfa_support.jsonable import jsonable
 
@@ -43,10 +43,10 @@ def section5_configuration(changes: Mapping[str, Any] | None = None) -> Configur
     given = dict(changes or {})
     tables = read_toml(str(Path(__file__).with_name("section5.toml")))
     flown = {
-        "initial": paper_flight.INITIAL,
-        "reference": paper_flight.REFERENCE,
-        "disturbance": paper_flight.DISTURBANCE,
-        "noise": paper_flight.NOISE,
+        "initial": PaperFlight.INITIAL,
+        "reference": PaperFlight.REFERENCE,
+        "disturbance": PaperFlight.DISTURBANCE,
+        "noise": PaperFlight.NOISE,
     }
     found: dict[str, Any] = {name: given.pop(name, value) for name, value in flown.items()}
     for name, table in tables.items():

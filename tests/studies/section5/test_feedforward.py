@@ -12,11 +12,12 @@ from linear_flight import LinearFlight, simulate
 from scipy.integrate import quad
 
 from controller import Game
-from controller.policy.paper_flight import REFERENCE
+from controller.policy.signals import PaperFlight
 from hfa_support import BadInputError
 from studies.section5.feedforward import Exosystem, exosystem, exosystem_feedforward
 from verification import solve_game
 
+REFERENCE = PaperFlight.REFERENCE
 PAPER = exosystem(
     REFERENCE.constant, REFERENCE.slope, *((wave.frequency, wave.sine, wave.cosine) for wave in REFERENCE.harmonics)
 )

@@ -12,8 +12,7 @@ from linear_flight import simulate
 from project import ROOT
 
 from controller import Signal
-from controller.policy import paper_flight
-from controller.policy.signals import Harmonic
+from controller.policy.signals import Harmonic, PaperFlight
 from studies.section5.configuration import section5_configuration
 from studies.section5.critic_policy import forcing
 from studies.section5.flights import (
@@ -45,7 +44,7 @@ BRIEF: dict[str, Any] = {
     "criteria": {"late": [0.5, 1.0], "short_adjustment": 0.5},
 }
 STILL = Signal(np.zeros(6), np.zeros(6))
-WAVE = paper_flight.DISTURBANCE.harmonics[0]
+WAVE = PaperFlight.DISTURBANCE.harmonics[0]
 
 
 @cache
@@ -199,7 +198,7 @@ def test_uncertainty_and_noise_reach_the_plant_and_the_sensor() -> None:
 def test_the_error_of_alpha_with_other_signs_is_the_one_of_the_document(said: str, changes: Any) -> None:
     """The angle of attack misses its command whatever the lost signs are, and docs/experiments.md says by how much."""
     if isinstance(changes, tuple):
-        own = paper_flight.REFERENCE
+        own = PaperFlight.REFERENCE
         changes = {"reference": Signal(np.array(changes), own.slope, own.harmonics)}
     error = flown(COARSE | changes, FlightPlan(5.0, EXACT)).metrics["relative_error"]["alpha"]
     document = (ROOT / "docs" / "experiments.md").read_text(encoding="utf-8")
