@@ -188,20 +188,14 @@ def check_definite(name: str, matrix: np.ndarray, *, strictly: bool) -> None:
     if np.abs(matrix - matrix.T).max(initial=0.0) > 1e-12 * scale:
         raise BadInputError(f"{name} is not symmetric; give a symmetric matrix")
     smallest = np.linalg.eigvalsh(matrix)[0]
-    if not strictly and smallest < -1e-12 * scale:
-        raise BadInputError(
-            f"{name} is not positive semidefinite (smallest eigenvalue {smallest:.3g}); make no eigenvalue negative"
-        )
+    definite, kind, advice = smallest >= -1e-12 * scale, "semidefinite", "make no eigenvalue negative"
     if strictly:
-        diagonal = np.diag(matrix)
+        kind, advice, diagonal = "definite", "make every eigenvalue positive, by more than rounding", np.diag(matrix)
         sizes = np.sqrt(np.maximum(diagonal, 1.0 / LARGEST))
-        definite = np.linalg.eigvalsh(matrix / sizes / sizes[:, None])[0] > 10 * len(matrix) * np.finfo(float).eps
-        if diagonal.min() < 1.0 / LARGEST or not definite:
-            rounding = " but for rounding" if smallest > 0.0 else ""
-            raise BadInputError(
-                f"{name} is not positive definite (smallest eigenvalue {smallest:.3g}{rounding}); make every "
-                "eigenvalue positive"
-            )
+        least = np.linalg.eigvalsh(matrix / sizes / sizes[:, None])[0]
+        definite = diagonal.min() >= 1.0 / LARGEST and least > 10 * len(matrix) * np.finfo(float).eps
+    if not definite:
+        raise BadInputError(f"{name} is not positive {kind} (smallest eigenvalue {smallest:.3g}); {advice}")
 
 
 def shape_text(shape: tuple[int, ...]) -> str:

@@ -56,11 +56,10 @@ def ordinary_box(
         return Box(
             balanced_units(game), "balanced units of the game; a convention, the plant has not the aircraft's names"
         )
-    factors = np.array([si_factor(unit) if state_units == si else 1.0 for unit in _UNITS])
-    widths = np.array(ORDINARY_DEVIATIONS) * factors
-    speed = in_force(widths[0], "ft/s") if state_units != si else widths[0]
-    unit = si[0] if state_units == si else unit_in_force("ft/s")
-    return Box(widths, f"ordinary deviations of the aircraft, {speed:g} {unit}, 0.1 rad, 0.1 rad/s")
+    in_si = state_units == si
+    widths = np.array(ORDINARY_DEVIATIONS) * [si_factor(unit) if in_si else 1.0 for unit in _UNITS]
+    speed = f"{widths[0]:g} {si[0]}" if in_si else f"{in_force(widths[0], 'ft/s'):g} {unit_in_force('ft/s')}"
+    return Box(widths, f"ordinary deviations of the aircraft, {speed}, 0.1 rad, 0.1 rad/s")
 
 
 def relative_error(value: np.ndarray, exact: np.ndarray) -> float:
