@@ -9,7 +9,7 @@ import pytest
 from learning_samples import PUBLISHED, assert_exact, build, lq, published, start_at_the_edge
 from reference_riccati import reference_solution, relative_error
 
-from controller import Game, learn, random_pool, record
+from controller import Game, learn
 from controller.laws import certified
 from controller.laws.bellman_equations import LQ, StackEquations, newton_step
 from controller.laws.certified import (
@@ -144,14 +144,6 @@ def test_a_plant_that_no_input_stabilizes_is_refused() -> None:
 def test_bad_requests_name_the_setting(options: dict[str, Any], message: str) -> None:
     with pytest.raises(BadInputError, match=message):
         learn(published(PUBLISHED[0])[0], **options)
-
-
-def test_a_stack_of_too_low_rank_is_refused() -> None:
-    game, _ = published(PUBLISHED[0])
-    flat = random_pool(game, 100, seed=0).states.copy()
-    flat[:, 5] = 0.3 * flat[:, 4]
-    with pytest.raises(BadInputError, match="the recorded stack has rank 15 of 21"):
-        learn(game, pool=record(game, flat))
 
 
 def test_time_is_cut_at_the_predefined_time() -> None:

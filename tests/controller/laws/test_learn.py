@@ -58,6 +58,8 @@ def test_results_are_plain_json() -> None:
     assert plain["settings"]["basis"] == "quadratic"
     assert [row["ok"] for row in plain["certificates"]] == [row.ok for row in result.certificates]
     assert plain["excitation"]["rank"] == 21
+    units = result.report(LINEAR_STATES, INPUTS, state_units=LINEAR_UNITS).data["weight_units"]
+    assert (len(units), units[:2]) == (21, ["1/((ft/s) (ft/s))", "1/((ft/s) (rad))"])
 
 
 def ten_states() -> Game:
@@ -75,21 +77,6 @@ def test_the_samples_taken_by_default_are_enough_for_the_plant() -> None:
     assert (result.settings["samples"], result.settings["pool_samples"]) == (83, 500)
     with pytest.raises(BadInputError, match="54 samples cannot determine 55 weights"):
         learn(game, samples=54)
-
-
-def test_a_report_names_states_and_inputs_or_numbers_them() -> None:
-    result = short_run()
-    m, n = result.K.shape
-    plain = result.report().text()
-    assert f"u{m}" in plain
-    assert f"x{n}" in plain
-    named = result.report(LINEAR_STATES, INPUTS).text()
-    assert INPUTS[-1] in named
-    assert f"u{m} " not in named
-    units = result.report(LINEAR_STATES, INPUTS, state_units=LINEAR_UNITS).data["weight_units"]
-    assert len(units) == result.weights.shape[1]
-    assert units[:2] == ["1/((ft/s) (ft/s))", "1/((ft/s) (rad))"]
-    assert "weight_units" not in result.report().data
 
 
 # The runner of laws, with a law that counts.

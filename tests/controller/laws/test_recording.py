@@ -101,11 +101,6 @@ def test_poor_stacks_are_refused() -> None:
     in_a_plane = rng.normal(size=(200, 5)) @ rng.normal(size=(5, 6))
     with pytest.raises(BadInputError, match=r"rank 15 of 21 .*record more"):
         choose(record(game, in_a_plane), QUADRATIC, 30)
-    pool = random_pool(game, 25, seed=0)
-    with pytest.raises(BadInputError, match="20 samples cannot determine 21 weights"):
-        choose(pool, QUADRATIC, 20)
-    with pytest.raises(BadInputError, match="the pool holds 25 samples and 26 were asked for"):
-        choose(pool, QUADRATIC, 26)
 
 
 def test_excitation_of_a_known_stack() -> None:
@@ -117,7 +112,7 @@ def test_excitation_of_a_known_stack() -> None:
     assert 0.0 < found.rounding < 1e-28
 
 
-def test_linear_fit_removes_noise_and_reports_it() -> None:
+def test_linear_fit_removes_noise_and_reports_it_and_a_forcing() -> None:
     game, _ = published(PUBLISHED[1])
     exact = random_pool(game, 500, seed=0)
     fitted, misfit = exact.linear()
@@ -127,12 +122,7 @@ def test_linear_fit_removes_noise_and_reports_it() -> None:
     noisy, misfit = Stack(exact.states, exact.drifts + 1e-3 * noise).linear()
     assert misfit == pytest.approx(1e-3, rel=0.1)
     assert np.linalg.norm(noisy.drifts - exact.drifts) < 0.2 * 1e-3 * np.linalg.norm(noise)
-
-
-def test_a_reference_forcing_shows_as_misfit() -> None:
-    game, _ = published(PUBLISHED[0])
-    pool = random_pool(game, 500, seed=0)
-    forced = Stack(pool.states, pool.drifts + np.array([0.3, 0.0, 0.0, 0.0, 0.0, 0.0]))
+    forced = Stack(exact.states, exact.drifts + np.array([0.3, 0.0, 0.0, 0.0, 0.0, 0.0]))  # of a reference
     assert forced.linear()[1] > 1e-3
 
 

@@ -274,10 +274,3 @@ def test_parts_that_contradict_each_other_or_do_not_fit_are_refused() -> None:
     assert (said.code, said.out) == (BAD_INPUT, "")
     assert said.err == "hfa: wp.npz: W and P are of different values; leave one of them out\n"
     assert "K is 6 x 5" in hfa(*words, stored("pk.npz", P=P, K=np.ones((6, 5)))).err
-
-
-@pytest.mark.usefixtures("folder")
-def test_a_value_and_a_gain_of_another_game_are_named() -> None:
-    other = solve_game(game_models()["published-15"])
-    both = answer("verify", "--dihedral", "20", "--weights", stored("b.npz", P=other.P, K=other.K), code=FAILED)
-    assert both["diagnosis"] == "this is the solution of another game, of the matrices printed for 15 deg"
