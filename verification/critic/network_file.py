@@ -115,16 +115,14 @@ def _gemm(a: Any, b: Any, c: Any = 0.0, alpha: float = 1.0, beta: float = 1.0, t
     return alpha * ((a.T if transA else a) @ (b.T if transB else b)) + beta * c
 
 
-def _reshape(x: np.ndarray, shape: np.ndarray) -> np.ndarray:
-    return x.reshape([x.shape[place] if size == 0 else int(size) for place, size in enumerate(shape)])
+def _reshape(x: np.ndarray, shape: np.ndarray, allowzero: int = 0) -> np.ndarray:
+    return x.reshape([x.shape[place] if size == 0 and not allowzero else int(size) for place, size in enumerate(shape)])
 
 
 def _slice(x: np.ndarray, starts: Any, ends: Any, axes: Any = None, steps: Any = None) -> np.ndarray:
     where = [slice(None)] * x.ndim
     steps = np.ones(len(starts)) if steps is None else steps
     for axis, *ends_and_step in zip(range(len(starts)) if axes is None else axes, starts, ends, steps, strict=True):
-        if ends_and_step[2] < 1:
-            raise BadInputError("a Slice goes backwards; export the network without it")
         where[int(axis)] = slice(*map(int, ends_and_step))
     return x[tuple(where)]
 
@@ -137,12 +135,6 @@ def _clip(x: np.ndarray, low: Any = None, high: Any = None, **ends: float) -> np
     low, high = ends.get("min", low), ends.get("max", high)
     x = x if low is None else _each(lambda each: ca.fmax(each, float(low)))(x)
     return x if high is None else _each(lambda each: ca.fmin(each, float(high)))(x)
-
-
-def _unsqueezed(x: np.ndarray, axes: Any) -> np.ndarray:
-    for axis in sorted(int(each) % (x.ndim + len(axes)) for each in axes):
-        x = np.expand_dims(x, axis)
-    return x
 
 
 def _cast(x: np.ndarray, to: int, **_: Any) -> np.ndarray:
@@ -165,10 +157,10 @@ OPERATORS: Mapping[str, Callable[..., Any]] = {
     **{each.title(): _each(getattr(ca, each)) for each in ("erf", "exp", "log", "sqrt", "cos")},
     "Abs": _each(ca.fabs),
     "Clip": _clip,
-    "Reshape": lambda x, shape, allowzero=0: _reshape(x, shape),
+    "Reshape": _reshape,
     "Flatten": lambda x, axis=1: x.reshape(math.prod(x.shape[:axis]), -1),
     "Squeeze": lambda x, axes=None: np.squeeze(x, None if axes is None else tuple(map(int, axes))),
-    "Unsqueeze": _unsqueezed,
+    "Unsqueeze": lambda x, axes: np.expand_dims(x, tuple(map(int, axes))),
     "Pow": lambda a, b: a**b,
     "Transpose": lambda a, perm=None: a.transpose(perm),
     "ReduceSum": partial(_reduced, np.sum),
@@ -283,8 +275,7 @@ def _layered(
         bias = tensors.get(f"{stem}bias", np.zeros(len(value)) if value.ndim else None)
         before, wrong = len(layers[-1][0]) if layers else None, ""
         if kind != "weight" or value.ndim != 2 or bias is None or bias.shape != (len(value),):
-            norm = re.search("norm|ln|bn", name.lower()) or value.ndim == 1
-            wrong = f"is {'a norm, not a linear layer' if norm else 'no weight or bias of a linear layer'}"
+            wrong = "is no weight or bias of a linear layer"
         elif before not in (None, value.shape[1]):
             wrong = f"takes {value.shape[1]} numbers, the layer before gives {before}"
         if wrong:

@@ -320,7 +320,7 @@ def test_v_and_a_policy_are_judged_together(game: Game) -> None:
 
 def test_a_layer_norm_and_a_program_are_refused_by_name(game: Game) -> None:
     norm = layers("net") | {"net.1.weight": np.ones(4), "net.1.bias": np.zeros(4)}
-    with pytest.raises(BadInputError, match=r"'net.1.weight' \(4,\) is a norm, not a linear layer"):
+    with pytest.raises(BadInputError, match=r"'net.1.weight' \(4,\) is no weight or bias of a linear layer"):
         network_in(torch_file("norm.pt", norm), 6, "tanh")
     with zipfile.ZipFile("script.pt", "w") as archive:
         for name in ("script/data.pkl", "script/constants.pkl", "script/code/__torch__.py"):
