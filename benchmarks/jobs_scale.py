@@ -23,14 +23,11 @@ from controller.flight.envelope import Envelope, flight_envelope
 from controller.flight.monte_carlo import MonteCarlo, fly_member
 from controller.flight.scenario import Scenario, Uncertainty
 from controller.game.zero_sum import published_game
-from controller.policy.policies import FlownLaw, gain_law
-from controller.policy.signals import zero
+from controller.policy.policies import gain_law
 from controller.riccati.gare import solve_game
 from hfa_model.aircraft import HFA, Aircraft
-from hfa_model.parameters import default_parameters
 from hfa_model.vectors import State
 from hfa_support.jobs.store import stream
-from studies.section5.critic_policy import CriticPolicy, critic_law
 from trim.linear.linear_model import level_model
 from trim.point.condition import level_flight
 from trim.point.solve import find_operating_point
@@ -49,7 +46,6 @@ _UNCERTAIN = Uncertainty(
     noise={"alpha": 0.001, "pitch_rate": 0.001},
     turbulence=(1.0, 1750.0),
 )
-_EVERYWHERE = Envelope(State(*[-1e9] * 7), State(*[1e9] * 7), HFA)
 
 
 def rows(quick: bool = False) -> list[Row]:
@@ -64,30 +60,24 @@ def rows(quick: bool = False) -> list[Row]:
 
 
 def critic_plan(members: int, duration: float = 20.0) -> MonteCarlo:
-    """The flight of `flight_case` by many members: 25 weights, 50 samples, step 1e-4 s, seven states at 5 degrees.
+    """The flight of `FlightCase` by many members: 25 weights, 50 samples, step 1e-4 s, seven states at 5 degrees.
 
     The envelope is as good as none, so that every member flies to the end.
     """
-    case = FlightCase()
-    law = critic_law("published", CriticPolicy(case.law, zero(6)))
-    initial = np.array([5.0, 0.05, 0.0, 0.0, 0.0, 0.0, 0.0])
-    scenario = Scenario(duration, STEP, 0.01, initial, case.reference, case.disturbance, uncertainty=_UNCERTAIN)
-    return _plan(members, 5.0, law, scenario, _EVERYWHERE)
+    case, aircraft = FlightCase(), Aircraft()
+    point = find_operating_point(aircraft, level_flight(float(np.radians(5.0))))
+    initial, signals = np.array([*case.start[:6], 0.0]), (case.reference, case.disturbance)
+    scenario = Scenario(duration, STEP, 0.01, initial, *signals, uncertainty=_UNCERTAIN)
+    everywhere = Envelope(State(*[-1e9] * 7), State(*[1e9] * 7), HFA)
+    return MonteCarlo(members, 0, aircraft, point, case.flown, scenario, everywhere)
 
 
 def gain_plan(members: int, duration: float = 20.0) -> MonteCarlo:
     """The nonlinear aircraft under the exact gain at 15 degrees, step 1e-3 s."""
-    aircraft = Aircraft(default_parameters().values)
+    aircraft, scenario = Aircraft(), Scenario(duration, uncertainty=_UNCERTAIN)
     model = level_model(aircraft, float(np.radians(15.0)))
     law = gain_law("exact", solve_game(published_game(model.A, model.B)).K)
-    scenario = Scenario(duration, uncertainty=_UNCERTAIN)
-    return _plan(members, 15.0, law, scenario, flight_envelope(aircraft, model.point))
-
-
-def _plan(members: int, degrees: float, law: FlownLaw, scenario: Scenario, envelope: Envelope) -> MonteCarlo:
-    aircraft = Aircraft(default_parameters().values)
-    point = find_operating_point(aircraft, level_flight(float(np.radians(degrees))))
-    return MonteCarlo(members, 0, aircraft, point, law, scenario, envelope)
+    return MonteCarlo(members, 0, aircraft, model.point, law, scenario, flight_envelope(aircraft, model.point))
 
 
 def _monte_carlo(quick: bool) -> Row:
