@@ -39,36 +39,30 @@ class LinearController:
 
 
 def design_controller(
-    aircraft: Aircraft | Model,
-    design: Design,
-    places: np.ndarray,
-    feedback: str = "",
-    *,
-    progress: Progress | None = None,
+    aircraft: Aircraft | Model, design: Design, places: np.ndarray, *, progress: Progress | None = None
 ) -> ScheduledController:
     """The controllers of a design at `places` (N,), increasing values of the scheduling variable, in one table.
 
-    feedback: "state", "output", or "" for output where the design has sensors. BadInputError for a model that is not
-    scheduled over one of its linear states. Raises NoSolutionError that names the place at which there is no trim or no
-    certified controller.
+    They measure the sensors of the design; without any the states. BadInputError for a model that is not scheduled over
+    one of its linear states. Raises NoSolutionError that names the place at which there is no trim or no certified
+    controller.
     """
     own = aircraft.model
     if own.schedule not in own.linear:
+        choices = f"one of {', '.join(own.linear)}"
         raise BadInputError(
-            f"a controller is scheduled over a linear state; declare in {own.name} schedule=NAME, one of "
-            f"{', '.join(own.linear)}"
+            f"a controller is scheduled over a linear state; declare in {own.name} schedule=NAME, {choices}"
         )
     design = design.of(own)
-    feedback = feedback or ("output" if design.sensors else "state")
     found, models = [], []
     for place in told(places.tolist(), progress):
         try:
             models.append(level_model(aircraft, place))
-            found.append(controller_at(aircraft, models[-1], design, feedback))
+            found.append(controller_at(aircraft, models[-1], design))
         except NoSolutionError as error:
             where = f"{own.schedule} {own.describe(own.schedule, place)}"
             raise NoSolutionError(f"design {design.name} at {where}: {error}") from error
-    states, commands, command_filter = _names(design, feedback)
+    states, commands, command_filter = _names(design)
     at, limit = [model.point.values[own.schedule] for model in models], "gamma_min" if design.shaping else "delta_min"
     rows = [
         {own.schedule: value, limit: each.limit, "checks": [check.to_dict() for check in each.checks]}
@@ -76,11 +70,11 @@ def design_controller(
     ]
     return ScheduledController(
         name=design.name,
-        feedback=feedback,
+        feedback="output" if design.sensors else "state",
         places=np.array(at),
         **{part: np.array([getattr(each, part) for each in found]) for part in "ABCDW"},
         states=states,
-        measurements=measurements(design, feedback),
+        measurements=_measurements(design),
         commands=commands,
         inputs=design.inputs,
         trim_states=np.array([model.point.states for model in models]),
@@ -93,7 +87,7 @@ def design_controller(
     )
 
 
-def controller_at(aircraft: Aircraft | Model, model: LinearModel, design: Design, feedback: str) -> LinearController:
+def controller_at(aircraft: Aircraft | Model, model: LinearModel, design: Design) -> LinearController:
     """The exact controller of one linear model; NoSolutionError when it is not certified.
 
     The gain u = -K z, or the central controller of the game from the sensors; the integrals, which either sees, are
@@ -103,21 +97,17 @@ def controller_at(aircraft: Aircraft | Model, model: LinearModel, design: Design
     if built.design.shaping is not None:
         return _shaped(aircraft, built, built.design.shaping)
     design, n, m = built.design, len(built.A), len(built.inputs)
-    if feedback == "state":
-        game = built.game()
-        exact: Any = solve_game(game)
-        parts = np.zeros((0, 0)), np.zeros((0, n)), np.zeros((m, 0)), -exact.K
-        seen, limit, checks, wound = design.states, minimum_delta(game), exact.certificate.checks, np.zeros((0, m))
-    elif not design.sensors:
-        raise BadInputError(f"design {design.name} has no sensors; name some in [sensors], or use state feedback")
+    problem: Any = built.game()
+    if design.sensors:
+        problem = GeneralizedPlant.measured(problem, built.C, built.V, built.D)
+        exact: Any = solve_plant(problem, design.delta)
+        seen, checks = built.sensors, exact.checks
+        Ak, Bk, Ck, Dk, wound = exact.Ak, exact.Bk, exact.Ck, exact.Dk, built.B - exact.Bk @ built.D
     else:
-        plant = GeneralizedPlant.measured(built.game(), built.C, built.V, built.D)
-        exact = solve_plant(plant, design.delta)
-        parts = exact.Ak, exact.Bk, exact.Ck, exact.Dk
-        seen, limit, checks = built.sensors, minimum_delta(plant), exact.checks
-        wound = built.B - exact.Bk @ built.D
-    Ak, Bk, Ck, Dk = parts
-    names, own = measurements(design, feedback), design.integral_states
+        exact = solve_game(problem)
+        seen, checks = design.states, exact.certificate.checks
+        Ak, Bk, Ck, Dk, wound = np.zeros((0, 0)), np.zeros((0, n)), np.zeros((m, 0)), -exact.K, np.zeros((0, m))
+    names, own = _measurements(design), design.integral_states
     of_y, of_e = (np.array([[float(one == name) for one in each] for name in seen]) for each in (names, own))
     of_e, k, q = of_e.reshape(len(seen), len(own)), len(Ak), len(own)
     integrated = np.array([[float(one == name) for one in names] for name in design.integrals]).reshape(q, len(names))
@@ -127,7 +117,7 @@ def controller_at(aircraft: Aircraft | Model, model: LinearModel, design: Design
         C=np.hstack([Ck, Dk @ of_e]),
         D=np.hstack([Dk @ of_y, np.zeros((m, q))]),
         W=np.vstack([wound, np.zeros((q, m))]),
-        limit=limit.value,
+        limit=minimum_delta(problem).value,
         checks=checks,
     )
 
@@ -174,10 +164,10 @@ def _shaped(aircraft: Aircraft | Model, built: DesignModel, shaping: Shaping) ->
     )
 
 
-def _names(design: Design, feedback: str) -> tuple[tuple[str, ...], tuple[str, ...], tuple[float, ...]]:
+def _names(design: Design) -> tuple[tuple[str, ...], tuple[str, ...], tuple[float, ...]]:
     """States, commands and command filter of the controller."""
     if design.shaping is None:
-        estimates = tuple(f"{name}_estimate" for name in design.states if feedback == "output")
+        estimates = tuple(f"{name}_estimate" for name in design.states if design.sensors)
         commands = tuple(f"{name}{COMMAND_SIGNALS[0]}" for name in design.integrals)
         return estimates + design.integral_states, commands, ()
     following, own = design.shaping.following, output_weights(design.shaping.outputs).states
@@ -192,8 +182,7 @@ def _names(design: Design, feedback: str) -> tuple[tuple[str, ...], tuple[str, .
     return (*model, *own, *estimates), commands, tuple(following.filter)
 
 
-def measurements(design: Design, feedback: str) -> tuple[str, ...]:
+def _measurements(design: Design) -> tuple[str, ...]:
     """What must be measured: the sensors, or all states, the integrated outputs in place of their integrals."""
-    seen = design.sensors if feedback == "output" else design.plant_states
-    plain = [name for name in seen if not name.endswith("_integral")]
+    plain = [name for name in design.sensors or design.plant_states if not name.endswith("_integral")]
     return tuple(dict.fromkeys([*plain, *design.integrals]))

@@ -169,7 +169,7 @@ def test_the_model_answers_a_command_and_the_loop_feels_none_of_it(published_air
     at rest both outputs are where the command is."""
     design, model = load_design("servo"), model_at(11.0)
     controller = servo("published", (11.0,))
-    found = controller_at(published_aircraft, model, design, "output")
+    found = controller_at(published_aircraft, model, design)
     assert design.shaping is not None
     actuators = dict.fromkeys(INPUTS, Actuator(1, design.shaping.following.bandwidth))
     plant = servo_plant(published_aircraft, model, controller, actuators)
