@@ -180,6 +180,13 @@ def _changes(
         yield first, second
 
 
+#: What data call the numbers of `FlightCost`.
+_KEYS = (
+    *("cost_lost_worst_percent", "cost_lost_mean_percent", "l2_gain", "l2_gain_exact"),
+    *("distance_to_instability", "distance_to_instability_exact"),
+)
+
+
 class FlightCost(NamedTuple):
     """Cost lost by u = -K z against the optimum, percent of z'P*z, each under its own worst disturbance.
 
@@ -195,20 +202,9 @@ class FlightCost(NamedTuple):
     distance: float
     exact_distance: float
 
-    def within(self, percent: float) -> bool:
-        """Whether the cost lost from every start is at most that."""
-        return self.worst <= percent
-
     def to_dict(self) -> dict[str, float | None]:
         """Ready for JSON, with the unit in the name."""
-        return {
-            "cost_lost_worst_percent": finite_or_none(self.worst),
-            "cost_lost_mean_percent": finite_or_none(self.mean),
-            "l2_gain": finite_or_none(self.gain),
-            "l2_gain_exact": finite_or_none(self.exact_gain),
-            "distance_to_instability": self.distance,
-            "distance_to_instability_exact": self.exact_distance,
-        }
+        return dict(zip(_KEYS, map(finite_or_none, self), strict=True))
 
 
 def flight_cost(game: Game, exact: GameSolution, K: np.ndarray) -> FlightCost:
