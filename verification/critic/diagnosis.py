@@ -227,7 +227,9 @@ def _of_network(
         named.append(each.named([*repairs(game, each), *slopes]))
     if min(named)[0] > _OF_NETWORKS.clear:
         for said, read in about.variants.items():
-            named += [here[0].named([(said, there[0].given)]) for here, there in zip(seen, views(read()), strict=True)]
+            with contextlib.suppress(BadInputError):  # the file is gone
+                other = views(read())
+                named += [here[0].named([(said, there[0].given)]) for here, there in zip(seen, other, strict=True)]
     if min(named)[0] > _OF_NETWORKS.clear:
         named += [each.named(_other_games(each, others())) for each in seen[1][own]]
     if about.F is not None and about.u is None and over[0] <= NEAR and over[-1] > FAR:
