@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -69,8 +69,6 @@ _TRIM_STEPS = 30
 _MAX_EVALUATIONS = 500
 #: Seeded rough guesses, and the standard deviation of their logarithms.
 STARTS, _START_SPREAD = 8, 0.3
-#: Trust in the rough guess where one printed angle alone leaves a combination open (standard deviation of the log).
-_PRIOR_SPREAD = 0.3
 
 
 def _with_newtons(method: str) -> Variant:
@@ -97,7 +95,7 @@ class Fit:
     sum_of_squares: Σ (difference / half unit)² over the printed entries; `entries`: how many of them some
     parameter moves. largest: the largest |difference| / half unit.
     expected_sum: the sum of squares that rounding alone gives on average, trace((I - H) C): C the covariance of
-    the rounding errors, H the projection onto what the parameters can fit (no prior).
+    the rounding errors, H the projection onto what the parameters can fit.
     singular_values: of the weighted Jacobian in relative parameters.
     directions: rows are their parameter combinations.
     """
@@ -132,20 +130,6 @@ class Structure(NamedTuple):
     largest: float
 
 
-class LeftOut(NamedTuple):
-    """One printed angle predicted from the other: combinations determined, and the worst entry of each row.
-
-    errors: row of the linear model -> largest |predicted - printed| relative to the row's largest entry.
-    pitch_shape_error: the same for the pitch-rate row after the best common factor on that row.
-    """
-
-    fitted_deg: float
-    predicted_deg: float
-    determined: int
-    errors: dict[str, float]
-    pitch_shape_error: float
-
-
 @dataclass(frozen=True, repr=False)
 class Identification(Reported):
     """The published structure's fit, and the evidence.
@@ -157,7 +141,6 @@ class Identification(Reported):
     starts: list[float]
     tables: dict[float, tuple[EntryRow, ...]]
     structures: tuple[Structure, ...]
-    left_out: tuple[LeftOut, ...]
 
     def report(self) -> Report:
         """The whole evidence."""
@@ -167,15 +150,6 @@ class Identification(Reported):
             largest = np.argsort(-np.abs(direction))[:4]
             words = "  ".join(f"{direction[i]:+.2f} {IDENTIFIED[i]}" for i in largest if abs(direction[i]) > 0.1)
             combinations.append((f"{value:.3g}", f"{100 / (value * np.sqrt(3)):.2g} %", words))
-        rows = "speed", "alpha", "pitch_rate", "dihedral_rate"
-        predicted = [
-            (
-                f"{each.predicted_deg:g} from {each.fitted_deg:g} deg",
-                f"{each.determined} of {len(IDENTIFIED)}",
-                *(f"{100 * error:.2g} %" for error in (*map(each.errors.__getitem__, rows), each.pitch_shape_error)),
-            )
-            for each in self.left_out
-        ]
         tried = [(each.description, *(f"{number:.4g}" for number in each[1:])) for each in self.structures]
         return Report(
             title=f"{len(IDENTIFIED)} parameters identified from {fit.entries} printed entries; "
@@ -192,11 +166,6 @@ class Identification(Reported):
                     "(fixed by chord).",
                 ),
                 Table(("structure", "sum of squares", "largest, half units"), tried),
-                (
-                    Table(("predicted", "determined", *rows, "pitch_rate, up to a factor"), predicted),
-                    "One angle alone does not split the pitch inertia into its constant and its sin² η part:\n"
-                    "it leaves one factor on the whole pitch-rate row open, and nothing else.",
-                ),
             ),
             data={
                 "schema": "hfa.identification/1",
@@ -221,7 +190,6 @@ class Identification(Reported):
                     {"dihedral_deg": angle, **entry.to_dict()} for angle, each in self.tables.items() for entry in each
                 ],
                 "structures": [each._asdict() for each in self.structures],
-                "left_out": [each._asdict() for each in self.left_out],
             },
             records=entries_records(self.tables),
         )
@@ -242,24 +210,7 @@ def run_identification(seed: int = 0, progress: Progress | None = None) -> Ident
         structures.append(Structure(description, chosen.sum_of_squares, chosen.largest))
         if progress is not None:
             progress(done, len(ALTERNATIVES))
-    first, second = published_models()
-    left_out = predicted_from(first, second), predicted_from(second, first)
-    return Identification(best, starts, tables, tuple(structures), left_out)
-
-
-def predicted_from(known: PublishedModel, unknown: PublishedModel) -> LeftOut:
-    """A printed pair predicted by the aircraft that is fitted to the other alone."""
-    fitted = fit([known], Published(), prior=True)
-    model = regenerate(Aircraft(fitted.parameters.values, Published()), unknown)
-    computed, printed = np.hstack([model.A, model.B]), np.hstack([unknown.A, unknown.B])
-    sizes, pitch = np.abs(printed).max(axis=1), LINEAR_STATES.index("pitch_rate")
-    errors = np.abs(computed - printed).max(axis=1) / sizes
-    factor = computed[pitch] @ printed[pitch] / (computed[pitch] @ computed[pitch])
-    shape_error = float(np.abs(factor * computed - printed)[pitch].max() / sizes[pitch])
-    # A direction is determined when the data know it to 1 % (singular value s: standard error 1/(s √3)).
-    determined = int(np.count_nonzero(fitted.singular_values * np.sqrt(3) > 100))
-    named = dict(zip(LINEAR_STATES, errors.tolist(), strict=True))
-    return LeftOut(known.dihedral_deg, unknown.dihedral_deg, determined, named, shape_error)
+    return Identification(best, starts, tables, tuple(structures))
 
 
 def _agreeing(sums: Sequence[float]) -> int:
@@ -284,32 +235,27 @@ def identify(seed: int = 0) -> tuple[Fit, list[float]]:
     return fits[int(np.argmin(sums))], sums
 
 
-def fit(
-    models: Sequence[PublishedModel], structure: Variant, *, noise: np.ndarray | None = None, prior: bool = False
-) -> Fit:
+def fit(models: Sequence[PublishedModel], structure: Variant, *, noise: np.ndarray | None = None) -> Fit:
     """min_p Σ ((A(p, U(p)) - A_print)/h)² + ((B(p, U(p)) - B_print)/h)²,  U(p) the trim inputs: f(p, U(p)) = 0.
 
-    models: printed pairs to fit. structure: the equations. noise: added to the log of the rough guess. prior: weigh
-    the rough guess in, weakly, for data that leave combinations open. Solved by Levenberg-Marquardt on exact
-    Jacobians, the inputs eliminated by the implicit function theorem (variable projection).
+    models: printed pairs to fit. structure: the equations. noise: added to the log of the rough guess.
+    Solved by Levenberg-Marquardt on exact Jacobians, the inputs eliminated by the implicit function theorem (variable
+    projection).
     """
     from scipy.optimize import least_squares
 
     problem = _Problem(models, structure)
     guess = np.array(list(ROUGH.values()))
-    weights = np.eye(len(guess)) / _PRIOR_SPREAD if prior else np.zeros((0, len(guess)))
-
-    def residual(y: np.ndarray) -> np.ndarray:
-        return np.concatenate([problem.entries(y * guess)[0], weights @ (y - 1)])
-
-    def jacobian(y: np.ndarray) -> np.ndarray:
-        return np.vstack([problem.entries(y * guess)[1] * guess, weights])
-
     start = np.exp(noise) if noise is not None else np.ones(len(guess))
+    tight: Any = {"xtol": 1e-15, "ftol": 1e-15, "gtol": 1e-15, "max_nfev": _MAX_EVALUATIONS}
     solution = least_squares(
-        residual, start, jacobian, method="lm", xtol=1e-15, ftol=1e-15, gtol=1e-15, max_nfev=_MAX_EVALUATIONS
+        lambda y: problem.entries(y * guess)[0],
+        start,
+        lambda y: problem.entries(y * guess)[1] * guess,
+        method="lm",
+        **tight,
     )
-    return _as_fit(problem, np.asarray(solution.x) * guess, prior)
+    return _as_fit(problem, np.asarray(solution.x) * guess)
 
 
 class _Problem:
@@ -368,17 +314,14 @@ class _Problem:
         return self._last[1]
 
 
-def _as_fit(problem: _Problem, theta: np.ndarray, prior: bool) -> Fit:
+def _as_fit(problem: _Problem, theta: np.ndarray) -> Fit:
     printed, jacobian = problem.entries(theta)
     relative = jacobian * np.abs(theta)
     fitted, singular_values, directions = np.linalg.svd(relative, full_matrices=False)
     # A direction has no sign of its own: its largest component is made positive, on every machine alike.
     directions *= np.sign(directions[np.arange(len(directions)), np.abs(directions).argmax(axis=1)])[:, None]
-    prior_information = np.eye(len(theta)) / _PRIOR_SPREAD**2 if prior else np.zeros((len(theta), len(theta)))
-    inverse = np.linalg.inv(relative.T @ relative + prior_information)
-    rounding = _rounding_covariance(relative)
-    spread = relative.T @ rounding @ relative + prior_information / 3
-    covariance = inverse @ spread @ inverse * np.outer(np.abs(theta), np.abs(theta))
+    inverse, rounding = np.linalg.inv(relative.T @ relative), _rounding_covariance(relative)
+    covariance = inverse @ relative.T @ rounding @ relative @ inverse * np.outer(np.abs(theta), np.abs(theta))
     moved = np.abs(relative).max(axis=1) > 1e-3  # by some parameter, by more than rounding errors are
     values = {name: value for name, (value, _, _) in ASSUMED.items()}
     values |= dict(zip(IDENTIFIED, theta.tolist(), strict=True))

@@ -54,7 +54,7 @@ FACTORS = (
 #: What has no unit of length, mass or force, by a name on the way to it.
 STAYS = re.compile(
     r"eigenvalues|margin_at|disk|phase|delta|certificate|checks|modes|participation|graded|rel_error|excitation|starts"
-    r"|singular|entries|structures|left_out|regeneration|coupling|meaning|alpha|(?<!inertia_)pitch(?!ing)|dihedral|aileron|elevator"
+    r"|singular|entries|structures|regeneration|coupling|meaning|alpha|(?<!inertia_)pitch(?!ing)|dihedral|aileron|elevator"
     r"|throttle$|times?$|share_beyond|angle_of_attack|frequency"
 )
 #: Names whose numbers all are in ft or ft/s, apart from tables of shares and of errors of a prediction.

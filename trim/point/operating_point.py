@@ -7,9 +7,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
-
-import numpy as np
+from typing import Any
 
 from hfa_model.aircraft import HFA
 from hfa_model.variants import Variant
@@ -21,9 +19,6 @@ from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.text import Table, degrees, in_degrees
 from hfa_support.reporting.unit_system import english
 from hfa_support.schema import NUMBER, checked
-
-if TYPE_CHECKING:
-    import control
 
 SCHEMA = "hfa.operating-point/1"
 #: An equation balances when its residual, in its scaled unit, is no larger.
@@ -129,12 +124,6 @@ class OperatingPoint(Reported):
         records = self.records()
         rows = [(kind, name, *degrees(value, unit)) for kind, name, value, unit in records.rows if kind != "residual"]
         return Report(self.title, [Table(records.header, rows)], self.warnings, self.to_dict(), records)
-
-    def to_control(self) -> control.OperatingPoint:
-        """The same point as python-control's `OperatingPoint` of all states and inputs."""
-        import control
-
-        return control.OperatingPoint(np.array(self.states), np.array(self.inputs), outputs=np.array(self.states))
 
     def to_dict(self) -> dict[str, Any]:
         """Names, units and values, ready for JSON; floats keep all 17 digits."""

@@ -7,7 +7,6 @@ import re
 from dataclasses import replace
 from pathlib import Path
 
-import control
 import numpy as np
 import pytest
 from cli import refusal
@@ -28,13 +27,6 @@ def test_round_trip_is_bit_for_bit(point: OperatingPoint, tmp_path: Path) -> Non
         each.save(path)
         assert OperatingPoint.load(path) == each
     assert [each.name for each in tmp_path.iterdir()] == ["point.json"]
-
-
-def test_to_control(point: OperatingPoint) -> None:
-    there = point.to_control()
-    assert isinstance(there, control.OperatingPoint)
-    np.testing.assert_array_equal(there.states, np.array(point.states))
-    np.testing.assert_array_equal(there.inputs, np.array(point.inputs))
 
 
 @pytest.mark.parametrize(
