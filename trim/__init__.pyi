@@ -1,9 +1,8 @@
 """Operating points, exact linear models, modes, sweeps, and the aircraft's identification."""
 
-from .linear.compare import compare as compare, regenerate as regenerate
-from .linear.entry_bands import entry_bands as entry_bands
 from .linear.linear_model import LinearModel as LinearModel, level_model as level_model, linearize as linearize
 from .linear.modes import modes_of as modes_of
+from .linear.printed import compare as compare, entry_bands as entry_bands, regenerate as regenerate
 from .linear.varying import InterpolatedModel as InterpolatedModel, models_along as models_along
 from .point.condition import (
     TrimCondition as TrimCondition,

@@ -23,8 +23,7 @@ from hfa_support.native.bound import BoundFunction
 from hfa_support.progress import Progress
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.text import Table
-from trim.linear.compare import EntryRow, compare, entries_records, entries_table, regenerate
-from trim.linear.entry_bands import entries_at
+from trim.linear.printed import EntryRow, compare, entries_at, entries_records, entries_table, regenerate
 from trim.point.condition import level_flight
 from trim.sweeps.points import newton_functions
 

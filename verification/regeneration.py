@@ -14,8 +14,8 @@ from hfa_support.reporting.fields import ByValue
 from hfa_support.reporting.figure import new_figure
 from hfa_support.reporting.report import Picture, Report, Reported
 from hfa_support.reporting.text import Table, eigenvalue_text
-from trim.linear.compare import EntryRow, compare, comparison_table, eigenvalue_errors, entries_records, regenerate
 from trim.linear.linear_model import LinearModel, matrices
+from trim.linear.printed import EntryRow, compare, comparison_table, eigenvalue_errors, entries_records, regenerate
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -16,8 +16,8 @@ from hfa_model.vectors import INPUTS, LINEAR_STATES, Input
 from hfa_support.reporting.checks import Check, Checked, at_most, checks_block
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.text import Table, shown_unit, shown_value
-from trim.linear.compare import EntryRow, eigenvalue_errors, entries_records, entries_table
 from trim.linear.linear_model import LinearModel, linearize
+from trim.linear.printed import EntryRow, eigenvalue_errors, entries_records, entries_table
 from trim.point.condition import level_flight, release
 from trim.point.solve import find_operating_point
 

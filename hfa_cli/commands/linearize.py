@@ -19,10 +19,9 @@ from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.model import Model
 from hfa_support.reporting.report import Report
 from trim.linear import linear_model
-from trim.linear.compare import beside_the_print, printed_at
-from trim.linear.entry_bands import bands_known, entry_bands, trust_in
 from trim.linear.handling_qualities import with_qualities
 from trim.linear.linear_model import LinearModel, linear_model_report, reduction_note
+from trim.linear.printed import bands_known, beside_the_print, entry_bands, printed_at, trust_in
 from trim.point.condition import TrimCondition
 from trim.point.operating_point import OperatingPoint
 from trim.point.solve import find_operating_point

@@ -27,7 +27,7 @@ from studies.section5.learning_in_flight import certified_gains
 from studies.section5.metrics import Critic, flight_metrics, learning_metrics, residual_at
 from studies.update_law.integral_rl import baseline_weights, learn_by_integrals
 from studies.update_law.published_law import PublishedSettings, published_law
-from trim.linear.compare import regenerate
+from trim.linear.printed import regenerate
 from verification import solve_game
 from verification.exact_solution import GameSolution
 

@@ -18,7 +18,7 @@ from hfa_model.parameters import FIELDS, Field
 from hfa_model.variants import Published, Variant
 from hfa_model.vectors import INPUT_UNITS, STATE_UNITS
 from trim import TrimCondition, find_operating_point, level_flight, linearize, release
-from trim.linear.compare import eigenvalue_errors
+from trim.linear.printed import eigenvalue_errors
 
 RATE_UNITS = tuple(map(HFA.rate_unit, STATES))
 

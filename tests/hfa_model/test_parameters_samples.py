@@ -11,7 +11,7 @@ from hfa_model import LINEAR_STATES, STATES, Aircraft, Parameters, sample_parame
 from hfa_model.parameters import ParameterSet
 from hfa_support import BadInputError
 from trim import LinearModel, entry_bands, find_operating_point, level_flight, linearize, trim_points
-from trim.linear.entry_bands import Bands
+from trim.linear.printed import Bands
 
 COUNT = 6000
 DETERMINED = [STATES.index(name) for name in LINEAR_STATES]

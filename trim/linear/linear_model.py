@@ -25,8 +25,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from hfa_model.aircraft import Aircraft
-    from trim.linear.entry_bands import Bands
     from trim.linear.frequency import Transfer
+    from trim.linear.printed import Bands
 
 
 #: Condition number, in nominal units, from which a matrix counts as singular.

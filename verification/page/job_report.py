@@ -19,10 +19,16 @@ from hfa_support.reporting.checks import verdict_text
 from hfa_support.reporting.report import Part, Picture, Report
 from hfa_support.reporting.text import Cell, Table, angle_text
 from hfa_support.reporting.unit_system import system_in_force
-from trim.linear.compare import comparison_table, matrices_beside_the_print, printed_at
-from trim.linear.entry_bands import bands_known, entry_bands, trust_in
 from trim.linear.linear_model import LinearModel, linear_model_report, matrices
 from trim.linear.modes import modes_of, modes_table
+from trim.linear.printed import (
+    bands_known,
+    comparison_table,
+    entry_bands,
+    matrices_beside_the_print,
+    printed_at,
+    trust_in,
+)
 from trim.point.trim_report import trim_report
 from verification.critic.check_result import check_figure
 from verification.page.claims import claims_section

@@ -12,7 +12,7 @@ from hfa_model import Aircraft, Parameters, published_models
 from hfa_model.printed_matrices import PublishedModel
 from trim import LinearModel, compare, regenerate
 from trim.identification import IDENTIFIED
-from trim.linear.compare import (
+from trim.linear.printed import (
     eigenvalue_errors,
     matrices_beside_the_print,
     printed_at,

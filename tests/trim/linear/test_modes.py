@@ -9,7 +9,7 @@ import pytest
 
 from hfa_model import LINEAR_STATES, Aircraft
 from trim import level_model, modes_of
-from trim.linear.compare import eigenvalue_errors
+from trim.linear.printed import eigenvalue_errors
 
 
 @pytest.mark.parametrize("damping", [0.1, 0.7, -0.2])

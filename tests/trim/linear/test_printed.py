@@ -11,7 +11,7 @@ from hfa_model import Aircraft, Parameters
 from hfa_model.parameters import ParameterSet
 from hfa_support import BadInputError
 from trim import entry_bands, find_operating_point, level_flight, linearize
-from trim.linear.entry_bands import Bands, bands_known
+from trim.linear.printed import Bands, bands_known
 
 CONDITION = level_flight(np.radians(10.0))
 
