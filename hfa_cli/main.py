@@ -145,10 +145,8 @@ def _run(words: list[str]) -> int:
         except SystemExit:
             return DONE  # how argparse leaves after --help and --version
         _refuse_same_file(words[1:], arguments)
-        from hfa_cli.output import run_of
-
         quiet = contextlib.redirect_stderr(io.StringIO()) if arguments.quiet else contextlib.nullcontext()
-        with run_of(words, arguments), quiet:
+        with quiet:
             return command.run(arguments)
 
 

@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import argparse
 import os
-import shlex
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from contextvars import ContextVar
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from hfa_support.errors import on_one_line
@@ -26,37 +23,24 @@ if TYPE_CHECKING:
     from hfa_support.reporting.report import Report
     from trim.point.operating_point import OperatingPoint
 
-_RUN: ContextVar[tuple[str, argparse.Namespace]] = ContextVar("run")
-
-
 # Provenance.
 
 
-@contextmanager
-def run_of(words: Sequence[str], arguments: argparse.Namespace) -> Iterator[None]:
-    """What is signed inside comes from these words."""
-    token = _RUN.set((shlex.join(["hfa", *words]), arguments))
-    try:
-        yield
-    finally:
-        _RUN.reset(token)
-
-
-def provenance() -> Provenance:
-    """Of the run that is under way: the program, the aircraft, the condition of its trims."""
+def provenance(arguments: argparse.Namespace) -> Provenance:
+    """Of a run with these options: the program, the aircraft, the condition of its trims."""
     from hfa_cli.options import trims
     from hfa_model.provenance import Provenance, changed_parameters, parameter_hash
 
-    command, arguments = _RUN.get()
+    line = arguments.line
     if getattr(arguments, "model", None) is not None:
-        return Provenance(command, model=str(arguments.model))
+        return Provenance(line, model=str(arguments.model))
     if not hasattr(arguments, "parameters"):
-        return Provenance(command)
+        return Provenance(line)
     flights = trims.flights_of(arguments) if hasattr(arguments, "start") else None
     condition: dict[str, Any] = flights.to_dict() if flights else {}
     if (own := getattr(arguments, "aircraft", None)) is not None:
         condition["parameters"] = trims.held_parameters(arguments)
-        return Provenance(command, model=f"{own.source[0]} (SHA-256 {own.source[1][:12]})", condition=condition)
+        return Provenance(line, model=f"{own.source[0]} (SHA-256 {own.source[1][:12]})", condition=condition)
     if flights is not None and isinstance(arguments.at, float):
         single = flights.at(arguments.at)
         limits = {name: list(single.limits_of(name)) for name in single.free}
@@ -69,13 +53,12 @@ def provenance() -> Provenance:
         held = trims.held_parameters(arguments)
         changed |= {name: (value, UNSTEADY.parameters[name].start) for name, value in held.items()}
     flight = flights.in_words() if flights else ""
-    known = parameter_hash(chosen.values)
-    return Provenance(command, dynamics, chosen.name, known, changed, condition, flight)
+    return Provenance(line, dynamics, chosen.name, parameter_hash(chosen.values), changed, condition, flight)
 
 
-def origin_lines() -> str:
+def origin_lines(arguments: argparse.Namespace) -> str:
     """The provenance of the run and its command, for the top of a source file."""
-    return f"{provenance().text()}\n{provenance().command}"
+    return f"{provenance(arguments).text()}\n{arguments.line}"
 
 
 # Results.
@@ -85,13 +68,13 @@ def stated(report: Report, arguments: argparse.Namespace) -> Report:
     """The report in the units that --units names, where the command has it, with the provenance of the run as its last
     line and in its data."""
     if hasattr(arguments, "units"):
-        report = report.with_data(units=arguments.units or "english")
+        report = report.with_data(units=arguments.units)
         if arguments.units == "si":
             from hfa_cli.options.argument_types import model
             from hfa_support.reporting.units_of_data import in_si
 
             report = in_si(report, model())
-    origin = provenance()
+    origin = provenance(arguments)
     return replace(report, source=origin.text()).with_data(provenance=origin.to_dict())
 
 
@@ -150,12 +133,12 @@ def failure_as_data(arguments: argparse.Namespace, aircraft: Aircraft | Model) -
         raise
 
 
-def draw(picture: Path | None, figure: Callable[[], Figure]) -> None:
-    """Draw the figure into the file, if one was asked for."""
-    if picture is not None:
+def draw(arguments: argparse.Namespace, figure: Callable[[], Figure]) -> None:
+    """Draw the figure into the file of --picture, if one was asked for."""
+    if arguments.picture is not None:
         from hfa_support.reporting.figure import save
 
-        save(figure(), picture, provenance().text())
+        save(figure(), arguments.picture, provenance(arguments).text())
 
 
 # Standard error while a command works.

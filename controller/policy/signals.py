@@ -190,28 +190,3 @@ class CommandedStates:
         chosen = np.array([[float(name == state) for name in names] for state in self.states])
         value = self.commands.at(t) if self.filtered else self.commands.end(t)
         return ca.mtimes(ca.DM(chosen.reshape(self.size, len(names))), value)
-
-
-_NONE = np.zeros(6)
-
-
-class PaperFlight:
-    """What Section 5 of the paper imposes on a flight, as deviations from trim in ft/s, rad and rad/s, in the order of
-    `hfa_model.LINEAR_STATES`: 5.1, the start x(0), the command x_d and the disturbance d, 1.1 times the printed
-    amplitudes; 5.4, the noise n that is added to the measured states and nothing else.
-
-    The print has lost all signs; they are taken as positive, and its derivative 0.01 + cos(0.5 t) of the speed's
-    command agrees with that. x_d: 7 + 0.01 t + 2 sin(0.5 t) ft/s, 0.1 rad of alpha, 0.5 rad of the dihedral.
-    """
-
-    INITIAL = np.array([5.0, 0.05, 0.0, 0.0, 0.0, 0.0])
-    REFERENCE = Signal(
-        np.array([7.0, 0.1, 0.0, 0.0, 0.5, 0.0]),
-        np.array([0.01, 0.0, 0.0, 0.0, 0.0, 0.0]),
-        (Harmonic(0.5, np.array([2.0, 0.0, 0.0, 0.0, 0.0, 0.0]), _NONE),),
-    )
-    _SINES, _COSINES = np.array([0.11, 0.22, 0.0, 0.11, 0.0, 0.11]), np.array([0.0, 0.0, 0.22, 0.0, 0.11, 0.0])
-    DISTURBANCE = Signal(_NONE, _NONE, (Harmonic(0.1, _SINES, _COSINES),))
-    _SLOW = Harmonic(0.1, np.array([0.0, 0.0, 0.005, 0.0, 0.005, 0.0]), np.array([0.02, 0.0, 0.0, 0.0, 0.0, 0.0]))
-    _FAST = Harmonic(0.5, np.array([0.0, 0.005, 0.0, 0.0, 0.0, 0.0]), np.array([0.0, 0.0, 0.0, 0.005, 0.0, 0.005]))
-    NOISE = Signal(_NONE, _NONE, (_SLOW, _FAST))

@@ -68,7 +68,7 @@ def design(arguments: argparse.Namespace) -> int:
         else:
             at = array_of(f"--{trims.called_at()}", arguments.at or value_range(HFA.schedule, _RANGE), _MOST_POINTS)
         controller = design_controller(aircraft, design, at, progress=ProgressLine("design"))
-        controller = replace(controller, about={**controller.about, "provenance": provenance().to_dict()})
+        controller = replace(controller, about={**controller.about, "provenance": provenance(arguments).to_dict()})
     knots, in_degrees = controller.places, model.schedule_unit == "deg"
     between = (knots[1:] + knots[:-1]) / 2.0
     if in_degrees:

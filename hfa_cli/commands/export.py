@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import math
 import re
-from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -33,7 +32,7 @@ def _options() -> Options:
     place = "a folder for C source, or a file .fmu (FMU) or .m (the function that reads .mat files of models)"
     at = math.radians(15.0) if OWN.get() is None else None
     return {
-        **{name: replace(each, default=at) for name, each in trims.at().items()},
+        **trims.at(default=at),
         **trims.flights(),
         **trims.AIRCRAFT,
         "-o --output": Option(place, "PLACE", output_file(".fmu", ".m", folder=True), more={"required": True}),
@@ -57,7 +56,7 @@ def export(arguments: argparse.Namespace) -> int:
     `hfa sweep` and `hfa linearize` write as .mat.
     """
     place = arguments.output
-    provenance()  # before anything is written: it finds what is wrong with options that nothing below reads
+    provenance(arguments)  # before anything is written: it finds what is wrong with options that nothing below reads
     if place.suffix == ".m":
         if not re.fullmatch(r"[A-Za-z]\w*", place.stem, re.ASCII):
             raise BadInputError(
@@ -89,13 +88,13 @@ def _written(
     from controller.export import exported_loop as loops
     from controller.export.fmu import write_fmu
 
-    place, actuators, origin = arguments.output, flights.actuators_of(arguments), origin_lines()
+    place, actuators, origin = arguments.output, flights.actuators_of(arguments), origin_lines(arguments)
     controller = None if arguments.controller is None else load_controller(arguments.controller, aircraft.model)
     model, gain = linearize(aircraft, point), None
     if controller is None and with_gain:
         gain = flights.flown_law_of(arguments, model).gains[0]
     if place.suffix:
-        write_fmu(loops.exported_loop(aircraft, point, gain, controller, actuators), place, provenance())
+        write_fmu(loops.exported_loop(aircraft, point, gain, controller, actuators), place, provenance(arguments))
         return [place]
     texts = loops.c_model_texts(aircraft, model, gain, origin)
     if controller is not None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -62,7 +62,7 @@ def _tell(result: NonlinearFlight, report: Report, points: list[OperatingPoint],
     """Draw, print and write a flight; the exit code, 1 when it did not stay within its limits."""
     from verification.flights.flight_figures import flight_figure
 
-    draw(arguments.picture, lambda: flight_figure(result, report.title))
+    draw(arguments, lambda: flight_figure(result, report.title))
     show(report, arguments, only_in_files=result.history(), points=points)
     return 0 if result.within_limits else 1
 
@@ -172,7 +172,7 @@ def map(arguments: argparse.Namespace) -> int:
         gain, law_name = law.gains[-1], law.name
         found.append(recoverable_map(each, point, gain, envelope, starts=starts, commands=commands, progress=progress))
     report = map_report(tuple(found), law_name)
-    draw(arguments.picture, lambda: map_figure(tuple(found), report.title))
+    draw(arguments, lambda: map_figure(tuple(found), report.title))
     show(report, arguments, points=[each.point for each in found])
     return 0
 
@@ -209,9 +209,9 @@ def monte_carlo(arguments: argparse.Namespace) -> int:
     aircraft, point, law, scenario, envelope = flights.flight_of(arguments)
     plan = MonteCarlo(arguments.samples, arguments.seed, aircraft, point, law, scenario, envelope)
     with temporary_folder() as folder:
-        place, about = target or folder / "members.zarr", provenance().to_dict()
-        crew = trims.crew_of(arguments)
-        store = stream(plan, place, **crew, provenance=about, progress=ProgressLine("simulate"))
+        about: dict[str, Any] = {"provenance": provenance(arguments).to_dict(), "progress": ProgressLine("simulate")}
+        place = target or folder / "members.zarr"
+        store = stream(plan, place, **arguments.workers, resume=arguments.resume, **about)
         report = member_report(plan, store, "members not kept" if target is None else f"members in {target}")
     report = report.with_data(store=None if target is None else str(target))
     show(report, arguments, written=True, points=[plan.point])

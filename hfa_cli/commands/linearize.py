@@ -63,7 +63,7 @@ def linearize(arguments: argparse.Namespace) -> int:
     if _is_printed(model) and arguments.units != "si" and (printed := printed_at(point)) is not None:
         report = beside_the_print(report, model, printed)
     notes = [each for each in (*report.notes, reduction_note(model, full.select(usual), follow)) if each]
-    draw(arguments.picture, model.bode)
+    draw(arguments, model.bode)
     show(replace(report, notes=notes).with_data(warnings=notes), arguments)
     return 0
 

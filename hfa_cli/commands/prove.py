@@ -182,7 +182,7 @@ def _schedule(arguments: argparse.Namespace) -> int:
         changes = games.weights_of(arguments, family.model.units(family.model.linear))
         table = exact_gains(family, low, high, uncertain, **changes)
     place, progress = arguments.output, ProgressLine("prove")
-    file = None if place is None else CertificateFile(place, provenance(), resume=arguments.resume)
+    file = None if place is None else CertificateFile(place, provenance(arguments), resume=arguments.resume)
     proof = prove_schedule(family, table, low, high, moving=arguments.rate, file=file, progress=progress)
     show(proof.report(), arguments, written=True)
     return 0 if proof.proved else 1
@@ -216,7 +216,7 @@ def _game(arguments: argparse.Namespace) -> int:
     else:
         proof = prove_solution(named.game, *of)
     if arguments.output is not None and proof.proved:
-        proof.write(arguments.output, provenance())
+        proof.write(arguments.output, provenance(arguments))
     show(game_report(proof.data, named.states, named.origin, str(arguments.file or "")), arguments, written=True)
     return 0 if proof.proved else 1
 
@@ -268,6 +268,6 @@ def lpv(arguments: argparse.Namespace) -> int:
     proof = coarsest_grid(family, *_ends(arguments, family), arguments.limit_error, progress=ProgressLine("lpv"))
     certified = target is not None and target.suffix.lower() == ".json"
     if certified:
-        proof.write(target, provenance())
+        proof.write(target, provenance(arguments))
     show(proof.report(), arguments, written=certified)
     return 0

@@ -12,7 +12,7 @@ import numpy as np
 from hfa_cli.options import trims
 from hfa_cli.options.argument_types import output_file, some_of
 from hfa_cli.options.parser import Option, Options, command
-from hfa_cli.options.ranges import Range, array_of, value_range
+from hfa_cli.options.ranges import array_of, value_range
 from hfa_cli.output import ProgressLine, provenance, stated
 from hfa_model.outputs import OUTPUTS
 from hfa_model.vectors import STATES
@@ -31,9 +31,11 @@ def _options() -> Options:
     angles = partial(value_range, "dihedral")
     claims = "claims of the paper to show: the claims.json that `python -m studies.section5` wrote, or its folder"
     place = "one self-contained .html file, or a folder for the page, its pictures and its numbers (JSON)"
+    asked = "shown in full: a,b,c or start:stop:step; default: the printed 5 and 15"
+    swept = "angles of the slider and the root locus; default 0:20:0.5"
     return {
-        **trims.at(angles, "RANGE", "shown in full: a,b,c or start:stop:step; default: the printed 5 and 15"),
-        "--sweep": Option("angles of the slider and the root locus; default 0:20:0.5", "RANGE", angles),
+        **trims.at(angles, "RANGE", asked, default=ASKED),
+        "--sweep": Option(swept, "RANGE", angles, tuple(SWEEP.tolist())),
         "--outputs": Option("C and D of these outputs too", "a,b,...", some_of(*STATES, *OUTPUTS)),
         "--claims": Option(claims, "FILE", lambda text: load_claims(Path(text))),
         **trims.flights(),
@@ -60,8 +62,8 @@ def report(arguments: argparse.Namespace) -> int:
     job = main_job(
         trims.parameters_of(arguments),
         arguments.dynamics,
-        asked=_angles("--dihedral", arguments.at, np.array(ASKED), MOST_ASKED).tolist(),
-        swept=_angles("--sweep", arguments.sweep, SWEEP, MOST_SWEPT),
+        asked=np.unique(array_of("--dihedral", arguments.at, MOST_ASKED)).tolist(),
+        swept=np.unique(array_of("--sweep", arguments.sweep, MOST_SWEPT)),
         outputs=arguments.outputs,
         claims=arguments.claims,
         flight=trims.flights_of(arguments),
@@ -69,34 +71,26 @@ def report(arguments: argparse.Namespace) -> int:
         progress=ProgressLine("report"),
     )
     found = stated(main_report(job), arguments)
-    lines = [f"wrote {name}" for name in _written(job, found, arguments.output)]
+    lines = _written(job, found, arguments)
     lines.append(f"Both printed pairs regenerated: {'yes' if job.regeneration.ok else 'NO'}")
     lines.append(f"Learned critics agree with the exact game solution: {'yes' if job.learned else 'NO'}")
     say(found.json() if arguments.json else "\n".join(lines))
     return 0 if job.ok else 1
 
 
-def _angles(option: str, given: Range | None, default: np.ndarray, most: int) -> np.ndarray:
-    """Of an option, each once and in order, rad; BadInputError when there are more than one page holds."""
-    if given is None:
-        return default
-    angles = np.unique(array_of(option, given, most))
-    if angles.size > most:
-        raise BadInputError(f"{option} has {angles.size} angles; one page holds at most {most}, take fewer")
-    return angles
-
-
-def _written(job: MainJob, report: Report, place: Path | None) -> list[str]:
-    """Write the page to the file or into the folder; what was written."""
+def _written(job: MainJob, report: Report, arguments: argparse.Namespace) -> list[str]:
+    """Write the page to the file or into the folder of -o; what was written, in a line."""
+    place = arguments.output
     if place is None:
         return []  # the numbers alone
+    html = page(job, report, provenance(arguments))
     if place.suffix:
-        write_text(place, page(job, report, provenance()))
-        return [str(place)]
+        write_text(place, html)
+        return [f"wrote {place}"]
     place.mkdir(exist_ok=True)
     pictures = list(report.pictures())
     for picture in pictures:
         save(picture.draw(), place / picture.name, report.source)
     numbers = json.dumps(jsonable(report.data), allow_nan=False) + "\n"
-    write_texts(place, {"numbers.json": numbers, "report.html": page(job, report, provenance())})
-    return [f"{place / 'report.html'}, numbers.json, {', '.join(picture.name for picture in pictures)}"]
+    write_texts(place, {"numbers.json": numbers, "report.html": html})
+    return [f"wrote {place / 'report.html'}, numbers.json, {', '.join(picture.name for picture in pictures)}"]

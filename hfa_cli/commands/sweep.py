@@ -134,13 +134,13 @@ def _in_memory(plan: SweepPlan, arguments: argparse.Namespace) -> tuple[Report, 
     if arguments.picture is not None and not result.trimmed.any():
         notes.append(f"nothing to draw: {arguments.picture} is not written")
     else:
-        draw(arguments.picture, result.figure)
+        draw(arguments, result.figure)
     if arguments.output is not None and arguments.output.suffix.lower() == UNIT:
         from controller.export.exported_loop import interpolated_loop
         from controller.export.fmu import write_fmu
         from trim.linear.varying import InterpolatedModel
 
-        write_fmu(interpolated_loop(InterpolatedModel(result)), arguments.output, provenance())
+        write_fmu(interpolated_loop(InterpolatedModel(result)), arguments.output, provenance(arguments))
     report = result.report()
     report = replace(report, notes=[*report.notes, *notes])
     return report, bool(result.trimmed.any())
@@ -150,7 +150,7 @@ def _in_store(plan: SweepPlan, arguments: argparse.Namespace) -> tuple[Report, b
     """The report of the store, and whether any point has a trim."""
     from trim.sweeps.sweep_store import stored_sweep_report, stream_sweep
 
-    crew, origin = trims.crew_of(arguments), provenance().to_dict()
-    store = stream_sweep(plan, arguments.output, **crew, provenance=origin, progress=ProgressLine("sweep"))
+    about = {"provenance": provenance(arguments).to_dict(), "progress": ProgressLine("sweep")}
+    store = stream_sweep(plan, arguments.output, **arguments.workers, resume=arguments.resume, **about)
     report = stored_sweep_report(plan, store, arguments.output)
     return report, bool(report.data["counts"]["trimmed"])

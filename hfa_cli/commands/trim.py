@@ -25,6 +25,6 @@ def trim(arguments: argparse.Namespace) -> int:
         trims.refuse(arguments, ("picture",), "draws the HFA from the front; leave it out with --aircraft")
     with failure_as_data(arguments, aircraft):
         point = trims.point_of(arguments, aircraft)
-    draw(arguments.picture, lambda: trim_figure(trims.hfa_of(arguments), point))
+    draw(arguments, lambda: trim_figure(trims.hfa_of(arguments), point))
     show(trim_report(aircraft, trims.condition_of(arguments), point), arguments)
     return 0

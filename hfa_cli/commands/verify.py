@@ -111,10 +111,10 @@ def verify(arguments: argparse.Namespace) -> int:
         found[str(path)] = _check_file(path, arguments, named, how, len(paths))
     if len(found) == 1:
         (check,) = found.values()
-        draw(arguments.picture, lambda: check_figure(check, *named.names))
+        draw(arguments, lambda: check_figure(check, *named.names))
         report = check.report(*named.names, limit_cost=cost)
     else:
-        draw(arguments.picture, lambda: checks_figure(found, named.origin))
+        draw(arguments, lambda: checks_figure(found, named.origin))
         report = checks_report(found, named.origin, cost)
     show(report.with_data(**named.labels()), arguments, notes=named.warnings)
     return 0 if all(check.holds(cost) for check in found.values()) else 1

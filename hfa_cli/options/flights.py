@@ -15,9 +15,9 @@ from controller.flight.actuators import ActuatorFault, Actuators
 from controller.flight.envelope import Envelope, control_limits, flight_envelope
 from controller.flight.gusts import UPDRAFT, Dryden, Gust, OneMinusCosine
 from controller.flight.scenario import Scenario, Uncertainty, met_at
-from controller.policy.signals import CommandedStates, CommandSteps, Harmonic, PaperFlight, Signal
+from controller.policy.signals import CommandedStates, CommandSteps, Harmonic, Signal
 from hfa_cli.options import games, trims
-from hfa_cli.options.argument_types import OWN, input_file, model, number, numbers, positive, quantity, span
+from hfa_cli.options.argument_types import input_file, model, number, numbers, positive, quantity, span
 from hfa_cli.options.parser import Option, Options
 from hfa_cli.output import ProgressLine
 from hfa_model.aircraft import Aircraft
@@ -70,18 +70,8 @@ ENVELOPE: Options = {
 
 def commands() -> Options:
     """--controller and --command."""
-    about = f"what shall be followed, s and degrees off trim: steps, or {_WAVE}, or `paper`; with --law {NONE} steps of"
-    return {
-        **CONTROLLER,
-        "--command": Option(
-            f"{about} inputs; repeatable", _COMMAND, _command, {}, named=True, alone=_paper(PaperFlight.REFERENCE)
-        ),
-    }
-
-
-def _paper(signal: Signal) -> dict[str, Signal]:
-    """The word for what the paper simulates in Section 5, of the HFA alone."""
-    return {"paper": signal} if OWN.get() is None else {}
+    about = f"steps to follow, s and degrees off trim; with --law {NONE} steps of inputs; repeatable"
+    return {**CONTROLLER, "--command": Option(about, _COMMAND, _command, {}, named=True)}
 
 
 def scenario(duration: float | None = 20.0, *, members: bool = False) -> Options:
@@ -90,12 +80,13 @@ def scenario(duration: float | None = 20.0, *, members: bool = False) -> Options
     duration: s; None for 20 s more than a change takes. members: --error, --noise and --turbulence are drawn for each.
     """
     states, air = model().linear, (*model().linear, *model().disturbances)
+    initial = among(tuple(model().states), quantity)
     wind = model().unit(UPDRAFT) if UPDRAFT in model().disturbances else "ft/s"
     length = wind.removesuffix("/s")
     factor = "factor on a parameter of the simulated aircraft, unknown to the design"
     own: Options = {
         "--error": Option(factor, "NAME=FACTOR", _number, {}, named=True),
-        "--noise": _signal("added to what a sensor says", states, PaperFlight.NOISE),
+        "--noise": _signal("added to what a sensor says", states),
         "--gust": Option("1-cosine updraft, ft, ft/s and s", _GUST, numbers(_GUST, 2, length, wind, "s")),
     }
     sensor = "standard deviation of a sensor, degrees for angles"
@@ -105,17 +96,8 @@ def scenario(duration: float | None = 20.0, *, members: bool = False) -> Options
     }
     return {
         "--duration": Option(f"default {duration or '20 more than the change takes'}", "S", number, duration),
-        "--initial": Option(
-            "a state off trim at the start, degrees; or `paper`",
-            "NAME=VALUE",
-            among(tuple(model().states), quantity),
-            {},
-            named=True,
-            alone={} if OWN.get() else {"paper": dict(zip(states, PaperFlight.INITIAL.tolist(), strict=True))},
-        ),
-        "--disturbance": _signal(
-            "added to the rate of a state, or a disturbance of the model", air, PaperFlight.DISTURBANCE
-        ),
+        "--initial": Option("a state off trim at the start, degrees", "NAME=VALUE", initial, {}, named=True),
+        "--disturbance": _signal("added to the rate of a state, or a disturbance of the model", air),
         **ACTUATORS,
         "--fault": Option(
             "actuators of the surfaces from BEGIN on: share of the command that arrives, bandwidth in rad/s",
@@ -146,8 +128,8 @@ def _number(_: str, text: str) -> float:
     return number(text)
 
 
-def _signal(about: str, names: tuple[str, ...], paper: Signal) -> Option:
-    return Option(f"{about}; or `paper`", _WAVE, among(names, _constant_or_wave), {}, named=True, alone=_paper(paper))
+def _signal(about: str, names: tuple[str, ...]) -> Option:
+    return Option(about, _WAVE, among(names, _constant_or_wave), {}, named=True)
 
 
 def _constant_or_wave(name: str, text: str) -> tuple[float, ...]:
@@ -158,10 +140,8 @@ def _constant_or_wave(name: str, text: str) -> tuple[float, ...]:
     return (*(quantity(name, part) for part in parts[:2]), *map(positive, parts[2:]))
 
 
-def _command(name: str, text: str) -> list[tuple[float, float]] | tuple[float, ...]:
-    """(time, value) pairs, increasing; or a constant or a wave."""
-    if "," not in text and text.count(":") != 1 and name in model().linear:
-        return _constant_or_wave(name, text)
+def _command(name: str, text: str) -> list[tuple[float, float]]:
+    """(time, value) pairs, increasing."""
     pairs = [part.split(":") for part in text.split(",")]
     if any(len(pair) != 2 for pair in pairs):
         raise BadInputError(f"is {text!r}; give {_COMMAND}")
@@ -229,26 +209,20 @@ def _policy_of(
     from controller.policy.policies import open_loop
     from controller.policy.servo_policy import servo_law
 
-    given, law = arguments.command, arguments.law
-    stepped = {isinstance(each, list) for each in given.values()} if isinstance(given, dict) else {False}
-    if len(stepped) > 1 or (False in stepped and (arguments.controller is not None or law == NONE)):
-        raise BadInputError(f"--command takes steps here; give {_COMMAND} for each name")
-    steps = _steps_of({} if False in stepped else given)
+    steps, states = _steps_of(arguments.command), point.model.linear
     if arguments.controller is not None:
         if arguments.actuators is None:
             raise BadInputError("--controller flies behind actuators; add --actuators LAG:RATE")
         controller = load_controller(arguments.controller, aircraft.model)
         steps = CommandSteps(steps.names, steps.times, steps.values, *controller.command_filter)
-        follow = CommandedStates(steps, point.model.linear)
+        follow = CommandedStates(steps, states)
         return servo_law(controller, steps, aircraft, point), replace(happens, reference=follow)
-    if law == NONE:
+    if arguments.law == NONE:
         return open_loop(steps, tuple(point.model.inputs), happens.tick, happens.ticks), happens
-    if False in stepped:
-        happens = replace(happens, reference=_signal_of(given, point.model.linear))
-    elif given:
-        for name in steps.names:
-            refuse_unknown("a gain follows no command of", name, point.model.linear)
-        happens = replace(happens, reference=CommandedStates(steps, point.model.linear, filtered=False))
+    for name in steps.names:
+        refuse_unknown("a gain follows no command of", name, states)
+    if steps.names:
+        happens = replace(happens, reference=CommandedStates(steps, states, filtered=False))
     return flown_law_of(arguments, linearize(aircraft, point)), happens
 
 
@@ -270,14 +244,15 @@ def scenario_of(arguments: argparse.Namespace, point: OperatingPoint) -> Scenari
 
     The tick is 0.01 s, or the longest shorter one of which the delay is a whole number.
     """
-    duration, delay, own, disturbed = arguments.duration, arguments.delay, point.model, arguments.disturbance
+    duration, delay, own = arguments.duration, arguments.delay, point.model
     if delay and not 0.0 < delay < duration:
         raise BadInputError(f"--delay is {delay:g} s; it must lie between 0 and the duration")
-    air: dict[str, Signal] = {}
-    if not isinstance(disturbed, Signal):
-        winds = [name for name in disturbed if name in own.disturbances]
-        air = {name: _signal_of({name: disturbed[name]}, (name,)) for name in winds}
-        disturbed = {name: each for name, each in disturbed.items() if name not in winds}
+    air, disturbed = dict[str, Signal](), dict[str, tuple[float, ...]]()
+    for name, wave in arguments.disturbance.items():
+        if name in own.disturbances:
+            air[name] = _signal_of({name: wave}, (name,))
+        else:
+            disturbed[name] = wave
     common = Scenario(
         duration=duration,
         tick=math.gcd(10, round(1000.0 * delay)) / 1000.0,
@@ -308,10 +283,8 @@ def _gust(arguments: argparse.Namespace, point: OperatingPoint, happens: Scenari
     return None
 
 
-def _signal_of(given: dict[str, tuple[float, ...]] | Signal, names: tuple[str, ...]) -> Signal:
+def _signal_of(given: dict[str, tuple[float, ...]], names: tuple[str, ...]) -> Signal:
     """What the option of a signal says of these names: constants, and a sine with its frequency for some."""
-    if isinstance(given, Signal):
-        return given
     constant, harmonics = np.zeros(len(names)), []
     for name, (value, *wave) in given.items():
         index = names.index(name)

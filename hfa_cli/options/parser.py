@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import re
+import shlex
 import sys
 import textwrap
 from collections.abc import Callable, Iterable, Mapping
@@ -19,8 +20,7 @@ class Option:
 
     about: its help. form: how help shows its value; "" for a switch. kind: word -> value; its BadInputError is the rest
     of a sentence that begins with the option. default: its value where it is not given. named: its words are NAME=VALUE
-    and it may be repeated; kind takes the name and the word. alone: a word in place of all of these -> its value.
-    more: further arguments of `add_argument`.
+    and it may be repeated; kind takes the name and the word. more: further arguments of `add_argument`.
     """
 
     about: str
@@ -28,7 +28,6 @@ class Option:
     kind: Callable[..., Any] = str
     default: Any = None
     named: bool = False
-    alone: Mapping[str, Any] = field(default_factory=dict)
     more: Mapping[str, Any] = field(default_factory=dict)
 
 
@@ -70,7 +69,7 @@ class Parser(argparse.ArgumentParser):
         for names, each in options.items():
             how: dict[str, Any] = {"type": each.kind, "metavar": each.form} if each.form else {"action": "store_true"}
             if each.named:
-                how = {"action": _Named, "value": each.kind, "alone": each.alone, "metavar": each.form}
+                how = {"action": _Named, "value": each.kind, "metavar": each.form}
             if names.startswith("-"):
                 how["default"] = argparse.SUPPRESS
             action = self.add_argument(*names.split(), help=each.about, **how, **each.more)
@@ -92,7 +91,8 @@ class Parser(argparse.ArgumentParser):
         return text + (textwrap.fill(f"more ({self.prog} --help more): {named}", 80) + "\n" if rare else "")
 
     def parse_words(self, words: list[str]) -> argparse.Namespace:
-        """The options and their values, of an option that comes twice the last; `given`: the names of those typed."""
+        """The options and their values, of an option that comes twice the last; `given`: the names of those typed,
+        `line`: the whole command line."""
         for word in words[: words.index("--")] if "--" in words else words:
             option = word.partition("=")[0]
             if option.startswith("--") and option not in self._option_string_actions:
@@ -109,7 +109,8 @@ class Parser(argparse.ArgumentParser):
         missing = [action.option_strings[-1] for action in required if action.dest not in typed]
         if missing:
             self.error(f"the following arguments are required: {', '.join(missing)}")
-        return argparse.Namespace(**{**self._otherwise, **typed}, given=frozenset(typed))
+        line = shlex.join([*self.prog.split(), *words])
+        return argparse.Namespace(**{**self._otherwise, **typed}, given=frozenset(typed), line=line)
 
     def _get_value(self, action: argparse.Action, arg_string: str) -> Any:
         try:
@@ -140,24 +141,21 @@ class _Help(argparse.Action):
 
 
 class _Named(argparse.Action):
-    """`NAME=VALUE` words of a repeatable option, as name -> value(name, text); or one word alone."""
+    """`NAME=VALUE` words of a repeatable option, as name -> value(name, text)."""
 
-    def __init__(self, *, value: Callable[[str, str], Any], alone: Mapping[str, Any], **options: Any) -> None:
+    def __init__(self, *, value: Callable[[str, str], Any], **options: Any) -> None:
         super().__init__(**options)
-        self._value, self._alone = value, alone
+        self._value = value
 
     def __call__(self, parser: Any, namespace: argparse.Namespace, values: Any, option_string: Any = None) -> None:
-        known = getattr(namespace, self.dest, None)
         name, separator, text = values.partition("=")
-        if known and (values in self._alone or known in self._alone.values()):
-            raise argparse.ArgumentError(self, f"{', '.join(self._alone)} goes alone; leave the others out")
-        if not separator and values not in self._alone:
+        if not separator:
             raise argparse.ArgumentError(self, f"{shortened(values)!r} is not NAME=VALUE")
         try:
-            found = self._alone[values] if values in self._alone else {**(known or {}), name: self._value(name, text)}
+            found = self._value(name, text)
         except BadInputError as error:
             raise argparse.ArgumentError(self, f"{shortened(name)} {error}") from error
-        setattr(namespace, self.dest, found)
+        setattr(namespace, self.dest, {**getattr(namespace, self.dest, {}), name: found})
 
 
 def unknown(what: str, name: str, known: Iterable[str], program: str) -> str:

@@ -39,8 +39,6 @@ def value_range(name: str, text: str) -> Range:
 
 def array_of(name: str, values: Range, most: int) -> np.ndarray:
     """A range as one array, (N,); BadInputError when there are more than `most`."""
-    if not isinstance(values, Steps):
-        return np.array(values)
-    if values.count > most:
-        raise BadInputError(f"{name} has {values.count:,} points; at most {most:,} are allowed, take a larger step")
-    return np.asarray(values[np.arange(values.count)])
+    if len(values) > most:
+        raise BadInputError(f"{name} has {len(values):,} points; at most {most:,} are allowed, take fewer")
+    return np.asarray(values[np.arange(values.count)] if isinstance(values, Steps) else values)

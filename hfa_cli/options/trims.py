@@ -71,20 +71,26 @@ UNITS: Options = {
         "of what is typed, printed, drawn and written: english (ft, slug, lbf; default) or si (m, kg, N)",
         "UNITS",
         one_of(*SYSTEMS),
+        "english",
     )
 }
 JSON: Options = {"--json": Option("print JSON (angles in radians) instead of text")}
 
 
-def at(kind: Callable[[str], Any] = place, form: str = "", about: str = "", *, required: bool = False) -> Options:
-    """--at: the scheduling variable of the model, of the HFA also --dihedral. kind, form: of its values."""
+def at(
+    kind: Callable[[str], Any] = place, form: str = "", about: str = "", *, default: Any = None, required: bool = False
+) -> Options:
+    """--at: the scheduling variable of the model, of the HFA also --dihedral. kind, form, default: of its values."""
     by = model().schedule
     unit = model().schedule_unit if by else ""
-    words = (by or "the scheduling variable", "degrees" if unit == "deg" else unit, about)
+    words = ", ".join(filter(None, (by or "the scheduling variable", "degrees" if unit == "deg" else unit, about)))
     called = "--at --dihedral" if by == "dihedral" else "--at"
     more = {"required": required and by == "dihedral"}
-    form = form or ("DEG" if unit == "deg" else "VALUE")
-    return {called: Option(", ".join(each for each in words if each), form, kind if by else _nowhere, more=more)}
+    return {
+        called: Option(
+            words, form or ("DEG" if unit == "deg" else "VALUE"), kind if by else _nowhere, default, more=more
+        )
+    }
 
 
 def _nowhere(_: str) -> None:
@@ -146,7 +152,7 @@ def picture(what: str) -> Options:
 def workers(what: str) -> Options:
     """--workers, --resume."""
     return {
-        "--workers": Option("processes, or a Dask scheduler, tcp://host:port; default 1", "N|URL", _workers, 1),
+        "--workers": Option("processes, or a Dask scheduler, tcp://host:port; default 1", "N|URL", _workers, {}),
         "--resume": Option(f"continue an interrupted {what}"),
     }
 
@@ -166,16 +172,9 @@ def _start(text: str) -> OperatingPoint | dict[str, float]:
     return {name: quantity(name, word) for name, word in words.items()}
 
 
-def _workers(text: str) -> int | str:
-    """A number of processes, or the address of a Dask scheduler."""
-    return text if "://" in text else whole(1, MOST_WORKERS)(text)
-
-
-def crew_of(arguments: argparse.Namespace) -> dict[str, Any]:
-    """Who works, and whether on an interrupted job, as `stream` takes it."""
-    workers = arguments.workers
-    count, scheduler = (1, workers) if isinstance(workers, str) else (workers, None)
-    return {"count": count, "scheduler": scheduler, "resume": arguments.resume}
+def _workers(text: str) -> dict[str, Any]:
+    """A number of processes, or the address of a Dask scheduler, as `stream` takes them."""
+    return {"scheduler": text} if "://" in text else {"count": whole(1, MOST_WORKERS)(text)}
 
 
 def refuse(arguments: argparse.Namespace, names: Iterable[str], reason: str) -> None:

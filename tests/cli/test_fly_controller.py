@@ -56,7 +56,7 @@ def test_a_controller_flies_its_commands_and_says_what_it_missed() -> None:
         (("--command", "vertical_acceleration_short_period=1"), "give NAME=TIME:VALUE"),
         (("--command", "vertical_acceleration_short_period=2:1,1:0"), "the times must increase"),
         (("--law", "exact"), "--law changes nothing beside --controller"),
-        (("--command", "dihedral=1"), "takes steps here; give NAME=TIME:VALUE"),
+        (("--command", "dihedral=1"), "give NAME=TIME:VALUE"),
     ],
 )
 def test_controllers_that_do_not_fit_are_refused(words: tuple[str, ...], named: str) -> None:

@@ -139,7 +139,7 @@ def test_exports_have_its_names() -> None:
         ("fly --initial paper", "'paper' is not NAME=VALUE"),
         ("fly --command flap=1:1", "a gain follows no command of 'flap'"),
         ("fly --law none --command flap=1:1", "there is no law, and no input 'flap'"),
-        ("fly --law none --command speed=1", "takes steps here; give NAME=TIME:VALUE"),
+        ("fly --law none --command speed=1", "give NAME=TIME:VALUE"),
         ("fly --law none --delta 100", "belongs to a law"),
         ("fly --disturbance rain=1", "rain is not among"),
         ("fly --error mass=1.1", "unknown parameter 'mass'"),

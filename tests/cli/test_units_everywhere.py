@@ -28,7 +28,7 @@ RUNS: dict[str, tuple[str, ...]] = {
     "learn": AT,
     "verify": AT,
     "design": ("--design", "servo", "--dihedral", "5,10"),
-    "fly": (*AT, *FLIGHT, "--gust", "200ft:5ft", "--command", "speed=0.01ft"),
+    "fly": (*AT, *FLIGHT, "--gust", "200ft:5ft", "--command", "speed=0:0.01ft"),
     "schedule": ("--dihedral", "5", "--to", "6:1:2", "--law", "exact", "--duration", "7"),
     "map": (
         *AT,

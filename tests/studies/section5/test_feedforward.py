@@ -12,8 +12,8 @@ from linear_flight import LinearFlight, simulate
 from scipy.integrate import quad
 
 from controller import Game
-from controller.policy.signals import PaperFlight
 from hfa_support import BadInputError
+from studies.section5.configuration import PaperFlight
 from studies.section5.feedforward import Exosystem, exosystem, exosystem_feedforward
 from verification import solve_game
 

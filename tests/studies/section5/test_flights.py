@@ -12,8 +12,8 @@ from linear_flight import simulate
 from project import ROOT
 
 from controller import Signal
-from controller.policy.signals import Harmonic, PaperFlight
-from studies.section5.configuration import section5_configuration
+from controller.policy.signals import Harmonic
+from studies.section5.configuration import PaperFlight, section5_configuration
 from studies.section5.critic_policy import forcing
 from studies.section5.flights import (
     CERTIFIED,
