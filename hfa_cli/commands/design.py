@@ -11,7 +11,7 @@ import numpy as np
 from controller.design.design import load_design
 from controller.design.scheduled_controller import SUFFIXES, load_controller, save_controller
 from hfa_cli.options import trims
-from hfa_cli.options.argument_types import input_file, model as named_model, numbers, output_file
+from hfa_cli.options.argument_types import input_file, model as named_model, output_file, positive
 from hfa_cli.options.parser import Option, Options, command
 from hfa_cli.options.ranges import array_of, value_range
 from hfa_cli.output import ProgressLine, provenance, show
@@ -33,7 +33,7 @@ def _options() -> Options:
         **trims.design(),
         **trims.at(partial(value_range, by), "RANGE", f"default {_RANGE}" * (by == HFA.schedule)),
         **trims.AIRCRAFT,
-        "--bandwidth": Option(bandwidth, "A[:B...]", numbers("A[:B...]", 1, *["1"] * 6)),
+        "--bandwidth": Option(bandwidth, "A[:B...]", lambda text: tuple(map(positive, text.split(":")))),
         "-o --output": Option(f"write the controller ({', '.join(SUFFIXES)})", "FILE", output_file(*SUFFIXES)),
         **trims.JSON,
     }

@@ -159,13 +159,14 @@ def output_file(*suffixes: str, folder: bool = False) -> Callable[[str], Path]:
     return convert
 
 
-def numbers(form: str, least: int, *units: str) -> Callable[[str], tuple[float, ...]]:
-    """The kind of numbers between colons: as many as `units`, the internal unit of each, but at least `least`."""
+def numbers(form: str, *units: str, otherwise: tuple[float, ...] = ()) -> Callable[[str], tuple[float, ...]]:
+    """The kind of numbers between colons, with the internal unit of each; the last may be left out, `otherwise`."""
 
     def convert(text: str) -> tuple[float, ...]:
-        parts = text.split(":")
+        parts, least = text.split(":"), len(units) - len(otherwise)
         if not least <= len(parts) <= len(units):
             raise BadInputError(f"is {text!r}; give {form}")
-        return tuple(typed(number(part), unit) for part, unit in zip(parts, units, strict=False))
+        given = (typed(number(part), unit) for part, unit in zip(parts, units, strict=False))
+        return (*given, *otherwise[len(parts) - least :])
 
     return convert

@@ -15,9 +15,9 @@ from controller.flight.actuators import ActuatorFault, Actuators
 from controller.flight.envelope import Envelope, control_limits, flight_envelope
 from controller.flight.gusts import UPDRAFT, Dryden, Gust, OneMinusCosine
 from controller.flight.scenario import Scenario, Uncertainty, met_at
-from controller.policy.signals import CommandedStates, CommandSteps, Harmonic, Signal
+from controller.policy.signals import CommandedStates, CommandSteps, Signal
 from hfa_cli.options import games, trims
-from hfa_cli.options.argument_types import input_file, model, number, numbers, positive, quantity, span
+from hfa_cli.options.argument_types import input_file, model, number, numbers, quantity, span
 from hfa_cli.options.parser import Option, Options
 from hfa_cli.output import ProgressLine
 from hfa_model.aircraft import Aircraft
@@ -34,7 +34,6 @@ if TYPE_CHECKING:
 NONE = "none"
 #: How help shows the values of options.
 _COMMAND = "NAME=TIME:VALUE[,TIME:VALUE...]"
-_WAVE = "NAME=CONSTANT[:AMPLITUDE:RAD/S]"
 _GUST, _TURBULENCE = "LENGTH:PEAK[:BEGIN]", "SIGMA:SCALE"
 _ACTUATORS, _FAULT = "LAG:RATE[:ORDER]", "EFFECTIVENESS:BANDWIDTH[:BEGIN]"
 #: What flies in place of a law -> options that then would change nothing.
@@ -54,24 +53,18 @@ def law(*more: str) -> Options:
 CONTROLLER: Options = {
     "--controller": Option("a scheduled controller of hfa design, instead of a law", "FILE", input_file(".npz"))
 }
+_OWN_ACTUATORS = "actuators, s and deg/s, within the trim's control limits; order 1 (default) or 2"
 ACTUATORS: Options = {
-    "--actuators": Option(
-        "actuators, s and deg/s, within the trim's control limits; order 1 (default) or 2",
-        _ACTUATORS,
-        numbers(_ACTUATORS, 2, "s", "deg/s", "1"),
-    )
+    "--actuators": Option(_OWN_ACTUATORS, _ACTUATORS, numbers(_ACTUATORS, "s", "deg/s", "1", otherwise=(1.0,)))
 }
-ENVELOPE: Options = {
-    "--envelope": Option(
-        "other limits of a state, absolute (alpha: through the air); repeatable", "NAME=LOW:HIGH", span, {}, named=True
-    )
-}
+_OWN_ENVELOPE = "other limits of a state, absolute (alpha: through the air); repeatable"
+ENVELOPE: Options = {"--envelope": Option(_OWN_ENVELOPE, "NAME=LOW:HIGH", span, named=True)}
 
 
 def commands() -> Options:
     """--controller and --command."""
     about = f"steps to follow, s and degrees off trim; with --law {NONE} steps of inputs; repeatable"
-    return {**CONTROLLER, "--command": Option(about, _COMMAND, _command, {}, named=True)}
+    return {**CONTROLLER, "--command": Option(about, _COMMAND, _command, named=True)}
 
 
 def scenario(duration: float | None = 20.0, *, members: bool = False) -> Options:
@@ -79,36 +72,34 @@ def scenario(duration: float | None = 20.0, *, members: bool = False) -> Options
 
     duration: s; None for 20 s more than a change takes. members: --error, --noise and --turbulence are drawn for each.
     """
-    states, air = model().linear, (*model().linear, *model().disturbances)
-    initial = among(tuple(model().states), quantity)
-    wind = model().unit(UPDRAFT) if UPDRAFT in model().disturbances else "ft/s"
+    own = model()
+    states, air = among(own.linear, quantity), among((*own.linear, *own.disturbances), quantity)
+    initial = among(tuple(own.states), quantity)
+    wind = own.unit(UPDRAFT) if UPDRAFT in own.disturbances else "ft/s"
     length = wind.removesuffix("/s")
-    factor = "factor on a parameter of the simulated aircraft, unknown to the design"
-    own: Options = {
-        "--error": Option(factor, "NAME=FACTOR", _number, {}, named=True),
-        "--noise": _signal("added to what a sensor says", states),
-        "--gust": Option("1-cosine updraft, ft, ft/s and s", _GUST, numbers(_GUST, 2, length, wind, "s")),
+    gust = numbers(_GUST, length, wind, "s", otherwise=(0.0,))
+    factor, value, deviation = "NAME=FACTOR", "NAME=VALUE", "NAME=DEVIATION"
+    fixed: Options = {
+        "--error": Option("factor on a parameter of the simulated aircraft alone", factor, _number, named=True),
+        "--noise": Option("added to what a sensor says", value, states, named=True),
+        "--gust": Option("1-cosine updraft, ft, ft/s and s", _GUST, gust),
     }
-    sensor = "standard deviation of a sensor, degrees for angles"
     drawn: Options = {
-        "--error": Option("relative standard deviation of a parameter", "NAME=DEVIATION", _number, {}, named=True),
-        "--noise": Option(sensor, "NAME=DEVIATION", among(states, quantity), {}, named=True),
+        "--error": Option("relative standard deviation of a parameter", deviation, _number, named=True),
+        "--noise": Option("standard deviation of a sensor, degrees for angles", deviation, states, named=True),
     }
+    disturbed = "added to the rate of a state, or a disturbance of the model"
+    fault = "actuators of the surfaces from BEGIN on: share of the command that arrives, bandwidth in rad/s"
+    turbulence = "Dryden turbulence, ft/s and ft, from --seed"
     return {
         "--duration": Option(f"default {duration or '20 more than the change takes'}", "S", number, duration),
-        "--initial": Option("a state off trim at the start, degrees", "NAME=VALUE", initial, {}, named=True),
-        "--disturbance": _signal("added to the rate of a state, or a disturbance of the model", air),
+        "--initial": Option("a state off trim at the start, degrees", value, initial, named=True),
+        "--disturbance": Option(disturbed, value, air, named=True),
         **ACTUATORS,
-        "--fault": Option(
-            "actuators of the surfaces from BEGIN on: share of the command that arrives, bandwidth in rad/s",
-            _FAULT,
-            numbers(_FAULT, 2, "1", "1", "s"),
-        ),
+        "--fault": Option(fault, _FAULT, numbers(_FAULT, "1", "1", "s", otherwise=(0.0,))),
         "--delay": Option("time by which every command of the policy comes late", "S", number, 0.0),
-        "--turbulence": Option(
-            "Dryden turbulence, ft/s and ft, from --seed", _TURBULENCE, numbers(_TURBULENCE, 2, wind, length)
-        ),
-        **(drawn if members else own),
+        "--turbulence": Option(turbulence, _TURBULENCE, numbers(_TURBULENCE, wind, length)),
+        **(drawn if members else fixed),
         **ENVELOPE,
     }
 
@@ -126,18 +117,6 @@ def among(names: tuple[str, ...], kind: Callable[[str, str], Any]) -> Callable[[
 
 def _number(_: str, text: str) -> float:
     return number(text)
-
-
-def _signal(about: str, names: tuple[str, ...]) -> Option:
-    return Option(about, _WAVE, among(names, _constant_or_wave), {}, named=True)
-
-
-def _constant_or_wave(name: str, text: str) -> tuple[float, ...]:
-    """(constant,) or (constant, amplitude, rad/s)."""
-    parts = text.split(":")
-    if len(parts) not in (1, 3):
-        raise BadInputError(f"is {text!r}; give {name}=CONSTANT or {name}=CONSTANT:AMPLITUDE:RAD/S")
-    return (*(quantity(name, part) for part in parts[:2]), *map(positive, parts[2:]))
 
 
 def _command(name: str, text: str) -> list[tuple[float, float]]:
@@ -193,37 +172,31 @@ def flown_law_of(arguments: argparse.Namespace, linear: LinearModel) -> FlownLaw
 
 
 def flight_of(arguments: argparse.Namespace) -> tuple[Aircraft | Model, OperatingPoint, FlownLaw, Scenario, Envelope]:
-    """What flies from where, by which law, through what, within which limits."""
-    check_policy(arguments)
-    aircraft = trims.aircraft_of(arguments)
-    point = trims.point_of(arguments, aircraft)
-    law, happens = _policy_of(arguments, aircraft, point, scenario_of(arguments, point))
-    return aircraft, point, law, happens, flight_envelope(aircraft, point, arguments.envelope)
-
-
-def _policy_of(
-    arguments: argparse.Namespace, aircraft: Aircraft | Model, point: OperatingPoint, happens: Scenario
-) -> tuple[FlownLaw, Scenario]:
-    """What flies: --controller, no law, or a gain; and the scenario with the commands as reference."""
+    """What flies from where, by which law, through what, within which limits; the commands are the reference."""
     from controller.design.scheduled_controller import load_controller
     from controller.policy.policies import open_loop
     from controller.policy.servo_policy import servo_law
 
-    steps, states = _steps_of(arguments.command), point.model.linear
+    check_policy(arguments)
+    aircraft = trims.aircraft_of(arguments)
+    point = trims.point_of(arguments, aircraft)
+    happens, steps, states = scenario_of(arguments, point), _steps_of(arguments.command), point.model.linear
     if arguments.controller is not None:
         if arguments.actuators is None:
             raise BadInputError("--controller flies behind actuators; add --actuators LAG:RATE")
         controller = load_controller(arguments.controller, aircraft.model)
         steps = CommandSteps(steps.names, steps.times, steps.values, *controller.command_filter)
-        follow = CommandedStates(steps, states)
-        return servo_law(controller, steps, aircraft, point), replace(happens, reference=follow)
-    if arguments.law == NONE:
-        return open_loop(steps, tuple(point.model.inputs), happens.tick, happens.ticks), happens
-    for name in steps.names:
-        refuse_unknown("a gain follows no command of", name, states)
-    if steps.names:
-        happens = replace(happens, reference=CommandedStates(steps, states, filtered=False))
-    return flown_law_of(arguments, linearize(aircraft, point)), happens
+        happens = replace(happens, reference=CommandedStates(steps, states))
+        law = servo_law(controller, steps, aircraft, point)
+    elif arguments.law == NONE:
+        law = open_loop(steps, tuple(point.model.inputs), happens.tick, happens.ticks)
+    else:
+        for name in steps.names:
+            refuse_unknown("a gain follows no command of", name, states)
+        if steps.names:
+            happens = replace(happens, reference=CommandedStates(steps, states, filtered=False))
+        law = flown_law_of(arguments, linearize(aircraft, point))
+    return aircraft, point, law, happens, flight_envelope(aircraft, point, arguments.envelope)
 
 
 def _steps_of(given: dict[str, list[tuple[float, float]]]) -> CommandSteps:
@@ -247,33 +220,28 @@ def scenario_of(arguments: argparse.Namespace, point: OperatingPoint) -> Scenari
     duration, delay, own = arguments.duration, arguments.delay, point.model
     if delay and not 0.0 < delay < duration:
         raise BadInputError(f"--delay is {delay:g} s; it must lie between 0 and the duration")
-    air, disturbed = dict[str, Signal](), dict[str, tuple[float, ...]]()
-    for name, wave in arguments.disturbance.items():
-        if name in own.disturbances:
-            air[name] = _signal_of({name: wave}, (name,))
-        else:
-            disturbed[name] = wave
+    disturbed, names = arguments.disturbance, own.linear
     common = Scenario(
         duration=duration,
         tick=math.gcd(10, round(1000.0 * delay)) / 1000.0,
         initial=np.array([arguments.initial.get(name, 0.0) for name in own.states]),
-        disturbance=_signal_of(disturbed, own.linear),
+        disturbance=_constant([disturbed.get(name, 0.0) for name in names]),
         actuators=actuators_of(arguments),
         delay=delay,
-        air=air,
+        air={name: _constant([value]) for name, value in disturbed.items() if name not in names},
     )
     errors, noise = arguments.error, arguments.noise
     if hasattr(arguments, "samples"):
         return replace(common, uncertainty=Uncertainty(errors, noise, arguments.turbulence)).on(own)
-    noise = _signal_of(noise, own.linear)
-    return replace(common, noise=noise, errors=errors, gust=_gust(arguments, point, common)).on(own)
+    added = _constant([noise.get(name, 0.0) for name in names])
+    return replace(common, noise=added, errors=errors, gust=_gust(arguments, point, common)).on(own)
 
 
 def _gust(arguments: argparse.Namespace, point: OperatingPoint, happens: Scenario) -> Gust | None:
     if arguments.gust is not None and arguments.turbulence is not None:
         raise BadInputError("--gust and --turbulence do not go together; give one of them")
     if arguments.gust is not None:
-        length, peak, begin = (*arguments.gust, 0.0)[:3]
+        length, peak, begin = arguments.gust
         if not 0 <= begin < happens.duration:
             raise BadInputError(f"--gust begins at {begin:g} s; the flight lasts from 0 to {happens.duration:g} s")
         return OneMinusCosine(length, peak, met_at(point), begin)
@@ -283,17 +251,8 @@ def _gust(arguments: argparse.Namespace, point: OperatingPoint, happens: Scenari
     return None
 
 
-def _signal_of(given: dict[str, tuple[float, ...]], names: tuple[str, ...]) -> Signal:
-    """What the option of a signal says of these names: constants, and a sine with its frequency for some."""
-    constant, harmonics = np.zeros(len(names)), []
-    for name, (value, *wave) in given.items():
-        index = names.index(name)
-        constant[index] = value
-        if wave:
-            sine = np.zeros(len(names))
-            sine[index], frequency = wave
-            harmonics.append(Harmonic(frequency, sine, np.zeros(len(sine))))
-    return Signal(constant, np.zeros(len(names)), tuple(harmonics))
+def _constant(values: list[float]) -> Signal:
+    return Signal(np.array(values), np.zeros(len(values)))
 
 
 def actuators_of(arguments: argparse.Namespace) -> Actuators | None:
@@ -303,14 +262,16 @@ def actuators_of(arguments: argparse.Namespace) -> Actuators | None:
         if fault is not None:
             raise BadInputError("--fault belongs to --actuators; give both")
         return None
-    lag, degrees_per_second, order = (*arguments.actuators, 1.0)[:3]
+    lag, degrees_per_second, order = arguments.actuators
     if degrees_per_second <= 0:
         raise BadInputError(f"--actuators rate is {degrees_per_second:g} deg/s; it must be positive")
     own = model()
     rates = {"rad": math.radians(degrees_per_second), "deg": degrees_per_second}
     surfaces = tuple(name for name, each in own.inputs.items() if each.unit in rates)
-    effectiveness, bandwidth, begin = (*(fault or (1.0, 1.0)), 0.0)[:3]
-    faults = [] if fault is None else [ActuatorFault(begin, effectiveness, bandwidth, inputs=surfaces)]
+    faults = []
+    if fault is not None:
+        effectiveness, bandwidth, begin = fault
+        faults.append(ActuatorFault(begin, effectiveness, bandwidth, inputs=surfaces))
     values: Any = record(tuple(own.inputs))
     lowest, highest = (values(*ends.tolist()) for ends in control_limits(own))
     fastest = values(*(rates.get(each.unit, math.inf) for each in own.inputs.values()))

@@ -77,7 +77,7 @@ def learning(*laws: str, about: str = "", own: Mapping[str, Callable[[str], Any]
     return {
         "--law": Option(said, "NAME", one_of(*choices), DEFAULT_LAW),
         **SEED,
-        "--set": Option(about, "NAME=VALUE", setting, {}, named=True),
+        "--set": Option(about, "NAME=VALUE", setting, named=True),
     }
 
 

@@ -19,8 +19,9 @@ class Option:
     """One option of a command.
 
     about: its help. form: how help shows its value; "" for a switch. kind: word -> value; its BadInputError is the rest
-    of a sentence that begins with the option. default: its value where it is not given. named: its words are NAME=VALUE
-    and it may be repeated; kind takes the name and the word. more: further arguments of `add_argument`.
+    of a sentence that begins with the option. default: its value where it is not given, {} where `named`: then its
+    words are NAME=VALUE, it may be repeated, and kind takes the name and the word. more: further arguments of
+    `add_argument`.
     """
 
     about: str
@@ -73,7 +74,8 @@ class Parser(argparse.ArgumentParser):
             if names.startswith("-"):
                 how["default"] = argparse.SUPPRESS
             action = self.add_argument(*names.split(), help=each.about, **how, **each.more)
-            self._otherwise[action.dest] = each.default if each.form else False
+            usual: Any = {} if each.named else None if each.form else False
+            self._otherwise[action.dest] = usual if each.default is None else each.default
         places = "".join(f" [{each.metavar}]" for each in self._actions if not each.option_strings)
         self.usage = f"{self.prog}{places} [options]"
 

@@ -119,8 +119,8 @@ def flights(kind: Callable[[str, str], Any] = quantity, form: str = "VALUE", abo
     return {
         "--condition": Option(files + lists * (kind is not quantity), "FILE", _condition),
         "--free": Option("leave a variable free; repeatable", "NAME", default=(), more={"action": "append"}),
-        "--hold": Option(f"{about or usual}; repeatable", f"NAME={form}", kind, {}, True),
-        "--limit": Option("limits of an unknown, degrees for angles; repeatable", "NAME=LOW:HIGH", span, {}, True),
+        "--hold": Option(f"{about or usual}; repeatable", f"NAME={form}", kind, named=True),
+        "--limit": Option("limits of an unknown, degrees for angles; repeatable", "NAME=LOW:HIGH", span, named=True),
         "--start": Option(
             "begin from a saved operating point (.json), or with these values: NAME=VALUE,NAME=VALUE", "FILE", _start
         ),
