@@ -9,7 +9,7 @@ import platform
 import statistics
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from importlib.metadata import PackageNotFoundError, version
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -67,21 +67,19 @@ class Size(NamedTuple):
 
 
 class Row(NamedTuple):
-    """One comparison. target: of the ratio, None where the peer is there for orientation. unit: "s" or "MB"."""
+    """One comparison. target: of the ratio. unit: "s" or "MB"."""
 
     job: str
     peer: str
     timing: Comparison
-    target: float | None
+    target: float
     remark: str = ""
     unit: str = "s"
     sizes: tuple[Size, ...] = ()
 
     @property
     def verdict(self) -> str:
-        """Whether ours is at least `target` times as fast (or small) as the peer; "-" without a target."""
-        if self.target is None:
-            return "-"
+        """Whether ours is at least `target` times as fast (or small) as the peer."""
         return "yes" if self.timing.ratio >= self.target else "NO"
 
 
@@ -119,9 +117,9 @@ def value_text(value: float, unit: str) -> str:
     return f"{value / 1e-9:.3g} ns"
 
 
-def ratio_text(ratio: float | None) -> str:
+def ratio_text(ratio: float) -> str:
     """Three digits, without a power of ten."""
-    return "-" if ratio is None else f"{float(f'{ratio:.3g}'):.12g}"
+    return f"{float(f'{ratio:.3g}'):.12g}"
 
 
 def machine() -> dict[str, str]:
@@ -129,13 +127,7 @@ def machine() -> dict[str, str]:
     lines = Path("/proc/cpuinfo").read_text("utf-8").splitlines() if Path("/proc/cpuinfo").exists() else []
     names = [line.split(":")[1].strip() for line in lines if line.startswith("model name")]
     found = {"processor": (names or [platform.processor()])[0], "cores": str(os.cpu_count() or 1)}
-    found["python"] = platform.python_version()
-    for name in _PACKAGES:
-        try:
-            found[name] = version(name)
-        except PackageNotFoundError:
-            continue
-    return found
+    return found | {"python": platform.python_version()} | {name: version(name) for name in _PACKAGES}
 
 
 def store(rows: Mapping[str, list[Row]], order: Sequence[str]) -> dict[str, Any]:
@@ -155,8 +147,8 @@ def stored() -> dict[str, Any]:
 
 
 def draw(data: dict[str, Any], path: Path = PICTURE) -> Path:
-    """Bars of the ratios that have a target, with a mark there; curves of time and memory against size."""
-    bars = [each for each in data["figures"] if not each["sizes"] and each["unit"] == "s" and each["to_reach"]]
+    """Bars of the ratios, with a mark at the target; curves of time and memory against size."""
+    bars = [each for each in data["figures"] if not each["sizes"] and each["unit"] == "s"]
     picture = new_figure(11.0, 0.42 * len(bars) + 4.4)
     above, below = picture.subfigures(2, 1, height_ratios=[0.42 * len(bars) + 0.6, 3.2])
     axes = above.subplots()

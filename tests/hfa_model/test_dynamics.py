@@ -5,23 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from known_models import model_at
-from random_points import random_points, rates
 
-from hfa_model import VARIANTS, Aircraft, Input, Parameters, State
-from hfa_model.variants import Variant
+from hfa_model import Aircraft
 from hfa_support import BadInputError
 from trim import find_operating_point, level_flight, linearize
 
 DEGREES_15 = float(np.radians(15.0))
-
-
-@pytest.mark.parametrize("variant", VARIANTS.values(), ids=VARIANTS)
-def test_floats_and_expressions_give_the_same(parameters: Parameters, variant: Variant) -> None:
-    compiled = Aircraft(parameters, variant)
-    for state, control in zip(*random_points(50, seed=8), strict=True):
-        plain = rates(State(*state.tolist()), Input(*control.tolist()), parameters, variant)
-        assert all(isinstance(value, float) for value in plain)
-        np.testing.assert_allclose(compiled.rates(state, control), plain, rtol=1e-13, atol=1e-13)
 
 
 @pytest.mark.parametrize("degrees", [0.0, 5.0, 15.0, 20.0])

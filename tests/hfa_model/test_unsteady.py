@@ -191,15 +191,6 @@ def test_the_steady_limit(degrees: float) -> None:
     assert abs(infinite.inputs.elevator_center - whole.inputs.elevator_center) > 0.3 * DEGREES
 
 
-def test_pitch_damping_is_that_of_the_tails_by_hand() -> None:
-    """A(q, q) = -3 ρ V/2 S_t a l_b (l_b + b_t) / (3 I_yy) with a flat wing, up to cos α: about -349 1/s without b_t."""
-    others = {name: 0.0 for name in EFFECTS if name != "local_motion"}
-    model, p = level_model(UNSTEADY.with_parameters(**others), 0.0), default_parameters().values
-    q = model.states.index("pitch_rate")
-    slope = density(40000.0) * 68.0 / 2 * p.tail_area * p.lift_slope * p.boom_length * (p.boom_length + 1.0)
-    assert model.A[q, q] == pytest.approx(-slope / p.inertia_pitch, rel=0.005)
-
-
 def test_apparent_mass_is_that_of_the_textbook() -> None:
     """Flat wings that turn: mass, coupling and inertia of Theodorsen's plate about its quarter chord, m, m b/2 and
     3/8 m b² (of a tail about that of the wing), and Glauert's moment of the parabolic camber that a pitch rate is."""
