@@ -1,4 +1,4 @@
-"""The equations of motion: numbers and expressions alike, loads and rates that belong together, signs."""
+"""The aircraft in steady flight and near it: loads that balance, controls of the right sign, sizes."""
 
 from __future__ import annotations
 
