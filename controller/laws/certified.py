@@ -437,7 +437,7 @@ def learn(
     BadInputError for an unknown law or option and for data that cannot determine the weights; NoSolutionError
     when the law cannot reach its end: no game value at this delta, (A, B) not stabilizable, overflow.
     """
-    known_law(law)
+    refuse_unknown("unknown law", law, ("certified",))
     known = [field.name for field in fields(CertifiedSettings)]
     for name in options:
         refuse_unknown(f"law '{law}' has no setting", name, known)
@@ -447,14 +447,6 @@ def learn(
         raise BadInputError(f"pool is {pool!r}; pool must be a Stack of recorded samples")
     process = certified_law(game, CertifiedSettings(**options), seed, pool)
     return process.conclude(run(process, progress=progress))
-
-
-def known_law(law: str, choices: tuple[str, ...] = ("certified",)) -> str:
-    """The law, one of the choices; BadInputError says where a former one is."""
-    if law == "irl":
-        raise BadInputError("law 'irl' is a study now, studies/update_law/integral_rl.py; choose certified")
-    refuse_unknown("unknown law", law, choices)
-    return law
 
 
 def learned_value(game: Game, law: str, seed: int, progress: Progress | None = None, **settings: Any) -> LearningResult:

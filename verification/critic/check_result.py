@@ -64,22 +64,12 @@ class HistoryErrors:
         return settled_at(self.times, self.errors["largest_error"], self.limit)
 
     @property
-    def left_again(self) -> tuple[tuple[float, float], ...]:
-        """(from, until), s: each spell within the limit that did not last, up to the first time outside."""
-        inside = np.concatenate([[False], self.errors["largest_error"] <= self.limit])
-        begins, ends = (np.flatnonzero(np.diff(inside.astype(int)) == step) for step in (1, -1))
-        return tuple(zip(self.times[begins[: len(ends)]].tolist(), self.times[ends].tolist(), strict=True))
-
-    @property
     def said(self) -> str:
-        """When it settles, in words, and whether it had been within the limit before."""
-        said = f"the largest error stays within {self.limit:g} from {self.settling_time:.4g} s on"
-        if math.isinf(self.settling_time):
-            last = self.errors["largest_error"][-1]
-            said = f"the largest error ends at {last:.3g} and does not settle within {self.limit:g}"
-        for begin, end in self.left_again[-1:]:
-            said += f"; it was within from {begin:.4g} s and left again at {end:.4g} s"
-        return said
+        """When it settles, in words."""
+        if math.isfinite(self.settling_time):
+            return f"the largest error stays within {self.limit:g} from {self.settling_time:.4g} s on"
+        last = self.errors["largest_error"][-1]
+        return f"the largest error ends at {last:.3g} and does not settle within {self.limit:g}"
 
     def to_dict(self) -> dict[str, Any]:
         """Ready for JSON."""
@@ -89,7 +79,6 @@ class HistoryErrors:
             **self.errors,
             "limit": self.limit,
             "settling_time": finite_or_none(self.settling_time),
-            "left_again": np.array(self.left_again),
             "predefined_time": promised,
             "predefined_time_kept": None if promised is None else self.settling_time <= promised,
         }

@@ -138,7 +138,6 @@ def test_a_plant_that_no_input_stabilizes_is_refused() -> None:
         ({"initial_weights": np.nan}, r"initial_weights\[0\] is nan"),
         ({"gamma": 0.01}, "law 'certified' has no setting 'gamma'; choose from predefined_time, tick"),
         ({"law": "magic"}, "unknown law 'magic'; choose from certified"),
-        ({"law": "irl"}, "law 'irl' is a study now"),
     ],
 )
 def test_bad_requests_name_the_setting(options: dict[str, Any], message: str) -> None:

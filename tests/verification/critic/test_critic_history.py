@@ -47,9 +47,7 @@ def test_a_history_that_leaves_the_band_again_settles_after_that(game: Game) -> 
     sizes[TIMES == 7.5] = 1e-3
     check = check_history(game, planted(game, sizes), predefined_time=5.0)
     assert check.history is not None
-    assert check.history.left_again == ((2.0, 7.5),)
     assert row_of(check, "settling_time") == (7.75, False)
-    assert "it was within from 2 s and left again at 7.5 s" in check.report().text()
 
 
 def test_a_history_that_ends_wrong_never_settles(game: Game) -> None:
@@ -61,7 +59,6 @@ def test_a_history_that_ends_wrong_never_settles(game: Game) -> None:
     data = check.report().data["history"]
     assert (data["settling_time"], data["predefined_time_kept"]) == (None, None)
     assert "settling_time" not in [row.name for row in check.checks]
-    assert check.history.left_again == ((0.0, 10.0),)
 
 
 def test_an_error_beyond_the_quadratic_weights_counts(game: Game) -> None:
