@@ -190,7 +190,7 @@ def check_definite(name: str, matrix: np.ndarray, *, strictly: bool) -> None:
     smallest = np.linalg.eigvalsh(matrix)[0]
     definite, kind, advice = smallest >= -1e-12 * scale, "semidefinite", "make no eigenvalue negative"
     if strictly:
-        kind, advice, diagonal = "definite", "make every eigenvalue positive, by more than rounding", np.diag(matrix)
+        kind, advice, diagonal = "definite", "make every eigenvalue positive", np.diag(matrix)
         sizes = np.sqrt(np.maximum(diagonal, 1.0 / LARGEST))
         least = np.linalg.eigvalsh(matrix / sizes / sizes[:, None])[0]
         definite = diagonal.min() >= 1.0 / LARGEST and least > 10 * len(matrix) * np.finfo(float).eps
