@@ -382,11 +382,12 @@ def _tables(declared: dict[str, Any]) -> str:
     for name, values in declared.items():
         array = np.array(values)
         sizes = "".join(f"[{size}]" for size in array.shape)
-        lines.append(f"{name}{sizes} = {_braced(array.tolist())};")
+        lines.append(f"{name}{sizes} = {braced(array.tolist())};")
     return "\n".join(lines)
 
 
-def _braced(values: Any) -> str:
+def braced(values: Any) -> str:
+    """Numbers, texts or lists of them as C writes them."""
     if not isinstance(values, list):
         return "HUGE_VAL" if values == np.inf else "-HUGE_VAL" if values == -np.inf else str(values)
-    return f"{{{', '.join(map(_braced, values))}}}"
+    return f"{{{', '.join(map(braced, values))}}}"

@@ -18,7 +18,7 @@ from xml.etree import ElementTree as xml
 
 import casadi as ca
 
-from controller.export.exported_loop import ExportedLoop, comment_lines
+from controller.export.exported_loop import ExportedLoop, braced, comment_lines
 from hfa_model.provenance import Provenance
 from hfa_support.errors import NoSolutionError
 from hfa_support.files import temporary_folder, written_whole
@@ -79,15 +79,15 @@ def _source(loop: ExportedLoop, origin: Provenance) -> str:
 
 
 def _settings(loop: ExportedLoop, guid: str) -> str:
-    numbers = {"STATES": loop.states, "OUTPUTS": loop.outputs, "INPUTS": loop.inputs}
-    lines = [f'#define FMU_GUID "{guid}"', f"#define FMU_LONGEST_STEP {loop.longest_step!r}"]
-    lines += [f"#define FMU_{name} {len(each)}" for name, each in numbers.items()]
-    for name, values in (
-        ("STATE_STARTS", [one.start for one in loop.states]),
-        ("INPUT_STARTS", [one.start for one in loop.inputs]),
-        ("NOMINALS", [one.size for one in loop.states]),
-    ):
-        lines.append(f"#define FMU_{name} {{{', '.join(repr(float(value)) for value in values)}}}")
+    defined = {
+        "GUID": f'"{guid}"',
+        "LONGEST_STEP": repr(loop.longest_step),
+        **{"STATES": len(loop.states), "OUTPUTS": len(loop.outputs), "INPUTS": len(loop.inputs)},
+        "STATE_STARTS": braced([one.start for one in loop.states]),
+        "INPUT_STARTS": braced([one.start for one in loop.inputs]),
+        "NOMINALS": braced([one.size for one in loop.states]),
+    }
+    lines = [f"#define FMU_{name} {value}" for name, value in defined.items()]
     lines += ["", "/* Rates of the states y and the outputs u under the inputs v. */"]
     return "\n".join([*lines, "void fmu_loop(const double *y, const double *v, double *dy, double *u);", ""])
 
@@ -120,33 +120,26 @@ def description(loop: ExportedLoop, origin: Provenance, guid: str) -> str:
     xml.SubElement(root, "DefaultExperiment", startTime="0", stopTime="60", stepSize="0.01")
     variables, structure = xml.SubElement(root, "ModelVariables"), xml.SubElement(root, "ModelStructure")
     unknown = {kind: xml.SubElement(structure, kind) for kind in ("Outputs", "Derivatives", "InitialUnknowns")}
-    used, place = dict[str, None](), 0
-
-    def add(name: str, unit: str | None, causality: str, start: float | None, rate_of: int = 0) -> None:
-        """One variable; start: None where it is calculated. rate_of: number of the state whose rate it is."""
-        nonlocal place
-        about = {"name": name, "valueReference": str(place), "causality": causality}
+    # Name, unit, causality, start (None where it is calculated), and the number of the state whose rate it is.
+    channels: list[tuple[str, str | None, str, float | None, int]] = [
+        (one.name, one.unit, "output" if number < loop.flown else "local", one.start, 0)
+        for number, one in enumerate(loop.states)
+    ]
+    channels += [(f"der({one.name})", one.rate_unit, "local", None, i) for i, one in enumerate(loop.states, start=1)]
+    channels += [(one.name, one.unit, "output", None, 0) for one in loop.outputs]
+    channels += [(one.name, one.unit, "input", one.start, 0) for one in loop.inputs]
+    for place, (name, unit, causality, start, rate_of) in enumerate(channels):
+        about = {"name": name, "valueReference": str(place), "causality": causality, "variability": "continuous"}
         if causality != "input":
             about["initial"] = "calculated" if start is None else "exact"
         real = {} if unit is None else {"unit": unit}
         real |= {} if start is None else {"start": repr(float(start))}
         real |= {"derivative": str(rate_of)} if rate_of else {}
-        xml.SubElement(xml.SubElement(variables, "ScalarVariable", about, variability="continuous"), "Real", real)
-        place += 1
-        used.update({} if unit is None else {unit: None})
+        xml.SubElement(xml.SubElement(variables, "ScalarVariable", about), "Real", real)
         kinds = {"Outputs": causality == "output", "Derivatives": rate_of, "InitialUnknowns": start is None}
         for kind in (kind for kind, holds in kinds.items() if holds):
-            xml.SubElement(unknown[kind], "Unknown", index=str(place))
-
-    for number, one in enumerate(loop.states):
-        add(one.name, one.unit, "output" if number < loop.flown else "local", one.start)
-    for number, one in enumerate(loop.states):
-        add(f"der({one.name})", one.rate_unit, "local", None, number + 1)
-    for one in loop.outputs:
-        add(one.name, one.unit, "output", None)
-    for one in loop.inputs:
-        add(one.name, one.unit, "input", one.start)
-    for unit in used:
+            xml.SubElement(unknown[kind], "Unknown", index=str(place + 1))
+    for unit in dict.fromkeys(unit for _, unit, *_ in channels if unit is not None):
         defined = xml.SubElement(units, "Unit", name=unit)
         if unit in _BASE:
             xml.SubElement(defined, "BaseUnit", _BASE[unit])

@@ -63,6 +63,13 @@ def _beyond(value: float, limit: float, unit: str) -> str:
     return f"{short_number(value, unit)}{shown} beyond {short_number(limit, unit)}"
 
 
+def limits_text(lowest: float, highest: float, unit: str) -> str:
+    """Between which values something must stay, degrees for angles."""
+    if np.isinf([lowest, highest]).all():
+        return "none"
+    return f"{short_number(lowest, unit)} to {short_number(highest, unit)}"
+
+
 def control_limits(model: Model) -> np.ndarray:
     """Lowest and highest value of each input, (2, m)."""
     return np.array([(each.min, each.max) for each in model.inputs.values()]).T
@@ -112,10 +119,7 @@ class Envelope:
 
     def limits_text(self, index: int) -> str:
         """The limits of a state, degrees for angles."""
-        unit = self.model.unit(tuple(self.model.states)[index])
-        if np.isinf([self.lowest[index], self.highest[index]]).all():
-            return "none"
-        return f"{short_number(self.lowest[index], unit)} to {short_number(self.highest[index], unit)}"
+        return limits_text(self.lowest[index], self.highest[index], self.model.unit(list(self.model.states)[index]))
 
     def refuse_start(self, limited: np.ndarray, moving_air: bool = False) -> None:
         """BadInputError when a flight begins outside; limited: one row, (1, n), as of `departure`."""

@@ -285,24 +285,19 @@ class Tracked(NamedTuple):
     output: np.ndarray
     command: np.ndarray
     unit: str
-
-    @property
-    def rms(self) -> float:
-        """sqrt(mean (z - r)²)."""
-        return float(np.sqrt(np.mean((self.output - self.command) ** 2)))
-
-    @property
-    def largest(self) -> float:
-        """max |z - r|."""
-        return float(np.abs(self.output - self.command).max())
+    rms: float
+    largest: float
 
 
-def tracked(flight: Flight, outputs: MeasuredOutputs, commands: CommandSteps) -> tuple[Tracked, ...]:
+def tracked(flight: Flight, outputs: MeasuredOutputs, commands: CommandSteps) -> list[Tracked]:
     """Each commanded output of a flight beside its command, without the noise of the sensors."""
-    model = outputs.model
+    model, found = outputs.model, []
     rows = [list(model.states).index(name) for name in model.linear]
-    z = flight.states[:, rows] @ outputs.C.T + flight.inputs @ outputs.D.T
+    z, r = flight.states[:, rows] @ outputs.C.T + flight.inputs @ outputs.D.T, commands.sampled(flight.times)
     if outputs.F.size:
         z += flight.updrafts[:, None] @ outputs.F.T
-    units = model.units([model.part(name)[0] for name in commands.names])
-    return tuple(map(Tracked, commands.names, z.T, commands.sampled(flight.times).T, units))
+    for name, output, command in zip(commands.names, z.T, r.T, strict=True):
+        off = np.abs(output - command)
+        errors = float(np.sqrt(np.mean(off**2))), float(off.max())
+        found.append(Tracked(name, output, command, model.unit(model.part(name)[0]), *errors))
+    return found

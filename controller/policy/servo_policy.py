@@ -20,6 +20,7 @@ from hfa_support.model import HasModel
 from trim.point.operating_point import OperatingPoint
 
 _UPDRAFT = "updraft"
+_MATRICES = ("A", "B", "C", "D", "W")
 
 
 class ScheduledTable:
@@ -109,9 +110,8 @@ class ServoPolicy(Unvaried):
         rows = []
         for name in self.controller.commands:
             suffix = next(each for each in reversed(COMMAND_SIGNALS) if name.endswith(each))
-            output = name.removesuffix(suffix)
+            output, signal = name.removesuffix(suffix), signals[COMMAND_SIGNALS.index(suffix)]
             known = output in self.commands.names
-            signal = signals[COMMAND_SIGNALS.index(suffix)]
             rows.append(signal[self.commands.names.index(output)] if known else ca.SX(0))
         return ca.vertcat(self.outputs.at(seen), *rows)
 
@@ -123,14 +123,12 @@ class ServoPolicy(Unvaried):
     @property
     def _chosen(self) -> np.ndarray:
         """(m, l): the controller's inputs among all."""
-        return np.array(
-            [[float(name == one) for one in self.controller.inputs] for name in self.regulated.model.inputs]
-        )
+        inputs = self.regulated.model.inputs
+        return np.array([[float(name == one) for one in self.controller.inputs] for name in inputs])
 
     @cached_property
     def _table(self) -> ScheduledTable:
-        made = self.controller
-        return ScheduledTable(made.places, [getattr(made, name) for name in ("A", "B", "C", "D", "W")])
+        return ScheduledTable(self.controller.places, [getattr(self.controller, name) for name in _MATRICES])
 
 
 def servo_law(
@@ -155,7 +153,7 @@ def servo_law(
         MeasuredOutputs(aircraft, point, names) for names in (controller.measurements, commands.names)
     )
     policy = ServoPolicy(controller, commands, outputs, regulated, at)
-    stacks = {name: getattr(controller, name) for name in ("places", "A", "B", "C", "D", "W")}
+    stacks = {name: getattr(controller, name) for name in ("places", *_MATRICES)}
     follows = {"times": commands.times, "values": commands.values, "filter": [commands.bandwidth, commands.damping]}
     identity = {"controller": stacks, "commands": {"names": list(commands.names), **follows}}
     fastest = float(np.abs(np.linalg.eigvals(controller.A)).max(initial=0.0))

@@ -143,7 +143,7 @@ class ServoFlight:
     """A law in a case. tracked: each commanded output. fastest: largest |ΔU / Δt| of the surfaces, rad/s."""
 
     law: str
-    tracked: tuple[Tracked, ...]
+    tracked: list[Tracked]
     fastest: float
     result: NonlinearFlight
 

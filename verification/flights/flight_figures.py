@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from controller.flight.envelope import ALPHA, ANGLE_OF_ATTACK, flown_through_air
+from controller.flight.envelope import ALPHA, ANGLE_OF_ATTACK, flown_through_air, limits_text
 from controller.flight.gusts import UPDRAFT
 from controller.flight.nonlinear_flight import NonlinearFlight
 from hfa_support.reporting.figure import new_figure
@@ -56,12 +56,12 @@ def flight_figure(result: NonlinearFlight, title: str) -> Figure:
             axes.legend([axes.lines[-1]], [ANGLE_OF_ATTACK], fontsize=6, loc="lower left", **_ABOVE)
         limits = result.envelope.lowest[index], result.envelope.highest[index]
         _limit_lines(axes, limited, limits, unit)
-        axes.set_title(_limits_text("envelope", *limits, unit), **_SMALL)
+        axes.set_title(f"envelope: {limits_text(*limits, unit)}", **_SMALL)
         _finish(axes, f"{what}, {shown_unit(unit)}")
     inputs, (air, *unused) = panels[len(model.states) :][: len(kinds)], panels[len(model.states) + len(kinds) :]
     for index, (name, signal) in enumerate(model.inputs.items()):
         axes, unit, limits = inputs[kinds.index(signal.unit)], signal.unit, (signal.min, signal.max)
-        label = _limits_text(name, limits[0], limits[1], unit)
+        label = f"{name}: {limits_text(*limits, unit)}"
         axes.plot(times, shown_values(result.inputs[:, index], unit), label=label, linewidth=1.0)
         _limit_lines(axes, result.inputs[:, index], limits, unit)
     for axes, unit in zip(inputs, kinds, strict=True):
@@ -85,13 +85,6 @@ def flight_figure(result: NonlinearFlight, title: str) -> Figure:
     for axes in panels[-2:]:
         axes.set_xlabel("time, s", fontsize=8)
     return figure
-
-
-def _limits_text(what: str, lowest: float, highest: float, unit: str) -> str:
-    """What it is called and between which values it must stay, in the unit that is drawn."""
-    if np.isinf([lowest, highest]).all():
-        return f"{what}: none"
-    return f"{what}: {float(shown_values(lowest, unit)):.5g} to {float(shown_values(highest, unit)):.5g}"
 
 
 def _limit_lines(axes: Axes, limited: np.ndarray, limits: tuple[float, float], unit: str) -> None:

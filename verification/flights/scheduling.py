@@ -23,7 +23,7 @@ from hfa_support.errors import BadInputError, refuse_unless_positive
 from hfa_support.linear_table import LinearTable
 from hfa_support.model import Model
 from hfa_support.progress import Progress, told
-from hfa_support.reporting.report import Part, Report, Reported
+from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.text import Table, degrees, shown_unit
 from trim.linear.linear_model import LinearModel, linearize
 from trim.point.condition import TrimCondition, level_flight
@@ -113,16 +113,13 @@ class Schedule(Reported):
         ]
         abscissae = ("abscissa A-BK 1/s", "abscissa A-SP 1/s", "K off the exact", "certificates")
         between = f"halfway between the points, interpolated gain: largest abscissa of A-BK {self.between:.4f} 1/s"
-        part: Part = (Table((f"{name} {shown_unit(unit)}", *abscissae), rows), between)
-        return Report("Schedule of certified gains", (part,))
+        return Report(
+            "Schedule of certified gains", [(Table((f"{name} {shown_unit(unit)}", *abscissae), rows), between)]
+        )
 
     def at(self, place: float) -> GridPoint:
-        """The grid point at η; BadInputError when there is none."""
-        near = np.abs(self.places - place)
-        if near.min() > 1e-8 * self.model.signals[self.model.schedule].nominal:
-            where = self.model.describe(self.model.schedule, place)
-            raise BadInputError(f"the schedule has no grid point at {where}; begin at one that it has")
-        return self.grid[int(np.argmin(near))]
+        """The grid point nearest to η."""
+        return self.grid[int(np.argmin(np.abs(self.places - place)))]
 
 
 @dataclass(frozen=True, eq=False)
