@@ -11,13 +11,12 @@ from known_models import FlownCase, flown, signal
 
 from controller import Scenario
 from controller.flight.closed_loop import NonlinearPlant
-from hfa_model import INPUTS, LINEAR_STATES, STATES
+from controller.flight.nonlinear_flight import NonlinearFlight
+from hfa_model import INPUTS, STATES
 from hfa_model.aircraft import HFA
 from hfa_support import BadInputError
 from verification import recoverable_map
 from verification.flights.recoverable_map import ManyFlights, Outcome, RecoverableMap, _edge, on_target
-
-N = len(LINEAR_STATES)
 
 
 @pytest.fixture(scope="module")
@@ -35,52 +34,43 @@ def recoverable(newton: FlownCase) -> RecoverableMap:
         )
 
 
+def alone(newton: FlownCase, seconds: float, **start: float) -> NonlinearFlight:
+    """One flight by `fly`."""
+    initial = np.array([start.get(name, 0.0) for name in STATES])
+    return flown(newton, Scenario(duration=seconds, initial=initial))
+
+
 def test_the_map_is_what_single_flights_say(newton: FlownCase, recoverable: RecoverableMap) -> None:
     """The compiled flights, at their longer step, against `fly`: who leaves, what leaves, and when."""
     found = recoverable.starts["nonlinear"]
     left, held = found["left_first"], found["held"]
     for i, dihedral in enumerate(recoverable.axes["dihedral"]):
         for j, speed in enumerate(recoverable.axes["speed"]):
-            start = np.zeros(len(STATES))
-            start[STATES.index("speed")], start[STATES.index("dihedral")] = speed, dihedral
-            departure = flown(newton, Scenario(duration=3.0, initial=start)).departure
-            assert (departure is None) == (left[i, j] == -1)
-            assert held[i, j] == (departure is None)
-            if departure is not None:
-                assert STATES[left[i, j]] == departure.state
+            departure = alone(newton, 3.0, speed=speed, dihedral=dihedral).departure
+            assert held[i, j] == (departure is None) == (left[i, j] == -1)
+            assert departure is None or STATES[left[i, j]] == departure.state
     assert held.any()
     assert not held.all()
+    assert np.all(found["within_limits"] <= (found["exceeded"] == -1))
 
 
-def test_the_edges_are_where_flights_begin_to_leave(newton: FlownCase, recoverable: RecoverableMap) -> None:
+def test_the_edges_are_where_flights_begin_to_leave_or_to_exceed(
+    newton: FlownCase, recoverable: RecoverableMap
+) -> None:
+    """Where an edge says that a state leaves or an input exceeds its limit, `fly` says the same, and names the same."""
     edges = {(edge.plant, edge.axis, edge.sign): edge for edge in recoverable.edges}
     for sign in (-1, 1):
         edge = edges["nonlinear", "speed", sign]
-        for part, stays in ((0.97, True), (1.03, False)):
-            start = np.zeros(len(STATES))
-            start[0] = sign * part * edge.inside
-            departure = flown(newton, Scenario(duration=2.0, initial=start)).departure
-            assert (departure is None) == stays
-            assert stays or (departure is not None and departure.state == edge.state)
-        assert edge.returned > edge.inside
+        assert 0.0 < edge.within_limits < edge.inside < edge.returned
+        for part in (0.97, 1.03):
+            departure = alone(newton, 2.0, speed=sign * part * edge.inside).departure
+            assert (None if departure is None else departure.state) == (None if part < 1.0 else edge.state)
+            near = alone(newton, 2.0, speed=sign * part * edge.within_limits)
+            assert near.within_limits == (part < 1.0)
+            assert [each.input for each in near.exceeded] == [edge.control] * (part > 1.0)
         command = edges["nonlinear", "dihedral command", sign]
         scenario = Scenario(duration=2.0, reference=signal(dihedral=0.97 * sign * command.inside))
         assert flown(newton, scenario).departure is None
-
-
-def test_control_limits_are_those_of_the_flight_itself(newton: FlownCase, recoverable: RecoverableMap) -> None:
-    """Where an edge says that an input exceeds its limit, `fly` says the same, and names the same input."""
-    edges = [edge for edge in recoverable.edges if edge.plant == "nonlinear" and edge.axis == "speed"]
-    for edge in edges:
-        assert 0.0 < edge.within_limits < edge.inside
-        for part, within in ((0.97, True), (1.03, False)):
-            start = np.zeros(len(STATES))
-            start[0] = edge.sign * part * edge.within_limits
-            result = flown(newton, Scenario(duration=2.0, initial=start))
-            assert result.within_limits == within
-            assert [each.input for each in result.exceeded] == [edge.control] * (not within)
-    found = recoverable.starts["nonlinear"]
-    assert np.all(found["within_limits"] <= (found["exceeded"] == -1))
 
 
 def test_commands_arrive_or_not(newton: FlownCase) -> None:
