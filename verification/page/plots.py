@@ -73,16 +73,10 @@ def _axis(title: str, **more: Any) -> dict[str, Any]:
 
 
 def _figure(
-    fixed: Sequence[dict[str, Any]],
-    moving: Sequence[Sequence[dict[str, Any]]],
-    first: int,
-    x: dict[str, Any],
-    y: dict[str, Any],
+    traces: Sequence[dict[str, Any]], moving: Sequence[Sequence[dict[str, Any]]], x: dict[str, Any], y: dict[str, Any]
 ) -> PlotlyFigure:
-    """A frame for each position of the slider, named by it. moving: what changes of the last traces; first: the
-    position that is shown before it moves. Background and size are the page's, the legend stands above."""
-    still = len(fixed) - len(moving[first])
-    data = [*fixed[:still], *(each | changed for each, changed in zip(fixed[still:], moving[first], strict=True))]
+    """A frame for each position of the slider, named by it: what changes of the last traces. Background and size are
+    the page's, which moves to a frame at once; the legend stands above."""
     layout = {
         "xaxis": x,
         "yaxis": y,
@@ -94,9 +88,9 @@ def _figure(
         "modebar": {"orientation": "v", "bgcolor": "rgba(0,0,0,0)", "color": NEUTRAL, "activecolor": COLORS[1]},
         "legend": {"orientation": "h", "yanchor": "bottom", "y": 1.02},
     }
-    numbers = list(range(still, len(fixed)))
+    numbers = list(range(len(traces) - len(moving[0]), len(traces)))
     frames = [{"name": str(i), "data": list(changed), "traces": numbers} for i, changed in enumerate(moving)]
-    return {"data": data, "layout": layout, "frames": frames}
+    return {"data": list(traces), "layout": layout, "frames": frames}
 
 
 def front_view(aircraft: Aircraft, points: tuple[Angle, ...]) -> InteractivePlot | None:
@@ -116,8 +110,7 @@ def front_view(aircraft: Aircraft, points: tuple[Angle, ...]) -> InteractivePlot
     low, high = float(np.nanmin(heights)) - room, float(np.nanmax(heights)) + room
     y = _axis(length, range=[low, high], scaleanchor="x", scaleratio=1, constrain="domain")
     text = f"The trimmed aircraft at the chosen angle, seen from the front; {scale_text(scale)}"
-    figure = _figure(_FIXED, moving, trims.index(known[0]), x, y)
-    return InteractivePlot("trim.png", text, lambda: trim_figure(aircraft, known[0]), (figure,))
+    return InteractivePlot("trim.png", text, lambda: trim_figure(aircraft, known[0]), (_figure(_FIXED, moving, x, y),))
 
 
 def _drawing(aircraft: Aircraft, point: OperatingPoint | None, scale: float) -> list[dict[str, Any]]:
@@ -172,7 +165,7 @@ def _locus(swept: Sweep, shown: np.ndarray) -> PlotlyFigure:
     moving = [[_roots(angle, row)] for angle, row in zip(angles, roots, strict=True)]
     traces.append({"name": "chosen angle", "mode": "markers", "marker": {"symbol": "x", "size": 9, "color": COLORS[1]}})
     x, y = (_axis(f"{part} part, 1/s", rangemode="tozero") for part in ("real", "imaginary"))
-    return _figure(traces, moving, 0, x, y)
+    return _figure(traces, moving, x, y)
 
 
 def _roots(angles: Any, roots: np.ndarray) -> dict[str, Any]:

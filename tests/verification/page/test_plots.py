@@ -61,7 +61,7 @@ def test_hover_shows_the_modes(job: MainJob) -> None:
     for spec in (every, slow):
         assert len(Figure(spec).frames) == len(job.points)
     for trace in every["data"]:
-        for angle, frequency, damping in trace["customdata"]:
+        for angle, frequency, damping in trace.get("customdata", ()):
             if np.isfinite(frequency):
                 point = next(point for point in job.points if point.dihedral_deg == angle)
                 modes = modes_of(point.model.A, point.model.states)
