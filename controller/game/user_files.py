@@ -40,9 +40,14 @@ def found_in(stored: Mapping[str, Any]) -> str:
 
 
 def words(stored: Mapping[str, Any], key: str) -> tuple[str, ...]:
-    """The texts of an entry; () where it holds anything else."""
+    """The texts of an entry; () where it holds anything else. BadInputError for what a terminal would obey."""
     said = np.ravel(np.asarray(stored.get(key, ()), dtype=object)).tolist()  # of JSON: rows may differ in length
-    return tuple(said) if all(isinstance(word, str) for word in said) else ()
+    if not all(isinstance(word, str) for word in said):
+        return ()
+    for word in said:
+        if not word.isprintable():
+            raise BadInputError(f"{key} has {shortened(ascii(word))}, which cannot be printed")
+    return tuple(said)
 
 
 class PlantNames(NamedTuple):

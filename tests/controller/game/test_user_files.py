@@ -110,6 +110,8 @@ def test_a_structure_is_looked_into_only_where_nothing_stands_outside() -> None:
         ({"A": A2, "B": [[0.0, 1.0]], "Q": Q2, "R": np.eye(2)}, "B is 1 x 2; with this A and B it must be 2 x 2"),
         ({"A": A2, "B": B2}, "the model has 2 states and the Q of the paper is for 6; give Q"),
         ({"A": A2, "B": B2, "Q": Q2}, "the model has 1 inputs and the R of the paper is for 5; give R"),
+        ({"A": A2, "B": B2, "Q": Q2, "R": R1, "states": ["a\x1b[31m", "b"]}, "states has .* which cannot be printed"),
+        ({"A": A2, "B": B2, "Q": Q2, "R": R1, "input_labels": ["a\nb"]}, "inputs has .* which cannot be printed"),
         ({"A": A2, "B": B2, "Q": Q2, "R": R1, "delta": [1.0, 2.0]}, "delta has 2 numbers; give one"),
         ({"A": A2, "B": B2, "Q": Q2, "R": R1, "dt": [[0.1], 2.0]}, "a model in discrete time"),
         ({"A": A2, "B": B2, "Q": Q2, "R": R1, "dt": 0.1}, r"dt is 0\.1, a model in discrete time"),
