@@ -1,24 +1,46 @@
-"""The loop: its order, fast modes, its ends; flights summed up: what leaves the envelope, when, and what goes on."""
+"""The loop: its order, fast modes, its ends; any model without a law, with a delay, in its own disturbances, and the limit
+cycle that is left."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 from itertools import pairwise
+from types import SimpleNamespace
 from typing import Any
 
 import casadi as ca
 import numpy as np
 import pytest
+from own_models import NAVION
+from scipy.integrate import solve_ivp
 
-from controller import Envelope, FlownLaw, Scenario, gain_law
-from controller.flight.closed_loop import ClosedLoop, LinearPlant, Plant
+from controller import (
+    Actuators,
+    CommandSteps,
+    Envelope,
+    FlownLaw,
+    Game,
+    MonteCarlo,
+    Scenario,
+    flight_envelope,
+    fly,
+    gain_law,
+)
+from controller.flight.closed_loop import ClosedLoop, LinearPlant, NonlinearPlant, Plant
+from controller.flight.envelope import limit_cycle
+from controller.flight.monte_carlo import fly_members
 from controller.flight.nonlinear_flight import NonlinearFlight, fly_within
-from controller.flight.simulation import CompiledLoop
-from controller.policy.policies import OpenLoop
+from controller.flight.simulation import CompiledLoop, Flight
+from controller.policy.policies import OpenLoop, open_loop
+from controller.policy.signals import Harmonic, Signal
 from hfa_model import STATES, State
 from hfa_model.aircraft import HFA
-from hfa_support import BadInputError, NoSolutionError
-from trim import OperatingPoint
+from hfa_support import BadInputError, NoSolutionError, Signal as Declared
+from hfa_support.model import Model, record
+from trim import OperatingPoint, find_operating_point, linearize
+from trim.point.condition import usual_condition
+from verification import solve_game
 
 SPEED = STATES.index("speed")
 
@@ -33,7 +55,7 @@ class Falling(Plant):
         return ca.vertcat(-1.0, ca.sqrt(0.0105 + x[SPEED]), ca.SX.zeros(5))
 
 
-def flown(point: OperatingPoint, *, stops: bool, slowest: float = -1e9) -> NonlinearFlight:
+def fallen(point: OperatingPoint, *, stops: bool, slowest: float = -1e9) -> NonlinearFlight:
     """0.05 s in steps of 1 ms and ticks of 10."""
     lowest = State(*[-1e9] * 7)._replace(speed=point.states.speed + slowest)
     scenario, law = Scenario(0.05, initial=np.zeros(7)), gain_law("none", np.zeros((5, 6)))
@@ -51,7 +73,7 @@ def test_a_flight_ends_with_its_tick_or_goes_on(
     point: OperatingPoint, slowest: float, state: str, time: float, end: float
 ) -> None:
     for stops in (True, False):
-        result = flown(point, stops=stops, slowest=slowest)
+        result = fallen(point, stops=stops, slowest=slowest)
         assert result.departure is not None
         assert (result.departure.state, result.departure.time) == (state, pytest.approx(time))
         assert result.flight.states[-1, SPEED] == pytest.approx(-end if stops else -0.05)
@@ -112,3 +134,137 @@ def test_a_loop_that_blows_up_says_when_and_nothing_else(capfd: pytest.CaptureFi
     with pytest.raises(NoSolutionError, match=r"left every bound at t = 1"):
         loop.fly()
     assert capfd.readouterr() == ("", "")
+
+
+def stepped(model: Model, scenario: Scenario, **steps: float) -> NonlinearFlight:
+    """Without a law: each input stepped by so much from 1 s on."""
+    commands = CommandSteps(tuple(steps), np.array([1.0]), np.array([list(steps.values())]))
+    law = open_loop(commands, tuple(model.inputs), scenario.tick, scenario.ticks)
+    point = find_operating_point(model, usual_condition(model))
+    return fly(model, point, law, scenario, flight_envelope(model, point))
+
+
+def test_a_step_without_a_law_is_what_another_integrator_says() -> None:
+    result = stepped(NAVION, Scenario(duration=3.0), elevator=0.02, rudder=0.01)
+    x0, u0, step = np.array(result.point.states), np.array(result.point.inputs), np.array([0.0, 0.02, 0.0, 0.01])
+    f = NAVION.functions(())
+    ends = [x0]
+    for span, u in (((0.0, 1.0), u0), ((1.0, 3.0), u0 + step)):
+        rate = lambda _, x, u=u: np.array(f(x, u, NAVION.p)[0]).ravel()  # noqa: E731
+        ends.append(solve_ivp(rate, span, ends[-1], rtol=1e-11, atol=1e-12).y[:, -1])
+    np.testing.assert_allclose(result.states[-1], ends[-1], rtol=1e-8, atol=1e-10)
+    assert np.abs(result.flight.states[-1]).max() > 0.05
+    assert result.report().data["states"] == list(NAVION.states)
+    with pytest.raises(BadInputError, match="there is no law, and no input 'flap'"):
+        stepped(NAVION, Scenario(), flap=1.0)
+
+
+def test_plans_of_models_that_differ_in_their_equations_differ() -> None:
+    def plan(factor: float) -> MonteCarlo:
+        def equations(x: Any, u: Any, p: Any, w: Any) -> Any:
+            rates, outputs = NAVION.equations(x, u, p, w)
+            return {**rates, "roll_rate": factor * rates["roll_rate"]}, outputs
+
+        model = replace(NAVION, equations=equations)
+        point = find_operating_point(model, usual_condition(model))
+        law = open_loop(CommandSteps((), np.zeros(0), np.zeros((0, 0))), tuple(model.inputs), 0.01, 10)
+        return MonteCarlo(2, 0, model, point, law, Scenario(duration=0.1), flight_envelope(model, point))
+
+    assert plan(1.0) == plan(1.0)
+    assert plan(1.0) != plan(2.0)
+
+
+def test_disturbances_are_those_of_the_model() -> None:
+    """x' = -x + u + w: a constant w and a wave, written out; a gust needs a disturbance `updraft`."""
+    model = Model(
+        "tank",
+        states={"level": Declared("ft")},
+        inputs={"pump": Declared()},
+        disturbances={"rain": Declared()},
+        equations=lambda x, u, p, w: ({"level": -x.level + u.pump + w.rain}, {}),
+        trim={"level": 0.0},
+        schedule="level",
+    )
+    rain = Signal(np.array([0.5]), np.zeros(1), (Harmonic(2.0, np.array([0.1]), np.zeros(1)),))
+    result = stepped(model, Scenario(duration=2.0, air={"rain": rain}))
+    t = result.flight.times
+    wave = 0.1 / 5 * (np.sin(2 * t) - 2 * np.cos(2 * t) + 2 * np.exp(-t))
+    np.testing.assert_allclose(result.flight.states[:, 0], 0.5 * (1 - np.exp(-t)) + wave, atol=1e-9)
+    assert result.predicted is not None
+    np.testing.assert_allclose(result.predicted.states, result.flight.states, atol=1e-9)
+    with pytest.raises(BadInputError, match="unknown disturbance 'snow'; choose from rain"):
+        stepped(model, Scenario(air={"snow": rain}))
+    with pytest.raises(BadInputError, match="tank declares no disturbance updraft, which a gust is"):
+        stepped(model, Scenario(gust=SimpleNamespace()))  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("delay", [1.0, 0.25])
+def test_a_delay_is_a_delay(delay: float) -> None:
+    """x' = -x(t - D), x(0) = 1, no command before 0; by the method of steps x = 1 + Σ_k (-1)^k (t - k D)_+^k / k!."""
+    tick = 0.005
+    scenario = Scenario(3.0, tick / 5, tick, np.ones(1), delay=delay)
+    plant, law = LinearPlant(np.zeros((1, 1)), np.ones((1, 1))), gain_law("one", np.ones((1, 1)))
+    flight = CompiledLoop(ClosedLoop(plant, law, scenario)).fly()
+    t = flight.times
+    np.testing.assert_allclose(flight.states[t < delay, 0], 1.0, atol=1e-12)
+    exact = _by_steps(t, delay)
+    np.testing.assert_allclose(flight.states[:, 0], exact, atol=2e-5)
+    assert np.abs(exact - np.exp(-t)).max() > 0.05  # the delay shows
+    np.testing.assert_allclose(flight.inputs[-1, 0], -np.interp(t[-1] - delay, t, exact), atol=1e-4)
+
+
+def _by_steps(t: np.ndarray, delay: float) -> np.ndarray:
+    terms = [(-1) ** k * np.maximum(t - k * delay, 0.0) ** k / math.factorial(k) for k in range(1, 16)]
+    return np.asarray(1.0 + np.sum(terms, axis=0))
+
+
+def test_what_still_oscillates_is_a_limit_cycle() -> None:
+    """Planted: a sine that lasts, one that decays, one that something drives, one that is too small to be seen."""
+    plant = NonlinearPlant(NAVION, find_operating_point(NAVION, usual_condition(NAVION)))
+    law, t = gain_law("none", np.zeros((4, 8))), np.arange(0.0, 20.0, 0.01)
+    columns = len(NAVION.states)
+    zeros = np.zeros((len(t), columns))
+    still = Flight(t, zeros, t[:, None], np.zeros((len(t), 4)), t[:, None], t[:, None], zeros, {})
+
+    def found(signal: np.ndarray, **scenario: object) -> object:
+        inputs = still.inputs.copy()
+        inputs[:, 1] = signal
+        given = Scenario(duration=20.0, **scenario)  # type: ignore[arg-type]
+        return limit_cycle(ClosedLoop(plant, law, given.on(NAVION)), replace(still, inputs=inputs))
+
+    lasting = 0.05 * np.sin(3.0 * t) + 0.02 * t
+    cycle = found(lasting)
+    assert cycle is not None
+    assert (cycle.name, cycle.unit) == ("elevator", "rad")  # type: ignore[attr-defined]
+    assert cycle.amplitude == pytest.approx(0.05, rel=0.05)  # type: ignore[attr-defined]
+    assert cycle.frequency == pytest.approx(3.0, rel=0.1)  # type: ignore[attr-defined]
+    assert found(lasting * np.exp(-0.1 * t)) is None
+    assert found(1e-3 * lasting) is None
+    wave = Signal(np.zeros(8), np.zeros(8), (Harmonic(3.0, np.ones(8), np.zeros(8)),))
+    assert found(lasting, disturbance=wave) is None
+
+
+def test_a_loop_that_its_delay_destabilizes_ends_in_a_limit_cycle() -> None:
+    """Rate-limited surfaces bound what the delay makes grow: not within limits; without the delay it settles."""
+    point = find_operating_point(NAVION, usual_condition(NAVION))
+    model = linearize(NAVION, point)
+    Q, R = (np.diag([NAVION.signals[n].nominal ** -2.0 for n in each]) for each in (model.states, model.inputs))
+    law = gain_law("exact", solve_game(Game(model.A, model.B, np.eye(8), Q, R, math.inf)).K)
+    values = record(tuple(NAVION.inputs))
+    lowest, highest = (values(*(getattr(each, end) for each in NAVION.inputs.values())) for end in ("min", "max"))
+    slow = Actuators(values(*[0.1] * 4), lowest, highest, values(math.inf, *[math.radians(60.0)] * 3))
+    start = np.zeros(8)
+    start[1] = math.radians(3.0)
+    for delay, settles in ((0.0, True), (0.3, False)):
+        scenario = Scenario(duration=20.0, step=0.01, initial=start, actuators=slow, delay=delay)
+        result = fly(NAVION, point, law, scenario, flight_envelope(NAVION, point))
+        assert result.departure is None
+        assert (result.cycle is None, result.within_limits) == (settles, settles)
+        assert result.report().data["held"] == settles
+        assert ("limit cycle: pitch_rate goes on" in result.report().title) == (not settles)
+        plan = MonteCarlo(1, 0, NAVION, point, law, scenario, flight_envelope(NAVION, point))
+        assert fly_members(plan, 0, 1)["cycle"] == (
+            -1 if settles else [*NAVION.inputs, *NAVION.states].index("pitch_rate")
+        )
+    with pytest.raises(BadInputError, match="make it a whole number of ticks"):
+        Scenario(delay=0.015)
