@@ -150,13 +150,12 @@ class NonlinearPlant(Plant):
 
 
 class Expressions(NamedTuple):
-    """A loop at (t, y, p): y', and what is observed: error z, inputs u, disturbance d, winds, alpha through the air as
-    a deviation where it is not alpha, and the command of the policy."""
+    """A loop at (t, y, p): y', and what is observed: error z, inputs u, winds, alpha through the air as a deviation where
+    it is not alpha, and the command of the policy."""
 
     rate: ca.SX
     error: ca.SX
     inputs: ca.SX
-    disturbance: ca.SX
     winds: ca.SX
     angle: ca.SX
     command: ca.SX
@@ -236,7 +235,7 @@ class ClosedLoop:
             rates.insert(0, actuators.states_rate(moved, reachable, of_actuators))
         rate = ca.vertcat(plant.rate(x, u, d, winds, of_plant), *rates)
         blown = ca.vertcat(ca.SX(0, 1), *winds.values())
-        return Expressions(rate, error, u, d, blown, plant.through_air(x, winds), command)
+        return Expressions(rate, error, u, blown, plant.through_air(x, winds), command)
 
     @property
     def wind_names(self) -> tuple[str, ...]:

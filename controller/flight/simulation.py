@@ -31,15 +31,14 @@ class Flight(Shown):
     """What was flown, one row a step.
 
     times: (N,), s. states: (N, n) of the plant, deviations. errors: (N, k), z = x - x_d, without noise.
-    inputs: (N, m), deviations. disturbances: (N, k). memory: (N, l), the policy's own states. limited: (N, n), the
-    states with alpha through the air in place of alpha. winds: disturbance of the model that is not 0 -> (N,).
+    inputs: (N, m), deviations. memory: (N, l), the policy's own states. limited: (N, n), the states with alpha through
+    the air in place of alpha. winds: disturbance of the model that is not 0 -> (N,).
     """
 
     times: np.ndarray
     states: np.ndarray
     errors: np.ndarray
     inputs: np.ndarray
-    disturbances: np.ndarray
     memory: np.ndarray
     limited: np.ndarray
     winds: dict[str, np.ndarray]
@@ -70,8 +69,8 @@ class CompiledLoop:
         arguments = loop.symbols()
         now = loop.at(*arguments)
         self.rate = ca.Function("loop_rate", [*arguments], [ca.densify(now.rate)], {"cse": True})
-        seen = ca.densify(ca.vertcat(now.error, now.inputs, now.disturbance, now.winds, now.angle))
-        self._ends = np.cumsum([each.numel() for each in (now.error, now.inputs, now.disturbance, now.winds)]).tolist()
+        seen = ca.densify(ca.vertcat(now.error, now.inputs, now.winds, now.angle))
+        self._ends = np.cumsum([each.numel() for each in (now.error, now.inputs, now.winds)]).tolist()
         self._observed = ca.Function("loop_seen", [*arguments], [seen], {"cse": True})
         self._command = ca.Function("command", [*arguments], [ca.densify(now.command)]) if scenario.delay else None
         self._alpha = list(loop.plant.point.model.states).index(ALPHA) if now.angle.numel() else -1
@@ -142,14 +141,14 @@ class CompiledLoop:
     def _flight(self, rows: np.ndarray, observed: np.ndarray, begin: int, end: int) -> Flight:
         """Steps begin ... end - 1 of all y (N, n), and what was observed there."""
         states, memory = self.loop.parts(rows[begin:end])
-        errors, inputs, disturbances, winds, angle = np.split(observed[begin:end], self._ends, axis=1)
+        errors, inputs, winds, angle = np.split(observed[begin:end], self._ends, axis=1)
         limited = states
         if self._alpha >= 0:
             limited = states.copy()
             limited[:, self._alpha] = angle[:, 0]
         times = self.loop.scenario.step * np.arange(begin, end)
         air = dict(zip(self.loop.wind_names, winds.T, strict=True))
-        return Flight(times, states, errors, inputs, disturbances, memory, limited, air)
+        return Flight(times, states, errors, inputs, memory, limited, air)
 
 
 def _tick(rate: ca.Function, observed: ca.Function, step: float, count: int, parts: int) -> ca.Function:

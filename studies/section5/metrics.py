@@ -57,7 +57,8 @@ def flight_metrics(
         lost: dict[str, Any] = {name: dict.fromkeys(entries, np.inf) for name, entries in _BY_NAME.items()}
         return {"lost_at": lost_at, **lost, **dict.fromkeys(_SINGLE, np.inf), "delta_squared": game.delta**2}
     criteria, each = configuration.criteria, configuration.steps_per_tick()
-    z, u, d, t = flight.errors, flight.inputs, flight.disturbances, flight.times
+    z, u, t = flight.errors, flight.inputs, flight.times
+    d = configuration.disturbance.sampled(t)
     early = t <= criteria.short_adjustment + 1e-9
     late = (t >= criteria.late[0] - 1e-9) & (t <= criteria.late[1] + 1e-9)
     errors, efforts = _quadratic(z, game.Q), _quadratic(u, game.R)

@@ -1,5 +1,5 @@
-"""The loop: its order, fast modes, its ends; any model without a law, with a delay, in its own disturbances, and the limit
-cycle that is left."""
+"""The loop: its order, fast modes, its ends; any model without a law, with a delay, in its own disturbances; limit
+cycles."""
 
 from __future__ import annotations
 
@@ -224,7 +224,7 @@ def test_what_still_oscillates_is_a_limit_cycle() -> None:
     law, t = gain_law("none", np.zeros((4, 8))), np.arange(0.0, 20.0, 0.01)
     columns = len(NAVION.states)
     zeros = np.zeros((len(t), columns))
-    still = Flight(t, zeros, t[:, None], np.zeros((len(t), 4)), t[:, None], t[:, None], zeros, {})
+    still = Flight(t, zeros, t[:, None], np.zeros((len(t), 4)), t[:, None], zeros, {})
 
     def found(signal: np.ndarray, **scenario: object) -> object:
         inputs = still.inputs.copy()
