@@ -150,8 +150,8 @@ class NonlinearPlant(Plant):
 
 
 class Expressions(NamedTuple):
-    """A loop at (t, y, p): y', and what is observed: error z, inputs u, winds, alpha through the air as a deviation where
-    it is not alpha, and the command of the policy."""
+    """A loop at (t, y, p): y', and what is observed: error z, inputs u, winds, alpha through the air as a deviation
+    where it is not alpha, and the command of the policy."""
 
     rate: ca.SX
     error: ca.SX
