@@ -22,9 +22,8 @@ from hfa_support.errors import BadInputError, NoSolutionError, on_one_line
 from hfa_support.files import read_json
 from hfa_support.model import Model
 from hfa_support.progress import Progress
-from verification.arithmetic.balls import is_positive_definite, matrix, norm, pivots
+from verification.arithmetic.balls import TaylorModel, is_positive_definite, matrix, norm, pivots
 from verification.arithmetic.steady_flight import steady_flight
-from verification.arithmetic.taylor_model import TaylorModel
 from verification.checker.structure import Content, check_structure, model_of
 
 SCHEMA = "hfa.certificate/6"

@@ -21,9 +21,8 @@ from trim.point.operating_point import OperatingPoint
 from trim.point.solve import find_operating_point
 from verification.arithmetic import flint_or_refusal
 from verification.arithmetic.ball_function import Undecided
-from verification.arithmetic.balls import as_read, doubles, exact, inside, interval, matrix, symmetric
+from verification.arithmetic.balls import TaylorModel, as_read, doubles, exact, inside, interval, matrix, symmetric
 from verification.arithmetic.steady_flight import SteadyFlight, steady_flight
-from verification.arithmetic.taylor_model import TaylorModel
 
 Proved = TypeVar("Proved")
 #: Limits farther away than this are none.

@@ -17,11 +17,10 @@ from hfa_support.model import Model
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.version import VERSION
 from verification.arithmetic import flint_or_refusal
-from verification.arithmetic.balls import exact
-from verification.arithmetic.taylor_model import TaylorModel
+from verification.arithmetic.balls import TaylorModel, exact
 from verification.checker.checker import SCHEMA, Rejected, Statement, check_certificate, sealed
 from verification.checker.structure import Content, facts_of
-from verification.enclosures.eigenvalue_signs import roomy
+from verification.enclosures.matrix_balls import roomy
 from verification.enclosures.trim_branch import Family, ModelForms
 from verification.proof.proof_report import game_report, lpv_report, schedule_report
 

@@ -20,11 +20,9 @@ from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.jsonable import jsonable
 from hfa_support.progress import Progress, told
 from verification.arithmetic.ball_function import Undecided
-from verification.arithmetic.balls import doubles, exact, matrix, norm
-from verification.arithmetic.taylor_model import TaylorModel
+from verification.arithmetic.balls import TaylorModel, doubles, exact, matrix, norm
 from verification.checker.checker import Rejected, distances, model_on, solution_on
-from verification.enclosures.eigenvalue_signs import counted
-from verification.enclosures.game_balls import lyapunov_operator
+from verification.enclosures.matrix_balls import counted, lyapunov_operator
 from verification.enclosures.trim_branch import Family, ModelForms, PlaceBox, TrimBranch, bisected
 from verification.proof.certificate import Content, Proof, flights_claim, proved_box
 from verification.proof.proof_report import place_data

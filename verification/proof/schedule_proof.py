@@ -19,9 +19,8 @@ from controller.policy.gain_table import GainTable
 from hfa_support.errors import BadInputError
 from hfa_support.progress import Progress, told
 from verification.arithmetic.ball_function import Undecided
-from verification.arithmetic.balls import doubles, exact, is_positive_definite, matrix
-from verification.arithmetic.taylor_model import TaylorModel
-from verification.enclosures.eigenvalue_signs import counted, is_positive
+from verification.arithmetic.balls import TaylorModel, doubles, exact, is_positive_definite, matrix
+from verification.enclosures.matrix_balls import counted, is_positive
 from verification.enclosures.trim_branch import Family, ModelForms, PlaceBox, TrimBranch, bisected
 from verification.proof.certificate import CertificateFile, Content, Proof, flights_claim, proved_box
 from verification.proof.proof_report import SCHEMA, loop_statement, place_data

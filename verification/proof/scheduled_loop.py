@@ -19,8 +19,7 @@ from hfa_support.errors import BadInputError
 from hfa_support.model import Model
 from hfa_support.reporting.fields import Shown
 from trim.linear.linear_model import linearize
-from verification.arithmetic.balls import exact, matrix
-from verification.arithmetic.taylor_model import TaylorModel
+from verification.arithmetic.balls import TaylorModel, exact, matrix
 from verification.enclosures.trim_branch import Family, ModelForms, PlaceBox
 
 #: Distance between two gains of `exact_gains`, in steps of the family: of the dihedral 2 deg.

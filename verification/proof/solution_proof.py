@@ -20,8 +20,7 @@ from controller.riccati.smallest_delta import DeltaMin, minimum_delta
 from hfa_support.errors import BadInputError, NoSolutionError
 from verification.arithmetic import flint_or_refusal
 from verification.arithmetic.balls import doubles, exact, matrix, norm, symmetric
-from verification.enclosures.eigenvalue_signs import counted
-from verification.enclosures.game_balls import BallGame, Enclosed, enclose_solution, unstable_modes
+from verification.enclosures.matrix_balls import BallGame, Enclosed, counted, enclose_solution, unstable_modes
 from verification.enclosures.trim_branch import Family, TrimBranch
 from verification.proof.certificate import FINEST, Content, Proof, flights_claim
 from verification.proof.proof_report import SCHEMA

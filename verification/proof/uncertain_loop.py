@@ -18,9 +18,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from verification.arithmetic.balls import doubles, exact, is_positive_definite, matrix
-from verification.arithmetic.taylor_model import TaylorModel
-from verification.enclosures.eigenvalue_signs import is_positive
+from verification.arithmetic.balls import TaylorModel, doubles, exact, is_positive_definite, matrix
+from verification.enclosures.matrix_balls import is_positive
 from verification.enclosures.trim_branch import ModelForms
 from verification.proof.scheduled_loop import LoopTable, closed_loop
 

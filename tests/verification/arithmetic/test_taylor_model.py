@@ -14,7 +14,7 @@ from random_points import rates_function
 from hfa_model import VARIANTS
 from verification.arithmetic import PRECISION
 from verification.arithmetic.ball_function import BallFunction
-from verification.arithmetic.taylor_model import TaylorModel
+from verification.arithmetic.balls import TaylorModel
 
 
 @pytest.mark.parametrize("dynamics", VARIANTS)

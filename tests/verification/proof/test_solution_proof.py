@@ -17,7 +17,7 @@ from hfa_support import BadInputError, NoSolutionError
 from verification import check_certificate, minimum_delta, prove_critic, prove_solution, solve_game
 from verification.arithmetic.balls import matrix
 from verification.checker.checker import Rejected
-from verification.enclosures.game_balls import BallGame, enclose_solution
+from verification.enclosures.matrix_balls import BallGame, enclose_solution
 from verification.proof.proof_report import checked_report
 from verification.proof.solution_proof import distance, none_exists, prove_delta_min, value_is_proved
 

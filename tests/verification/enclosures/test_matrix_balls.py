@@ -6,10 +6,8 @@ import numpy as np
 import pytest
 from flint import arb, arb_mat
 
-from verification.arithmetic.balls import matrix
-from verification.arithmetic.taylor_model import TaylorModel
-from verification.enclosures.eigenvalue_signs import roomy
-from verification.enclosures.game_balls import unstable_modes
+from verification.arithmetic.balls import TaylorModel, matrix
+from verification.enclosures.matrix_balls import roomy, unstable_modes
 
 
 def widened(A: np.ndarray, radii: np.ndarray) -> arb_mat:
