@@ -77,12 +77,13 @@ def sealed(head: str, origin: str) -> str:
     return f'{whole}, "checksum": "{hashlib.sha256(whole.encode()).hexdigest()}"}}\n'
 
 
+@ctx.workprec(256)
 def check_certificate(path: Path, progress: Progress | None = None, model: Model | None = None) -> Verified:
     """What the file proves. model: that of a certificate about a user's own.
 
     BadInputError when the file is none or was edited; Rejected names entries that are not understood or not proved.
     """
-    ctx.prec, where, done = 256, "the statement", 0
+    where, done = "the statement", 0
     try:
         content, text = read_json(path), path.read_text(encoding="utf-8")
         origin, closing = content["provenance"], ("digest", "provenance", "checksum")

@@ -19,7 +19,6 @@ from hfa_support.model import Model
 from trim.point.condition import TrimCondition, usual_condition
 from trim.point.operating_point import OperatingPoint
 from trim.point.solve import find_operating_point
-from verification.arithmetic import flint_or_refusal
 from verification.arithmetic.ball_function import Undecided
 from verification.arithmetic.balls import TaylorModel, as_read, doubles, exact, inside, interval, matrix, symmetric
 from verification.arithmetic.steady_flight import SteadyFlight, steady_flight
@@ -297,7 +296,6 @@ class TrimBranch:
     """
 
     def __init__(self, family: Family) -> None:
-        flint_or_refusal()
         self.family, model, imposed = family, family.model, family.imposed()
         flight, ball = steady_flight(model, imposed), as_read if family.decimals else exact
         self.free, self.rows, self._names = flight.free, flight.rows, flight.names

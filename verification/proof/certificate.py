@@ -16,7 +16,6 @@ from hfa_support.jsonable import jsonable
 from hfa_support.model import Model
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.version import VERSION
-from verification.arithmetic import flint_or_refusal
 from verification.arithmetic.balls import TaylorModel, exact
 from verification.checker.checker import SCHEMA, Rejected, Statement, check_certificate, sealed
 from verification.checker.structure import Content, facts_of
@@ -92,8 +91,6 @@ class CertificateFile:
             stated = check_certificate(self.path, model=model).statement
         except Rejected as error:
             raise BadInputError(f"{error}; remove the file and begin again") from error
-        finally:
-            flint_or_refusal()  # the checker has its own precision
         content: Content = json.loads(self.path.read_text(encoding="utf-8"))
         same = all(stated.get(key) == value for key, value in jsonable(statement).items())
         if not same or content["toolchain"] != VERSION:

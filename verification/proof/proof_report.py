@@ -21,8 +21,6 @@ from verification.checker.checker import Run, Statement, Verified
 from verification.checker.structure import Content
 
 SCHEMA = "hfa.proof/1"
-#: The least size of an entry of A or B that the text shows.
-_SHOWN = 1e-3
 Found = TypeVar("Found")
 
 
@@ -120,18 +118,11 @@ def loop_statement(found: Statement, moving: bool) -> tuple[list[Part], Content]
 
 
 def schedule_report(proof: Statement, data: Content) -> Report:
-    """The statement of the loop, and the enclosures of the model's entries."""
-    claim, model, entries = proof.statement, proof.model, []
-    assert model is not None
+    """The statement of the loop."""
+    assert proof.model is not None
     verdict = "Refuted" if data["refuted"] else "Left open" if data["loop"]["open"] else "Proved"
-    for name, columns in (("A", model.linear), ("B", tuple(model.inputs))):
-        ends = np.array([box[name] for box in proof.boxes["loop"]] or np.zeros((1, len(model.linear), len(columns), 2)))
-        lowest, highest = ends[..., 0].min(axis=0), ends[..., 1].max(axis=0)
-        for i, j in np.argwhere(np.maximum(abs(lowest), abs(highest)) > _SHOWN):
-            place = f"{name}({model.linear[i]}, {columns[j]})"
-            entries.append((place, f"{lowest[i, j]:.5g}", f"{highest[i, j]:.5g}"))
-    parts = [*loop_statement(proof, "lyapunov" in data)[0], Table(("entry", "at least", "at most"), entries)]
-    return Report(f"{verdict}: every {_interval(claim)}, {model.title}", parts, data=data)
+    parts, _ = loop_statement(proof, "lyapunov" in data)
+    return Report(f"{verdict}: every {_interval(proof.statement)}, {proof.model.title}", parts, data=data)
 
 
 def game_report(data: Content, states: tuple[str, ...] = (), origin: str = "a plant", file: str = "it") -> Report:
@@ -169,8 +160,9 @@ def lpv_report(proof: Statement, data: Content) -> Report:
     model = proof.model
     assert model is not None
     places, unit, inputs = np.array(proof.statement["table"]["places"]), model.schedule_unit, tuple(model.inputs)
-    names = {name: f"|{name} - interpolated| / |{name}|" for name in data["error"]}
+    names = {name: f"|{name} - interpolated| / |{name}|" for name in "ABK"}
     names["inputs"] = "|U0 - interpolated|, in nominal units"
+    bounds = [(names[name], f"{most:.3g}") for name, most in data["error"].items()]
     steps, every = np.diff(places), "angle" if unit == "deg" else model.schedule
     records = [
         (place, name, row, column, value, unit_of(row, column))
@@ -188,7 +180,7 @@ def lpv_report(proof: Statement, data: Content) -> Report:
         title=f"Proved: {len(places)} models from {places[0]:g} to {places[-1]:g} {unit}, {model.title}, interpolate "
         f"linearly within {data['tolerance']:g}",
         parts=[
-            Table((f"error at every {every} between, at most", "bound"), _bounds(data["error"], names)),
+            Table((f"error at every {every} between, at most", "bound"), bounds),
             f"steps from {steps.min():g} to {steps.max():g} {unit}",
         ],
         data=data,
@@ -230,10 +222,6 @@ def checked_report(found: Verified) -> Report:
 def _interval(claim: Content) -> str:
     low, high = claim["range"]
     return f"{claim['over']} from {low:g} to {high:g} {claim['unit']}"
-
-
-def _bounds(error: Mapping[str, float], names: Mapping[str, str]) -> list[tuple[str, str]]:
-    return [(names.get(name, name), f"{most:.3g}") for name, most in error.items()]
 
 
 def _aircraft(claim: Content, model: Model) -> tuple[str, Content]:
@@ -303,5 +291,6 @@ def _game(found: Verified) -> tuple[str, list[Part], Content]:
 def _lpv(found: Verified) -> tuple[str, list[Part], Content]:
     error = {name: most for name, (_, most) in found.statement["distances"].items()}
     nodes = len(found.statement["table"]["places"])
-    table = Table(("error between the nodes, at most", "bound"), _bounds(error, {}))
+    rows = [(name, f"{most:.3g}") for name, most in error.items()]
+    table = Table(("error between the nodes, at most", "bound"), rows)
     return f"linear interpolation of {nodes} models, ", [table], {"error": error, "nodes": nodes}

@@ -62,7 +62,7 @@ def prove_schedule(
     """
     table, model, forms = LoopTable.of(table), family.model, lru_cache(maxsize=256)(TrimBranch(family).forms)
     parts = segments(table, low, high)
-    statement = flights_claim(family, low, high) | {"table": table.stated()}
+    statement = flights_claim(family, low, high) | {"table": {key: getattr(table, key) for key in ("places", *"KMNX")}}
     if table.actuators is not None:
         statement |= {"actuators": vars(table.actuators)}
     known: Content = {"boxes": {}, "open": {}} if file is None else file.known(statement, model)
@@ -125,8 +125,8 @@ def _prove(forms: Forms, table: LoopTable | None, family: Family, box: PlaceBox)
     """The loop of a table on a box, or without one A: so many eigenvalues have Re λ > -rate, and none Re λ = -rate."""
     model = forms(box)
     if table is not None and table.actuators is not None:
-        pieces = proved_pieces(table, model)
-        return None if pieces is None else proved_box(model, family, pieces=[each._asdict() for each in pieces])
+        pieces = proved_pieces(table, model, table.actuators.bandwidth)
+        return proved_box(model, family, pieces=[each._asdict() for each in pieces]) if pieces else None
     form, rate = model.A if table is None else closed_loop(table, model), 0.0
     middle = doubles(form.parts[0])
     if not np.isfinite(middle).all():

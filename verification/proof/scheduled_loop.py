@@ -88,10 +88,6 @@ class LoopTable(Shown):
             LoopTable.of_gains(self.places, K, count), actuators=Actuators(-G @ G.T, G, U, bandwidth, **uncertain)
         )
 
-    def stated(self) -> dict[str, np.ndarray]:
-        """What a certificate has of it."""
-        return {name: getattr(self, name) for name in ("places", *"KMNX")}
-
     def at(self, box: PlaceBox) -> Callable[[np.ndarray], TaylorModel]:
         """What makes a table, such as K, the Taylor model of a box that crosses no place of the table."""
         index = int(np.searchsorted(self.places, box.low, side="right")) - 1

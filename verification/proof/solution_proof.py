@@ -18,7 +18,6 @@ from controller.riccati.balancing import balanced_units
 from controller.riccati.gare import solve_game
 from controller.riccati.smallest_delta import DeltaMin, minimum_delta
 from hfa_support.errors import BadInputError, NoSolutionError
-from verification.arithmetic import flint_or_refusal
 from verification.arithmetic.balls import doubles, exact, matrix, norm, symmetric
 from verification.enclosures.matrix_balls import BallGame, Enclosed, counted, enclose_solution, unstable_modes
 from verification.enclosures.trim_branch import Family, TrimBranch
@@ -151,7 +150,6 @@ def prove_solution(game: Game, family: Family | None = None, place: float | None
     that reads as the same decimal where the game is the aircraft's. Proved: P > 0, A - S P and A - B K Hurwitz, delta
     above the proved bracket of delta_min. NoSolutionError when the game has no value, or when it cannot be enclosed.
     """
-    flint_or_refusal()
     about, P = StatedGame(game, family, place), solve_game(game).P
     (sharp, point), (wide, decimals) = about.balls(decimals=False), about.balls(decimals=True)
     enclosed, around = enclose_solution(sharp, P), enclose_solution(wide, P)
@@ -194,7 +192,6 @@ def prove_critic(
 ) -> Proof:
     """How far W, P (of W where there is none) and K of a file are from the exact ones, and whether its gain makes
     A - B K Hurwitz. BadInputError when a shape does not fit the game."""
-    flint_or_refusal()
     about, (n, m) = StatedGame(game, family, place), game.B.shape
     sharp, point = about.balls(decimals=False)
     enclosed, shapes = enclose_solution(sharp, solve_game(game).P), {"W": (basis.size,), "P": (n, n), "K": (m, n)}

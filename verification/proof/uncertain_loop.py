@@ -13,7 +13,6 @@ in the bandwidth: its two ends decide. No approximation of the delay is used.
 
 from __future__ import annotations
 
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -44,27 +43,26 @@ class Piece(NamedTuple):
     turn: Rows
 
 
-def proved_pieces(table: LoopTable, forms: ModelForms) -> tuple[Piece, ...] | None:
-    """What proves the loop on a box for all of its actuators; None when that is not found."""
-    actuators = table.actuators
-    assert actuators is not None
-    waiting, found = [(actuators.bandwidth, 0)], list[Piece]()
-    while waiting:
-        (low, high), depth = waiting.pop()
-        piece = _piece(table, forms, (low, high))
-        if piece is not None:
-            found.append(piece)
-        elif depth == _HALVINGS or low == high:
-            return None
-        else:
-            cuts = (low, float(np.sqrt(low * high)), high)
-            waiting += [(ends, depth + 1) for ends in pairwise(cuts)][::-1]
-    return tuple(found)
+def proved_pieces(
+    table: LoopTable, forms: ModelForms, bandwidth: tuple[float, float], halvings: int = _HALVINGS
+) -> list[Piece]:
+    """What proves the loop on a box for all of its actuators of these bandwidths; empty when that is not found."""
+    piece, (low, high) = _piece(table, forms, bandwidth), bandwidth
+    if piece is not None or halvings == 0 or low == high:
+        return [] if piece is None else [piece]
+    cut = float(np.sqrt(low * high))
+    below = proved_pieces(table, forms, (low, cut), halvings - 1)
+    above = proved_pieces(table, forms, (cut, high), halvings - 1) if below else []
+    return below + above if above else []
 
 
 def _piece(table: LoopTable, forms: ModelForms, bandwidth: tuple[float, float]) -> Piece | None:
     loops = [_loop(table, forms, w) for w in sorted(set(bandwidth))]
-    points = [tuple(_at(each, s) for each in loop) for loop in loops for s in (-1.0, 1.0)]
+    points = [
+        tuple(doubles(c0 + s * c1 + c2) for c0, c1, c2, *_ in (each.parts for each in loop))
+        for loop in loops
+        for s in (-1.0, 1.0)
+    ]
     n = table.K.shape[2]
     if max(np.linalg.eigvals(R[:, :n]).real.max() for R, _, _ in points) >= 0.0:
         return None
@@ -102,10 +100,6 @@ def _decrease(R: TaylorModel, q: TaylorModel, z: TaylorModel, H: Rows, X: Rows) 
     weights = [matrix(np.diag(each)) for each in np.split(X, 2)]
     squares = [each.transpose() * (weight * each) for each, weight in zip((q, z), weights, strict=True)]
     return TaylorModel(matrix(np.diag([*np.zeros(n), *X]))) - half - half.transpose() - squares[0] - squares[1]
-
-
-def _at(form: TaylorModel, s: float) -> Rows:
-    return doubles(form.parts[0] + s * form.parts[1] + form.parts[2])
 
 
 def common_lyapunov(points: list[tuple[Rows, ...]]) -> tuple[Rows, Rows] | None:

@@ -15,7 +15,7 @@ from random_points import rates_function
 
 from hfa_model import VARIANTS
 from hfa_support import BadInputError
-from verification.arithmetic import PRECISION, ball_function, flint_or_refusal
+from verification.arithmetic import ball_function
 from verification.arithmetic.ball_function import BallFunction, Undecided
 from verification.arithmetic.balls import exact
 
@@ -24,7 +24,6 @@ Balls = list[Any]
 
 def escaped(dynamics: str, radius: float, points: int, seed: int = 0) -> int:
     """Random points of a box of states and inputs whose rates, at 200 bits, are not in the enclosure of the box."""
-    flint_or_refusal()
     random = np.random.default_rng(seed)
     rates = BallFunction(rates_function(VARIANTS[dynamics]))
     point = model_at(15.0, dynamics).point
@@ -36,14 +35,11 @@ def escaped(dynamics: str, radius: float, points: int, seed: int = 0) -> int:
     ]
     enclosure = rates(*box)[0]
     missed = 0
-    try:
-        flint.ctx.prec = 200
+    with flint.ctx.workprec(200):
         for _ in range(points):
             drawn = [m + s * random.uniform(-1.0, 1.0, m.size) for m, s in zip(middle, sizes, strict=True)]
             value = rates(*([exact(entry) for entry in values.tolist()] for values in drawn))[0]
             missed += not all(ball.contains(entry) for ball, entry in zip(enclosure, value, strict=True))
-    finally:
-        flint.ctx.prec = PRECISION
     return missed
 
 
@@ -61,7 +57,6 @@ def test_enclosures_contain_a_hundred_thousand_random_points(dynamics: str) -> N
 
 
 def test_the_program_s_own_numbers_come_out() -> None:
-    flint_or_refusal()
     model, aircraft = model_at(15.0), family().aircraft
     functions = aircraft.model.functions(())
     arguments = (model.point.states, model.point.inputs, aircraft.parameters)
@@ -74,7 +69,6 @@ def test_the_program_s_own_numbers_come_out() -> None:
 
 def test_a_planted_wrong_instruction_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
     """Every operation of the model in turn is replaced by one that is off by 1e-9 of its value."""
-    flint_or_refusal()
     function = rates_function(VARIANTS["published"])
     point, parameters = model_at(15.0).point, family().aircraft.parameters
     arguments = [[exact(value) for value in values] for values in (point.states, point.inputs, parameters)]

@@ -12,7 +12,6 @@ from proof_cases import family
 from random_points import rates_function
 
 from hfa_model import VARIANTS
-from verification.arithmetic import PRECISION
 from verification.arithmetic.ball_function import BallFunction
 from verification.arithmetic.balls import TaylorModel
 
@@ -32,7 +31,6 @@ def test_the_rest_along_a_box_is_of_third_order(dynamics: str) -> None:
 
 def escaped(dynamics: str, points: int, seed: int) -> int:
     """Random places of a random line through the trim whose rates, at 200 bits, are not in the Taylor models on it."""
-    flint.ctx.prec = PRECISION
     random, function = np.random.default_rng(seed), BallFunction(rates_function(VARIANTS[dynamics]))
     point, parameters = model_at(12.0, dynamics).point, family(dynamics).aircraft.parameters
     x, direction = [arb(value) for value in point.states], random.uniform(-0.1, 0.1, len(point.states)).tolist()
@@ -40,15 +38,12 @@ def escaped(dynamics: str, points: int, seed: int) -> int:
     fixed = [[arb(value) for value in values] for values in (point.inputs, parameters)]
     models = function(along, *([TaylorModel(value) for value in values] for values in fixed))[0]
     missed = 0
-    try:
-        flint.ctx.prec = 200
+    with flint.ctx.workprec(200):
         for s in map(arb, random.uniform(-1.0, 1.0, points).tolist()):
             values = function([a + b * s for a, b in zip(x, direction, strict=True)], *fixed)[0]
             for model, value in zip(models, values, strict=True):
                 c0, c1, c2, rest = model.parts
                 missed += not (c0 + c1 * s + c2 * s**2 + rest).contains(value)
-    finally:
-        flint.ctx.prec = PRECISION
     return missed
 
 
