@@ -1,12 +1,16 @@
-"""The files of the project: none mentions where it was written."""
+"""The files of the project and of its wheel: our packages with their data, and none mentions where it was written."""
 
 from __future__ import annotations
 
 import re
+import shutil
 import subprocess
+import sys
+import zipfile
+from pathlib import Path
 
 import pytest
-from project import ROOT
+from project import PACKAGES, ROOT
 
 #: Spelled in two halves, so that this file does not mention it.
 WORKPLACE = re.compile("/wo" + "rk/|/tmp/bri" + "ef")
@@ -26,3 +30,31 @@ def test_nothing_mentions_where_it_was_written() -> None:
     assert [name for name, text in texts.items() if WORKPLACE.search(text)] == []
     assert WORKPLACE.search("see /wo" + "rk/notes")
     assert not WORKPLACE.search("framework/notes and network/x")
+
+
+DATA = {
+    *(f"{package}/py.typed" for package in PACKAGES),
+    *("hfa_model/parameters.toml", "hfa_model/printed_matrices.json"),
+}
+
+
+@pytest.mark.slow
+def test_the_wheel_holds_every_module_all_data_and_nothing_else(tmp_path: Path) -> None:
+    """Built from our sources and a stray package of results."""
+    sources, wheels = tmp_path / "sources", tmp_path / "wheels"
+    sources.mkdir()
+    for name in ("pyproject.toml", "README.md"):
+        shutil.copy(ROOT / name, sources)
+    for package in PACKAGES:
+        shutil.copytree(ROOT / package, sources / package, ignore=shutil.ignore_patterns("__pycache__"))
+    for stray in ("trim_results", "controller_old"):
+        (sources / stray).mkdir()
+        (sources / stray / "__init__.py").touch()
+    command = [sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--no-build-isolation"]
+    subprocess.run([*command, "--wheel-dir", str(wheels), str(sources)], check=True, timeout=120)
+    (wheel,) = wheels.glob("*.whl")
+    names = set(zipfile.ZipFile(wheel).namelist())
+    files = (path for package in PACKAGES for path in (ROOT / package).rglob("*") if path.is_file())
+    ours = {str(path.relative_to(ROOT)) for path in files if path.suffix != ".pyc"}
+    assert ours >= DATA
+    assert {name for name in names if ".dist-info/" not in name} == ours

@@ -1,17 +1,20 @@
-"""Flights of Section 5 against independent integrators, and their numbers against another study."""
+"""Flights of Section 5 against independent integrators, their numbers against another study, learning in flight."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 import pytest
+from known_models import SMALL, FlownCase
 from linear_flight import simulate
 from project import ROOT
 
-from controller import Signal
+from controller import Scenario, Signal, fly, gain_law
+from controller.laws.certified import learned_value
 from controller.policy.signals import Harmonic
 from studies.section5.configuration import PaperFlight, section5_configuration
 from studies.section5.critic_policy import forcing
@@ -32,7 +35,9 @@ from studies.section5.flights import (
     make_setting,
     simulate_plan,
 )
+from studies.section5.learning_in_flight import certified_gains
 from studies.section5.metrics import TRACKED
+from studies.update_law.integral_rl import baseline_gain
 from verification import solve_game
 
 #: Ten times the paper's step: the gains are smooth, and a flight takes a second.
@@ -203,3 +208,24 @@ def test_the_error_of_alpha_with_other_signs_is_the_one_of_the_document(said: st
     error = flown(COARSE | changes, FlightPlan(5.0, EXACT)).metrics["relative_error"]["alpha"]
     document = (ROOT / "docs" / "experiments.md").read_text(encoding="utf-8")
     assert said.format(f"{error:.3g}") in " ".join(document.split())
+
+
+def test_learning_in_flight_flies_the_baseline_then_certified_gains_and_knows_nothing_of_the_future(
+    newton: FlownCase,
+) -> None:
+    learned = learned_value(newton.game, "certified", 0, predefined_time=2.0)
+    gains, certified_from = certified_gains(newton.game, learned, 0.01)
+    assert 0.0 < certified_from < 2.0
+    first = round(certified_from / 0.01)
+    baseline = baseline_gain(newton.game)
+    assert all(np.array_equal(gain, baseline) for gain in gains[:first])
+    assert not np.array_equal(gains[first], baseline)
+    for gain in gains:
+        assert np.linalg.eigvals(newton.game.A - newton.game.B @ gain).real.max() < 0.0
+    np.testing.assert_array_equal(gains[-1], learned.K)
+    cut = replace(learned, times=learned.times[:120], weights=learned.weights[:120])
+    assert np.array_equal(certified_gains(newton.game, cut, 0.01)[0][:119], gains[:119])
+    law = gain_law("learning", gains)
+    result = fly(newton.aircraft, newton.point, law, Scenario(duration=3.0, initial=0.5 * SMALL), newton.envelope)
+    assert result.departure is None
+    np.testing.assert_allclose(result.flight.inputs[0], -baseline @ result.flight.errors[0], rtol=1e-12)
