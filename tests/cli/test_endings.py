@@ -37,10 +37,3 @@ def test_ended_at_random_moments_and_continued_it_comes_to_the_same_bits(name: s
             again = ("--resume",) if (folder / LONG[name][-1]).exists() else ()
         assert run(folder, *LONG[name], *again).code == 0
         assert result_of(folder) == expected, number
-
-
-def test_a_command_that_runs_in_one_process_is_ended(tmp_path: Path) -> None:
-    words = ("prove", "schedule", "--dihedral", "14:15", "-o", "a.json")
-    ended = run(tmp_path, *words, number=signal.SIGTERM, after=0.7)
-    assert in_one_line(ended, "hfa: terminated\n")
-    assert list((tmp_path / "temporary").iterdir()) == []

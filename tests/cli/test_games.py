@@ -77,11 +77,6 @@ def test_a_plant_from_a_file_in_every_format(command: str, suffix: str) -> None:
     assert data["delta"] == 3.0
 
 
-def test_a_linear_model_of_ours_is_a_plant_too(game: Game) -> None:
-    assert hfa("linearize", *AT_15, "-o", "model.mat").code == DONE
-    np.testing.assert_array_equal(answer("solve", "--model", "model.mat")["P"], solve_game(game).P)
-
-
 @pytest.mark.parametrize(
     "changes",
     [

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-from pathlib import Path
-
 import numpy as np
 import pytest
 from cli import answer, hfa
@@ -42,19 +39,6 @@ def test_names_choose_rows_and_columns_in_their_order() -> None:
     assert part["output_offsets"] == pytest.approx([1.0, np.radians(15.0)])
     assert "A_band" in whole
     assert not {"A_band", "printed"} & set(part)  # they are of the whole model
-
-
-def test_the_text_and_the_csv_show_C_and_D_when_outputs_were_asked_for() -> None:
-    result = hfa("linearize", *AT_15, *CHOSEN, "-o", "model.csv")
-    assert "y = C x + D u" in result.out.splitlines()[0]
-    assert {line.split()[0] for line in result.out.splitlines() if line[:2] in ("C ", "D ")} == {"C", "D"}
-    lines = Path("model.csv").read_text(encoding="utf-8").splitlines()
-    rows = list(csv.DictReader(line for line in lines if not line.startswith("#")))
-    found = {(row["matrix"], row["row"], row["column"]): row for row in rows}
-    data = answer("linearize", *AT_15, *CHOSEN)
-    entry = found["C", "load_factor", "alpha"]
-    assert (float(entry["value"]), entry["unit"]) == (data["C"][0][1], "(1)/(rad)")
-    assert len(rows) == 4 + 4 + 4 + 4 + 2 + 2
 
 
 def test_every_file_has_the_columns_of_all_winds(published_aircraft: Aircraft) -> None:

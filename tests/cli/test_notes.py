@@ -8,7 +8,6 @@ from pathlib import Path
 
 import pytest
 from cli import Terminal, hfa
-from game_files import small
 
 NOTE = "dihedral 16 deg lies beyond the paper's range, which ends at 15 deg"
 SHORT = ("--law", "exact", "--duration", "0.1")
@@ -84,13 +83,3 @@ def test_a_terminal_gets_colors(environment: dict[str, str], colored: bool, monk
     assert bool(COLOR.search(shown)) == colored
     assert not COLOR.search(plain + hfa(*TRIM, "--json", out=Terminal()).out)
     assert COLOR.sub("", shown).split() == plain.split()
-
-
-def test_progress_is_for_terminals_alone() -> None:
-    small("plant.json")
-    words = "solve --model plant.json"
-    quiet, terminal = hfa(*words.split()), hfa(*words.split(), err=Terminal())
-    assert (quiet.err, quiet.out) == ("", terminal.out)
-    assert f"{words.split()[0]}: 100 %" in terminal.err
-    assert terminal.err.endswith("\r\033[K")
-    assert "\n" not in terminal.err

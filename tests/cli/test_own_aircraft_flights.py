@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -77,53 +75,6 @@ def test_a_schedule_over_the_speed_and_a_map_of_two_states(monkeypatch: pytest.M
     data = json.loads(hfa("map", "--aircraft", NAVION, "--law", "exact", *ranges, "--json").out)["maps"]["Navion"]
     assert (data["speeds"], np.shape(data["nonlinear"]["held"])) == ([-5.0, 5.0], (3, 2))
     assert np.all(data["nonlinear"]["held"])
-
-
-FEET, POUNDS = 0.3048, 4.4482216152605
-
-
-@pytest.mark.parametrize(
-    ("words", "moved"),
-    [
-        ("fly --law exact --initial speed={} --duration 1 --actuators 0.1:60", "final history.states scenario.initial"),
-        ("schedule --law exact --to {}:20:2 --duration 26", "final schedule.dihedrals history.errors"),
-        ("map --law exact --initial speed={} --initial alpha=2 --command speed={}", "speeds commands edges.0.inside"),
-        ("monte-carlo --law exact --duration 1 --samples 2 --initial speed={}", "peak_error effort rms_error"),
-    ],
-)
-def test_in_si_what_the_model_declares_in_feet_and_pounds_changes(
-    words: str, moved: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """The same flight, typed and shown in both systems: a length and a force change by their factor, nothing else."""
-    monkeypatch.setattr(recoverable_map, "_SCAN", 2)
-    monkeypatch.setattr(recoverable_map, "_HALVINGS", 1)
-    command, *more = words.split()
-    typed = 190.0 if command == "schedule" else 5.0
-    found = []
-    for system, factor in (("english", 1.0), ("si", FEET)):
-        given = [each.format(repr(typed * factor)) for each in more]
-        where = () if command in ("map", "monte-carlo") else ("-o", f"{system}.json")
-        out = hfa(command, "--aircraft", NAVION, *given, "--units", system, "--json", *where).out
-        found.append(dict(leaves(json.loads(Path(where[1]).read_text("utf-8") if where else out))))
-    changed = set()
-    for name, value in found[0].items():
-        if isinstance(value, float) and value and "policy" not in name and "gains" not in name:
-            ratio = found[1][name] / value
-            near = [each for each in (1.0, FEET, POUNDS) if abs(ratio / each - 1.0) < 1e-6]
-            assert near, (name, value, found[1][name])
-            changed |= {name} if near != [1.0] else set()
-    for name in moved.split():
-        assert any(f".{name}" in each for each in changed), name
-
-
-def leaves(data: Any, path: str = "") -> Iterator[tuple[str, Any]]:
-    """Every leaf with the names and places on the way to it."""
-    if not isinstance(data, (dict, list)):
-        yield path, data
-        return
-    for key, value in data.items() if isinstance(data, dict) else enumerate(data):
-        if key != "provenance":
-            yield from leaves(value, f"{path}.{key}")
 
 
 def test_exports_have_its_names() -> None:

@@ -1,25 +1,27 @@
-"""`--units si`: physics holds in the numbers that are written, dimensionless results stay, units are given."""
+"""`--units si`: physics holds in the numbers that are written; in every command what has a unit of length, mass or
+force changes by its factor and nothing else does."""
 
 from __future__ import annotations
 
 import json
+import re
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from cli import answer, assert_refused, hfa
+from project import ROOT
+from servo_cases import SIMVFA
 
+from hfa_cli.main import COMMANDS
+from hfa_cli.options.trims import IN_FEET
 from hfa_support.reporting import unit_system as units
+from verification.flights import recoverable_map
 
-FOOT = 0.3048
-COMMANDS = {
-    "trim": ("trim", "--dihedral", "12"),
-    "linearize": ("linearize", "--dihedral", "12", "--outputs", "vertical_acceleration,alpha"),
-    "solve": ("solve", "--dihedral", "12"),
-    "sweep": ("sweep", "--dihedral", "10", "--hold", "speed=18.288,20.7264"),
-    "validate": ("validate",),
-}
+FOOT, POUND_FORCE, SLUG = 0.3048, 4.4482216152605, 14.593902937206364
+TRIM = ("trim", "--dihedral", "12")
 ENGLISH = ("ft", "lbf", "slug")
 
 
@@ -39,7 +41,7 @@ def physics(data: dict[str, Any]) -> dict[str, float]:
 
 
 def test_the_laws_of_physics_hold_in_si() -> None:
-    for name, value in physics(answer(*COMMANDS["trim"], "--units", "si")).items():
+    for name, value in physics(answer(*TRIM, "--units", "si")).items():
         assert value == pytest.approx(1.0, abs=1e-4), name
 
 
@@ -47,13 +49,14 @@ def test_the_laws_of_physics_hold_in_si() -> None:
 def test_a_wrong_factor_is_seen(monkeypatch: pytest.MonkeyPatch, unit: str) -> None:
     name, factor = units._SI[unit]
     monkeypatch.setitem(units._SI, unit, (name, 1.001 * factor))
-    wrong = [each for each in physics(answer(*COMMANDS["trim"], "--units", "si")).values() if abs(each - 1) > 1e-4]
+    wrong = [each for each in physics(answer(*TRIM, "--units", "si")).values() if abs(each - 1) > 1e-4]
     assert wrong
 
 
 def test_matrices_are_similar() -> None:
     """A_si = T A T⁻¹, and so for all others, with T from the units in the same file."""
-    before, after = answer(*COMMANDS["linearize"]), answer(*COMMANDS["linearize"], "--units", "si")
+    words = ("linearize", "--dihedral", "12", "--outputs", "vertical_acceleration,alpha")
+    before, after = answer(*words), answer(*words, "--units", "si")
     T = np.diag([FOOT if unit.startswith("ft") else 1.0 for unit in before["state_units"]])
     Y = np.diag([FOOT if unit.startswith("ft") else 1.0 for unit in before["output_units"]])
     inverse = np.linalg.inv(T)
@@ -77,17 +80,6 @@ def test_matrices_are_similar() -> None:
         np.sort_complex(np.linalg.eigvals(after["A"])), np.sort_complex(np.linalg.eigvals(before["A"])), rtol=1e-11
     )
     assert after["modes"] == before["modes"]
-
-
-def test_the_solution_is_that_of_the_game_in_si() -> None:
-    """u = -K x is the same input and x'Px the same cost; what has no unit stays."""
-    before, after = answer(*COMMANDS["solve"]), answer(*COMMANDS["solve"], "--units", "si")
-    x = np.array([7.0, 0.1, 0.1, 0.1, 0.1, 0.1])
-    x_si = x * [FOOT, 1, 1, 1, 1, 1]
-    np.testing.assert_allclose(np.array(after["K"]) @ x_si, np.array(before["K"]) @ x, rtol=1e-12)
-    assert x_si @ np.array(after["P"]) @ x_si == pytest.approx(x @ np.array(before["P"]) @ x, rel=1e-12)
-    for name in ("delta", "delta_min", "certificate", "loop_margins", "closed_loop_eigenvalues"):
-        assert after[name] == before[name]
 
 
 def test_what_was_written_in_si_is_read(tmp_path: Path) -> None:
@@ -118,3 +110,195 @@ def test_the_trim_that_was_printed_can_be_typed() -> None:
     assert english["operating_point"]["states"]["alpha"] == pytest.approx(first["alpha"], rel=1e-9)
     beyond = hfa(*words, "--hold", "altitude=30000")
     assert beyond.code != 0  # m; feet would be within the limits
+
+
+# Every command.
+
+AT = ("--dihedral", "12")
+FLIGHT = ("--law", "exact", "--duration", "0.5")
+#: A short run of every command that has the option.
+RUNS: dict[str, tuple[str, ...]] = {
+    "trim": AT,
+    "linearize": (*AT, "--outputs", "vertical_acceleration,alpha"),
+    "sweep": ("--dihedral", "10,12", "--hold", "speed=60ft,68ft"),
+    "validate": (),
+    "solve": (*AT, "--design", SIMVFA["simvfa-1"], "--delta", "inf"),
+    "learn": AT,
+    "verify": AT,
+    "design": ("--design", "servo", "--dihedral", "5,10"),
+    "fly": (*AT, *FLIGHT, "--gust", "200ft:5ft", "--command", "speed=0:0.01ft"),
+    "schedule": ("--dihedral", "5", "--to", "6:1:2", "--law", "exact", "--duration", "7"),
+    "map": (
+        *AT,
+        "--law",
+        "exact",
+        "--initial",
+        "speed=-1ft:1ft:1ft",
+        "--initial",
+        "dihedral=0",
+        "--command",
+        "dihedral=0",
+    ),
+    "monte-carlo": (*AT, *FLIGHT, "--samples", "2", "--turbulence", "3ft:200ft"),
+    "identify": (),
+    "report": (*AT, "--sweep", "10,12"),
+}
+LONG = ("identify", "report", "map", "design", "validate", "learn", "schedule", "monte-carlo")
+#: What a number with a unit may be multiplied with: of lengths and their squares, of forces, moments, masses.
+FACTORS = (
+    *(FOOT**power for power in (1, -1, 2, -2)),
+    *(POUND_FORCE, POUND_FORCE * FOOT, POUND_FORCE / FOOT**2, SLUG, SLUG / FOOT**3),
+)
+#: What has no unit of length, mass or force, by a name on the way to it.
+STAYS = re.compile(
+    r"eigenvalues|margin_at|disk|phase|delta|certificate|checks|modes|participation|graded|rel_error|excitation|starts"
+    r"|singular|entries|structures|regeneration|coupling|meaning|alpha|(?<!inertia_)pitch(?!ing)|dihedral|aileron|elevator"
+    r"|throttle$|times?$|share_beyond|angle_of_attack|frequency"
+)
+#: Names whose numbers all are in ft or ft/s, apart from tables of shares and of errors of a prediction.
+MOVES = re.compile(r"(?<!participation)(?<!errors)(?<!scaled_residuals)\.(speed|altitude)(\.\d+)?$")
+MATRIX = re.compile(r"\b(A|A_band|B|B_band|P|P_exact|K|K_exact|gains)((?:\.\d+)+)$")
+
+
+def numbers(data: Any, path: str = "") -> Iterator[tuple[str, Any]]:
+    """Every leaf with the names and places on the way to it."""
+    if isinstance(data, (dict, list)):
+        for key, value in data.items() if isinstance(data, dict) else enumerate(data):
+            if key != "provenance":
+                yield from numbers(value, f"{path}.{key}")
+    else:
+        yield path, data
+
+
+def power_of_feet(path: str) -> int | None:
+    """Of an entry of a matrix of the six states, whose first is the speed."""
+    found = MATRIX.search(path)
+    if found is None or "regeneration" in path:
+        return None
+    row, column = (int(place) == 0 for place in found[2].split(".")[-2:])
+    return {"A": row - column, "B": int(row), "P": -row - column, "K": -column, "g": -column}[found[1][0]]
+
+
+def complaints(command: str, before: dict[str, Any], after: dict[str, Any]) -> list[str]:
+    """Numbers that are wrongly in SI, and numbers that are wrongly not."""
+    found = []
+    for (path, value), (other, said) in zip(numbers(before), numbers(after), strict=True):
+        if isinstance(value, str) and "regeneration" not in path and re.search(r"\b(ft|slug|lbf)\b", said):
+            found.append(f"{path} says {said!r}")
+        if path != other or isinstance(value, (str, bool)) or value is None or value == 0.0:
+            continue
+        ratio, power = said / value, None if command in ("solve", "design") else power_of_feet(path)
+        if power is not None or (MOVES.search(path) and "regeneration" not in path):
+            expected = (FOOT ** (1 if power is None else power),)
+        else:
+            expected = (1.0,) if STAYS.search(path) and not re.search(r"edges|speeds", path) else (1.0, *FACTORS)
+        if not any(abs(ratio / each - 1.0) < 1e-12 for each in expected):
+            found.append(f"{path}: {value} and {said}")
+    return found
+
+
+def typed(words: tuple[str, ...], system: str) -> tuple[str, ...]:
+    """The words with each length, as in 5ft, in the units of the system."""
+    factor = FOOT if system == "si" else 1.0
+    in_system = (re.sub(r"([\d.]+)ft\b", lambda found: repr(float(found[1]) * factor), word) for word in words)
+    return (*in_system, "--units", system)
+
+
+def in_both(name: str) -> tuple[dict[str, Any], dict[str, Any]]:
+    words = (name, *RUNS[name])
+    return answer(*typed(words, "english")), answer(*typed(words, "si"))
+
+
+def test_every_command_is_here() -> None:
+    assert {*RUNS, *IN_FEET} == set(COMMANDS)
+
+
+@pytest.mark.parametrize("name", [pytest.param(name, marks=[pytest.mark.slow] * (name in LONG)) for name in RUNS])
+def test_what_has_a_unit_changes_and_nothing_else(name: str, tmp_path: Path) -> None:
+    before, after = in_both(name)
+    assert (before.pop("units"), after.pop("units")) == ("english", "si")
+    assert before != after
+    assert not complaints(name, before, after)
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("fly", *RUNS["fly"], "--picture"),
+        pytest.param(("map", *RUNS["map"], "--picture"), marks=pytest.mark.slow),
+        pytest.param(("trim", *AT, "--picture"), marks=pytest.mark.slow),
+    ],
+    ids=lambda words: words[0],
+)
+def test_text_and_pictures_say_no_feet(words: tuple[str, ...], tmp_path: Path) -> None:
+    """Matplotlib repeats each text of an .svg as a comment."""
+    picture = tmp_path / "p.svg"
+    result = hfa(*typed((*words, str(picture)), "si"))
+    assert result.code == 0, result.err
+    drawn = re.findall(r"<!-- (.*) -->", picture.read_text("utf-8"))
+    assert any(re.search(r"\bm(/s)?\b", each) for each in drawn)
+    said = [*drawn, *result.out.split("\nhfa 0.")[0].split("\n")]
+    assert not [each for each in said if re.search(r"\b(ft|slug|lbf)\b", each)]
+
+
+@pytest.mark.parametrize("suffix", ["npz", *(pytest.param(each, marks=pytest.mark.slow) for each in ("csv", "mat"))])
+def test_a_critic_in_other_units_is_the_same_critic(suffix: str, tmp_path: Path) -> None:
+    """P, K and plants written in m are right on plants in ft, and the other way round."""
+    files = {}
+    for system in ("english", "si"):
+        for command in ("solve", "linearize"):
+            files[command, system] = str(tmp_path / f"{command}-{system}.{suffix}")
+            assert hfa(command, *AT, "--units", system, "-o", files[command, system]).code == 0
+    assert hfa("verify", *AT, "--weights", files["solve", "si"]).code == 0
+    for system in ("english", "si"):
+        result = hfa("verify", "--model", files["linearize", "si"], "--weights", files["solve", system])
+        assert result.code == 0, (result.out, result.err)
+
+
+@pytest.mark.slow
+def test_weights_over_time_in_the_units_of_their_columns(tmp_path: Path) -> None:
+    """A table says its units in the names of its columns; without them they are those of the plant."""
+    file = tmp_path / "run.csv"
+    assert hfa("learn", *AT, "--units", "si", "-o", str(file)).code == 0
+    text = file.read_text("utf-8")
+    assert text.startswith("time [s],residual_norm,law_residual_norm,W1 [1/((m/s) (m/s))],")
+    assert hfa("verify", *AT, "--weights", str(file)).code == 0
+    file.write_text(text.replace("(m/s)", "(ft/s)"), "utf-8")
+    assert hfa("verify", *AT, "--weights", str(file)).code == 1
+
+
+NAVION = f"{ROOT / 'examples' / 'navion.py'}:NAVION"
+
+
+@pytest.mark.parametrize(
+    ("words", "moved"),
+    [
+        ("fly --law exact --initial speed={} --duration 1 --actuators 0.1:60", "final history.states scenario.initial"),
+        ("schedule --law exact --to {}:20:2 --duration 26", "final schedule.dihedrals history.errors"),
+        ("map --law exact --initial speed={} --initial alpha=2 --command speed={}", "speeds commands edges.0.inside"),
+        ("monte-carlo --law exact --duration 1 --samples 2 --initial speed={}", "peak_error effort rms_error"),
+    ],
+)
+def test_in_si_what_the_model_declares_in_feet_and_pounds_changes(
+    words: str, moved: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The same flight, typed and shown in both systems: a length and a force change by their factor, nothing else."""
+    monkeypatch.setattr(recoverable_map, "_SCAN", 2)
+    monkeypatch.setattr(recoverable_map, "_HALVINGS", 1)
+    command, *more = words.split()
+    typed = 190.0 if command == "schedule" else 5.0
+    found = []
+    for system, factor in (("english", 1.0), ("si", FOOT)):
+        given = [each.format(repr(typed * factor)) for each in more]
+        where = () if command in ("map", "monte-carlo") else ("-o", f"{system}.json")
+        out = hfa(command, "--aircraft", NAVION, *given, "--units", system, "--json", *where).out
+        found.append(dict(numbers(json.loads(Path(where[1]).read_text("utf-8") if where else out))))
+    changed = set()
+    for name, value in found[0].items():
+        if isinstance(value, float) and value and "policy" not in name and "gains" not in name:
+            ratio = found[1][name] / value
+            near = [each for each in (1.0, FOOT, POUND_FORCE) if abs(ratio / each - 1.0) < 1e-6]
+            assert near, (name, value, found[1][name])
+            changed |= {name} if near != [1.0] else set()
+    for name in moved.split():
+        assert any(f".{name}" in each for each in changed), name
