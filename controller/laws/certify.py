@@ -214,7 +214,7 @@ def relative_residual(game: Game, P: np.ndarray, scales: np.ndarray) -> float:
 
 
 def relative_correction(game: Game, P: np.ndarray, scales: np.ndarray) -> float:
-    """|N| / |P|, N of `Riccati.correction` in coordinates z / scales, Frobenius norms; inf when singular."""
+    """|N| / |P|, N of `Riccati.correction`, solved in coordinates z / scales; Frobenius norms; inf when singular."""
     outer = np.outer(scales, scales)
     try:
         correction = Riccati.of(game, scales).correction(P * outer) / outer

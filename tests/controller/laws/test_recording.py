@@ -1,23 +1,17 @@
-"""The recorded stack: exact data, rich choices, and refusals."""
+"""The recorded stack: exact data, rich choices, refusals; and the residuals on it."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
-from learning_samples import PUBLISHED, published, stable_game
+from learning_samples import PUBLISHED, QUADRATIC, build, published, stable_game
 
 from controller import Game, Stack, basis, random_pool, record
-from controller.laws.recording import (
-    choose,
-    excitation,
-    natural_spread,
-    rank,
-    unit_rows,
-)
+from controller.game.basis import BASES
+from controller.laws.bellman_equations import GAME, LQ, PartialGame, Residuals
+from controller.laws.recording import choose, excitation, natural_spread, rank, unit_rows
 from hfa_support import BadInputError
 from studies.update_law.integral_rl import probing_flight
-
-QUADRATIC = basis("quadratic", 6)
 
 
 def worst_condition(stack: Stack) -> float:
@@ -138,3 +132,54 @@ def test_malformed_stacks_are_refused() -> None:
         random_pool(game, 10, 0, np.array([1.0, 0.0]))
     with pytest.raises(BadInputError, match="state 1 is 0 in every recorded sample"):
         record(game, np.array([[1.0, 0.0]])).channel_scales()
+
+
+# Residuals: their derivative, their course along a step, and the Riccati equation behind them.
+
+
+@pytest.mark.parametrize("name", BASES)
+def test_regressor_is_the_derivative_of_the_residual(name: str) -> None:
+    """∂e_j/∂W = σ_j where the value is quadratic, with any policy terms re-evaluated: remainder of order 2."""
+    game, exact = published(PUBLISHED[0])
+    equations = build(game, name)
+    weights = equations.scaled(equations.basis.weights(1.5 * exact.P))
+    direction = np.random.default_rng(1).normal(size=equations.basis.size) * np.abs(weights).max()
+    for problem in (GAME, LQ, PartialGame(0.7, 0.3)):
+        found = equations.at(weights, problem)
+
+        def order(regressors: np.ndarray, problem: PartialGame = problem, found: Residuals = found) -> float:
+            """Of the remainder in the step: 2 where these are the derivative."""
+            moved = [equations.at(weights + h * direction, problem).residuals for h in (1e-5, 1e-6)]
+            left = [
+                each - found.residuals - h * regressors @ direction for h, each in zip((1e-5, 1e-6), moved, strict=True)
+            ]
+            return float(np.log10(np.linalg.norm(left[0]) / np.linalg.norm(left[1])))
+
+        assert order(found.regressors) == pytest.approx(2.0, abs=0.01)
+        assert order(found.regressors + 0.1 * np.abs(found.regressors).max()) < 1.9
+
+
+@pytest.mark.parametrize("name", BASES)
+def test_residual_along_a_step_is_an_exact_parabola(name: str) -> None:
+    game, _ = published(PUBLISHED[1])
+    equations = build(game, name)
+    rng = np.random.default_rng(2)
+    weights, step = rng.normal(size=(2, equations.basis.size)) * 100.0
+    problem = PartialGame(0.4, 0.6)
+    found = equations.at(weights, problem)
+    linear, quadratic = equations.along_step(weights, step, found, problem)
+    for f in (0.3, 1.0, -2.0):
+        exact = equations.at(weights - f * step, problem).residuals
+        assert np.linalg.norm(found.residuals + f * linear + f * f * quadratic - exact) < 1e-12 * np.linalg.norm(exact)
+
+
+def test_residuals_are_those_of_the_discounted_riccati_equation() -> None:
+    game, exact = published(PUBLISHED[0])
+    equations = build(game)
+    P, problem = 0.7 * exact.P, PartialGame(0.3, 0.4)
+    S = game.S_control - 0.4 * game.S_disturbance / game.delta**2
+    A = game.A - 0.3 * np.eye(6)
+    residual = A.T @ P + P @ A + game.Q - P @ S @ P
+    z = equations.states * equations.scales
+    found = equations.at(equations.scaled(QUADRATIC.weights(P)), problem).residuals
+    assert found == pytest.approx(np.sum((z @ residual) * z, axis=1), rel=1e-9)
