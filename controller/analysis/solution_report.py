@@ -23,8 +23,6 @@ from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Table, eigenvalue_text, entry_rows, matrix_table
 
 SCHEMA = "hfa.game-solution/1"
-#: Percent of the time that have passed, with a plant of 100 states, once P is certified and once delta_min is found.
-_SOLVED, _SEARCHED = 25, 75
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -40,26 +38,20 @@ class AnalysedGame(Shown):
 
 def analyse_game(game: Game, progress: Progress | None = None) -> AnalysedGame:
     """Solve, then simulate and analyse the solution, in balanced units of state and with R = I: the verdict must not
-    depend on the user's units, and the flight starts at one unit of each. progress: in percent, 100 whatever comes.
+    depend on the user's units, and the flight starts at one unit of each. progress: of the search for delta_min.
 
     Raises NoSolutionError when it is not certified, or when its policies do not mean what the certificate says.
     """
-    told, share = progress or (lambda *_: None), _SEARCHED - _SOLVED
-    try:
-        told(0, 100)
-        solution, (inside, _) = solve_game(game, told), reached(game)
-        told(_SOLVED, 100)
-        smallest = minimum_delta(game, lambda done, total, *_: told(_SOLVED * total + share * done, 100 * total))
-        found, form = solution if inside is game else solve_game(inside), normal_form(inside)
-        alike = replace(in_units(inside, form.units), B=form.B, R=np.eye(form.B.shape[1]))
-        meaning = meaning_checks(alike, found.P * np.outer(form.units, form.units), np.ones(len(form.units)))
-        for check in meaning:
-            if not check.ok:
-                unconfirmed = f"certified, but not confirmed in flight: {check.name}: {check.reason}"
-                raise NoSolutionError(f"{unconfirmed}; {smallest.advice(game.delta)}")
-        return AnalysedGame(solution, smallest, meaning, loop_margins(inside, found.K), disk_margin(inside, found.K))
-    finally:
-        told(100, 100)
+    solution, (inside, _) = solve_game(game, progress), reached(game)
+    smallest = minimum_delta(game, progress)
+    found, form = solution if inside is game else solve_game(inside), normal_form(inside)
+    alike = replace(in_units(inside, form.units), B=form.B, R=np.eye(form.B.shape[1]))
+    meaning = meaning_checks(alike, found.P * np.outer(form.units, form.units), np.ones(len(form.units)))
+    for check in meaning:
+        if not check.ok:
+            unconfirmed = f"certified, but not confirmed in flight: {check.name}: {check.reason}"
+            raise NoSolutionError(f"{unconfirmed}; {smallest.advice(game.delta)}")
+    return AnalysedGame(solution, smallest, meaning, loop_margins(inside, found.K), disk_margin(inside, found.K))
 
 
 def meaning_checks(game: Game, P: np.ndarray, initial: np.ndarray) -> tuple[Check, ...]:

@@ -64,11 +64,6 @@ class DesignModel(Shown):
         return self.design.model.units(self.inputs)
 
     @property
-    def sensor_units(self) -> tuple[str, ...]:
-        """Unit of each sensor, in order."""
-        return tuple(signal_unit(self.design.model, name) for name in self.sensors)
-
-    @property
     def V(self) -> np.ndarray:
         """Intensity of the noise of the sensors, (p, p)."""
         return np.diag([float(value) for value in self.design.sensors.values()]).reshape(2 * (len(self.sensors),))

@@ -46,10 +46,6 @@ class Certificate(Checked):
 
     checks: tuple[Check, ...]
 
-    def __getitem__(self, name: str) -> Check:
-        """The test of that name."""
-        return {check.name: check for check in self.checks}[name]
-
     def to_dict(self) -> dict[str, Any]:
         """Plain values: {"ok": bool, "checks": [{"name", "value", "limit", "ok", "reason"}, ...]}."""
         return {"ok": self.ok, "checks": [check.to_dict() for check in self.checks]}
@@ -82,16 +78,11 @@ def hamiltonian_checks(game: Game) -> tuple[Check, ...]:
     stable = int(np.sum(found.eigenvalues.real < 0.0))
     distance, frequency = found.nearest_to_axis()
     where = "on" if distance <= ON_THE_AXIS else "within rounding of"
+    near = f"the Hamiltonian has an eigenvalue {where} the imaginary axis at {frequency:.4g} rad/s"
+    split = f"the Hamiltonian has {stable} stable eigenvalues instead of {n}"
     return (
-        at_least(
-            "hamiltonian_axis_distance",
-            distance,
-            AXIS_DISTANCE,
-            f"the Hamiltonian has an eigenvalue {where} the imaginary axis at {frequency:.4g} rad/s",
-        ),
-        checked(
-            "hamiltonian_split", stable, "==", n, f"the Hamiltonian has {stable} stable eigenvalues instead of {n}"
-        ),
+        at_least("hamiltonian_axis_distance", distance, AXIS_DISTANCE, near),
+        checked("hamiltonian_split", stable, "==", n, split),
     )
 
 
@@ -107,27 +98,13 @@ def solution_checks(game: Game, P: np.ndarray) -> tuple[Check, ...]:
     smallest = float(np.linalg.eigvalsh(scaled_P)[0]) / size
     game_loop = spectrum(game.A - game.S @ P).abscissa
     control_loop = spectrum(game.A - game.B @ game.gain(P)).abscissa
+    sign = f"P is indefinite (smallest eigenvalue {smallest:.3g} of the largest entry)"
     return (
         at_most("residual", residual, RESIDUAL, f"the Riccati equation is left with a residual of {residual:.2g}"),
         at_most("symmetry", asymmetry, ASYMMETRY, f"P is not symmetric ({asymmetry:.2g} relative)"),
-        at_least(
-            "positive_semidefinite",
-            smallest,
-            -INDEFINITENESS,
-            f"P is indefinite (smallest eigenvalue {smallest:.3g} of the largest entry)",
-        ),
-        below(
-            "game_loop_abscissa",
-            game_loop,
-            0.0,
-            f"A - S P is not Hurwitz (abscissa {game_loop:+.3g} 1/s)",
-        ),
-        below(
-            "control_loop_abscissa",
-            control_loop,
-            0.0,
-            f"A - B K is not Hurwitz (abscissa {control_loop:+.3g} 1/s)",
-        ),
+        at_least("positive_semidefinite", smallest, -INDEFINITENESS, sign),
+        below("game_loop_abscissa", game_loop, 0.0, f"A - S P is not Hurwitz (abscissa {game_loop:+.3g} 1/s)"),
+        below("control_loop_abscissa", control_loop, 0.0, f"A - B K is not Hurwitz (abscissa {control_loop:+.3g} 1/s)"),
     )
 
 
@@ -136,12 +113,8 @@ def agreement_check(game: Game, P: np.ndarray, second_P: np.ndarray) -> Check:
     units = balanced_units(game)
     squared = np.outer(units, units)
     difference = float(np.abs((P - second_P) * squared).max()) / _size(P * squared)
-    return at_most(
-        "second_derivation",
-        difference,
-        DISAGREEMENT,
-        f"the Lanzon-Feng-Anderson iteration gives another P (difference {difference:.2g})",
-    )
+    reason = f"the Lanzon-Feng-Anderson iteration gives another P (difference {difference:.2g})"
+    return at_most("second_derivation", difference, DISAGREEMENT, reason)
 
 
 def iterated_solution(game: Game) -> np.ndarray:

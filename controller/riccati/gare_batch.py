@@ -8,13 +8,7 @@ import numpy as np
 
 from controller.game.zero_sum import LARGEST, Game
 from controller.riccati.balancing import MODERATE, balanced
-from controller.riccati.certificate import (
-    AXIS_DISTANCE,
-    DISAGREEMENT,
-    INDEFINITENESS,
-    RESIDUAL,
-    relative_residuals,
-)
+from controller.riccati.certificate import AXIS_DISTANCE, DISAGREEMENT, INDEFINITENESS, RESIDUAL, relative_residuals
 from controller.riccati.gare import solve_certified
 from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.reporting.fields import Shown

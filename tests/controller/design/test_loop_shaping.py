@@ -202,10 +202,7 @@ def test_names_and_filter_of_the_controller() -> None:
     ("change", "message"),
     [
         (("gain = ", "gains = "), "unknown entry shaping.outputs.pitch_rate.gains; did you mean gain"),
-        (
-            ("[shaping.inputs]\nthrottle", "[shaping.inputs]\nflap"),
-            "unknown weight of an input 'flap'",
-        ),
+        (("[shaping.inputs]\nthrottle", "[shaping.inputs]\nflap"), "unknown weight of an input 'flap'"),
         (("filter = [0.5, 2.0]", "filter = [0.5]"), "filter is a bandwidth and a damping"),
         (("dihedrals = [0, 3,", "dihedrals = [3, 3,"), "and the dihedrals increase"),
         (("pitch_rate = [", "pitch_rate = [1.0, "), "shaping.schedule.pitch_rate needs one factor for each dihedral"),
