@@ -85,24 +85,15 @@ def simulated_cost(game: Game, K: np.ndarray, L: np.ndarray, initial: np.ndarray
 
 def cost_checks(game: Game, P: np.ndarray, initial: np.ndarray) -> tuple[Check, ...]:
     """The policies of P cost z0'P z0, by a Lyapunov equation and integrated over time from z0 = initial, (n,)."""
-    K, L = game.gain(P), game.disturbance_gain(P)
-    claimed = float(initial @ P @ initial)
+    K, L, names = game.gain(P), game.disturbance_gain(P), ("cost_lyapunov", "cost_simulated")
     if not is_hurwitz(game.A - game.B @ K + game.E @ L):
         reason = "the policies of P do not bring the state to rest: their cost is not finite"
-        return tuple(at_most(name, math.inf, COST_TOLERANCE, reason) for name in ("cost_lyapunov", "cost_simulated"))
-    costs = {
-        "cost_lyapunov": float(initial @ cost_matrix(game, K, L) @ initial),
-        "cost_simulated": simulated_cost(game, K, L, initial),
-    }
-    return tuple(
-        at_most(
-            name,
-            abs(cost - claimed) / max(abs(claimed), np.finfo(float).tiny),
-            COST_TOLERANCE,
-            f"the policies of P cost {cost:.10g} where P claims {claimed:.10g}",
-        )
-        for name, cost in costs.items()
-    )
+        return tuple(at_most(name, math.inf, COST_TOLERANCE, reason) for name in names)
+    costs = float(initial @ cost_matrix(game, K, L) @ initial), simulated_cost(game, K, L, initial)
+    claimed = float(initial @ P @ initial)
+    off = [abs(cost - claimed) / max(abs(claimed), np.finfo(float).tiny) for cost in costs]
+    reasons = [f"the policies of P cost {cost:.10g} where P claims {claimed:.10g}" for cost in costs]
+    return tuple(at_most(*each[:2], COST_TOLERANCE, each[2]) for each in zip(names, off, reasons, strict=True))
 
 
 def _stable_loop(game: Game, K: np.ndarray, L: np.ndarray) -> tuple[np.ndarray, float]:

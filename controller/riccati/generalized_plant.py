@@ -92,7 +92,8 @@ class GeneralizedPlant(Shown):
     """The plant of the module's equations; without C2 every state is measured and nothing else (state feedback).
 
     A: (n, n), B1: (n, k), B2: (n, m), C1: (r, n), D12: (r, m), C2: (p, n), D21: (p, k); D11: (r, k) and D22: (p, m)
-    are 0 where not given. BadInputError for a wrong shape, and where D12 has not the rank m or D21 not the rank p.
+    are 0 where not given, C2 has then no rows. BadInputError for a wrong shape, and where D12 has not the rank m or D21
+    not the rank p.
     """
 
     A: np.ndarray
@@ -109,38 +110,37 @@ class GeneralizedPlant(Shown):
         """Check everything once, so that no solver has to."""
         given = {each.name: getattr(self, each.name) for each in fields(self)}
         found = {name: checked_matrix(name, M, LARGEST) for name, M in given.items() if M is not None}
-        measured = "C2" in found
-        for name in ("A", "B1", "B2", "C1", "D12", *["D21"] * measured):
+        for name in ("A", "B1", "B2", "C1", "D12", *["D21"] * ("C2" in found)):
             if name not in found:
                 raise BadInputError(f"there is no {name}; a plant has A, B1, B2, C1, D12, with measurements C2 and D21")
-        if not measured and ("D21" in found or "D22" in found):
+        if "C2" not in found and ("D21" in found or "D22" in found):
             raise BadInputError("there is a D21 or D22 and no C2; give C2, or none of them for state feedback")
         n, k, m, r = len(found["A"]), found["B1"].shape[1], found["B2"].shape[1], len(found["C1"])
-        p = len(found["C2"]) if measured else 0
+        p = len(found.get("C2", ()))
         shapes = {"A": (n, n), "B1": (n, k), "B2": (n, m), "C1": (r, n), "D12": (r, m), "D11": (r, k)}
-        for name, shape in (shapes | ({"C2": (p, n), "D21": (p, k), "D22": (p, m)} if measured else {})).items():
+        for name, shape in (shapes | {"C2": (p, n), "D21": (p, k), "D22": (p, m)}).items():
             matrix = found.get(name, np.zeros(shape))
             if matrix.shape != shape:
                 raise BadInputError(f"{name} has shape {matrix.shape}; with the other matrices it must be {shape}")
             object.__setattr__(self, name, matrix)
-        if 0 in (n, m) or (measured and p == 0):
-            raise BadInputError("a plant needs a state, an input u, and with C2 an output y")
+        if 0 in (n, m):
+            raise BadInputError("a plant needs a state and an input u")
         _check_rank("D12", self.D12, "column", "every u needs a cost of its own in z")
-        if measured:
+        if p:
             _check_rank("D21", self.D21.T, "row", "every y needs noise of its own from w")
 
     @cached_property
     def sides(self) -> tuple[_Side, ...]:
         """The control side, and with measurements the filter side."""
         control = _Side(self.A, self.B1, self.B2, self.C1, self.D11, self.D12)
-        if self.C2 is None:
+        if not len(self.C2):
             return (control,)
         return control, _Side(self.A.T, self.C1.T, self.C2.T, self.B1.T, self.D11.T, self.D21.T)
 
     @property
     def floor(self) -> float:
         """No δ up to this will do, because of D11 alone."""
-        if self.C2 is None:
+        if not len(self.C2):
             return float(np.linalg.norm(self.D11, 2)) if self.D11.size else 0.0
         return max(side.feedthrough for side in self.sides)
 
@@ -174,13 +174,12 @@ class GeneralizedPlant(Shown):
         """Of a state-space system whose last outputs are y and whose last inputs are u, as in `hinfsyn`."""
         A, B, C, D = (np.asarray(getattr(system, name), dtype=float) for name in "ABCD")
         r, k = len(C) - measurements, B.shape[1] - inputs
-        rest = {"C2": C[r:], "D21": D[r:, :k], "D22": D[r:, k:]} if measurements else {}
-        return cls(A, B[:, :k], B[:, k:], C[:r], D[:r, k:], D11=D[:r, :k], **rest)
+        return cls(A, B[:, :k], B[:, k:], C[:r], D[:r, k:], C[r:], D[r:, :k], D[:r, :k], D[r:, k:])
 
     def in_units(self, units: np.ndarray) -> GeneralizedPlant:
         """The same in the state y, x_i = u_i y_i; units: (n,)."""
         rows = {name: getattr(self, name) / units[:, None] for name in ("A", "B1", "B2")}
-        columns = {name: getattr(self, name) * units for name in ("C1", "C2") if getattr(self, name) is not None}
+        columns = {name: getattr(self, name) * units for name in ("C1", "C2")}
         return replace(self, **rows | columns | {"A": rows["A"] * units})
 
 
@@ -277,7 +276,7 @@ def _certified(plant: GeneralizedPlant, delta: float) -> OutputFeedback | StateF
     # The controller is made and checked in balanced units; x̂ has the user's.
     u, X = balanced_units(plant.sides[0].game(math.inf)), values[0]
     squared, there = np.outer(u, u), plant.in_units(u)
-    if plant.C2 is None:
+    if not len(plant.C2):
         L, F = there.sides[0].policies(X * squared, delta)
         loop = there.A + there.B2 @ F, there.B1, there.C1 + there.D12 @ F, there.D11
         own = loop_checks(*loop, delta)
