@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from game_samples import INITIAL, failed_names, game_models
-from linear_flight import simulate
 
 from controller import Game
 from controller.analysis.cost import (
@@ -56,18 +55,6 @@ def test_cost_of_a_scalar_policy_in_closed_form() -> None:
     policies = np.array([[0.5]]), np.array([[0.25]])
     assert cost_matrix(game, *policies)[0, 0] == pytest.approx(exact, rel=1e-14)
     assert simulated_cost(game, *policies, np.array([3.0])) == pytest.approx(9.0 * exact, rel=1e-11)
-
-
-def test_simulation_against_the_exponential(first: tuple[Game, np.ndarray]) -> None:
-    from scipy.linalg import expm
-
-    game, P = first
-    K, L, times = game.gain(P), game.disturbance_gain(P), np.linspace(0.0, 3.0, 7)
-    flight = simulate(game, lambda _, z: -K @ z, lambda _, z: L @ z, INITIAL, times)
-    exact = np.array([expm((game.A - game.B @ K + game.E @ L) * t) @ INITIAL for t in times])
-    np.testing.assert_allclose(flight.states, exact, atol=1e-10)
-    np.testing.assert_allclose(flight.controls, -exact @ K.T, atol=1e-9)
-    np.testing.assert_allclose(flight.disturbances, exact @ L.T, atol=1e-10)
 
 
 def test_each_player_loses_to_second_order(game: Game) -> None:

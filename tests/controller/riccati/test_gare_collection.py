@@ -86,7 +86,7 @@ def test_smallest_delta_of_each_structure() -> None:
     assert brackets["right"] >= 6
 
 
-@pytest.mark.parametrize("count", [20, pytest.param(400, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [12, pytest.param(400, marks=pytest.mark.slow)])
 def test_games_with_a_mode_that_the_input_barely_reaches(count: int) -> None:
     """Some of one state, others in absurd units, or at a delta near the smallest."""
     verdicts = Counter(_verdict(sample) for sample in collection(count, 4, BARELY_REACHED))
