@@ -137,13 +137,9 @@ def test_one_entry_changed_by_a_hundredth_cannot_be_fitted(
         assert found.sum_of_squares > 5 * found.expected_sum
 
 
-@pytest.mark.parametrize("cases", [(0,), (1,), (0, 1)])
-def test_the_other_sign_of_center_aileron_in_pitch_cannot_be_fitted(cases: tuple[int, ...]) -> None:
+def test_the_other_sign_of_center_aileron_in_pitch_cannot_be_fitted() -> None:
     """The text of the paper lost its minus signs; this one follows from the rest."""
-    models = list(published_models())
-    for case in cases:
-        models[case] = changed(case, "B", "pitch_rate", "aileron_center", lambda value: -value)[case]
-    found = fit(models, Published())
+    found = fit(changed(1, "B", "pitch_rate", "aileron_center", lambda value: -value), Published())
     assert found.sum_of_squares > 1e6 * found.expected_sum
     assert found.largest > 1e4
 

@@ -98,17 +98,6 @@ def test_rates_of_the_book() -> None:
     np.testing.assert_allclose(found, printed, rtol=8e-6)
 
 
-def test_python_control_agrees() -> None:
-    import control
-
-    model = F16.with_parameters(xcg=0.3)
-    point, nlsys = trimmed(model), model.to_control()
-    peer = control.linearize(nlsys, np.array(point.states), np.array(point.inputs))
-    own = linearize(model, point, full=True)
-    np.testing.assert_allclose(peer.A, own.A, rtol=1e-4, atol=2e-3)
-    np.testing.assert_allclose(peer.B, own.B, rtol=1e-4, atol=2e-3)
-
-
 def test_the_back_side_of_the_power_curve_is_another_trim() -> None:
     """One throttle, two speeds: the report names the other trim, and starting there selects it."""
     usual = usual_condition(F16)

@@ -45,15 +45,6 @@ def test_a_parameter_one_percent_off_is_seen(parameters: Parameters, published: 
     assert half_units(regenerate(wrong, published), published) > 3.0
 
 
-@PRINTED
-def test_eigenvalues_of_the_print_are_regenerated(published_aircraft: Aircraft, published: PublishedModel) -> None:
-    printed = np.linalg.eigvals(published.A)
-    computed = np.linalg.eigvals(regenerate(published_aircraft, published).A)
-    allowed = np.where(np.abs(printed) < 0.5, 5e-4, 2e-3 * np.abs(printed))
-    errors = eigenvalue_errors(computed, printed)
-    assert np.all(errors <= allowed), errors / allowed
-
-
 def test_quoted_eigenvalues_at_5_degrees(published_aircraft: Aircraft) -> None:
     """The paper quotes |λ| of 7.11, 0.019 and 4.82 ± 18.66i from Ma and Peng (2021): met to a last digit.
 
@@ -80,17 +71,15 @@ def test_a_planted_error_changes_the_tone_of_its_entry_and_of_no_other() -> None
     published = published_models()[0]
     model = regenerate(Aircraft(), published)
     tables = matrices_beside_the_print(model, published)
-    tones = {tone_of(cell) for table in tables for row in table.rows for cell in row[1:]}
+    tones = {getattr(cell, "tone", "") for table in tables for row in table.rows for cell in row[1:]}
     assert tones == {"", "good", "near"}  # the worst is off by 1.21 half units
     for half_units, tone in ((0.9, "good"), (1.9, "near"), (-2.9, "far"), (3.1, "bad")):
         A = model.A.copy()
         A[3, 1] = published.A[3, 1] + half_units * published.half_unit_A[3, 1]
         (planted, _) = matrices_beside_the_print(replace(model, A=A), published)
         assert (planted.rows[6][0], planted.rows[7][0]) == ("pitch_rate", "printed")
-        assert tone_of(planted.rows[6][2]) == tone
-        others = [tone_of(cell) for i, row in enumerate(planted.rows) for cell in row[1:] if i != 6]
-        assert others == [tone_of(cell) for i, row in enumerate(tables[0].rows) for cell in row[1:] if i != 6]
-
-
-def tone_of(cell: str) -> str:
-    return getattr(cell, "tone", "")
+        assert getattr(planted.rows[6][2], "tone", "") == tone
+        others = [getattr(cell, "tone", "") for i, row in enumerate(planted.rows) for cell in row[1:] if i != 6]
+        assert others == [
+            getattr(cell, "tone", "") for i, row in enumerate(tables[0].rows) for cell in row[1:] if i != 6
+        ]

@@ -1,4 +1,5 @@
-"""What a trim says: for people every variable, limit and verdict in 100 columns; for files the same in numbers."""
+"""What a trim says: for people every variable, limit and verdict in 100 columns; for files the same in numbers; loads,
+performance and the view from the front, each by a second route."""
 
 from __future__ import annotations
 
@@ -6,16 +7,20 @@ import json
 import math
 import re
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from ambiance import Atmosphere
 from cli import hfa
+from known_models import model_at
 from random_points import RATE_SCALES
 
 from hfa_model import Aircraft
 from hfa_model.aircraft import HFA
 from hfa_support import Report
-from trim import OperatingPoint, TrimCondition, find_operating_point, level_flight, release, trim_report
+from trim import OperatingPoint, TrimCondition, find_operating_point, level_flight, release, trim_figure, trim_report
+from trim.point.hfa_report import panels_from_the_front, performance
 from trim.point.trim_report import all_margins
 
 BASE = level_flight(float(np.radians(10.0)))
@@ -94,3 +99,111 @@ def test_a_trim_that_fails_is_data_too(command: str) -> None:
     assert found.err.startswith(f"hfa: {data['reason'][:60]}")
     assert data["operating_point"]["inputs"]["throttle"] == 30.0
     assert not data["equations"]["speed"]["ok"]
+
+
+def test_the_pitch_angle_follows_and_limits_gamma(published_aircraft: Aircraft) -> None:
+    condition = release(BASE, free=("gamma",), hold={"throttle": 0.0})
+    point = find_operating_point(published_aircraft, condition)
+    found = all_margins(condition, point)
+    assert (found["pitch"].role, found["gamma"].role) == ("follows", "free")
+    np.testing.assert_allclose(np.degrees([found["gamma"].lowest, found["gamma"].highest]), (-62.8, 57.2), rtol=1e-12)
+    assert found["pitch"].distance == pytest.approx(np.radians(60.0) - abs(point.states.pitch))
+    assert found["gamma"].distance == pytest.approx(found["pitch"].distance, rel=1e-12)
+
+
+def test_a_limit_that_binds_is_named_first(published_aircraft: Aircraft) -> None:
+    """Least effort wants the outer elevator at -2.8 deg; it may go to -2 deg only, and stays there."""
+    wanted = find_operating_point(published_aircraft, release(BASE, free=("aileron_center",))).inputs.elevator_outer
+    limit = math.radians(-2.0)
+    assert wanted < limit
+    limited = level_flight(BASE.imposed["dihedral"], limits={"elevator_outer": (limit, 0.5)})
+    condition = release(limited, free=("aileron_center",))
+    point = find_operating_point(published_aircraft, condition)
+    data, found = trim_report(published_aircraft, condition, point).data, all_margins(condition, point)
+    assert (data["nearest_limits"][0], data["binding"]) == ("elevator_outer", ["elevator_outer"])
+    first = found["elevator_outer"]
+    assert (first.nearer, first.nearer_limit, first.at_limit) == ("lowest", limit, True)
+    assert not any(found[name].at_limit for name in data["nearest_limits"][1:])
+
+
+METRE_PER_FOOT = 0.3048
+
+
+@pytest.fixture(params=[0.0, 3.0], ids=["level", "climb"])
+def flown(request: pytest.FixtureRequest, aircraft: Aircraft) -> tuple[OperatingPoint, SimpleNamespace]:
+    condition = level_flight(math.radians(11.0), speed=70.0, altitude=20_000.0, gamma=math.radians(request.param))
+    point = find_operating_point(aircraft, condition)
+    return point, SimpleNamespace(**performance(aircraft, point))
+
+
+def test_coefficients_times_pressure_times_area_are_the_forces(
+    aircraft: Aircraft, flown: tuple[OperatingPoint, SimpleNamespace]
+) -> None:
+    point, found = flown
+    loads, p = aircraft.loads(point.states, point.inputs), aircraft.parameters
+    kilogram_per_m3 = float(Atmosphere(point.states.altitude * METRE_PER_FOOT).density[0])
+    pressure = 0.5 * kilogram_per_m3 * (point.states.speed * METRE_PER_FOOT) ** 2  # Pa
+    assert found.dynamic_pressure == pytest.approx(pressure / 47.880259, rel=2e-6)
+    assert found.dynamic_pressure == pytest.approx(found.density * point.states.speed**2 / 2, rel=1e-14)
+    assert found.wing_area == pytest.approx(1920.0, rel=1e-5)  # three panels of 80 ft by 8 ft
+    assert found.lift_coefficient * found.dynamic_pressure * found.wing_area == pytest.approx(loads.lift, rel=1e-13)
+    assert found.drag_coefficient * found.dynamic_pressure * found.wing_area == pytest.approx(loads.drag, rel=1e-13)
+    assert found.lift_over_drag == pytest.approx(loads.lift / loads.drag, rel=1e-13)
+    assert found.weight == pytest.approx(3 * p.panel_mass * 32.174, rel=1e-3)
+
+
+def test_steady_flight_balances_weight_along_and_across_the_path(
+    aircraft: Aircraft, flown: tuple[OperatingPoint, SimpleNamespace]
+) -> None:
+    """L + T sin α = W cos γ,  T cos α - D = W sin γ: the load factor is cos γ."""
+    point, found = flown
+    loads, alpha, gamma = aircraft.loads(point.states, point.inputs), point.states.alpha, point.values["gamma"]
+    assert loads.lift + loads.thrust * math.sin(alpha) == pytest.approx(found.weight * math.cos(gamma), rel=1e-9)
+    assert loads.thrust * math.cos(alpha) - loads.drag == pytest.approx(found.weight * math.sin(gamma), abs=1e-6)
+    assert found.load_factor == pytest.approx(math.cos(gamma), rel=1e-9)
+    assert found.hinge_moment_total == pytest.approx(0.0, abs=1e-6)
+    assert found.hinge_moment_total == pytest.approx(
+        loads.hinge_moment - aircraft.parameters.hinge_stiffness * point.states.dihedral, abs=1e-9
+    )
+
+
+@pytest.mark.parametrize(
+    ("altitude", "metres_per_second"),
+    # U.S. Standard Atmosphere, 1976, Table III: speed of sound at geometric altitudes; 12,192 m = 40,000 ft.
+    [(0.0, 340.29), (5_000 / METRE_PER_FOOT, 320.55), (40_000.0, 295.07)],
+)
+def test_mach_is_speed_over_the_printed_speed_of_sound(
+    published_aircraft: Aircraft, point: OperatingPoint, altitude: float, metres_per_second: float
+) -> None:
+    there = replace(point, states=point.states._replace(altitude=altitude))
+    found = SimpleNamespace(**performance(published_aircraft, there))
+    assert found.mach == pytest.approx(68.0 * METRE_PER_FOOT / metres_per_second, rel=2e-5)
+    assert found.speed_of_sound * METRE_PER_FOOT == pytest.approx(metres_per_second, abs=5e-3)
+
+
+def test_the_lift_stands_across_each_panel_and_carries_the_weight(
+    published_aircraft: Aircraft, point: OperatingPoint
+) -> None:
+    panels = panels_from_the_front(published_aircraft, point)
+    loads = published_aircraft.loads(point.states, point.inputs)
+    for panel, lift in zip(panels, (loads.outer.lift, loads.center.lift, loads.outer.lift), strict=True):
+        assert np.linalg.norm(panel.lift) == pytest.approx(lift)
+        assert panel.lift @ (panel.ends[1] - panel.ends[0]) == pytest.approx(0.0, abs=1e-9)
+    lift, weight = (sum(getattr(panel, name) for panel in panels) for name in ("lift", "weight"))
+    # What is missing to the whole weight is the lift's tilt by alpha, drag and thrust: a few thousandths.
+    np.testing.assert_allclose(lift, -weight, rtol=5e-3, atol=1e-9)
+
+
+@pytest.mark.parametrize("degrees", [-20.0, 0.0, 30.0])
+def test_arrows_are_to_scale(published_aircraft: Aircraft, degrees: float) -> None:
+    point = model_at(degrees).point
+    panels = panels_from_the_front(published_aircraft, point)
+    axes = trim_figure(published_aircraft, point).axes[0]
+    drawn = [np.subtract(each.xy, each.xyann) for each in axes.texts if each.arrow_patch is not None]
+    forces = [force for panel in panels for force in (panel.lift, panel.weight)]
+    scale = np.linalg.norm(drawn[0]) / np.linalg.norm(forces[0])
+    np.testing.assert_allclose(drawn, np.array(forces) * scale, atol=1e-9)
+    assert f"{1 / scale:.3g} lbf to the foot" in axes.get_title()
+    moment = published_aircraft.loads(point.states, point.inputs).hinge_moment
+    label = f"{moment:.1f} ft lbf" if degrees else "0.0 ft lbf"
+    assert [each.get_text() for each in axes.texts].count(label) == 2

@@ -60,22 +60,11 @@ def test_a_plan_gives_any_slice_of_the_whole(parameters: Parameters) -> None:
     assert np.array_equal(whole[:4, 1], [25.0, 60.0, 68.0, 75.0])
 
 
-@pytest.mark.parametrize(
-    ("axes", "complaint"),
-    [
-        ({}, "nothing to sweep"),
-        ({"wind": (1.0,)}, "cannot sweep 'wind'"),
-        ({"panel_mass": (-1.0, 2.0)}, "panel_mass is -1 slug to 2 slug in the sweep; it must lie between 0 slug"),
-        ({"dihedral": Steps(0.0, 0.1, 15)}, r"dihedral is 80\.2\d* deg; it must lie between -60 deg and 60 deg"),
-        (
-            {"dihedral": Steps(0.0, 1e-9, 123457), "speed": Steps(60.0, 1e-6, 10**4)},
-            "has 1,234,570,000 points, at most 1,000,000,000",
-        ),
-    ],
-)
-def test_a_wrong_plan_says_what_is_wrong(parameters: Parameters, axes: dict, complaint: str) -> None:
-    with pytest.raises(BadInputError, match=complaint):
-        SweepPlan(axes, Aircraft(parameters))
+def test_a_range_too_long_or_too_far_is_refused(parameters: Parameters) -> None:
+    with pytest.raises(BadInputError, match=r"dihedral is 80\.2\d* deg; it must lie between -60 deg and 60 deg"):
+        SweepPlan({"dihedral": Steps(0.0, 0.1, 15)}, Aircraft(parameters))
+    with pytest.raises(BadInputError, match="has 1,234,570,000 points, at most 1,000,000,000"):
+        SweepPlan({"dihedral": Steps(0.0, 1e-9, 123457), "speed": Steps(60.0, 1e-6, 10**4)}, Aircraft(parameters))
 
 
 def test_where_a_search_begins_is_part_of_a_plan(parameters: Parameters) -> None:

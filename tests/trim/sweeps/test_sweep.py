@@ -89,8 +89,6 @@ def test_a_sweep_and_a_trim_say_the_same(aircraft: Aircraft) -> None:
         ({"dihedral": [0.1, 0.5]}, load_condition("simvfa-64"), "alpha is given from 0 deg to 20 deg of dihedral"),
         ({"flaps": [0.1]}, LEVEL_FLIGHT, "cannot sweep 'flaps'; choose from speed, alpha"),
         ({"dihedral": [5.0, 15.0]}, LEVEL_FLIGHT, "dihedral is 286.479 deg; it must lie between -60 deg and 60 deg"),
-        ({"dihedral": [0.1], "speed": [68.0, -5.0]}, LEVEL_FLIGHT, "speed is -5 ft/s; it must lie between 1 ft/s and"),
-        ({"altitude": [4e4, float("nan")]}, LEVEL_FLIGHT, "altitude is nan; give a finite number"),
         ({"speed": np.ma.masked_less([60.0, 68.0], 65.0)}, LEVEL_FLIGHT, "speed has masked entries"),
         ({"panel_mass": [-1.0]}, LEVEL_FLIGHT, "panel_mass is -1 slug in the sweep; it must lie between 0 slug"),
         ({}, LEVEL_FLIGHT, "nothing to sweep"),
@@ -146,17 +144,12 @@ def test_modes_do_not_jump_in_a_sweep_over_two_variables(over_two: Sweep) -> Non
     assert (np.abs(np.diff(fast, axis=0)) < 0.2 * np.abs(fast[:-1]) + 0.2).all()
 
 
-@pytest.mark.parametrize(
-    ("grid", "expected"),
-    [
-        ({"speed": [66.0, 70.0]}, []),
-        ({"dihedral": [-15.0, 15.0]}, []),
-        ({"dihedral": [-16.0, 15.0]}, ["dihedral -16 deg lies beyond the paper's range, which ends at 15 deg"]),
-    ],
-)
-def test_a_sweep_warns_beyond_the_papers_range(published_aircraft: Aircraft, grid, expected: list[str]) -> None:
-    radians = {name: np.radians(each) if name == "dihedral" else each for name, each in grid.items()}
-    assert list(sweep(published_aircraft, radians).report().notes) == expected
+def test_a_sweep_warns_beyond_the_papers_range(published_aircraft: Aircraft) -> None:
+    for lowest, expected in (
+        (-15.0, []),
+        (-16.0, ["dihedral -16 deg lies beyond the paper's range, which ends at 15 deg"]),
+    ):
+        assert list(sweep(published_aircraft, {"dihedral": np.radians([lowest, 15.0])}).report().notes) == expected
 
 
 LISTS = [

@@ -1,17 +1,56 @@
-"""Named conditions: those of the package trim, and faults of a file are named."""
+"""Operating points and conditions in files: they come back, and what is wrong in a file is named."""
 
 from __future__ import annotations
 
+import json
 import math
+import re
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from cli import refusal
 
 from hfa_model import Aircraft
 from hfa_support import BadInputError
-from trim import find_operating_point, level_flight, load_condition
+from trim import OperatingPoint, find_operating_point, level_flight, load_condition
 from verification import released_trims
+
+
+@pytest.fixture(scope="module")
+def point(published_aircraft: Aircraft) -> OperatingPoint:
+    return find_operating_point(published_aircraft, level_flight(float(np.radians(12.0))))
+
+
+def test_round_trip_is_bit_for_bit(point: OperatingPoint, tmp_path: Path) -> None:
+    awkward = replace(point, inputs=point.inputs._replace(throttle=0.1 + 0.2, aileron_center=-5e-324))
+    for each in (point, awkward):
+        path = tmp_path / "point.json"
+        each.save(path)
+        assert OperatingPoint.load(path) == each
+    assert [each.name for each in tmp_path.iterdir()] == ["point.json"]
+
+
+@pytest.mark.parametrize(
+    ("pattern", "replacement", "words"),
+    [
+        (r"\A.*\Z", "not json", "is not JSON"),
+        (r"operating-point/1", "operating-point/9", "is not an operating point of schema"),
+        (r'"speed": [^,]*,', "", "states.speed is missing"),
+        (r'"alpha": [^,]*,', '"alpha": "much",', "states.alpha is 'much'; give a finite number"),
+        (r'"alpha": [^,]*,', '"alpha": NaN,', "states.alpha is nan; give a finite"),
+        (r'"dynamics": [^,]*,', "", "dynamics is missing"),
+    ],
+)
+def test_wrong_files_are_refused(
+    point: OperatingPoint, tmp_path: Path, pattern: str, replacement: str, words: str
+) -> None:
+    path = tmp_path / "point.json"
+    text, count = re.subn(pattern, replacement, json.dumps(point.to_dict()), count=1, flags=re.S)
+    assert count == 1
+    path.write_text(text, encoding="utf-8")
+    assert words in refusal(OperatingPoint.load, path)
 
 
 def test_the_paper_s_condition_is_the_default() -> None:
@@ -46,16 +85,11 @@ def test_beyond_the_angles_of_a_table_there_is_no_condition() -> None:
         ("[impose]\nspeeed = 60", "unknown trim variable 'speeed'; choose from speed"),
         ("[impose]\nspeed_deg = 60", "speed_deg is no angle; write speed, in ft/s"),
         ("[impose]\nalpha_deg = 'two'", "alpha_deg is 'two'; give a finite number"),
-        ("[impose]\nalpha_deg = inf", "alpha_deg is inf; give a finite number"),
-        ("[impose]\nalpha_deg = true", "alpha_deg is True; give a finite number"),
         ("[impose]\nalpha_deg = [[0, 1, 2]]", "value] rows"),
         ("[impose]\nalpha_deg = [[5, 1], [5, 2]]", "must increase"),
         ("[limits]\nalpha_deg = 3", "limits.alpha_deg is 3; give a list of numbers"),
-        ("free = 'alpha'", "free is 'alpha'; give a list of names in quotes"),
         ("free = ['flaps']", "unknown trim variable 'flaps'"),
-        ("impose = 3", "impose is 3; make it the table"),
         ("inpose = 3", "unknown entry inpose; did you mean impose?"),
-        ("free = [", "is not a TOML file"),
     ],
 )
 def test_what_is_wrong_in_a_file_is_named(tmp_path: Path, text: str, message: str) -> None:
