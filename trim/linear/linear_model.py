@@ -287,21 +287,17 @@ def linearize(
     disturbances: names; None for the first one where outputs are asked for. The HFA's are winds, ft/s.
     BadInputError when the point is of another model or other dynamics, or a name is unknown.
     """
-    own = aircraft.model
+    own, states = aircraft.model, np.array(point.states)
     point.refuse_other(own)
     plain = outputs is None and disturbances is None
     seen = tuple(own.states) if plain else tuple(outputs or (own.states if full else own.linear))
     winds = tuple(disturbances if disturbances is not None else [*own.disturbances][: outputs is not None])
     _positions("output", seen, (*own.states, *own.outputs))
     _positions("disturbance", winds, tuple(own.disturbances))
-    found = own.at(point.states, point.inputs, () if plain else seen, winds)
-    if plain:
-        eye = np.eye(len(seen))
-        found = found._replace(y=np.array(point.states), C=eye, D=np.zeros_like(found.B), F=found.E)
+    found = own.at(point.states, point.inputs, seen, winds)
+    kinks = kinks_of(own, states, np.array(point.inputs), np.hstack([found.A, found.B]))
     names = tuple(own.states), tuple(own.inputs)
-    model = LinearModel(found.A, found.B, *names, point, seen, *found[4:], found.y, winds)
-    exact = np.hstack([found.A, found.B])
-    model = replace(model, kinks=kinks_of(own, np.array(point.states), np.array(point.inputs), exact))
+    model = LinearModel(found.A, found.B, *names, point, seen, *found[4:], found.y, winds, kinks)
     return model if full else model.select(own.linear)
 
 
