@@ -38,14 +38,12 @@ _TOGETHER = (250, 16, 1)
 
 
 class Points(NamedTuple):
-    """N points of n states and m inputs. status: (N,) index into `STATUS`. limiting: (N,) index into states and inputs
-    of the variable farthest beyond its limits, -1 when none. states: (N, n), inputs: (N, m): where trimmed, or what
-    balance would take where beyond limits. A: (N, n, n), B: (N, n, m); nan where not trimmed. failures: number of a
-    point that `find_operating_point` could not trim -> why. Units: the model's.
+    """N points of n states and m inputs. status: (N,) index into `STATUS`. states: (N, n), inputs: (N, m): where
+    trimmed, or what balance would take where beyond limits. A: (N, n, n), B: (N, n, m); nan where not trimmed.
+    failures: number of a point that `find_operating_point` could not trim -> why. Units: the model's.
     """
 
     status: np.ndarray
-    limiting: np.ndarray
     states: np.ndarray
     inputs: np.ndarray
     A: np.ndarray
@@ -87,10 +85,8 @@ def trim_points(
     else:
         flat = _newton(model, variables, values, condition, key, start, compile_code)
     balanced = (np.abs(flat[:, ends[-1] :]) <= BALANCE).all(axis=1)
-    # How far what is seen lies beyond its limits, negative within.
-    limits = np.array([condition.limits_of(name) for name in seen])
-    excess = np.maximum(limits[:, 0] - flat[:, : len(seen)], flat[:, : len(seen)] - limits[:, 1])
-    within = (excess <= 0.0).all(axis=1)
+    lowest, highest = np.array([condition.limits_of(name) for name in seen]).T
+    within = ((flat[:, : len(seen)] >= lowest) & (flat[:, : len(seen)] <= highest)).all(axis=1)
     status = np.where(balanced & within, TRIMMED, NO_TRIM).astype(np.int8)
     if set(condition.free) - set(variables) <= set(model.inputs):
         status[balanced & ~within] = BEYOND_LIMITS
@@ -108,11 +104,8 @@ def trim_points(
             failures[i], states[i], inputs[i] = str(error), np.nan, np.nan
         if progress is not None:
             progress(done, len(values))
-    limiting, beyond = np.full(len(values), -1, dtype=np.int8), status == BEYOND_LIMITS
-    width = np.where(np.isfinite(limits).all(axis=1), limits[:, 1] - limits[:, 0], 1.0)
-    limiting[beyond] = (excess[beyond] / width)[:, : n + m].argmax(axis=1)
     A[status != TRIMMED], B[status != TRIMMED] = np.nan, np.nan
-    return Points(status, limiting, states, inputs, A, B, failures)
+    return Points(status, states, inputs, A, B, failures)
 
 
 def model_at(model: Model, variables: tuple[str, ...], row: np.ndarray) -> Model:

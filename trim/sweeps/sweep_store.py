@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -33,18 +33,15 @@ def arrays_of(plan: SweepPlan) -> dict[str, Array]:
         about = described(meaning, **{"units_of" if axes else "units": units})
         return Array(tuple(map(sizes.__getitem__, axes)), "float64", _NAN, axes, about)
 
-    def coded(meaning: str, words: Sequence[str]) -> Array:  # by the CF conventions
-        flags = {"flag_values": list(range(len(words)))}
-        meanings = " ".join(word.replace(" ", "_") for word in words)
-        return Array((), "int8", -1, (), described(meaning) | flags | {"flag_meanings": meanings})
-
+    words = " ".join(each.replace(" ", "_") for each in STATUS)  # by the CF conventions
+    flags = {"flag_values": list(range(len(STATUS))), "flag_meanings": words}
+    status = described("how the trim came out") | flags
     poles = described("of A, fastest first", "1/s")
     kinks = described("entries of A and B whose one-sided slopes differ, -1 where not looked for")
     varied = zip(plan.variables, plan.units, strict=True)
     return {name: numbers("what is varied", unit) for name, unit in varied} | {
         "values": numbers("what is varied", "variable_unit", "variable"),
-        "status": coded("how the trim came out", STATUS),
-        "limiting": coded("what lies beyond its limit", (*plan.model.states, *plan.model.inputs)),
+        "status": Array((), "int8", -1, (), status),
         "states": numbers("X0", "state_unit", "state"),
         "inputs": numbers("U0", "input_unit", "input"),
         "A": numbers("dx'/dx", "rate_unit / state_unit", "rate", "state"),
@@ -78,7 +75,7 @@ class SweepJob:
             **plan.varied,
             **{"states": list(states), "state_units": list(model.units(states))},
             **{"inputs": list(inputs), "input_units": list(model.units(inputs))},
-            **{"status": list(STATUS), "limiting": list(states + inputs), "warnings": plan.warnings},
+            **{"status": list(STATUS), "warnings": plan.warnings},
         }
         chunk = CHUNK if is_square(model, plan.variables, plan.condition) else SLOW_CHUNK
         data = plan.to_dict(), arrays_of(plan), labels, attributes
