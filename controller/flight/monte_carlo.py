@@ -82,7 +82,6 @@ class MonteCarlo(Shown):
         if not (self.members >= 1 and self.seed >= 0):
             raise BadInputError(f"members is {self.members} and seed {self.seed}; give at least 1 and 0")
         object.__setattr__(self, "scenario", self.scenario.on(self.model))
-        NonlinearPlant(self.aircraft, self.point)  # refuses the trim of another model
         for name in ("reference", "disturbance", "noise"):
             if not isinstance(getattr(self.scenario, name), (Signal, CommandedStates)):
                 raise BadInputError(f"the {name} of a Monte Carlo must be a Signal, whose formula says what it is")
@@ -175,11 +174,12 @@ class MonteCarlo(Shown):
 
 def _told_apart(model: Model) -> tuple[str, ...]:
     """What decides a model's equations: the file that it comes from and its hash, else a hash of the expressions."""
-    x, u, p, w = (ca.SX.sym(name, len(names)) for name, names in zip(VECTORS, model.layout.names, strict=False))
     if model.source[0]:
         return model.source
-    f = model.layout.expressions(tuple(map(components, (x, u, p))), (), components(w))[0]
-    return (hashlib.sha256(ca.Function("f", [x, u, p, w], [f]).serialize().encode()).hexdigest(),)
+    vectors = model.layout.symbols(*VECTORS)
+    *given, w = map(components, vectors)
+    rates = model.layout.expressions(given, (), w)[0]
+    return (hashlib.sha256(ca.Function("f", vectors, [rates]).serialize().encode()).hexdigest(),)
 
 
 @cached_per_thread(maxsize=4)
@@ -231,7 +231,7 @@ def member_report(plan: MonteCarlo, store: Store, where: str = "") -> Report:
     envelope; within_limits: those of them whose inputs stayed within the control limits and that settle; left: members
     by the state that left first, the earliest after `first_left` s; exceeded: by the input that went beyond its control
     limit; limit_cycle: by what still oscillates at the end; quantity -> variable -> `QUANTILES` over those inside, None
-    where none was; errors: parameter -> relative standard deviation asked for, mean and deviation of its factor.
+    where none was.
     """
     model, duration, moving = plan.model, plan.scenario.duration, plan.scenario.moving_air
     left, flown, cycle = store.read("left"), store.read("flown"), store.read("cycle")
@@ -254,32 +254,9 @@ def member_report(plan: MonteCarlo, store: Store, where: str = "") -> Report:
             listed = ", ".join(f"{each} {count}" for each, count in counts[name].items() if count)
             lines.append(f"{words}: {listed}" + (f"; the first after {first:.3g} s" if name == "left" else ""))
     parts: list[str | Table] = ["\n".join(lines)]
-    shown = {"rms_error": model.linear, "peak_error": model.linear, "effort": tuple(model.inputs)}
-    if flown_through_air(model):
-        shown["peak_deviation"] = (ANGLE_OF_ATTACK,)
-    quantiles, rows = dict[str, Any](), list[tuple[str, ...]]()
-    for name, of in shown.items():
-        values = store.read("peak_angle_of_attack" if name == "peak_deviation" else name)[inside].reshape(-1, len(of))
-        found = np.quantile(values, QUANTILES, axis=0).T.tolist() if inside.any() else [None] * len(of)
-        quantiles[name] = dict(zip(of, found, strict=True))
-        for each, numbers in quantiles[name].items() if inside.any() and (moving or name != "peak_deviation") else ():
-            unit = model.unit(each)
-            cells = (short_number(number, unit) for number in numbers)
-            rows.append((f"{name.replace('_', ' ')} {each}", *cells, shown_unit(unit)))
-    if rows:
-        shares = ["largest" if share == 1.0 else f"{100 * share:g} %" for share in QUANTILES]
-        parts.append(Table(("of those inside the envelope", *shares, "unit"), rows))
-        parts += [OVER_GROUND] * (moving and flown_through_air(model))
-    errors = {}
-    for (name, size), drawn in zip(plan.scenario.uncertainty.errors.items(), store.read("factors").T, strict=True):
-        deviation = None if plan.members == 1 else float(drawn.std(ddof=1))
-        errors[name] = {"asked": size, "mean": float(drawn.mean()), "deviation": deviation}
-    if errors:
-        drawn_rows = [
-            (name, *("-" if value is None else f"{value:.4g}" for value in each.values()))
-            for name, each in errors.items()
-        ]
-        parts.append(Table(("parameter", "relative deviation", "drawn mean", "drawn deviation"), drawn_rows))
+    quantiles, table = _quantiles(plan, store, inside)
+    if inside.any():
+        parts += [table, *[OVER_GROUND] * (moving and flown_through_air(model))]
     title = (
         f"Monte Carlo, {plan.point.called}, nonlinear aircraft, law {plan.law.name}: "
         f"{plan.members} members of {duration:g} s, seed {plan.seed}" + (f", {where}" if where else "")
@@ -298,8 +275,25 @@ def member_report(plan: MonteCarlo, store: Store, where: str = "") -> Report:
         **counts,
         "quantiles": list(QUANTILES),
         **quantiles,
-        "errors": errors,
     }
     alike = plan.scenario.uncertainty == Uncertainty()
     notes = ["nothing differs from member to member: give parameter errors, noise or turbulence"] if alike else []
     return Report(title, parts, notes, data)
+
+
+def _quantiles(plan: MonteCarlo, store: Store, inside: np.ndarray) -> tuple[dict[str, Any], Table]:
+    """Quantity -> variable -> its `QUANTILES` over the members inside; the same as a table."""
+    model, rows, found = plan.model, list[tuple[str, ...]](), dict[str, Any]()
+    kept = {"rms_error": model.linear, "peak_error": model.linear, "effort": tuple(model.inputs)}
+    if flown_through_air(model):
+        kept["peak_deviation"] = (ANGLE_OF_ATTACK,)
+    for name, of in kept.items():
+        values = store.read("peak_angle_of_attack" if name == "peak_deviation" else name)[inside].reshape(-1, len(of))
+        ends = np.quantile(values, QUANTILES, axis=0).T.tolist() if inside.any() else [None] * len(of)
+        found[name] = dict(zip(of, ends, strict=True))
+        for each, numbers in zip(of, ends, strict=True):
+            if plan.scenario.moving_air or name != "peak_deviation":
+                cells = (short_number(number, model.unit(each)) for number in numbers or ())
+                rows.append((f"{name.replace('_', ' ')} {each}", *cells, shown_unit(model.unit(each))))
+    shares = ["largest" if share == 1.0 else f"{100 * share:g} %" for share in QUANTILES]
+    return found, Table(("of those inside the envelope", *shares, "unit"), rows)
