@@ -15,7 +15,6 @@ from endings import until
 
 from hfa_cli.main import DONE, FAILED
 
-pytest.importorskip("distributed")
 #: Four chunks.
 WORDS = ("monte-carlo", "--dihedral", "15", "--law", "exact", "--samples", "4000", "--duration", "1", "-o", "a.zarr")
 
@@ -35,6 +34,7 @@ def running(*words: str, folder: Path) -> Iterator[subprocess.Popen[str]]:
 @pytest.mark.slow
 @pytest.mark.parametrize("lost", ["scheduler", "worker"])
 def test_what_is_lost_of_a_cluster_costs_no_result(tmp_path: Path, lost: str) -> None:
+    pytest.importorskip("distributed")
     dask, known = str(Path(sys.executable).with_name("dask")), tmp_path / "scheduler.json"
     whole = tmp_path / "whole"
     whole.mkdir()

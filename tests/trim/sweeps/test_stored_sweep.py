@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-import xarray
 import zarr
 
 from hfa_model import DEGREE, INPUTS, STATES, Aircraft, Parameters
@@ -23,6 +22,8 @@ LIMITED = release(LEVEL_FLIGHT, limits={"throttle": (0.0, 40.0)})
 
 
 def test_a_store_has_names_and_units(tmp_path: Path, parameters: Parameters) -> None:
+    import xarray
+
     plan = SweepPlan({"dihedral": (0.0, 0.1), "speed": (60.0, 68.0)}, Aircraft(parameters))
     store = stream_sweep(plan, tmp_path / "a.zarr")
     counts = stored_sweep_report(plan, store, tmp_path).data["counts"]
