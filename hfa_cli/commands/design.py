@@ -27,11 +27,12 @@ _BANDWIDTHS = (2.0, 10.0)
 
 def _options() -> Options:
     file, by = "a design (.toml), or a controller to print (.npz)", named_model().schedule
+    usual = value_range(by, _RANGE) if by == HFA.schedule else None
     bandwidth = "of the actuators behind which margins are computed, rad/s; default 2:10"
     return {
         "file": Option(file, "FILE", input_file(".npz", ".toml"), more={"nargs": "?"}),
         **trims.design(),
-        **trims.at(partial(value_range, by), "RANGE", f"default {_RANGE}" * (by == HFA.schedule)),
+        **trims.at(partial(value_range, by), "RANGE", f"default {_RANGE}" * (usual is not None), default=usual),
         **trims.AIRCRAFT,
         "--bandwidth": Option(bandwidth, "A[:B...]", lambda text: tuple(map(positive, text.split(":")))),
         "-o --output": Option(f"write the controller ({', '.join(SUFFIXES)})", "FILE", output_file(*SUFFIXES)),
@@ -61,12 +62,12 @@ def design(arguments: argparse.Namespace) -> int:
         trims.refuse(arguments, ("at", "output"), "belongs to --design; leave it out with a file")
         controller = load_controller(arguments.file, model)
     else:
-        if arguments.at is None and design.shaping is not None:
-            at = np.array(design.shaping.places)
-        elif arguments.at is None and model.schedule != HFA.schedule:
+        at = arguments.at
+        if "at" not in arguments.given and design.shaping is not None:
+            at = tuple(design.shaping.places)
+        if at is None:
             raise BadInputError(f"give the values of {model.schedule or 'the scheduling variable'} by --at RANGE")
-        else:
-            at = array_of(f"--{trims.called_at()}", arguments.at or value_range(HFA.schedule, _RANGE), _MOST_POINTS)
+        at = array_of(f"--{trims.called_at()}", at, _MOST_POINTS)
         controller = design_controller(aircraft, design, at, progress=ProgressLine("design"))
         controller = replace(controller, about={**controller.about, "provenance": provenance(arguments).to_dict()})
     knots, in_degrees = controller.places, model.schedule_unit == "deg"

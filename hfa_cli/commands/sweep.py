@@ -20,7 +20,6 @@ from hfa_cli.output import ProgressLine, draw, provenance, show
 from hfa_support.errors import BadInputError
 from hfa_support.reporting.report import Report
 from trim.point.condition import TrimCondition
-from trim.sweeps.points import condition_at
 from trim.sweeps.sweep import MOST_POINTS, run_plan
 from trim.sweeps.sweep_plan import SweepPlan
 
@@ -126,13 +125,9 @@ def _listed(path: Path, condition: TrimCondition) -> dict[str, np.ndarray]:
 def _in_memory(plan: SweepPlan, arguments: argparse.Namespace) -> tuple[Report, bool]:
     """The report, with the picture drawn, and whether any point has a trim."""
     result = run_plan(plan, progress=ProgressLine("sweep"))
-    notes, failed = [], np.flatnonzero(~result.trimmed)
-    if failed.size and set(plan.variables) <= set(plan.condition.model.holdable):
-        at = condition_at(plan.condition, plan.variables, result.values[failed[0]])
-        if advice := trims.freed_alpha(arguments, plan.aircraft, at):
-            notes.append(f"at the first point without a trim {advice}")
+    report = result.report()
     if arguments.picture is not None and not result.trimmed.any():
-        notes.append(f"nothing to draw: {arguments.picture} is not written")
+        report = replace(report, notes=[*report.notes, f"nothing to draw: {arguments.picture} is not written"])
     else:
         draw(arguments, result.figure)
     if arguments.output is not None and arguments.output.suffix.lower() == UNIT:
@@ -141,8 +136,6 @@ def _in_memory(plan: SweepPlan, arguments: argparse.Namespace) -> tuple[Report, 
         from trim.linear.varying import InterpolatedModel
 
         write_fmu(interpolated_loop(InterpolatedModel(result)), arguments.output, provenance(arguments))
-    report = result.report()
-    report = replace(report, notes=[*report.notes, *notes])
     return report, bool(result.trimmed.any())
 
 

@@ -16,7 +16,6 @@ from hfa_cli.options.argument_types import (
     one_of,
     output_file,
     place,
-    places,
     quantity,
     span,
     whole,
@@ -130,11 +129,6 @@ def flights(kind: Callable[[str, str], Any] = quantity, form: str = "VALUE", abo
 def trim(*, required: bool = False) -> Options:
     """A single trim, and the aircraft."""
     return {**at(required=required), **flights(), **AIRCRAFT}
-
-
-def proved_trims(form: str) -> Options:
-    """Trims over an interval of the scheduling variable, about which something is proved."""
-    return {**at(places, form, "what is proved holds at every value between"), **flights(), **AIRCRAFT}
 
 
 def output(*also: str, what: str = "") -> Options:
@@ -279,26 +273,19 @@ def point_of(arguments: argparse.Namespace, aircraft: Aircraft | Model) -> Opera
 
     Raises TrimError that also says so where a held angle of attack is why there is no trim.
     """
-    condition, by = condition_of(arguments), model().schedule
+    condition, by, start = condition_of(arguments), model().schedule, start_of(arguments)
     if arguments.at is not None and by in condition.free:
         begins = f"--{called_at()} {model().describe(by, arguments.at)}" if arguments.start is None else "--start"
         warnings.warn(f"{by} is free: the search begins at {begins}", stacklevel=2)
     try:
-        return find_operating_point(aircraft, condition, start_of(arguments))
+        return find_operating_point(aircraft, condition, start)
     except TrimError as error:
-        if not (advice := freed_alpha(arguments, aircraft, condition)):
+        if "alpha" not in condition.imposed:
             raise
-        raise TrimError(f"{error}; {advice}", error.attempt) from None
-
-
-def freed_alpha(arguments: argparse.Namespace, aircraft: Aircraft | Model, condition: TrimCondition) -> str:
-    """What to type where a held angle of attack is why a condition has no trim; "" where it is not why."""
-    if "alpha" not in condition.imposed:
-        return ""
-    try:
-        point = find_operating_point(aircraft, release(condition, free=("alpha",)), start_of(arguments))
-    except NoSolutionError:
-        return ""
-    held, found = (model().describe("alpha", each) for each in (condition.imposed["alpha"], point.states.alpha))
-    how = f"{'leave --hold alpha out and ' if 'alpha' in arguments.hold else ''}add --free alpha"
-    return f"alpha is held at {held}, free it trims at {found}: {how}"
+        try:
+            free = find_operating_point(aircraft, release(condition, free=("alpha",)), start)
+        except NoSolutionError:
+            raise error from None
+        held, found = (model().describe("alpha", each) for each in (condition.imposed["alpha"], free.states.alpha))
+        how = "leave --hold alpha out and " * ("alpha" in arguments.hold) + "add --free alpha"
+        raise TrimError(f"{error}; alpha is held at {held}, free it trims at {found}: {how}", error.attempt) from None
