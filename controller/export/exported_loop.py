@@ -123,7 +123,10 @@ def exported_loop(
     model, U0 = aircraft.model, np.array(point.inputs)
     w = ca.SX.sym("w", int(UPDRAFT in model.disturbances))
     air = [Channel(UPDRAFT, model.unit(UPDRAFT))] * w.numel()
-    states, inputs = _states(model, model.states, point.states), _channels(model, model.inputs, point.inputs)
+    states, inputs = (
+        _channels(model, model.states, point.states, rates=True),
+        _channels(model, model.inputs, point.inputs),
+    )
     for suffix in ("actuator", "actuator_rate")[: 0 if actuators is None else actuators.order]:
         for name, each in model.inputs.items():
             unit = each.unit if suffix == "actuator" else None
@@ -168,18 +171,16 @@ def interpolated_loop(between: InterpolatedModel) -> ExportedLoop:
     function = ca.Function("loop", [x, ca.vertcat(u, s)], [rate, ca.DM(0, 1)], {"cse": True})
     inputs = _channels(model, model.inputs, trimmed.inputs)
     inputs += [Channel(f"scheduled_{name}", model.unit(name), value) for name, value in middle.items()]
-    states = _states(model, sweep.model_states, trimmed.states[rows])
+    states = _channels(model, sweep.model_states, trimmed.states[rows], rates=True)
     return ExportedLoop(function, tuple(states), (), tuple(inputs), len(states))
 
 
-def _states(model: Model, names: Iterable[str], values: Iterable[float]) -> list[Channel]:
-    return [each._replace(rate_unit=model.rate_unit(each.name)) for each in _channels(model, names, values)]
-
-
-def _channels(model: Model, names: Iterable[str], values: Iterable[float]) -> list[Channel]:
+def _channels(model: Model, names: Iterable[str], values: Iterable[float], *, rates: bool = False) -> list[Channel]:
+    """Signals of the model at these values; rates: with the units of their rates."""
     return [
-        Channel(name, model.unit(name), float(value), model.signals[name].nominal)
+        Channel(name, each.unit, float(value), each.nominal, model.rate_unit(name) if rates else None)
         for name, value in zip(names, values, strict=True)
+        for each in [model.signals[name]]
     ]
 
 

@@ -59,8 +59,11 @@ class ControlExcess(NamedTuple):
 
 
 def _beyond(value: float, limit: float, unit: str) -> str:
-    shown = "" if unit == "1" else f" {shown_unit(unit)}"
-    return f"{short_number(value, unit)}{shown} beyond {short_number(limit, unit)}"
+    return f"{_shown(value, unit)} beyond {short_number(limit, unit)}"
+
+
+def _shown(value: float, unit: str) -> str:
+    return short_number(value, unit) + ("" if unit == "1" else f" {shown_unit(unit)}")
 
 
 def limits_text(lowest: float, highest: float, unit: str) -> str:
@@ -188,7 +191,7 @@ class LimitCycle(NamedTuple):
 
     def text(self) -> str:
         """In degrees for angles."""
-        size = f"{short_number(self.amplitude, self.unit)} {'' if self.unit == '1' else shown_unit(self.unit)}".strip()
+        size = _shown(self.amplitude, self.unit)
         return f"limit cycle: {self.name} goes on by ±{size} at {self.frequency:.3g} rad/s; the flight has not settled"
 
 

@@ -54,22 +54,19 @@ class Uncertainty:
         Mean 1 and standard deviation s exactly, and never a change of sign.
         """
         sigma = np.sqrt(np.log1p(np.array(list(self.errors.values()), dtype=float) ** 2))
-        drawn: np.ndarray = np.exp(sigma * _stream(seed, member, _ERRORS).standard_normal(len(sigma)) - sigma**2 / 2)
-        return drawn
+        drawn = np.random.default_rng(_sequence(seed, member, _ERRORS)).standard_normal(len(sigma))
+        return np.asarray(np.exp(sigma * drawn - sigma**2 / 2))
 
     def samples(self, seed: int, member: int, ticks: int, names: tuple[str, ...]) -> np.ndarray | None:
         """Noise N(0, s²) of each tick, (ticks, k), on the states `names`; None without any."""
         levels = np.array([self.noise.get(name, 0.0) for name in names])
         if not levels.any():
             return None
-        return levels * _stream(seed, member, _NOISE).standard_normal((ticks, len(levels)))
-
-
-def _stream(seed: int, member: int, kind: int) -> np.random.Generator:
-    return np.random.default_rng(_sequence(seed, member, kind))
+        return levels * np.random.default_rng(_sequence(seed, member, _NOISE)).standard_normal((ticks, len(levels)))
 
 
 def _sequence(seed: int, member: int, kind: int) -> np.random.SeedSequence:
+    """Of one kind of randomness of a member."""
     return np.random.SeedSequence(seed, spawn_key=(member, kind))
 
 
@@ -81,10 +78,9 @@ class Scenario(Shown):
     steps. initial: (n,), deviation from trim, () for none. reference, disturbance, noise: (k,) each, of
     the states of the linear model; None is 0. errors: parameter -> factor on the flown aircraft, which the design does
     not know. actuators, gust: stages of the loop. air: disturbance of the model -> its signal, (1,). delay: s, whole
-    ticks, by which every command comes late. uncertainty: the random quantities, which `drawn` draws. samples:
-    (ticks, k),
-    drawn noise, held in each tick. BadInputError when the times do not fit each other or the actuators, are too long,
-    or there are two gusts.
+    ticks, by which every command comes late. uncertainty: the random quantities, which `drawn` draws. samples: drawn
+    noise, (ticks, k), held in each tick. BadInputError when the times do not fit each other or the actuators, are too
+    long, or there are two gusts.
     """
 
     duration: float = 20.0

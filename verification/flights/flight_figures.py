@@ -132,7 +132,7 @@ def _start_map(axes: Axes, each: RecoverableMap) -> dict[str, Any]:
     for index, back in sorted(set(zip(left[~inside].tolist(), returned[~inside].tolist(), strict=True))):
         name = (*states, "no state")[index]
         label = f"came back, {name} had left" if back else f"lost, {name} left first"
-        color = np.array(to_rgb(_color(index)))
+        color = np.array(to_rgb("0.6" if index < 0 else _COLORS[index % len(_COLORS)]))
         fill(~inside & (left == index) & (returned == back), _PALE * color + 1 - _PALE if back else color, label)
     across, down = (shown_values(values, model.unit(name)) for name, values in each.axes.items())
     axes.pcolormesh(across, down, picture, shading="nearest")
@@ -147,10 +147,6 @@ def _start_map(axes: Axes, each: RecoverableMap) -> dict[str, Any]:
     axes.set_ylabel(up)
     axes.set_title(f"{each.point.called}, trim {at_scheduled(each.point)}", fontsize=10)
     return handles
-
-
-def _color(index: int) -> str:
-    return "0.6" if index < 0 else _COLORS[index % len(_COLORS)]
 
 
 def _finish(axes: Axes, label: str) -> None:
