@@ -123,10 +123,8 @@ def exported_loop(
     model, U0 = aircraft.model, np.array(point.inputs)
     w = ca.SX.sym("w", int(UPDRAFT in model.disturbances))
     air = [Channel(UPDRAFT, model.unit(UPDRAFT))] * w.numel()
-    states, inputs = (
-        _channels(model, model.states, point.states, rates=True),
-        _channels(model, model.inputs, point.inputs),
-    )
+    inputs = _channels(model, model.inputs, point.inputs)
+    states = _channels(model, model.states, point.states, rates=True)
     for suffix in ("actuator", "actuator_rate")[: 0 if actuators is None else actuators.order]:
         for name, each in model.inputs.items():
             unit = each.unit if suffix == "actuator" else None
@@ -177,11 +175,11 @@ def interpolated_loop(between: InterpolatedModel) -> ExportedLoop:
 
 def _channels(model: Model, names: Iterable[str], values: Iterable[float], *, rates: bool = False) -> list[Channel]:
     """Signals of the model at these values; rates: with the units of their rates."""
-    return [
-        Channel(name, each.unit, float(value), each.nominal, model.rate_unit(name) if rates else None)
-        for name, value in zip(names, values, strict=True)
-        for each in [model.signals[name]]
-    ]
+    found = []
+    for name, value in zip(names, values, strict=True):
+        rate_unit = model.rate_unit(name) if rates else None
+        found.append(Channel(name, model.unit(name), float(value), model.signals[name].nominal, rate_unit))
+    return found
 
 
 # C.
