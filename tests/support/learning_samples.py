@@ -8,6 +8,7 @@ from functools import cache
 import numpy as np
 from game_samples import game_models
 from reference_riccati import Reference, reference_solution, relative_error
+from scipy.linalg import solve_continuous_lyapunov
 
 from controller import Game, basis, random_pool
 from controller.game.basis import Basis
@@ -62,6 +63,11 @@ def random_start(
     else:
         return rng.normal(size=functions.size) * 10.0 ** rng.uniform(-3.0, 5.0)
     return functions.weights(start / np.outer(units, units))
+
+
+def value_of_policies(game: Game, P: np.ndarray) -> np.ndarray:
+    """Value of u = -R⁻¹B'P z, d = δ⁻²E'P z:  (A - S P)'V + V (A - S P) + Q + P S P = 0."""
+    return solve_continuous_lyapunov((game.A - game.S @ P).T, -(game.Q + P @ game.S @ P))
 
 
 def abscissa(matrix: np.ndarray) -> float:

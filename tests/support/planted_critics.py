@@ -8,7 +8,8 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
-from scipy.linalg import solve_continuous_lyapunov
+from learning_samples import value_of_policies
+from scipy.linalg import solve_continuous_are, solve_continuous_lyapunov
 
 from controller import Game, basis
 from verification import from_gain, from_value, from_weights, solve_game
@@ -78,10 +79,7 @@ def other_root(game: Game) -> np.ndarray:
 
 def recorded_policy(game: Game) -> np.ndarray:
     """The value of the policies of another P, as a stack with frozen policies teaches it."""
-    from scipy.linalg import solve_continuous_are
-
-    P0 = solve_continuous_are(game.A, game.B, 1000.0 * np.eye(len(game.A)), game.R)
-    return solve_continuous_lyapunov((game.A - game.S @ P0).T, -(game.Q + P0 @ game.S @ P0))
+    return value_of_policies(game, solve_continuous_are(game.A, game.B, 1000.0 * np.eye(len(game.A)), game.R))
 
 
 def lqr(game: Game) -> np.ndarray:

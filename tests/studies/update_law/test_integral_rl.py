@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from learning_samples import QUADRATIC, lq, published, stable_game
+from learning_samples import QUADRATIC, lq, published, stable_game, value_of_policies
 from reference_riccati import relative_error
 
 from controller import basis, run
@@ -23,15 +23,6 @@ from studies.update_law.integral_rl import (
 
 def stable_learning(**changes: Any) -> IntegralLearning:
     return IntegralLearning(stable_game(), basis("quadratic", 2), IrlSettings(intervals=8, **changes), seed=3)
-
-
-def value_of_policies(game: Any, P: np.ndarray) -> np.ndarray:
-    """Value of u = -R⁻¹B'P z, d = δ⁻²E'P z: (A - S P)'V + V (A - S P) + Q + P S P = 0, as linear equations."""
-    closed, eye = game.A - game.S @ P, np.eye(len(game.A))
-    operator = np.kron(closed.T, eye) + np.kron(eye, closed.T)
-    V = np.linalg.solve(operator, -(game.Q + P @ game.S @ P).reshape(-1))
-    found: np.ndarray = V.reshape(P.shape)
-    return found
 
 
 def test_integrals_are_those_of_the_flight() -> None:

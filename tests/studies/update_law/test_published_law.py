@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from learning_samples import PUBLISHED, QUADRATIC, published, stable_game
+from learning_samples import PUBLISHED, QUADRATIC, published, stable_game, value_of_policies
 from reference_riccati import reference_solution, relative_error
 
 from controller import Game, basis, run
@@ -163,12 +163,9 @@ def test_defaults_are_those_of_the_paper() -> None:
 
 @pytest.mark.parametrize("kind", ["root", "squared"])
 def test_stored_policies_lead_to_their_own_value_in_the_time_of_the_theorem(kind: str) -> None:
-    """The value of the recorded policies: (A - S P_r)'P + P (A - S P_r) + Q + P_r S P_r = 0."""
-    from scipy.linalg import solve_continuous_lyapunov
-
     game, exact = published(PUBLISHED[1])
     recorded = reference_solution(replace(game, Q=1000.0 * np.eye(6), delta=np.inf)).P
-    value = solve_continuous_lyapunov((game.A - game.S @ recorded).T, -game.Q - recorded @ game.S @ recorded)
+    value = value_of_policies(game, recorded)
     weights = tuple(QUADRATIC.weights(recorded))
     options = {"normalisation": kind, "predefined_time": 5.0, "initial_weights": 0.0, "recorded_weights": weights}
     result = learned(game, **ALONE | options)
