@@ -238,17 +238,14 @@ def simulate_plan(setting: Setting, plan: FlightPlan, section: str) -> FlightRec
 def _flown(configuration: Configuration, loop: CompiledLoop) -> tuple[Flight, float]:
     """The flight up to the last step at which it is not lost, and when it is (inf: never)."""
     limit = configuration.flight.lost_beyond
+
+    def sound_rows(bounded: np.ndarray, memory: np.ndarray) -> np.ndarray:
+        rows: np.ndarray = np.all(np.abs(bounded) <= limit, axis=1) & np.all(np.isfinite(memory), axis=1)
+        return rows
+
     with np.errstate(invalid="ignore", over="ignore"):
-        flight = loop.fly(
-            stop=lambda rows: (
-                ~(
-                    np.all(np.abs(rows.states) <= limit, axis=1)
-                    & np.isfinite(np.hstack([rows.states, rows.memory])).all(1)
-                )
-            )
-        )
-        sound = np.all(np.abs(np.hstack([flight.states, flight.inputs])) <= limit, axis=1)
-        sound &= np.all(np.isfinite(flight.memory), axis=1)
+        flight = loop.fly(stop=lambda rows: ~sound_rows(rows.states, rows.memory))
+        sound = sound_rows(np.hstack([flight.states, flight.inputs]), flight.memory)
     if np.all(sound):
         return flight, np.inf
     lost = int(np.argmin(sound))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -82,13 +82,18 @@ def gust_held(
         gust = OneMinusCosine(length, math.copysign(size, peak), model.point.states.speed, 1.0)
         return flown(aircraft, model, controller, acting, gust=gust).departure is None
 
-    low, high = 0.0, abs(peak)
-    if held(high):
-        return peak
-    while high - low > APART:
+    return math.copysign(largest_held(held, abs(peak), APART), peak)
+
+
+def largest_held(held: Callable[[float], bool], highest: float, apart: float) -> float:
+    """The largest size up to `highest` at which `held` is true, to `apart`; it is at 0."""
+    if held(highest):
+        return highest
+    low, high = 0.0, highest
+    while high - low > apart:
         middle = (low + high) / 2.0
         low, high = (middle, high) if held(middle) else (low, middle)
-    return math.copysign(low, peak)
+    return low
 
 
 def delayed(loop: ServoLoop, seconds: float) -> ServoLoop:

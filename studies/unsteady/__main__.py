@@ -31,6 +31,7 @@ from controller.design.design import Actuator
 from controller.design.servo_loop import loop_margins, servo_loop, servo_plant
 from hfa_model import UNSTEADY, Aircraft
 from hfa_support import Model
+from studies.servo.flights import largest_held
 from studies.servo.simvfa import simvfa_design
 from trim import LinearModel, level_model
 from verification import solve_game
@@ -57,30 +58,23 @@ def margins(plant: str, degrees: float, servo: ScheduledController, order: int) 
     return loop.abscissa, min(found[name].disk for name in servo.inputs)
 
 
-def flier(plant: str, degrees: float) -> Callable[[float, float], bool]:
-    """(length ft, peak ft/s) -> whether a 1-cosine updraft leaves every state and input within its limits."""
+def flier(plant: str, degrees: float) -> Callable[[float, float], float]:
+    """(length ft, sign) -> the largest 1-cosine updraft, ft/s to 0.5, that leaves every state and input within its
+    limits; 60 means that or more."""
     model = model_at(plant, degrees)
     K = solve_game(published_game(model_at("published", degrees))).K
     law = gain_law("paper", np.pad(K, ((0, 0), (0, len(model.A) - K.shape[1])))[None])
     envelope = flight_envelope(PLANTS[plant], model.point)
 
-    def held(length: float, peak: float) -> bool:
-        gust = OneMinusCosine(length, peak, model.point.states.speed, 0.0)
-        flight = fly(PLANTS[plant], model.point, law, Scenario(duration=20.0, step=0.005, gust=gust), envelope)
-        return bool(flight.within_limits)
+    def largest(length: float, sign: float) -> float:
+        def held(peak: float) -> bool:
+            gust = OneMinusCosine(length, sign * peak, model.point.states.speed, 0.0)
+            flight = fly(PLANTS[plant], model.point, law, Scenario(duration=20.0, step=0.005, gust=gust), envelope)
+            return bool(flight.within_limits)
 
-    return held
+        return largest_held(held, 60.0, 0.5)
 
-
-def largest(held: Callable[[float, float], bool], length: float, sign: float) -> float:
-    """The largest peak that is held, ft/s, to 0.5; 60 means that or more."""
-    low, high = 0.0, 60.0
-    if held(length, sign * high):
-        return high
-    while high - low > 0.5:
-        middle = (low + high) / 2
-        low, high = (middle, high) if held(length, sign * middle) else (low, middle)
-    return low
+    return largest
 
 
 def main() -> None:
@@ -99,11 +93,8 @@ def main() -> None:
     print("largest 1-cosine updraft, up / down, ft/s, under the paper's policy of published")
     for degrees in (5.0, 15.0):
         for plant in PLANTS:
-            held = flier(plant, degrees)
-            said = [
-                f"{length} ft {largest(held, length, 1):.1f}/{largest(held, length, -1):.1f}"
-                for length in (150, 400, 1000)
-            ]
+            largest = flier(plant, degrees)
+            said = [f"{length} ft {largest(length, 1):.1f}/{largest(length, -1):.1f}" for length in (150, 400, 1000)]
             print(f"{degrees:3g} deg {plant:9}", *said, sep="  ", flush=True)
 
 
