@@ -162,14 +162,14 @@ def interpolated_loop(between: InterpolatedModel) -> ExportedLoop:
     inputs `scheduled_NAME`, from the middle of the grid on."""
     sweep, model = between.sweep, between.sweep.model
     middle = {name: float(axis[0] + axis[-1]) / 2 for name, axis in zip(sweep.variables, between.axes, strict=True)}
-    trimmed, rows = between.at(**middle), [list(model.states).index(name) for name in sweep.model_states]
+    trimmed, rows = between.at(**middle), [list(model.states).index(name) for name in model.linear]
     x, u, s = (ca.SX.sym(name, size) for name, size in (("x", len(rows)), ("u", len(model.inputs)), ("s", len(middle))))
     X0, U0, A, B = between.to_casadi()(s)
     rate = ca.mtimes(A, x - X0[rows]) + ca.mtimes(B, u - U0)
     function = ca.Function("loop", [x, ca.vertcat(u, s)], [rate, ca.DM(0, 1)], {"cse": True})
     inputs = _channels(model, model.inputs, trimmed.inputs)
     inputs += [Channel(f"scheduled_{name}", model.unit(name), value) for name, value in middle.items()]
-    states = _channels(model, sweep.model_states, trimmed.states[rows], rates=True)
+    states = _channels(model, model.linear, trimmed.states[rows], rates=True)
     return ExportedLoop(function, tuple(states), (), tuple(inputs), len(states))
 
 

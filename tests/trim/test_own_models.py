@@ -217,7 +217,7 @@ def test_a_sweep_is_an_xarray_dataset() -> None:
     assert found.A.dims == ("speed", "xcg", "rate", "linear_state")
     assert (found.speed.values.tolist(), found.speed.attrs["units"]) == (axes["speed"], "ft/s")
     one = found.sel(speed=400.0, xcg=0.32, rate="alpha", linear_state="pitch_rate")
-    assert float(one.A) == grid.A[4, 1, grid.model_states.index("pitch_rate")]
+    assert float(one.A) == grid.A[4, 1, grid.model.linear.index("pitch_rate")]
     listed = sweep(F16, {"speed": [400.0, 500.0], "xcg": [0.3, 0.35]}, listed=True).to_xarray()
     assert listed.B.dims == ("point", "rate", "input")
     assert listed.xcg.values.tolist() == [0.3, 0.35]

@@ -69,7 +69,7 @@ class Sweep(ByValue, Reported):
 
     plan: what was swept. values: (N, variables), all combinations of its values. reasons: "" where trimmed, else
     why not. states: (N, n), inputs: (N, m), A: (N, k, k), B: (N, k, m), eigenvalues: (N, k), a column following one
-    mode through the sweep, of the k states of the model; nan where the trim failed. mode_names: name of each column at
+    mode through the sweep, of the k linear states of the model; nan where the trim failed. mode_names: name of each column at
     the first trimmed point. kinks: point -> entries of A and B whose one-sided slopes differ, in words.
     Units: the model's, eigenvalues 1/s.
     """
@@ -82,7 +82,6 @@ class Sweep(ByValue, Reported):
     A: np.ndarray
     B: np.ndarray
     eigenvalues: np.ndarray
-    model_states: tuple[str, ...]
     mode_names: tuple[str, ...]
     kinks: dict[int, tuple[str, ...]] = field(default_factory=dict)
 
@@ -184,7 +183,7 @@ class Sweep(ByValue, Reported):
 
     def records(self) -> Table:
         """One row a point: the varied values, status, reason, operating point, eigenvalues, entries of A and B."""
-        n, model = len(self.model_states), self.model
+        n, model = len(self.model.linear), self.model
         header = (
             *(f"{name} [{unit}]" for name, unit in zip(self.variables, self.plan.units, strict=True)),
             *("status", "reason"),
@@ -193,8 +192,8 @@ class Sweep(ByValue, Reported):
             *(f"{part} eigenvalue {i + 1} [1/s]" for i in range(n) for part in ("real", "imaginary")),
             *(
                 f"{matrix}({row}, {column}) [{model.entry_unit(row, column)}]"
-                for matrix, names in (("A", self.model_states), ("B", tuple(model.inputs)))
-                for row in self.model_states
+                for matrix, names in (("A", self.model.linear), ("B", tuple(model.inputs)))
+                for row in self.model.linear
                 for column in names
             ),
         )
@@ -217,12 +216,12 @@ class Sweep(ByValue, Reported):
         plan, model = self.plan, self.model
         place, shape = (("point",), (plan.count,)) if plan.listed else (plan.variables, tuple(plan.sizes))
         names = {"state": tuple(model.states), "input": tuple(model.inputs), "mode": self.mode_names}
-        names |= {"rate": self.model_states, "linear_state": self.model_states}
+        names |= {"rate": self.model.linear, "linear_state": self.model.linear}
         coordinates: dict[str, Any] = {name: list(each) for name, each in names.items() if each}
         coordinates |= {f"{name}_unit": (name, list(model.units(names[name]))) for name in ("state", "input")}
         for i, (name, unit) in enumerate(zip(plan.variables, plan.units, strict=True)):
-            steps = 1 if plan.listed else int(np.prod(shape[i + 1 :]))
-            along = self.values[::steps, i][: shape[0 if plan.listed else i]]
+            axis = plan.axes[name]
+            along = self.values[:, i] if plan.listed else [axis[k] for k in range(len(axis))]
             coordinates[name] = (place[0] if plan.listed else name, along, {"units": unit})
         data: dict[str, Any] = {"reason": (place, np.array(self.reasons).reshape(shape))}
         for name in ("states", "inputs", "A", "B", "eigenvalues"):
@@ -240,8 +239,8 @@ class Sweep(ByValue, Reported):
             **self.plan.varied,
             "values": self.values,
             "reasons": list(self.reasons),
-            "states": list(self.model_states),
-            "state_units": list(self.model.units(self.model_states)),
+            "states": list(self.model.linear),
+            "state_units": list(self.model.units(self.model.linear)),
             "inputs": list(inputs),
             "input_units": list(self.model.units(inputs)),
             "operating_states": self.states,
@@ -270,7 +269,6 @@ def sweep(
     condition: TrimCondition | None = None,
     start: OperatingPoint | None = None,
     listed: bool = False,
-    full: bool = False,
     progress: Progress | None = None,
 ) -> Sweep:
     """Trim and linearize at every point of the product of the given values, or, when `listed`, at every row of these
@@ -283,11 +281,11 @@ def sweep(
     outside its limits, or the grid is empty or has more than `MOST_POINTS` points.
     """
     plan = SweepPlan(grid, aircraft, condition, start=start, listed=listed)  # type: ignore[arg-type]
-    return run_plan(plan, full=full, progress=progress)
+    return run_plan(plan, progress)
 
 
-def run_plan(plan: SweepPlan, *, full: bool = False, progress: Progress | None = None) -> Sweep:
-    """Every point of a plan with a grid, in memory; full: all states, not the linear ones alone."""
+def run_plan(plan: SweepPlan, progress: Progress | None = None) -> Sweep:
+    """Every point of a plan, in memory."""
     if plan.count > MOST_POINTS:
         raise BadInputError(f"the sweep has {plan.count:,} points; a grid of at most {MOST_POINTS:,} fits in memory")
     model, rows = plan.model, run_points(*plan.task(0, plan.count), progress)  # type: ignore[call-arg]
@@ -298,19 +296,16 @@ def run_plan(plan: SweepPlan, *, full: bool = False, progress: Progress | None =
         at = condition_at(plan.condition, plan.variables, rows["values"][i])
         reasons[i] = beyond_limits(model_at(model, plan.variables, rows["values"][i]), at, balancing)
     states, inputs = (np.where(trimmed[:, None], rows[name], np.nan) for name in ("states", "inputs"))
-    model_states = tuple(model.states) if full else model.linear
-    chosen = [list(model.states).index(name) for name in model_states]
+    chosen = [list(model.states).index(name) for name in model.linear]
     A, B = rows["A"][:, chosen][:, :, chosen], rows["B"][:, chosen]
     eigenvalues, names = np.full((plan.count, len(chosen)), np.nan, dtype=complex), tuple[str, ...]()
     if trimmed.any():
-        eigenvalues[trimmed] = track_modes(A[trimmed], model_states, _neighbours(plan.sizes, trimmed), model)
+        eigenvalues[trimmed] = track_modes(A[trimmed], model.linear, _neighbours(plan.sizes, trimmed), model)
         first = int(np.argmax(trimmed))
-        modes = modes_of(A[first], model_states, model.modes)
+        modes = modes_of(A[first], model.linear, model.modes)
         up = [complex(value.real, abs(value.imag)) for value in eigenvalues[first]]
         names = tuple(min(modes, key=lambda mode: abs(mode.eigenvalue - value)).name for value in up)
-    return Sweep(
-        plan, rows["values"], tuple(reasons), states, inputs, A, B, eigenvalues, model_states, names, rows["kinked"]
-    )
+    return Sweep(plan, rows["values"], tuple(reasons), states, inputs, A, B, eigenvalues, names, rows["kinked"])
 
 
 def _neighbours(sizes: list[int], trimmed: np.ndarray) -> np.ndarray:

@@ -118,7 +118,7 @@ def test_a_grid_is_followed_from_neighbour_to_neighbour(published_aircraft: Airc
     for axis in range(len(sizes)):
         along = np.moveaxis(index, axis, 0)
         for one, other in zip(along[:-1].ravel(), along[1:].ravel(), strict=True):
-            step = track_modes(result.A[[one, other]], result.model_states)
+            step = track_modes(result.A[[one, other]], result.model.linear)
             assert set(zip(*step.round(9).tolist(), strict=True)) == set(
                 zip(*result.eigenvalues[[one, other]].round(9).tolist(), strict=True)
             )

@@ -90,14 +90,11 @@ def idle(monkeypatch: pytest.MonkeyPatch, published_aircraft: Aircraft) -> Aircr
 
 
 def test_what_newton_leaves_open_the_robust_solver_settles(idle: Aircraft) -> None:
-    found, result = trim_points(idle, ("dihedral",), ANGLES), sweep(idle, {"dihedral": ANGLES[:, 0]}, full=True)
+    found, result = trim_points(idle, ("dihedral",), ANGLES), sweep(idle, {"dihedral": ANGLES[:, 0]})
     for i, angle in enumerate(ANGLES[:, 0]):
-        model = linearize(idle, find_operating_point(idle, level_flight(float(angle))), full=True)
-        for points in (found, result):
-            assert (points.states[i].tolist(), points.inputs[i].tolist()) == (
-                list(model.point.states),
-                list(model.point.inputs),
-            )
+        point = find_operating_point(idle, level_flight(float(angle)))
+        for points, model in ((found, linearize(idle, point, full=True)), (result, linearize(idle, point))):
+            assert (points.states[i].tolist(), points.inputs[i].tolist()) == (list(point.states), list(point.inputs))
             np.testing.assert_array_equal(points.A[i], model.A)
             np.testing.assert_array_equal(points.B[i], model.B)
     masses = idle.parameters.panel_mass * np.array([[1.0], [1.1]])
