@@ -49,23 +49,35 @@ def switches(layout: Layout) -> ca.Function | None:
     return ca.Function("switches", vectors, [ca.densify(s), ca.densify(ca.jacobian(s, ca.vertcat(*vectors[:2])))])
 
 
-def kinks_of(own: Model, x: np.ndarray, u: np.ndarray, exact: np.ndarray) -> tuple[str, ...]:
-    """The entries of A and B, exact (n, n + m), whose slope to one side is not that of the Jacobian, with both slopes;
-    none unless x and u lie within a step of a switch.
+def kinks_in(own: Model, x: np.ndarray, u: np.ndarray, p: np.ndarray, exact: np.ndarray) -> dict[int, tuple[str, ...]]:
+    """Point -> its kinks, of the first `_MOST` of N points where a step of a state or an input can reach a switch; a
+    point without a trim, nan, has none.
+
+    x: (N, n), u: (N, m), p: the parameters (N, k), exact: A beside B (N, n, n + m).
+    """
+    function = switches(own.layout)
+    if function is None:
+        return {}
+    steps = _STEP * np.array([each.nominal for each in (*own.states.values(), *own.inputs.values())])
+    s, slopes = (np.array(each) for each in function.map(len(x))(x.T, u.T, p.T))
+    reach = np.abs(slopes.T.reshape(len(x), -1, len(s))) * steps[:, None]
+    near = np.flatnonzero((np.abs(s.T) <= 2 * reach.sum(axis=1)).any(axis=1))[:_MOST].tolist()
+    found = {i: _kinks(own, np.concatenate([x[i], u[i]]), p[i], exact[i], steps) for i in near}
+    return {i: each for i, each in found.items() if each}
+
+
+def _kinks(own: Model, z: np.ndarray, p: np.ndarray, exact: np.ndarray, steps: np.ndarray) -> tuple[str, ...]:
+    """The entries of A and B at (x, u) = z whose slope to one side is not that of the Jacobian, with both slopes.
 
     Slopes s(h) = (f(z ± h) - f(z)) / ±h by Richardson's 2 s(h/2) - s(h), h = 1e-6 of the nominal value; they differ
     from J by more than 1e-4 (1 + |J|), in scaled units.
     """
-    if not near_a_switch(own, x[None], u[None])[0]:
-        return ()
-    names, n = [*own.states, *own.inputs], len(own.states)
-    z, steps = np.concatenate([x, u]), _steps(own)
-    function = own.functions(())
+    names, n, function = [*own.states, *own.inputs], len(own.states), own.functions(())
 
     def f(share: float) -> np.ndarray:
         """The rates a share of each step away, a column a variable."""
         moved = [z + share * step for step in np.diag(steps)]
-        return np.column_stack([np.array(function(at[:n], at[n:], own.p)[0]).ravel() for at in moved])
+        return np.column_stack([np.array(function(at[:n], at[n:], p)[0]).ravel() for at in moved])
 
     below, above = ((4 * f(side / 2) - 3 * f(0.0) - f(side)) / (side * steps) for side in (-1.0, 1.0))
     scale = steps / _STEP / np.array([[own.rate_scale(name)] for name in own.states])
@@ -75,32 +87,3 @@ def kinks_of(own: Model, x: np.ndarray, u: np.ndarray, exact: np.ndarray) -> tup
         f"above are {below[i, j]:.5g} and {above[i, j]:.5g}"
         for j, i in np.argwhere(off.T).tolist()
     )
-
-
-def near_a_switch(own: Model, x: np.ndarray, u: np.ndarray, p: np.ndarray | None = None) -> np.ndarray:
-    """(N,) whether a step of any state or input (N, n), (N, m) can reach a switch; p: (N, k), the model's unless
-    given."""
-    function = switches(own.layout)
-    if function is None:
-        return np.zeros(len(x), dtype=bool)
-    constants = np.broadcast_to(own.p, (len(x), len(own.p))) if p is None else p
-    s, slopes = (np.array(each) for each in function.map(len(x))(x.T, u.T, constants.T))
-    reach = np.abs(slopes.T.reshape(len(x), -1, len(s))) * _steps(own)[:, None]
-    return np.asarray((np.abs(s.T) <= 2 * reach.sum(axis=1)).any(axis=1))
-
-
-def _steps(own: Model) -> np.ndarray:
-    return _STEP * np.array([each.nominal for each in (*own.states.values(), *own.inputs.values())])
-
-
-def kinks_in(own: Model, x: np.ndarray, u: np.ndarray, p: np.ndarray, exact: np.ndarray) -> dict[int, tuple[str, ...]]:
-    """Point -> its kinks, of the first `_MOST` points that lie at a switch; a point without a trim, nan, has none.
-
-    p: the parameters (N, k).
-    """
-    near = np.flatnonzero(near_a_switch(own, x, u, p))[:_MOST]
-    found = {}
-    for i in near.tolist():
-        at = own.with_parameters(**dict(zip(own.parameters, p[i].tolist(), strict=True)))
-        found[i] = kinks_of(at, x[i], u[i], exact[i])
-    return {i: each for i, each in found.items() if each}

@@ -14,7 +14,7 @@ from hfa_support.reporting.fields import ByValue
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.text import Table, degrees, matrix_table
 from hfa_support.reporting.unit_system import unit_in_force
-from trim.linear.kinks import kinks_of
+from trim.linear.kinks import kinks_in
 from trim.linear.modes import Mode, modes_of, modes_table
 from trim.point.condition import usual_condition
 from trim.point.operating_point import OperatingPoint, at_scheduled, scheduled_data
@@ -287,7 +287,7 @@ def linearize(
     disturbances: names; None for the first one where outputs are asked for. The HFA's are winds, ft/s.
     BadInputError when the point is of another model or other dynamics, or a name is unknown.
     """
-    own, states = aircraft.model, np.array(point.states)
+    own = aircraft.model
     point.refuse_other(own)
     plain = outputs is None and disturbances is None
     seen = tuple(own.states) if plain else tuple(outputs or (own.states if full else own.linear))
@@ -295,7 +295,8 @@ def linearize(
     _positions("output", seen, (*own.states, *own.outputs))
     _positions("disturbance", winds, tuple(own.disturbances))
     found = own.at(point.states, point.inputs, seen, winds)
-    kinks = kinks_of(own, states, np.array(point.inputs), np.hstack([found.A, found.B]))
+    at = np.array([point.states]), np.array([point.inputs]), own.p[None]
+    kinks = kinks_in(own, *at, np.hstack([found.A, found.B])[None]).get(0, ())
     names = tuple(own.states), tuple(own.inputs)
     model = LinearModel(found.A, found.B, *names, point, seen, *found[4:], found.y, winds, kinks)
     return model if full else model.select(own.linear)

@@ -69,8 +69,8 @@ class Sweep(ByValue, Reported):
 
     plan: what was swept. values: (N, variables), all combinations of its values. reasons: "" where trimmed, else
     why not. states: (N, n), inputs: (N, m), A: (N, k, k), B: (N, k, m), eigenvalues: (N, k), a column following one
-    mode through the sweep, of the k linear states of the model; nan where the trim failed. mode_names: name of each column at
-    the first trimmed point. kinks: point -> entries of A and B whose one-sided slopes differ, in words.
+    mode through the sweep, of the k linear states of the model; nan where the trim failed. mode_names: name of each
+    column at the first trimmed point. kinks: point -> entries of A and B whose one-sided slopes differ, in words.
     Units: the model's, eigenvalues 1/s.
     """
 
