@@ -38,7 +38,7 @@ ACTUATORS = Actuators(Input(*[0.5] * 5), Input(*[-50.0] * 5), Input(*[50.0] * 5)
 
 
 class Unit(NamedTuple):
-    """What is exported, and the same flown by us."""
+    """What is exported, and the same flown by us: our states each tenth of a second, (601, 7)."""
 
     kind: str
     path: Path
@@ -56,25 +56,19 @@ def unit(
     tmp_path_factory: pytest.TempPathFactory,
 ) -> Unit:
     kind, path = request.param, tmp_path_factory.mktemp("fmu") / "aircraft.fmu"
-    loop, start, known = made(kind, published_aircraft, point, gain)
-    write_fmu(loop, path, ORIGIN)
-    return Unit(kind, path, loop, START | start, known)
-
-
-def made(
-    kind: str, aircraft: Aircraft, point: OperatingPoint, gain: np.ndarray
-) -> tuple[ExportedLoop, dict[str, float], np.ndarray]:
-    """The loop, its inputs besides `START`, and our states each tenth of a second, (601, 7)."""
-    if kind == "aircraft":
-        return exported_loop(aircraft, point), {}, flown(aircraft, point, gain_law("none", 0.0 * gain))
+    aircraft, law, start, happens, exported = published_aircraft, gain_law("none", 0.0 * gain), {}, {}, []
     if kind == "gain":
-        known = flown(aircraft, point, gain_law("exact", gain), reference=Signal(np.eye(6)[0] * 0.5, np.zeros(6)))
-        return exported_loop(aircraft, point, gain), {"reference_speed": 0.5}, known
-    controller = integrating_controller(aircraft, W=np.full((3, 1, 1), 0.1))
-    commands = CommandSteps(("dihedral",), np.zeros(1), np.array([[0.02]]))
-    law, reference = servo_law(controller, commands, aircraft, point), CommandedStates(commands, LINEAR_STATES)
-    known = flown(aircraft, point, law, reference=reference, actuators=ACTUATORS)
-    return exported_loop(aircraft, point, None, controller, ACTUATORS), {"command_dihedral": 0.02}, known
+        law, start, exported = gain_law("exact", gain), {"reference_speed": 0.5}, [gain]
+        happens = {"reference": Signal(np.eye(6)[0] * 0.5, np.zeros(6))}
+    elif kind == "controller":
+        controller = integrating_controller(aircraft, W=np.full((3, 1, 1), 0.1))
+        commands = CommandSteps(("dihedral",), np.zeros(1), np.array([[0.02]]))
+        law, start = servo_law(controller, commands, aircraft, point), {"command_dihedral": 0.02}
+        exported = [None, controller, ACTUATORS]
+        happens = {"reference": CommandedStates(commands, LINEAR_STATES), "actuators": ACTUATORS}
+    loop = exported_loop(aircraft, point, *exported)
+    write_fmu(loop, path, ORIGIN)
+    return Unit(kind, path, loop, START | start, flown(aircraft, point, law, **happens))
 
 
 def flown(aircraft: Aircraft, point: OperatingPoint, law: FlownLaw, **happens: Any) -> np.ndarray:

@@ -165,27 +165,24 @@ def test_plans_are_equal_when_they_give_the_same_results(plan: MonteCarlo, gain:
     assert len({plan, *others}) == 1 + len(others)
 
 
-def test_an_error_of_nothing_is_refused(plan: MonteCarlo, gain: np.ndarray) -> None:
-    no_moment = PARAMETERS._replace(zero_lift_moment=0.0)
-    with pytest.raises(BadInputError, match="does nothing"):
-        replace(with_scenario(plan, uncertainty=Uncertainty({"zero_lift_moment": 1.0})), aircraft=Aircraft(no_moment))
-    with pytest.raises(BadInputError, match="unknown parameter 'span'"):
-        with_scenario(plan, uncertainty=Uncertainty({"span": 0.1}))
-    with pytest.raises(BadInputError, match=r"the gain has shape \(6, 5\); .* takes 5 x 6"):
-        replace(plan, law=gain_law("wide", np.zeros((6, 5))))
-
-
-def test_what_a_monte_carlo_cannot_repeat_is_refused(plan: MonteCarlo) -> None:
+def test_what_a_monte_carlo_cannot_draw_or_repeat_is_refused(plan: MonteCarlo) -> None:
     class Spike:
         size = 6
 
         def at(self, t: Any) -> Any:
             return np.zeros(6)
 
-    with pytest.raises(BadInputError, match="the noise of a Monte Carlo must be a Signal"):
-        with_scenario(plan, noise=Spike())
-    with pytest.raises(BadInputError, match="drawn already"):
-        replace(plan, scenario=plan.member(0))
+    no_moment = Aircraft(PARAMETERS._replace(zero_lift_moment=0.0))
+    moment = with_scenario(plan, uncertainty=Uncertainty({"zero_lift_moment": 1.0}))
+    for said, make in (
+        ("does nothing", lambda: replace(moment, aircraft=no_moment)),
+        ("unknown parameter 'span'", lambda: with_scenario(plan, uncertainty=Uncertainty({"span": 0.1}))),
+        (r"shape \(6, 5\); .* takes 5 x 6", lambda: replace(plan, law=gain_law("wide", np.zeros((6, 5))))),
+        ("the noise of a Monte Carlo must be a Signal", lambda: with_scenario(plan, noise=Spike())),
+        ("drawn already", lambda: replace(plan, scenario=plan.member(0))),
+    ):
+        with pytest.raises(BadInputError, match=said):
+            make()
 
 
 # Stores and reports.
