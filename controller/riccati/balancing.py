@@ -171,6 +171,14 @@ def stable_basis(hamiltonian: np.ndarray) -> np.ndarray | None:
     return None if lost or not np.array_equal(growth < 0.0, np.arange(2 * half) < half) else basis[:, :half]
 
 
+def stable_graph(hamiltonian: np.ndarray) -> np.ndarray:
+    """P, (n, n), with [I; P] a basis of the stable subspace; np.linalg.LinAlgError where there is none."""
+    basis, half = stable_basis(hamiltonian), len(hamiltonian) // 2
+    if basis is None:
+        raise np.linalg.LinAlgError
+    return np.linalg.solve(basis[:half].T, basis[half:].T)
+
+
 def normal_form(game: Game) -> NormalForm:
     """Source of the scaling by R^-½: Zhou, Doyle and Glover, Section 14.1."""
     units = balanced_units(game)

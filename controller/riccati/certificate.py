@@ -19,7 +19,7 @@ from controller.riccati.balancing import (
     is_hurwitz,
     normal_form,
     spectrum,
-    stable_basis,
+    stable_graph,
 )
 from controller.riccati.gare_schur import schur_solution
 from hfa_support.errors import NoSolutionError
@@ -120,8 +120,7 @@ def agreement_check(game: Game, P: np.ndarray, second_P: np.ndarray) -> Check:
 def iterated_solution(game: Game) -> np.ndarray:
     """X₀ = 0,  X_{k+1} = X_k + Z_k  with  A_k'Z + Z A_k - Z B B' Z + F_k = 0,  A_k = A - S X_k, in normal form.
 
-    The second derivation, of a sequence of standard (definite) Riccati equations, which the tests alone need.
-    F_k is the residual of the game Riccati equation at X_k, Z E E' Z >= 0 but for rounding: each step is an LQR
+    The second derivation, by a sequence of standard (definite) Riccati equations. F_k is the residual of the game Riccati equation at X_k, Z E E' Z >= 0 but for rounding: each step is an LQR
     problem, solved by a Schur form of its Hamiltonian. The sequence increases to the smallest solution X >= 0 if there
     is one; if there is none, some step has no stabilizing solution, or the sequence grows without end.
     Returns P, (n, n). Raises NoSolutionError when no positive semidefinite stabilizing solution exists.
@@ -152,11 +151,8 @@ def _lqr_step(form: NormalForm, X: np.ndarray, step: int) -> np.ndarray:
     scale = float(np.abs(forcing).max()) or 1.0
     if not is_hurwitz(A):
         scale = max(scale, float(np.abs(A).max()) / (float(np.abs(form.B).max()) ** 2 or 1.0))
-    basis = stable_basis(np.block([[A, -scale * form.B @ form.B.T], [-forcing / scale, -A.T]]))
     try:
-        if basis is None:
-            raise np.linalg.LinAlgError
-        Z = scale * np.linalg.solve(basis[: len(A)].T, basis[len(A) :].T)
+        Z = scale * stable_graph(np.block([[A, -scale * form.B @ form.B.T], [-forcing / scale, -A.T]]))
     except np.linalg.LinAlgError as error:
         raise NoSolutionError(f"step {step} of the Lanzon-Feng-Anderson iteration has no solution") from error
     Z = (Z + Z.T) / 2.0

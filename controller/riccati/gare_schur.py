@@ -8,7 +8,7 @@ import warnings
 import numpy as np
 
 from controller.game.zero_sum import Game
-from controller.riccati.balancing import NormalForm, normal_form, stable_basis
+from controller.riccati.balancing import NormalForm, normal_form, stable_graph
 from hfa_support.errors import NoSolutionError
 
 #: Each step gains about 16 digits less those that the condition takes; two are enough for all but marginal games. Where
@@ -36,11 +36,8 @@ def quick_solution(game: Game) -> np.ndarray:
     For a search, whose result is certified afterwards.
     """
     form = normal_form(game)
-    basis = stable_basis(form.hamiltonian)
     try:
-        if basis is None:
-            raise np.linalg.LinAlgError
-        return form.value(np.linalg.solve(basis[: len(form.A)].T, basis[len(form.A) :].T))
+        return form.value(stable_graph(form.hamiltonian))
     except np.linalg.LinAlgError as error:
         raise NoSolutionError(_NO_GRAPH) from error
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 import warnings
 from collections import Counter
 from collections.abc import Callable
@@ -155,19 +154,3 @@ def test_the_reference_is_the_solution_of_a_scalar_game() -> None:
     assert relative_error(reference.P, np.array([[p]])) < 1e-15
     assert relative_error(reference.K, np.array([[p / 2.0]])) < 1e-15
     assert not reference_solution(game.with_delta(0.8)).exists  # delta_min = 1/sqrt(1 + 1/3) = 0.866
-
-
-@pytest.mark.slow
-def test_96_states_take_ten_times_as_long_as_one_equation_alone() -> None:
-    """Of SciPy, in one process, the best of three; the limit leaves room for a busy machine."""
-    rng = np.random.default_rng(0)
-    A, B = rng.standard_normal((96, 96)) / 10.0, rng.standard_normal((96, 24))
-    game, times = Game(A, B, 0.3 * B, np.eye(96), np.eye(24), math.inf), []
-    for _ in range(3):
-        start = time.process_time()
-        solve_continuous_are(A, B, game.Q, game.R)
-        middle = time.process_time()
-        solve_game(game)
-        times.append((middle - start, time.process_time() - middle))
-    alone, certified = np.min(times, axis=0)
-    assert certified <= 15.0 * alone
