@@ -120,8 +120,9 @@ def agreement_check(game: Game, P: np.ndarray, second_P: np.ndarray) -> Check:
 def iterated_solution(game: Game) -> np.ndarray:
     """X₀ = 0,  X_{k+1} = X_k + Z_k  with  A_k'Z + Z A_k - Z B B' Z + F_k = 0,  A_k = A - S X_k, in normal form.
 
-    The second derivation, by a sequence of standard (definite) Riccati equations. F_k is the residual of the game Riccati equation at X_k, Z E E' Z >= 0 but for rounding: each step is an LQR
-    problem, solved by a Schur form of its Hamiltonian. The sequence increases to the smallest solution X >= 0 if there
+    The second derivation, by a sequence of standard (definite) Riccati equations. F_k is the residual of the game's at
+    X_k, Z E E' Z >= 0 but for rounding: each step is an LQR problem, solved by a Schur form of its Hamiltonian. The
+    sequence increases to the smallest solution X >= 0 if there
     is one; if there is none, some step has no stabilizing solution, or the sequence grows without end.
     Returns P, (n, n). Raises NoSolutionError when no positive semidefinite stabilizing solution exists.
     Source: Lanzon, Feng, Anderson and Rotkowitz, IEEE Trans. Automatic Control 53 (2008), 2280-2291.
