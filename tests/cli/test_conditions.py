@@ -92,6 +92,11 @@ def test_whatever_is_held_can_be_swept(tmp_path: Path) -> None:
         assert arrays["A"].shape == (3, 6, 6)
 
 
+def test_a_range_ends_at_or_before_its_stop() -> None:
+    for words, values in (("60:70:4", [60.0, 64.0, 68.0]), ("60:70:5", [60.0, 65.0, 70.0]), ("70,60", [70.0, 60.0])):
+        assert answer("sweep", "--dihedral", "5", "--hold", f"speed={words}")["grid"]["speed"]["values"] == values
+
+
 def test_matrices_are_stacked_as_matlab_does(tmp_path: Path) -> None:
     target = tmp_path / "grid.mat"
     found = answer("sweep", *GRID, "-o", str(target))

@@ -7,8 +7,9 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
-from cli import SCRIPT, hfa_process
+from cli import SCRIPT, assert_refused, hfa, hfa_process
 
 from hfa_cli.main import BAD_INPUT, DONE
 
@@ -122,3 +123,8 @@ def test_a_result_that_the_disk_has_no_room_for_is_not_there(small_disk: Path, w
     done = hfa_process(*words.split(), folder=small_disk)
     assert (done.code, done.err) == (BAD_INPUT, "hfa: cannot write the output: No space left on device\n")
     assert [path.name for path in small_disk.iterdir()] == ["full"]
+
+
+def test_too_little_memory_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("trim.sweeps.points._newton", lambda *_, **__: np.empty(10**15))
+    assert_refused(hfa("sweep", "--dihedral", "0:5:1"), 2, "not enough memory")

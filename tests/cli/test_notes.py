@@ -9,6 +9,9 @@ from pathlib import Path
 import pytest
 from cli import Terminal, hfa
 
+from hfa_cli import output
+from hfa_cli.output import ProgressLine
+
 NOTE = "dihedral 16 deg lies beyond the paper's range, which ends at 15 deg"
 SHORT = ("--law", "exact", "--duration", "0.1")
 COMMANDS = {
@@ -83,3 +86,17 @@ def test_a_terminal_gets_colors(environment: dict[str, str], colored: bool, monk
     assert bool(COLOR.search(shown)) == colored
     assert not COLOR.search(plain + hfa(*TRIM, "--json", out=Terminal()).out)
     assert COLOR.sub("", shown).split() == plain.split()
+
+
+def test_what_takes_more_than_a_minute_is_announced_once(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    clock = iter(range(0, 1000, 2))
+    monkeypatch.setattr(output.time, "monotonic", lambda: float(next(clock)))
+    long, short = ProgressLine("fly"), ProgressLine("fly")
+    for done in range(1, 10):
+        long(done, 183)
+    assert capsys.readouterr().err == "hfa: note: fly: about 6 minutes more; Ctrl-C ends it\n"
+    for done in range(1, 10):
+        short(done, 20)
+    assert capsys.readouterr().err == ""

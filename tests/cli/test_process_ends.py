@@ -1,23 +1,28 @@
-"""How a run ends from outside: Ctrl-C, SIGTERM, SIGHUP, kill -9; and messages of libraries at the end."""
+"""How a run ends from outside: Ctrl-C, SIGTERM, SIGHUP, kill -9, a lost cluster; and what is continued afterwards."""
 
 from __future__ import annotations
 
+import json
 import os
+import random
 import signal
 import subprocess
 import sys
 import time
 import warnings
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 import pytest
 from cli import SCRIPT, hfa, hfa_process
-from endings import stat, until, workers
+from endings import LONG, SIGNALS, Ended, result_of, run, stat, until, workers
 from game_files import small
 
 from hfa_cli.entry import INTERRUPTED, TERMINATED
+from hfa_cli.main import DONE, FAILED
 
-LONG = {
+RUN = {
     "sweep": ("sweep", "--dihedral", "0:20:1", "--hold", "panel_mass=0.1:2:0.00002", "--workers", "2", "-o", "a.zarr"),
     "monte-carlo": ("monte-carlo", "--dihedral", "15", "--law", "exact", "--samples", "100000", "--workers", "2"),
 }
@@ -41,7 +46,7 @@ def test_a_run_that_is_ended_leaves_no_worker_and_no_temporary_folder(
 ) -> None:
     (tmp_path / "temporary").mkdir()
     run = subprocess.Popen(
-        [SCRIPT, *LONG[name]],
+        [SCRIPT, *RUN[name]],
         cwd=tmp_path,
         env={**os.environ, "TMPDIR": str(tmp_path / "temporary")},
         stdout=subprocess.PIPE,
@@ -117,3 +122,77 @@ def test_warnings_are_notes_of_a_result_and_nothing_before_a_refusal(
     notes = "hfa: note: two chunks were damaged\nhfa: note: while computing: overflow in multiply; check the result\n"
     assert (result.code, result.out, result.err) == (plain.code, plain.out, plain.err + notes)
     assert hfa("solve", "--quiet", "--model", str(tmp_path / "plant.json")).err == ""
+
+
+# Continued.
+
+#: Runs of each command that are ended three times, once by each signal: 51 moments.
+RUNS = 17
+
+
+def in_one_line(ended: Ended, said: str) -> bool:
+    """Ended in one line; before the first line of the project by Python itself; or after all was done."""
+    lines = [line for line in ended.err.splitlines(keepends=True) if not line.startswith("hfa: note: ")]
+    by_python = ended.code in (1, -signal.SIGINT, -signal.SIGTERM) and "hfa_cli/" not in ended.err
+    return lines == [said] or by_python or (ended.code == 0 and not lines)
+
+
+@proc
+@pytest.mark.slow
+@pytest.mark.parametrize("name", LONG)
+def test_ended_at_random_moments_and_continued_it_comes_to_the_same_bits(name: str, tmp_path: Path) -> None:
+    whole = run(tmp_path / "whole", *LONG[name])
+    assert whole.code == 0
+    expected, moments = result_of(tmp_path / "whole"), random.Random(name)
+    for number in range(RUNS):
+        folder = tmp_path / str(number)
+        again: tuple[str, ...] = ()
+        for each, said in SIGNALS.items():
+            ended = run(folder, *LONG[name], *again, number=each, after=moments.uniform(0.0, whole.seconds))
+            assert until(lambda seen=ended.workers: all(stat(worker)[0] in "XZ" for worker in seen), 10.0)
+            assert said is None or in_one_line(ended, said), (number, ended)
+            again = ("--resume",) if (folder / LONG[name][-1]).exists() else ()
+        assert run(folder, *LONG[name], *again).code == 0
+        assert result_of(folder) == expected, number
+
+
+#: Four chunks.
+WORDS = ("monte-carlo", "--dihedral", "15", "--law", "exact", "--samples", "4000", "--duration", "1", "-o", "a.zarr")
+
+
+@contextmanager
+def running(*words: str, folder: Path) -> Iterator[subprocess.Popen[str]]:
+    """A process; what it says on standard error is in log-N."""
+    with (folder / f"log-{len(list(folder.glob('log-*')))}").open("w") as log:
+        process = subprocess.Popen(words, cwd=folder, stdout=subprocess.DEVNULL, stderr=log, text=True)
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.wait()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("lost", ["scheduler", "worker"])
+def test_what_is_lost_of_a_cluster_costs_no_result(tmp_path: Path, lost: str) -> None:
+    pytest.importorskip("distributed")
+    dask, known = str(Path(sys.executable).with_name("dask")), tmp_path / "scheduler.json"
+    whole = tmp_path / "whole"
+    whole.mkdir()
+    undisturbed = hfa_process(*WORDS, folder=whole)
+    scheduler = (dask, "scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard")
+    worker = (dask, "worker", "--scheduler-file", str(known), "--nthreads", "1", "--no-nanny", "--no-dashboard")
+    with ExitStack() as around:
+        cluster = [around.enter_context(running(*scheduler, "--scheduler-file", str(known), folder=tmp_path))]
+        assert until(lambda: known.exists() and bool(known.read_text()))
+        cluster += [around.enter_context(running(*worker, folder=tmp_path)) for _ in range(2)]
+        address = json.loads(known.read_bytes())["address"]
+        assert until(lambda: all("Registered to" in (tmp_path / f"log-{number}").read_text() for number in (1, 2)))
+        run = around.enter_context(running(str(SCRIPT), *WORDS, "--workers", address, folder=tmp_path))
+        assert until(lambda: any((tmp_path / "a.zarr" / "done").glob("c*")))
+        cluster[0 if lost == "scheduler" else 1].kill()
+        run.wait(timeout=120)
+        said = (tmp_path / "log-3").read_text()
+    assert (run.returncode, said.count("\n")) == ((FAILED, 1) if lost == "scheduler" else (DONE, 0)), said
+    resumed = hfa_process(*WORDS, "--resume", folder=tmp_path)
+    assert (resumed.code, resumed.out) == (undisturbed.code, undisturbed.out)
