@@ -17,9 +17,7 @@ from own_models import F16, GTM, NAVION, navion, trimmed
 from hfa_model import Aircraft
 from hfa_support import BadInputError, Model, Signal
 from trim import TrimError, find_operating_point, level_flight, linearize, release, sweep
-from trim.linear.linear_model import LinearModel
 from trim.point.condition import usual_condition
-from trim.point.operating_point import OperatingPoint
 from trim.point.solve import other_trims
 from trim.point.trim_report import trim_report
 from trim.sweeps.sweep_store import stored_sweep_report, stream_sweep
@@ -44,10 +42,6 @@ MODES = {
 }
 
 
-def linear(model: Model, point: OperatingPoint) -> LinearModel:
-    return linearize(model, point)
-
-
 @pytest.mark.parametrize(("xcg", "hold", "rates", "printed"), TRIMS)
 def test_trims_of_the_book(
     xcg: float, hold: dict[str, float], rates: dict[str, float], printed: tuple[float, ...]
@@ -59,7 +53,7 @@ def test_trims_of_the_book(
 
 def test_modes_of_the_book() -> None:
     model = F16.with_parameters(xcg=0.3)
-    found = {mode.name: mode.eigenvalue for mode in linear(model, trimmed(model)).modes}
+    found = {mode.name: mode.eigenvalue for mode in linearize(model, trimmed(model)).modes}
     for name, printed in MODES.items():
         assert found[name] == pytest.approx(printed, abs=6e-4 if name == "dutch roll" else 1e-4), name
 
@@ -71,7 +65,7 @@ def test_modes_of_the_navion(monkeypatch: pytest.MonkeyPatch) -> None:
 
     def off() -> dict[str, float]:
         same = replace(NAVION, equations=lambda *vectors: navion.equations(*vectors))  # compiled again
-        found = {mode.name: mode.eigenvalue for mode in linear(same, trimmed(same)).modes}
+        found = {mode.name: mode.eigenvalue for mode in linearize(same, trimmed(same)).modes}
         return {name: abs(found[name] - value) / abs(value) for name, value in printed.items()}
 
     assert {name for name, error in off().items() if error > 0.011} == {"spiral"}
@@ -86,7 +80,7 @@ def test_trim_and_modes_of_the_gtm() -> None:
     found = [point.values[each] for each in ("alpha", "elevator", "throttle")]
     np.testing.assert_allclose(found, [0.04924, 0.04892, 14.33], rtol=0.01)
     assert GTM.outputs_at(point.states, point.inputs)["load_factor"] == pytest.approx(1.0, abs=1e-12)
-    assert [mode.name for mode in linear(GTM, point).modes] == ["short period", "phugoid"]
+    assert [mode.name for mode in linearize(GTM, point).modes] == ["short period", "phugoid"]
 
 
 def test_rates_of_the_book() -> None:
@@ -233,7 +227,7 @@ def cart(x, u, p, w):
 
 
 def test_a_kink_is_reported_with_both_slopes() -> None:
-    model = linear(simple(cart), trimmed(simple(cart)))
+    model = linearize(simple(cart), trimmed(simple(cart)))
     assert model.kinks == ("kink: A(v, x) is 0, but the slopes below and above are -35 and -35",)
     assert model.kinks[0] in model.report().notes
 
@@ -241,7 +235,7 @@ def test_a_kink_is_reported_with_both_slopes() -> None:
 def test_kinks_of_a_sweep_are_those_of_its_points(tmp_path: Path) -> None:
     """At x = 0 alone; there the note says where, and a store counts the entries."""
     found = sweep(simple(cart), {"x": [-1.0, 0.0, 1.0]})
-    assert found.kinks == {1: linear(simple(cart), trimmed(simple(cart))).kinks}
+    assert found.kinks == {1: linearize(simple(cart), trimmed(simple(cart))).kinks}
     (note,) = found.report().notes
     assert note.endswith("slopes below and above are -35 and -35 (1 of 3 points, the first at 0)")
     store = stream_sweep(found.plan, tmp_path / "a.zarr")
@@ -267,7 +261,7 @@ def test_a_wrong_nominal_gives_no_false_result() -> None:
         point = trimmed(model)
         np.testing.assert_allclose(np.array(point.states), np.array(reference.states), atol=1e-8, err_msg=name)
         np.testing.assert_allclose(np.array(point.inputs), np.array(reference.inputs), atol=1e-8, err_msg=name)
-        assert linear(model, point).kinks == linear(F16, reference).kinks
+        assert linearize(model, point).kinks == linearize(F16, reference).kinks
 
 
 @pytest.mark.parametrize(
