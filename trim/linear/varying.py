@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from hfa_model.aircraft import Aircraft
     from hfa_support.model import Model
 
-_QUANTITIES = ("states", "inputs", "A", "B")
-
 
 class Interpolated(NamedTuple):
     """At N points: X0 (N, n), U0 (N, m), A (N, k, k), B (N, k, m) of the sweep's k states; without N at one point."""
@@ -91,13 +89,13 @@ class InterpolatedModel:
             flat = ca.mtimes(table.reshape(weights.numel(), -1).T, weights)
             shape = table.shape[len(self.axes) :]
             parts.append(flat if len(shape) == 1 else ca.reshape(flat, *shape[::-1]).T)
-        return ca.Function("models", [asked], parts, ["at"], list(_QUANTITIES))
+        return ca.Function("models", [asked], parts, ["at"], list(Interpolated._fields))
 
     @cached_property
     def _tables(self) -> list[np.ndarray]:
         """Each quantity over the grid, the axes of the variables first."""
         order, sizes = np.lexsort(self.sweep.values.T[::-1]), tuple(map(len, self.axes))
-        found = (getattr(self.sweep, name)[order] for name in _QUANTITIES)
+        found = (getattr(self.sweep, name)[order] for name in Interpolated._fields)
         return [table.reshape(*sizes, *table.shape[1:]) for table in found]
 
     def _place(self, values: np.ndarray | list[float]) -> str:

@@ -115,7 +115,14 @@ def trim_report(aircraft: Aircraft | Model, condition: TrimCondition, point: Ope
     ordered = enumerate(sorted(limited, key=lambda each: each.share))
     near = [each for index, each in ordered if index < 3 or each.at_limit]
     search, said = _search(aircraft, condition, point)
-    imposed = {**condition.imposed, **condition.rates}
+    imposed, scaled = {**condition.imposed, **condition.rates}, point.scaled_residuals
+    equations = {
+        name: {
+            **{"imposed": imposed[name], "residual": value, "tolerance": point.tolerance(name)},
+            **{"unit": point.equation_unit(name), "ok": abs(scaled[name]) <= BALANCE},
+        }
+        for name, value in point.residuals.items()
+    }
     rates = model.rates_at(point.states, point.inputs)
     left = {name: rate for name, rate in rates.items() if name not in condition.rates}
     header = "value", "unit", "status", "lowest", "highest", "margin", "nearest limit"
@@ -123,7 +130,7 @@ def trim_report(aircraft: Aircraft | Model, condition: TrimCondition, point: Ope
         Table(("state", *header), [each.row() for name, each in every.items() if name not in model.inputs]),
         Table(("input", *header), [every[name].row() for name in model.inputs]),
         Table(("nearest limit", "limit", "margin", "unit", "of its range", "verdict"), list(map(_near, near))),
-        _equations(condition, point),
+        _equations(point, equations),
         *said,
     ]
     if left:
@@ -141,13 +148,7 @@ def trim_report(aircraft: Aircraft | Model, condition: TrimCondition, point: Ope
         "variables": {name: each.to_dict() for name, each in every.items()},
         "nearest_limits": [each.name for each in near],
         "binding": [each.name for each in near if each.at_limit and each.role != "held"],
-        "equations": {
-            name: {
-                **{"imposed": imposed[name], "residual": value, "tolerance": point.tolerance(name)},
-                **{"unit": point.equation_unit(name), "ok": abs(point.scaled_residuals[name]) <= BALANCE},
-            }
-            for name, value in point.residuals.items()
-        },
+        "equations": equations,
         "warnings": point.warnings,
         "search": search,
         "rates_left": left,
@@ -176,24 +177,24 @@ def _near(each: Margin) -> tuple[str, ...]:
     )
 
 
-def _equations(condition: TrimCondition, point: OperatingPoint) -> Table:
+def _equations(point: OperatingPoint, equations: dict[str, dict[str, Any]]) -> Table:
     """One row an equation, those that do not balance first; without the imposed rates where all are zero."""
-    rates = condition.rates if any(condition.rates.values()) else {}
-    rows, scaled = [], point.scaled_residuals
-    for name in sorted(point.residuals, key=lambda each: abs(scaled[each]) <= BALANCE):
-        unit, numbers = point.equation_unit(name), (point.residuals[name], point.tolerance(name))
+    states, scaled = point.model.states, point.scaled_residuals
+    imposed = any(each["imposed"] for name, each in equations.items() if name in states)
+    rows = []
+    for name, each in sorted(equations.items(), key=lambda item: item[1]["ok"]):
+        unit, rate = each["unit"], each["imposed"] if name in states else 0.0
         rows.append(
             (
-                f"rate of {name}" if name in point.model.states else name,
-                *((f"{in_force(rates.get(name, 0.0), unit):.6g}",) if rates else ()),
-                *(f"{in_force(each, unit):.2e}" for each in numbers),
+                f"rate of {name}" if name in states else name,
+                *([f"{in_force(rate, unit):.6g}"] * imposed),
+                *(f"{in_force(each[part], unit):.2e}" for part in ("residual", "tolerance")),
                 unit_in_force(unit),
                 f"{scaled[name]:.2e}",
-                Cell("PASS", "good") if abs(scaled[name]) <= BALANCE else Cell("FAIL", "bad"),
+                Cell("PASS", "good") if each["ok"] else Cell("FAIL", "bad"),
             )
         )
-    header = ("equation", *("imposed",) * bool(rates), "residual", "tolerance", "unit", "scaled", "verdict")
-    return Table(header, rows)
+    return Table(("equation", *["imposed"] * imposed, "residual", "tolerance", "unit", "scaled", "verdict"), rows)
 
 
 def _search(

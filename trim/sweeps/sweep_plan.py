@@ -63,10 +63,13 @@ class SweepPlan:
         axes: dict[str, Any] = {}
         for name, values in self.axes.items():
             model.refuse_unheld("cannot sweep", name, tuple(model.parameters))
-            axes[name] = values if isinstance(values, Steps) else numbers_in(name, values)
-            if not isinstance(values, Steps) and (axes[name].ndim != 1 or not axes[name].size):
+            if isinstance(values, Steps):
+                axes[name] = values
+                continue
+            array = numbers_in(name, values)
+            if array.ndim != 1 or not array.size:
                 raise BadInputError(f"the values of {name} are {shown(values)}; give a list of numbers")
-            axes[name] = values if isinstance(values, Steps) else tuple(axes[name].tolist())
+            axes[name] = tuple(array.tolist())
         object.__setattr__(self, "axes", axes)
         if self.listed and len({len(values) for values in axes.values()}) > 1:
             raise BadInputError(f"the columns of a list of conditions have {shown(self._lengths)} values; give as many")
