@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 import casadi as ca
 import numpy as np
 
-from hfa_support.errors import BadInputError, refuse_unknown, shown
+from hfa_support.errors import BadInputError, is_finite, refuse_unknown, shown
 from hfa_support.native.bound import BoundFunction, cached_per_thread
 from hfa_support.reporting.text import shown_unit, shown_value
 
@@ -474,11 +474,9 @@ def _bound_linearized(*key: Any) -> BoundFunction:
 def _check_signal(where: str, signal: Signal) -> None:
     if not isinstance(signal, Signal):
         raise BadInputError(f"{where} is {shown(signal)}; declare it as a Signal")
-    numbers = (signal.nominal, signal.start, signal.nominal if signal.rate is None else signal.rate)
-    if not all(isinstance(each, (int, float)) and math.isfinite(each) for each in numbers):
-        raise BadInputError(f"{where}: nominal, start and rate must be finite numbers")
-    if signal.nominal <= 0.0 or (signal.rate is not None and signal.rate <= 0.0):
-        raise BadInputError(f"{where}: nominal and rate must be positive")
+    sizes = (signal.nominal, signal.nominal if signal.rate is None else signal.rate)
+    if not all(map(is_finite, (*sizes, signal.start))) or min(sizes) <= 0.0:
+        raise BadInputError(f"{where}: nominal, start and rate must be finite numbers, nominal and rate positive")
     if not signal.min <= signal.max:
         raise BadInputError(f"{where}: min {signal.min:g} is above max {signal.max:g}; exchange them")
 

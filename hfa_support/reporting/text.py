@@ -9,7 +9,7 @@ from typing import Any, NamedTuple, Self
 
 import numpy as np
 
-from hfa_support.reporting.unit_system import entries_in_force, gain_unit, in_force, unit_in_force, value_unit
+from hfa_support.reporting.unit_system import entries_in_force, in_force, unit_in_force
 
 #: Numbers smaller than this are rounding and shown as 0.
 ROUNDING = 1e-12
@@ -90,18 +90,16 @@ def entry_rows(
     names, units: of states and of inputs; units "" where they are not known.
     """
     (states, inputs), (state_units, input_units) = names, units
-    rows: list[tuple[Any, ...]] = []
-    for name, matrices, lines, line_units, unit_of in (
-        ("P", P, states, state_units, value_unit),
-        ("K", K, inputs, input_units, gain_unit),
-    ):
-        if matrices:
-            rows += [
-                (name, row, column, *(each[i, j] for each in matrices), unit_of(line_units[i], state_units[j]))
-                for i, row in enumerate(lines)
-                for j, column in enumerate(states)
-            ]
-    return rows
+    kinds = (
+        ("P", P, states, state_units, "1/(({}) ({}))"),  # z'Pz has no unit
+        ("K", K, inputs, input_units, "({})/({})"),
+    )
+    return [
+        (name, row, column, *(each[i, j] for each in matrices), unit.format(line_units[i], of) if of else "")
+        for name, matrices, lines, line_units, unit in kinds
+        for i, row in enumerate(lines if matrices else ())
+        for j, (column, of) in enumerate(zip(states, state_units, strict=True))
+    ]
 
 
 def numbered(letter: str, count: int) -> tuple[str, ...]:

@@ -74,16 +74,6 @@ def si_factor(unit: str) -> float:
     return _product(iter(re.findall(r"\(|\)|/|\^-?\d+|[^\s()/^]+", unit)))
 
 
-def gain_unit(of_input: str, of_state: str) -> str:
-    """Unit of an entry of K; "" where those of the plant are not known."""
-    return f"({of_input})/({of_state})" if of_state else ""
-
-
-def value_unit(row: str, column: str) -> str:
-    """Unit of an entry of P, z'Pz having none; "" where those of the plant are not known."""
-    return f"1/(({row}) ({column}))" if row else ""
-
-
 def english(value: float, stated: str, unit: str) -> float:
     """A value in the English unit, stated in it or in its SI unit. BadInputError for any other."""
     if stated == unit:

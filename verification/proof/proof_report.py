@@ -16,7 +16,6 @@ from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.model import Model
 from hfa_support.reporting.report import Part, Report
 from hfa_support.reporting.text import Table, matrix_table, numbered
-from hfa_support.reporting.unit_system import gain_unit
 from verification.checker.checker import Run, Statement, Verified
 from verification.checker.structure import Content
 
@@ -170,7 +169,7 @@ def lpv_report(proof: Statement, data: Content) -> Report:
         for name, entries, names_of_rows, columns, unit_of in (
             ("A", data["A"], model.linear, model.linear, model.entry_unit),
             ("B", data["B"], model.linear, inputs, model.entry_unit),
-            ("K", data["K"], inputs, model.linear, lambda u, x: gain_unit(model.unit(u), model.unit(x))),
+            ("K", data["K"], inputs, model.linear, lambda u, x: f"({model.unit(u)})/({model.unit(x)})"),
             ("U0", data["inputs_offset"][..., None], inputs, ("",), lambda u, _: model.unit(u)),
         )
         for row, values in zip(names_of_rows, entries[k].tolist(), strict=True)
