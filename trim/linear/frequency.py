@@ -107,14 +107,15 @@ def bode_figure(model: LinearModel) -> Figure:
     if not model.inputs:
         raise BadInputError("the model has no inputs: there is no Bode plot to draw")
     found = model.frequency_response()
-    units = (model.output_units, 1), (model.input_units, -1)
+    output_units = model.point.model.units(model.outputs)
+    units = (output_units, 1), (model.input_units, -1)
     size = entries_in_force(np.moveaxis(np.abs(found.frdata), 2, 0), *units)
     phase = np.degrees(np.unwrap(np.moveaxis(np.angle(found.frdata), 2, 0), axis=0))
     if not size.any():
         raise BadInputError("no chosen input reaches a chosen output: there is no Bode plot to draw")
     figure = new_figure(max(5.0, 3.4 * len(model.outputs)), 5.6)
     axes = figure.subplots(2, len(model.outputs), sharex=True, squeeze=False)
-    for i, (output, unit) in enumerate(zip(model.outputs, model.output_units, strict=True)):
+    for i, (output, unit) in enumerate(zip(model.outputs, output_units, strict=True)):
         above, below = axes[:, i]
         for j, name in enumerate(model.inputs):
             if size[:, i, j].max() > _ROUNDING * size.max():

@@ -59,16 +59,6 @@ class LinearModel(ByValue, Reported):
     kinks: tuple[str, ...] = ()
 
     @property
-    def output_units(self) -> tuple[str, ...]:
-        """Unit of each output, in order."""
-        return self.point.model.units(self.outputs)
-
-    @property
-    def disturbance_units(self) -> tuple[str, ...]:
-        """Unit of each disturbance, in order."""
-        return self.point.model.units(self.disturbances)
-
-    @property
     def state_units(self) -> tuple[str, ...]:
         """Unit of each state, in order."""
         return self.point.model.units(self.states)
@@ -205,9 +195,12 @@ def linear_model_report(
         "dynamics": point.dynamics,
         "operating_point": point.to_dict(),
         **{name: np.asarray(getattr(model, name)).tolist() for name in names.split()},
+        "output_units": list(own.units(model.outputs)),
         "modes": [mode.to_dict() for mode in model.modes],
         "warnings": warnings,
     }
+    if model.disturbances:
+        data["disturbance_units"] = list(own.units(model.disturbances))
     if bands is not None:
         data |= {"A_band": bands.A.tolist(), "B_band": bands.B.tolist()}
     if other is not None:
@@ -257,8 +250,8 @@ def _blocks(model: LinearModel) -> list[tuple[str, tuple[str, ...], tuple[str, .
 
 
 #: What the data has of every model, and of one with disturbances.
-_ALWAYS = "states inputs state_units input_units state_offsets input_offsets A B outputs output_units C D"
-_WINDY = " disturbances disturbance_units E F output_offsets"
+_ALWAYS = "states inputs state_units input_units state_offsets input_offsets A B outputs C D"
+_WINDY = " disturbances E F output_offsets"
 
 
 def _positions(what: str, names: tuple[str, ...] | None, known: tuple[str, ...]) -> list[int]:
