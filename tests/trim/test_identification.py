@@ -151,32 +151,25 @@ def test_each_departure_from_newton_is_needed(description: str, variant: Variant
     assert found.largest > 1000.0, description
 
 
-def with_newtons_pitch_rate_sign(self: Published, x: State, p: Parameters) -> Any:
-    term = p.panel_mass * p.panel_span / 2 * ca.cos(x.dihedral) * x.speed * ca.cos(x.alpha) * x.pitch_rate
-    return Published().hinge_coupling(x, p) - 2 * term
-
-
-def without_dihedral_rate_term(self: Published, x: State, p: Parameters) -> Any:
-    term = p.panel_mass * p.panel_span / 2 * x.speed * ca.sin(x.alpha) * ca.sin(x.dihedral) * x.dihedral_rate
-    return Published().hinge_coupling(x, p) + term
-
-
-def with_newtons_square_factor(self: Published, x: State, p: Parameters) -> Any:
-    square = ca.cos(x.dihedral) * ca.sin(x.dihedral) * x.dihedral_rate**2
-    return Published().hinge_coupling(x, p) + p.panel_mass * p.panel_span**2 / 6 * square
-
-
 @pytest.mark.parametrize(
-    ("coupling", "lowest", "highest"),
+    ("speed", "square", "lowest", "highest"),
     [
-        (with_newtons_pitch_rate_sign, 30_000.0, 50_000.0),
-        (without_dihedral_rate_term, 80.0, 90.0),
-        (with_newtons_square_factor, 1.2, 1.22),
+        # The pitch-rate term with Newton's sign, the dihedral-rate term left out, the square with Newton's factor.
+        (lambda x: -ca.cos(x.dihedral) * ca.cos(x.alpha) * x.pitch_rate, 0.0, 30_000.0, 50_000.0),
+        (lambda x: ca.sin(x.alpha) * ca.sin(x.dihedral) * x.dihedral_rate / 2, 0.0, 80.0, 90.0),
+        (lambda x: 0.0, 1 / 6, 1.2, 1.22),
     ],
 )
 def test_of_the_coupling_two_terms_are_needed_and_the_square_changes_nothing(
-    coupling: Callable[..., Any], lowest: float, highest: float
+    speed: Callable[[State], Any], square: float, lowest: float, highest: float
 ) -> None:
+    """What is added to the coupling: m s V times `speed`, m s² cos η sin η η'² times `square`."""
+
+    def coupling(self: Published, x: State, p: Parameters) -> Any:
+        of_square = p.panel_span * ca.cos(x.dihedral) * ca.sin(x.dihedral) * x.dihedral_rate**2
+        more = p.panel_mass * p.panel_span * (speed(x) * x.speed + square * of_square)
+        return Published().hinge_coupling(x, p) + more
+
     variant = type("Changed", (Published,), {"hinge_coupling": coupling})()
     assert lowest < fit(published_models(), variant).largest < highest
 
