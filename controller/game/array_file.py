@@ -107,7 +107,8 @@ def _mat(path: Path) -> dict[str, Any]:
 def _beside(path: Path) -> dict[str, Path]:
     """Name -> file of the matrices that belong together without names inside."""
     if path.stem not in (*PLANT[:1], *CRITIC):
-        raise ValueError("it holds the matrix that its name says: A with B beside it, or K, P, W; rename it")
+        called = "a .csv holds one matrix and has its name, A with B beside it, or K, P, W"
+        raise ValueError(f"{called}; use .json, .npz or .mat for a table of entries or times")
     others = [path.with_name(name + path.suffix) for name in PLANT] if path.stem == "A" else []
     return {path.stem: path, **{each.stem: each for each in others if each.is_file() and each != path}}
 
