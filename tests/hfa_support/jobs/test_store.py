@@ -100,7 +100,7 @@ def test_two_processes_write_the_bytes_of_one_and_a_resume_changes_none(made: Pa
 
 def test_a_dask_cluster_writes_the_bytes_of_one(made: Path, tmp_path: Path) -> None:
     distributed = pytest.importorskip("distributed")
-    with distributed.LocalCluster(n_workers=1, threads_per_worker=4, processes=False, dashboard_address=None) as known:
+    with distributed.LocalCluster(n_workers=1, threads_per_worker=4, processes=False, dashboard_address=":0") as known:
         stream(Job(), tmp_path / "far.zarr", scheduler=known.scheduler_address)
     assert contents(tmp_path / "far.zarr") == contents(made)
 
