@@ -54,6 +54,12 @@ def scalar_game(delta: float) -> Game:
     return Game(A=-one, B=one, E=one, Q=one, R=one, delta=delta)
 
 
+def between(places: Any, values: Any, place: float) -> np.ndarray:
+    """A table of matrices, linear between its places."""
+    flat = np.array(values).reshape(len(values), -1)
+    return np.array([np.interp(place, places, column) for column in flat.T]).reshape(np.shape(values)[1:])
+
+
 def delayed_abscissa(
     table: LoopTable,
     A: np.ndarray,
@@ -67,11 +73,7 @@ def delayed_abscissa(
     the delay (Breda, Maset, Vermiglio, SIAM J. Sci. Comput. 27, 2005); at the first place unless given."""
     own, at = table.actuators, table.places[0] if place is None else place
     assert own is not None
-    parts = K, M, N, X, U = table.K, table.M, table.N, table.X, own.U
-    K, M, N, X, U = (
-        np.array([np.interp(at, table.places, each) for each in part.reshape(len(part), -1).T]).reshape(part.shape[1:])
-        for part in parts
-    )
+    K, M, N, X, U = (between(table.places, each, at) for each in (table.K, table.M, table.N, table.X, own.U))
     x = np.eye(len(A), len(M))
     now = x.T @ (A @ x - B @ K) + N @ (A @ X - B @ K) + M + w * own.own
     later, n, count = w * own.G @ np.diag(arrives) @ U, len(now), 13

@@ -55,11 +55,6 @@ def doubles(values: arb_mat) -> np.ndarray:
     return np.array([[float(entry.mid()) for entry in row] for row in values.tolist()])
 
 
-def radii(values: arb_mat) -> np.ndarray:
-    """Radii rounded to doubles: for searching, never for proving."""
-    return np.array([[float(entry.rad()) for entry in row] for row in values.tolist()])
-
-
 def inside(inner: Sequence[arb], outer: Sequence[arb]) -> bool:
     """Each ball lies in the interior of its partner, for certain."""
     return all(one.is_finite() and other.contains_interior(one) for one, other in zip(inner, outer, strict=True))

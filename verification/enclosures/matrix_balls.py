@@ -9,7 +9,7 @@ matrices form a convex cone: one H serves a whole box when it serves the corners
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from flint import arb, arb_mat
@@ -26,7 +26,6 @@ from verification.arithmetic.balls import (
     matrix,
     norm,
     pivots,
-    radii,
     symmetric,
 )
 
@@ -79,7 +78,8 @@ def candidates(A: np.ndarray, rate: float, *additions: Sequence[arb_mat]) -> Ite
         for each in additions:
             G = np.diag(distances)
             for E in each:
-                G -= np.abs(inverse @ doubles(E) @ vectors) + np.abs(inverse) @ radii(E) @ np.abs(vectors)
+                radii = np.array([[float(entry.rad()) for entry in row] for row in E.tolist()])
+                G -= np.abs(inverse @ doubles(E) @ vectors) + np.abs(inverse) @ radii @ np.abs(vectors)
             x, y = (np.linalg.solve(own, np.ones(len(A))) for own in (G, G.T))
             if min(x.min(), y.min()) > 0.0:
                 shares.append(y / x)
@@ -112,12 +112,12 @@ def roomy(model: TaylorModel) -> TaylorModel:
 class BallGame(NamedTuple):
     """A'P + P A + Q - P S P = 0,  S = B R⁻¹ B' - δ⁻² E E', with A and B in balls and E, Q, R, δ exact doubles.
 
-    game: the same in doubles, where the search begins. A, B: balls, in the units of the game.
+    game: the same in doubles, where the search begins. A, B: balls or Taylor models, in the units of the game.
     """
 
     game: Game
-    A: arb_mat
-    B: arb_mat
+    A: Any
+    B: Any
 
     @classmethod
     def of(cls, game: Game) -> BallGame:

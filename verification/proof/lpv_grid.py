@@ -14,15 +14,15 @@ import numpy as np
 from flint import arb_mat
 
 from controller.game.zero_sum import Game, usual_game
-from controller.riccati.balancing import balanced_units, in_units
+from controller.riccati.balancing import balanced_units
 from controller.riccati.gare_schur import schur_solution
 from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.jsonable import jsonable
 from hfa_support.progress import Progress, told
 from verification.arithmetic.ball_function import Undecided
-from verification.arithmetic.balls import TaylorModel, doubles, exact, matrix, norm
+from verification.arithmetic.balls import TaylorModel, doubles, matrix, norm
 from verification.checker.checker import Rejected, distances, model_on, solution_on
-from verification.enclosures.matrix_balls import counted, lyapunov_operator
+from verification.enclosures.matrix_balls import BallGame, counted, lyapunov_operator
 from verification.enclosures.trim_branch import Family, ModelForms, PlaceBox, TrimBranch, bisected
 from verification.proof.certificate import Content, Proof, flights_claim, proved_box
 from verification.proof.proof_report import place_data
@@ -134,22 +134,20 @@ def coarsest_grid(
 
 def _game_on(forms: ModelForms, first: Game) -> Content:
     """What a certificate says of the solution of the game on a box: P(s) to second order, and how far off it may be."""
-    game = replace(first, A=doubles(forms.A.parts[0]), B=doubles(forms.B.parts[0]))
-    units = balanced_units(game)
-    up, down = matrix(np.diag(units)), matrix(np.diag(1.0 / units))
-    A, B, own = down * forms.A * up, down * forms.B, in_units(game, units)
+    game = BallGame(replace(first, A=doubles(forms.A.parts[0]), B=doubles(forms.B.parts[0])), forms.A, forms.B)
+    units = balanced_units(game.game)
+    own = game.scaled(units)
 
     def solved(s: float) -> np.ndarray:
-        at = [c0 + s * c1 + s * s * c2 for c0, c1, c2 in (map(doubles, form.parts[:3]) for form in (A, B))]
-        return schur_solution(replace(own, A=at[0], B=at[1]))
+        at = [c0 + s * c1 + s * s * c2 for c0, c1, c2 in (map(doubles, form.parts[:3]) for form in (own.A, own.B))]
+        return schur_solution(replace(own.game, A=at[0], B=at[1]))
 
     before, middle, after = map(solved, (-_ZERO, 0.0, _ZERO))
     guess = [middle, (after - before) / (2 * _ZERO), ((after + before) / 2 - middle) / _ZERO**2]
-    E, P = matrix(own.E), TaylorModel(*map(matrix, guess))
-    S = B * (matrix(own.R).inv() * B.transpose()) - E * E.transpose() * (1 / exact(own.delta) ** 2)
-    half, loop = (A - S * P * 0.5).transpose() * P, A - S * P
+    P, S = TaylorModel(*map(matrix, guess)), own.S()
+    half, loop = (own.A - S * P * 0.5).transpose() * P, own.A - S * P
     inverse = matrix(np.linalg.inv(doubles(lyapunov_operator(loop.parts[0]))))
-    step = inverse * arb_mat([[entry] for entry in (half + half.transpose() + matrix(own.Q)).range().entries()])
+    step = inverse * arb_mat([[entry] for entry in (half + half.transpose() + own.Q()).range().entries()])
     modes = counted(loop.parts[0])
     if modes is None or modes.unstable:
         raise Undecided("the solution of the game is not found on this box")

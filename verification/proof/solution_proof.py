@@ -45,11 +45,6 @@ class ProvedDelta(NamedTuple):
     refused: float
     why: Enclosed | tuple[float, float]
 
-    @property
-    def width(self) -> float:
-        """(value - refused) / value."""
-        return (self.value - self.refused) / self.value
-
 
 def prove_delta_min(game: BallGame, found: DeltaMin) -> ProvedDelta | None:
     """The narrowest bracket about what was found in doubles that can be proved; None when none can.
@@ -67,7 +62,7 @@ def prove_delta_min(game: BallGame, found: DeltaMin) -> ProvedDelta | None:
     if high is None or refused is None:
         return None
     bracket = ProvedDelta(high, *refused)
-    while bracket.width > WIDTH:
+    while bracket.value - bracket.refused > WIDTH * bracket.value:
         middle = math.sqrt(bracket.value * bracket.refused)
         if value_is_proved(game.with_delta(middle)):
             bracket = bracket._replace(value=middle)

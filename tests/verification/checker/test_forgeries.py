@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from proof_cases import PROOFS, certificate, delayed_abscissa, forge
+from proof_cases import PROOFS, between, certificate, delayed_abscissa, forge
 from random_points import INPUT_SCALES
 
 from controller import Game, basis
@@ -123,9 +123,7 @@ def _models(
 
 
 def _at(table: Content, key: str, degrees: float) -> np.ndarray:
-    angles, values = np.array(table["places"]), np.array(table[key])
-    flat = [np.interp(degrees, angles, each) for each in values.reshape(len(angles), -1).T]
-    return np.array(flat).reshape(values.shape[1:])
+    return between(table["places"], table[key], degrees)
 
 
 def _count(A: np.ndarray, line: float = 0.0) -> int | None:

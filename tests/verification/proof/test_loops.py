@@ -116,7 +116,9 @@ def test_a_lag_that_is_too_long_is_refuted_and_what_a_proof_does_not_take_is_sai
         servo_table(filtered(direct=1.0), fast(), 68.0, model)
 
 
-@pytest.mark.parametrize(("delay", "slowest"), [(0.02, 1.8), (0.5, 1.8), (0.0, 0.02)])
+@pytest.mark.parametrize(
+    ("delay", "slowest"), [(0.02, 1.8), pytest.param(0.5, 1.8, marks=pytest.mark.slow), (0.0, 0.02)]
+)
 def test_a_loop_through_actuators_is_proved_and_beyond_the_true_limit_left_open(delay: float, slowest: float) -> None:
     """By the delay equation's own eigenvalues the loop stands 0.02 s and not 0.5 s; actuators of 0.02 rad/s leave the
     aircraft, which is unstable at 14 deg, to itself."""
@@ -209,9 +211,10 @@ def test_a_kink_is_refused_by_name_unless_balls_decide_it(kink: Any, proved: int
             Family(load_model("examples/f16.py:F16")).check(400.0, 410.0)
         return
     flights.check(1.0, 2.0)
-    proof = prove_schedule(flights, table, 1.0, 2.0)
+    high = 1.0 + 2.0**-15  # narrower boxes than half of this are not tried
+    proof = prove_schedule(flights, table, 1.0, high)
     assert proof.proved == bool(proved)
-    assert gaps(proof.covers["loop"], 1.0, 2.0) == [(1.0, 2.0)] * (1 - proved)
+    assert gaps(proof.covers["loop"], 1.0, high) == [(1.0, high)] * (1 - proved)
 
 
 def test_trims_of_boxes_that_are_not_one_branch_are_told(tmp_path: Any, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from flint import ctx
 from known_models import model_at
-from proof_cases import ORIGIN, exact_table, family, proved, unstable_between
+from proof_cases import ORIGIN, between, exact_table, family, proved, unstable_between
 
 from controller.policy.gain_table import GainTable
 from controller.riccati.balancing import spectrum
@@ -24,25 +24,19 @@ from verification.proof.proof_report import crossings, gaps, joined
 from verification.proof.scheduled_loop import LoopTable, segments
 
 
-def at(places: np.ndarray, values: np.ndarray, place: float) -> np.ndarray:
-    """A table of matrices, linear between its places."""
-    flat = np.array(values).reshape(len(values), -1)
-    return np.array([np.interp(place, places, column) for column in flat.T]).reshape(np.shape(values)[1:])
-
-
 def assert_agrees_with_doubles(proof: Proof, table: LoopTable, dynamics: str) -> None:
     """On a grid the proved rate and entries hold."""
     for box in proof.boxes["loop"]:
         for angle in (box["range"][0], sum(box["range"]) / 2, box["range"][1]):
             model = model_at(angle, dynamics)
-            found = spectrum(model.A - model.B @ at(table.places, table.K, angle)).abscissa
+            found = spectrum(model.A - model.B @ between(table.places, table.K, angle)).abscissa
             assert (found < -box["rate"]) == (box["unstable"] == 0)
             for name in ("A", "B"):
                 ends, value = np.array(box[name]), getattr(model, name)
                 assert np.all((ends[..., 0] <= value) & (value <= ends[..., 1]))
 
 
-@pytest.mark.parametrize("dynamics", ["published", "newton"])
+@pytest.mark.parametrize("dynamics", ["published", pytest.param("newton", marks=pytest.mark.slow)])
 def test_a_part_of_the_schedule_is_proved(dynamics: str) -> None:
     """The loop, the modes of A, and a rate, twice which the same Lyapunov function does not prove."""
     table = exact_table(14.0, 14.5, dynamics=dynamics)
@@ -58,9 +52,9 @@ def test_a_part_of_the_schedule_is_proved(dynamics: str) -> None:
     rate, lyapunov, fastest = proof.statement["place_rate"], proof.statement["lyapunov"], []
     assert rate > 60.0
     for angle in (14.0, 14.0375, 14.0875, 14.125):
-        model, P = model_at(angle, dynamics), at(lyapunov["places"], lyapunov["P"], angle)
+        model, P = model_at(angle, dynamics), between(lyapunov["places"], lyapunov["P"], angle)
         slope = (lyapunov["P"][1] - lyapunov["P"][0]) / np.radians(lyapunov["places"][1] - lyapunov["places"][0])
-        loop = model.A - model.B @ at(table.places, table.K, angle)
+        loop = model.A - model.B @ between(table.places, table.K, angle)
         for sign in (-1.0, 1.0):
             growth = loop.T @ P + P @ loop + sign * np.radians(rate) * slope
             assert np.linalg.eigvalsh(growth)[-1] < 0.0
@@ -92,7 +86,7 @@ def test_an_instability_between_two_angles_is_found_and_refuted(
     assert any(low <= 15.03 <= high for low, high, _ in refuted)
     for low, high, count in refuted:
         model = model_at((low + high) / 2)
-        values = spectrum(model.A - model.B @ at(table.places, table.K, (low + high) / 2)).eigenvalues
+        values = spectrum(model.A - model.B @ between(table.places, table.K, (low + high) / 2)).eigenvalues
         assert int(np.sum(values.real > 0.0)) == count
     # At its own angles the table is stable, and there the interval is proved to be.
     assert runs[0][::2] == (15.0, 0)

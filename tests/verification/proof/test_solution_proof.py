@@ -24,7 +24,7 @@ from verification.proof.solution_proof import distance, none_exists, prove_delta
 ONE = np.eye(1)
 
 
-@pytest.mark.parametrize("dynamics", ["published", "newton"])
+@pytest.mark.parametrize("dynamics", ["published", pytest.param("newton", marks=pytest.mark.slow)])
 def test_the_solution_of_the_paper_s_game_is_proved(dynamics: str) -> None:
     proof = prove_solution(game_at(15.0, dynamics), family(dynamics), 15.0)
     assert proof.proved
@@ -61,7 +61,7 @@ def test_delta_min_of_a_scalar_game_is_bracketed(found: float) -> None:
     bracket = prove_delta_min(BallGame.of(scalar_game(2.0)), DeltaMin(exact * (1 + 3 * found), exact * (1 - found)))
     assert bracket is not None
     assert bracket.refused < exact <= bracket.value
-    assert bracket.width <= 1e-6
+    assert bracket.value - bracket.refused <= 1e-6 * bracket.value
 
 
 @pytest.mark.parametrize("share", [1e-5, 1e-3, 0.1])
