@@ -92,10 +92,8 @@ class DesignModel(Shown):
             alone = _full_rank(rows[[*range(plant), plant + k]])
             if not alone or not _full_rank(rows[: plant + k + 1]):
                 others = f" apart from {', '.join(names[:k])}" if alone else ""
-                raise BadInputError(
-                    f"integrated output {name}: no input moves it at rest{others} (a transmission zero at 0); "
-                    "leave it out of integrals"
-                )
+                why = f"no input moves it at rest{others} (a transmission zero at 0)"
+                raise BadInputError(f"integrated output {name}: {why}; leave it out of integrals")
 
 
 def design_model(aircraft: Aircraft | Model, model: LinearModel, design: Design) -> DesignModel:
@@ -106,25 +104,24 @@ def design_model(aircraft: Aircraft | Model, model: LinearModel, design: Design)
     """
     design = design.of(aircraft.model)
     n, k, names, own = len(model.states), len(design.integrals), design.states, aircraft.model
-    watched, winds = (
-        (*design.integrals, *design.sensors),
-        [*(each for each in design.disturbances if each in own.disturbances)],
-    )
+    watched = (*design.integrals, *design.sensors)
+    winds = tuple(each for each in design.disturbances if each in own.disturbances)
     columns = [model.inputs.index(name) for name in design.inputs]
-    of_x, of_a, of_w, wind = watched_outputs(aircraft, model.point, watched, disturbances=tuple(winds))
+    of_x, of_a, of_w, wind = watched_outputs(aircraft, model.point, watched, disturbances=winds)
     A, B = np.zeros((len(names), len(names))), np.zeros((len(names), len(columns)))
     C, D = np.zeros((len(watched), len(names))), np.zeros((len(watched), len(columns)))
     A[:n, :n], C[:, :n] = model.A, of_x
     for number, (name, column) in enumerate(zip(design.inputs, columns, strict=True)):
-        actuator = design.actuators.get(name)
-        place = number if actuator is None else names.index(f"{name}_position")
-        (B if actuator is None else A)[:n, place] = model.B[:, column]
-        (D if actuator is None else C)[:, place] = of_a[:, column]
-        if actuator is not None:
-            w, last = actuator.bandwidth, names.index(f"{name}_rate") if actuator.order == 2 else place
-            if actuator.order == 2:
-                A[place, last], A[last, last] = 1.0, -2 * actuator.damping * w
-            A[last, place], B[last, number] = -(w**actuator.order), w**actuator.order * actuator.effectiveness
+        if (actuator := design.actuators.get(name)) is None:
+            B[:n, number], D[:, number] = model.B[:, column], of_a[:, column]
+            continue
+        last = place = names.index(f"{name}_position")
+        A[:n, place], C[:, place] = model.B[:, column], of_a[:, column]
+        stiffness = actuator.bandwidth**actuator.order
+        if actuator.order == 2:
+            last = names.index(f"{name}_rate")
+            A[place, last], A[last, last] = 1.0, -2 * actuator.damping * actuator.bandwidth
+        A[last, place], B[last, number] = -stiffness, stiffness * actuator.effectiveness
     blown = np.vstack([wind, np.zeros((len(names) - n, len(winds)))])
     for row, name in enumerate(watched):
         if row < k:
@@ -137,9 +134,8 @@ def design_model(aircraft: Aircraft | Model, model: LinearModel, design: Design)
     for source in design.disturbances:
         for name, seen in zip(design.sensors, felt.get(source, np.zeros((len(watched), 1)))[k:], strict=True):
             if np.any(seen):
-                raise BadInputError(
-                    f"design {design.name}: sensor {name} sees the {source} itself; measure a state instead"
-                )
+                why = f"sensor {name} sees the {source} itself"
+                raise BadInputError(f"design {design.name}: {why}; measure a state instead")
     E = np.hstack([math.sqrt(size) * sources[name] for name, size in design.disturbances.items()])
     return DesignModel(design, model, A, B, E, C[k:], D[k:])
 
