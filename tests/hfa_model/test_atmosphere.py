@@ -18,13 +18,6 @@ KG_PER_M3 = 14.593902937206364 / METRE_PER_FOOT**3  # of one slug/ft^3
 EARTH_RADIUS, GRAVITY, GAS_CONSTANT, LAPSE_RATE = 6_356_766.0, 9.80665, 8314.32 / 28.9644, 0.0065  # SI
 
 
-@pytest.fixture(scope="module")
-def slope() -> ca.Function:
-    """dρ/dh, slug/ft^4, by algorithmic differentiation."""
-    h = ca.SX.sym("h")
-    return ca.Function("slope", [h], [ca.jacobian(density(h), h)])
-
-
 @pytest.mark.parametrize(
     ("lowest", "highest", "tolerance"),
     [
@@ -62,8 +55,10 @@ def test_what_the_printed_tables_have(metres: int, thick: float, half_unit: floa
     assert abs(speed_of_sound(altitude) * METRE_PER_FOOT - sound) <= 5e-3
 
 
-def test_derivative_is_hydrostatic(slope: ca.Function) -> None:
+def test_derivative_is_hydrostatic() -> None:
     """dρ/dH = -ρ (g/R - λ) / T with dH/dh = (r / (r + h))²: written down here, not differentiated."""
+    h = ca.SX.sym("h")
+    slope = ca.Function("slope", [h], [ca.jacobian(density(h), h)])
     for altitude in np.linspace(0.0, HIGHEST_ALTITUDE, 98).tolist():
         height = altitude * METRE_PER_FOOT
         geopotential = EARTH_RADIUS * height / (EARTH_RADIUS + height)

@@ -120,22 +120,16 @@ def test_freedoms_that_no_linear_model_shows(aircraft: Aircraft, change: Any) ->
 
 def test_a_stiff_hinge_gives_the_rigid_aircraft(aircraft: Aircraft) -> None:
     """The four other eigenvalues approach those of the flat rigid aircraft, with an error of order 1/k."""
-    flat = level_flight(0.0)
-    held = {"aileron_outer": 0.0}
-    unhinged = tuple(name for name in HFA.steady if name != "dihedral_rate")
-    rigid_condition = release(flat, hold=held)
-    rigid_condition = TrimCondition(rigid_condition.imposed, dict.fromkeys(unhinged, 0.0))
-    # Three equations for three unknowns: throttle and both elevators, of which one is held.
-    rigid_condition = release(rigid_condition, free=("alpha",), hold={"elevator_outer": -0.05})
-    rigid_point = find_operating_point(aircraft, rigid_condition)
+    elastic = release(level_flight(0.0), free=("alpha",), hold={"aileron_outer": 0.0, "elevator_outer": -0.05})
+    # Without the hinge three equations for three unknowns: alpha, throttle and the center elevator.
+    unhinged = {name: 0.0 for name in HFA.steady if name != "dihedral_rate"}
+    rigid_point = find_operating_point(aircraft, TrimCondition(elastic.imposed, unhinged))
     rigid = linearize(aircraft, rigid_point).select(("speed", "alpha", "pitch", "pitch_rate"))
     reference = np.linalg.eigvals(rigid.A)
-
-    elastic_condition = release(flat, free=("alpha", "dihedral"), hold={**held, "elevator_outer": -0.05})
     errors = []
     for stiffness in (1e10, 1e11, 1e12):
         stiff = Aircraft(aircraft.parameters._replace(hinge_stiffness=stiffness), aircraft.variant)
-        model = linearize(stiff, find_operating_point(stiff, elastic_condition))
+        model = linearize(stiff, find_operating_point(stiff, release(elastic, free=("dihedral",))))
         errors.append(float(eigenvalue_errors(np.linalg.eigvals(model.A), reference).max()))
     orders = np.log10(np.array(errors[:-1]) / errors[1:])
     assert errors[-1] < 2e-4

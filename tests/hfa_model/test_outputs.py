@@ -1,4 +1,4 @@
-"""Outputs: what they are in steady flight, and against derivatives of the motion that they describe."""
+"""Loads and outputs: what they are in steady flight, and against derivatives of the motion that they describe."""
 
 from __future__ import annotations
 
@@ -20,9 +20,16 @@ def outputs(aircraft: Aircraft, x: np.ndarray, u: np.ndarray, updraft: float = 0
     return {name: float(value) for name, value in outputs_of(moment).items()}
 
 
-@pytest.mark.parametrize("degrees", [0.0, 11.0])
+@pytest.mark.parametrize("degrees", [0.0, 5.0, 15.0, 20.0])
 def test_steady_level_flight(aircraft: Aircraft, degrees: float) -> None:
-    point = model_at(degrees, aircraft.variant.name).point
+    """L + T sin α = W, D = T cos α, M = 0, H = k η from `loads` alone, lift and drag positive; and the outputs."""
+    point, p = model_at(degrees, aircraft.variant.name).point, aircraft.parameters
+    loads, weight = aircraft.loads(point.states, point.inputs), 3 * p.panel_mass * p.gravity
+    assert min(loads.lift, loads.drag, loads.center.lift, loads.outer.lift, loads.center.drag, loads.outer.drag) > 0
+    assert loads.lift + loads.thrust * np.sin(point.states.alpha) == pytest.approx(weight, rel=1e-12)
+    assert loads.thrust * np.cos(point.states.alpha) == pytest.approx(loads.drag, rel=1e-12)
+    assert loads.pitching_moment == pytest.approx(0.0, abs=1e-9 * weight * p.boom_length)
+    assert loads.hinge_moment == pytest.approx(p.hinge_stiffness * point.states.dihedral, abs=1e-6)
     found = outputs(aircraft, np.array(point.states), np.array(point.inputs))
     assert found["load_factor"] == pytest.approx(1.0, abs=1e-9)
     assert found["vertical_acceleration"] == pytest.approx(0.0, abs=1e-9)
@@ -33,9 +40,7 @@ def test_steady_level_flight(aircraft: Aircraft, degrees: float) -> None:
     assert found["climb_rate"] == pytest.approx(0.0, abs=1e-9)
     assert found["gamma"] == pytest.approx(0.0, abs=1e-12)
     assert found["alpha_air_center"] == pytest.approx(point.states.alpha, abs=1e-12)
-    # The spring and the loads balance about the hinge.
     assert found["hinge_moment_total"] == pytest.approx(0.0, abs=1e-6)
-    loads = aircraft.loads(np.array(point.states), np.array(point.inputs))
     assert found["lift_center"] + 2 * found["lift_outer"] * np.cos(point.states.dihedral) == pytest.approx(
         loads.lift, rel=0.05
     )

@@ -1,4 +1,4 @@
-"""Parameters files: a written file is read back bit for bit, and every wrong file is refused in one line."""
+"""What is stored: parameters files come back bit for bit or are refused in one line, and the printed matrices."""
 
 from __future__ import annotations
 
@@ -10,47 +10,28 @@ import numpy as np
 import pytest
 from cli import refusal
 
-from hfa_model import Parameters, default_parameters, load_parameters, save_parameters
+from hfa_model import Aircraft, Parameters, load_parameters, published_models, save_parameters
 from hfa_model.parameters import FIELDS, ParameterSet
+from hfa_model.printed_matrices import PublishedModel
 from hfa_support import BadInputError
 
 
-@pytest.fixture
-def saved(tmp_path: Path, parameter_set: ParameterSet) -> Path:
-    path = tmp_path / "aircraft.toml"
-    save_parameters(parameter_set, path, "A header.\nIts second line.")
-    return path
-
-
-def edited(path: Path, pattern: str, replacement: str) -> Path:
-    """The file with exactly one place changed."""
-    text, count = re.subn(pattern, replacement, path.read_text(encoding="utf-8"), count=1, flags=re.M)
-    assert count == 1, f"{pattern!r} is not in the file"
-    path.write_text(text, encoding="utf-8")
-    return path
-
-
-def assert_same(one: ParameterSet, other: ParameterSet) -> None:
-    assert one.values == other.values
-    assert (one.sources, one.notes) == (other.sources, other.notes)
-    np.testing.assert_array_equal(one.covariance, other.covariance)
-
-
-def test_round_trip_is_bit_for_bit(saved: Path, parameter_set: ParameterSet) -> None:
-    assert parameter_set.covariance.shape == (15, 15)
-    assert_same(load_parameters(saved), parameter_set)
-
-
-def test_round_trip_of_awkward_numbers(tmp_path: Path, parameter_set: ParameterSet) -> None:
-    rng = np.random.default_rng(1)
+def test_round_trip_is_bit_for_bit(tmp_path: Path, parameter_set: ParameterSet) -> None:
+    """Also of awkward numbers, and of a covariance of rank one: its other eigenvalues are zero but for rounding."""
+    rng, count = np.random.default_rng(1), len(parameter_set.identified)
     awkward = Parameters(*(10.0 ** rng.uniform(-300, 300, len(FIELDS))).tolist())
-    count = len(parameter_set.identified)
-    sizes = 10.0 ** rng.uniform(-150, 150, count)
-    covariance = np.outer(sizes, sizes) * np.where(np.eye(count), 1.0, 1 / 3)
-    changed = replace(parameter_set, values=awkward, covariance=covariance)
-    path = tmp_path / "awkward.toml"
-    save_parameters(changed, path, "")
-    assert_same(load_parameters(path), changed)
+    sizes, direction = 10.0 ** rng.uniform(-150, 150, count), rng.normal(size=count)
+    correlated = np.outer(sizes, sizes) * np.where(np.eye(count), 1.0, 1 / 3)
+    assert parameter_set.covariance.shape == (15, 15)
+    for each in (
+        parameter_set,
+        replace(parameter_set, values=awkward, covariance=correlated),
+        replace(parameter_set, covariance=np.outer(direction, direction)),
+    ):
+        save_parameters(each, tmp_path / "aircraft.toml", "A header.\nIts second line.")
+        read = load_parameters(tmp_path / "aircraft.toml")
+        assert (read.values, read.sources, read.notes) == (each.values, each.sources, each.notes)
+        np.testing.assert_array_equal(read.covariance, each.covariance)
 
 
 @pytest.mark.parametrize("units", [1.0, 1e100])
@@ -65,21 +46,6 @@ def test_a_covariance_with_a_negative_eigenvalue_is_refused(
     path = tmp_path / "indefinite.toml"
     save_parameters(replace(parameter_set, covariance=covariance), path, "")
     assert "[covariance] is no covariance" in refusal(load_parameters, path)
-
-
-def test_parameters_that_vary_as_one_are_accepted(tmp_path: Path, parameter_set: ParameterSet) -> None:
-    """A covariance of rank one: its other eigenvalues are zero but for rounding."""
-    direction = np.random.default_rng(2).normal(size=len(parameter_set.identified))
-    path = tmp_path / "singular.toml"
-    save_parameters(replace(parameter_set, covariance=np.outer(direction, direction)), path, "")
-    np.testing.assert_array_equal(load_parameters(path).covariance, np.outer(direction, direction))
-
-
-def test_covariance_gives_the_standard_errors(parameter_set: ParameterSet) -> None:
-    errors = parameter_set.standard_errors
-    assert tuple(errors) == parameter_set.identified
-    assert errors["panel_mass"] ** 2 == pytest.approx(parameter_set.covariance[0, 0], rel=1e-15)
-    assert all(0.0 < error < 0.01 * abs(getattr(parameter_set.values, name)) for name, error in errors.items())
 
 
 @pytest.mark.parametrize(
@@ -104,19 +70,48 @@ def test_covariance_gives_the_standard_errors(parameter_set: ParameterSet) -> No
         (r"^\[covariance\]\n(.*\n)*", "[covariance]\nnames = 3\n", "covariance"),
     ],
 )
-def test_wrong_entries_are_refused(saved: Path, pattern: str, replacement: str, named: str) -> None:
-    assert named in refusal(load_parameters, edited(saved, pattern, replacement))
+def test_wrong_entries_are_refused(
+    tmp_path: Path, parameter_set: ParameterSet, pattern: str, replacement: str, named: str
+) -> None:
+    path = tmp_path / "aircraft.toml"
+    save_parameters(parameter_set, path, "")
+    text, count = re.subn(pattern, replacement, path.read_text(encoding="utf-8"), count=1, flags=re.M)
+    assert count == 1, f"{pattern!r} is not in the file"
+    path.write_text(text, encoding="utf-8")
+    assert named in refusal(load_parameters, path)
 
 
-def test_the_named_sets_are_there() -> None:
+def test_sizes_below_zero_and_masked_states_are_refused(aircraft: Aircraft) -> None:
+    for name in ("panel_mass", "panel_span", "chord"):
+        with pytest.raises(BadInputError, match=f"parameter {name} is -1; it must be positive"):
+            Aircraft(aircraft.parameters._replace(**{name: -1.0}))
+    state = np.ma.masked_array(np.ones(7), mask=[True] + [False] * 6)
+    with pytest.raises(BadInputError, match="state has masked entries"):
+        aircraft.rates(state, np.zeros(5))
+
+
+def test_the_named_sets_are_there(parameter_set: ParameterSet) -> None:
     identified, released = (load_parameters(name).values for name in ("identified", "gibson-2011-simulation"))
-    assert identified == default_parameters().values
+    assert identified == parameter_set.values
     # The identification found the released values, each within three of its standard errors.
-    errors = default_parameters().standard_errors
+    errors = parameter_set.standard_errors
+    assert tuple(errors) == parameter_set.identified
+    assert errors["panel_mass"] ** 2 == pytest.approx(parameter_set.covariance[0, 0], rel=1e-15)
+    assert all(0.0 < error < 0.01 * abs(getattr(identified, name)) for name, error in errors.items())
     off = {name: abs(getattr(identified, name) - getattr(released, name)) / error for name, error in errors.items()}
     assert max(off.values()) < 3.0, off
-    with pytest.raises(
-        BadInputError,
-        match="gibson: no parameters of that name and no readable file; the names are identified, gibson-",
-    ):
+    with pytest.raises(BadInputError, match=r"gibson: no parameters of that name .* the names are identified, gibson-"):
         load_parameters("gibson")
+
+
+@pytest.mark.parametrize("model", published_models(), ids=lambda model: f"{model.dihedral_deg:g}")
+def test_printed_entries_are_whole_numbers_of_units_of_their_last_digit(model: PublishedModel) -> None:
+    """And not all of ten of them; one entry, -32.2, has fewer digits than the others."""
+    for entries, half_unit in ((model.A, model.half_unit_A), (model.B, model.half_unit_B)):
+        units = entries / (2 * half_unit)
+        np.testing.assert_allclose(units, np.round(units), rtol=0, atol=1e-6)
+        assert np.any(np.round(units) % 10 != 0)
+        assert np.abs(units).max() > 1000
+    assert np.unique(model.half_unit_A).tolist() == [0.5e-4, 0.05]
+    assert model.A[model.half_unit_A == 0.05] == pytest.approx(-32.2)
+    assert not model.A.flags.writeable

@@ -15,15 +15,7 @@ from scipy import special
 from unsteady_energy import derived_unsteady
 
 import hfa_model.unsteady as source
-from hfa_model import (
-    STATES,
-    UNSTEADY,
-    VARIANTS,
-    Input,
-    Parameters,
-    State,
-    default_parameters,
-)
+from hfa_model import STATES, UNSTEADY, VARIANTS, Input, Parameters, State
 from hfa_model.atmosphere import density
 from hfa_model.kinematics import DISTURBANCES, winds_named
 from hfa_model.unsteady import EFFECTS, KUESSNER, LAG_STATES, WAGNER, Lag
@@ -191,11 +183,11 @@ def test_the_steady_limit(degrees: float) -> None:
     assert abs(infinite.inputs.elevator_center - whole.inputs.elevator_center) > 0.3 * DEGREES
 
 
-def test_apparent_mass_is_that_of_the_textbook() -> None:
+def test_apparent_mass_is_that_of_the_textbook(parameters: Parameters) -> None:
     """Flat wings that turn: mass, coupling and inertia of Theodorsen's plate about its quarter chord, m, m b/2 and
     3/8 m b² (of a tail about that of the wing), and Glauert's moment of the parabolic camber that a pitch rate is."""
     model = level_model(UNSTEADY.with_parameters(**{each: float(each == "apparent_mass") for each in EFFECTS}), 0.0)
-    p, x, air = default_parameters().values, model.point.states, density(40000.0)
+    p, x, air = parameters, model.point.states, density(40000.0)
     forward = x.speed * np.cos(x.alpha)
     t = (np.arange(2000) + 0.5) * np.pi / 2000
     slope = np.cos(t) / 2  # of the camber line z, up: dz/dx = -q (x - c/2) / V at q c / V = 1, x = c (1 - cos t) / 2

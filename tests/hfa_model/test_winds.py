@@ -1,44 +1,16 @@
-"""Wind at each panel: against the Euler-Lagrange equations, seen from the ground, and the uniform updraft."""
+"""Wind at each panel: seen from the ground, and by its names."""
 
 from __future__ import annotations
 
-import casadi as ca
 import numpy as np
 import pytest
-from random_points import random_points, rates, state_rates, symbols
+from random_points import random_points, rates
 
 from hfa_model import STATES, VARIANTS, Input, Parameters, State
 from hfa_model.kinematics import DISTURBANCES, Wind, Winds, winds_named
 from hfa_model.variants import Variant
 
 NAMES = tuple(DISTURBANCES)
-
-
-def points(count: int, seed: int) -> list[tuple[State, Input, np.ndarray]]:
-    """Random states, inputs and values of all named winds, ft/s."""
-    rng = np.random.default_rng(seed)
-    states, inputs = random_points(count, seed)
-    return [
-        (State(*x.tolist()), Input(*u.tolist()), rng.uniform(-15.0, 15.0, len(NAMES)))
-        for x, u in zip(states, inputs, strict=True)
-    ]
-
-
-@pytest.mark.parametrize("variant", VARIANTS.values(), ids=VARIANTS)
-def test_a_uniform_updraft_is_the_same_wind_at_every_panel_to_the_bit(parameters: Parameters, variant: Variant) -> None:
-    for x, u, (w, *_) in points(30, seed=4):
-        everywhere = Wind(updraft=float(w))
-        uniform = rates(x, u, parameters, variant, Winds(everywhere, everywhere))
-        assert rates(x, u, parameters, variant, winds_named(("updraft",), (float(w),))) == uniform
-        parts = winds_named(("updraft_outer", "updraft_center"), (float(w), float(w)))
-        assert rates(x, u, parameters, variant, parts) == uniform
-    # The instructions are those of an updraft alone: what is not there costs nothing.
-    (x, u, p), w = symbols(), ca.SX.sym("w")
-    sizes = [
-        ca.Function("f", [x, u, p, w], [state_rates(x, u, p, variant, air)], {"cse": True}).n_instructions()
-        for air in (winds_named(("updraft",), (w,)), Winds(Wind(w, 0.0, 0.0), Wind(w, 0.0, 0.0)))
-    ]
-    assert len(set(sizes)) == 1
 
 
 def seen_from_the_ground(x: State, updraft: float, headwind: float) -> State:
@@ -58,7 +30,8 @@ def inertial(x: State, rate: State) -> np.ndarray:
 def galilean_error(parameters: Parameters, variant: Variant, winds: Winds) -> np.ndarray:
     """How far accelerations in uniform steady wind are from those in still air, (4,), the largest of many states."""
     worst = np.zeros(4)
-    for x, u, _ in points(100, seed=5):
+    for state, control in zip(*random_points(100, seed=5), strict=True):
+        x, u = State(*state.tolist()), Input(*control.tolist())
         moving = seen_from_the_ground(x, winds.center.updraft, winds.center.headwind)
         still = inertial(x, rates(x, u, parameters, variant))
         error = np.abs(inertial(moving, rates(moving, u, parameters, variant, winds)) - still)
@@ -82,4 +55,5 @@ def test_newton_does_not_know_steady_wind_and_published_does(
 def test_names_add_up() -> None:
     winds = winds_named(NAMES, [1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0])
     assert winds == Winds(Wind(3.0, 24.0, 0.0), Wind(5.0, 40.0, 64.0))
+    assert winds_named(("updraft",), (5.0,)) == Winds(Wind(5.0, 0.0, 0.0), Wind(5.0, 0.0, 0.0))
     assert set(STATES).isdisjoint(NAMES)
