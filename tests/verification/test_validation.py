@@ -15,10 +15,9 @@ from hfa_model.aerodynamics import Loads
 from hfa_model.atmosphere import density
 from hfa_model.variants import Newton, Published, Variant
 from hfa_model.vectors import Quantity
-from hfa_support.reporting.text import Table
 from trim import compare, level_model, regenerate
 from verification import released_trims, validate, validation
-from verification.validation import Validation, model_at, outside_data, third_printed_entries
+from verification.validation import Validation, model_at, third_printed_entries
 
 
 def test_the_identified_aircraft_passes(published_aircraft: Aircraft) -> None:
@@ -77,17 +76,6 @@ def test_half_a_unit_of_the_last_printed_digit_and_exact_entries(published_aircr
     assert planted[exact].half_units > 1000.0
 
 
-def test_the_report_says_everything(published_aircraft: Aircraft) -> None:
-    report = validate(published_aircraft).report()
-    assert report.title.endswith("PASS")
-    assert outside_data()["gibson_2011"]["source"] in report.text()
-    assert len(report.data["trims"]) == 20
-    assert report.data["ok"] is True
-    (entries,) = [part for part in report.parts if isinstance(part, Table) and part.header[0] == "entry"]
-    assert len(entries.rows) == 27
-    assert "<table>" in report.html()
-
-
 def test_in_the_air_of_the_simulation_its_values_pass() -> None:
     """The released parameters fail in the standard atmosphere and pass with the simulation's own density."""
     gravity, gas, radius = 32.17405, 1716.55, 20_926_476.0  # ft/s^2, ft^2/(s^2 degR), ft, as the simulation has them
@@ -106,22 +94,21 @@ def test_in_the_air_of_the_simulation_its_values_pass() -> None:
 ANGLES = (0, 15, 30, 45)
 
 
-class FreeFactor(Published):
-    """d3 = I_x3x3 + m s²/4 + c (m s²/6) cos² η: cos² as the paper prints it, with one constant that nobody prints."""
-
-    def hinge_inertia(self, dihedral: Quantity, p: Parameters) -> Quantity:
-        """With c as the printed pairs want it."""
-        mass_moment = p.panel_mass * p.panel_span**2
-        return p.inertia_roll + mass_moment / 4 + 0.039211 * mass_moment / 6 * ca.cos(dihedral) ** 2
-
-
 class PrintedInertia(Published):
     """d3 as Gibson et al. print it, Eq. (46)."""
 
+    factor = 1.0
+
     def hinge_inertia(self, dihedral: Quantity, p: Parameters) -> Quantity:
-        """d3 = I_x3x3 + m s²/4 + (m s²/6) cos² η."""
+        """d3 = I_x3x3 + m s²/4 + c (m s²/6) cos² η."""
         mass_moment = p.panel_mass * p.panel_span**2
-        return p.inertia_roll + mass_moment / 4 + mass_moment / 6 * ca.cos(dihedral) ** 2
+        return p.inertia_roll + mass_moment / 4 + self.factor * mass_moment / 6 * ca.cos(dihedral) ** 2
+
+
+class FreeFactor(PrintedInertia):
+    """The same with one constant that nobody prints, as the printed pairs want it."""
+
+    factor = 0.039211
 
 
 class NewtonInertia(Published):

@@ -34,14 +34,9 @@ def flown(actuators: Actuators, *command: float) -> Flight:
     return CompiledLoop(ClosedLoop(LinearPlant(model.A, model.B), law, scenario)).fly()
 
 
-def test_without_limits_it_is_a_first_order_lag() -> None:
-    flight = flown(FREE, 1.0, -2.0, 3.0, 0.0, 5.0)
-    expected = (1.0 - np.exp(-flight.times / 0.1))[:, None] * np.array([1.0, -2.0, 3.0, 0.0, 5.0])
-    np.testing.assert_allclose(flight.inputs, expected, atol=1e-9)
-
-
-def test_positions_and_rates_stay_within_their_limits() -> None:
-    limited, free = (flown(each, 10.0, -10.0, 0.3, -0.05, 0.0) for each in (LIMITED, FREE))
+@pytest.mark.parametrize("order", [1, 2])
+def test_positions_and_rates_stay_within_their_limits(order: int) -> None:
+    limited, free = (flown(replace(each, order=order), 10.0, -10.0, 0.3, -0.05, 0.0) for each in (LIMITED, FREE))
     assert limited.inputs.max() <= 0.4
     assert limited.inputs.min() >= -0.5
     rates = np.diff(limited.inputs, axis=0) / 0.001
@@ -62,17 +57,13 @@ def test_a_lag_that_the_step_cannot_resolve_is_refused() -> None:
     assert Scenario(step=0.0005, actuators=fast).actuators is fast
 
 
-def test_of_order_2_it_is_the_second_order_response_and_its_rate_is_limited() -> None:
+def test_of_order_2_it_is_the_second_order_response() -> None:
     second = replace(FREE, order=2, damping=0.7)
     flight = flown(second, 1.0, -2.0, 0.0, 0.0, 0.0)
     w, v = 10.0, 10.0 * np.sqrt(1 - 0.7**2)
     t = flight.times
     response = 1 - np.exp(-0.7 * w * t) * (np.cos(v * t) + 0.7 * w / v * np.sin(v * t))
     np.testing.assert_allclose(flight.inputs[:, :2], response[:, None] * [1.0, -2.0], atol=1e-8)
-    held = flown(replace(LIMITED, order=2), 10.0, -10.0, 0.3, 0.0, 0.0)
-    assert np.abs(np.diff(held.inputs, axis=0)).max() <= 0.001 * (1.0 + 1e-9)
-    assert held.inputs.max() <= 0.4
-    assert held.inputs.min() >= -0.5
 
 
 def test_a_fault_changes_the_actuators_that_it_names_from_its_time_on() -> None:

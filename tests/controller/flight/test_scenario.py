@@ -9,7 +9,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from member_plans import EVERYTHING, PARAMETERS, with_scenario
-from random_points import random_points, rates, rising
 
 from controller import (
     ActuatorFault,
@@ -30,8 +29,7 @@ from controller.flight.gusts import UPDRAFT
 from controller.flight.scenario import with_errors
 from controller.flight.simulation import CompiledLoop
 from controller.policy.policies import OpenLoop
-from hfa_model import LINEAR_STATES, VARIANTS, Input, Parameters, State
-from hfa_model.variants import Variant
+from hfa_model import LINEAR_STATES, Input, Parameters
 from hfa_support import BadInputError
 
 ACTUATORS = Actuators(*(Input(*[each] * 5) for each in (0.1, -0.5, 0.4, 1.0)))
@@ -59,10 +57,6 @@ def complaints_about_draws(plan: MonteCarlo, members: int = 2000) -> list[str]:
 
 def test_errors_have_the_law_that_was_asked_for(plan: MonteCarlo) -> None:
     assert complaints_about_draws(plan) == []
-    factors = drawn(plan, 2000)
-    asked = np.array(list(plan.scenario.uncertainty.errors.values()))
-    assert np.all(np.abs(factors.mean(axis=0) - 1.0) < 4 * asked / np.sqrt(2000))
-    assert np.all(np.abs(factors.std(axis=0) / asked - 1.0) < 4 / np.sqrt(2 * 2000))
     member, nominal = plan.member(5), np.array(PARAMETERS, dtype=float)
     parameters = with_errors(plan.aircraft, member).p
     changed = [Parameters._fields[i] for i in np.flatnonzero(parameters != nominal)]
@@ -155,18 +149,6 @@ def test_what_cannot_be_flown_is_refused(make: Callable[[], object], said: str) 
         make()
 
 
-@pytest.mark.parametrize("variant", VARIANTS.values(), ids=VARIANTS)
-def test_no_gust_changes_no_bit(parameters: Parameters, variant: Variant) -> None:
-    for x, u in zip(*random_points(50, seed=1), strict=True):
-        state, control = State(*x.tolist()), Input(*u.tolist())
-        still = rates(state, control, parameters, variant)
-        assert rates(state, control, parameters, variant, rising(0.0)) == still
-        # A gust of 0 that is not known to be 0 goes the other way to the airspeed, and arrives at the same.
-        np.testing.assert_allclose(
-            rates(state, control, parameters, variant, rising(np.float64(0.0))), still, rtol=1e-13, atol=1e-13
-        )
-
-
 # The 1-cosine gust.
 
 
@@ -174,19 +156,19 @@ def test_one_minus_cosine_has_its_length_and_its_peak() -> None:
     gust = OneMinusCosine(length=400.0, peak=-10.0, speed=80.0, begin=2.0)
     times = np.linspace(0.0, 10.0, 1001)
     values = np.array([float(gust.updraft(t, None, None)) for t in times])
-    assert values.min() == pytest.approx(-10.0)
-    assert times[np.argmin(values)] == pytest.approx(2.0 + 400.0 / 80.0 / 2)
-    assert np.all(values[(times <= 2.0) | (times >= 7.0)] == 0.0)
-    assert np.all(values[(times > 2.01) & (times < 6.99)] < 0.0)
-    assert values.sum() * 0.01 == pytest.approx(-10.0 * 5.0 / 2, rel=1e-6)
+    passing = (times > 2.0) & (times < 7.0)
+    np.testing.assert_allclose(
+        values, np.where(passing, -5.0 * (1 - np.cos(2 * np.pi * (times - 2) / 5)), 0), atol=1e-12
+    )
+    assert np.all(values[~passing] == 0.0)
 
 
 def sampled(gust: Dryden, interval: float, ticks: int) -> np.ndarray:
     """w at the ticks of a flight, by the integrator of the loop."""
     plant = LinearPlant(np.zeros((1, 1)), np.zeros((1, 1)), {UPDRAFT: np.zeros(1)})
-    scenario = Scenario(ticks * interval, interval / 5, interval, np.zeros(1), gust=gust)
+    scenario = Scenario(ticks * interval, interval / 2, interval, np.zeros(1), gust=gust)
     loop = ClosedLoop(plant, FlownLaw("none", OpenLoop(1), np.zeros((1, 1))), scenario)
-    return np.asarray(CompiledLoop(loop).fly().updrafts[::5])
+    return np.asarray(CompiledLoop(loop).fly().updrafts[::2])
 
 
 def turbulence(interval: float, ticks: int, seed: int = 0) -> Dryden:
@@ -214,9 +196,3 @@ def test_turbulence_has_the_dryden_spectrum() -> None:
         band = (frequencies >= low) & (frequencies < high)
         assert found[band].mean() == pytest.approx(dryden[band].mean(), rel=0.12)
         assert found[band].mean() != pytest.approx(lag[band].mean(), rel=0.12)
-
-
-def test_turbulence_begins_stationary() -> None:
-    gusts = [turbulence(0.05, 1, seed) for seed in range(400)]
-    output = [float(gust.updraft(0.0, gust.start(), None)) for gust in gusts]
-    assert np.std(output) == pytest.approx(5.0, rel=0.15)

@@ -13,7 +13,6 @@ from known_models import seen
 from controller import Signal, published_game, random_pool
 from controller.policy.signals import Harmonic, zero
 from hfa_model import published_models
-from hfa_support import BadInputError
 from studies.section5.critic_policy import CriticPolicy, forcing
 from studies.update_law.published_law import (
     PublishedLaw,
@@ -109,8 +108,3 @@ def test_forcing_is_the_rate_that_a_reference_adds() -> None:
         h = 1e-5
         slope = (REFERENCE.at(t + h) - REFERENCE.at(t - h)) / (2 * h)
         np.testing.assert_allclose(r.at(t), A @ REFERENCE.at(t) - slope, atol=1e-8)
-
-
-def test_policies_that_are_re_evaluated_are_refused() -> None:
-    with pytest.raises(BadInputError, match="re-evaluated"):
-        CriticPolicy(law_with(stack_policies="reevaluated"), zero(6))

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-from typing import Any
-
 import numpy as np
 import pytest
 from known_models import FlownCase, flown, signal
@@ -12,11 +9,11 @@ from known_models import FlownCase, flown, signal
 from controller import Scenario
 from controller.flight.closed_loop import NonlinearPlant
 from controller.flight.nonlinear_flight import NonlinearFlight
-from hfa_model import INPUTS, STATES
+from hfa_model import STATES
 from hfa_model.aircraft import HFA
 from hfa_support import BadInputError
 from verification import recoverable_map
-from verification.flights.recoverable_map import ManyFlights, Outcome, RecoverableMap, _edge, on_target
+from verification.flights.recoverable_map import ManyFlights, RecoverableMap, on_target
 
 
 @pytest.fixture(scope="module")
@@ -83,19 +80,6 @@ def test_commands_arrive_or_not(newton: FlownCase) -> None:
     for end, arrived in ((-0.1, True), (0.1, False)):
         x = end * np.eye(len(STATES))[STATES.index("dihedral")]
         assert on_target(HFA, x, {"dihedral": -0.1}) == arrived
-
-
-@pytest.mark.parametrize("sign", [-1, 1])
-def test_an_edge_is_between_the_last_good_and_the_first_bad_start(sign: int) -> None:
-    def fly(deviation: float) -> Outcome:
-        assert np.sign(deviation) == sign
-        size = abs(deviation)
-        return Outcome(-1 if size < 3.7 else 2, 1.5, -1 if size < 1.3 else 3, size < 2.2)
-
-    flights: Any = SimpleNamespace(model=HFA, fly=lambda start, command: fly(start["speed"]))
-    found = _edge(flights, "linear", "speed", False, 10.0 * sign)
-    assert (found.inside, found.within_limits, found.returned) == pytest.approx((3.7, 1.3, 2.2), rel=0.02)
-    assert (found.state, found.time, found.control, found.reach) == (STATES[2], 1.5, INPUTS[3], 10.0)
 
 
 def test_maps_without_points_and_gains_that_do_not_stabilize_are_refused(newton: FlownCase) -> None:

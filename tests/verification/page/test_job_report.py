@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import copy
 import json
-import re
 from dataclasses import replace
 from functools import reduce
 from operator import getitem
@@ -16,13 +15,10 @@ from project import ROOT
 
 from controller import published_game
 from hfa_support import BadInputError, NoSolutionError
-from hfa_support.reporting.report import Report
-from hfa_support.reporting.text import four_decimals
-from hfa_support.reporting.unit_system import shown_in
 from verification import analyse_game
 from verification.page import main_job
 from verification.page.claims import Claims, claims_section, load_claims
-from verification.page.job_report import angle_report, any_angle, point_report, verdicts
+from verification.page.job_report import angle_report, verdicts
 from verification.page.main_job import MainJob
 
 STORED = ROOT / "studies" / "section5" / "results"
@@ -58,31 +54,6 @@ def test_a_solution_is_shown_in_full(job: MainJob) -> None:
     assert report.data["solution"]["P"] is not None
 
 
-def test_the_print_stands_beside_a_model_in_its_own_units(job: MainJob) -> None:
-    report = angle_report(job, job.points[2])
-    assert "printed" in report.text()
-    with shown_in("si"):
-        assert "printed" not in angle_report(job, job.points[2]).text()
-
-
-def test_the_slider_shows_trim_modes_and_matrices(job: MainJob) -> None:
-    point = job.points[2]
-    text = point_report(job, point).text()
-    assert text.startswith("At dihedral 15 deg\n\nTrim, published dynamics: trimmed")
-    assert four_decimals(point.model.A[3, 1]) in text
-    assert "phugoid" in text
-    assert "No trim: " in point_report(job, job.points[-1]).text()
-
-
-def test_the_slider_begins_at_the_first_angle_that_was_asked_for(job: MainJob) -> None:
-    shown = [f"{point.dihedral_deg:g}" for point in job.points]
-    for asked in (1, 2):
-        text = any_angle(replace(job, angles=(job.points[asked],)), Report(""))
-        assert re.findall(r'data-angle="([\d.]+) deg">', text) == [shown[asked]]
-        assert f'value="{asked}" aria-valuetext="{shown[asked]} deg"' in text
-    assert 'value="0"' in any_angle(job, Report(""))
-
-
 @pytest.fixture(scope="module")
 def claims() -> Claims:
     return load_claims(STORED)
@@ -94,9 +65,6 @@ def test_a_row_each_with_the_verdict_that_is_stored(job: MainJob, claims: Claims
     assert [(row[0], row[-1]) for row in table.rows] == [(claim["number"], claim["verdict"]) for claim in stored]
     assert {row[-1].tone for row in table.rows if row[-1] == "not confirmed"} == {"bad"}
     assert "the same matrices as" in said
-
-
-def test_the_first_verdicts_count_the_claims_that_were_not_confirmed(job: MainJob, claims: Claims) -> None:
     assert "28 not confirmed" in str(verdicts(replace(job, claims=claims)).rows[-1][0])
 
 
@@ -105,10 +73,6 @@ def test_another_aircraft_is_noticed(job: MainJob, claims: Claims) -> None:
     for changed in (B * (1 + 1e-6), B[:, 1:]):
         other = claims._replace(models=[claims.models[0], (angle, A, changed)])
         assert "OTHER matrices than" in str(claims_section(other, job.regeneration).parts[0])
-
-
-def test_without_claims_the_page_says_how_to_get_them(job: MainJob) -> None:
-    assert "studies.section5" in str(claims_section(None, job.regeneration).parts[0])
 
 
 @pytest.mark.parametrize(

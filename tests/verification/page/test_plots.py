@@ -40,10 +40,6 @@ def test_plotly_takes_it_and_the_arrows_are_to_scale(job: MainJob) -> None:
         assert np.arctan2(y, x - p.panel_span / 2) == pytest.approx(point.dihedral, abs=1e-4)
 
 
-def test_without_a_trim_there_is_no_drawing(job: MainJob) -> None:
-    assert front_view(job.aircraft, job.points[-1:]) is None
-
-
 def test_data_cannot_leave_its_script() -> None:
     value = {"name": "</script><script>alert(1)", "x": np.array([0.5, np.nan])}
     text = in_script(value)
@@ -68,5 +64,6 @@ def test_hover_shows_the_modes(job: MainJob) -> None:
                 assert min(abs(mode.frequency - frequency) + abs(mode.damping - damping) for mode in modes) < 1e-4
 
 
-def test_where_nothing_is_trimmed_there_is_no_plot(published_aircraft: Aircraft) -> None:
+def test_where_nothing_is_trimmed_there_is_no_plot(job: MainJob, published_aircraft: Aircraft) -> None:
+    assert front_view(job.aircraft, job.points[-1:]) is None
     assert locus_plot(sweep(published_aircraft, {"dihedral": np.radians([59.0])})) is None
