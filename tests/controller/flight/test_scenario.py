@@ -157,9 +157,8 @@ def test_one_minus_cosine_has_its_length_and_its_peak() -> None:
     times = np.linspace(0.0, 10.0, 1001)
     values = np.array([float(gust.updraft(t, None, None)) for t in times])
     passing = (times > 2.0) & (times < 7.0)
-    np.testing.assert_allclose(
-        values, np.where(passing, -5.0 * (1 - np.cos(2 * np.pi * (times - 2) / 5)), 0), atol=1e-12
-    )
+    wave = -5.0 * (1.0 - np.cos(2 * np.pi * (times - 2.0) / 5.0))
+    np.testing.assert_allclose(values, np.where(passing, wave, 0.0), atol=1e-12)
     assert np.all(values[~passing] == 0.0)
 
 
