@@ -3,24 +3,16 @@
 from __future__ import annotations
 
 import json
-import math
 import re
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 from cli import refusal
 
 from hfa_model import Aircraft
-from hfa_support import BadInputError
 from trim import OperatingPoint, find_operating_point, level_flight, load_condition
 from verification import released_trims
-
-
-@pytest.fixture(scope="module")
-def point(published_aircraft: Aircraft) -> OperatingPoint:
-    return find_operating_point(published_aircraft, level_flight(float(np.radians(12.0))))
 
 
 def test_round_trip_is_bit_for_bit(point: OperatingPoint, tmp_path: Path) -> None:
@@ -70,13 +62,6 @@ def test_the_peer_s_conditions_fly_at_its_angles_of_attack(
         point = find_operating_point(published_aircraft, condition.at(released.dihedral))
         assert point.states.speed == speed
         assert point.states.alpha == pytest.approx(released.alpha, abs=1e-7)
-
-
-def test_beyond_the_angles_of_a_table_there_is_no_condition() -> None:
-    with pytest.raises(
-        BadInputError, match="simvfa-64: alpha is given from 0 deg to 20 deg of dihedral; 30 deg lies out"
-    ):
-        load_condition("simvfa-64").at(math.radians(30.0))
 
 
 @pytest.mark.parametrize(

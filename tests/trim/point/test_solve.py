@@ -20,23 +20,15 @@ BASE = level_flight(float(np.radians(15.0)))
 LARGER = pytest.param(("aileron_center", "dihedral"), marks=pytest.mark.slow)
 
 
-def values(point: OperatingPoint) -> dict[str, float]:
-    return {**point.states._asdict(), **point.inputs._asdict(), "gamma": point.values["gamma"]}
-
-
-def arrays(point: OperatingPoint) -> tuple[np.ndarray, np.ndarray]:
-    return np.array(point.states), np.array(point.inputs)
-
-
 def assert_meets(aircraft: Aircraft, condition: TrimCondition, point: OperatingPoint) -> None:
     """The specification, recomputed from the aircraft: balance, imposed values, limits, what the point reports."""
     assert point.status == "trimmed"
-    rates = dict(zip(STATES, aircraft.rates(*arrays(point)).tolist(), strict=True))
+    rates = dict(zip(STATES, aircraft.rates(point.states, point.inputs).tolist(), strict=True))
     for name, imposed in condition.rates.items():
         assert abs(rates[name] - imposed) / getattr(RATE_SCALES, name) <= 1e-10, name
         assert point.residuals[name] == pytest.approx(rates[name] - imposed, abs=1e-12)
     assert set(point.residuals) == set(condition.rates)
-    found = values(point)
+    found = point.values
     for name, imposed in condition.imposed.items():
         # gamma is stored as pitch - alpha.
         assert found[name] == pytest.approx(imposed, rel=1e-15, abs=1e-16), name
@@ -49,14 +41,16 @@ def effort(point: OperatingPoint) -> float:
     return float(((np.array(point.inputs) / np.array(INPUT_SCALES)) ** 2).sum())
 
 
-@pytest.mark.parametrize("degrees", [0.0, 5.0, 20.0])
-def test_the_papers_condition(aircraft: Aircraft, degrees: float) -> None:
-    condition = level_flight(float(np.radians(degrees)))
+@pytest.mark.parametrize(("degrees", "climb"), [(0.0, 0.0), (5.0, 0.0), (20.0, 0.0), (15.0, 1.0)])
+def test_the_papers_condition_level_and_in_a_climb(aircraft: Aircraft, degrees: float, climb: float) -> None:
+    condition = level_flight(float(np.radians(degrees)), gamma=float(np.radians(climb)))
     point = find_operating_point(aircraft, condition)
     assert_meets(aircraft, condition, point)
     assert (point.states.speed, point.states.altitude, point.inputs.aileron_center) == (68.0, 40_000.0, 0.0)
     assert np.degrees(point.states.alpha) == pytest.approx(2.8, rel=1e-15)
     assert np.degrees(point.states.dihedral) == pytest.approx(degrees, rel=1e-15)
+    rates = aircraft.rates(point.states, point.inputs)
+    assert rates[2] == pytest.approx(68.0 * np.sin(np.radians(climb)), rel=1e-12, abs=1e-12)
 
 
 def test_a_point_that_is_not_trimmed_does_not_meet_the_specification(aircraft: Aircraft) -> None:
@@ -78,7 +72,7 @@ def test_trim_inputs_at_the_printed_angles(
     published_aircraft: Aircraft, degrees: float, deflections: Mapping[str, float]
 ) -> None:
     """Against an earlier, independent reconstruction of the same aircraft (deflections to 5e-4 rad)."""
-    found = values(find_operating_point(published_aircraft, level_flight(float(np.radians(degrees)))))
+    found = find_operating_point(published_aircraft, level_flight(float(np.radians(degrees)))).values
     for name, expected in deflections.items():
         assert abs(found[name] - expected) <= (0.05 if name == "throttle" else 5e-4), name
 
@@ -89,19 +83,8 @@ def test_a_state_set_free_finds_the_same_flight_again(aircraft: Aircraft, free: 
     condition = release(BASE, free=(free,), hold={"aileron_outer": known.inputs.aileron_outer})
     point = find_operating_point(aircraft, condition)
     assert_meets(aircraft, condition, point)
-    for one, other in zip(arrays(point), arrays(known), strict=True):
-        np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-9)
-
-
-def test_climb(aircraft: Aircraft) -> None:
-    """L = W cos γ nearly, T cos α = D + W sin γ exactly; the altitude grows with V sin γ."""
-    condition = level_flight(float(np.radians(15.0)), gamma=float(np.radians(1.0)))
-    point = find_operating_point(aircraft, condition)
-    assert_meets(aircraft, condition, point)
-    loads, weight = aircraft.loads(*arrays(point)), 3 * aircraft.parameters.panel_mass * aircraft.parameters.gravity
-    thrust_along = loads.thrust * np.cos(point.states.alpha)
-    assert thrust_along == pytest.approx(loads.drag + weight * np.sin(np.radians(1.0)), rel=1e-9)
-    assert aircraft.rates(*arrays(point))[2] == pytest.approx(68.0 * np.sin(np.radians(1.0)), rel=1e-12)
+    np.testing.assert_allclose(point.states, known.states, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(point.inputs, known.inputs, rtol=1e-9, atol=1e-9)
 
 
 def test_glide(aircraft: Aircraft) -> None:
@@ -109,7 +92,7 @@ def test_glide(aircraft: Aircraft) -> None:
     condition = release(BASE, free=("gamma",), hold={"throttle": 0.0})
     point = find_operating_point(aircraft, condition)
     assert_meets(aircraft, condition, point)
-    loads = aircraft.loads(*arrays(point))
+    loads = aircraft.loads(point.states, point.inputs)
     assert np.tan(point.values["gamma"]) == pytest.approx(-loads.drag / loads.lift, rel=1e-9)
 
 
@@ -123,10 +106,8 @@ def test_least_effort_is_a_minimum(aircraft: Aircraft, extra: tuple[str, ...]) -
     point = find_operating_point(aircraft, condition)
     assert_meets(aircraft, condition, point)
     for name in extra:
-        aside = {side: values(point)[name] + side * 1e-3 for side in (-1, 1)}
-        dearer = [
-            effort(find_operating_point(aircraft, release(condition, hold={name: value}))) for value in aside.values()
-        ]
+        aside = [release(condition, hold={name: point.values[name] + step}) for step in (-1e-3, 1e-3)]
+        dearer = [effort(find_operating_point(aircraft, each)) for each in aside]
         assert min(dearer) > effort(point), name
         # At a minimum both sides cost the same to second order.
         assert abs(dearer[1] - dearer[0]) < 0.05 * (dearer[0] + dearer[1] - 2 * effort(point)), name
@@ -138,12 +119,12 @@ def test_least_effort_is_a_minimum(aircraft: Aircraft, extra: tuple[str, ...]) -
 )
 def test_least_effort_stays_within_limits(aircraft: Aircraft, limited: str, limits: tuple[float, float]) -> None:
     """The unlimited minimum lies outside these: the limited one lies on the nearer limit."""
-    unlimited = values(find_operating_point(aircraft, release(BASE, free=("aileron_center",))))[limited]
+    unlimited = find_operating_point(aircraft, release(BASE, free=("aileron_center",))).values[limited]
     assert not limits[0] <= unlimited <= limits[1]
     condition = release(level_flight(float(np.radians(15.0)), limits={limited: limits}), free=("aileron_center",))
     point = find_operating_point(aircraft, condition)
     assert_meets(aircraft, condition, point)
-    assert values(point)[limited] == pytest.approx(np.clip(unlimited, *limits), abs=1e-9)
+    assert point.values[limited] == pytest.approx(np.clip(unlimited, *limits), abs=1e-9)
 
 
 # No solution.
@@ -161,7 +142,7 @@ def test_a_binding_limit_is_named(aircraft: Aircraft, extra: tuple[str, ...]) ->
     assert message.startswith("no trim: these rates do not balance: speed by -0.3")
     assert attempt.status == "failed"
     assert attempt.inputs.throttle == pytest.approx(30.0, rel=1e-15)
-    assert aircraft.rates(*arrays(attempt))[0] == pytest.approx(attempt.residuals["speed"], rel=1e-12)
+    assert aircraft.rates(attempt.states, attempt.inputs)[0] == pytest.approx(attempt.residuals["speed"], rel=1e-12)
 
 
 def test_too_few_unknowns_name_the_equations_and_the_amounts(aircraft: Aircraft) -> None:
@@ -185,8 +166,8 @@ def test_an_equation_that_nothing_moves_is_named(aircraft: Aircraft) -> None:
 def test_a_warm_start_takes_the_same_point(aircraft: Aircraft) -> None:
     neighbour = find_operating_point(aircraft, level_flight(float(np.radians(14.0))))
     warm, cold = find_operating_point(aircraft, BASE, neighbour), find_operating_point(aircraft, BASE)
-    for one, other in zip(arrays(warm), arrays(cold), strict=True):
-        np.testing.assert_allclose(one, other, rtol=1e-10, atol=1e-12)
+    np.testing.assert_allclose(warm.states, cold.states, rtol=1e-10, atol=1e-12)
+    np.testing.assert_allclose(warm.inputs, cold.inputs, rtol=1e-10, atol=1e-12)
 
 
 def test_the_cheaper_of_two_minima_is_found(published_aircraft: Aircraft, point: OperatingPoint) -> None:
@@ -207,7 +188,8 @@ def test_the_cheaper_of_two_minima_is_found(published_aircraft: Aircraft, point:
         ({"speed": 0.0}, "speed is 0 ft/s; it must lie between 1 ft/s and 500 ft/s"),
         ({"speed": 0.0, "limits": {"speed": (-1.0, 1.0)}}, "speed is 0 ft/s; it must be positive"),
         ({"altitude": 300_000.0, "limits": {"altitude": (0.0, 1e6)}}, "the atmosphere covers 0 to 65000 ft"),
-        ({"dihedral": np.radians(95.0), "limits": {"dihedral": (-3.0, 3.0)}}, "must be above -90 and below 90 deg"),
+        ({"dihedral": np.pi / 2, "limits": {"dihedral": (-3.0, 3.0)}}, "dihedral is 90 deg; it must be above -90 and"),
+        ({"dihedral": -np.pi / 2, "limits": {"dihedral": (-3.0, 3.0)}}, "dihedral is -90 deg; it must be above -90 a"),
         ({"dihedral": float("nan")}, "dihedral is nan; give a finite number"),
         ({"limits": {"rudder": (-1.0, 1.0)}}, "unknown trim variable 'rudder'"),
         ({"limits": {"alpha": (0.5, 0.1)}}, "limits of alpha are 28.6479 deg to 5.72958 deg; the first must be"),
@@ -229,17 +211,14 @@ def test_contradictions_are_refused() -> None:
 
 # At the edges: a Jacobian without full rank, wings at 0 and nearly 90 degrees, no air.
 
-UPRIGHT = {"dihedral": (-np.pi / 2, np.pi / 2)}
-
 
 def test_a_control_that_moves_nothing_is_named(aircraft: Aircraft) -> None:
     """Ailerons without effect leave a column of zeros."""
     without = aircraft.parameters._replace(aileron_lift=0.0, aileron_moment=0.0)
-    condition = level_flight(float(np.radians(15.0)))
     with pytest.raises(TrimError, match=r"no trim: .*; aileron_outer moves none of them, set something else free\)"):
-        find_operating_point(Aircraft(without, aircraft.variant), condition)
+        find_operating_point(Aircraft(without, aircraft.variant), BASE)
     with pytest.raises(TrimError) as refusal:
-        find_operating_point(aircraft, release(condition, hold={"aileron_outer": 0.3}))
+        find_operating_point(aircraft, release(BASE, hold={"aileron_outer": 0.3}))
     assert "moves none" not in str(refusal.value)
 
 
@@ -248,26 +227,19 @@ def test_controls_that_cannot_be_told_apart_are_named(aircraft: Aircraft) -> Non
     p = aircraft.parameters
     far = p._replace(tail_area=p.tail_area * 1e-14, boom_length=p.boom_length * 1e14)
     alike = Aircraft(far, aircraft.variant)
-    condition = level_flight(float(np.radians(15.0)))
     same = "elevator_outer moves them only as elevator_center does; set something else free"
     with pytest.raises(TrimError, match=rf"^no trim: .*; {same}\); 8 other starts failed too$"):
-        find_operating_point(alike, condition)
-    find_operating_point(alike, release(condition, free=("aileron_center",), hold={"elevator_outer": 0.0}))
+        find_operating_point(alike, BASE)
+    find_operating_point(alike, release(BASE, free=("aileron_center",), hold={"elevator_outer": 0.0}))
 
 
 @pytest.mark.parametrize("degrees", [0.0, 89.9999, -89.9999])
 def test_level_and_nearly_upright_wings_are_trimmed(aircraft: Aircraft, degrees: float) -> None:
-    condition = release(level_flight(float(np.radians(degrees)), limits=UPRIGHT), free=("alpha",))
+    limits = {"dihedral": (-np.pi / 2, np.pi / 2)}
+    condition = release(level_flight(float(np.radians(degrees)), limits=limits), free=("alpha",))
     point = find_operating_point(aircraft, condition)
     assert max(map(abs, point.residuals.values())) <= 1e-12
     assert np.isfinite(aircraft.model.at(point.states, point.inputs).A).all()
-
-
-@pytest.mark.parametrize("degrees", [90.0, -90.0])
-def test_upright_wings_are_refused(aircraft: Aircraft, degrees: float) -> None:
-    condition = level_flight(float(np.radians(degrees)), limits=UPRIGHT)
-    with pytest.raises(BadInputError, match=f"dihedral is {degrees:g} deg; it must be above -90 and below 90 deg"):
-        find_operating_point(aircraft, condition)
 
 
 @pytest.mark.parametrize("variant", VARIANTS.values(), ids=VARIANTS)
@@ -314,9 +286,8 @@ def test_a_chunk_and_a_trim_agree(strong: Aircraft, gamma: float, alpha: float) 
 
 def test_limits_that_hold_only_together_are_checked(strong: Aircraft) -> None:
     """alpha and gamma both free: each within its limits, their sum not."""
-    lifted = find_operating_point(
-        strong, level_flight(0.0, gamma=float(np.radians(62.0)), limits={"pitch": (-2.0, 2.0)})
-    )
+    steep = level_flight(0.0, gamma=float(np.radians(62.0)), limits={"pitch": (-2.0, 2.0)})
+    lifted = find_operating_point(strong, steep)
     held = {name: getattr(lifted.inputs, name) for name in ("throttle", "aileron_outer")}
     both = release(level_flight(0.0), free=("alpha", "gamma"), hold=held)
     with pytest.raises(TrimError, match=r"pitch would have to be 64\.8 deg, it must lie between -60 deg and 60 deg"):
