@@ -45,16 +45,12 @@ def printed(parameters: Parameters) -> list[PublishedModel]:
     return models
 
 
-def changed(
-    case: int, matrix: str, row: str, column: str, change: Callable[[float], float]
-) -> tuple[PublishedModel, ...]:
-    """The paper's print with one entry changed."""
-    models = list(published_models())
-    entries = getattr(models[case], matrix).copy()
-    i, j = LINEAR_STATES.index(row), (LINEAR_STATES if matrix == "A" else INPUTS).index(column)
-    entries[i, j] = change(entries[i, j])
-    models[case] = replace(models[case], **{matrix: entries})
-    return tuple(models)
+def changed(matrix: str, row: str, column: str) -> tuple[PublishedModel, PublishedModel]:
+    """The paper's print with one entry of the 5 degree pair larger by a hundredth."""
+    at_15, at_5 = published_models()
+    entries = getattr(at_5, matrix).copy()
+    entries[LINEAR_STATES.index(row), (LINEAR_STATES if matrix == "A" else INPUTS).index(column)] += 0.01
+    return at_15, replace(at_5, **{matrix: entries})
 
 
 def errors_in_standard_errors(found: Fit, truth: Parameters) -> np.ndarray:
@@ -69,17 +65,13 @@ def identified() -> tuple[Fit, list[float]]:
     return identify(seed=0)
 
 
-def test_all_rough_starts_agree(identified: tuple[Fit, list[float]]) -> None:
+def test_all_rough_starts_fit_the_print_as_well_as_rounding_allows(identified: tuple[Fit, list[float]]) -> None:
     best, sums = identified
     assert len(sums) == 8
     np.testing.assert_allclose(sums, best.sum_of_squares, rtol=1e-6)
     # None of the rough guesses is the answer.
     guess, answer = np.array(list(ROUGH.values())), np.array([getattr(best.parameters.values, n) for n in IDENTIFIED])
     assert np.median(np.abs(guess / answer - 1)) > 0.1
-
-
-def test_the_print_is_fitted_as_well_as_rounding_allows(identified: tuple[Fit, list[float]]) -> None:
-    best, _ = identified
     assert best.entries == 70
     assert best.sum_of_squares < 1.5 * best.expected_sum
     assert best.largest < 1.5
@@ -106,6 +98,9 @@ def test_known_aircraft_are_recovered_within_their_standard_errors(parameters: P
         found = fit(printed(truth), Published())
         assert found.largest < 2.0
         rows.append(errors_in_standard_errors(found, truth))
+        # The measure can fail: one percent on any constant is many standard errors.
+        wrong = Parameters(*(1.01 * np.array(truth)).tolist())
+        assert np.abs(errors_in_standard_errors(found, wrong)).min() > 5.0
     deviations = np.array(rows)
     assert np.abs(deviations).max() < 5.0
     # 1 on average; the mean of 20 squares of nearly uniform errors scatters by about 0.2. Standard errors too
@@ -114,34 +109,18 @@ def test_known_aircraft_are_recovered_within_their_standard_errors(parameters: P
     assert np.all((squares > 0.4) & (squares < 1.6)), dict(zip(IDENTIFIED, squares.round(2).tolist(), strict=True))
 
 
-def test_a_wrong_aircraft_is_not_within_the_standard_errors(parameters: Parameters) -> None:
-    """The measure above can fail: one percent on any constant is many standard errors."""
-    truth = made_up(parameters, np.random.default_rng(1))
-    found = fit(printed(truth), Published())
-    for index, name in enumerate(IDENTIFIED):
-        wrong = truth._replace(**{name: 1.01 * getattr(truth, name)})
-        assert abs(errors_in_standard_errors(found, wrong)[index]) > 5.0, name
-
-
 @pytest.mark.parametrize("matrix_row_column", THIRD, ids="-".join)
 def test_one_entry_changed_by_a_hundredth_cannot_be_fitted(
     parameters: Parameters, matrix_row_column: tuple[str, str, str]
 ) -> None:
     """Each printed entry of the 5 degree pair is held in place by all the others."""
     near = np.log(np.array([getattr(parameters, name) for name in IDENTIFIED]) / list(ROUGH.values()))
-    found = fit(changed(1, *matrix_row_column, lambda value: value + 0.01), Published(), noise=near)
+    found = fit(changed(*matrix_row_column), Published(), noise=near)
     if matrix_row_column == ("A", "speed", "pitch"):
         # Printed to one decimal: a hundredth is within its rounding.
         assert found.sum_of_squares < 1.5 * found.expected_sum
     else:
         assert found.sum_of_squares > 5 * found.expected_sum
-
-
-def test_the_other_sign_of_center_aileron_in_pitch_cannot_be_fitted() -> None:
-    """The text of the paper lost its minus signs; this one follows from the rest."""
-    found = fit(changed(1, "B", "pitch_rate", "aileron_center", lambda value: -value), Published())
-    assert found.sum_of_squares > 1e6 * found.expected_sum
-    assert found.largest > 1e4
 
 
 @pytest.mark.parametrize(("description", "variant"), ALTERNATIVES, ids=[name for name, _ in ALTERNATIVES])
@@ -174,7 +153,9 @@ def test_of_the_coupling_two_terms_are_needed_and_the_square_changes_nothing(
     assert lowest < fit(published_models(), variant).largest < highest
 
 
-def test_the_expected_sum_is_what_drawn_rounding_errors_leave(parameters: Parameters) -> None:
+def test_the_expected_sum_is_what_drawn_rounding_errors_leave(
+    parameters: Parameters, identified: tuple[Fit, list[float]]
+) -> None:
     """Errors drawn uniformly within a half unit, one for a number that is printed alike at both angles; the part that
     no parameters can fit, by derivatives from differences."""
     models = published_models()
@@ -199,23 +180,10 @@ def test_the_expected_sum_is_what_drawn_rounding_errors_leave(parameters: Parame
     flat = errors.reshape(-1, 70)
     fitted, _ = np.linalg.qr(derivatives.reshape(70, -1))
     sums = ((flat - flat @ fitted @ fitted.T) ** 2).sum(axis=1)
-    found = fit(published_models(), Published())
+    found = identified[0]
     # The mean of 20000 sums scatters by 0.016; counting the five numbers twice would give 18.33.
     assert found.expected_sum == pytest.approx(sums.mean(), abs=0.08)
     assert found.expected_sum == pytest.approx(17.89, abs=0.005)
-
-
-def test_a_number_printed_twice_counts_once(parameters: Parameters) -> None:
-    """B(speed, throttle) = k cos α / (3 m) at every dihedral angle: it alone knows the mass, to half a unit of
-    its last digit, however often it is printed. A uniform error of ±h has the standard deviation h/√3.
-    """
-    found = fit(published_models(), Published())
-    entry = published_models()[0]
-    row, column = LINEAR_STATES.index("speed"), INPUTS.index("throttle")
-    assert entry.B[row, column] == published_models()[1].B[row, column]
-    relative = entry.half_unit_B[row, column] / np.sqrt(3) / entry.B[row, column]
-    error = found.parameters.standard_errors["panel_mass"] / found.parameters.values.panel_mass
-    assert error == pytest.approx(relative, rel=0.01)
 
 
 def test_one_angle_determines_all_but_one_combination() -> None:
@@ -226,10 +194,8 @@ def test_one_angle_determines_all_but_one_combination() -> None:
         assert np.count_nonzero(fitted.singular_values * np.sqrt(3) > 100) == len(IDENTIFIED) - 1
         model = regenerate(Aircraft(fitted.parameters.values), unknown)
         computed, print_ = np.hstack([model.A, model.B]), np.hstack([unknown.A, unknown.B])
-        errors, pitch = (
-            np.abs(computed - print_).max(axis=1) / np.abs(print_).max(axis=1),
-            LINEAR_STATES.index("pitch_rate"),
-        )
+        errors = np.abs(computed - print_).max(axis=1) / np.abs(print_).max(axis=1)
+        pitch = LINEAR_STATES.index("pitch_rate")
         assert errors[pitch] > 0.1
         assert np.delete(errors, pitch).max() < 1e-5
         row, factor = computed[pitch], computed[pitch] @ print_[pitch] / (computed[pitch] @ computed[pitch])

@@ -226,16 +226,13 @@ def cart(x, u, p, w):
     return {"x": x.v, "v": u.u - ca.sign(x.x) * 35 * ca.fabs(x.x)}, {}
 
 
-def test_a_kink_is_reported_with_both_slopes() -> None:
+def test_kinks_are_reported_with_both_slopes_and_where_they_are(tmp_path: Path) -> None:
+    """At x = 0 alone, in a model, in a sweep and in a store, which counts the entries."""
     model = linearize(simple(cart), trimmed(simple(cart)))
     assert model.kinks == ("kink: A(v, x) is 0, but the slopes below and above are -35 and -35",)
     assert model.kinks[0] in model.report().notes
-
-
-def test_kinks_of_a_sweep_are_those_of_its_points(tmp_path: Path) -> None:
-    """At x = 0 alone; there the note says where, and a store counts the entries."""
     found = sweep(simple(cart), {"x": [-1.0, 0.0, 1.0]})
-    assert found.kinks == {1: linearize(simple(cart), trimmed(simple(cart))).kinks}
+    assert found.kinks == {1: model.kinks}
     (note,) = found.report().notes
     assert note.endswith("slopes below and above are -35 and -35 (1 of 3 points, the first at 0)")
     store = stream_sweep(found.plan, tmp_path / "a.zarr")
@@ -328,21 +325,11 @@ def test_a_file_may_have_dataclasses_and_tables_beside_it(tmp_path: Path) -> Non
 
 
 OWN = ("--aircraft", "examples/f16.py:F16")
-WRONG = [
-    (("trim", *OWN, "--hold", "spd=3"), 2, "unknown trim variable 'spd'; choose from speed, "),
-    (("trim", *OWN, "--hold", "elevator=0"), 1, "12 equations for 11 unknowns, set more free"),
-    (("trim", *OWN, "--dihedral", "5"), 2, "unknown option --dihedral"),
-    (("trim", *OWN, "--picture", "a.png"), 2, "--picture draws the HFA"),
-    (("sweep", *OWN), 2, "nothing to sweep"),
-]
-
-
-@pytest.mark.parametrize(("words", "code", "said"), WRONG)
-def test_the_command_line_says_what_does_not_go_with_an_own_model(words: tuple[str, ...], code: int, said: str) -> None:
-    assert_refused(hfa(*words), code, said)
 
 
 def test_the_command_line_takes_an_own_model(tmp_path: Path) -> None:
+    assert_refused(hfa("trim", *OWN, "--dihedral", "5"), 2, "unknown option --dihedral")
+    assert_refused(hfa("trim", *OWN, "--picture", "a.png"), 2, "--picture draws the HFA")
     saved = tmp_path / "point.json"
     done = hfa("trim", *OWN, "--hold", "xcg=0.3", "--hold", "turn_rate=17.188734", "-o", str(saved))
     assert done.code == 0
@@ -352,10 +339,9 @@ def test_the_command_line_takes_an_own_model(tmp_path: Path) -> None:
     assert again["state_units"][1:3] == ["rad", "rad"]
     assert again["provenance"]["model"].startswith("examples/f16.py:F16 (SHA-256 ")
     store = str(tmp_path / "sweep.zarr")
-    swept = hfa(
-        "sweep", *OWN, "--hold", "speed=400:600:50", "--hold", "xcg=.3,.35", "-o", store, "--workers", "2", "--json"
-    )
-    assert json.loads(swept.out)["counts"]["trimmed"] == 10
+    held = ("--hold", "speed=400:600:50", "--hold", "xcg=.3,.35")
+    swept = json.loads(hfa("sweep", *OWN, *held, "-o", store, "--workers", "2", "--json").out)
+    assert swept["counts"]["trimmed"] == 10
     solved = hfa("solve", *OWN, "--hold", "xcg=0.3")
     assert "Q and R and delta not given" in solved.err
     assert "FAIL" not in solved.out
