@@ -1,4 +1,4 @@
-"""A sweep in memory: the points of single trims under any condition, its modes, what it says and refuses."""
+"""A sweep in memory and in a store: the points of single trims under any condition, its modes, what it refuses."""
 
 from __future__ import annotations
 
@@ -8,24 +8,20 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import zarr
 from cli import assert_refused, hfa
+from known_models import model_at
 
-from hfa_model import DEGREE, Aircraft
+from hfa_model import DEGREE, INPUTS, STATES, Aircraft, Parameters
+from hfa_model.vectors import LINEAR_ROWS, STATE_UNITS
 from hfa_support import BadInputError
 from hfa_support.linear_table import LinearTable
-from trim import (
-    TrimCondition,
-    TrimError,
-    find_operating_point,
-    level_flight,
-    linearize,
-    load_condition,
-    release,
-    sweep,
-)
+from trim import TrimCondition, TrimError, find_operating_point, level_flight, linearize, load_condition, release, sweep
 from trim.point.condition import LEVEL_FLIGHT
 from trim.sweeps.points import condition_at, is_square
 from trim.sweeps.sweep import Sweep
+from trim.sweeps.sweep_plan import Steps, SweepPlan
+from trim.sweeps.sweep_store import stored_sweep_report, stream_sweep
 
 ALPHA_FREE = release(LEVEL_FLIGHT, free=("alpha",), hold={"aileron_outer": 0.0})
 LIMITED = release(LEVEL_FLIGHT, limits={"throttle": (0.0, 40.0)})
@@ -42,44 +38,33 @@ CASES: dict[str, tuple[dict[str, list[float]], TrimCondition, bool]] = {
     "least effort": ({"speed": [64.0, 68.0]}, release(LEVEL_FLIGHT, free=("alpha",)), False),
     "glide": ({"throttle": [0.0, 20.0]}, release(LEVEL_FLIGHT, free=("gamma",)), True),
     "center aileron": ({"dihedral": [0.1], "aileron_center": [0.0, 0.02]}, LEVEL_FLIGHT, True),
+    "slow": ({"dihedral": [0.0, 0.2], "speed": [30.0, 50.0, 68.0], "altitude": [5e3, 4e4]}, LEVEL_FLIGHT, True),
     "mass": ({"panel_mass": [10.0, 11.0], "dihedral": [0.1]}, LEVEL_FLIGHT, True),
 }
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_each_point_is_that_of_a_single_trim(published_aircraft: Aircraft, name: str) -> None:
+def test_each_point_is_that_of_a_single_trim(aircraft: Aircraft, name: str) -> None:
+    """Without a trim the same reason: which rates do not balance, which limits bind, what it would take beyond them."""
     grid, condition, square = CASES[name]
-    assert is_square(published_aircraft.model, tuple(grid), condition) == square
-    result = sweep(published_aircraft, grid, condition=condition)
+    assert is_square(aircraft.model, tuple(grid), condition) == square
+    result = sweep(aircraft, grid, condition=condition)
     for i, row in enumerate(result.values):
-        single, aircraft = condition_at(condition, result.variables, row), published_aircraft
+        single, one = condition_at(condition, result.variables, row), aircraft
         if name == "mass":
-            aircraft = Aircraft(aircraft.parameters._replace(panel_mass=float(row[0])))
+            one = Aircraft(aircraft.parameters._replace(panel_mass=float(row[0])), aircraft.variant)
         if result.reasons[i]:
             with pytest.raises(TrimError) as caught:
-                find_operating_point(aircraft, single)
+                find_operating_point(one, single)
             assert result.reasons[i] == str(caught.value)
+            assert ", would have to be " in result.reasons[i]
             continue
-        point = find_operating_point(aircraft, single)
+        point = find_operating_point(one, single)
         np.testing.assert_allclose(result.states[i], point.states, rtol=1e-9, atol=1e-11)
         np.testing.assert_allclose(result.inputs[i], point.inputs, rtol=1e-9, atol=1e-11)
-        np.testing.assert_allclose(result.A[i], linearize(aircraft, point).A, rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(result.A[i], linearize(one, point).A, rtol=1e-9, atol=1e-9)
     assert result.trimmed.any()
-
-
-def test_a_sweep_and_a_trim_say_the_same(aircraft: Aircraft) -> None:
-    """Which rates do not balance within the limits, which limits bind, and what balance would take beyond them."""
-    result = sweep(aircraft, {"dihedral": [0.0, 0.2], "speed": [30.0, 50.0, 68.0], "altitude": [5_000.0, 40_000.0]})
-    assert 4 < np.count_nonzero(~result.trimmed) < 12
-    for reason, values in zip(result.reasons, result.values, strict=True):
-        condition = condition_at(LEVEL_FLIGHT, result.variables, values)
-        if not reason:
-            assert find_operating_point(aircraft, condition).status == "trimmed"
-            continue
-        with pytest.raises(TrimError) as caught:
-            find_operating_point(aircraft, condition)
-        assert reason == str(caught.value)
-        assert ", would have to be " in reason
+    assert name != "slow" or 4 < np.count_nonzero(~result.trimmed) < 12
 
 
 @pytest.mark.parametrize(
@@ -113,27 +98,22 @@ def eigenvalues_in(line: str) -> list[complex]:
 
 
 @pytest.fixture(scope="module")
-def result(published_aircraft: Aircraft) -> Sweep:
-    return sweep(published_aircraft, {"dihedral": np.radians(np.arange(0.0, 60.1, 5.0))})
-
-
-@pytest.fixture(scope="module")
 def over_two(published_aircraft: Aircraft) -> Sweep:
     """Fast modes meet in conjugate pairs at one altitude and not at another."""
     grid = {"dihedral": [20 * DEGREE], "speed": np.arange(60.0, 81.0, 5.0), "altitude": [0.0, 20_000.0, 40_000.0]}
     return sweep(published_aircraft, grid, condition=release(LEVEL_FLIGHT, free=("alpha",)))
 
 
-@pytest.mark.parametrize("which", ["result", "over_two"])
-def test_every_eigenvalue_of_every_point_is_shown_once(which: str, request: pytest.FixtureRequest) -> None:
+def test_every_eigenvalue_of_every_point_is_shown_once(published_aircraft: Aircraft, over_two: Sweep) -> None:
     """Beyond 28 deg the pair of the short period becomes two real eigenvalues; two modes may meet in a pair."""
-    shown: Sweep = request.getfixturevalue(which)
-    lines = [line for line in shown.report().text().splitlines() if re.match(r"\d", line)]
-    assert np.count_nonzero(shown.eigenvalues[shown.trimmed].imag == 0, axis=1).max() == 4
-    for line, expected, trimmed in zip(lines, shown.eigenvalues, shown.trimmed, strict=False):
-        if trimmed:
-            found = np.sort_complex(eigenvalues_in(line))
-            np.testing.assert_allclose(found, np.sort_complex(expected.round(4)), atol=1.1e-4)
+    steep = sweep(published_aircraft, {"dihedral": np.radians(np.arange(0.0, 60.1, 5.0))})
+    for shown in (steep, over_two):
+        lines = [line for line in shown.report().text().splitlines() if re.match(r"\d", line)]
+        assert np.count_nonzero(shown.eigenvalues[shown.trimmed].imag == 0, axis=1).max() == 4
+        for line, expected, trimmed in zip(lines, shown.eigenvalues, shown.trimmed, strict=False):
+            if trimmed:
+                found = np.sort_complex(eigenvalues_in(line))
+                np.testing.assert_allclose(found, np.sort_complex(expected.round(4)), atol=1.1e-4)
 
 
 def test_modes_do_not_jump_in_a_sweep_over_two_variables(over_two: Sweep) -> None:
@@ -144,12 +124,10 @@ def test_modes_do_not_jump_in_a_sweep_over_two_variables(over_two: Sweep) -> Non
     assert (np.abs(np.diff(fast, axis=0)) < 0.2 * np.abs(fast[:-1]) + 0.2).all()
 
 
-def test_a_sweep_warns_beyond_the_papers_range(published_aircraft: Aircraft) -> None:
-    for lowest, expected in (
-        (-15.0, []),
-        (-16.0, ["dihedral -16 deg lies beyond the paper's range, which ends at 15 deg"]),
-    ):
-        assert list(sweep(published_aircraft, {"dihedral": np.radians([lowest, 15.0])}).report().notes) == expected
+@pytest.mark.parametrize(("lowest", "warned"), [(-15.0, False), (-16.0, True)])
+def test_a_sweep_warns_beyond_the_papers_range(published_aircraft: Aircraft, lowest: float, warned: bool) -> None:
+    notes = sweep(published_aircraft, {"dihedral": np.radians([lowest, 15.0])}).report().notes
+    assert list(notes) == ["dihedral -16 deg lies beyond the paper's range, which ends at 15 deg"] * warned
 
 
 LISTS = [
@@ -192,3 +170,75 @@ def test_a_list_of_points_is_swept_row_by_row(published_aircraft: Aircraft, tmp_
     assert_refused(hfa(*words[:3]), 2, "speed is 680 ft/s")
     with pytest.raises(BadInputError, match="have \\[2, 1\\] values"):
         sweep(published_aircraft, {"speed": [60.0, 70.0], "dihedral": [0.0]}, listed=True)
+
+
+# In a store.
+
+
+def test_a_store_has_names_and_units(tmp_path: Path, parameters: Parameters) -> None:
+    import xarray
+
+    plan = SweepPlan({"dihedral": (0.0, 0.1), "speed": (60.0, 68.0)}, Aircraft(parameters))
+    store = stream_sweep(plan, tmp_path / "a.zarr")
+    counts = stored_sweep_report(plan, store, tmp_path).data["counts"]
+    assert counts == {"missing": 0, "trimmed": 4, "beyond limits": 0, "no trim": 0}
+    attributes = zarr.open_group(str(tmp_path / "a.zarr"), mode="r").attrs
+    assert (attributes["schema"], attributes["state_units"][0]) == ("hfa.sweep-store/1", "ft/s")
+    assert (attributes["variables"], attributes["variable_units"]) == (["dihedral", "speed"], ["rad", "ft/s"])
+    assert attributes["status"] == ["trimmed", "beyond limits", "no trim"]
+    read = xarray.open_zarr(tmp_path / "a.zarr", consolidated=False).load()
+    assert read.A.dims == ("point", "rate", "state")
+    assert read.eigenvalues.dims == ("point", "mode")
+    assert (read.dihedral.dims, read.dihedral.attrs["units"], read.speed.attrs["units"]) == (("point",), "rad", "ft/s")
+    assert {"dihedral", "speed", "state_unit", "rate_unit", "input_unit"} <= set(read.coords)
+    assert (read.input.values.tolist(), read.state_unit.values.tolist()) == (list(INPUTS), list(STATE_UNITS))
+    pushed = store.read("B")[:, STATES.index("pitch_rate"), INPUTS.index("elevator_center")]
+    np.testing.assert_array_equal(read.B.sel(rate="pitch_rate", input="elevator_center"), pushed)
+    fast = read.where(read.speed == 68.0, drop=True)
+    np.testing.assert_allclose(fast.dihedral, [0.0, 0.1])
+    np.testing.assert_allclose(fast.states.sel(state="speed"), 68.0)
+    assert read.states.attrs == {"long_name": "X0", "units_of": "state_unit"}
+    assert read.status.attrs["flag_meanings"].split() == ["trimmed", "beyond_limits", "no_trim"]
+    assert {read[name].dims[0] for name in read.attrs["arrays"]} == {"point"}
+
+
+def test_a_plan_gives_any_slice_of_the_whole(parameters: Parameters) -> None:
+    dihedrals = tuple(np.radians(np.linspace(0, 20, 7)).tolist())
+    axes = {"dihedral": dihedrals, "speed": (25.0, 60.0, 68.0, 75.0)}
+    plan = SweepPlan(axes, Aircraft(parameters))
+    whole = plan.values(0, plan.count)
+    assert plan.count == 28
+    assert np.array_equal(whole[10:13], plan.values(10, 13))
+    assert np.array_equal(whole[:4, 1], [25.0, 60.0, 68.0, 75.0])
+
+
+def test_a_range_too_long_or_too_far_is_refused(parameters: Parameters) -> None:
+    with pytest.raises(BadInputError, match=r"dihedral is 80\.2\d* deg; it must lie between -60 deg and 60 deg"):
+        SweepPlan({"dihedral": Steps(0.0, 0.1, 15)}, Aircraft(parameters))
+    with pytest.raises(BadInputError, match="has 1,234,570,000 points, at most 1,000,000,000"):
+        SweepPlan({"dihedral": Steps(0.0, 1e-9, 123457), "speed": Steps(60.0, 1e-6, 10**4)}, Aircraft(parameters))
+
+
+def test_a_store_has_the_points_of_a_sweep_in_memory_and_is_continued_as_no_other(
+    published_aircraft: Aircraft, tmp_path: Path
+) -> None:
+    """The condition, the limits, where the search begins (it decides the last bits), and the order of the points."""
+    axes = {"dihedral": (5 * DEGREE, 10 * DEGREE), "speed": (64.0, 68.0)}
+    plan = SweepPlan(axes, published_aircraft, condition=ALPHA_FREE)
+    store = stream_sweep(plan, tmp_path / "a.zarr")
+    expected = sweep(published_aircraft, plan.axes, condition=ALPHA_FREE)  # type: ignore[arg-type]
+    np.testing.assert_array_equal(store.read("A")[:, LINEAR_ROWS][:, :, LINEAR_ROWS], expected.A)
+    attributes = dict(zarr.open_group(str(tmp_path / "a.zarr"), mode="r").attrs)
+    assert attributes["grid"]["speed"] == {"values": [64.0, 68.0], "unit": "ft/s"}
+    assert attributes["condition"] == ALPHA_FREE.to_dict()
+    steeper = release(release(LEVEL_FLIGHT, hold={"alpha": 0.06}), free=("alpha",), hold={"aileron_outer": 0.0})
+    for other in (
+        SweepPlan(axes, published_aircraft),
+        SweepPlan(axes, published_aircraft, condition=release(ALPHA_FREE, hold={"gamma": 0.01})),
+        SweepPlan(axes, published_aircraft, condition=release(ALPHA_FREE, limits={"throttle": (0.0, 40.0)})),
+        SweepPlan(axes, published_aircraft, condition=steeper),
+        SweepPlan(axes, published_aircraft, condition=ALPHA_FREE, start=model_at(15.0).point),
+        SweepPlan(dict(reversed(axes.items())), published_aircraft, condition=ALPHA_FREE),
+    ):
+        with pytest.raises(BadInputError, match="another sweep"):
+            stream_sweep(other, tmp_path / "a.zarr", resume=True)
