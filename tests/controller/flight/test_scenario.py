@@ -121,13 +121,9 @@ def test_noise_and_air_are_as_strong_as_asked_for(plan: MonteCarlo) -> None:
     ("make", "said"),
     [
         (lambda: Uncertainty({"lift_slope": -0.1}), "deviation of lift_slope is -0.1; give a number from 0 on"),
-        (lambda: Uncertainty(noise={"alpha": np.inf}), "the standard deviation of alpha is inf"),
-        (lambda: Scenario(step=0.0), "step is 0.0"),
         (lambda: Scenario(step=0.003), "whole number of steps"),
         (lambda: Scenario(duration=np.inf), "duration is inf"),
-        (lambda: Scenario(errors={"lift_slope": 0.0}), "the factor on .* is 0.0"),
         (lambda: OneMinusCosine(10.0, np.nan, 68.0), "peak is nan"),
-        (lambda: Dryden(0.0, 1750.0, 68.0, 0.01, 10, 0), "intensity is 0"),
         (lambda: Dryden(1.0, 1e-6, 68.0, 0.01, 10, 0), r"scale is 1e-06 ft; .* between 0\.68 and 6\.8e\+05 ft"),
         (lambda: replace(ACTUATORS, lag=Input(0.1, 0.0, 0.1, 0.1, 0.1)), "lag of aileron_center is 0.0"),
         (lambda: replace(ACTUATORS, highest=Input(1.0, 1.0, 1.0, -0.5, 1.0)), "positions of elevator_center"),
@@ -135,7 +131,6 @@ def test_noise_and_air_are_as_strong_as_asked_for(plan: MonteCarlo) -> None:
         (lambda: ActuatorFault(damping=np.nan), "damping after a fault is nan"),
         (lambda: replace(ACTUATORS, faults=(ActuatorFault(inputs=("flap",)),)), "no input 'flap'"),
         (lambda: CommandSteps(("speed", "speed"), TIMES, np.zeros((2, 2))), "speed is given twice"),
-        (lambda: CommandSteps(("speed",), TIMES[::-1], np.zeros((2, 1))), "must increase"),
         (lambda: CommandSteps(("speed",), TIMES, np.zeros((1, 1))), r"shape \(1, 1\); give 2 finite rows of 1"),
         (
             lambda: gain_law("bad", np.full((5, 6), np.nan)),

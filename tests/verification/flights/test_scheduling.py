@@ -14,7 +14,7 @@ from controller import Scenario, flight_envelope, published_game
 from controller.flight.nonlinear_flight import NonlinearFlight
 from controller.policy.policies import Seen
 from hfa_model import INPUTS, LINEAR_STATES, STATES, Aircraft
-from hfa_support import BadInputError, NoSolutionError
+from hfa_support import NoSolutionError
 from verification.flights.scheduling import (
     Schedule,
     ScheduledChange,
@@ -128,15 +128,3 @@ def test_scheduling_the_gain_is_needed_from_0_to_20_degrees(published_aircraft: 
     departure = through_the_change(published_aircraft, kept, 0.0, 20.0).departure
     assert departure is not None
     assert departure.state == "pitch_rate"
-
-
-# Refusals.
-
-
-def test_schedules_that_are_none_are_refused(published_aircraft: Aircraft) -> None:
-    with pytest.raises(BadInputError, match="increasing order"):
-        certified_schedule(published_aircraft, radians(15.0, 5.0))
-    with pytest.raises(BadInputError, match=r"is 0\.0 s"):
-        ScheduledChange(0.1, 0.2, 0.0, 0.0)
-    with pytest.raises(BadInputError, match="two different ones"):
-        change_over(published_aircraft.model, 0.1, 0.1, 60.0)
