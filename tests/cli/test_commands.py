@@ -11,9 +11,10 @@ import pytest
 from cli import answer, hfa
 
 from hfa_cli.main import COMMANDS, DONE, FAILED
-from hfa_model import INPUTS, LINEAR_STATES, STATES, Parameters, default_parameters, load_parameters, save_parameters
+from hfa_model import INPUTS, LINEAR_STATES, STATES, default_parameters, save_parameters
 from hfa_model.aircraft import HFA
 from hfa_model.vectors import INPUT_UNITS, STATE_UNITS
+from trim.identification import ASSUMED
 
 LINEAR_MODEL_KEYS = {
     *("schema", "dihedral_deg", "dynamics", "operating_point", "states", "inputs", "state_units", "input_units"),
@@ -100,9 +101,6 @@ def test_sweep_text_and_json() -> None:
     )
     data = answer("sweep", "--dihedral", "0:15:5")
     np.testing.assert_allclose(np.degrees(data["values"]).ravel(), [0, 5, 10, 15], atol=1e-12)
-    single = answer("linearize", "--dihedral", "15")
-    np.testing.assert_allclose(data["A"][3], single["A"], rtol=1e-9, atol=1e-9)
-    np.testing.assert_allclose(data["B"][3], single["B"], rtol=1e-9, atol=1e-9)
     for A, pairs in zip(data["A"], data["eigenvalues"], strict=True):
         found = np.sort_complex([complex(*pair) for pair in pairs])
         np.testing.assert_allclose(found, np.sort_complex(np.linalg.eigvals(A)), rtol=1e-9, atol=1e-9)
@@ -137,13 +135,12 @@ def test_regenerate_passes_with_the_shipped_parameters() -> None:
     assert max(abs(entry["half_units"]) for case in data["cases"] for entry in case["entries"]) < 1.3
 
 
-@pytest.mark.parametrize("name", Parameters._fields)
+@pytest.mark.parametrize("name", ["panel_mass", *ASSUMED])  # the other identified ones: test_linear_model.py
 def test_regenerate_fails_with_one_parameter_changed_by_one_percent(tmp_path: Path, name: str) -> None:
     shipped = default_parameters()
     changed = shipped.values._replace(**{name: 1.01 * getattr(shipped.values, name)})
     path = tmp_path / "changed.toml"
     save_parameters(replace(shipped, values=changed), path, "one parameter changed")
-    assert load_parameters(path).values == changed
     result = hfa("regenerate", "--parameters", str(path))
     assert (result.code, result.err) == (FAILED, "")
     assert "FAIL" in result.out

@@ -59,9 +59,6 @@ ALPHA_FREE = ("--free", "alpha", "--hold", "aileron_outer=0")
 @pytest.mark.parametrize(
     "words",
     [
-        ("--hold", "gamma=1"),
-        ALPHA_FREE,
-        ("--free", "gamma", "--hold", "throttle=20"),
         ("--limit", "elevator_outer=-2:2"),
         ("--condition", "simvfa-64"),
         ("--parameters", "gibson-2011-simulation", *ALPHA_FREE),
@@ -121,9 +118,3 @@ def test_a_store_obeys_the_condition_and_keeps_to_it(tmp_path: Path) -> None:
     assert group.attrs["condition"]["free"] == ["alpha"]
     assert hfa(*words, "--resume").code == 0
     assert_refused(hfa("sweep", *GRID, "-o", store, "--resume"), 2, "another sweep")
-
-
-def test_the_provenance_says_the_condition() -> None:
-    found = answer("sweep", "--dihedral", "5,10", *ALPHA_FREE, "--limit", "throttle=0:60")
-    condition = {"imposed": {"aileron_outer": 0.0}, "free": ["alpha"], "limits": {"throttle": [0.0, 60.0]}}
-    assert found["condition"] == found["provenance"]["condition"] == condition
