@@ -10,17 +10,110 @@ import subprocess
 import sys
 import time
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import pytest
 from cli import SCRIPT, hfa, hfa_process
-from endings import LONG, SIGNALS, Ended, result_of, run, stat, until, workers
 from game_files import small
 
 from hfa_cli.entry import INTERRUPTED, TERMINATED
 from hfa_cli.main import DONE, FAILED
+
+#: Command -> its words.
+LONG: dict[str, tuple[str, ...]] = {
+    "sweep": (  # three chunks
+        *("sweep", "--dihedral", "0:14:0.01", "--hold", "speed=66:68:0.0125"),
+        *("--workers", "2", "-o", "a.zarr"),
+    ),
+    "monte-carlo": (
+        *("monte-carlo", "--dihedral", "15", "--law", "exact", "--samples", "1500", "--duration", "1"),
+        *("--workers", "2", "-o", "a.zarr"),
+    ),
+    "prove": ("prove", "schedule", "--dihedral", "12:15", "-o", "a.json"),
+}
+SIGNALS = {signal.SIGKILL: None, signal.SIGTERM: "hfa: terminated\n", signal.SIGINT: "hfa: interrupted\n"}
+
+
+class Ended(NamedTuple):
+    """A run: exit code, standard output and error, seconds, the worker processes that were seen."""
+
+    code: int
+    out: str
+    err: str
+    seconds: float
+    workers: set[int]
+
+
+def stat(process: int) -> list[str]:
+    """State, parent, ... of a process; "X" for one that is gone."""
+    try:
+        return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
+    except OSError:
+        return ["X", "0"]
+
+
+def workers(parent: int) -> list[int]:
+    """Worker processes of a run; the one that looks after semaphores is none."""
+    found = [int(each.name) for each in Path("/proc").iterdir() if each.name.isdigit()]
+    children = [each for each in found if int(stat(each)[1]) == parent]
+    return [each for each in children if b"spawn_main" in Path(f"/proc/{each}/cmdline").read_bytes()]
+
+
+def until(holds: Callable[[], bool], seconds: float = 60.0) -> bool:
+    """Wait for it; whether it came."""
+    end = time.monotonic() + seconds
+    while not holds() and time.monotonic() < end:
+        time.sleep(0.05)
+    return holds()
+
+
+def run(folder: Path, *words: str, number: signal.Signals | None = None, after: float = 0.0, working: int = 0) -> Ended:
+    """A command in a folder, with temporary files in folder/temporary; the signal comes `after` seconds from where
+    so many workers are there.
+
+    Ctrl-C goes to all processes of the run, as from a terminal; the others to the one that was started.
+    """
+    (folder / "temporary").mkdir(parents=True, exist_ok=True)
+    place = {**os.environ, "TMPDIR": str(folder / "temporary")}
+    begun, seen, streams = time.monotonic(), set[int](), {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    process = subprocess.Popen([SCRIPT, *words], cwd=folder, env=place, text=True, start_new_session=True, **streams)
+    try:
+        if number is not None:
+            assert until(lambda: len(workers(process.pid)) >= working)
+            end = time.monotonic() + after
+            until(lambda: process.poll() is not None or time.monotonic() > end, after + 1.0)
+            seen = set(workers(process.pid))
+            if process.poll() is None:
+                (os.killpg if number == signal.SIGINT else os.kill)(process.pid, number)
+        out, err = process.communicate(timeout=600)
+    finally:
+        process.kill()
+    return Ended(process.returncode, out, err, time.monotonic() - begun, seen)
+
+
+def result_of(folder: Path) -> dict[str, Any]:
+    """File -> its content without date and command."""
+    # The digest of a store is also of its provenance; the others are what a kill may leave.
+    left, files = ("temporary", "digest", "session"), [path for path in sorted(folder.rglob("*")) if path.is_file()]
+    killed = {path for path in files if path.suffix == ".partial" or ".hfa-" in str(path)}
+    files = [path for path in files if path not in killed and not {*path.parts} & {*left}]
+    return {
+        str(path.relative_to(folder)): _plain(json.loads(path.read_bytes()))
+        if path.suffix == ".json"
+        else path.read_bytes()
+        for path in files
+    }
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        left = ("provenance", "digest", "checksum")
+        return {key: _plain(each) for key, each in value.items() if key not in left}
+    return [_plain(each) for each in value] if isinstance(value, list) else value
+
 
 RUN = {
     "sweep": ("sweep", "--dihedral", "0:20:1", "--hold", "panel_mass=0.1:2:0.00002", "--workers", "2", "-o", "a.zarr"),
@@ -36,37 +129,20 @@ proc = pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="processe
         pytest.param("sweep", signal.SIGTERM, TERMINATED, "hfa: terminated\n", marks=pytest.mark.slow),
         ("sweep", signal.SIGINT, INTERRUPTED, "hfa: interrupted\n"),
         pytest.param("sweep", signal.SIGHUP, TERMINATED, "hfa: terminated\n", marks=pytest.mark.slow),
-        ("sweep", signal.SIGKILL, -signal.SIGKILL, None),
+        ("sweep", signal.SIGKILL, -signal.SIGKILL, ""),
         pytest.param("monte-carlo", signal.SIGTERM, TERMINATED, "hfa: terminated\n", marks=pytest.mark.slow),
         pytest.param("monte-carlo", signal.SIGINT, INTERRUPTED, "hfa: interrupted\n", marks=pytest.mark.slow),
     ],
 )
 def test_a_run_that_is_ended_leaves_no_worker_and_no_temporary_folder(
-    tmp_path: Path, name: str, number: signal.Signals, code: int, said: str | None
+    tmp_path: Path, name: str, number: signal.Signals, code: int, said: str
 ) -> None:
-    (tmp_path / "temporary").mkdir()
-    run = subprocess.Popen(
-        [SCRIPT, *RUN[name]],
-        cwd=tmp_path,
-        env={**os.environ, "TMPDIR": str(tmp_path / "temporary")},
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
-    )
-    try:
-        assert until(lambda: len(workers(run.pid)) == 2)
-        seen = workers(run.pid)
-        time.sleep(0.3)
-        # A terminal gives Ctrl-C to every process of the run.
-        (os.killpg if number == signal.SIGINT else os.kill)(run.pid, number)
-        out, err = run.communicate(timeout=30)
-    finally:
-        run.kill()
-    assert until(lambda: all(stat(worker)[0] in "XZ" for worker in seen), 10.0)
-    assert (run.returncode, out) == (code, "")
-    if said is not None:
-        assert err == said
+    ended = run(tmp_path, *RUN[name], number=number, after=0.3, working=2)
+    assert len(ended.workers) == 2
+    assert until(lambda: all(stat(worker)[0] in "XZ" for worker in ended.workers), 10.0)
+    assert (ended.code, ended.out) == (code, "")
+    if number != signal.SIGKILL:
+        assert ended.err == said
         assert list((tmp_path / "temporary").iterdir()) == []
 
 
@@ -109,13 +185,13 @@ def test_warnings_are_notes_of_a_result_and_nothing_before_a_refusal(
     refused = hfa_process("solve", "--model", extreme, folder=tmp_path)
     assert (refused.code in (1, 2), refused.err.count("\n")) == (True, 1), refused.err
     plain = hfa("solve", "--model", small(tmp_path / "plant.json"))
-    run = game.solve.run
+    solve = game.solve.run
 
     def warning(arguments) -> int:
         for text in ("overflow\nin multiply", "overflow\nin multiply"):
             warnings.warn(text, RuntimeWarning, stacklevel=1)
         warnings.warn("two chunks were damaged", stacklevel=1)
-        return run(arguments)
+        return solve(arguments)
 
     monkeypatch.setattr(game, "solve", game.solve._replace(run=warning))
     result = hfa("solve", "--model", str(tmp_path / "plant.json"))
