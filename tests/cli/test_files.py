@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from cli import hfa
+from cli import hfa, leaves
 from scipy.io import loadmat
 
 from hfa_cli.main import DONE, FAILED
@@ -38,24 +38,13 @@ def written(folder: Path, name: str, suffix: str) -> tuple[Path, Any]:
     return path, json.loads(result.out)
 
 
-def numbers(data: Any, key: str = "") -> dict[str, float]:
-    """Every number of a tree of JSON data by its path; null is nan, true and false are 1 and 0."""
-    if isinstance(data, dict):
-        return {path: value for name, item in data.items() for path, value in numbers(item, f"{key}/{name}").items()}
-    if isinstance(data, list):
-        return numbers(dict(enumerate(data)), key)
-    if data is None:
-        return {key: np.nan}
-    return {} if isinstance(data, str) else {key: float(data)}
+def numbers(data: Any) -> list[float]:
+    """Every number of a tree of JSON data, in order; null is nan, true and false are 1 and 0."""
+    return [np.nan if value is None else float(value) for _, value in leaves(data) if not isinstance(value, str)]
 
 
 def texts(data: Any) -> list[str]:
-    """Every string of a tree of JSON data, in order."""
-    if isinstance(data, dict):
-        data = list(data.values())
-    if isinstance(data, list):
-        return [text for item in data for text in texts(item)]
-    return [data] if isinstance(data, str) else []
+    return [value for _, value in leaves(data) if isinstance(value, str)]
 
 
 def plain(value: Any) -> Any:
@@ -75,7 +64,7 @@ def test_npz_keeps_every_number_and_name(tmp_path: Path, name: str) -> None:
         arrays = {key: archive[key] for key in archive}
     assert str(arrays["schema"]) == data["schema"]
     found = [value for array in arrays.values() if array.dtype.kind in "fib" for value in array.ravel().tolist()]
-    np.testing.assert_array_equal(found, list(numbers(data).values()))
+    np.testing.assert_array_equal(found, numbers(data))
     words = [value for array in arrays.values() if array.dtype.kind == "U" for value in array.ravel().tolist()]
     assert words == texts(data)
 
@@ -85,7 +74,7 @@ def test_mat_keeps_every_number_and_name(tmp_path: Path, name: str) -> None:
     path, data = written(tmp_path, name, "mat")
     loaded = plain(loadmat(path, simplify_cells=True))
     assert list(loaded) == list(data)
-    np.testing.assert_array_equal(*(list(numbers(each).values()) for each in (loaded, data)))
+    np.testing.assert_array_equal(numbers(loaded), numbers(data))
     assert [word for word in texts(loaded) if word] == [word for word in texts(data) if word]
 
 

@@ -8,7 +8,7 @@ import json
 import os
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
@@ -72,6 +72,15 @@ def answer(*words: str, code: int = DONE) -> dict[str, Any]:
     notes = [] if words[0] in ("trim", "linearize") else data.get("warnings", [])
     assert result.err == "".join(f"hfa: note: {note}\n" for note in notes)
     return data
+
+
+def leaves(data: Any, path: str = "") -> Iterator[tuple[str, Any]]:
+    """Every text, number and null of a tree of JSON data, with the names and places on the way to it."""
+    if isinstance(data, (dict, list)):
+        for key, value in data.items() if isinstance(data, dict) else enumerate(data):
+            yield from leaves(value, f"{path}.{key}")
+    else:
+        yield path, data
 
 
 def written_json(words: tuple[str, ...]) -> list[Path]:
