@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-from pathlib import Path
 
 import pytest
 from cli import Terminal, hfa
@@ -13,35 +12,19 @@ from hfa_cli import output
 from hfa_cli.output import ProgressLine
 
 NOTE = "dihedral 16 deg lies beyond the paper's range, which ends at 15 deg"
-SHORT = ("--law", "exact", "--duration", "0.1")
-COMMANDS = {
-    "solve": ("solve",),
-    "learn": ("learn", "--set", "predefined_time=2"),
-    "verify": ("verify", "--set", "predefined_time=2"),
-    "fly": ("fly", *SHORT),
-    "map": ("map", "--law", "exact", "--initial", "speed=1", "--initial", "dihedral=0", "--command", "dihedral=1"),
-    "monte-carlo": ("monte-carlo", *SHORT, "--samples", "2"),
-}
-
-
-def sweep_note(farthest: str) -> str:
-    return f"dihedral {farthest} deg lies beyond the paper's range, which ends at 15 deg"
-
-
-@pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=[pytest.mark.slow] * (name in ("map", "learn", "verify"))) for name in COMMANDS]
+COMMANDS = (
+    ("solve",),
+    ("fly", "--law", "exact", "--duration", "0.1"),
+    ("monte-carlo", "--law", "exact", "--duration", "0.1", "--samples", "2"),
 )
-def test_a_command_says_once_that_a_dihedral_lies_beyond_the_paper(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
-) -> None:
-    monkeypatch.setattr("verification.flights.recoverable_map._SCAN", 2)
-    beyond = hfa(*COMMANDS[name], "--dihedral", "16", "--json")
-    assert beyond.err == f"hfa: note: {NOTE}\n"
-    assert json.loads(beyond.out)["warnings"] == [NOTE]
-    if name != "map":  # test_map.py draws one within the range
-        within = hfa(*COMMANDS[name], "--dihedral", "15", "--json")
-        assert within.err == ""
-        assert json.loads(within.out)["warnings"] == []
+
+
+@pytest.mark.parametrize("words", COMMANDS, ids=lambda words: words[0])
+def test_a_command_says_once_that_a_dihedral_lies_beyond_the_paper(words: tuple[str, ...]) -> None:
+    for degrees, warnings in (("16", [NOTE]), ("15", [])):
+        result = hfa(*words, "--dihedral", degrees, "--json")
+        assert result.err == "".join(f"hfa: note: {note}\n" for note in warnings)
+        assert json.loads(result.out)["warnings"] == warnings
 
 
 def test_quiet_says_no_note_and_no_progress_but_errors() -> None:
@@ -53,23 +36,14 @@ def test_quiet_says_no_note_and_no_progress_but_errors() -> None:
     assert (refused.code, refused.out, refused.err[:13]) == (1, "", "hfa: no trim:")
 
 
-@pytest.mark.parametrize(
-    ("ranges", "farthest"),
-    [
-        (("--dihedral", "14:20:2"), "20"),
-        (("--dihedral", "0:15:5"), ""),
-    ],
-    ids=["range", "within"],
-)
-def test_a_stored_sweep_has_them_in_its_store(tmp_path: Path, ranges: tuple[str, ...], farthest: str) -> None:
+def test_a_stored_sweep_has_it_of_its_farthest_dihedral_in_its_store() -> None:
     import zarr
 
-    path = tmp_path / "far.zarr"
-    result = hfa("sweep", *ranges, "--json", "-o", str(path))
-    expected = [sweep_note(farthest)] if farthest else []
-    assert result.err == "".join(f"hfa: note: {note}\n" for note in expected)
-    assert json.loads(result.out)["warnings"] == expected
-    assert zarr.open_group(str(path), mode="r").attrs["warnings"] == expected
+    result = hfa("sweep", "--dihedral", "14:20:2", "--json", "-o", "far.zarr")
+    warnings = [NOTE.replace("16", "20")]
+    assert result.err == f"hfa: note: {warnings[0]}\n"
+    assert json.loads(result.out)["warnings"] == warnings
+    assert zarr.open_group("far.zarr", mode="r").attrs["warnings"] == warnings
 
 
 TRIM = ("trim", "--dihedral", "15")
