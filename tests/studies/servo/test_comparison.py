@@ -1,22 +1,29 @@
-"""The comparison of servos: SimVFA's numbers come out again, findings.md has the stored results, a run resumes."""
+"""The servos against SimVFA, their requirements, and the dynamics of the air: the stored numbers come out again."""
 
 from __future__ import annotations
 
 import json
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from known_models import model_at
 from project import ROOT
+from servo_cases import A_Z
 
-from controller import save_controller
+from controller import OneMinusCosine, design_controller, save_controller
+from controller.design.design import Actuator
+from controller.design.servo_loop import check_margins, loop_margins, servo_loop, servo_plant
 from hfa_model import Aircraft
 from hfa_support import BadInputError
 from studies.servo.__main__ import main
-from studies.servo.comparison import CASES, ServoFlight, fly_case, laws_of, rows_of
-from studies.servo.simvfa import reference_servo
+from studies.servo.comparison import CASES, ServoFlight, designed_servo, fly_case, laws_of, rows_of
+from studies.servo.flights import delayed, flown, gust_held, slowest_delayed
+from studies.servo.simvfa import reference_servo, simvfa_design
+from studies.unsteady.__main__ import margins
 
 FOLDER = ROOT / "studies" / "servo"
 FINDINGS = (FOLDER / "findings.md").read_text(encoding="utf-8")
@@ -90,3 +97,51 @@ def test_the_numbers_of_simvfa_and_the_stored_ones_come_out_again(published_airc
         figures = f"{angle} | {acceleration}" if outcome == "held" else angle  # rounding decides how a lost one ends
         assert f"| {case} | {law} | {figures} | " in FINDINGS
         assert (flights[law].lost_at is None) == (outcome == "held")
+
+
+@pytest.mark.slow
+def test_the_largest_gust_is_where_flights_begin_to_end(published_aircraft: Aircraft) -> None:
+    controller, model, acting = designed_servo(published_aircraft), model_at(11.0), Actuator(2, 2.0)
+    held = gust_held(published_aircraft, model, controller, acting, 150.0, -60.0)
+    assert -60.0 < held < -5.0
+    for peak, lost in ((held, False), (held - 1.0, True)):
+        gust = OneMinusCosine(150.0, peak, model.point.states.speed, 1.0)
+        assert (flown(published_aircraft, model, controller, acting, gust=gust).departure is not None) == lost
+
+
+def test_a_loop_ends_at_its_delay_margin(published_aircraft: Aircraft) -> None:
+    """Padé's delay in all inputs agrees with the margin from the frequency response; a little more is unstable."""
+    controller = designed_servo(published_aircraft)
+    plant = servo_plant(published_aircraft, model_at(11.0), controller, dict.fromkeys(controller.inputs, Actuator(2)))
+    loop = servo_loop(plant, controller)
+    margin = loop_margins(loop, controller.inputs, controller.measurements)["all inputs"]
+    assert delayed(loop, 0.98 * margin.delay).abscissa < 0.0 < delayed(loop, 1.02 * margin.delay).abscissa
+
+
+@pytest.mark.parametrize("dynamics", ["published", "newton"])
+def test_20_ms_are_stood_at_half_the_effectiveness_and_a_planted_gain_is_not(dynamics: str) -> None:
+    aircraft = Aircraft(dynamics=dynamics)
+    controller = designed_servo(aircraft)
+    assert slowest_delayed(aircraft, controller, (0.0, 11.0, 20.0)) < 0.0
+    assert slowest_delayed(aircraft, replace(controller, C=20.0 * controller.C), (11.0,)) > 0.0
+
+
+@pytest.mark.parametrize("dynamics", ["published", "newton"])
+def test_the_stored_requirements_are_of_the_shipped_design(dynamics: str) -> None:
+    """The margins of the stored table, the smallest of which are at these angles, come out again."""
+    aircraft = Aircraft(dynamics=dynamics)
+    stored = json.loads((FOLDER / "results" / f"requirements_{dynamics}.json").read_text(encoding="utf-8"))[
+        "requirements"
+    ]
+    reached = {row["what"]: row["reached"] for row in stored}
+    table = check_margins(aircraft, designed_servo(aircraft), np.radians([1, 11, 18]), (2.0, 10.0))
+    assert min(each.gain for each in table.single) == pytest.approx(reached["gain margin, dB"], rel=1e-6)
+    assert min(each.phase for each in table.single) == pytest.approx(reached["phase margin, deg"], rel=1e-6)
+    assert A_Z in table.rows[0].loops
+
+
+def test_the_lags_of_the_air_reach_the_servo_and_make_its_loop_unstable() -> None:
+    servo = design_controller(Aircraft(), simvfa_design("simvfa-1"), np.radians([5.0, 15.0]))
+    assert margins("published", 5.0, servo, 1) == pytest.approx((-0.133, 1.63), abs=6e-3)
+    assert margins("newton", 15.0, servo, 1) == pytest.approx((-0.101, 1.07), abs=6e-3)
+    assert margins("unsteady", 15.0, servo, 1)[0] == pytest.approx(0.048, abs=6e-4)

@@ -1,26 +1,124 @@
-"""The exact feedforward: its equation, its optimality in a flight of another integrator, and a planted error."""
+"""Policies of Section 5: the critic in flight is the published update law; the exact feedforward and its optimality."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
 
+import casadi as ca
 import numpy as np
 import pytest
 from game_samples import INITIAL, game_models
+from known_models import seen
 from linear_flight import LinearFlight, simulate
 from scipy.integrate import quad
 
-from controller import Game
+from controller import Game, published_game, random_pool
+from controller.policy.signals import zero
+from hfa_model import published_models
 from hfa_support import BadInputError
 from studies.section5.configuration import PaperFlight
+from studies.section5.critic_policy import CriticPolicy, forcing
 from studies.section5.feedforward import Exosystem, exosystem, exosystem_feedforward
+from studies.update_law.published_law import (
+    PublishedLaw,
+    PublishedSettings,
+    Sample,
+    bellman,
+    normaliser,
+    published_law,
+    update_direction,
+)
 from verification import solve_game
 
 REFERENCE = PaperFlight.REFERENCE
 PAPER = exosystem(
     REFERENCE.constant, REFERENCE.slope, *((wave.frequency, wave.sine, wave.cosine) for wave in REFERENCE.harmonics)
 )
+
+
+def law_with(index: int = 0, **changes: Any) -> PublishedLaw:
+    model = published_models()[index]
+    game = published_game(model.A, model.B)
+    chosen = PublishedSettings(**{"gains": (3.0, 5.0), "samples": 30} | changes)
+    return published_law(game, chosen, 0, random_pool(game, 200, 0, np.array([7.0, 0.1, 0.1, 0.1, 0.1, 0.1])))
+
+
+def expected(law: PublishedLaw, r: np.ndarray, z: np.ndarray, W: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """u and W' of Eq. (46) from `published_equations`, with the drift F = A z + r."""
+    e, s = law.equations, law.settings
+    y = (z / e.scales)[None, :]
+    gradient = law.basis.gradient(y)
+    drift = ((law.game.A @ z + r) / e.scales)[None, :]
+    cost = np.einsum("ji,ji->j", y @ e.Q, y)
+    sigma, residual = bellman(gradient, drift, cost, law.S, W, W)
+    n = normaliser(sigma, s.normalisation)
+    stored = law.recorded(W)
+    everything = Sample(
+        np.vstack([sigma / n[:, None], stored.regressors]), np.concatenate([residual / n, stored.residuals])
+    )
+    u = -0.5 * law.game.R_inverse_B_transposed @ ((gradient[0].T @ W) / e.scales)
+    return u, update_direction(everything, s.gamma, *law.gains, s.eta)
+
+
+def flown(policy: CriticPolicy, t: float, z: np.ndarray, W: np.ndarray, p: float) -> tuple[np.ndarray, np.ndarray]:
+    symbols = [ca.SX.sym("t"), ca.SX.sym("z", 6), ca.SX.sym("W", policy.memory_size), ca.SX.sym("p", 1)]
+    now, z_, memory, constants = symbols
+    told = now, seen(z_), memory, constants
+    u_ = policy.control(*told)
+    function = ca.Function("critic", symbols, [u_, policy.memory_rate(*told, u_)])
+    u, rate = function(t, z, W, p)
+    return np.array(u).ravel(), np.array(rate).ravel()
+
+
+@pytest.mark.parametrize(
+    ("normalisation", "coordinates", "basis", "told"),
+    [
+        ("root", "raw", "paper", True),
+        ("squared", "scaled", "quadratic+linear", True),
+        ("root", "scaled", "paper", False),
+        ("squared", "raw", "quadratic+linear", False),
+    ],
+)
+def test_the_right_sides_are_equal(normalisation: str, coordinates: str, basis: str, told: bool) -> None:
+    law = law_with(normalisation=normalisation, coordinates=coordinates, basis=basis)
+    r = forcing(law.game.A, REFERENCE) if told else zero(6)
+    policy = CriticPolicy(law, r)
+    rng = np.random.default_rng(1)
+    for _ in range(5):
+        t, z = rng.uniform(0.0, 20.0), rng.normal(size=6) * [2.0, 0.1, 0.1, 0.5, 0.5, 0.5]
+        W = law.equations.scaled(rng.normal(size=law.basis.size) * 100.0)
+        u, rate = flown(policy, t, z, W, 1.0)
+        u_expected, rate_expected = expected(law, r.at(t), z, W)
+        np.testing.assert_allclose(u, u_expected, rtol=1e-12, atol=1e-12 * np.abs(u_expected).max())
+        np.testing.assert_allclose(rate, rate_expected, rtol=1e-10, atol=1e-12 * np.abs(rate_expected).max())
+
+
+def test_another_law_is_seen() -> None:
+    law = law_with()
+    z, W = np.array([1.0, 0.1, 0.0, 0.1, 0.2, 0.0]), np.linspace(-50.0, 100.0, law.basis.size)
+    _, rate = flown(CriticPolicy(law, zero(6)), 0.0, z, W, 1.0)
+    told = forcing(law.game.A, REFERENCE)
+    others = [
+        flown(CriticPolicy(law, told), 0.0, z, W, 1.0)[1],
+        expected(replace(law, settings=replace(law.settings, eta=0.7)), np.zeros(6), z, W)[1],
+    ]
+    for other in others:
+        assert np.abs(other - rate).max() > 1e-6 * np.abs(rate).max()  # the agreement above is 1e-12
+
+
+def test_forcing_is_the_rate_that_a_reference_adds() -> None:
+    A = published_models()[0].A
+    r = forcing(A, REFERENCE)
+    for t in (0.0, 1.3, 17.0):
+        h = 1e-5
+        slope = (REFERENCE.at(t + h) - REFERENCE.at(t - h)) / (2 * h)
+        np.testing.assert_allclose(r.at(t), A @ REFERENCE.at(t) - slope, atol=1e-8)
+
+
+# The exact feedforward.
 
 
 def test_feedforward_satisfies_its_differential_equation(game: Game) -> None:
