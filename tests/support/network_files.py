@@ -16,7 +16,12 @@ _STORAGE = {"float32": b"FloatStorage", "float64": b"DoubleStorage", "float16": 
 
 
 def onnx_file(
-    path: Path | str, nodes: list[tuple[Any, ...]], constants: Mapping[str, Any], outputs: int = 1, states: int = 6
+    path: Path | str,
+    nodes: list[tuple[Any, ...]],
+    constants: Mapping[str, Any],
+    outputs: int = 1,
+    states: int = 6,
+    opset: int = 20,
 ) -> str:
     """A graph from "x" (1, states) to "y" (1, outputs). nodes: (operator, inputs, output, attributes)."""
     onnx = pytest.importorskip("onnx", reason="the package onnx is not installed")
@@ -33,7 +38,7 @@ def onnx_file(
         [onnx.helper.make_tensor_value_info("y", kind, [1, outputs])],
         [onnx.numpy_helper.from_array(each, name) for name, each in found.items()],
     )
-    model = onnx.helper.make_model(graph, opset_imports=[onnx.helper.make_opsetid("", 20)], ir_version=9)
+    model = onnx.helper.make_model(graph, opset_imports=[onnx.helper.make_opsetid("", opset)], ir_version=9)
     onnx.save(model, str(path))
     return str(path)
 
@@ -51,16 +56,8 @@ def torch_file(path: Path | str, tensors: Mapping[str, Any]) -> str:
     arrays = {name: np.asarray(value) for name, value in tensors.items()}
     for key, (name, each) in enumerate(arrays.items()):
         storage = b"ctorch\n" + _STORAGE[str(each.dtype)] + b"\n"
-        pid = (
-            b"("
-            + text("storage")
-            + storage
-            + text(str(key))
-            + text("cpu")
-            + b"J"
-            + struct.pack("<i", each.size)
-            + b"tQ"
-        )
+        size = struct.pack("<i", each.size)
+        pid = b"(" + text("storage") + storage + text(str(key)) + text("cpu") + b"J" + size + b"tQ"
         strides = [step // each.itemsize for step in np.ascontiguousarray(each).strides]
         view = pid + b"J\0\0\0\0" + whole(*each.shape) + whole(*strides) + b"\x89ccollections\nOrderedDict\n)R"
         parts.append(text(name) + b"ctorch._utils\n_rebuild_tensor_v2\n(" + view + b"tRs")

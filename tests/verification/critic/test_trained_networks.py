@@ -6,6 +6,7 @@ problems. All are tanh, float32, and take z / (7 ft/s, 0.1 rad, 0.1 rad/s).
 
 from __future__ import annotations
 
+import json
 import time
 from pathlib import Path
 from typing import Any
@@ -13,10 +14,11 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
-from cli import answer
-from game_files import AT_15
+from cli import answer, hfa
+from game_files import AT_15, stored
 from known_models import game_at
 from network_files import torch_file
+from planted_critics import gain, value
 
 from controller import Game
 from examples.train_a_network import fit
@@ -111,30 +113,38 @@ def test_a_network_is_made_again_and_one_of_64_64_is_judged_within_5_seconds(gam
     assert (found["network"]["precision"], found["network"]["output"]) == ("float32", name)
 
 
-@pytest.mark.slow
-def test_the_search_finds_what_a_grid_of_a_million_points_finds(game: Game) -> None:
+@pytest.mark.parametrize("points", [5, pytest.param(8, marks=pytest.mark.slow)])
+def test_the_search_finds_what_a_grid_finds(game: Game, points: int) -> None:
+    """The errors of V and of the policy, at five or eight values of each state."""
     exact, b = solve_game(game), ordinary_box(game).half_widths
+    z = np.array(np.meshgrid(*[np.linspace(-1.0, 1.0, points)] * 6)).reshape(6, -1) * b[:, None]
+    largest = np.sqrt(game.R.diagonal()) * (np.abs(exact.K) @ b)
+    u_size = np.maximum(largest, 1e-5 * largest.max()) / np.sqrt(game.R.diagonal())
     for name in ("V", "policy"):
-        candidate = from_network(game, TRAINED / f"{name}.npz", activation="tanh", scale=1.0 / BOX)
-        about = candidate.nonlinear
+        about = from_network(game, TRAINED / f"{name}.npz", activation="tanh", scale=1.0 / BOX).nonlinear
         assert about is not None
-        z = np.array(np.meshgrid(*[np.linspace(-1.0, 1.0, 10)] * 6)).reshape(6, -1) * b[:, None]
-        off = about.policy(game) + ca.DM(exact.K) @ about.z
-        size = np.sqrt(game.R.diagonal()) * (np.abs(exact.K) @ b)
-        size = np.maximum(size, 1e-5 * size.max()) / np.sqrt(game.R.diagonal())
-        errors = ca.Function("errors", [about.z], [off / ca.DM(size)]).map(1000)
-        worst = max(float(np.abs(np.array(errors(part))).max()) for part in np.split(z, 1000, axis=1))
+        errors = {"policy": (about.policy(game) + ca.DM(exact.K) @ about.z) / ca.DM(u_size)}
+        if about.V is not None:
+            exact_V = ca.bilin(ca.DM(exact.P), about.z, about.z)
+            errors["value"] = (about.V - about.constant - exact_V) / (b @ np.abs(exact.P) @ b)
         found = {each.name: each.error for each in search(game, about, exact, b)[1]}
-        assert found["policy"] >= worst
+        for kind, error in errors.items():
+            on_grid = np.array(ca.Function(kind, [about.z], [error])(z))
+            assert found[kind] * (1.0 + 1e-9) >= np.abs(on_grid).max()
 
 
-def test_a_folder_of_checkpoints_is_a_learning_curve() -> None:
+def test_several_critics_and_a_folder_of_checkpoints_are_in_one_table_and_a_learning_curve(game: Game) -> None:
     Path("runs").mkdir()
     for step, share in ((2, 3.0), (10, 1.5)):
         np.savez(f"runs/step_{step}.npz", **layers("gamma_120", out=share))
-    words = ("verify", *AT_15, "--weights", "runs", *NETWORK)
-    found = answer(*words, "--picture", "curve.png", code=FAILED)["critics"]
-    assert list(found) == [f"runs/step_{step}.npz" for step in (2, 10)]
-    errors = [each["K_rel_error"] for each in found.values()]
-    assert errors == sorted(errors, reverse=True)
+    right, twice = torch_file("right.pt", {"weight": -gain(game) * BOX}), stored("P.npz", P=2 * value(game))
+    said = hfa("verify", *AT_15, "--weights", "runs", right, twice, *NETWORK, "-o", "a.json", "--picture", "curve.png")
+    assert said.code == FAILED
+    found = json.loads(Path("a.json").read_text(encoding="utf-8"))["critics"]
+    names = ["runs/step_2.npz", "runs/step_10.npz", right, twice]
+    assert list(found) == names
+    assert [each["ok"] for each in found.values()] == [False, False, True, False]
+    assert found[names[0]]["K_rel_error"] > found[names[1]]["K_rel_error"]
+    assert said.out.startswith("1 of 4 critics on the aircraft at dihedral 15 deg")
+    assert "\nP.npz: the value is twice the exact one" in said.out
     assert Path("curve.png").stat().st_size > 10_000
