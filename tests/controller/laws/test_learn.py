@@ -18,18 +18,9 @@ from hfa_model import INPUTS, LINEAR_STATES
 from hfa_model.vectors import LINEAR_UNITS
 from hfa_support import BadInputError
 
-SHORT = {"tick": 0.1, "predefined_time": 8.0}
 
-
-def short_run(**more: Any) -> LearningResult:
-    game, _ = published("published-5")
-    return learn(game, seed=4, **SHORT, **more)
-
-
-def assert_same_bits(one: LearningResult, other: LearningResult) -> None:
-    for name in ("times", "weights", "residual_norm", "law_residual_norm", "P", "K"):
-        assert getattr(one, name).tobytes() == getattr(other, name).tobytes(), name
-    assert one.to_dict() == other.to_dict()
+def short_run(seed: int = 4, **more: Any) -> LearningResult:
+    return learn(published("published-5")[0], seed=seed, tick=0.1, predefined_time=8.0, **more)
 
 
 def test_progress_rises_to_one_and_nothing_is_printed(capsys: pytest.CaptureFixture[str]) -> None:
@@ -44,9 +35,11 @@ def test_progress_rises_to_one_and_nothing_is_printed(capsys: pytest.CaptureFixt
 
 
 def test_the_seed_decides_every_bit() -> None:
-    assert_same_bits(short_run(), short_run())
-    game, _ = published("published-5")
-    assert learn(game, seed=1, **SHORT).weights.tobytes() != learn(game, seed=2, **SHORT).weights.tobytes()
+    one, same, other = short_run(), short_run(), short_run(seed=2)
+    for name in ("times", "weights", "residual_norm", "law_residual_norm", "P", "K"):
+        assert getattr(one, name).tobytes() == getattr(same, name).tobytes(), name
+    assert one.to_dict() == same.to_dict()
+    assert one.weights.tobytes() != other.weights.tobytes()
 
 
 def test_results_are_plain_json() -> None:
@@ -62,15 +55,10 @@ def test_results_are_plain_json() -> None:
     assert (len(units), units[:2]) == (21, ["1/((ft/s) (ft/s))", "1/((ft/s) (rad))"])
 
 
-def ten_states() -> Game:
-    """A stable chain of ten states with an input and a disturbance at its end: 55 weights."""
-    A = np.diag(-np.linspace(0.5, 5.0, 10)) + np.diag(np.ones(9), 1)
-    end = np.eye(10)[:, -1:]
-    return Game(A=A, B=end, E=end, Q=np.eye(10), R=np.eye(1), delta=50.0)
-
-
 def test_the_samples_taken_by_default_are_enough_for_the_plant() -> None:
-    game = ten_states()
+    """A stable chain of ten states with an input and a disturbance at its end: 55 weights."""
+    A, end = np.diag(-np.linspace(0.5, 5.0, 10)) + np.diag(np.ones(9), 1), np.eye(10)[:, -1:]
+    game = Game(A=A, B=end, E=end, Q=np.eye(10), R=np.eye(1), delta=50.0)
     result = learn(game, tick=0.1)
     assert result.converged
     assert relative_error(result.P, reference_solution(game).P) < 1e-9

@@ -32,14 +32,8 @@ def test_random_pool_stays_in_its_box_and_follows_its_seed() -> None:
 def test_natural_spread_changes_with_the_units_of_the_states() -> None:
     game, _ = published(PUBLISHED[0])
     units = np.array([1e4, 1e-4, 3.0, 1e-2, 1.0, 1e3])
-    other = Game(
-        A=game.A * units[:, None] / units,
-        B=game.B * units[:, None],
-        E=game.E * units[:, None],
-        Q=game.Q / np.outer(units, units),
-        R=game.R,
-        delta=game.delta,
-    )
+    rows = units[:, None]
+    other = Game(game.A * rows / units, game.B * rows, game.E * rows, game.Q / (rows * units), game.R, game.delta)
     assert natural_spread(other) / units == pytest.approx(natural_spread(game), rel=1e-6)
 
 
