@@ -11,7 +11,7 @@ from controller import basis
 from controller.game.basis import BASES, PAPER_QUARTIC_CHANNELS, Basis
 from hfa_model import LINEAR_STATES
 
-SIZES = {"quadratic": 21, "quadratic+linear": 27, "quadratic+quartic": 27, "paper": 25}
+ALL = [basis(name, 6) for name in BASES]
 
 
 def taylor_slope(psi: Callable[[np.ndarray], np.ndarray], gradient: np.ndarray, z: np.ndarray) -> float:
@@ -20,10 +20,6 @@ def taylor_slope(psi: Callable[[np.ndarray], np.ndarray], gradient: np.ndarray, 
     steps = np.array([1e-2, 1e-3])
     remainders = [np.linalg.norm(psi(z + h * v) - psi(z) - h * gradient @ v) for h in steps]
     return float(np.log(remainders[0] / remainders[1]) / np.log(steps[0] / steps[1]))
-
-
-def all_bases() -> list[Basis]:
-    return [basis(name, 6) for name in BASES]
 
 
 def test_quadratic_monomials_come_row_by_row() -> None:
@@ -39,9 +35,8 @@ def test_paper_basis_adds_the_stated_fourth_powers() -> None:
     assert basis("paper", 6).psi(z)[21:].tolist() == extra
 
 
-@pytest.mark.parametrize("name", BASES)
-def test_gradient_has_second_order_remainder(name: str) -> None:
-    functions = basis(name, 6)
+@pytest.mark.parametrize("functions", ALL)
+def test_gradient_has_second_order_remainder(functions: Basis) -> None:
     z = np.random.default_rng(1).normal(size=6)
     gradient = functions.gradient(z)
     assert taylor_slope(functions.psi, gradient, z) == pytest.approx(2.0, abs=0.05)
@@ -51,25 +46,19 @@ def test_gradient_has_second_order_remainder(name: str) -> None:
 
 def test_many_states_at_once_are_each_state_alone() -> None:
     Z = np.random.default_rng(2).normal(size=(7, 6))
-    for functions in all_bases():
+    for functions in ALL:
         assert np.array_equal(functions.psi(Z), np.array([functions.psi(z) for z in Z]))
         assert np.array_equal(functions.gradient(Z), np.array([functions.gradient(z) for z in Z]))
 
 
-def test_weights_and_matrix_are_the_same_value() -> None:
+def test_weights_and_matrix_are_the_same_value_in_any_units() -> None:
     rng = np.random.default_rng(4)
     root = rng.normal(size=(6, 6))
-    P, z = root + root.T, rng.normal(size=6)
-    for functions in all_bases():
+    P, z, scales = root + root.T, rng.normal(size=6), 10.0 ** rng.uniform(-2.0, 2.0, 6)
+    for functions in ALL:
         W = functions.weights(P)
         assert W @ functions.psi(z) == pytest.approx(z @ P @ z, rel=1e-13)
         assert np.array_equal(functions.matrix(W), P)
         assert np.array_equal(W[21:], np.zeros(functions.size - 21))
-
-
-def test_scaling_moves_weights_between_units() -> None:
-    rng = np.random.default_rng(5)
-    scales, y = 10.0 ** rng.uniform(-2.0, 2.0, 6), rng.normal(size=6)
-    for functions in all_bases():
         W = rng.normal(size=functions.size)
-        assert (functions.scaling(scales) * W) @ functions.psi(y) == pytest.approx(W @ functions.psi(scales * y))
+        assert (functions.scaling(scales) * W) @ functions.psi(z) == pytest.approx(W @ functions.psi(scales * z))
