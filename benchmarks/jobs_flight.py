@@ -18,11 +18,12 @@ from controller.flight.scenario import Scenario
 from controller.flight.simulation import CompiledLoop
 from controller.game.basis import basis
 from controller.game.zero_sum import published_game
+from controller.policy.policies import FlownLaw
 from controller.policy.signals import Harmonic, Signal, zero
 from controller.riccati.gare import solve_game
 from hfa_model.printed_matrices import published_models
 from hfa_support.native.machine_code import c_compiler
-from studies.section5.critic_policy import CriticPolicy, critic_law
+from studies.section5.critic_policy import CriticPolicy
 from studies.update_law.published_law import PublishedSettings, published_law
 
 STEP, STEPS = 1e-4, 200_000
@@ -56,7 +57,8 @@ class FlightCase:
         self.reference = Signal(np.array([7.0, 0.1, 0, 0, 0.5, 0]), np.array([0.01, 0, 0, 0, 0, 0]), (swing,))
         self.disturbance = Signal(nothing, nothing, (wave,))
         self.plant = LinearPlant(game.A, game.B)
-        self.flown = critic_law("published", CriticPolicy(self.law, zero(6)))
+        policy, weights = CriticPolicy(self.law, zero(6)), self.law.start()["weights"]
+        self.flown = FlownLaw("published", policy, np.ones((1, 1)), weights)
         self.start = np.concatenate([[5.0, 0.05, 0, 0, 0, 0], self.flown.memory])
         self.compiled = lru_cache(self._compiled)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 
 from controller.game.basis import Basis
-from controller.policy.policies import FlownLaw, Seen
+from controller.policy.policies import Seen
 from controller.policy.signals import Harmonic, Signal
 from hfa_support.errors import BadInputError
 from studies.update_law.published_law import PublishedLaw
@@ -80,17 +80,6 @@ class CriticPolicy:
     @property
     def _scales(self) -> ca.DM:
         return ca.DM(self.law.equations.scales)
-
-
-def critic_law(name: str, policy: CriticPolicy) -> FlownLaw:
-    """Eq. (46) learning in flight, from the initial weights of its law."""
-    identity = {
-        "law": name,
-        "seed": policy.law.seed,
-        "forcing": policy.forcing.to_dict(),
-        **asdict(policy.law.settings),
-    }
-    return FlownLaw(name, policy, np.ones((1, 1)), policy.law.start()["weights"], identity)
 
 
 def forcing(A: np.ndarray, reference: Signal) -> Signal:

@@ -1,4 +1,4 @@
-"""Monte Carlo plans that tests fly."""
+"""The Monte Carlo that tests fly, and changes of it."""
 
 from __future__ import annotations
 
@@ -6,12 +6,11 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+import pytest
 
-from controller import Game, MonteCarlo, Scenario, Signal, Uncertainty, flight_envelope, gain_law
-from controller.policy.signals import Harmonic, zero
+from controller import MonteCarlo, Scenario, Signal, Uncertainty, flight_envelope, gain_law
+from controller.policy.signals import Harmonic
 from hfa_model import Aircraft, default_parameters
-from studies.section5.critic_policy import CriticPolicy, forcing
-from studies.update_law.published_law import PublishedSettings, published_law
 from trim import OperatingPoint
 
 PARAMETERS = default_parameters().values
@@ -22,7 +21,8 @@ EVERYTHING = Uncertainty(
 )
 
 
-def everything_plan(point: OperatingPoint, gain: np.ndarray) -> MonteCarlo:
+@pytest.fixture
+def plan(point: OperatingPoint, gain: np.ndarray) -> MonteCarlo:
     """Twelve short flights of everything."""
     wave = Harmonic(3.0, np.full(6, 1e-3), np.zeros(6))
     scenario = Scenario(
@@ -39,10 +39,3 @@ def everything_plan(point: OperatingPoint, gain: np.ndarray) -> MonteCarlo:
 
 def with_scenario(plan: MonteCarlo, **changes: Any) -> MonteCarlo:
     return replace(plan, scenario=replace(plan.scenario, **changes))
-
-
-def a_critic(game: Game) -> CriticPolicy:
-    settings = PublishedSettings(
-        samples=30, basis="quadratic", coordinates="scaled", gains=(10.0, 10.0), initial_weights=1.0
-    )
-    return CriticPolicy(published_law(game, settings, seed=0), forcing(game.A, zero(6)))

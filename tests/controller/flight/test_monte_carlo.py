@@ -22,7 +22,6 @@ from hfa_model.variants import variant_named
 from hfa_support import BadInputError
 from hfa_support.jobs.store import stream
 from hfa_support.native import machine_code as generated
-from studies.section5.critic_policy import critic_law
 from trim import find_operating_point, level_flight
 
 ALPHA = STATES.index("alpha")
@@ -150,13 +149,12 @@ def test_the_flight_test_sees_a_wrong_parameter(plan: MonteCarlo) -> None:
 # Plans.
 
 
-def test_plans_are_equal_when_they_give_the_same_results(plan: MonteCarlo, gain: np.ndarray, critic) -> None:
+def test_plans_are_equal_when_they_give_the_same_results(plan: MonteCarlo, gain: np.ndarray) -> None:
     assert replace(plan) == plan
     assert hash(replace(plan)) == hash(plan)
     others = [
         replace(plan, seed=8),
         replace(plan, law=gain_law("exact", 1.01 * gain)),
-        replace(plan, law=critic_law("published", critic)),
         with_scenario(plan, uncertainty=replace(EVERYTHING, turbulence=None)),
         with_scenario(plan, uncertainty=replace(EVERYTHING, errors=dict(reversed(EVERYTHING.errors.items())))),
         with_scenario(plan, step=0.0005),

@@ -16,12 +16,10 @@ import pytest
 from plotly.graph_objects import Figure
 from project import ROOT
 
-from controller import published_game
 from hfa_model import Aircraft
 from hfa_model.parameters import ParameterSet
 from hfa_support import BadInputError, NoSolutionError
 from trim import modes_of, sweep
-from verification import analyse_game
 from verification.page.claims import Claims, claims_section, load_claims
 from verification.page.job_report import angle_report, verdicts
 from verification.page.main_job import MainJob, main_job, with_game
@@ -57,14 +55,6 @@ def test_a_game_without_a_solution_is_said_and_fails(job: MainJob, monkeypatch) 
     assert "short period" in text
     planted = replace(job, angles=(angle,))
     assert [row[1] for row in verdicts(planted).rows] == ["PASS", "PASS", "FAIL", "FAIL", "PASS"]
-
-
-def test_a_solution_is_shown_in_full(job: MainJob) -> None:
-    trimmed = job.points[2]
-    solution = analyse_game(published_game(trimmed.model.A, trimmed.model.B))
-    report = angle_report(job, replace(trimmed, solution=solution))
-    assert "Exact game solution for the model at dihedral 15 deg" in report.text()
-    assert report.data["solution"]["P"] is not None
 
 
 @pytest.fixture(scope="module")
