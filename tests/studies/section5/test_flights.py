@@ -98,7 +98,7 @@ def test_tracking_is_what_another_study_found(
     assert (errors["speed"] < 1e-4) == (expected[0] < 1e-4)
 
 
-@pytest.mark.parametrize("law", [EXACT, EXACT_FF])
+@pytest.mark.parametrize("law", [pytest.param(EXACT, marks=pytest.mark.slow), EXACT_FF])
 def test_a_flight_agrees_with_an_independent_simulation(law: str) -> None:
     """LSODA on the error equation with the forcing of the reference: states, cost and metrics."""
     setting = make_setting(section5_configuration(COARSE))

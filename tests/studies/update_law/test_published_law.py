@@ -161,7 +161,7 @@ def test_defaults_are_those_of_the_paper() -> None:
     assert basis(chosen.basis, 6).size == printed["M"]
 
 
-@pytest.mark.parametrize("kind", ["root", "squared"])
+@pytest.mark.parametrize("kind", ["root", pytest.param("squared", marks=pytest.mark.slow)])
 def test_stored_policies_lead_to_their_own_value_in_the_time_of_the_theorem(kind: str) -> None:
     game, exact = published(PUBLISHED[1])
     recorded = reference_solution(replace(game, Q=1000.0 * np.eye(6), delta=np.inf)).P
