@@ -9,6 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import casadi as ca
+import control
 import numpy as np
 import pytest
 from cli import answer, assert_refused, hfa
@@ -30,8 +31,6 @@ TRIMS = [
     (0.30, {"turn_rate": 0.3}, {}, (0.2485, 4.8e-4, 0.8499, -6.256, 0.09889, -0.4218)),
     (0.30, {}, {"pitch": 0.3}, (0.3006, 4.1e-5, 1.023, -7.082, -6.2e-4, 0.01655)),
 ]
-#: 11 km of geopotential altitude, ft.
-TROPOPAUSE = 11_000.0 / (1 - 11_000.0 / 6_356_766.0) / 0.3048
 #: The same, example 3.7-1 and section 4: modes at 502 ft/s with xcg .3.
 MODES = {
     "short period": -1.2039 + 1.4922j,
@@ -134,12 +133,12 @@ def test_states_without_balance_are_left_and_named() -> None:
     assert data["variables"]["north"]["role"] == "left"
 
 
-def engine(x, u, p, w):
-    """Thrust only above half a throttle: below, the throttle moves nothing."""
-    return {"speed": ca.fmax(0, u.throttle - 0.5) * 40 - 1e-3 * x.speed**2, "at": x.speed}, {}
-
-
 def test_other_starts_cross_a_flat_region() -> None:
+    """Thrust only above half a throttle: below, the throttle moves nothing."""
+
+    def engine(x, u, p, w):
+        return {"speed": ca.fmax(0, u.throttle - 0.5) * 40 - 1e-3 * x.speed**2, "at": x.speed}, {}
+
     flat = Model(
         name="sled",
         states={"speed": Signal("m/s", 10.0), "at": Signal("m", 100.0)},
@@ -161,16 +160,12 @@ def pendulum(t, x, u, params):
 
 
 def system(update, **more):
-    import control
-
     names = {"states": ["angle", "rate"], "inputs": ["torque"], "outputs": ["height"], "params": {"stiffness": 4.0}}
     return control.nlsys(update, lambda t, x, u, params: [1 - np.cos(x[0])], name="pendulum", **{**names, **more})
 
 
 def test_a_system_of_python_control_is_traced() -> None:
     """The model has its names, parameters and outputs; its linear model is that of python-control's differences."""
-    import control
-
     nlsys = system(pendulum)
     model = Model.from_control(nlsys, {"angle": "rad", "rate": "rad/s", "height": "m"}, trim={"angle": 0.5})
     point = find_operating_point(model, usual_condition(model))
@@ -242,7 +237,8 @@ def test_kinks_are_reported_with_both_slopes_and_where_they_are(tmp_path: Path) 
 
 def test_the_kink_of_the_atmosphere_is_reported(published_aircraft: Aircraft) -> None:
     """The lapse rate of the temperature ends at 11 km: the HFA there, and nowhere else."""
-    at = [find_operating_point(published_aircraft, level_flight(0.1, altitude=h)) for h in (TROPOPAUSE, 40_000.0)]
+    tropopause = 11_000.0 / (1 - 11_000.0 / 6_356_766.0) / 0.3048  # ft
+    at = [find_operating_point(published_aircraft, level_flight(0.1, altitude=h)) for h in (tropopause, 40_000.0)]
     kinks = [linearize(published_aircraft, point, full=True).kinks for point in at]
     assert "A(speed, altitude)" in " ".join(kinks[0])
     assert kinks[1] == ()
@@ -251,14 +247,15 @@ def test_the_kink_of_the_atmosphere_is_reported(published_aircraft: Aircraft) ->
 def test_a_wrong_nominal_gives_no_false_result() -> None:
     """One nominal at a time is wrong by a thousand: the trim is the same, and no kink appears or goes."""
     reference = trimmed(F16)
+    kinks = linearize(F16, reference).kinks
     for kind, name in [("states", each) for each in F16.steady] + [("inputs", each) for each in F16.inputs]:
         signals = getattr(F16, kind)
         wrong = signals[name]._replace(nominal=signals[name].nominal * 1e3, rate=None)
         model = replace(F16, **{kind: {**signals, name: wrong}})
         point = trimmed(model)
-        np.testing.assert_allclose(np.array(point.states), np.array(reference.states), atol=1e-8, err_msg=name)
-        np.testing.assert_allclose(np.array(point.inputs), np.array(reference.inputs), atol=1e-8, err_msg=name)
-        assert linearize(model, point).kinks == linearize(F16, reference).kinks
+        np.testing.assert_allclose(point.states, reference.states, atol=1e-8, err_msg=name)
+        np.testing.assert_allclose(point.inputs, reference.inputs, atol=1e-8, err_msg=name)
+        assert linearize(model, point).kinks == kinks
 
 
 @pytest.mark.parametrize(

@@ -1,18 +1,31 @@
-"""The printed matrices regenerated and beside the model; the bands of a linear model: whose they are, what has none."""
+"""The printed matrices regenerated and beside the model; bands of a model; its winds, by panel and in SimVFA."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from known_models import model_at
+from known_models import model_at, released_simulation
 
-from hfa_model import Aircraft, Parameters, published_models
+from controller.flight.closed_loop import LinearPlant
+from hfa_model import LINEAR_STATES, STATES, Aircraft, Parameters, published_models
+from hfa_model.kinematics import DISTURBANCES
 from hfa_model.parameters import ParameterSet
 from hfa_model.printed_matrices import PublishedModel
 from hfa_support import BadInputError
-from trim import LinearModel, compare, entry_bands, find_operating_point, level_flight, linearize, regenerate
+from hfa_support.model import Model
+from trim import (
+    LinearModel,
+    OperatingPoint,
+    compare,
+    entry_bands,
+    find_operating_point,
+    level_flight,
+    linearize,
+    regenerate,
+)
 from trim.identification import IDENTIFIED
 from trim.linear.printed import Bands, bands_known, eigenvalue_errors, matrices_beside_the_print, printed_at
 
@@ -66,29 +79,24 @@ def test_at_printed_angles_alone_it_is_that_print(aircraft: Aircraft) -> None:
 def test_a_planted_error_changes_the_tone_of_its_entry_and_of_no_other() -> None:
     published = published_models()[0]
     model = regenerate(Aircraft(), published)
-    tables = matrices_beside_the_print(model, published)
-    tones = {getattr(cell, "tone", "") for table in tables for row in table.rows for cell in row[1:]}
-    assert tones == {"", "good", "near"}  # the worst is off by 1.21 half units
+
+    def tones(model: LinearModel) -> list[list[str]]:
+        rows = [row for table in matrices_beside_the_print(model, published) for row in table.rows]
+        assert (rows[6][0], rows[7][0]) == ("pitch_rate", "printed")
+        return [[getattr(cell, "tone", "") for cell in row[1:]] for row in rows]
+
+    expected = tones(model)
+    assert {tone for row in expected for tone in row} == {"", "good", "near"}  # the worst is off by 1.21 half units
     for half_units, tone in ((0.9, "good"), (1.9, "near"), (-2.9, "far"), (3.1, "bad")):
         A = model.A.copy()
         A[3, 1] = published.A[3, 1] + half_units * published.half_unit_A[3, 1]
-        (planted, _) = matrices_beside_the_print(replace(model, A=A), published)
-        assert (planted.rows[6][0], planted.rows[7][0]) == ("pitch_rate", "printed")
-        assert getattr(planted.rows[6][2], "tone", "") == tone
-        others = [getattr(cell, "tone", "") for i, row in enumerate(planted.rows) for cell in row[1:] if i != 6]
-        assert others == [
-            getattr(cell, "tone", "") for i, row in enumerate(tables[0].rows) for cell in row[1:] if i != 6
-        ]
+        expected[6][1] = tone
+        assert tones(replace(model, A=A)) == expected
 
 
 # Bands.
 
 CONDITION = level_flight(np.radians(10.0))
-
-
-def heavier(parameters: ParameterSet, factor: float) -> ParameterSet:
-    """The same file, covariance and all, with another panel mass in it."""
-    return replace(parameters, values=parameters.values._replace(panel_mass=factor * parameters.values.panel_mass))
 
 
 def bands_of(parameters: ParameterSet, dynamics: str = "published") -> Bands:
@@ -123,9 +131,95 @@ def test_a_band_is_two_standard_errors_of_the_rounding(
 def test_the_same_identification_elsewhere_has_the_same_bands_and_an_edited_copy_none(
     parameter_set: ParameterSet,
 ) -> None:
-    elsewhere = heavier(parameter_set, 1 + 1e-9)
+    """An edited copy: the same file, covariance and all, with another panel mass in it."""
+
+    def heavier(factor: float) -> ParameterSet:
+        values = parameter_set.values
+        return replace(parameter_set, values=values._replace(panel_mass=factor * values.panel_mass))
+
+    elsewhere = heavier(1 + 1e-9)
     assert bands_known(elsewhere)
     np.testing.assert_allclose(bands_of(elsewhere).A, bands_of(parameter_set).A, rtol=0.01, atol=1e-6)
     for factor in (1.1, 1 + 1e-6):
         with pytest.raises(BadInputError, match="bands are known for the identified parameters"):
-            bands_of(heavier(parameter_set, factor))
+            bands_of(heavier(factor))
+
+
+# Winds by panel, and those of the released simulation.
+
+NAMES = tuple(DISTURBANCES)
+#: Entries of the wind columns of SimVFA (B. Thomsen, 2018, data/VFA_trimData.mat) at 68 ft/s and 11 deg.
+PEER: dict[str, dict[str, float]] = {
+    "headwind_center": {"speed": 0.0, "alpha": -4.25540178e-03, "pitch_rate": -3.53879464e-03},
+    "updraft_center": {"speed": 2.11937536e-02, "alpha": -4.49771578e-02, "pitch_rate": -3.63933427e-01},
+    "headwind_outer": {"speed": 0.0, "alpha": -9.64155891e-03, "dihedral_rate": 5.30927866e-03},
+    "updraft_outer": {"speed": 4.01027033e-02, "pitch_rate": -1.55866503, "dihedral_rate": 4.77260822e-02},
+}
+
+
+def point_of(aircraft: Aircraft, degrees: float = 11.0, **given: float) -> OperatingPoint:
+    return find_operating_point(aircraft, level_flight(math.radians(degrees), **given))
+
+
+def test_select_takes_rows_and_columns_by_name(published_aircraft: Aircraft, point: OperatingPoint) -> None:
+    model = linearize(published_aircraft, point, full=True)
+    part = model.select(("pitch_rate", "speed"))
+    rows = [STATES.index("pitch_rate"), STATES.index("speed")]
+    np.testing.assert_array_equal(part.A, model.A[np.ix_(rows, rows)])
+    np.testing.assert_array_equal(part.B, model.B[rows])
+    assert (part.states, part.state_units) == (("pitch_rate", "speed"), ("rad/s", "ft/s"))
+    np.testing.assert_array_equal(part.state_offsets, [0.0, 68.0])
+    with pytest.raises(BadInputError, match="unknown state 'yaw'"):
+        model.select(("speed", "yaw"))
+
+
+def test_a_point_of_other_dynamics_is_refused(parameters: Parameters, point: OperatingPoint) -> None:
+    with pytest.raises(BadInputError, match="trimmed with 'published' dynamics, the aircraft has 'newton'"):
+        linearize(Aircraft(parameters, "newton"), point)
+
+
+def over_ground(aircraft: Aircraft) -> Model:
+    """Its drag takes the speed over ground, not that through the air."""
+    model = aircraft.model
+    return replace(model, equations=replace(model.equations, ground_drag=True))  # type: ignore[type-var]
+
+
+def test_panels_add_up_to_the_uniform_wind(aircraft: Aircraft) -> None:
+    point = point_of(aircraft)
+    model = linearize(aircraft, point, full=True, disturbances=NAMES)
+    column = dict(zip(model.disturbances, model.E.T, strict=True))
+    for kind in ("updraft", "headwind"):
+        both = column[f"{kind}_center"] + column[f"{kind}_outer"]
+        np.testing.assert_allclose(both, column[kind], rtol=1e-12, atol=1e-15)
+    assert model.disturbances == NAMES
+    otherwise = linearize(over_ground(aircraft), point, full=True, disturbances=NAMES)
+    assert np.abs(otherwise.E - model.E).max() > 1e-2  # a drag of the wrong speed would show
+    gust = LinearPlant.at(aircraft, point, ("updraft",)).E["updraft"]
+    np.testing.assert_allclose(column["updraft"], gust, rtol=1e-12, atol=1e-15)
+    # In level trim all forces balance, so that a wind from ahead does what more speed over ground does.
+    np.testing.assert_allclose(column["headwind"], model.A[:, STATES.index("speed")], rtol=1e-9, atol=1e-12)
+    assert np.array_equal(linearize(aircraft, point, full=True, outputs=("alpha",)).E[:, 0], column["updraft"])
+    assert np.abs(column["outward_outer"]).max() > 0.1  # raised panels meet it
+    flat = linearize(aircraft, point_of(aircraft, 0.0), disturbances=("outward_outer",))
+    assert np.abs(flat.E).max() <= 1e-15  # level ones do not
+
+
+def peer_errors(*, ground_drag: bool) -> dict[str, float]:
+    """Column -> its largest relative error, with the parameters and the density of the released simulation."""
+    aircraft, altitude = released_simulation()
+    point = point_of(aircraft, altitude=altitude)
+    model = linearize(over_ground(aircraft) if ground_drag else aircraft, point, disturbances=tuple(PEER))
+    found = {}
+    for name, column in zip(model.disturbances, model.E.T, strict=True):
+        errors = [abs(column[LINEAR_STATES.index(row)] - value) for row, value in PEER[name].items()]
+        found[name] = max(errors) / max(map(abs, PEER[name].values()))
+    return found
+
+
+def test_four_columns_of_the_released_simulation_come_out_with_drag_over_ground() -> None:
+    same, through_the_air = peer_errors(ground_drag=True), peer_errors(ground_drag=False)
+    assert max(same.values()) <= 2e-8
+    assert same["updraft_outer"] <= 4e-9  # half a unit of the last digit here
+    assert through_the_air["headwind_center"] > 1.0
+    assert through_the_air["headwind_outer"] > 1.0
+    assert through_the_air["updraft_outer"] <= 4e-9  # to first order a wind from below changes no speed in level flight

@@ -13,6 +13,7 @@ import pytest
 from c_files import COMPILER, needs_gcc
 from own_models import F16, NAVION, trimmed
 from scipy.integrate import solve_ivp
+from scipy.linalg import expm
 
 from hfa_model import Aircraft
 from hfa_support import BadInputError
@@ -56,9 +57,8 @@ def test_the_error_falls_with_the_square_of_the_step(model: InterpolatedModel) -
     finer = {name: np.linspace(axis[0], axis[-1], 2 * len(axis) - 1) for name, axis in GRID.items()}
     errors = []
     for each in (model, InterpolatedModel(sweep(Aircraft(), finer))):
-        exact = sweep(
-            Aircraft(), {name: (axis[1:] + axis[:-1]) / 2 for name, axis in zip(GRID, each.axes, strict=True)}
-        )
+        middles = {name: (axis[1:] + axis[:-1]) / 2 for name, axis in zip(GRID, each.axes, strict=True)}
+        exact = sweep(Aircraft(), middles)
         near = each.at(**dict(zip(GRID, exact.values.T, strict=True)))
         pairs = (near.A, exact.A), (near.B, exact.B)
         errors.append([(np.abs(a - b).max(axis=(1, 2)) / np.abs(b).max(axis=(1, 2))).max() for a, b in pairs])
@@ -94,8 +94,6 @@ def test_along_a_flight_small_deviations_follow_the_linear_model() -> None:
 
     def predicted(A: np.ndarray) -> np.ndarray:
         """δx(3 s) by steps of the matrix exponential at the middle of each."""
-        from scipy.linalg import expm
-
         found = start
         for one, other in pairwise(A):
             found = expm((one + other) / 2 * 3.0 / (len(A) - 1)) @ found
@@ -105,9 +103,8 @@ def test_along_a_flight_small_deviations_follow_the_linear_model() -> None:
     errors = []
     for size in (1e-2, 1e-3):
         difference = (flown(np.array(point.states) + size * start) - states)[-1] / size
-        errors.append(
-            [np.abs((predicted(A) - difference) / sizes).max() for A in (along.A, along.A[:1].repeat(121, 0))]
-        )
+        found = predicted(along.A), predicted(along.A[:1].repeat(121, 0))
+        errors.append([np.abs((each - difference) / sizes).max() for each in found])
     (first, frozen), (second, _) = errors
     assert second < 0.2 * first < 0.1 * frozen
 

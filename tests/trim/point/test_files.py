@@ -30,7 +30,6 @@ def test_round_trip_is_bit_for_bit(point: OperatingPoint, tmp_path: Path) -> Non
         (r"\A.*\Z", "not json", "is not JSON"),
         (r"operating-point/1", "operating-point/9", "is not an operating point of schema"),
         (r'"speed": [^,]*,', "", "states.speed is missing"),
-        (r'"alpha": [^,]*,', '"alpha": "much",', "states.alpha is 'much'; give a finite number"),
         (r'"alpha": [^,]*,', '"alpha": NaN,', "states.alpha is nan; give a finite"),
         (r'"dynamics": [^,]*,', "", "dynamics is missing"),
     ],
@@ -69,7 +68,6 @@ def test_the_peer_s_conditions_fly_at_its_angles_of_attack(
     [
         ("[impose]\nspeeed = 60", "unknown trim variable 'speeed'; choose from speed"),
         ("[impose]\nspeed_deg = 60", "speed_deg is no angle; write speed, in ft/s"),
-        ("[impose]\nalpha_deg = 'two'", "alpha_deg is 'two'; give a finite number"),
         ("[impose]\nalpha_deg = [[0, 1, 2]]", "value] rows"),
         ("[impose]\nalpha_deg = [[5, 1], [5, 2]]", "must increase"),
         ("[limits]\nalpha_deg = 3", "limits.alpha_deg is 3; give a list of numbers"),
