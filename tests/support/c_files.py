@@ -5,10 +5,14 @@ from __future__ import annotations
 import ctypes
 import shutil
 import subprocess
+from collections.abc import Mapping
+from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
+
+from hfa_support.files import write_texts
 
 COMPILER = shutil.which("gcc")
 FLAGS = ("-std=c99", "-O2", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wshadow", "-Werror")
@@ -26,11 +30,23 @@ def ran(folder: Path, *words: str) -> dict[str, float]:
     return {line[:32].strip(): float(line[32:].split()[0]) for line in said.splitlines()}
 
 
-def called(library: ctypes.CDLL, name: str, *values: np.ndarray | float) -> int:
+def written(folder: Path, texts: Mapping[str, str], source: str) -> Path:
+    """The folder with the texts, and with the library of `source`, which is one of them."""
+    write_texts(folder, texts)
+    compiled(folder, "-shared", "-fPIC", source, "-o", "library.so")
+    return folder
+
+
+@cache
+def loaded(folder: Path) -> ctypes.CDLL:
+    return ctypes.CDLL(str(folder / "library.so"))
+
+
+def called(folder: Path, name: str, *values: np.ndarray | float) -> int:
     def passed(value: np.ndarray | float) -> ctypes.c_double | ctypes.c_void_p:
         return ctypes.c_double(value) if isinstance(value, float) else value.ctypes.data_as(ctypes.c_void_p)
 
-    return int(getattr(library, name)(*map(passed, values)))
+    return int(getattr(loaded(folder), name)(*map(passed, values)))
 
 
 def footprint(folder: Path, source: str) -> tuple[int, int, int, set[str]]:

@@ -3,14 +3,13 @@ the example loop around it, run and compared with the flight."""
 
 from __future__ import annotations
 
-import ctypes
 from collections.abc import Callable
 from pathlib import Path
 
 import casadi as ca
 import numpy as np
 import pytest
-from c_files import called, compiled, footprint, needs_gcc, ran
+from c_files import called, footprint, needs_gcc, ran, written
 from controllers import integrating_controller, small_controller
 
 from controller import Actuators, CommandSteps, Scenario, ScheduledController
@@ -61,23 +60,16 @@ def folder(
     point: OperatingPoint,
     tmp_path_factory: pytest.TempPathFactory,
 ) -> Path:
-    made = tmp_path_factory.mktemp("c")
-    write_texts(made, c_controller_texts(controller, published_aircraft, point, "from */ here"))
-    compiled(made, "-shared", "-fPIC", SOURCE, "-o", "controller.so")
-    return made
-
-
-@pytest.fixture(scope="module")
-def library(folder: Path) -> ctypes.CDLL:
-    return ctypes.CDLL(str(folder / "controller.so"))
+    texts = c_controller_texts(controller, published_aircraft, point, "from */ here")
+    return written(tmp_path_factory.mktemp("c"), texts, SOURCE)
 
 
 def answered(
-    library: ctypes.CDLL, dihedral: float, measured: np.ndarray, memory: np.ndarray, command: np.ndarray
+    folder: Path, dihedral: float, measured: np.ndarray, memory: np.ndarray, command: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     limits = np.full(5, HIGHEST)
     u, rate = np.empty(5), np.empty(len(memory))
-    called(library, "hfa_controller", dihedral, measured, memory, command, -limits, limits, u, rate)
+    called(folder, "hfa_controller", dihedral, measured, memory, command, -limits, limits, u, rate)
     return u, rate
 
 
@@ -95,7 +87,7 @@ def flown(controller: ScheduledController, aircraft: Aircraft, point: OperatingP
 
 
 def test_it_is_the_flown_controller_at_1000_states(
-    library: ctypes.CDLL, controller: ScheduledController, published_aircraft: Aircraft, point: OperatingPoint
+    folder: Path, controller: ScheduledController, published_aircraft: Aircraft, point: OperatingPoint
 ) -> None:
     law, random = flown(controller, published_aircraft, point), np.random.default_rng(5)
     worst, limited = 0.0, 0
@@ -104,7 +96,7 @@ def test_it_is_the_flown_controller_at_1000_states(
         x[LINEAR_STATES.index("dihedral")] = random.uniform(-0.3, 0.2)  # beyond both ends of the table too
         y, r, slope, goal, known_u, known = (np.array(each).ravel() for each in law(t, x, a, m))
         dihedral = point.states.dihedral + x[LINEAR_STATES.index("dihedral")]
-        u, rate = answered(library, float(dihedral), y, np.concatenate([m, r, slope]), goal)
+        u, rate = answered(folder, float(dihedral), y, np.concatenate([m, r, slope]), goal)
         worst = max(worst, np.abs(u - known_u).max(), np.linalg.norm(rate[:STATES] - known) / np.linalg.norm(known))
         limited += int(np.abs(known_u).max() == HIGHEST)
         np.testing.assert_allclose(rate[STATES : STATES + 2], slope, rtol=0, atol=0)
@@ -113,7 +105,7 @@ def test_it_is_the_flown_controller_at_1000_states(
     assert limited > 100
 
 
-def test_a_step_is_the_exponential(library: ctypes.CDLL, controller: ScheduledController, folder: Path) -> None:
+def test_a_step_is_the_exponential(controller: ScheduledController, folder: Path) -> None:
     """With nothing measured and u within its limits, x' = A x: the filter and the states after 10 ms."""
     from scipy.linalg import expm
 
@@ -121,7 +113,7 @@ def test_a_step_is_the_exponential(library: ctypes.CDLL, controller: ScheduledCo
     memory, start = np.zeros(STATES + 4), np.array([0.4, -0.2, 0.1, 0.3])
     memory[:STATES] = start
     arguments = (np.zeros(3), np.zeros(2), -limits, limits, 0.01, u)
-    called(library, "hfa_controller_step", memory, dihedral, *arguments)
+    called(folder, "hfa_controller_step", memory, dihedral, *arguments)
     A, _, C, _ = controller.at(dihedral)
     np.testing.assert_allclose(memory[:STATES], expm(0.01 * A) @ start, rtol=1e-12)
     np.testing.assert_allclose(u[[2, 3]], C @ memory[:STATES], rtol=1e-12)
