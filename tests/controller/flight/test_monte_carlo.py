@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -166,19 +165,12 @@ def test_plans_are_equal_when_they_give_the_same_results(plan: MonteCarlo, gain:
 
 
 def test_what_a_monte_carlo_cannot_draw_or_repeat_is_refused(plan: MonteCarlo) -> None:
-    class Spike:
-        size = 6
-
-        def at(self, t: Any) -> Any:
-            return np.zeros(6)
-
     no_moment = Aircraft(PARAMETERS._replace(zero_lift_moment=0.0))
     moment = with_scenario(plan, uncertainty=Uncertainty({"zero_lift_moment": 1.0}))
     for said, make in (
         ("does nothing", lambda: replace(moment, aircraft=no_moment)),
         ("unknown parameter 'span'", lambda: with_scenario(plan, uncertainty=Uncertainty({"span": 0.1}))),
         (r"shape \(6, 5\); .* takes 5 x 6", lambda: replace(plan, law=gain_law("wide", np.zeros((6, 5))))),
-        ("the noise of a Monte Carlo must be a Signal", lambda: with_scenario(plan, noise=Spike())),
         ("drawn already", lambda: replace(plan, scenario=plan.member(0))),
     ):
         with pytest.raises(BadInputError, match=said):

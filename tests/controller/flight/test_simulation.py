@@ -6,7 +6,6 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from types import SimpleNamespace
 from typing import Any
 
 import casadi as ca
@@ -22,6 +21,7 @@ from controller import (
     FlownLaw,
     Game,
     MonteCarlo,
+    OneMinusCosine,
     Scenario,
     flight_envelope,
     fly,
@@ -194,8 +194,9 @@ def test_disturbances_are_those_of_the_model() -> None:
     np.testing.assert_allclose(result.predicted.states, result.flight.states, atol=1e-9)
     with pytest.raises(BadInputError, match="unknown disturbance 'snow'; choose from rain"):
         stepped(model, Scenario(air={"snow": rain}))
+    gust = OneMinusCosine(10.0, 1.0, 10.0)
     with pytest.raises(BadInputError, match="tank declares no disturbance updraft, which a gust is"):
-        stepped(model, Scenario(gust=SimpleNamespace()))  # type: ignore[arg-type]
+        stepped(model, Scenario(gust=gust))
 
 
 @pytest.mark.parametrize("delay", [1.0, 0.25])
