@@ -29,19 +29,18 @@ def test_a_refusal_that_nobody_can_read_is_its_exit_code(tmp_path: Path, lost: s
 
 
 @pytest.mark.parametrize(
-    ("words", "named"),
+    "words",
     [
-        ("solve --model {} -o {}", "--output"),
-        ("solve --model={} --output={}", "--output"),
-        ("trim --dihedral 15 -o {} --picture={}", "--output"),
-        ("trim --dihedral 15 --picture new.png -onew.json --start {} --parameters new.json", "--output"),
+        "solve --model {} -o {}",
+        "solve --model={} --output={}",
+        "trim --dihedral 15 -o {} --picture={}",
+        "trim --dihedral 15 --picture new.png -onew.json --start {} --parameters new.json",
     ],
 )
-def test_what_is_written_is_no_input_and_no_other_output(tmp_path: Path, words: str, named: str) -> None:
+def test_what_is_written_is_no_input_and_no_other_output(tmp_path: Path, words: str) -> None:
     path = tmp_path / "plant.json"
     path.write_text("{}")
-    done = hfa_process(*words.format(path, "./plant.json").split(), folder=tmp_path)
-    assert (done.code, done.out) == (BAD_INPUT, "")
+    assert_refused(hfa(*words.format(path, "./plant.json").split()), BAD_INPUT)
     assert [each.name for each in tmp_path.iterdir()] == ["plant.json"]
     assert path.read_text() == "{}"
 

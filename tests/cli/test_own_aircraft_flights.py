@@ -18,10 +18,9 @@ EXAMPLES = Path(__file__).parents[2] / "examples"
 
 
 @pytest.fixture(autouse=True)
-def _there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
+def _there() -> None:
     for name in ("navion.py", "f16.py"):
-        shutil.copy(EXAMPLES / name, tmp_path)
+        shutil.copy(EXAMPLES / name, ".")
 
 
 def test_a_doublet_without_a_law_is_written_and_drawn() -> None:

@@ -118,7 +118,9 @@ REFUSED = {
         ("", "--output FILE.html or --output FOLDER"),
         ("-o file", "cannot make the folder"),
         ("-o a.html --free dihedral", "the angles of a report are given by --dihedral and --sweep"),
+        ("-o a.html --dihedral 5 --dynamics unsteady", "more than seven states"),
     ],
+    "regenerate": [("--dynamics unsteady", "more than seven states")],
     "identify": [("--seed 1.5", "--seed is 1.5"), ("--units si -o a.toml", "a parameters file is in ft, slug, lbf")],
     "prove": [("--units si", "unknown option --units")],
 }

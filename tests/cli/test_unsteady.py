@@ -1,10 +1,10 @@
-"""`--dynamics unsteady`: the commands that take any model have it; commands for seven states refuse it in one line."""
+"""`--dynamics unsteady`: the commands that take any model have it."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
-from cli import answer, hfa
+from cli import answer
 
 from hfa_model import LINEAR_STATES
 from hfa_model.unsteady import LAG_STATES, UNSTEADY
@@ -37,18 +37,3 @@ def test_effects_are_parameters_and_sweeps_have_them() -> None:
     assert found["reasons"] == [""] * 2
     with_mass = answer("solve", "--dihedral", "20", "--dynamics", "unsteady", "--hold", "apparent_mass=1")
     assert with_mass["delta_min"] == pytest.approx(138.72, abs=0.01)
-
-
-@pytest.mark.parametrize(
-    ("words", "why"),
-    [
-        (("report", "--dihedral", "5", "--dynamics", "unsteady", "-o", "page.html"), "more than seven states"),
-        (("regenerate", "--dynamics", "unsteady"), "more than seven states"),
-    ],
-    ids=lambda each: each[0] if isinstance(each, tuple) else "",
-)
-def test_what_is_for_seven_states_refuses_in_one_line(words: tuple[str, ...], why: str) -> None:
-    code, out, err = hfa(*words)
-    assert (code, out) == (2, "")
-    assert why in err
-    assert err.count("\n") == 1

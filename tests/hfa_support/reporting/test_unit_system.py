@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
 
 from hfa_support import shown_in
 from hfa_support.reporting.text import shown_unit, shown_value
-from hfa_support.reporting.unit_system import english, entries_in_force, in_force, si_factor, si_unit, unit_in_force
+from hfa_support.reporting.unit_system import english, in_force, si_factor, si_unit, unit_in_force
 
 FOOT, POUND, GRAVITY = 0.3048, 0.45359237, 9.80665
 
@@ -47,13 +46,3 @@ def test_only_where_it_is_asked_for() -> None:
         pass
     with pytest.raises(ValueError, match="is in km/h, not in ft/s or m/s"):
         english(1.0, "km/h", "ft/s")
-
-
-def test_a_matrix_keeps_its_eigenvalues() -> None:
-    A = np.random.default_rng(0).normal(size=(4, 3, 3))
-    units = ("ft/s", "rad", "ft")
-    with shown_in("si"):
-        found = entries_in_force(A, (units, 1), (units, -1))
-    T = np.diag([FOOT, 1.0, FOOT])
-    np.testing.assert_allclose(found, T @ A @ np.linalg.inv(T), rtol=1e-14)
-    np.testing.assert_allclose(np.sort(np.linalg.eigvals(found)), np.sort(np.linalg.eigvals(A)), rtol=1e-12)
