@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from known_models import model_at
@@ -12,8 +10,7 @@ from project import ROOT
 from benchmarks import __main__ as bench, report
 from benchmarks.jobs_flight import FlightCase, c_flight, difference
 from benchmarks.jobs_models import f16_case, f16_peer, peer_point, peer_system, six_state_rates
-from benchmarks.jobs_scale import growth
-from benchmarks.report import Comparison, Row, Size
+from benchmarks.report import Comparison, Row
 from hfa_model import LINEAR_STATES, STATES, Aircraft, default_parameters
 from hfa_support.native import machine_code as generated
 from trim import trim_points
@@ -104,24 +101,6 @@ def test_a_figure_that_misses_its_target_says_so(ratio: float, target: float, ve
     line = report.markdown([report.figure(row(ratio, target))]).splitlines()[-1]
     assert line.startswith("| a job | a peer | 2 µs |")
     assert line.endswith(f"| {verdict} |")
-
-
-def test_results_are_stored_and_drawn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    rows = {
-        "first": [row(50.0, 20.0), row(0.5, 1.0)],
-        "second": growth("points", [Size(1000, 4e-5, 70.0, 100.0), Size(10_000, 2e-5, 300.0, 100.0)]),
-    }
-    monkeypatch.setattr(report, "RESULTS", tmp_path / "results.json")
-    report.store({"second": rows["second"]}, list(rows))
-    report.store({"first": rows["first"]}, list(rows))
-    data = report.stored()
-    assert [figure["reached"] for figure in data["figures"]] == ["yes", "NO", "yes", "NO"]
-    assert data["figures"][2]["sizes"][1] == {"rows": 10_000, "seconds": 2e-5, "memory": 300.0, "disk": 100.0}
-    assert {"processor", "cores", "python", "casadi", "numpy"} <= set(data["machine"])
-    assert report.draw(data, tmp_path / "a.png").stat().st_size > 10_000
-    # Figures of another machine are no company for new ones.
-    monkeypatch.setattr(report, "machine", lambda: data["machine"] | {"cores": "999"})
-    assert len(report.store({"first": rows["first"]}, list(rows))["figures"]) == 2
 
 
 @pytest.mark.slow

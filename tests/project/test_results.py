@@ -41,7 +41,7 @@ SHOWN = {
 #: Those without a table: all their fields are said in a line.
 IN_LINES = ("FlownLaw", "Scenario")
 #: Those that hold arrays, compared value by value.
-COMPARED = (
+COMPARED = {
     "Game",
     "ParameterSet",
     "OperatingPoint",
@@ -50,7 +50,7 @@ COMPARED = (
     "Sweep",
     "Regeneration",
     "RegeneratedPair",
-)
+}
 
 
 @lru_cache(maxsize=1)
@@ -86,7 +86,7 @@ def results() -> dict[str, Any]:
 
 
 @pytest.mark.parametrize("name", SHOWN)
-def test_a_result_shows_its_report(name: str) -> None:
+def test_a_result_shows_its_report_and_comes_back_from_a_pickle(name: str) -> None:
     result = results()[name]
     shown = repr(result)
     assert type(result).__name__ == name
@@ -97,24 +97,10 @@ def test_a_result_shows_its_report(name: str) -> None:
         html = result._repr_html_()
         assert ("<table>" in html) == (name not in IN_LINES)
         assert "<script" not in html
-
-
-@pytest.mark.parametrize("name", SHOWN)
-def test_a_result_pickles(name: str) -> None:
-    result = results()[name]
     again = pickle.loads(pickle.dumps(result))
-    assert repr(again) == repr(result)
+    assert repr(again) == shown
     if name in COMPARED:
         assert again == result
-
-
-def test_an_aircraft_from_a_pickle_gives_the_same_rates() -> None:
-    aircraft, point = results()["Aircraft"], results()["OperatingPoint"]
-    again = pickle.loads(pickle.dumps(hfa_model.Aircraft(aircraft.parameters, "newton")))
-    x = np.array(point.states) + 0.01
-    newton = hfa_model.Aircraft(aircraft.parameters, "newton")
-    np.testing.assert_array_equal(again.rates(x, point.inputs), newton.rates(x, point.inputs))
-    assert not np.array_equal(again.rates(x, point.inputs), aircraft.rates(x, point.inputs))
 
 
 def test_linear_models_are_equal_by_their_values() -> None:
@@ -135,12 +121,6 @@ def test_a_failed_trim_can_be_sent_too() -> None:
         trim.find_operating_point(results()["Aircraft"], trim.level_flight(0.1, speed=30.0))
     again = pickle.loads(pickle.dumps(caught.value))
     assert (str(again), again.attempt) == (str(caught.value), caught.value.attempt)
-
-
-def test_what_failed_in_a_sweep_is_equal_to_itself() -> None:
-    swept = results()["Sweep"]
-    assert np.isnan(swept.A[0]).all()
-    assert swept == replace(swept, A=swept.A.copy())
 
 
 def test_the_game_of_a_model_is_the_game_of_its_matrices() -> None:
