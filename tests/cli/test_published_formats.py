@@ -32,14 +32,11 @@ def test_the_schema_is_valid_and_knows_every_format() -> None:
     published = {each["properties"]["schema"]["const"] for each in formats()["$defs"].values() if "title" in each}
     sources = " ".join(project_sources().values())
     assert {name for name in published if f'"{name}"' not in sources} == set()
-    parts = {each["properties"]["schema"]["const"] for each in formats()["$defs"].values() if _has_schema(each)}
+    properties = [each.get("properties", {}) for each in formats()["$defs"].values()]
+    parts = {each["schema"]["const"] for each in properties if "schema" in each}
     assert set(re.findall(r'"(hfa\.[a-z-]+/\d+)"', sources)) <= parts, "publish it in hfa_cli/formats.toml"
     outputs = {entry["$ref"] for entry in formats()["oneOf"]}
     assert {f"#/$defs/{name}" for name, each in formats()["$defs"].items() if "title" in each} == outputs
-
-
-def _has_schema(definition: dict[str, Any]) -> bool:
-    return "schema" in definition.get("properties", {})
 
 
 def test_an_output_is_one_of_them(trim: dict[str, Any]) -> None:

@@ -23,37 +23,26 @@ def test_a_fifo_and_a_device_do_not_keep_us_waiting(tmp_path: Path, read) -> Non
 @pytest.mark.parametrize(
     "words",
     [
-        ("trim", "--dihedral", "15", "--parameters"),
-        ("solve", "--model"),
-        ("verify", "--dihedral", "15", "--weights"),
-        ("prove", "--check"),
-        ("report", "--dihedral", "5", "--claims"),
+        "trim --dihedral 15 --parameters",
+        "solve --model",
+        "verify --dihedral 15 --weights",
+        "prove --check",
+        "report --dihedral 5 --claims",
     ],
-    ids=lambda words: f"{words[0]} {words[-1]}",
 )
-def test_every_command_refuses_a_fifo(tmp_path: Path, words: tuple[str, ...]) -> None:
-    os.mkfifo(tmp_path / "fifo.json")
-    assert_refused(hfa(*words, str(tmp_path / "fifo.json")), 2, "fifo")
+def test_every_command_refuses_a_fifo(folder: Path, words: str) -> None:
+    os.mkfifo("fifo.json")
+    assert_refused(hfa(*words.split(), "fifo.json"), 2, "fifo")
 
 
 @pytest.mark.parametrize(
-    "words",
-    [
-        ("trim", "--dihedral", "15", "-o"),
-        ("trim", "--dihedral", "15", "--picture"),
-        ("export", "--dihedral", "15", "-o"),
-    ],
-    ids=lambda words: f"{words[0]} {words[-1]}",
+    "words", ["trim --dihedral 15 -o a.json", "trim --dihedral 15 --picture a.png", "export --dihedral 15 -o a.fmu"]
 )
-def test_no_result_takes_the_place_of_a_fifo(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: tuple[str, ...]
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    suffix = ".png" if words[-1] == "--picture" else {"export": ".fmu"}.get(words[0], ".json")
-    fifo = tmp_path / f"fifo{suffix}"
+def test_no_result_takes_the_place_of_a_fifo(folder: Path, words: str) -> None:
+    fifo = folder / words.split()[-1]
     os.mkfifo(fifo)
-    assert_refused(hfa(*words, str(fifo)), 2, "it is no regular file; name another")
-    assert list(tmp_path.iterdir()) == [fifo]
+    assert_refused(hfa(*words.split()), 2, "it is no regular file; name another")
+    assert list(folder.iterdir()) == [fifo]
     assert fifo.is_fifo()
 
 
