@@ -134,14 +134,3 @@ def test_a_report_is_written_as_text(name: str, opening: str) -> None:
     text = Path(name).read_text(encoding="utf-8")
     assert opening in text
     assert "![" not in text  # no picture lies beside it
-
-
-@pytest.mark.parametrize(
-    ("suffix", "begin"),
-    [(".png", b"\x89PNG"), (".pdf", b"%PDF")],
-)
-def test_the_picture_of_a_trim(tmp_path: Path, suffix: str, begin: bytes) -> None:
-    path = tmp_path / f"front{suffix}"
-    assert hfa("trim", "--dihedral", "15", "--picture", str(path)).code == DONE
-    assert path.read_bytes().startswith(begin)
-    assert b"hfa trim" in path.read_bytes() or b"published dynamics" in path.read_bytes()
