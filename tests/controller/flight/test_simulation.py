@@ -105,9 +105,9 @@ def test_the_method_is_of_order_4_where_the_constants_jump_too() -> None:
     assert 12.0 < coarse / fine < 20.0
 
 
-@pytest.mark.parametrize("fast", [1e3, 1e5])
-def test_a_fast_mode_of_the_law_divides_the_steps(fast: float) -> None:
+def test_a_fast_mode_of_the_law_divides_the_steps() -> None:
     """The observer follows, and the pendulum is the one without it: 1e5 1/s at a step of 0.02 s."""
+    fast = 1e5
     flight = pendulum(fast, 0.02, observed=1.0).fly()
     np.testing.assert_allclose(flight.times, 0.02 * np.arange(301))
     plain = pendulum(4.0, 0.002).fly()

@@ -82,10 +82,8 @@ def test_another_aircraft_is_noticed(job: MainJob, claims: Claims) -> None:
     ("place", "value"),
     [
         (["schema"], "hfa.report/1"),
-        (["verdicts"], []),
         (["setting", "models", 0, "A", 0], [1.0]),
         (["claims", 0, "subject"], "nobody"),
-        (["claims", 0, "verdict"], {}),
         (["claims", 0, "findings", "published, modified", "value"], "1"),
     ],
 )
