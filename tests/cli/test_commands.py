@@ -1,4 +1,4 @@
-"""What `hfa` answers: text for people, JSON for scripts, and the exit codes of its checks."""
+"""What `hfa` answers: text for people, JSON for scripts with the aircraft that it is about, and exit codes."""
 
 from __future__ import annotations
 
@@ -8,12 +8,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import zarr
 from cli import answer, hfa
+from game_files import AT_15
 
 from hfa_cli.main import COMMANDS, DONE, FAILED
-from hfa_model import INPUTS, LINEAR_STATES, STATES, default_parameters, save_parameters
+from hfa_model import INPUTS, LINEAR_STATES, STATES, Aircraft, default_parameters, load_parameters, save_parameters
 from hfa_model.aircraft import HFA
+from hfa_model.provenance import parameter_hash
+from hfa_model.unsteady import LAG_STATES, UNSTEADY
 from hfa_model.vectors import INPUT_UNITS, STATE_UNITS
+from trim import find_operating_point, level_flight, linearize
 from trim.identification import ASSUMED
 
 LINEAR_MODEL_KEYS = {
@@ -140,3 +145,132 @@ def test_regenerate_fails_with_one_parameter_changed_by_one_percent(tmp_path: Pa
     assert (result.code, result.err) == (FAILED, "")
     assert "FAIL" in result.out
     assert "\nBoth pairs regenerated: NO\n" in result.out
+
+
+# Outputs, inputs and states by name.
+
+CHOSEN = ("--outputs", "load_factor,dihedral", "--inputs", "elevator_center,throttle", "--states", "dihedral,alpha")
+
+
+def test_without_names_every_state_is_an_output() -> None:
+    data = answer("linearize", *AT_15)
+    assert (data["outputs"], data["output_units"]) == (data["states"], data["state_units"])
+    np.testing.assert_array_equal(data["C"], np.eye(6))
+    np.testing.assert_array_equal(data["D"], np.zeros((6, 5)))
+    assert (data["disturbances"], set(data["disturbance_units"])) == (list(HFA.disturbances), {"ft/s"})
+    assert (np.shape(data["E"]), data["F"]) == ((6, 7), [[0.0] * 7] * 6)
+    full = answer("linearize", *AT_15, "--states", ",".join(STATES))
+    assert (full["outputs"], np.shape(full["E"]), np.shape(full["C"])) == (full["states"], (7, 7), (7, 7))
+    assert "C  " not in hfa("linearize", *AT_15).out
+
+
+def test_names_choose_rows_and_columns_in_their_order() -> None:
+    whole = answer("linearize", *AT_15, "--outputs", "load_factor,dihedral")
+    part = answer("linearize", *AT_15, *CHOSEN)
+    rows = [LINEAR_STATES.index(name) for name in ("dihedral", "alpha")]
+    columns = [INPUTS.index(name) for name in ("elevator_center", "throttle")]
+    for name, pick in (("A", (rows, rows)), ("B", (rows, columns)), ("C", ([0, 1], rows)), ("D", ([0, 1], columns))):
+        np.testing.assert_array_equal(part[name], np.array(whole[name])[np.ix_(*pick)])
+    np.testing.assert_array_equal(part["E"], np.array(whole["E"])[rows])
+    assert (part["states"], part["outputs"]) == (["dihedral", "alpha"], ["load_factor", "dihedral"])
+    assert part["output_units"] == ["1", "rad"]
+    assert part["output_offsets"] == pytest.approx([1.0, np.radians(15.0)])
+    assert "A_band" in whole
+    assert not {"A_band", "printed"} & set(part)  # they are of the whole model
+
+
+def test_every_file_has_the_columns_of_all_winds(published_aircraft: Aircraft) -> None:
+    assert "E  " not in hfa("linearize", *AT_15, *CHOSEN, "-o", "model.npz").out
+    point = find_operating_point(published_aircraft, level_flight(np.radians(15.0)))
+    winds = tuple(HFA.disturbances)
+    model = linearize(published_aircraft, point, full=True, outputs=("load_factor", "dihedral"), disturbances=winds)
+    with np.load("model.npz") as stored:
+        assert tuple(stored["disturbances"]) == winds
+        np.testing.assert_array_equal(stored["E"], model.E[[STATES.index(name) for name in ("dihedral", "alpha")]])
+        np.testing.assert_array_equal(stored["F"], model.F)
+
+
+def test_the_wind_in_a_file_is_not_the_disturbance_of_its_game() -> None:
+    assert hfa("linearize", *AT_15, "--outputs", "gamma", "-o", "model.mat").code == 0
+    assert answer("solve", "--model", "model.mat")["P"] == answer("solve", *AT_15)["P"]
+
+
+# The third dynamics.
+
+UNSTEADY_11 = ("--dihedral", "11", "--dynamics", "unsteady")
+
+
+def test_trims_models_and_games_have_the_lag_states() -> None:
+    trimmed = answer("trim", *UNSTEADY_11)["operating_point"]
+    assert list(trimmed["states"])[7:] == list(LAG_STATES)
+    model = answer("linearize", *UNSTEADY_11)
+    assert model["states"] == list(UNSTEADY.linear)
+    assert "E" not in model
+    gusts = [name for name in LAG_STATES if name not in UNSTEADY.linear]
+    windy = answer("linearize", *UNSTEADY_11, "--states", ",".join([*UNSTEADY.linear, *gusts]))
+    assert np.array(windy["E"]).shape == (25, len(UNSTEADY.disturbances))
+    game = answer("solve", *UNSTEADY_11)
+    assert game["certificate"]["ok"]
+    assert game["delta_min"] == pytest.approx(141.95, abs=0.01)
+    assert game["states"] == model["states"]
+
+
+def test_effects_are_parameters_and_sweeps_have_them() -> None:
+    off = [word for name in ("local_motion", "apparent_mass", "lift_lag") for word in ("--hold", f"{name}=0")]
+    off += [word for name in ("gust_lag", "finite_span", "downwash_share") for word in ("--hold", f"{name}=0")]
+    plain = answer("linearize", *UNSTEADY_11, *off, "--states", ",".join(LINEAR_STATES))
+    newton = answer("linearize", "--dihedral", "11", "--dynamics", "newton")
+    np.testing.assert_allclose(plain["A"], newton["A"], rtol=1e-9, atol=1e-10)
+    found = answer("sweep", "--dihedral", "20", "--dynamics", "unsteady", "--hold", "apparent_mass=0,1")
+    assert found["reasons"] == [""] * 2
+    with_mass = answer("solve", "--dihedral", "20", "--dynamics", "unsteady", "--hold", "apparent_mass=1")
+    assert with_mass["delta_min"] == pytest.approx(138.72, abs=0.01)
+
+
+# Which aircraft an output is about; test_files.py has that a file has what the JSON has.
+
+
+@pytest.fixture(scope="module")
+def heavy(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The identified aircraft with heavier panels."""
+    known = default_parameters()
+    path = tmp_path_factory.mktemp("heavy") / "heavy.toml"
+    heavier = replace(known, values=known.values._replace(panel_mass=10.5), covariance=np.zeros((0, 0)))
+    save_parameters(heavier, path, "Heavier panels.")
+    return path
+
+
+def hash_of(path: Path) -> str:
+    return parameter_hash(load_parameters(path).values)
+
+
+def test_text_says_which_aircraft(heavy: Path) -> None:
+    plain, edited = hfa("solve", "--dihedral", "12"), hfa("solve", "--dihedral", "12", "--parameters", str(heavy))
+    assert f"parameters identified ({parameter_hash(default_parameters().values)})" in plain.out.splitlines()[-1]
+    assert f"({hash_of(heavy)})" in edited.out.splitlines()[-2]
+    assert edited.out.splitlines()[-1] == "not the identified aircraft: panel_mass 10.5 slug (identified: 9.32593)"
+
+
+def test_json_has_the_whole_condition(heavy: Path) -> None:
+    words = ("--dihedral", "12", "--hold", "speed=66", "--free", "alpha", "--hold", "aileron_outer=1")
+    found = answer("linearize", *words, "--limit", "throttle=0:60", "--parameters", str(heavy))["provenance"]
+    assert found["parameter_hash"] == hash_of(heavy)
+    assert found["changed"]["panel_mass"]["value"] == 10.5
+    assert found["condition"]["imposed"]["speed"] == 66.0
+    assert found["condition"]["imposed"]["aileron_outer"] == pytest.approx(np.radians(1.0))
+    assert "alpha" in found["condition"]["free"]
+    assert set(found["condition"]["limits"]) == set(found["condition"]["free"])
+    assert found["condition"]["limits"]["throttle"] == [0.0, 60.0]
+    assert found["command"].startswith("hfa linearize --dihedral 12 --hold speed=66")
+    assert (found["date"], found["dynamics"]) == ("2026-09-21T14:13:20Z", "published")
+
+
+@pytest.mark.parametrize("command", ["sweep", pytest.param("monte-carlo", marks=pytest.mark.slow)])
+def test_a_store_has_it(command: str, heavy: Path, tmp_path: Path) -> None:
+    path = tmp_path / "out.zarr"
+    words = {
+        "sweep": ("--dihedral", "0:10:5"),
+        "monte-carlo": ("--dihedral", "12", "--samples", "2", "--duration", "0.1"),
+    }
+    assert hfa(command, *words[command], "--parameters", str(heavy), "-o", str(path)).code == 0
+    assert zarr.open_group(str(path), mode="r").attrs["provenance"]["parameter_hash"] == hash_of(heavy)

@@ -26,7 +26,7 @@ def test_it_matters_which_variable_is_held() -> None:
     assert short_periods[1] == pytest.approx([-3.64, 9.48], abs=5e-3)
 
 
-@pytest.mark.parametrize("command", ["trim", "verify"])
+@pytest.mark.parametrize("command", ["trim", "solve"])
 def test_every_command_takes_the_condition(command: str, tmp_path: Path) -> None:
     """A condition that cannot be trimmed is refused by each: so each has used it."""
     words = ("--dihedral", "10", "--hold", "speed=60", "--free", "alpha", "--hold", "aileron_outer=0.5")

@@ -165,15 +165,15 @@ def test_the_command_flies_and_sums_up(tmp_path: Path) -> None:
 
 # Schedules.
 
-SCHEDULE = ("schedule", "--dihedral", "5", "--to", "15:20:3", "--duration", "26")
+SCHEDULE = ("schedule", "--dihedral", "5", "--to", "15:10:3", "--duration", "16")
 
 
 def test_gains_of_a_file_are_flown_as_they_are() -> None:
     """The exact gains from a file fly as the exact law does; one gain for all angles, and others, fly otherwise."""
     result = hfa(*SCHEDULE, "--law", "exact", "-o", "exact.json")
     assert (result.code, result.err) == (0, "")
-    title = "Flight, published dynamics, dihedral 5 deg, to 15 deg over 20 s, law exact, scheduled"
-    assert result.out.startswith(f"{title}\nstayed within limits: 26 s inside the envelope and the control limits\n")
+    title = "Flight, published dynamics, dihedral 5 deg, to 15 deg over 10 s, law exact, scheduled"
+    assert result.out.startswith(f"{title}\nstayed within limits: 16 s inside the envelope and the control limits\n")
     assert result.out.count("8 hold") == 3
     reference = json.loads(Path("exact.json").read_text("utf-8"))
     np.testing.assert_allclose(reference["schedule"]["dihedrals"], np.radians([5.0, 10.0, 15.0]))

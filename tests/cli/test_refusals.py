@@ -104,7 +104,6 @@ REFUSED = {
         ("--dihedral 15 --initial alpha=1", "--initial alpha is not among speed, dihedral"),
     ],
     "monte-carlo": [
-        ("--dihedral 15 --workers tcp://a:b", "no Dask scheduler answers at tcp://a:b"),
         ("--dihedral 15 --resume", "-o FILE.zarr"),
         ("--dihedral 15 --units si -o a.zarr", "a store is in ft"),
     ],

@@ -220,8 +220,8 @@ def test_what_has_a_unit_changes_and_nothing_else(name: str) -> None:
     ("name", "moved"),
     [
         ("fly", "final history.states scenario.initial"),
-        ("schedule", "final schedule.dihedrals history.errors"),
-        ("map", "speeds commands edges.0.inside"),
+        pytest.param("schedule", "final schedule.dihedrals history.errors", marks=pytest.mark.slow),
+        pytest.param("map", "speeds commands edges.0.inside", marks=pytest.mark.slow),
         ("monte-carlo", "peak_error effort rms_error"),
     ],
 )
