@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -11,9 +10,9 @@ import pytest
 from learning_samples import published
 from reference_riccati import reference_solution, relative_error
 
-from controller import Game, learn, run
+from controller import Game, learn
 from controller.game.learning_result import LearningResult
-from controller.laws import certify as runner
+from controller.laws import certify
 from hfa_model import INPUTS, LINEAR_STATES
 from hfa_model.vectors import LINEAR_UNITS
 from hfa_support import BadInputError
@@ -67,30 +66,10 @@ def test_the_samples_taken_by_default_are_enough_for_the_plant() -> None:
         learn(game, samples=54)
 
 
-# The runner of laws, with a law that counts.
-
-
-class Counting:
-    """x = 0, 1, 2, ..."""
-
-    ticks = 10
-
-    def start(self) -> np.ndarray:
-        return np.zeros(2)
-
-    def advance(self, tick: int, memory: np.ndarray) -> np.ndarray:
-        assert memory[0] == tick
-        return memory + 1.0
-
-    def observe(self, tick: int, memory: np.ndarray) -> Mapping[str, Any]:
-        return {"time": 0.5 * tick, "weights": memory}
-
-
 def test_rows_are_kept_evenly_with_the_start_and_the_end(monkeypatch: pytest.MonkeyPatch) -> None:
-    found = run(Counting())
-    assert sorted(found.history) == ["time", "weights"]
-    np.testing.assert_array_equal(found.history["time"], 0.5 * np.arange(11))
-    np.testing.assert_array_equal(found.history["weights"], np.tile(np.arange(11.0)[:, None], (1, 2)))
-    np.testing.assert_array_equal(found.memory, [10.0, 10.0])
-    monkeypatch.setattr(runner, "MOST_ROWS", 5)
-    assert run(Counting()).history["time"].tolist() == [0.0, 1.5, 3.0, 4.5, 5.0]
+    every = short_run()
+    assert every.times == pytest.approx(0.1 * np.arange(81))
+    monkeypatch.setattr(certify, "MOST_ROWS", 30)
+    kept, rows = short_run(), [*range(0, 80, 3), 80]
+    assert np.array_equal(kept.times, every.times[rows])
+    assert np.array_equal(kept.weights, every.weights[rows])

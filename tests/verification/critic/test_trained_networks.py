@@ -84,13 +84,11 @@ def test_a_planted_mistake_is_refused_and_named(game: Game, mistake: str) -> Non
     assert words in diagnose(game, exact, candidate, LIMIT, game_at, BOX)
 
 
-def test_the_right_networks_have_no_cause_but_what_v_hides(game: Game) -> None:
-    for name, said in (("policy", ""), ("gradient", ""), ("V", "V is near and its policy off by")):
-        path = torch_file("critic.pt", layers(name))
-        candidate = from_network(game, path, activation="tanh", scale=1.0 / BOX)
-        found = diagnose(game, solve_game(game), candidate, LIMIT, None, BOX)
-        assert found.startswith(said)
-        assert bool(found) == bool(said)
+@pytest.mark.parametrize("name", ["policy", "V", pytest.param("gradient", marks=pytest.mark.slow)])
+def test_the_right_networks_have_no_cause_but_what_v_hides(game: Game, name: str) -> None:
+    candidate = from_network(game, torch_file("critic.pt", layers(name)), activation="tanh", scale=1.0 / BOX)
+    found = diagnose(game, solve_game(game), candidate, LIMIT, None, BOX)
+    assert found.startswith("V is near and its policy off by") if name == "V" else found == ""
 
 
 @pytest.mark.slow
