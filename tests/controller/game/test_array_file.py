@@ -21,7 +21,7 @@ from hfa_support import BadInputError
 
 pytestmark = pytest.mark.usefixtures("folder")
 
-# .mat ------------------------------------------------------------------------------------------------------------
+# .mat
 
 NUMBERS = 10 * np.random.default_rng(0).normal(size=(4, 4))
 PLAIN = {"full": NUMBERS, "complex": NUMBERS + 1j, "text": "wing"}
@@ -97,9 +97,6 @@ def test_a_small_file_does_not_fill_the_memory(monkeypatch: pytest.MonkeyPatch) 
             read(content)
 
 
-# .npz, .npy, names -----------------------------------------------------------------------------------------------
-
-
 def test_matrices_without_names_have_those_of_their_files() -> None:
     for name, value in (("A", -np.eye(2)), ("B", np.ones((2, 1))), ("weights", np.ones(3)), ("other", np.ones(3))):
         np.save(f"{name}.npy", value)
@@ -108,7 +105,7 @@ def test_matrices_without_names_have_those_of_their_files() -> None:
     assert list(read_arrays("other.npy")) == ["the array"]
 
 
-# .csv ------------------------------------------------------------------------------------------------------------
+# .csv
 
 A, B = np.array([[0.0, 1.0], [-2.0, -3.0]]), np.array([[0.5], [1.0]])
 BARE = "0,1\n-2,-3\n", ".5\n1e0\n"

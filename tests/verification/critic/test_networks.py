@@ -238,9 +238,6 @@ def test_the_cost_in_flight_is_that_of_the_linear_loop_where_the_network_is_line
     assert flown_losses(game, away.K, about(away), exact, ordinary_box(game).half_widths, 40).max() > 1.0
 
 
-# What others have published.
-
-
 def test_the_published_weights_of_gops() -> None:
     """V = W'psi + a constant; the exact ones as printed, the learned ones off by 1.6 % and nearly free of cost."""
     plant = stored("plant.json", **GOPS["plant"])
@@ -411,15 +408,15 @@ def test_wrong_state_dicts_are_refused() -> None:
 def test_wrong_graphs_are_refused() -> None:
     onnx = pytest.importorskip("onnx", reason="the package onnx is not installed")
     constants = {"P": np.eye(6, dtype="float32"), "ones": ONES.astype("float32")}
-    assert "has 10 inputs and the plant 6 states" in refused(
-        onnx_file("ten.onnx", [("MatMul", "x w", "y")], {"w": np.ones((10, 1), "float32")}, states=10)
-    )
-    assert "operator Loop is not known" in refused(onnx_file("loop.onnx", [("Loop", "x", "y")], constants))
     half = {name: each.astype("float16") for name, each in constants.items()}
-    assert "is float16; give weights as float32" in refused(onnx_file("half.onnx", QUADRATIC, half))
-    assert "not finite" in refused(
-        onnx_file("nan.onnx", QUADRATIC, constants | {"P": np.full((6, 6), np.nan, "float32")})
-    )
+    ten, not_a_number = {"P": np.ones((10, 1), "float32")}, {"P": np.full((6, 6), np.nan, "float32")}
+    for said, nodes, numbers, states in (
+        ("has 10 inputs and the plant 6 states", [("MatMul", "x P", "y")], ten, 10),
+        ("operator Loop is not known", [("Loop", "x", "y")], constants, 6),
+        ("is float16; give weights as float32", QUADRATIC, half, 6),
+        ("not finite", QUADRATIC, constants | not_a_number, 6),
+    ):
+        assert said in refused(onnx_file("wrong.onnx", nodes, numbers, states=states))
     model = onnx.load(onnx_file("good.onnx", QUADRATIC, constants))
     network_in("good.onnx", 6)
     onnx.save(model, "outside.onnx", save_as_external_data=True, size_threshold=0)
