@@ -126,7 +126,7 @@ def test_20_ms_are_stood_at_half_the_effectiveness_and_a_planted_gain_is_not(dyn
     assert slowest_delayed(aircraft, replace(controller, C=20.0 * controller.C), (11.0,)) > 0.0
 
 
-@pytest.mark.parametrize("dynamics", ["published", "newton"])
+@pytest.mark.parametrize("dynamics", ["published", pytest.param("newton", marks=pytest.mark.slow)])
 def test_the_stored_requirements_are_of_the_shipped_design(dynamics: str) -> None:
     """The margins of the stored table, the smallest of which are at these angles, come out again."""
     aircraft = Aircraft(dynamics=dynamics)
