@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import sys
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -18,39 +17,31 @@ from hfa_model.provenance import parameter_hash
 from verification.page.job_report import plotly_script
 from verification.page.main_job import MOST_SWEPT
 
-SWEEP = ("--sweep", "0:20:5")
-#: An angle without a trim has no game to solve, and no critic to learn.
-QUICK = ("--dihedral", "59", *SWEEP)
 CLAIMS = ROOT / "studies" / "section5" / "results" / "claims.json"
 MEGABYTE = 1_000_000
 
 
-class Made(NamedTuple):
-    """The output of the command, and its folder."""
-
-    result: Result
-    folder: Path
-
-
 @pytest.fixture(scope="module")
-def made(tmp_path_factory: pytest.TempPathFactory) -> Made:
+def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Result, Path]:
+    """The output of the command, and its folder."""
     folder = tmp_path_factory.mktemp("report") / "new"
     words = ("-o", str(folder), "--dihedral", "15", "--json", "--outputs", "load_factor", "--claims", str(CLAIMS))
-    return Made(hfa("report", *words), folder)
+    return hfa("report", *words), folder
 
 
-def test_a_folder_holds_the_page_its_pictures_and_its_numbers(made: Made) -> None:
-    assert (made.result.code, made.result.err) == (DONE, "")
+def test_a_folder_holds_the_page_its_pictures_and_its_numbers(made: tuple[Result, Path]) -> None:
+    result, folder = made
+    assert (result.code, result.err) == (DONE, "")
     names = {"report.html", "numbers.json", "regeneration.png", "root_locus.png", "trim.png", "critic-15.png"}
-    assert {path.name for path in made.folder.iterdir()} == names
-    text = (made.folder / "numbers.json").read_text(encoding="utf-8")
+    assert {path.name for path in folder.iterdir()} == names
+    text = (folder / "numbers.json").read_text(encoding="utf-8")
     data = json.loads(text, parse_constant=pytest.fail)
-    assert json.loads(made.result.out) == data
+    assert json.loads(result.out) == data
     assert (data["ok"], data["claims"]["schema"]) == (True, "hfa.claims/1")
     assert (len(data["regeneration"]["cases"]), len(data["sweep"]["A"]), len(data["angles"])) == (2, 41, 1)
     linearized = json.loads(hfa("linearize", "--dihedral", "15", "--json").out)
     assert data["angles"][0]["model"]["A"] == linearized["A"]
-    html = (made.folder / "report.html").read_text(encoding="utf-8").replace(plotly_script(), "")
+    html = (folder / "report.html").read_text(encoding="utf-8").replace(plotly_script(), "")
     assert 'are <strong class="good">regenerated</strong>' in html
     assert html.count('src="data:image/png;base64,') == html.count("<img ") == 2
     html = html.replace('<a href="https://doi.org/10.3390/electronics15173838">', "")
@@ -61,7 +52,7 @@ def test_a_folder_holds_the_page_its_pictures_and_its_numbers(made: Made) -> Non
     assert f"Read from {CLAIMS}" in html
 
 
-def test_the_pictures_of_the_documents_are_its(made: Made) -> None:
+def test_the_pictures_of_the_documents_are_its(made: tuple[Result, Path]) -> None:
     from matplotlib.image import imread
 
     folder = ROOT / "docs" / "pictures"
@@ -70,7 +61,7 @@ def test_the_pictures_of_the_documents_are_its(made: Made) -> None:
     others = ["benchmarks.png", "page.png", "verify.png"]
     assert sorted(path.name for path in folder.iterdir()) == sorted([*drawn, *others])
     for name in drawn:
-        one, other = imread(folder / name), imread(made.folder / name)
+        one, other = imread(folder / name), imread(made[1] / name)
         assert one.shape == other.shape
         # Another release of the font library moves some edges of letters.
         assert np.mean(np.abs(one - other) > 0.1) < 0.005, f"copy report/{name} to docs/pictures after `make report`"
@@ -101,7 +92,7 @@ def test_without_plotly_the_page_is_refused_before_anything_is_computed(
     plotly_script.cache_clear()
     monkeypatch.setitem(sys.modules, "plotly.offline", None)
     assert_refused(hfa("report", "-o", str(tmp_path / "page.html")), 2, "Plotly", "pip install .[page]")
-    assert hfa("report", "--json", *QUICK).code == FAILED
+    assert hfa("report", "--json", "--dihedral", "59", "--sweep", "20").code == FAILED
     plotly_script.cache_clear()
 
 

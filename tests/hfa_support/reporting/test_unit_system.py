@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+from typing import Any
+
+import numpy as np
 import pytest
 
-from hfa_support import shown_in
+from hfa_model.aircraft import HFA
+from hfa_support import Model, Report, Signal, shown_in
 from hfa_support.reporting.text import shown_unit, shown_value
 from hfa_support.reporting.unit_system import english, in_force, si_factor, si_unit, unit_in_force
+from hfa_support.reporting.units_of_data import in_si
 
-FOOT, POUND, GRAVITY = 0.3048, 0.45359237, 9.80665
+#: A pound of 0.45359237 kg weighs 1 lbf at 9.80665 m/s².
+FOOT, FORCE = 0.3048, 0.45359237 * 9.80665
 
 
 @pytest.mark.parametrize(
@@ -19,12 +25,12 @@ FOOT, POUND, GRAVITY = 0.3048, 0.45359237, 9.80665
         ("rad/s", "rad/s", 1.0),
         ("ft/s^2", "m/s^2", FOOT),
         ("ft^2", "m^2", FOOT**2),
-        ("lbf", "N", POUND * GRAVITY),
-        ("slug", "kg", POUND * GRAVITY / FOOT),
-        ("slug/ft^3", "kg/m^3", POUND * GRAVITY / FOOT**4),
-        ("lbf/ft^2", "N/m^2", POUND * GRAVITY / FOOT**2),
-        ("ft lbf", "N m", POUND * GRAVITY * FOOT),
-        ("ft lbf s/rad", "N m s/rad", POUND * GRAVITY * FOOT),
+        ("lbf", "N", FORCE),
+        ("slug", "kg", FORCE / FOOT),
+        ("slug/ft^3", "kg/m^3", FORCE / FOOT**4),
+        ("lbf/ft^2", "N/m^2", FORCE / FOOT**2),
+        ("ft lbf", "N m", FORCE * FOOT),
+        ("ft lbf s/rad", "N m s/rad", FORCE * FOOT),
         ("(rad/s)/(ft/s)", "(rad/s)/(m/s)", 1 / FOOT),
         ("(ft/s^2)/(rad)", "(m/s^2)/(rad)", FOOT),
         ("1/((ft/s) (ft/s))", "1/((m/s) (m/s))", FOOT**-2),
@@ -46,3 +52,38 @@ def test_only_where_it_is_asked_for() -> None:
         pass
     with pytest.raises(ValueError, match="is in km/h, not in ft/s or m/s"):
         english(1.0, "km/h", "ft/s")
+
+
+# Numbers of a report, by their declared units: lists of units, names of quantities.
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "expected"),
+    [
+        ("output_offsets", [2.0, 3.0], [2.0 * FOOT, 3.0]),
+        ("C", [[2.0, 3.0], [4.0, 5.0]], [[2.0, 3.0 * FOOT], [4.0 / FOOT, 5.0]]),
+        ("P", [[2.0, 3.0], [4.0, 5.0]], [[2.0 / FOOT**2, 3.0 / FOOT], [4.0 / FOOT, 5.0]]),
+        ("K", [[2.0, 3.0]], [[2.0 * FORCE / FOOT, 3.0 * FORCE]]),
+    ],
+)
+def test_arrays_by_the_lists_of_units_beside_them(name: str, value: Any, expected: Any) -> None:
+    beside = {"state_units": ["ft/s", "rad"], "input_units": ["lbf"], "output_units": ["ft/s", "rad"]}
+    with shown_in("si"):
+        found = in_si(Report("", (), data={**beside, name: value}), HFA).data
+    np.testing.assert_allclose(found[name], expected, rtol=1e-12)
+    assert found["state_units"] == ["m/s", "rad"]
+
+
+def test_arrays_and_names_of_another_model_have_its_units() -> None:
+    model = Model(
+        "cart",
+        {"place": Signal("m"), "speed": Signal("ft/s")},
+        {"force": Signal("lbf")},
+        lambda x, u, p, w: ({"place": x.speed, "speed": u.force}, {}),
+    )
+    data = {"operating_states": [[2.0, 3.0]], "operating_inputs": [[4.0]], "residuals": {"place": 5.0, "speed": 6.0}}
+    with shown_in("si"):
+        found = in_si(Report("", (), data=data), model).data
+    np.testing.assert_allclose(found["operating_states"], [[2.0, 3.0 * FOOT]])
+    np.testing.assert_allclose(found["operating_inputs"], [[4.0 * FORCE]])
+    assert found["residuals"] == {"place": 5.0, "speed": pytest.approx(6.0 * FOOT)}
