@@ -21,8 +21,6 @@ from hfa_support import BadInputError
 
 pytestmark = pytest.mark.usefixtures("folder")
 
-# .mat
-
 NUMBERS = 10 * np.random.default_rng(0).normal(size=(4, 4))
 PLAIN = {"full": NUMBERS, "complex": NUMBERS + 1j, "text": "wing"}
 #: What `hfa linearize -o` writes beside its matrices, and what is left out.

@@ -154,7 +154,7 @@ def test_critics_are_read_by_what_they_hold() -> None:
     W, P, K = np.arange(21.0), np.eye(6), np.ones((5, 6))
     for path, parts in {
         stored("all.npz", W=W, P=P, K=K): (W, P, K),
-        stored("row.mat", weights=W): (W, None, None),
+        stored("row.npz", weights=W): (W, None, None),
         stored("gain.json", K=K, delta=200.0, certificate={"ok": True}): (None, None, K),
     }.items():
         for read, expected in zip(load_critic(path), parts, strict=True):

@@ -102,7 +102,7 @@ def test_random_games_are_solved_or_refused_rightly(scaled: bool, games: int) ->
             with pytest.raises(NoSolutionError):
                 learn(game, seed=index, tick=0.2, initial_weights=0.0)
             refused += 1
-    assert min(solved, refused) >= games // 5
+    assert min(solved, refused) >= max(1, games // 5)
 
 
 @pytest.mark.parametrize("name", PUBLISHED)

@@ -100,9 +100,6 @@ def test_another_root_with_a_tiny_residual_is_refused(game: Game) -> None:
     assert "another root of the Riccati equation" in check.diagnosis
 
 
-# A run.
-
-
 def rank_deficient_weights(game: Game) -> tuple[np.ndarray, float]:
     """Weights whose Bellman residual vanishes on 15 samples, found by Newton steps of least norm from the LQR's."""
     z = np.random.default_rng(3).standard_normal((15, 6)) / np.sqrt(np.diag(value(game)))
@@ -214,7 +211,7 @@ def test_a_wrong_part_of_the_gain_or_entry_of_the_value_is_seen(state: float, of
         assert "P_balanced_error" in failed(game, from_value(game, wrong))
 
 
-@pytest.mark.parametrize("state", [1e-8, 1.0, 1e8])
+@pytest.mark.parametrize("state", [1e-8, 1e8])
 def test_mistakes_are_named_in_any_units(state: float) -> None:
     game = game_in(state)
     assert "LQR" in check_critic(game, from_value(game, value(game.with_delta(np.inf)))).diagnosis
@@ -451,17 +448,17 @@ def test_an_error_beyond_the_quadratic_weights_counts(game: Game) -> None:
 
 def test_a_run_of_our_own_is_a_history_that_keeps_its_time(game: Game) -> None:
     """The judge of histories and the judge of runs agree on when the law settles."""
-    result = learn(game, predefined_time=2.0, tick=0.05)
+    result = learn(game, predefined_time=2.0, tick=0.1)
     told: list[tuple[int, int]] = []
     history = History(result.times, W=result.weights, K=result.K)
     check = check_history(game, history, predefined_time=2.0, progress=lambda *now: told.append(now))
     assert check.ok
     assert check.history is not None
     assert check.history.settling_time == pytest.approx(result.settling_time)
-    assert told[-1] == (41, 41)
+    assert told[-1] == (21, 21)
     figure = check_figure(check, ("x",) * 6, ("u",) * 5)
     assert [line.get_label() for line in figure.axes[-1].lines[:2]] == ["limit 1e-06", "error of P"]
-    assert len(check.report().records.rows) == 41
+    assert len(check.report().records.rows) == 21
 
 
 def test_the_last_row_is_judged_with_its_gain_and_rows_of_another_length_are_refused(game: Game) -> None:

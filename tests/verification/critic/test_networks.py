@@ -148,15 +148,18 @@ def test_smooth_activations_have_their_derivatives_at_zero_and_far_away(name: st
 
 def test_a_network_that_is_the_value_passes(game: Game) -> None:
     """Weights in float32 too: their rounding is below the limit."""
-    for kind in ("float64", "float32"):
-        path = onnx_file(f"{kind}.onnx", QUADRATIC, {"P": value(game).astype(kind), "ones": ONES.astype(kind)})
-        check = check_critic(game, from_network(game, path), flights=4)
-        assert check.ok
-        assert check.network is not None
-        assert (check.network.output, check.network.precision) == ("V", kind)
+    wide, narrow = (
+        onnx_file(f"{kind}.onnx", QUADRATIC, {"P": value(game).astype(kind), "ones": ONES.astype(kind)})
+        for kind in ("float64", "float32")
+    )
+    check = check_critic(game, from_network(game, wide), flights=4)
+    assert check.ok
+    assert check.network is not None
+    assert (check.network.output, check.network.precision) == ("V", "float64")
     assert {"value", "gradient", "policy"} == {each.name for each in check.network.searched}
     assert pickle.loads(pickle.dumps(check)).to_dict()["network"] == check.to_dict()["network"]
-    said = hfa("verify", *AT_15, "--weights", "float32.onnx").out
+    assert about(from_network(game, narrow)).precision == "float32"
+    said = hfa("verify", *AT_15, "--weights", narrow).out
     assert said.startswith("PASS by the error limit 1e-06: exact within 1e-06, stabilizing, no cost lost")
     assert "(searched, 1000 starts; not a bound)" in said
 
