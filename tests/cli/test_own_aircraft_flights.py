@@ -97,7 +97,7 @@ def test_exports_have_its_names() -> None:
         ("fly --delay 0.0105", "make it a whole number of ticks"),
         ("schedule --to 176", "begins and ends at 176 ft/s"),
         ("schedule --to 190 --dihedral 5", "unknown option --dihedral"),
-        ("map --initial speed=1", "name two states with --initial and one with --command"),
+        ("map --initial speed=1", "name two with --initial and one with --command"),
         ("map --law none", "--law is 'none'; use one of exact, certified"),
     ],
 )

@@ -181,7 +181,7 @@ def recoverable_map(
     """
     model = aircraft.model
     if len(starts) != 2 or len(commands) != 1:
-        raise BadInputError("a map needs more names or fewer: name two states with --initial and one with --command")
+        raise BadInputError("a map shows two states and one command: name two with --initial and one with --command")
     for of, names in ((starts, tuple(model.states)), (commands, model.linear)):
         for name, values in of.items():
             refuse_unknown("the map has no state", name, names)

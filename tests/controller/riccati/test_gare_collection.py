@@ -220,7 +220,7 @@ def test_two_games_of_each_structure() -> None:
     assert min(verdicts["accepted, rightly"], verdicts["refused, rightly"]) >= 2
 
 
-@pytest.mark.slow  # of random games and of degenerate ones by name: test_existence.py, test_gare_degenerate.py
+@pytest.mark.slow  # of degenerate games by name: test_gare_degenerate.py
 def test_smallest_delta_of_each_structure() -> None:
     brackets = Counter(_bracket(sample) for sample in collection(len(STRUCTURES), seed=1))
     assert set(brackets) <= {"right", "right, wide", "none"}
