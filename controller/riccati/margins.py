@@ -7,7 +7,6 @@ S - I/2. A loop l = (1/2 - M) / (1/2 + M) is real where M is, and of size 1 wher
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Callable
 from typing import NamedTuple
@@ -155,10 +154,14 @@ def margin_of(loci: Response, grid: np.ndarray) -> LoopMargin:
 
 def _followed(loci: np.ndarray) -> np.ndarray:
     """The same (N, k), each column a curve: of all orders of the next row the nearest to this one."""
-    orders = np.array(list(itertools.permutations(range(loci.shape[1]))))
-    nearest = orders[np.abs(loci[1:, orders] - loci[:-1, None]).sum(axis=2).argmin(axis=1)]
-    followed = list(itertools.accumulate(nearest, lambda before, step: step[before], initial=orders[0]))
-    return np.take_along_axis(loci, np.array(followed), 1)
+    if loci.shape[1] == 1:
+        return loci
+    from scipy.optimize import linear_sum_assignment
+
+    followed = [loci[0]]
+    for row in loci[1:]:
+        followed.append(row[linear_sum_assignment(np.abs(followed[-1][:, None] - row))[1]])
+    return np.array(followed)
 
 
 def _of_game(game: Game, K: np.ndarray) -> tuple[Response, np.ndarray]:

@@ -13,7 +13,7 @@ from scipy.optimize import minimize
 
 from controller import Game
 from controller.riccati.balancing import in_units
-from controller.riccati.margins import best_scaling, loop_margins, scaled_norm
+from controller.riccati.margins import best_scaling, loop_margins, margin_of, scaled_norm
 from hfa_support import NoSolutionError
 from verification import bounded_real_gain, disk_margin, minimum_delta, solve_game
 
@@ -154,3 +154,16 @@ def test_margins_are_those_of_python_control(name: str, factor: float) -> None:
         assert margin.gain_low == pytest.approx(low.max(initial=0.0), rel=1e-6)
         assert margin.gain_high == pytest.approx(high.min(initial=math.inf), rel=1e-6)
         assert margin.phase == pytest.approx(np.minimum(phases, 360 - phases).min(initial=math.inf), rel=1e-6)
+
+
+def test_nine_loops_that_change_alike_have_the_margin_of_the_slackest() -> None:
+    """Loops l = k / (s (s + 1)), in an order that changes from frequency to frequency."""
+    gains, frequencies = np.linspace(0.5, 4.5, 9), np.geomspace(1e-3, 100.0, 400)
+
+    def shifted(omega: np.ndarray, count: int = 9) -> np.ndarray:
+        loops = gains[-count:] / (1j * omega * (1j * omega + 1.0))[:, None]
+        return np.random.default_rng(len(omega)).permuted(1.0 / (1.0 + loops) - 0.5, axis=1)
+
+    together = margin_of(shifted, frequencies)
+    alone = margin_of(lambda omega: shifted(omega, 1), frequencies)
+    assert together[1:] == pytest.approx(alone[1:], rel=1e-12)  # all but the lowest gain, 0 at rest
