@@ -41,7 +41,7 @@ test-all: .venv/ready
 FUZZ_INPUTS ?= 250
 FIRST ?= 0
 fuzz: .venv/ready
-	HOSTILE_INPUTS=$(FUZZ_INPUTS) HOSTILE_FIRST=$(FIRST) $(BIN)/python -m pytest tests/cli/test_hostile_inputs.py
+	HOSTILE_INPUTS=$(FUZZ_INPUTS) HOSTILE_FIRST=$(FIRST) $(BIN)/python -m pytest tests/hfa/test_hostile_inputs.py
 
 # The oldest and the newest versions of the dependencies, with every Python that is found.
 test-matrix: .venv/ready

@@ -1,8 +1,9 @@
-"""`make test-matrix`: the oldest and the newest versions of the dependencies, with every Python that is found.
+"""`make test-matrix`: the oldest and the newest versions of the dependencies, with every Python
+that is found.
 
-Each session installs this project with its extras, at the lower bounds of pyproject.toml or at the newest versions that
-have wheels, compares numbers of the commands with those of the environment in .venv, and runs a part of the tests.
-"""
+Each session installs this project with its extras, at the lower bounds of pyproject.toml or at the
+newest versions that have wheels, compares numbers of the commands with those of the environment in
+.venv, and runs a part of the tests."""
 
 from __future__ import annotations
 
@@ -26,8 +27,13 @@ COMMANDS = {
     "learn --dihedral 15": ("P", "K"),
 }
 TESTS = (
-    *("tests/hfa_model", "tests/trim/linear", "tests/trim/sweeps", "tests/controller/riccati/test_gare.py"),
-    *("tests/verification/checker/test_checker.py", "tests/controller/flight"),
+    *(
+        "tests/hfa_model",
+        "tests/trim/linear",
+        "tests/trim/sweeps",
+        "tests/controller/riccati/test_gare.py",
+    ),
+    *("tests/verification/proof/checker/test_checker.py", "tests/controller/flight"),
 )
 #: Of the largest number of an array.
 TOLERANCE = 1e-10
@@ -35,7 +41,7 @@ TOLERANCE = 1e-10
 
 def arrays(python: str, command: str) -> dict[str, np.ndarray]:
     """What a command prints with an interpreter."""
-    words = [python, "-P", "-m", "hfa_cli", *command.split(), "--json"]
+    words = [python, "-P", "-m", "hfa", *command.split(), "--json"]
     data = json.loads(subprocess.run(words, check=True, capture_output=True, text=True).stdout)
     return {name: np.array(data[name], dtype=float) for name in COMMANDS[command]}
 
@@ -53,9 +59,21 @@ def matrix(session: nox.Session, versions: str) -> None:
     session.install("--only-binary", ":all:", *wanted, *TOOLS)
     session.install("--no-deps", "--no-build-isolation", "--editable", ".")
     for command in COMMANDS:
-        ours, theirs = (arrays(python, command) for python in (".venv/bin/python", f"{session.bin}/python"))
+        ours, theirs = (
+            arrays(python, command) for python in (".venv/bin/python", f"{session.bin}/python")
+        )
         for name, array in ours.items():
             off = np.abs(array - theirs[name]).max() / np.abs(array).max()
             if not off <= TOLERANCE:
                 session.error(f"hfa {command}: {name} differs by {off:.1e} of its largest number")
-    session.run("pytest", "-m", "not slow", "-n", "0", "-p", "no:cacheprovider", *TESTS, env=dict(os.environ))
+    session.run(
+        "pytest",
+        "-m",
+        "not slow",
+        "-n",
+        "0",
+        "-p",
+        "no:cacheprovider",
+        *TESTS,
+        env=dict(os.environ),
+    )

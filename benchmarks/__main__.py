@@ -1,8 +1,9 @@
-"""Run the benchmarks, print the table, store and draw it: `python -m benchmarks [--quick] [subjects]`.
+"""Run the benchmarks, print the table, store and draw it: `python -m benchmarks [--quick]
+[subjects]`.
 
---quick runs everything at a toy size to see that it works; its figures mean nothing and are not stored. Subjects named
-on the command line are run alone and replace their own figures among the stored ones.
-"""
+--quick runs everything at a toy size to see that it works; its figures mean nothing and are not
+stored. Subjects named on the command line are run alone and replace their own figures among the
+stored ones."""
 
 from __future__ import annotations
 
@@ -19,7 +20,9 @@ def main(words: list[str] | None = None) -> int:
     """All subjects, or those named."""
     parser = argparse.ArgumentParser("benchmarks", description=__doc__)
     parser.add_argument("--quick", action="store_true", help="toy sizes, nothing stored")
-    parser.add_argument("subjects", nargs="*", metavar="subject", help=f"of {', '.join(SUBJECTS)}; default all")
+    parser.add_argument(
+        "subjects", nargs="*", metavar="subject", help=f"of {', '.join(SUBJECTS)}; default all"
+    )
     arguments = parser.parse_args(words)
     if unknown := set(arguments.subjects) - set(SUBJECTS):
         parser.error(f"no subject {min(unknown)!r}; choose from {', '.join(SUBJECTS)}")

@@ -1,4 +1,5 @@
-"""20 s of closed-loop flight with a learning critic, step 1e-4 s: our loop, and the same loop written in C."""
+"""20 s of closed-loop flight with a learning critic, step 1e-4 s: our loop, and the same loop
+written in C."""
 
 from __future__ import annotations
 
@@ -14,12 +15,12 @@ import numpy as np
 
 from benchmarks.report import FOLDER, Row, in_turn
 from controller.flight.closed_loop import ClosedLoop, LinearPlant
+from controller.flight.policies import FlownLaw
 from controller.flight.scenario import Scenario
+from controller.flight.signals import Harmonic, Signal, zero
 from controller.flight.simulation import CompiledLoop
 from controller.game.basis import basis
 from controller.game.zero_sum import published_game
-from controller.policy.policies import FlownLaw
-from controller.policy.signals import Harmonic, Signal, zero
 from controller.riccati.gare import solve_game
 from hfa_model.printed_matrices import published_models
 from hfa_support.native.machine_code import c_compiler
@@ -30,18 +31,20 @@ STEP, STEPS = 1e-4, 200_000
 
 
 def difference(one: np.ndarray, other: np.ndarray) -> float:
-    """Largest difference of two histories, as a fraction of the largest value of that state, or of any weight.
+    """Largest difference of two histories, as a fraction of the largest value of that state, or of
+    any weight.
 
-    The power 1 - eta of Eq. (46) has an infinite slope where a residual is 0: there a rounding error of 1e-16 becomes
-    1e-16 to that power, and two orders of summation differ by far more than rounding.
-    """
+    The power 1 - eta of Eq. (46) has an infinite slope where a residual is 0: there a rounding
+    error of 1e-16 becomes 1e-16 to that power, and two orders of summation differ by far more than
+    rounding."""
     largest = np.abs(other).max(axis=0)
     largest[6:] = largest[6:].max()
     return float((np.abs(one - other).max(axis=0) / largest).max())
 
 
 class FlightCase:
-    """The loop of paper Section 5.1 at 5 degrees with a bounded setting of its law, as data for the peer."""
+    """The loop of paper Section 5.1 at 5 degrees with a bounded setting of its law, as data for the
+    peer."""
 
     def __init__(self) -> None:
         model = next(model for model in published_models() if model.dihedral_deg == 5.0)
@@ -49,12 +52,18 @@ class FlightCase:
         # A stabilizing start: the LQR value, in the paper's basis.
         start = tuple(basis("paper", 6).weights(solve_game(game.with_delta(np.inf)).P).tolist())
         choices = {"coordinates": "scaled", "normalisation": "root", "gains": (100.0, 100.0)}
-        settings = PublishedSettings(samples=50, **choices, initial_weights=start, recorded_weights=start)
+        settings = PublishedSettings(
+            samples=50, **choices, initial_weights=start, recorded_weights=start
+        )
         self.law = published_law(game, settings, seed=0)
         nothing = np.zeros(6)
         swing = Harmonic(0.5, np.array([2.0, 0, 0, 0, 0, 0]), nothing)
-        wave = Harmonic(0.1, 1.1 * np.array([0.1, 0.2, 0, 0.1, 0, 0.1]), 1.1 * np.array([0, 0, 0.2, 0, 0.1, 0]))
-        self.reference = Signal(np.array([7.0, 0.1, 0, 0, 0.5, 0]), np.array([0.01, 0, 0, 0, 0, 0]), (swing,))
+        wave = Harmonic(
+            0.1, 1.1 * np.array([0.1, 0.2, 0, 0.1, 0, 0.1]), 1.1 * np.array([0, 0, 0.2, 0, 0.1, 0])
+        )
+        self.reference = Signal(
+            np.array([7.0, 0.1, 0, 0, 0.5, 0]), np.array([0.01, 0, 0, 0, 0, 0]), (swing,)
+        )
         self.disturbance = Signal(nothing, nothing, (wave,))
         self.plant = LinearPlant(game.A, game.B)
         policy, weights = CriticPolicy(self.law, zero(6)), self.law.start()["weights"]
@@ -69,11 +78,16 @@ class FlightCase:
 
     def _compiled(self, compile_code: bool, steps: int) -> CompiledLoop:
         tick = STEP * min(steps, 1000)
-        scenario = Scenario(steps * STEP, STEP, tick, self.start[:6], self.reference, self.disturbance)
-        return CompiledLoop(ClosedLoop(self.plant, self.flown, scenario), flights=STEPS * compile_code)
+        scenario = Scenario(
+            steps * STEP, STEP, tick, self.start[:6], self.reference, self.disturbance
+        )
+        return CompiledLoop(
+            ClosedLoop(self.plant, self.flown, scenario), flights=STEPS * compile_code
+        )
 
     def data(self) -> dict[str, Any]:
-        """Everything that the loop depends on, as arrays and numbers, in the order of the C struct."""
+        """Everything that the loop depends on, as arrays and numbers, in the order of the C
+        struct."""
         law, game = self.law, self.law.game
         equations = law.equations
         stored = law.recorded(np.zeros(law.basis.size))
@@ -87,7 +101,9 @@ class FlightCase:
             "Q": equations.Q,
             "regressors": stored.regressors,
             "residuals": stored.residuals,
-            "reference": np.array([self.reference.constant, self.reference.slope, self.reference.harmonics[0].sine]),
+            "reference": np.array(
+                [self.reference.constant, self.reference.slope, self.reference.harmonics[0].sine]
+            ),
             "disturbance": np.array([wave.sine, wave.cosine]),
             "gamma": law.settings.gamma,
             "alpha1": law.gains[0],
@@ -101,18 +117,31 @@ def c_flight(case: FlightCase, steps: int = STEPS) -> Callable[[], np.ndarray]:
     folder = tempfile.mkdtemp()
     library = Path(folder) / "flight_loop.so"
     source = FOLDER / "flight_loop.c"
-    subprocess.run([c_compiler(), "-O3", "-fPIC", "-shared", str(source), "-o", str(library), "-lm"], check=True)
+    subprocess.run(
+        [c_compiler(), "-O3", "-fPIC", "-shared", str(source), "-o", str(library), "-lm"],
+        check=True,
+    )
     code = ctypes.CDLL(str(library))
     pointer = ctypes.POINTER(ctypes.c_double)
     arrays = {name: np.ascontiguousarray(value, dtype=float) for name, value in case.data().items()}
     kinds = {name: pointer if value.size > 1 else ctypes.c_double for name, value in arrays.items()}
     Loop = type("Loop", (ctypes.Structure,), {"_fields_": list(kinds.items())})
-    loop = Loop(*(each.ctypes.data_as(pointer) if each.size > 1 else each.item() for each in arrays.values()))
+    loop = Loop(
+        *(
+            each.ctypes.data_as(pointer) if each.size > 1 else each.item()
+            for each in arrays.values()
+        )
+    )
 
     def fly() -> np.ndarray:
         history = np.empty((steps + 1, len(case.start)))
         history[0] = case.start
-        code.flight(ctypes.byref(loop), ctypes.c_double(STEP), ctypes.c_long(steps), history.ctypes.data_as(pointer))
+        code.flight(
+            ctypes.byref(loop),
+            ctypes.c_double(STEP),
+            ctypes.c_long(steps),
+            history.ctypes.data_as(pointer),
+        )
         return history
 
     fly.keep = arrays  # type: ignore[attr-defined]
@@ -127,4 +156,12 @@ def rows(quick: bool = False) -> list[Row]:
     by_hand = c_flight(case, steps)
     timing = in_turn(lambda: case.fly(True, steps), by_hand, repeats=5)
     remark = f"largest relative difference of the two histories {difference(case.fly(True, steps), by_hand()):.1e}"
-    return [Row("20 s of flight, critic learning, generated C", "C by hand, -O3", timing, 1 / 1.5, remark)]
+    return [
+        Row(
+            "20 s of flight, critic learning, generated C",
+            "C by hand, -O3",
+            timing,
+            1 / 1.5,
+            remark,
+        )
+    ]

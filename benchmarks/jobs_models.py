@@ -16,9 +16,9 @@ import numpy as np
 from benchmarks.report import Row, in_turn
 from controller.game.zero_sum import published_game
 from controller.riccati.gare_batch import solve_games
+from hfa_aircraft.model import load_model
 from hfa_model import LINEAR_STATES, STATES, Aircraft, Parameters, default_parameters
 from hfa_model.atmosphere import density
-from hfa_support.model import load_model
 from hfa_support.native.bound import BoundFunction
 from hfa_support.native.machine_code import c_compiler
 from trim.linear.linear_model import level_model
@@ -34,7 +34,8 @@ def rows(quick: bool = False) -> list[Row]:
     """All figures of models."""
     angles, peer_angles = (500, 2) if quick else (10_000, 100)
     with warnings.catch_warnings():
-        # python-control counts the states that it is told to hold as constraints, and warns of too many of them.
+        # python-control counts the states that it is told to hold as constraints, and warns of too
+        # many of them.
         warnings.filterwarnings("ignore", "number of constraints", UserWarning)
         trims = [_one_point(), *_many_points(angles, peer_angles)]
         trims += [row for turning in (False, True) for row in _f16(turning, angles, peer_angles)]
@@ -57,10 +58,13 @@ def _startup(repeats: int) -> list[Row]:
 
 
 def _games(count: int) -> Row:
-    """Exact game solutions with certificates between 0 and 20 degrees, against SciPy's solver without one."""
+    """Exact game solutions with certificates between 0 and 20 degrees, against SciPy's solver
+    without one."""
     from scipy.linalg import block_diag, solve_continuous_are
 
-    flights = trim_points(Aircraft(), ("dihedral",), np.radians(np.linspace(0.0, 20.0, count))[:, None])
+    flights = trim_points(
+        Aircraft(), ("dihedral",), np.radians(np.linspace(0.0, 20.0, count))[:, None]
+    )
     index = [STATES.index(name) for name in LINEAR_STATES]
     A, B = flights.A[:, index][:, :, index], flights.B[:, index]
     game = published_game(A[count // 2], B[count // 2])
@@ -79,11 +83,11 @@ def _games(count: int) -> Row:
 
 
 def six_state_rates(p: Parameters, altitude: float):
-    """(t, x (6,), u (5,), params) -> x' of the six states at a fixed altitude, in python-control's signature.
+    """(t, x (6,), u (5,), params) -> x' of the six states at a fixed altitude, in python-control's
+    signature.
 
-    The published dynamics written a second time, plainly in Python floats, as a user of python-control would write
-    them: a test compares it with ours.
-    """
+    The published dynamics written a second time, plainly in Python floats, as a user of
+    python-control would write them: a test compares it with ours."""
     rho = float(density(altitude))
     area, span, mass, gravity = p.panel_span * p.chord, p.panel_span, p.panel_mass, p.gravity
     total = 3 * mass
@@ -112,7 +116,9 @@ def six_state_rates(p: Parameters, altitude: float):
         hinge = V * sa + span / 3 * ce * eta_rate
         Xc, _, Zc, Tc, Mc = panel(V * ca + q * span / 3 * se, 0.0, hinge, V, aileron_c, elevator_c)
         normal = hinge * ce - span / 2 * eta_rate
-        Xo, Yo, Zo, To, Mo = panel(V * ca - q * span / 6 * se, hinge * se, normal, V, aileron_o, elevator_o)
+        Xo, Yo, Zo, To, Mo = panel(
+            V * ca - q * span / 6 * se, hinge * se, normal, V, aileron_o, elevator_o
+        )
         X, Z = Xc + 2 * Xo, Zc + 2 * (Zo * ce + Yo * se)
         D, L = -(X * ca + Z * sa), X * sa - Z * ca
         M = Mc + 2 * Mo + p.boom_length * (Tc + 2 * ce * To) + span / 3 * se * Xc
@@ -125,11 +131,15 @@ def six_state_rates(p: Parameters, altitude: float):
         q_rate = (M - 2 * c2 * se * ce * eta_rate * q) / (c1 + c2 * se**2)
         half = mass * span / 2
         inertial = half * ce * (V_rate * sa + V * ca * a_rate)
-        coupling = half * (ce * V * ca * q - V * sa * se * eta_rate - 2 * span / 3 * ce * se * eta_rate**2)
+        coupling = half * (
+            ce * V * ca * q - V * sa * se * eta_rate - 2 * span / 3 * ce * se * eta_rate**2
+        )
         d2 = (p.inertia_pitch - p.inertia_yaw - mass * span**2 / 12) * se * ce * q**2
         d3 = p.inertia_roll + mass * span**2 / 4 + mass * span**2 / 6 * cos(eta**2)
         elastic = -p.hinge_damping * eta_rate - p.hinge_stiffness * eta
-        return np.array([V_rate, a_rate, q, q_rate, eta_rate, (H + elastic + inertial + coupling - d2) / d3])
+        return np.array(
+            [V_rate, a_rate, q, q_rate, eta_rate, (H + elastic + inertial + coupling - d2) / d3]
+        )
 
     return rates
 
@@ -199,38 +209,57 @@ def _many_points(count: int, peer_count: int) -> list[Row]:
         for angle in angles[:: count // peer_count]:
             peer_point(system, angle)
 
-    job, name, units = f"{count} dihedral angles", "python-control, point by point", (count, peer_count)
+    job, name, units = (
+        f"{count} dihedral angles",
+        "python-control, point by point",
+        (count, peer_count),
+    )
     found = [Row(f"{job}, no compiler", name, in_turn(partial(ours, False), peer, *units), 10.0)]
     if c_compiler() is not None:
-        found.append(Row(f"{job}, generated C", name, in_turn(partial(ours, True), peer, *units), 200.0))
+        found.append(
+            Row(f"{job}, generated C", name, in_turn(partial(ours, True), peer, *units), 200.0)
+        )
     job += " with tracked modes, every residual and limit checked"
     timing = in_turn(partial(ours, True, modes=True), peer, *units, repeats=3)
     return [*found, Row(job, f"{name} (trim, A, B only)", timing, 20.0)]
 
 
-#: Held by a flight straight ahead, which leaves 5 unknowns of the 12 of a turn: angle of attack, pitch, power,
-#: throttle and elevator.
+#: Held by a flight straight ahead, which leaves 5 unknowns of the 12 of a turn: angle of attack,
+#: pitch, power, throttle and elevator.
 _AHEAD = ("beta", "roll", "roll_rate", "pitch_rate", "yaw_rate", "aileron", "rudder")
 
 
 def f16_case(turning: bool) -> tuple[TrimCondition, str, float, float]:
-    """The F-16's condition, what varies in it, and from where to where: the turn rate at 502 ft/s, or the speed."""
+    """The F-16's condition, what varies in it, and from where to where: the turn rate at 502 ft/s,
+    or the speed."""
     model = load_model(f"{Path(__file__).parents[1] / 'examples' / 'f16.py'}:F16")
     usual = usual_condition(model)
     if turning:
         return usual, "turn_rate", 0.0, 0.2
-    imposed = {name: value for name, value in usual.imposed.items() if name in model.variables or name == "gamma"}
+    imposed = {
+        name: value
+        for name, value in usual.imposed.items()
+        if name in model.variables or name == "gamma"
+    }
     steady = dict.fromkeys(("speed", "alpha", "pitch_rate", "power"), 0.0)
-    return TrimCondition(imposed | dict.fromkeys(_AHEAD, 0.0), steady, model=model), "speed", 300.0, 700.0
+    return (
+        TrimCondition(imposed | dict.fromkeys(_AHEAD, 0.0), steady, model=model),
+        "speed",
+        300.0,
+        700.0,
+    )
 
 
 def f16_peer(condition: TrimCondition) -> Callable[[str, Sequence[float]], list[Any]]:
-    """(name, its values) -> python-control's operating points and linear models, each started from the one before. Its
-    system calls the equations compiled by CasADi."""
+    """(name, its values) -> python-control's operating points and linear models, each started from
+    the one before. Its system calls the equations compiled by CasADi."""
     import casadi as ca
     import control
 
-    model, named = condition.model, [name for name in condition.imposed if name in condition.model.outputs]
+    model, named = (
+        condition.model,
+        [name for name in condition.imposed if name in condition.model.outputs],
+    )
     bound = []
     for outputs in ((), tuple(named)):
         vectors = model.layout.symbols("x", "u", "p")
@@ -246,7 +275,9 @@ def f16_peer(condition: TrimCondition) -> Callable[[str, Sequence[float]], list[
 
         return at
 
-    system = control.nlsys(*map(called, bound), states=len(model.states), inputs=len(model.inputs), outputs=len(named))
+    system = control.nlsys(
+        *map(called, bound), states=len(model.states), inputs=len(model.inputs), outputs=len(named)
+    )
     states, inputs = list(model.states), list(model.inputs)
     first = find_operating_point(model, condition)
 
@@ -278,7 +309,9 @@ def _f16(turning: bool, count: int, peer_count: int) -> list[Row]:
     values, peer = np.linspace(low, high, count), f16_peer(condition)
 
     def ours(compile_code: bool) -> None:
-        found = trim_points(condition.model, (name,), values[:, None], condition, compile_code=compile_code)
+        found = trim_points(
+            condition.model, (name,), values[:, None], condition, compile_code=compile_code
+        )
         assert (found.status == TRIMMED).all()
 
     job = f"{count} points of an F-16 with {len(condition.free)} unknowns"
@@ -288,5 +321,7 @@ def _f16(turning: bool, count: int, peer_count: int) -> list[Row]:
         if compiled <= (c_compiler() is not None):
             every = values[:: count // peer_count]
             timing = in_turn(partial(ours, compiled), partial(peer, name, every), count, peer_count)
-            found.append(Row(f"{job}, {'generated C' if compiled else 'no compiler'}", by, timing, target))
+            found.append(
+                Row(f"{job}, {'generated C' if compiled else 'no compiler'}", by, timing, target)
+            )
     return found

@@ -1,8 +1,8 @@
 """Jobs that grow: Monte Carlo on all cores, and cost and memory against size.
 
-`python -m benchmarks.jobs_scale sweep 1000` runs one job of that size and prints its time, memory and disk; the time
-is from an empty store to a full one, without the start of the process and the import of the libraries.
-"""
+`python -m benchmarks.jobs_scale sweep 1000` runs one job of that size and prints its time, memory
+and disk; the time is from an empty store to a full one, without the start of the process and the
+import of the libraries."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ from benchmarks.jobs_flight import STEP, FlightCase
 from benchmarks.report import Comparison, Row, Size, in_turn, value_text
 from controller.flight.envelope import Envelope, flight_envelope
 from controller.flight.monte_carlo import MonteCarlo, fly_member
+from controller.flight.policies import gain_law
 from controller.flight.scenario import Scenario, Uncertainty
 from controller.game.zero_sum import published_game
-from controller.policy.policies import gain_law
 from controller.riccati.gare import solve_game
 from hfa_model.aircraft import HFA, Aircraft
 from hfa_model.vectors import State
@@ -35,7 +35,8 @@ from trim.sweeps.sweep_plan import Steps, SweepPlan
 from trim.sweeps.sweep_store import stream_sweep
 
 _EFFICIENCY = 0.85
-#: A row of the largest job may cost this much more than one of the cheapest smaller one, and need as much memory.
+#: A row of the largest job may cost this much more than one of the cheapest smaller one, and need
+#: as much memory.
 _LINEAR = 0.8
 #: The memory of the largest size is compared with that of the one before, of a few chunks.
 _SIZES, _QUICK_SIZES = (1_000, 10_000, 100_000, 300_000, 1_000_000), (1, 3)
@@ -53,14 +54,20 @@ def rows(quick: bool = False) -> list[Row]:
     sizes = _QUICK_SIZES if quick else _SIZES
     grown = [
         row
-        for job, name in (("sweep", "points of a sweep into a store"), ("members", "members of 0.1 s into a store"))
-        for row in growth(name, [_median(job, count, 1 if quick or count > _THRICE else 3) for count in sizes])
+        for job, name in (
+            ("sweep", "points of a sweep into a store"),
+            ("members", "members of 0.1 s into a store"),
+        )
+        for row in growth(
+            name, [_median(job, count, 1 if quick or count > _THRICE else 3) for count in sizes]
+        )
     ]
     return [_monte_carlo(quick), *grown]
 
 
 def critic_plan(members: int, duration: float = 20.0) -> MonteCarlo:
-    """The flight of `FlightCase` by many members: 25 weights, 50 samples, step 1e-4 s, seven states at 5 degrees.
+    """The flight of `FlightCase` by many members: 25 weights, 50 samples, step 1e-4 s, seven states
+    at 5 degrees.
 
     The envelope is as good as none, so that every member flies to the end.
     """
@@ -77,11 +84,14 @@ def gain_plan(members: int, duration: float = 20.0) -> MonteCarlo:
     aircraft, scenario = Aircraft(), Scenario(duration, uncertainty=_UNCERTAIN)
     model = level_model(aircraft, float(np.radians(15.0)))
     law = gain_law("exact", solve_game(published_game(model.A, model.B)).K)
-    return MonteCarlo(members, 0, aircraft, model.point, law, scenario, flight_envelope(aircraft, model.point))
+    return MonteCarlo(
+        members, 0, aircraft, model.point, law, scenario, flight_envelope(aircraft, model.point)
+    )
 
 
 def _monte_carlo(quick: bool) -> Row:
-    """As many processes as there are cores; their start, the compiled loop and the store: all of it counts."""
+    """As many processes as there are cores; their start, the compiled loop and the store: all of it
+    counts."""
     cores = os.cpu_count() or 1
     workers = max(2, cores)
     members, alone, duration, repeats = (4, 1, 0.05, 1) if quick else (40 * workers, 4, 20.0, 3)
@@ -98,7 +108,9 @@ def _monte_carlo(quick: bool) -> Row:
             fly_member(plan, member)
 
     timing = in_turn(stored, one_by_one, units=members, peer_units=alone, repeats=repeats)
-    job = f"Monte Carlo of that flight (errors, noise, turbulence) on {workers} processes, per member"
+    job = (
+        f"Monte Carlo of that flight (errors, noise, turbulence) on {workers} processes, per member"
+    )
     remark = f"{timing.ratio / cores:.2f} of {cores} cores, {members} members a run with the start of the processes"
     return Row(job, "the members one by one", timing, _EFFICIENCY * cores, remark)
 
@@ -108,10 +120,22 @@ def growth(name: str, sizes: list[Size]) -> list[Row]:
     *smaller, largest = sizes
     cheapest, memory = min(size.seconds for size in smaller), smaller[-1].memory
     time_row = Comparison(largest.seconds, cheapest, cheapest / largest.seconds)
-    remark = "; ".join(f"{size.rows}: {value_text(size.seconds, 's')}, {size.memory:.0f} MB" for size in sizes)
-    job, held = f"{largest.rows} {name}", Comparison(largest.memory, memory, memory / largest.memory)
+    remark = "; ".join(
+        f"{size.rows}: {value_text(size.seconds, 's')}, {size.memory:.0f} MB" for size in sizes
+    )
+    job, held = (
+        f"{largest.rows} {name}",
+        Comparison(largest.memory, memory, memory / largest.memory),
+    )
     return [
-        Row(f"{job}, per row", "the cheapest smaller size", time_row, _LINEAR, remark, sizes=tuple(sizes)),
+        Row(
+            f"{job}, per row",
+            "the cheapest smaller size",
+            time_row,
+            _LINEAR,
+            remark,
+            sizes=tuple(sizes),
+        ),
         Row(f"{job}, memory", f"{smaller[-1].rows} of them", held, _LINEAR, unit="MB"),
     ]
 
@@ -119,12 +143,18 @@ def growth(name: str, sizes: list[Size]) -> list[Row]:
 def _median(job: str, count: int, repeats: int) -> Size:
     """The run of median time, each in a new process."""
     command = [sys.executable, "-m", "benchmarks.jobs_scale", job, str(count)]
-    runs = [subprocess.run(command, check=True, capture_output=True, text=True).stdout for _ in range(repeats)]
-    return sorted((Size(**json.loads(run)) for run in runs), key=lambda run: run.seconds)[repeats // 2]
+    runs = [
+        subprocess.run(command, check=True, capture_output=True, text=True).stdout
+        for _ in range(repeats)
+    ]
+    return sorted((Size(**json.loads(run)) for run in runs), key=lambda run: run.seconds)[
+        repeats // 2
+    ]
 
 
 def _sized(job: str, count: int) -> Size:
-    """Trims of `count` dihedral angles, or nonlinear flights of 0.1 s in turbulence, into a store."""
+    """Trims of `count` dihedral angles, or nonlinear flights of 0.1 s in turbulence, into a
+    store."""
     steps = Steps(0.0, float(np.radians(20.0)) / count, count)
     with tempfile.TemporaryDirectory() as folder:
         path, start = Path(folder) / "store.zarr", time.perf_counter()
@@ -133,7 +163,9 @@ def _sized(job: str, count: int) -> Size:
         else:
             stream(gain_plan(count, duration=0.1), path)
         seconds = (time.perf_counter() - start) / count
-        disk = sum(file.stat().st_size for file in Path(folder).rglob("*") if file.is_file()) / count
+        disk = (
+            sum(file.stat().st_size for file in Path(folder).rglob("*") if file.is_file()) / count
+        )
     return Size(count, seconds, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024, disk)
 
 

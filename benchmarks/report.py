@@ -1,4 +1,5 @@
-"""Two jobs timed in turn, and the figures of all comparisons: as a table, as a file, as a picture."""
+"""Two jobs timed in turn, and the figures of all comparisons: as a table, as a file, as a
+picture."""
 
 from __future__ import annotations
 
@@ -25,7 +26,8 @@ _PACKAGES = ("casadi", "numpy", "scipy", "control", "zarr")
 
 
 class Comparison(NamedTuple):
-    """Medians over the repeats, seconds for one unit of work, and the median of the ratios pair by pair."""
+    """Medians over the repeats, seconds for one unit of work, and the median of the ratios pair by
+    pair."""
 
     ours: float
     peer: float
@@ -39,9 +41,15 @@ class Comparison(NamedTuple):
 
 
 def in_turn(
-    ours: Callable[[], Any], peer: Callable[[], Any], units: float = 1.0, peer_units: float = 1.0, *, repeats: int = 7
+    ours: Callable[[], Any],
+    peer: Callable[[], Any],
+    units: float = 1.0,
+    peer_units: float = 1.0,
+    *,
+    repeats: int = 7,
 ) -> Comparison:
-    """Ours, peer, ours, peer, ... after one uncounted round: a drift of the machine's speed is fair to both.
+    """Ours, peer, ours, peer, ... after one uncounted round: a drift of the machine's speed is fair
+    to both.
 
     units: pieces of work in one call of each.
     """
@@ -57,8 +65,8 @@ def in_turn(
 
 
 class Size(NamedTuple):
-    """One size of a job that grows: rows of the job, seconds a row, largest memory of its process in MB, and bytes that
-    a row takes on disk."""
+    """One size of a job that grows: rows of the job, seconds a row, largest memory of its process
+    in MB, and bytes that a row takes on disk."""
 
     rows: int
     seconds: float
@@ -92,7 +100,14 @@ def rows_of(subject: str, quick: bool) -> list[Row]:
 def figure(row: Row, subject: str = "") -> dict[str, Any]:
     """A comparison, ready for JSON."""
     ours, peers, ratio = row.timing
-    found = {"set": subject, "job": row.job, "peer": row.peer, "ours": ours, "peers": peers, "unit": row.unit}
+    found = {
+        "set": subject,
+        "job": row.job,
+        "peer": row.peer,
+        "ours": ours,
+        "peers": peers,
+        "unit": row.unit,
+    }
     found |= {"ratio": ratio, "to_reach": row.target, "reached": row.verdict, "remark": row.remark}
     return found | {"sizes": [size._asdict() for size in row.sizes]}
 
@@ -104,7 +119,9 @@ def markdown(figures: Iterable[dict[str, Any]]) -> str:
         times = (value_text(each[name], each["unit"]) for name in ("ours", "peers"))
         ratios = (ratio_text(each[name]) for name in ("ratio", "to_reach"))
         rows.append((each["job"], each["peer"], *times, *ratios, each["reached"]))
-    return markdown_table(Table(("job", "compared with", "ours", "peer's", "ratio", "target", "met"), rows))
+    return markdown_table(
+        Table(("job", "compared with", "ours", "peer's", "ratio", "target", "met"), rows)
+    )
 
 
 def value_text(value: float, unit: str) -> str:
@@ -124,15 +141,25 @@ def ratio_text(ratio: float) -> str:
 
 def machine() -> dict[str, str]:
     """What the figures depend on."""
-    lines = Path("/proc/cpuinfo").read_text("utf-8").splitlines() if Path("/proc/cpuinfo").exists() else []
+    lines = (
+        Path("/proc/cpuinfo").read_text("utf-8").splitlines()
+        if Path("/proc/cpuinfo").exists()
+        else []
+    )
     names = [line.split(":")[1].strip() for line in lines if line.startswith("model name")]
     found = {"processor": (names or [platform.processor()])[0], "cores": str(os.cpu_count() or 1)}
-    return found | {"python": platform.python_version()} | {name: version(name) for name in _PACKAGES}
+    return (
+        found | {"python": platform.python_version()} | {name: version(name) for name in _PACKAGES}
+    )
 
 
 def store(rows: Mapping[str, list[Row]], order: Sequence[str]) -> dict[str, Any]:
-    """Write results.json and return it. Subjects that were not run keep their figures if the machine is the same."""
-    new = {"machine": machine(), "figures": [figure(row, name) for name, some in rows.items() for row in some]}
+    """Write results.json and return it. Subjects that were not run keep their figures if the
+    machine is the same."""
+    new = {
+        "machine": machine(),
+        "figures": [figure(row, name) for name, some in rows.items() for row in some],
+    }
     if RESULTS.exists() and (old := stored())["machine"] == new["machine"]:
         new["figures"] += [each for each in old["figures"] if each["set"] not in rows]
     new["figures"].sort(key=lambda each: order.index(each["set"]))
@@ -153,24 +180,42 @@ def draw(data: dict[str, Any], path: Path = PICTURE) -> Path:
     above, below = picture.subfigures(2, 1, height_ratios=[0.42 * len(bars) + 0.6, 3.2])
     axes = above.subplots()
     for place, each in enumerate(reversed(bars)):
-        axes.barh(place, each["ratio"], height=0.6, color="#2a6f97" if each["reached"] == "yes" else "#c1440e")
+        axes.barh(
+            place,
+            each["ratio"],
+            height=0.6,
+            color="#2a6f97" if each["reached"] == "yes" else "#c1440e",
+        )
         axes.text(1.04 * each["ratio"], place, ratio_text(each["ratio"]), va="center", fontsize=8)
         axes.plot([each["to_reach"]] * 2, [place - 0.4, place + 0.4], color="black", linewidth=1.5)
-    axes.set_yticks(range(len(bars)), [f"{each['job']}\nagainst {each['peer']}" for each in reversed(bars)])
+    axes.set_yticks(
+        range(len(bars)), [f"{each['job']}\nagainst {each['peer']}" for each in reversed(bars)]
+    )
     axes.tick_params(axis="y", labelsize=7)
-    axes.set(xscale="log", xlim=(0.3, 5000), xlabel="times faster than the peer; black: target; orange: target missed")
+    axes.set(
+        xscale="log",
+        xlim=(0.3, 5000),
+        xlabel="times faster than the peer; black: target; orange: target missed",
+    )
     axes.axvline(1.0, color="black", linewidth=0.5)
     time_axes, memory = below.subplots(1, 2)
     for each in data["figures"]:
         rows = [size["rows"] for size in each["sizes"]]
         label = each["job"].split(" ", 1)[1].partition(",")[0]
         if rows:
-            time_axes.loglog(rows, [1e6 * size["seconds"] for size in each["sizes"]], "o-", label=label)
+            time_axes.loglog(
+                rows, [1e6 * size["seconds"] for size in each["sizes"]], "o-", label=label
+            )
             memory.semilogx(rows, [size["memory"] for size in each["sizes"]], "o-", label=label)
             memory.legend(fontsize=8, loc="lower right")
     for lower, name in ((time_axes, "time a row, µs"), (memory, "largest memory, MB")):
         lower.set(xlabel="rows", ylabel=name)
         lower.grid(alpha=0.3)
     memory.set_ylim(bottom=0)
-    save(picture, path, "measured with " + ", ".join(f"{name} {version}" for name, version in data["machine"].items()))
+    save(
+        picture,
+        path,
+        "measured with "
+        + ", ".join(f"{name} {version}" for name, version in data["machine"].items()),
+    )
     return path

@@ -1,4 +1,5 @@
-"""How the aircraft is controlled: the game, the critics that learn its value, and the simulated closed loop."""
+"""How the aircraft is controlled: the game, the critics that learn its value, and the simulated
+closed loop."""
 
 import lazy_loader
 

@@ -1,4 +1,5 @@
-"""Sphinx configuration: pages of commands, formats and public names are generated from the code at every build."""
+"""Sphinx configuration: pages of commands, formats and public names are generated from the code at
+every build."""
 
 from __future__ import annotations
 
@@ -13,8 +14,8 @@ from typing import Any
 
 from sphinx.pycode import ModuleAnalyzer
 
-from hfa_cli.main import COMMANDS, filled
-from hfa_cli.options.parser import Parser
+from hfa.main import COMMANDS, filled
+from hfa.options.parser import Parser
 from hfa_support.version import VERSION
 
 DOCS = Path(__file__).parent
@@ -58,9 +59,17 @@ def commands_page() -> str:
 
 def names_of(package: str) -> list[tuple[str, str]]:
     """(module, name) of each public name of a package, from its stub."""
-    stub = ast.parse((Path(importlib.import_module(package).__file__ or "").parent / "__init__.pyi").read_text("utf-8"))
+    stub = ast.parse(
+        (Path(importlib.import_module(package).__file__ or "").parent / "__init__.pyi").read_text(
+            "utf-8"
+        )
+    )
     found = [node for node in stub.body if isinstance(node, ast.ImportFrom)]
-    return [(f"{package}.{node.module}", each.asname or each.name) for node in found for each in node.names]
+    return [
+        (f"{package}.{node.module}", each.asname or each.name)
+        for node in found
+        for each in node.names
+    ]
 
 
 def names_page(package: str) -> str:
@@ -74,15 +83,21 @@ def names_page(package: str) -> str:
             entries.append(f".. autofunction:: {package}.{name}\n")
         else:
             lines = ModuleAnalyzer.for_module(module).find_attr_docs().get(("", name), [])
-            entries.append("\n   ".join([f".. py:data:: {package}.{name}", "", *escaped(lines)]) + "\n")
+            entries.append(
+                "\n   ".join([f".. py:data:: {package}.{name}", "", *escaped(lines)]) + "\n"
+            )
     return f"# `{package}`: {PACKAGES[package]}\n\n```{{eval-rst}}\n" + "\n".join(entries) + "```\n"
 
 
 def escaped(lines: list[str]) -> list[str]:
-    """Docstrings are plain text: what reStructuredText would take for markup is escaped outside of backquotes."""
+    """Docstrings are plain text: what reStructuredText would take for markup is escaped outside of
+    backquotes."""
     parts = (re.split(r"(`[^`]*`)", line) for line in lines)
     return [
-        "".join(re.sub(r"([*|_\\])", r"\\\1", part) if i % 2 == 0 else part for i, part in enumerate(each))
+        "".join(
+            re.sub(r"([*|_\\])", r"\\\1", part) if i % 2 == 0 else part
+            for i, part in enumerate(each)
+        )
         for each in parts
     ]
 
@@ -111,9 +126,15 @@ def generate() -> None:
     """Write the generated pages anew."""
     shutil.rmtree(GENERATED, ignore_errors=True)
     GENERATED.mkdir()
-    pages = {"commands": commands_page(), "formats": runpy.run_path(str(DOCS / "formats_page.py"))["formats_page"]()}
+    pages = {
+        "commands": commands_page(),
+        "formats": runpy.run_path(str(DOCS / "formats_page.py"))["formats_page"](),
+    }
     pages |= {package: names_page(package) for package in PACKAGES}
-    pages |= {path.stem: notebook_page(path) for path in sorted((DOCS.parent / "examples").glob("*.ipynb"))}
+    pages |= {
+        path.stem: notebook_page(path)
+        for path in sorted((DOCS.parent / "examples").glob("*.ipynb"))
+    }
     for name, text in pages.items():
         (GENERATED / f"{name}.md").write_text(text, "utf-8")
 
@@ -123,7 +144,10 @@ generate()
 
 def setup(app: Any) -> None:
     """Plain docstrings, and links to files of the repository that are no pages."""
-    app.connect("autodoc-process-docstring", lambda _app, _what, _name, _of, _options, lines: _replace(lines))
+    app.connect(
+        "autodoc-process-docstring",
+        lambda _app, _what, _name, _of, _options, lines: _replace(lines),
+    )
     app.connect("autodoc-process-signature", _short_signature)
     app.connect("source-read", _without_links_to_the_repository)
 

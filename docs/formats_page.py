@@ -1,10 +1,10 @@
-"""The page of formats of the documentation, from hfa_cli/formats.toml."""
+"""The page of formats of the documentation, from hfa/formats.toml."""
 
 from __future__ import annotations
 
 from typing import Any
 
-from hfa_cli.formats import formats
+from hfa.formats import formats
 from hfa_support.reporting.report import markdown_table
 from hfa_support.reporting.text import Table
 
@@ -14,7 +14,7 @@ What every command prints with `--json` and writes into files, key by key, in ft
 ends in `_deg`. The same as a JSON Schema (draft 2020-12), against which the tests validate every output:
 
 ```sh
-python -m hfa_cli.formats > formats.json
+python -m hfa.formats > formats.json
 ```
 
 Keys are added, never renamed or removed within a number after the `/`. A key marked * is always there. In files with
@@ -31,11 +31,20 @@ def formats_page() -> str:
     parts = [_HEAD]
     for name in outputs:
         what = definitions[name]
-        parts.append(f"## {what['title']}\n\n`{what['properties']['schema']['const']}`\n\n{_keys(what)}\n")
+        parts.append(
+            f"## {what['title']}\n\n`{what['properties']['schema']['const']}`\n\n{_keys(what)}\n"
+        )
     shared = [name for name in definitions if name not in outputs]
-    rows = [(name, _kind(definitions[name]), definitions[name].get("description", "")) for name in shared]
+    rows = [
+        (name, _kind(definitions[name]), definitions[name].get("description", ""))
+        for name in shared
+    ]
     parts.append(f"## Types\n\n{markdown_table(Table(('type', 'is', 'note'), rows))}\n")
-    parts += [f"### {name}\n\n{_keys(definitions[name])}\n" for name in shared if "properties" in definitions[name]]
+    parts += [
+        f"### {name}\n\n{_keys(definitions[name])}\n"
+        for name in shared
+        if "properties" in definitions[name]
+    ]
     return "\n".join(parts)
 
 

@@ -10,7 +10,17 @@ from hfa_support import Model, Signal
 
 AREA, SPAN, CHORD, GRAVITY, MASS, SPIN = 300.0, 30.0, 11.32, 32.17, 1 / 1.57e-3, 160.0
 #: Of I_xx 9496, I_yy 55814, I_zz 63100, I_xz 982 slug ft^2, rounded as the printed results take them (Section 1.7).
-C1, C2, C3, C4, C5, C6, C7, C8, C9 = -0.770, 0.02755, 1.055e-4, 1.642e-6, 0.9604, 0.01759, 1.792e-5, -0.7336, 1.587e-5
+C1, C2, C3, C4, C5, C6, C7, C8, C9 = (
+    -0.770,
+    0.02755,
+    1.055e-4,
+    1.642e-6,
+    0.9604,
+    0.01759,
+    1.792e-5,
+    -0.7336,
+    1.587e-5,
+)
 #: A row an angle of attack from -10 to 45 deg: axial force, pitching by elevator; rolling, yawing by sideslip from 0 to
 #: 30 deg; rolling by aileron, by rudder, yawing by aileron, by rudder by sideslip from -30 to 30 deg. A column an angle
 #: of attack: normal force; X by q; Y by r, p; Z by q; rolling by r, p; pitching by q; yawing by r, p. Thrust, lbf:
@@ -153,16 +163,24 @@ TABLES = """
 2500 2600 2835 3215 3950 5057
 """
 AXIAL, PITCHING, ROLLING, YAWING, *SURFACES, BY_ALPHA, IDLE, MILITARY, MAXIMUM = (
-    np.array([line.split() for line in each.split("\n")], dtype=float) for each in TABLES.strip().split("\n\n")
+    np.array([line.split() for line in each.split("\n")], dtype=float)
+    for each in TABLES.strip().split("\n\n")
 )
-ROLLING, YAWING = (np.hstack([-each[:, :0:-1], each]) for each in (ROLLING, YAWING))  # odd, with no kink at 0
+ROLLING, YAWING = (
+    np.hstack([-each[:, :0:-1], each]) for each in (ROLLING, YAWING)
+)  # odd, with no kink at 0
 
 
 def weights(x, first, last, count):
     """The share of each knot in a linear interpolation at x, continued beyond both ends."""
     knots = np.linspace(first, last, count)
-    parts = [ca.vertcat(1.0, at - first, *(ca.fmax(0, at - knot) for knot in knots[1:-1])) for at in (x, *knots)]
-    return ca.mtimes(np.linalg.inv([part.full().ravel() for part in parts[1:]]).T.round(12), parts[0])
+    parts = [
+        ca.vertcat(1.0, at - first, *(ca.fmax(0, at - knot) for knot in knots[1:-1]))
+        for at in (x, *knots)
+    ]
+    return ca.mtimes(
+        np.linalg.inv([part.full().ravel() for part in parts[1:]]).T.round(12), parts[0]
+    )
 
 
 def equations(x, u, p, w):
@@ -172,32 +190,63 @@ def equations(x, u, p, w):
     by_alpha, by_elevator = weights(alpha, -10, 45, 12), weights(u.elevator, -24, 24, 5)
 
     commanded = ca.if_else(u.throttle <= 0.77, 64.94 * u.throttle, 217.38 * u.throttle - 117.38)
-    above, below = (ca.if_else(commanded >= 50, *each) for each in ((commanded, 40.0), (60.0, commanded)))
+    above, below = (
+        ca.if_else(commanded >= 50, *each) for each in ((commanded, 40.0), (60.0, commanded))
+    )
     gap = ca.if_else(x.power >= 50, above, below) - x.power
     lag = ca.if_else(gap <= 25, 1.0, ca.if_else(gap >= 50, 0.1, 1.9 - 0.036 * gap))
     at = weights(x.altitude, 0, 50000, 6), weights(mach, 0, 1, 6)
     idle, military, maximum = (ca.bilin(each, *at) for each in (IDLE, MILITARY, MAXIMUM))
-    dry, wet = idle + (military - idle) * x.power / 50, military + (maximum - military) * (x.power - 50) / 50
+    dry, wet = (
+        idle + (military - idle) * x.power / 50,
+        military + (maximum - military) * (x.power - 50) / 50,
+    )
 
     z_0, x_q, y_r, y_p, z_q, l_r, l_p, m_q, n_r, n_p = ca.vertsplit(ca.mtimes(BY_ALPHA, by_alpha))
     l_0, n_0 = (ca.bilin(each, by_alpha, weights(beta, -30, 30, 13)) for each in (ROLLING, YAWING))
     l_a, l_d, n_a, n_d = (ca.bilin(each, by_alpha, weights(beta, -30, 30, 7)) for each in SURFACES)
-    p_, q_, r_ = (each / (2 * x.speed) for each in (SPAN * x.roll_rate, CHORD * x.pitch_rate, SPAN * x.yaw_rate))
+    p_, q_, r_ = (
+        each / (2 * x.speed)
+        for each in (SPAN * x.roll_rate, CHORD * x.pitch_rate, SPAN * x.yaw_rate)
+    )
     c_x = ca.bilin(AXIAL, by_alpha, by_elevator) + x_q * q_
     c_y = -0.02 * beta + 0.021 * u.aileron / 20 + 0.086 * u.rudder / 30 + y_r * r_ + y_p * p_
     c_z = z_0 * (1 - x.beta**2) - 0.19 * u.elevator / 25 + z_q * q_
     c_l = l_0 + l_a * u.aileron / 20 + l_d * u.rudder / 30 + l_r * r_ + l_p * p_
     c_m = ca.bilin(PITCHING, by_alpha, by_elevator) + m_q * q_ + c_z * (0.35 - p.xcg)
-    c_n = n_0 + n_a * u.aileron / 20 + n_d * u.rudder / 30 + n_r * r_ + n_p * p_ - c_y * (0.35 - p.xcg) * CHORD / SPAN
+    c_n = (
+        n_0
+        + n_a * u.aileron / 20
+        + n_d * u.rudder / 30
+        + n_r * r_
+        + n_p * p_
+        - c_y * (0.35 - p.xcg) * CHORD / SPAN
+    )
 
     force = 0.5 * 2.377e-3 * air**4.14 * x.speed**2 * AREA
-    pushed = ca.vertcat(force * c_x + ca.if_else(x.power < 50, dry, wet), force * c_y, force * c_z) / MASS
-    (s_roll, s_pitch, s_yaw), (c_roll, c_pitch, c_yaw) = (map(of, (x.roll, x.pitch, x.yaw)) for of in (ca.sin, ca.cos))
+    pushed = (
+        ca.vertcat(force * c_x + ca.if_else(x.power < 50, dry, wet), force * c_y, force * c_z)
+        / MASS
+    )
+    (s_roll, s_pitch, s_yaw), (c_roll, c_pitch, c_yaw) = (
+        map(of, (x.roll, x.pitch, x.yaw)) for of in (ca.sin, ca.cos)
+    )
     down = ca.vertcat(-s_pitch, c_pitch * s_roll, c_pitch * c_roll)
-    v = x.speed * ca.vertcat(ca.cos(x.alpha) * ca.cos(x.beta), ca.sin(x.beta), ca.sin(x.alpha) * ca.cos(x.beta))
-    v_rate = pushed + GRAVITY * down - ca.cross(ca.vertcat(x.roll_rate, x.pitch_rate, x.yaw_rate), v)
-    speed_rate, in_plane, climb_rate = ca.dot(v, v_rate) / x.speed, v[0] ** 2 + v[2] ** 2, -ca.dot(down, v)
-    ahead, aside = v[0] * c_pitch + (v[1] * s_roll + v[2] * c_roll) * s_pitch, v[1] * c_roll - v[2] * s_roll
+    v = x.speed * ca.vertcat(
+        ca.cos(x.alpha) * ca.cos(x.beta), ca.sin(x.beta), ca.sin(x.alpha) * ca.cos(x.beta)
+    )
+    v_rate = (
+        pushed + GRAVITY * down - ca.cross(ca.vertcat(x.roll_rate, x.pitch_rate, x.yaw_rate), v)
+    )
+    speed_rate, in_plane, climb_rate = (
+        ca.dot(v, v_rate) / x.speed,
+        v[0] ** 2 + v[2] ** 2,
+        -ca.dot(down, v),
+    )
+    ahead, aside = (
+        v[0] * c_pitch + (v[1] * s_roll + v[2] * c_roll) * s_pitch,
+        v[1] * c_roll - v[2] * s_roll,
+    )
     turning = x.pitch_rate * s_roll + x.yaw_rate * c_roll
     roll, pitch, yaw = force * SPAN * c_l, force * CHORD * c_m, force * SPAN * c_n
     rates = {"speed": speed_rate, "alpha": (v[0] * v_rate[2] - v[2] * v_rate[0]) / in_plane, "altitude": climb_rate,

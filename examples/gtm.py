@@ -54,11 +54,21 @@ def polynomial(text, **values):
 
 def equations(x, u, p, w):
     """The polynomials; the load factor is what turns the path: V gamma' = g (n - cos gamma)."""
-    values = {"V": x.speed, "a": x.alpha, "q": x.pitch_rate, "h": x.pitch, "d": u.elevator, "T": u.throttle}
+    values = {
+        "V": x.speed,
+        "a": x.alpha,
+        "q": x.pitch_rate,
+        "h": x.pitch,
+        "d": u.elevator,
+        "T": u.throttle,
+    }
     speed, alpha, pitch_rate = (polynomial(text, **values) for text in (SPEED, ALPHA, PITCH_RATE))
     gamma = x.pitch - x.alpha
     rates = {"speed": speed, "alpha": alpha, "pitch_rate": pitch_rate, "pitch": x.pitch_rate}
-    return rates, {"gamma": gamma, "load_factor": ca.cos(gamma) + x.speed / 9.807 * (x.pitch_rate - alpha)}
+    return rates, {
+        "gamma": gamma,
+        "load_factor": ca.cos(gamma) + x.speed / 9.807 * (x.pitch_rate - alpha),
+    }
 
 
 GTM = Model(

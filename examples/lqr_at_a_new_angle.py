@@ -33,16 +33,24 @@ K, _, poles = control.lqr(plant, np.diag(large_x**-2.0), np.diag(large_u**-2.0))
 print(f"slowest closed-loop pole {max(poles.real):.4f} 1/s")
 
 faster = find_operating_point(aircraft, level_flight(np.radians(10.0), speed=69.0), start=point)
-x_d = np.array([getattr(faster.states, name) - getattr(point.states, name) for name in plant.state_labels])
+x_d = np.array(
+    [getattr(faster.states, name) - getattr(point.states, name) for name in plant.state_labels]
+)
 u_d = np.array(faster.inputs) - np.array(point.inputs)
 
 # u = u_d - K (x - x_d)
-closed = control.ss(plant.A - plant.B @ K, plant.B @ (u_d + K @ x_d)[:, None], np.eye(6), np.zeros((6, 1)))
+closed = control.ss(
+    plant.A - plant.B @ K, plant.B @ (u_d + K @ x_d)[:, None], np.eye(6), np.zeros((6, 1))
+)
 time = np.linspace(0.0, 10.0, 1001)
 x = control.step_response(closed, time).states[:, 0]
 u = u_d[:, None] - K @ (x - x_d[:, None])
 speed = x[plant.state_labels.index("speed")]
-print("speed after 0.5, 1, 2, 10 s:", ", ".join(f"{speed[i]:.3f}" for i in (50, 100, 200, 1000)), "ft/s")
+print(
+    "speed after 0.5, 1, 2, 10 s:",
+    ", ".join(f"{speed[i]:.3f}" for i in (50, 100, 200, 1000)),
+    "ft/s",
+)
 print("largest change of the dihedral angle:", f"{np.degrees(np.abs(x[4]).max()):.2f} deg")
 for name, row in zip(plant.input_labels, u, strict=True):
     unit, shown = ("lbf", row) if name == "throttle" else ("deg", np.degrees(row))

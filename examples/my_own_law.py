@@ -45,7 +45,10 @@ class DampedPolicyIteration:
         K, L = game.gain(P), game.disturbance_gain(P)
         rate = self.pool.drifts - z @ K.T @ game.B.T + z @ L.T @ game.E.T
         cost = game.Q + K.T @ game.R @ K - game.delta**2 * L.T @ L
-        rows, right = np.einsum("jmi,ji->jm", self.slopes, rate), -np.einsum("ji,ik,jk->j", z, cost, z)
+        rows, right = (
+            np.einsum("jmi,ji->jm", self.slopes, rate),
+            -np.einsum("ji,ik,jk->j", z, cost, z),
+        )
         fitted = np.linalg.lstsq(rows / self.size, right, rcond=None)[0] / self.size
         return {"weights": memory["weights"] + SHARE * (fitted - memory["weights"])}
 
@@ -62,4 +65,7 @@ history = controller.History(run.history["time"], W=run.history["weights"])
 check = verification.check_history(game, history)
 print(check.report().title)
 print(check.history.said)
-print("by 15 s:", "PASS" if verification.check_history(game, history, predefined_time=15.0).ok else "FAIL")
+print(
+    "by 15 s:",
+    "PASS" if verification.check_history(game, history, predefined_time=15.0).ok else "FAIL",
+)

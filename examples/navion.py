@@ -16,11 +16,28 @@ def equations(x, u, p, w):
     """Forces and moments linear in the derivatives of the table; alpha from its value in level flight."""
     pressure, b, c = DENSITY * x.speed**2 / 2 * AREA, SPAN / (2 * x.speed), CHORD / (2 * x.speed)
     lift = pressure * (0.41 + 4.44 * x.alpha + C_LQ * c * x.pitch_rate + 0.355 * u.elevator)
-    drag, gamma, side = pressure * (0.05 + 0.33 * x.alpha), x.pitch - x.alpha, -0.564 * x.beta + 0.157 * u.rudder
-    alpha_rate = x.pitch_rate + (GRAVITY * ca.cos(gamma) - (lift + u.thrust * ca.sin(x.alpha)) / MASS) / x.speed
+    drag, gamma, side = (
+        pressure * (0.05 + 0.33 * x.alpha),
+        x.pitch - x.alpha,
+        -0.564 * x.beta + 0.157 * u.rudder,
+    )
+    alpha_rate = (
+        x.pitch_rate
+        + (GRAVITY * ca.cos(gamma) - (lift + u.thrust * ca.sin(x.alpha)) / MASS) / x.speed
+    )
     pitching = -0.683 * x.alpha - c * (9.96 * x.pitch_rate + 4.36 * alpha_rate) - 0.923 * u.elevator
-    rolling = -0.074 * x.beta + b * (-0.410 * x.roll_rate + 0.107 * x.yaw_rate) - 0.134 * u.aileron + 0.0118 * u.rudder
-    yawing = C_NBETA * x.beta - b * (0.0575 * x.roll_rate + 0.125 * x.yaw_rate) + 0.0035 * u.aileron - 0.072 * u.rudder
+    rolling = (
+        -0.074 * x.beta
+        + b * (-0.410 * x.roll_rate + 0.107 * x.yaw_rate)
+        - 0.134 * u.aileron
+        + 0.0118 * u.rudder
+    )
+    yawing = (
+        C_NBETA * x.beta
+        - b * (0.0575 * x.roll_rate + 0.125 * x.yaw_rate)
+        + 0.0035 * u.aileron
+        - 0.072 * u.rudder
+    )
     rates = {"speed": (u.thrust * ca.cos(x.alpha) - drag) / MASS - GRAVITY * ca.sin(gamma), "alpha": alpha_rate,
              "beta": (pressure * side / MASS + GRAVITY * ca.sin(x.roll)) / x.speed - x.yaw_rate, "pitch": x.pitch_rate,
              "roll": x.roll_rate, "roll_rate": pressure * SPAN * rolling / I_XX,
@@ -28,7 +45,11 @@ def equations(x, u, p, w):
     return rates, {"gamma": gamma, "load_factor": lift / (MASS * GRAVITY)}
 
 
-ANGLE, RATE, SURFACE = Signal("rad", 0.1, -0.5, 0.5), Signal("rad/s", 0.1, rate=1.0), Signal("rad", 0.1, -0.4, 0.4)
+ANGLE, RATE, SURFACE = (
+    Signal("rad", 0.1, -0.5, 0.5),
+    Signal("rad/s", 0.1, rate=1.0),
+    Signal("rad", 0.1, -0.4, 0.4),
+)
 NAVION = Model(
     "Navion", {"speed": Signal("ft/s", 176.0, 80.0, 300.0, 176.0, rate=32.2), "alpha": ANGLE, "pitch": ANGLE,
                "pitch_rate": RATE, "beta": ANGLE, "roll": ANGLE, "roll_rate": RATE, "yaw_rate": RATE},

@@ -21,7 +21,11 @@ from verification import solve_game
 
 #: Half widths of the box: ft/s, rad, rad/s.
 BOX = np.array([7.0, 0.1, 0.1, 0.1, 0.1, 0.1])
-ACTIVATIONS = {"tanh": ca.tanh, "relu": lambda x: ca.fmax(x, 0.0), "softplus": lambda x: ca.log(1.0 + ca.exp(x))}
+ACTIVATIONS = {
+    "tanh": ca.tanh,
+    "relu": lambda x: ca.fmax(x, 0.0),
+    "softplus": lambda x: ca.log(1.0 + ca.exp(x)),
+}
 
 
 def game_at(degrees: float) -> Game:
@@ -48,17 +52,28 @@ def fit(
     y = rng.uniform(-1.0, 1.0, (n, points)) * rng.uniform(0.0, 1.0, points) ** 0.5
     z = box[:, None] * y
     slopes = 2.0 * exact.P @ z * box[:, None]
-    target = {"V": np.sum(z * (exact.P @ z), axis=0)[None], "gradient": slopes, "policy": -exact.K @ z}[of]
+    target = {
+        "V": np.sum(z * (exact.P @ z), axis=0)[None],
+        "gradient": slopes,
+        "policy": -exact.K @ z,
+    }[of]
     unit = target.std(axis=1, keepdims=True)
     widths = (n, *hidden, len(target))
     sizes = [each for a, b in itertools.pairwise(widths) for each in ((b, a), (b, 1))]
-    start = [rng.normal(size=each) / np.sqrt(each[1]) if each[1] > 1 else np.zeros(each) for each in sizes]
+    start = [
+        rng.normal(size=each) / np.sqrt(each[1]) if each[1] > 1 else np.zeros(each)
+        for each in sizes
+    ]
     w, x = ca.MX.sym("w", sum(each.size for each in start)), ca.MX.sym("x", n, points)
     ends = np.cumsum([0, *(each.size for each in start)]).tolist()
-    layers = [ca.reshape(w[a:b], *size) for a, b, size in zip(ends[:-1], ends[1:], sizes, strict=True)]
+    layers = [
+        ca.reshape(w[a:b], *size) for a, b, size in zip(ends[:-1], ends[1:], sizes, strict=True)
+    ]
     out = x
     for place in range(0, len(layers), 2):
-        out = layers[place] @ (ACTIVATIONS[activation](out) if place else out) + ca.repmat(layers[place + 1], 1, points)
+        out = layers[place] @ (ACTIVATIONS[activation](out) if place else out) + ca.repmat(
+            layers[place + 1], 1, points
+        )
     loss = ca.sumsqr(out - target / unit) / out.numel()
     if of == "V":  # and its slopes
         loss += ca.sumsqr(ca.gradient(ca.sum2(out), x) - slopes / unit) / slopes.size
@@ -69,8 +84,13 @@ def fit(
         return float(value), np.array(slope).ravel()
 
     first = np.concatenate([each.ravel(order="F") for each in start])
-    found = minimize(descent, first, jac=True, method="L-BFGS-B", options={"maxiter": steps, "maxfun": 2 * steps})
-    arrays = [found.x[a:b].reshape(size, order="F") for a, b, size in zip(ends[:-1], ends[1:], sizes, strict=True)]
+    found = minimize(
+        descent, first, jac=True, method="L-BFGS-B", options={"maxiter": steps, "maxfun": 2 * steps}
+    )
+    arrays = [
+        found.x[a:b].reshape(size, order="F")
+        for a, b, size in zip(ends[:-1], ends[1:], sizes, strict=True)
+    ]
     arrays[-2], arrays[-1] = arrays[-2] * unit, arrays[-1] * unit
     if of == "gradient":
         arrays[-2], arrays[-1] = arrays[-2] / box[:, None], arrays[-1] / box[:, None]
@@ -82,7 +102,9 @@ def fit(
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("file")
     parser.add_argument("--of", default="V", choices=("V", "gradient", "policy"))
     parser.add_argument("--hidden", default="32,32")

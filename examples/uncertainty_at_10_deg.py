@@ -40,6 +40,8 @@ for dynamics in ("published", "newton"):
     rng = np.random.default_rng(0)
     draws = [model.A + bands.A * rng.uniform(-1, 1, bands.A.shape) for _ in range(1000)]
     for mode in modes_of(model.A, model.states):
-        nearest = [min(np.linalg.eigvals(A), key=lambda root: abs(root - mode.eigenvalue)) for A in draws]
+        nearest = [
+            min(np.linalg.eigvals(A), key=lambda root: abs(root - mode.eigenvalue)) for A in draws
+        ]
         spread = np.abs(np.real(nearest) - mode.eigenvalue.real).max()
         print(f"  {mode.name:16} real part {mode.eigenvalue.real:9.4f} ± {spread:.1e} 1/s")

@@ -6,7 +6,15 @@ from typing import Generic, NamedTuple
 
 import casadi as ca
 
-from hfa_model.kinematics import STILL_AIR, Flow, Winds, airspeed, center_flow, center_height, outer_flow
+from hfa_model.kinematics import (
+    STILL_AIR,
+    Flow,
+    Winds,
+    airspeed,
+    center_flow,
+    center_height,
+    outer_flow,
+)
 from hfa_model.parameters import Parameters
 from hfa_model.variants import Variant
 from hfa_model.vectors import Input, Quantity, State, T
@@ -15,9 +23,9 @@ from hfa_model.vectors import Input, Quantity, State, T
 class PanelLoads(NamedTuple, Generic[T]):
     """Loads on one panel in its own axes: wing and tail together unless stated; lbf and ft lbf.
 
-    forward, sideward, downward: force components at the reference point. tail_downward: the tail's share
-    of `downward`, which acts at the end of the boom. moment: of the wing section about the quarter chord.
-    """
+    forward, sideward, downward: force components at the reference point. tail_downward: the tail's
+    share of `downward`, which acts at the end of the boom. moment: of the wing section about the
+    quarter chord."""
 
     lift: T
     drag: T
@@ -29,9 +37,9 @@ class PanelLoads(NamedTuple, Generic[T]):
 
 
 class Loads(NamedTuple, Generic[T]):
-    """Loads on the aircraft: lift, drag (lbf, about the flight path), pitching moment about the center of mass
-    and moment of one outer panel about its hinge without spring and damper (ft lbf), thrust (lbf), and the
-    loads of the center and of one outer panel."""
+    """Loads on the aircraft: lift, drag (lbf, about the flight path), pitching moment about the
+    center of mass and moment of one outer panel about its hinge without spring and damper (ft lbf),
+    thrust (lbf), and the loads of the center and of one outer panel."""
 
     lift: T
     drag: T
@@ -43,15 +51,19 @@ class Loads(NamedTuple, Generic[T]):
 
 
 def panel_loads(
-    flow: Flow, speed: Quantity, aileron: Quantity, elevator: Quantity, density: Quantity, p: Parameters[Quantity]
+    flow: Flow,
+    speed: Quantity,
+    aileron: Quantity,
+    elevator: Quantity,
+    density: Quantity,
+    p: Parameters[Quantity],
 ) -> PanelLoads[Quantity]:
     """L_w = q_i S (C_Lα α_i + C_Lδ δ_a),  L_t = q_i S_t C_Lα (α_i + δ_e),
     D = q S (C_D0 + κ C_Lw²),  M = q_i c S (C_M0 + C_Mδ δ_a).
 
-    q_i = ½ρV_i² takes the local speed; the drag takes q = ½ρV² with the aircraft's speed, and the tail makes
-    none: that is how the published matrices were made. Angles rad, speeds ft/s, density slug/ft^3.
-    Source: Gibson et al. 2011, Eqs. 36-43.
-    """
+    q_i = ½ρV_i² takes the local speed; the drag takes q = ½ρV² with the aircraft's speed, and the
+    tail makes none: that is how the published matrices were made. Angles rad, speeds ft/s, density
+    slug/ft^3. Source: Gibson et al. 2011, Eqs. 36-43."""
     area = p.panel_span * p.chord
     local_pressure = density * flow.speed**2 / 2
     lift_coefficient = p.lift_slope * flow.alpha + p.aileron_lift * aileron
@@ -83,11 +95,17 @@ def aircraft_loads(
 ) -> Loads[Quantity]:
     """The loads of the panels (`panel_loads`) and their sums (`sum_of_panels`).
 
-    The drag of a panel takes the speed of the aircraft through the panel's own air, unless `winds` says otherwise.
-    """
-    speeds = [x.speed if winds.ground_drag else airspeed(x, wind) for wind in (winds.center, winds.outer)]
-    center = panel_loads(center_flow(x, p, winds), speeds[0], u.aileron_center, u.elevator_center, density, p)
-    outer = panel_loads(outer_flow(x, p, winds), speeds[1], u.aileron_outer, u.elevator_outer, density, p)
+    The drag of a panel takes the speed of the aircraft through the panel's own air, unless `winds`
+    says otherwise."""
+    speeds = [
+        x.speed if winds.ground_drag else airspeed(x, wind) for wind in (winds.center, winds.outer)
+    ]
+    center = panel_loads(
+        center_flow(x, p, winds), speeds[0], u.aileron_center, u.elevator_center, density, p
+    )
+    outer = panel_loads(
+        outer_flow(x, p, winds), speeds[1], u.aileron_outer, u.elevator_outer, density, p
+    )
     return sum_of_panels(x, u, center, outer, p, variant)
 
 
@@ -106,10 +124,9 @@ def sum_of_panels(
     M = M_c + 2 π M_o + l_b (Z_tc + 2 Z_to cos η) + z_c X_c - 2 l X_o,
     H = -(s/2) Z_o - (s/2) m g cos η cos θ.
 
-    The lever l of the outer panels' forward force and the projection π of their section moment are the
-    variant's (`variants.py`). Lift and drag are the forces across and along the path over ground, in moving air too.
-    Source: Gibson et al. 2011, Eqs. 31-44.
-    """
+    The lever l of the outer panels' forward force and the projection π of their section moment are
+    the variant's (`variants.py`). Lift and drag are the forces across and along the path over
+    ground, in moving air too. Source: Gibson et al. 2011, Eqs. 31-44."""
     sin_eta, cos_eta = ca.sin(x.dihedral), ca.cos(x.dihedral)
     sin_alpha, cos_alpha = ca.sin(x.alpha), ca.cos(x.alpha)
     forward = center.forward + 2 * outer.forward

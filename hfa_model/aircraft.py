@@ -1,4 +1,5 @@
-"""The aircraft as a `Model`, and with its parameters by name: single points are checked for shape and range."""
+"""The aircraft as a `Model`, and with its parameters by name: single points are checked for shape
+and range."""
 
 from __future__ import annotations
 
@@ -10,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from hfa_aircraft.model import Model, Signal
 from hfa_model.aerodynamics import Loads, aircraft_loads
 from hfa_model.atmosphere import density, refuse_beyond_the_atmosphere
 from hfa_model.kinematics import DISTURBANCES, winds_named
@@ -17,29 +19,41 @@ from hfa_model.outputs import OUTPUTS, moment_of, outputs_of
 from hfa_model.parameters import FIELDS, Parameters, default_parameters
 from hfa_model.printed_matrices import published_data
 from hfa_model.variants import VARIANTS, Variant, variant_named
-from hfa_model.vectors import INPUT_SIGNALS, INPUTS, LINEAR_STATES, STATE_SIGNALS, STATES, Input, State
+from hfa_model.vectors import (
+    INPUT_SIGNALS,
+    INPUTS,
+    LINEAR_STATES,
+    STATE_SIGNALS,
+    STATES,
+    Input,
+    State,
+)
 from hfa_support.errors import BadInputError, is_finite, numbers_in, shown
-from hfa_support.model import Model, Signal
 
 if TYPE_CHECKING:
     import control
     from numpy.typing import ArrayLike
 
-#: What no aircraft has below zero. A fit to one printed angle leaves an inertia open, which may come out negative.
+#: What no aircraft has below zero. A fit to one printed angle leaves an inertia open, which may
+#: come out negative.
 _SIZES = ("panel_mass", "panel_span", "chord")
 
 
 @dataclass(frozen=True)
 class Equations:
-    """Those of a variant as a `Model` takes them. ground_drag: with winds the drag takes the speed over ground, not
-    that through the air."""
+    """Those of a variant as a `Model` takes them. ground_drag: with winds the drag takes the speed
+    over ground, not that through the air."""
 
     variant: Variant
     ground_drag: bool = False
 
-    def __call__(self, x: Any, u: Any, p: Any, w: Any) -> tuple[Mapping[str, Any], Mapping[str, Any]]:
+    def __call__(
+        self, x: Any, u: Any, p: Any, w: Any
+    ) -> tuple[Mapping[str, Any], Mapping[str, Any]]:
         """Rates by state, outputs by name."""
-        moment = moment_of(x, u, p, self.variant, winds_named(w._fields, w, ground_drag=self.ground_drag))
+        moment = moment_of(
+            x, u, p, self.variant, winds_named(w._fields, w, ground_drag=self.ground_drag)
+        )
         return moment.rates._asdict(), outputs_of(moment)
 
 
@@ -49,16 +63,19 @@ def check_in_range(x: State) -> None:
         raise BadInputError(f"speed is {x.speed:g} ft/s; it must be positive")
     refuse_beyond_the_atmosphere(x.altitude)
     if not abs(x.dihedral) < np.pi / 2:
-        raise BadInputError(f"dihedral is {np.degrees(x.dihedral):g} deg; it must be above -90 and below 90 deg")
+        raise BadInputError(
+            f"dihedral is {np.degrees(x.dihedral):g} deg; it must be above -90 and below 90 deg"
+        )
 
 
 def flight_limits(x: State, p: Parameters) -> dict[str, tuple[float, float]]:
-    """Where the equations are meant to hold about a trim, in addition to the limits of alpha, pitch and dihedral.
+    """Where the equations are meant to hold about a trim, in addition to the limits of alpha, pitch
+    and dihedral.
 
-    Speed: half to double the trimmed one. Altitude: within 1000 ft. Pitch rate: V tan(α_max)/l_b, at which the tail, a
-    boom behind, meets the air at the largest α. Dihedral rate: V tan(α_max)/(s/3), at which the hinges do. The
-    equations leave out both angles or grow by them, so that beyond these rates they mean little.
-    """
+    Speed: half to double the trimmed one. Altitude: within 1000 ft. Pitch rate: V tan(α_max)/l_b,
+    at which the tail, a boom behind, meets the air at the largest α. Dihedral rate: V
+    tan(α_max)/(s/3), at which the hinges do. The equations leave out both angles or grow by them,
+    so that beyond these rates they mean little."""
     steepest = x.speed * math.tan(STATE_SIGNALS.alpha.max)
     pitch_rate, dihedral_rate = steepest / p.boom_length, steepest / (p.panel_span / 3)
     return {
@@ -70,16 +87,26 @@ def flight_limits(x: State, p: Parameters) -> dict[str, tuple[float, float]]:
 
 
 #: Typical size of an output, by its unit.
-_TYPICAL = {"ft/s^2": 10.0, "rad": 0.1, "ft/s": 10.0, "ft lbf": 1000.0, "lbf": 100.0, "lbf/ft^2": 1.0}
+_TYPICAL = {
+    "ft/s^2": 10.0,
+    "rad": 0.1,
+    "ft/s": 10.0,
+    "ft lbf": 1000.0,
+    "lbf": 100.0,
+    "lbf/ft^2": 1.0,
+}
 _PAPER = published_data()["trim"]
-#: The aircraft as any `Model`: with the published equations; an `Aircraft` gives its parameters their values.
+#: The aircraft as any `Model`: with the published equations; an `Aircraft` gives its parameters
+#: their values.
 HFA = Model(
     name="published",
     called="published dynamics",
     states=STATE_SIGNALS,  # type: ignore[arg-type]  # a named tuple of them
     inputs=INPUT_SIGNALS,  # type: ignore[arg-type]
     equations=Equations(variant_named("published")),
-    parameters=Parameters(*(Signal(each.unit, min=0.0 if each.positive else -math.inf, start=1.0) for each in FIELDS)),  # type: ignore[arg-type]
+    parameters=Parameters(
+        *(Signal(each.unit, min=0.0 if each.positive else -math.inf, start=1.0) for each in FIELDS)
+    ),  # type: ignore[arg-type]
     disturbances={name: Signal("ft/s", 10.0) for name in DISTURBANCES},
     outputs={name: Signal(unit, _TYPICAL.get(unit, 1.0)) for name, (unit, _) in OUTPUTS.items()},
     # The paper's level flight (Section 5.1), with a flat wing.
@@ -120,8 +147,12 @@ class Aircraft:
     shape is wrong, an entry is not finite or the state lies outside the model.
     """
 
-    def __init__(self, parameters: Parameters | None = None, dynamics: str | Variant = "published") -> None:
-        self.parameters = default_parameters().values if parameters is None else _checked_parameters(parameters)
+    def __init__(
+        self, parameters: Parameters | None = None, dynamics: str | Variant = "published"
+    ) -> None:
+        self.parameters = (
+            default_parameters().values if parameters is None else _checked_parameters(parameters)
+        )
         self.variant = variant_named(dynamics) if isinstance(dynamics, str) else dynamics
 
     def __repr__(self) -> str:
@@ -146,17 +177,22 @@ class Aircraft:
         """Forces and moments on the aircraft and its panels, lbf and ft lbf."""
         state, control = (vector.tolist() for vector in self._checked(x, u))
         at = State(*state)
-        return aircraft_loads(at, Input(*control), density(at.altitude), self.parameters, self.variant)
+        return aircraft_loads(
+            at, Input(*control), density(at.altitude), self.parameters, self.variant
+        )
 
     def to_control(self) -> control.NonlinearIOSystem:
-        """X' = f(X, U), Y = X as python-control's `NonlinearIOSystem`: states, inputs and parameters by name."""
+        """X' = f(X, U), Y = X as python-control's `NonlinearIOSystem`: states, inputs and
+        parameters by name."""
         return self.model.to_control(STATES)
 
     def _checked(self, x: ArrayLike, u: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
         state, control = numbers_in("state", x), numbers_in("input", u)
         for vector, names, kind in ((state, STATES, "state"), (control, INPUTS, "input")):
             if vector.shape != (len(names),):
-                raise BadInputError(f"{kind} has shape {vector.shape}; it must be ({len(names)},): {', '.join(names)}")
+                raise BadInputError(
+                    f"{kind} has shape {vector.shape}; it must be ({len(names)},): {', '.join(names)}"
+                )
             if not np.isfinite(vector).all():
                 name = names[int(np.argmin(np.isfinite(vector)))]
                 raise BadInputError(f"{kind} {name} is not finite; give a number")

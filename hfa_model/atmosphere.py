@@ -1,4 +1,5 @@
-"""Density, temperature and speed of sound of the US Standard Atmosphere 1976 as CasADi expressions."""
+"""Density, temperature and speed of sound of the US Standard Atmosphere 1976 as CasADi
+expressions."""
 
 from __future__ import annotations
 
@@ -42,9 +43,13 @@ def density(altitude: Quantity) -> Quantity:
 
 def refuse_beyond_the_atmosphere(altitude: ca.DM | float) -> None:
     """BadInputError for an altitude, ft, or one of several, that the layers do not cover."""
-    for each in [altitude] if isinstance(altitude, float) else ca.DM(altitude).full().ravel().tolist():
+    for each in (
+        [altitude] if isinstance(altitude, float) else ca.DM(altitude).full().ravel().tolist()
+    ):
         if not 0.0 <= each <= HIGHEST_ALTITUDE:
-            raise BadInputError(f"altitude is {each:g} ft; the atmosphere covers 0 to {HIGHEST_ALTITUDE:g} ft")
+            raise BadInputError(
+                f"altitude is {each:g} ft; the atmosphere covers 0 to {HIGHEST_ALTITUDE:g} ft"
+            )
 
 
 def temperature(altitude: Quantity) -> Quantity:

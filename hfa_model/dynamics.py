@@ -15,16 +15,13 @@ def rates_from_loads(
 ) -> State[Quantity]:
     """dX/dt for X = [V, α, h, θ, q, η, η'] (paper Section 2.2; γ = θ - α, m_tot = 3 m):
 
-    V'  = (T cos α - D)/m_tot - g sin γ
-    α'  = -(T sin α + L)/(m_tot V) + q + g cos γ / V
-    h'  = V sin γ,   θ' = q
-    q'  = (M - 2 c2 sin η cos η η' q) / (c1 + c2 sin² η),   c1 = 3 I_yy,  c2 = 2 I_zz - 2 I_yy + m s²/6
-    η'' = (H - k_c η' - k_k η + (m s/2) cos η (V' sin α + V cos α α') + coupling - d2) / d3
-    d2  = (I_yy - I_zz - m s²/12) sin η cos η q²
+    V'  = (T cos α - D)/m_tot - g sin γ α'  = -(T sin α + L)/(m_tot V) + q + g cos γ / V h'  = V sin
+    γ,   θ' = q q'  = (M - 2 c2 sin η cos η η' q) / (c1 + c2 sin² η),   c1 = 3 I_yy,  c2 = 2 I_zz -
+    2 I_yy + m s²/6 η'' = (H - k_c η' - k_k η + (m s/2) cos η (V' sin α + V cos α α') + coupling -
+    d2) / d3 d2  = (I_yy - I_zz - m s²/12) sin η cos η q²
 
-    `coupling` and d3 are the variant's (`variants.py`). V is over ground; moving air acts through the loads alone.
-    Numbers or CasADi expressions in, the same out.
-    """
+    `coupling` and d3 are the variant's (`variants.py`). V is over ground; moving air acts through
+    the loads alone. Numbers or CasADi expressions in, the same out."""
     gamma = x.pitch - x.alpha
     total_mass = 3 * p.panel_mass
     sin_alpha, cos_alpha = ca.sin(x.alpha), ca.cos(x.alpha)
@@ -45,7 +42,9 @@ def rates_from_loads(
     )
 
 
-def _pitch_acceleration(x: State[Quantity], loads: Loads[Quantity], p: Parameters[Quantity]) -> Quantity:
+def _pitch_acceleration(
+    x: State[Quantity], loads: Loads[Quantity], p: Parameters[Quantity]
+) -> Quantity:
     c1 = 3 * p.inertia_pitch
     c2 = 2 * p.inertia_yaw - 2 * p.inertia_pitch + p.panel_mass * p.panel_span**2 / 6
     sin_eta, cos_eta = ca.sin(x.dihedral), ca.cos(x.dihedral)

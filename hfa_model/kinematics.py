@@ -1,16 +1,16 @@
 """Where each panel is and how the air meets it.
 
-Axes: x forward, y to the right, z down, at the center of mass of the whole aircraft. A panel's reference
-point is its own center of mass, at mid-span on the quarter chord. Wings bend up: with dihedral η the center
-panel sits (s/3) sin η below the common center of mass and each outer panel (s/6) sin η above it.
-The right and the left panel mirror each other, so one "outer" panel represents both.
+Axes: x forward, y to the right, z down, at the center of mass of the whole aircraft. A panel's
+reference point is its own center of mass, at mid-span on the quarter chord. Wings bend up: with
+dihedral η the center panel sits (s/3) sin η below the common center of mass and each outer panel
+(s/6) sin η above it. The right and the left panel mirror each other, so one "outer" panel
+represents both.
 
-Air that moves, uniformly or otherwise at the center panel and at the outer ones, by (-h, ±o, -w) in north, east, down,
-headwind h, outward o, updraft w, in ft/s: relative to it a panel moves by h forward, o inward and w downward more,
-which in body axes is (h cos θ - w sin θ, ∓o, h sin θ + w cos θ). The aircraft flies north in its plane of symmetry, so
-both outer panels are in mirrored air (what differs left and right rolls and yaws), and the center panel has no wind
-from the side.
-"""
+Air that moves, uniformly or otherwise at the center panel and at the outer ones, by (-h, ±o, -w) in
+north, east, down, headwind h, outward o, updraft w, in ft/s: relative to it a panel moves by h
+forward, o inward and w downward more, which in body axes is (h cos θ - w sin θ, ∓o, h sin θ + w cos
+θ). The aircraft flies north in its plane of symmetry, so both outer panels are in mirrored air
+(what differs left and right rolls and yaws), and the center panel has no wind from the side."""
 
 from __future__ import annotations
 
@@ -34,9 +34,8 @@ class Wind(NamedTuple):
 class Winds(NamedTuple):
     """The wind at the center panel and at each outer panel.
 
-    ground_drag: the drag takes the speed over ground, as the simulation released with Gibson et al. 2011 has it; else
-    that of the aircraft through the air of the panel.
-    """
+    ground_drag: the drag takes the speed over ground, as the simulation released with Gibson et al.
+    2011 has it; else that of the aircraft through the air of the panel."""
 
     center: Wind
     outer: Wind
@@ -44,14 +43,17 @@ class Winds(NamedTuple):
 
 
 STILL_AIR = Winds(Wind(), Wind())
-#: The disturbances of a model, ft/s: a component of `Wind`, the same at every panel, or that at one place.
+#: The disturbances of a model, ft/s: a component of `Wind`, the same at every panel, or that at one
+#: place.
 DISTURBANCES = (
     *("updraft", "updraft_center", "updraft_outer"),
     *("headwind", "headwind_center", "headwind_outer", "outward_outer"),
 )
 
 
-def winds_named(names: Sequence[str], values: Sequence[Quantity], *, ground_drag: bool = False) -> Winds:
+def winds_named(
+    names: Sequence[str], values: Sequence[Quantity], *, ground_drag: bool = False
+) -> Winds:
     """The sum of winds by name, of `DISTURBANCES`, with these values, ft/s."""
     sums: dict[str, dict[str, Quantity]] = {"center": {}, "outer": {}}
     for name, value in zip(names, values, strict=True):
@@ -66,7 +68,8 @@ Velocity: TypeAlias = tuple[Quantity, Quantity, Quantity]
 
 
 class Flow(NamedTuple):
-    """Air relative to one panel, in panel axes: speed (ft/s), angle of attack and sideslip (rad)."""
+    """Air relative to one panel, in panel axes: speed (ft/s), angle of attack and sideslip
+    (rad)."""
 
     speed: Quantity
     alpha: Quantity
@@ -84,8 +87,8 @@ def outer_height(dihedral: Quantity, p: Parameters[Quantity]) -> Quantity:
 
 
 def airspeed(x: State[Quantity], wind: Wind) -> Quantity:
-    """V_a = sqrt(V² + w² - 2 V w sin γ + 2 V h cos γ + h² + o²): the speed of the center of mass relative to air that
-    moves as at a panel, ft/s; V in still air."""
+    """V_a = sqrt(V² + w² - 2 V w sin γ + 2 V h cos γ + h² + o²): the speed of the center of mass
+    relative to air that moves as at a panel, ft/s; V in still air."""
     if _is_still(wind):
         return x.speed
     w, h, gamma = wind.updraft, wind.headwind, x.pitch - x.alpha
@@ -94,8 +97,8 @@ def airspeed(x: State[Quantity], wind: Wind) -> Quantity:
 
 
 def angle_of_attack(x: State[Quantity], winds: Winds) -> Quantity:
-    """α_a = atan2(V sin α + w cos θ + h sin θ, V cos α - w sin θ + h cos θ): of the center of mass through the air at
-    the center panel, rad; α in still air."""
+    """α_a = atan2(V sin α + w cos θ + h sin θ, V cos α - w sin θ + h cos θ): of the center of mass
+    through the air at the center panel, rad; α in still air."""
     wind = winds.center
     return x.alpha if _is_still(wind) else ca.atan2(_downward(x, wind), _forward(x, wind))
 
@@ -111,7 +114,8 @@ def outer_flow(x: State[Quantity], p: Parameters[Quantity], winds: Winds) -> Flo
 
 
 def center_velocity(x: State[Quantity], p: Parameters[Quantity], winds: Winds) -> Velocity:
-    """u = V cos α + q z_c - w sin θ + h cos θ,  v = 0,  w_c = V sin α + (s/3) cos η η' + w cos θ + h sin θ
+    """u = V cos α + q z_c - w sin θ + h cos θ,  v = 0,  w_c = V sin α + (s/3) cos η η' + w cos θ +
+    h sin θ
 
     (Gibson et al. 2011, Eqs. 75-76; w and h of the center panel).
     """
@@ -121,12 +125,11 @@ def center_velocity(x: State[Quantity], p: Parameters[Quantity], winds: Winds) -
 
 
 def outer_velocity(x: State[Quantity], p: Parameters[Quantity], winds: Winds) -> Velocity:
-    """u = V cos α + q z_o - w sin θ + h cos θ,  v = w_h sin η + o cos η,  w_o = w_h cos η - o sin η - (s/2) η',
-    w_h = V sin α + (s/3) cos η η' + w cos θ + h sin θ.
+    """u = V cos α + q z_o - w sin θ + h cos θ,  v = w_h sin η + o cos η,  w_o = w_h cos η - o sin η
+    - (s/2) η', w_h = V sin α + (s/3) cos η η' + w cos θ + h sin θ.
 
-    w_h is the descent of the hinge through the air, split along and across the outer panel, o that toward the center
-    (Gibson et al. 2011, Eqs. 69, 77-78; w, h and o of the outer panels).
-    """
+    w_h is the descent of the hinge through the air, split along and across the outer panel, o that
+    toward the center (Gibson et al. 2011, Eqs. 69, 77-78; w, h and o of the outer panels)."""
     wind = winds.outer
     hinge = _hinge_descent(x, p, wind)
     sin_eta, cos_eta = ca.sin(x.dihedral), ca.cos(x.dihedral)
@@ -146,11 +149,15 @@ def _is_still(wind: Wind) -> bool:
 
 
 def _forward(x: State[Quantity], wind: Wind) -> Quantity:
-    return x.speed * ca.cos(x.alpha) - wind.updraft * ca.sin(x.pitch) + wind.headwind * ca.cos(x.pitch)
+    return (
+        x.speed * ca.cos(x.alpha) - wind.updraft * ca.sin(x.pitch) + wind.headwind * ca.cos(x.pitch)
+    )
 
 
 def _downward(x: State[Quantity], wind: Wind) -> Quantity:
-    return x.speed * ca.sin(x.alpha) + wind.updraft * ca.cos(x.pitch) + wind.headwind * ca.sin(x.pitch)
+    return (
+        x.speed * ca.sin(x.alpha) + wind.updraft * ca.cos(x.pitch) + wind.headwind * ca.sin(x.pitch)
+    )
 
 
 def _hinge_descent(x: State[Quantity], p: Parameters[Quantity], wind: Wind) -> Quantity:

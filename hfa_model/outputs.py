@@ -1,7 +1,7 @@
 """What a flight can be watched by besides its states: outputs of state, input and air.
 
-Axes as in `kinematics.py`: x forward, y to the right, z down. Accelerations and load factors are those of an
-accelerometer fixed to the panel, so that steady level flight has a load factor of 1.
+Axes as in `kinematics.py`: x forward, y to the right, z down. Accelerations and load factors are
+those of an accelerometer fixed to the panel, so that steady level flight has a load factor of 1.
 """
 
 from __future__ import annotations
@@ -40,7 +40,11 @@ class Moment(NamedTuple):
 
 
 def moment_of(
-    x: State[Quantity], u: Input[Quantity], p: Parameters[Quantity], variant: Variant, winds: Winds = STILL_AIR
+    x: State[Quantity],
+    u: Input[Quantity],
+    p: Parameters[Quantity],
+    variant: Variant,
+    winds: Winds = STILL_AIR,
 ) -> Moment:
     """Loads and rates at (x, u), with the wind at each panel."""
     loads = aircraft_loads(x, u, density(x.altitude), p, variant, winds)
@@ -53,7 +57,8 @@ def outputs_of(moment: Moment) -> dict[str, Quantity]:
 
 
 def _vertical_acceleration(m: Moment) -> Quantity:
-    """V (α' - q), ft/s^2, positive downward: of the path of the center of mass, in the axes of the path."""
+    """V (α' - q), ft/s^2, positive downward: of the path of the center of mass, in the axes of the
+    path."""
     return m.x.speed * (m.rates.alpha - m.x.pitch_rate)
 
 
@@ -64,7 +69,9 @@ def _load_factor(m: Moment) -> Quantity:
 
 def _center_load_factor(m: Moment) -> Quantity:
     """n_c = cos θ - a_z / g of the center panel, a_z downward in body axes."""
-    return ca.cos(m.x.pitch) - _body_descent(m, center_height(m.x.dihedral, m.p), 1 / 3) / m.p.gravity
+    return (
+        ca.cos(m.x.pitch) - _body_descent(m, center_height(m.x.dihedral, m.p), 1 / 3) / m.p.gravity
+    )
 
 
 def _outer_load_factor(m: Moment) -> Quantity:
@@ -73,23 +80,34 @@ def _outer_load_factor(m: Moment) -> Quantity:
     y = (s/2)(1 + cos η) to the side, so a_y = y'' = -(s/2)(sin η η'' + cos η η'²).
     """
     sin_eta, cos_eta = ca.sin(m.x.dihedral), ca.cos(m.x.dihedral)
-    outward = -m.p.panel_span / 2 * (sin_eta * m.rates.dihedral_rate + cos_eta * m.x.dihedral_rate**2)
+    outward = (
+        -m.p.panel_span / 2 * (sin_eta * m.rates.dihedral_rate + cos_eta * m.x.dihedral_rate**2)
+    )
     descent = _body_descent(m, outer_height(m.x.dihedral, m.p), -1 / 6)
     return ca.cos(m.x.pitch) * cos_eta - (descent * cos_eta + outward * sin_eta) / m.p.gravity
 
 
 def _body_descent(m: Moment, height: Quantity, factor: float) -> Quantity:
-    """a_z = (V sin α)' - q V cos α - q² z + z'',  z = factor s sin η: downward acceleration at height z, ft/s^2."""
+    """a_z = (V sin α)' - q V cos α - q² z + z'',  z = factor s sin η: downward acceleration at
+    height z, ft/s^2."""
     sin_eta, cos_eta = ca.sin(m.x.dihedral), ca.cos(m.x.dihedral)
     sin_alpha, cos_alpha = ca.sin(m.x.alpha), ca.cos(m.x.alpha)
     descent_rate = m.rates.speed * sin_alpha + m.x.speed * cos_alpha * m.rates.alpha
-    bending = factor * m.p.panel_span * (cos_eta * m.rates.dihedral_rate - sin_eta * m.x.dihedral_rate**2)
-    return descent_rate - m.x.pitch_rate * m.x.speed * cos_alpha - m.x.pitch_rate**2 * height + bending
+    bending = (
+        factor * m.p.panel_span * (cos_eta * m.rates.dihedral_rate - sin_eta * m.x.dihedral_rate**2)
+    )
+    return (
+        descent_rate - m.x.pitch_rate * m.x.speed * cos_alpha - m.x.pitch_rate**2 * height + bending
+    )
 
 
 def _elastic_moment(m: Moment) -> Quantity:
     """H - k_c η' - k_k η: what turns an outer panel about its hinge, spring and damper included."""
-    return m.loads.hinge_moment - m.p.hinge_damping * m.x.dihedral_rate - m.p.hinge_stiffness * m.x.dihedral
+    return (
+        m.loads.hinge_moment
+        - m.p.hinge_damping * m.x.dihedral_rate
+        - m.p.hinge_stiffness * m.x.dihedral
+    )
 
 
 #: Name -> unit, and how it follows from a `Moment`. States are outputs too, by their own names.
@@ -98,7 +116,8 @@ OUTPUTS: dict[str, tuple[str, Callable[[Moment], Quantity]]] = {
     "load_factor": ("1", _load_factor),
     "load_factor_center": ("1", _center_load_factor),
     "load_factor_outer": ("1", _outer_load_factor),
-    # Of the center of mass through the air of the center panel; of the panels through their own air.
+    # Of the center of mass through the air of the center panel; of the panels through their own
+    # air.
     "angle_of_attack": ("rad", lambda m: angle_of_attack(m.x, m.winds)),
     "alpha_air_center": ("rad", lambda m: center_flow(m.x, m.p, m.winds).alpha),
     "alpha_air_outer": ("rad", lambda m: outer_flow(m.x, m.p, m.winds).alpha),

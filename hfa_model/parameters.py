@@ -1,4 +1,5 @@
-"""Parameters of the aircraft: a frozen record, each value with its unit, source and uncertainty; samples of it."""
+"""Parameters of the aircraft: a frozen record, each value with its unit, source and uncertainty;
+samples of it."""
 
 from __future__ import annotations
 
@@ -24,10 +25,10 @@ from hfa_support.schema import NUMBER, POSITIVE, read_named
 class Parameters(NamedTuple, Generic[T]):
     """The aircraft as numbers (or CasADi symbols), English units: ft, slug, lbf, s, rad.
 
-    Each of the three panels has the mass, span, chord, tail, boom and inertias below. Inertias are about
-    the panel's own center of mass, in panel axes. The wing area of a panel is `panel_span * chord`; wing
-    and tail share one lift slope; `thrust_per_throttle` converts the throttle to total thrust.
-    """
+    Each of the three panels has the mass, span, chord, tail, boom and inertias below. Inertias are
+    about the panel's own center of mass, in panel axes. The wing area of a panel is `panel_span *
+    chord`; wing and tail share one lift slope; `thrust_per_throttle` converts the throttle to total
+    thrust."""
 
     panel_mass: T
     panel_span: T
@@ -63,15 +64,25 @@ FIELDS = Parameters(
     chord=Field("ft", "chord of the wing"),
     tail_area=Field("ft^2", "area of the all-moving tail of one panel"),
     boom_length=Field("ft", "distance from the wing's to the tail's quarter chord"),
-    inertia_roll=Field("slug ft^2", "inertia of one panel about its chordwise axis (I_x3x3 of the paper)"),
-    inertia_pitch=Field("slug ft^2", "inertia of one panel about its spanwise axis (I_yy of the paper)"),
-    inertia_yaw=Field("slug ft^2", "inertia of one panel about its normal axis (I_zz of the paper)"),
+    inertia_roll=Field(
+        "slug ft^2", "inertia of one panel about its chordwise axis (I_x3x3 of the paper)"
+    ),
+    inertia_pitch=Field(
+        "slug ft^2", "inertia of one panel about its spanwise axis (I_yy of the paper)"
+    ),
+    inertia_yaw=Field(
+        "slug ft^2", "inertia of one panel about its normal axis (I_zz of the paper)"
+    ),
     lift_slope=Field("1/rad", "lift coefficient per angle of attack, wing and tail"),
     aileron_lift=Field("1/rad", "lift coefficient per aileron deflection"),
     aileron_moment=Field(
-        "1/rad", "pitching moment coefficient per aileron deflection, about the quarter chord", positive=False
+        "1/rad",
+        "pitching moment coefficient per aileron deflection, about the quarter chord",
+        positive=False,
     ),
-    zero_lift_moment=Field("1", "pitching moment coefficient at zero lift, about the quarter chord", positive=False),
+    zero_lift_moment=Field(
+        "1", "pitching moment coefficient at zero lift, about the quarter chord", positive=False
+    ),
     zero_lift_drag=Field("1", "drag coefficient at zero lift"),
     induced_drag=Field("1", "drag coefficient per squared lift coefficient"),
     hinge_stiffness=Field("ft lbf/rad", "elastic moment of one hinge per dihedral angle"),
@@ -101,9 +112,9 @@ class ParameterSet(ByValue, Reported):
     """Parameters with their provenance.
 
     values: the numbers. sources: name -> one of `SOURCES`. notes: name -> why, for assumed values.
-    covariance: (n, n), of the identified parameters in the order of `identified`, in their own units,
-    propagated from the rounding of the print; empty when nothing is identified. name: of the set or its file.
-    """
+    covariance: (n, n), of the identified parameters in the order of `identified`, in their own
+    units, propagated from the rounding of the print; empty when nothing is identified. name: of the
+    set or its file."""
 
     values: Parameters[float]
     sources: dict[str, str]
@@ -118,7 +129,8 @@ class ParameterSet(ByValue, Reported):
 
     @property
     def standard_errors(self) -> dict[str, float]:
-        """Name -> standard error of each identified parameter, in its own unit; empty without a covariance."""
+        """Name -> standard error of each identified parameter, in its own unit; empty without a
+        covariance."""
         if not self.covariance.size:
             return {}
         return dict(zip(self.identified, np.sqrt(np.diag(self.covariance)).tolist(), strict=True))
@@ -138,7 +150,10 @@ class ParameterSet(ByValue, Reported):
 
 
 #: Parameter sets that come with the package: name -> file.
-NAMED = {"identified": "parameters.toml", "gibson-2011-simulation": "parameters_gibson_2011_simulation.toml"}
+NAMED = {
+    "identified": "parameters.toml",
+    "gibson-2011-simulation": "parameters_gibson_2011_simulation.toml",
+}
 
 
 def default_parameters() -> ParameterSet:
@@ -147,8 +162,8 @@ def default_parameters() -> ParameterSet:
 
 
 def load_parameters(name: str | Path) -> ParameterSet:
-    """A set that comes with the package, by its name in `NAMED`, or a file's; BadInputError names the file, the entry
-    and the fault."""
+    """A set that comes with the package, by its name in `NAMED`, or a file's; BadInputError names
+    the file, the entry and the fault."""
     return copy.deepcopy(_packaged(str(name))) if str(name) in NAMED else _read(str(name))
 
 
@@ -162,7 +177,9 @@ def _read(name: str) -> ParameterSet:
     if table["rows"]:
         even = len({len(row) for row in table["rows"]}) == 1
         found = replace(found, covariance=np.array(table["rows"] if even else [[]]))
-        if table["names"] != list(found.identified) or not _is_covariance(found.covariance, len(found.identified)):
+        if table["names"] != list(found.identified) or not _is_covariance(
+            found.covariance, len(found.identified)
+        ):
             raise BadInputError(
                 f"{name}: [covariance] is no covariance of the identified parameters: symmetric, without a negative "
                 "eigenvalue; remove it or run `hfa identify` again"
@@ -174,22 +191,33 @@ _packaged = cache(_read)  # once: nothing changes it while the program runs
 
 
 def _is_covariance(matrix: np.ndarray, size: int) -> bool:
-    """Whether the correlations of a symmetric matrix have no negative eigenvalue but for rounding."""
-    if matrix.shape != (size, size) or not (np.array_equal(matrix, matrix.T) and np.all(np.diag(matrix) >= 0)):
+    """Whether the correlations of a symmetric matrix have no negative eigenvalue but for
+    rounding."""
+    if matrix.shape != (size, size) or not (
+        np.array_equal(matrix, matrix.T) and np.all(np.diag(matrix) >= 0)
+    ):
         return False
     deviations = np.sqrt(np.diag(matrix))
     deviations[deviations == 0.0] = 1.0
     with np.errstate(over="ignore"):
         correlations = matrix / deviations[:, None] / deviations
-    return bool(np.isfinite(correlations).all() and np.linalg.eigvalsh(correlations).min() >= -_ROUNDING)
+    return bool(
+        np.isfinite(correlations).all() and np.linalg.eigvalsh(correlations).min() >= -_ROUNDING
+    )
 
 
 def save_parameters(parameters: ParameterSet, path: Path, header: str) -> None:
-    """Write a parameters file that `load_parameters` reads back bit for bit; whole or not at all."""
+    """Write a parameters file that `load_parameters` reads back bit for bit; whole or not at
+    all."""
     lines = [f"# {line}" for line in header.splitlines()]
     errors = parameters.standard_errors
     for name, spec in FIELDS._asdict().items():
-        lines += ["", f"[{name}]", f"value = {getattr(parameters.values, name)!r}", f'unit = "{spec.unit}"']
+        lines += [
+            "",
+            f"[{name}]",
+            f"value = {getattr(parameters.values, name)!r}",
+            f'unit = "{spec.unit}"',
+        ]
         lines += [f'source = "{parameters.sources[name]}"']
         if name in errors:
             lines += [f"standard_error = {errors[name]:.3g}"]
@@ -203,19 +231,22 @@ def save_parameters(parameters: ParameterSet, path: Path, header: str) -> None:
 
 
 def sample_parameters(parameters: ParameterSet, count: int, seed: int) -> tuple[Parameters, ...]:
-    """p_i exp(z_i), z ~ N(0, C_ij / (p_i p_j)): the identified parameters varied together, the others as they are.
+    """p_i exp(z_i), z ~ N(0, C_ij / (p_i p_j)): the identified parameters varied together, the
+    others as they are.
 
-    C: the covariance of `parameters`. The print determines products and quotients of the parameters far better than
-    the parameters, and those of logarithms are sums, which a Gaussian keeps. Drawn as p + N(0, C) the spread of an
-    entry of A comes out up to 4.8 times too large. The same seed gives the same samples.
-    BadInputError when there is no covariance, or an identified parameter is zero.
-    """
+    C: the covariance of `parameters`. The print determines products and quotients of the parameters
+    far better than the parameters, and those of logarithms are sums, which a Gaussian keeps. Drawn
+    as p + N(0, C) the spread of an entry of A comes out up to 4.8 times too large. The same seed
+    gives the same samples. BadInputError when there is no covariance, or an identified parameter is
+    zero."""
     if not parameters.covariance.size:
         raise BadInputError(
             "samples need parameters with their covariance, such as the parameters.toml of `hfa identify`"
         )
     if count < 1 or seed < 0:
-        raise BadInputError(f"count is {count} and seed is {seed}; give at least one sample and no negative seed")
+        raise BadInputError(
+            f"count is {count} and seed is {seed}; give at least one sample and no negative seed"
+        )
     columns = [Parameters._fields.index(name) for name in parameters.identified]
     table = np.tile(np.array(parameters.values, dtype=float), (count, 1))
     center = table[0, columns]

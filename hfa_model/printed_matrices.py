@@ -21,9 +21,9 @@ from hfa_support.reporting.fields import ByValue, Shown
 class PublishedModel(ByValue, Shown):
     """One printed linear model, x' = A x + B u (paper Section 5.1).
 
-    dihedral: rad.  A: (6, 6), B: (6, 5), in the order of `LINEAR_STATES` and `INPUTS`.
-    half_unit_A, half_unit_B: half a unit of the last printed digit of each entry. An entry printed as a bare
-    0 or 1 is taken to four decimals like its neighbours: B(alpha, throttle) is -2.6e-5 and printed 0.
+    dihedral: rad.  A: (6, 6), B: (6, 5), in the order of `LINEAR_STATES` and `INPUTS`. half_unit_A,
+    half_unit_B: half a unit of the last printed digit of each entry. An entry printed as a bare 0
+    or 1 is taken to four decimals like its neighbours: B(alpha, throttle) is -2.6e-5 and printed 0.
     """
 
     dihedral: float
@@ -44,7 +44,9 @@ def published_data() -> dict[str, Any]:
     text = files("hfa_model").joinpath("printed_matrices.json").read_text(encoding="utf-8")
     data: dict[str, Any] = json.loads(text)
     if tuple(data["states"]) != LINEAR_STATES or tuple(data["inputs"]) != INPUTS:
-        raise ValueError("printed_matrices.json: states or inputs are not in the order of hfa_model.vectors")
+        raise ValueError(
+            "printed_matrices.json: states or inputs are not in the order of hfa_model.vectors"
+        )
     return data
 
 
@@ -57,7 +59,9 @@ def published_models() -> tuple[PublishedModel, ...]:
 def _model(case: dict[str, Any]) -> PublishedModel:
     A, B = np.array(case["A"], dtype=float), np.array(case["B"], dtype=float)
     decimals = published_data()["printed_decimals"]
-    half_unit_A, half_unit_B = (np.full(matrix.shape, 0.5 * 10.0 ** -decimals["default"]) for matrix in (A, B))
+    half_unit_A, half_unit_B = (
+        np.full(matrix.shape, 0.5 * 10.0 ** -decimals["default"]) for matrix in (A, B)
+    )
     row, column = LINEAR_STATES.index("speed"), LINEAR_STATES.index("pitch")
     half_unit_A[row, column] = 0.5 * 10.0 ** -decimals["A[speed][pitch]"]
     for array in (A, B, half_unit_A, half_unit_B):

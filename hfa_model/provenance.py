@@ -1,4 +1,5 @@
-"""Where an output comes from: which program, equations, aircraft and flight condition, by which command, and when."""
+"""Where an output comes from: which program, equations, aircraft and flight condition, by which
+command, and when."""
 
 from __future__ import annotations
 
@@ -24,12 +25,12 @@ _MOST_TOLD = 3
 class Provenance:
     """One block that every output carries.
 
-    command: as typed. dynamics: the equations, empty for a plant of the user's own. parameters: name or file of the
-    set. parameter_hash: of the values alone, so that two files with the same numbers have the same. changed:
-    parameter -> (value, identified value), where they differ. condition: what a trim imposes, leaves free and
-    limits; flight: the same in words, what it changes of the paper's level flight. model: file of a plant. date:
-    UTC; taken from SOURCE_DATE_EPOCH where that is set, so that outputs can be made again byte for byte.
-    """
+    command: as typed. dynamics: the equations, empty for a plant of the user's own. parameters:
+    name or file of the set. parameter_hash: of the values alone, so that two files with the same
+    numbers have the same. changed: parameter -> (value, identified value), where they differ.
+    condition: what a trim imposes, leaves free and limits; flight: the same in words, what it
+    changes of the paper's level flight. model: file of a plant. date: UTC; taken from
+    SOURCE_DATE_EPOCH where that is set, so that outputs can be made again byte for byte."""
 
     command: str
     dynamics: str = ""
@@ -44,14 +45,26 @@ class Provenance:
 
     def to_dict(self) -> dict[str, Any]:
         """JSON data: angles in radians."""
-        changed = {name: {"value": value, "identified": known} for name, (value, known) in self.changed.items()}
-        found = {"schema": SCHEMA, **vars(self), "condition": dict(self.condition), "changed": changed}
+        changed = {
+            name: {"value": value, "identified": known}
+            for name, (value, known) in self.changed.items()
+        }
+        found = {
+            "schema": SCHEMA,
+            **vars(self),
+            "condition": dict(self.condition),
+            "changed": changed,
+        }
         del found["flight"]
         return found
 
     def _changes(self) -> list[str]:
-        """The parameters that differ, the relatively largest differences first; of many their number and the first."""
-        sizes = {name: abs(value - known) / (abs(known) or 1.0) for name, (value, known) in self.changed.items()}
+        """The parameters that differ, the relatively largest differences first; of many their
+        number and the first."""
+        sizes = {
+            name: abs(value - known) / (abs(known) or 1.0)
+            for name, (value, known) in self.changed.items()
+        }
         told = []
         for name in sorted(sizes, key=lambda name: -sizes[name])[:_MOST_TOLD]:
             value, known = self.changed[name]
@@ -60,12 +73,16 @@ class Provenance:
         return [f"{len(sizes)} parameters differ, most", *told] if len(sizes) > _MOST_TOLD else told
 
     def text(self) -> str:
-        """For people: a line, and a few more where aircraft or flight are not the identified and the paper's."""
+        """For people: a line, and a few more where aircraft or flight are not the identified and
+        the paper's."""
         about = [f"hfa {self.version}", self.date[:10]]
         if self.model:
             about.append(f"plant {self.model}")
         elif self.parameters:
-            about += [f"{self.dynamics} dynamics", f"parameters {self.parameters} ({self.parameter_hash})"]
+            about += [
+                f"{self.dynamics} dynamics",
+                f"parameters {self.parameters} ({self.parameter_hash})",
+            ]
         lines = [", ".join(about)]
         if self.changed:
             lines.append("not the identified aircraft: " + "\n  ".join(self._changes()))
@@ -92,5 +109,7 @@ def _now() -> str:
     try:
         moment = datetime.fromtimestamp(int(epoch), UTC) if epoch.isdecimal() else datetime.now(UTC)
     except (ValueError, OverflowError, OSError) as error:
-        raise BadInputError(f"SOURCE_DATE_EPOCH is {shown(epoch)}; give seconds before the year 10000") from error
+        raise BadInputError(
+            f"SOURCE_DATE_EPOCH is {shown(epoch)}; give seconds before the year 10000"
+        ) from error
     return moment.strftime("%Y-%m-%dT%H:%M:%SZ")

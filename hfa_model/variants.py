@@ -1,9 +1,10 @@
 """Where the two variants of the equations differ, side by side.
 
-`published` regenerates the matrices that the paper prints. `newton` has the exact mechanics of three rigid panels
-(`lagrangian.py` derives it independently). They differ in six terms, all here; the print needs each of them but
-the η'² term, which has no linear effect (`docs/identification.md`). With η the dihedral, q the pitch rate, s and m
-the span and mass of one panel:
+`published` regenerates the matrices that the paper prints. `newton` has the exact mechanics of
+three rigid panels (`lagrangian.py` derives it independently). They differ in six terms, all here;
+the print needs each of them but the η'² term, which has no linear effect
+(`docs/identification.md`). With η the dihedral, q the pitch rate, s and m the span and mass of one
+panel:
 
 | term | published | newton |
 |---|---|---|
@@ -14,8 +15,8 @@ the span and mass of one panel:
 | factor on (m s/2) cos η sin η η'² in η'' | -2s/3 | -s/3 |
 | cos-term of the hinge inertia | +(m s²/6) cos(η²) | -(m s²/6) cos² η |
 
-The two terms in η' have one cause: `published` leaves out that the hinge moves (`docs/dynamics.md`).
-"""
+The two terms in η' have one cause: `published` leaves out that the hinge moves
+(`docs/dynamics.md`)."""
 
 from __future__ import annotations
 
@@ -30,7 +31,8 @@ from hfa_support.errors import BadInputError, refuse_unknown
 
 @dataclass(frozen=True)
 class Published:
-    """The equations behind the printed matrices (paper Section 2.2; Gibson et al. 2011, Eqs. 45-46)."""
+    """The equations behind the printed matrices (paper Section 2.2; Gibson et al. 2011, Eqs.
+    45-46)."""
 
     name = "published"
 
@@ -54,9 +56,8 @@ class Published:
     def hinge_inertia(self, dihedral: Quantity, p: Parameters[Quantity]) -> Quantity:
         """d3 = I_x3x3 + m s²/4 + (m s²/6) cos(η²), slug ft^2.
 
-        The paper prints cos² η; only the cosine of the squared angle reproduces the printed matrices, and the released
-        simulation up to 45 deg (`docs/validation.md`).
-        """
+        The paper prints cos² η; only the cosine of the squared angle reproduces the printed
+        matrices, and the released simulation up to 45 deg (`docs/validation.md`)."""
         mass_moment = p.panel_mass * p.panel_span**2
         return p.inertia_roll + mass_moment / 4 + mass_moment / 6 * ca.cos(dihedral**2)
 
@@ -84,7 +85,8 @@ class Newton:
         )
 
     def hinge_inertia(self, dihedral: Quantity, p: Parameters[Quantity]) -> Quantity:
-        """d3 = I_x3x3 + m s²/4 - (m s²/6) cos² η, slug ft^2: the center of mass gives way as the panel turns."""
+        """d3 = I_x3x3 + m s²/4 - (m s²/6) cos² η, slug ft^2: the center of mass gives way as the
+        panel turns."""
         mass_moment = p.panel_mass * p.panel_span**2
         return p.inertia_roll + mass_moment / 4 - mass_moment / 6 * ca.cos(dihedral) ** 2
 
@@ -99,5 +101,7 @@ def variant_named(name: str) -> Variant:
     """Look a variant up; BadInputError names the choices."""
     refuse_unknown("unknown dynamics", name, (*VARIANTS, "unsteady"))
     if name not in VARIANTS:
-        raise BadInputError("the unsteady dynamics have more than seven states; this takes published or newton")
+        raise BadInputError(
+            "the unsteady dynamics have more than seven states; this takes published or newton"
+        )
     return VARIANTS[name]

@@ -1,17 +1,19 @@
-"""State and input of the aircraft: names, order and units, declared once; everything else looks them up here."""
+"""State and input of the aircraft: names, order and units, declared once; everything else looks
+them up here."""
 
 from __future__ import annotations
 
 import math
 from typing import TYPE_CHECKING, Generic, NamedTuple, TypeAlias, TypeVar
 
-from hfa_support.model import Signal
+from hfa_aircraft.model import Signal
 
 if TYPE_CHECKING:
     import casadi as ca
 
-#: A number or a CasADi expression; the shape, where it is not one number, stands in the docstring. SX stands for MX
-#: too: whatever computes with one does with the other, and a union of both would let them be added.
+#: A number or a CasADi expression; the shape, where it is not one number, stands in the docstring.
+#: SX stands for MX too: whatever computes with one does with the other, and a union of both would
+#: let them be added.
 Quantity: TypeAlias = "ca.SX | ca.DM | float"
 #: What a State, an Input, ... holds: numbers, CasADi expressions, units or scales.
 T = TypeVar("T", covariant=True)
@@ -21,8 +23,8 @@ DEGREE = math.pi / 180
 
 
 class State(NamedTuple, Generic[T]):
-    """X = [V, α, h, θ, q, η, η'] in the order of the paper (Section 2.2): numbers, CasADi expressions, units or
-    signals."""
+    """X = [V, α, h, θ, q, η, η'] in the order of the paper (Section 2.2): numbers, CasADi
+    expressions, units or signals."""
 
     speed: T
     alpha: T
@@ -34,10 +36,11 @@ class State(NamedTuple, Generic[T]):
 
 
 class Input(NamedTuple, Generic[T]):
-    """U = [δ_t, δ_ac, δ_ao, δ_ec, δ_eo] in the order of the paper (Section 2.2), or one quantity per input.
+    """U = [δ_t, δ_ac, δ_ao, δ_ec, δ_eo] in the order of the paper (Section 2.2), or one quantity
+    per input.
 
-    `throttle` is dimensionless: total thrust = thrust_per_throttle * throttle (see `parameters.py`).
-    """
+    `throttle` is dimensionless: total thrust = thrust_per_throttle * throttle (see
+    `parameters.py`)."""
 
     throttle: T
     aileron_center: T
@@ -48,18 +51,20 @@ class Input(NamedTuple, Generic[T]):
 
 STATES: tuple[str, ...] = State._fields
 INPUTS: tuple[str, ...] = Input._fields
-#: The six states of the paper's linear model: the altitude deviation is not controlled (Section 2.2).
+#: The six states of the paper's linear model: the altitude deviation is not controlled (Section
+#: 2.2).
 LINEAR_STATES: tuple[str, ...] = tuple(name for name in STATES if name != "altitude")
 
 #: Their places among all states.
 LINEAR_ROWS = [STATES.index(name) for name in LINEAR_STATES]
 
-#: The highest altitude that the atmosphere covers, ft (the 20 km geopotential limit lies at 65,824 ft).
+#: The highest altitude that the atmosphere covers, ft (the 20 km geopotential limit lies at 65,824
+#: ft).
 HIGHEST_ALTITUDE = 65_000.0
 
 _ANGLE, _RATE = Signal("rad", 0.1), Signal("rad/s", 0.1, rate=1.0)
-#: Units, typical sizes (a rate's is g for the speed, and what the eye would notice for the rest), and limits, assumed:
-#: the paper states none. States: attached flow, the atmosphere's altitudes.
+#: Units, typical sizes (a rate's is g for the speed, and what the eye would notice for the rest),
+#: and limits, assumed: the paper states none. States: attached flow, the atmosphere's altitudes.
 STATE_SIGNALS = State(
     speed=Signal("ft/s", 68.0, 1.0, 500.0, start=68.0, rate=32.2),
     alpha=_ANGLE._replace(min=-math.radians(20), max=math.radians(20)),
@@ -71,8 +76,13 @@ STATE_SIGNALS = State(
 )
 _AILERON = _ANGLE._replace(min=-math.radians(20), max=math.radians(20))
 _ELEVATOR = _ANGLE._replace(min=-math.radians(30), max=math.radians(30))
-INPUT_SIGNALS = Input(Signal("1", 40.0, 0.0, 200.0, start=40.0), _AILERON, _AILERON, _ELEVATOR, _ELEVATOR)
+INPUT_SIGNALS = Input(
+    Signal("1", 40.0, 0.0, 200.0, start=40.0), _AILERON, _AILERON, _ELEVATOR, _ELEVATOR
+)
 
-STATE_UNITS, INPUT_UNITS = State(*(s.unit for s in STATE_SIGNALS)), Input(*(s.unit for s in INPUT_SIGNALS))
+STATE_UNITS, INPUT_UNITS = (
+    State(*(s.unit for s in STATE_SIGNALS)),
+    Input(*(s.unit for s in INPUT_SIGNALS)),
+)
 CONTROL_LIMITS = Input(*((s.min, s.max) for s in INPUT_SIGNALS))
 LINEAR_UNITS: tuple[str, ...] = tuple(getattr(STATE_UNITS, name) for name in LINEAR_STATES)

@@ -1,5 +1,16 @@
 """What all packages share: errors, files, reports, jobs and native code."""
 
+from importlib import import_module
+from typing import Any
+
 import lazy_loader
 
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+_public, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+
+
+def __getattr__(name: str) -> Any:
+    """A public name; for one version also `Model` and `Signal`, which users' files imported from
+    here."""
+    if name in ("Model", "Signal"):
+        return getattr(import_module("hfa_aircraft.model"), name)
+    return _public(name)

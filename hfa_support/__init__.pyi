@@ -1,7 +1,6 @@
 """What all packages share: errors, files, reports, jobs and native code."""
 
 from .errors import BadInputError as BadInputError, NoSolutionError as NoSolutionError
-from .model import Model as Model, Signal as Signal
 from .reporting.checks import Check as Check
 from .reporting.report import Report as Report
 from .reporting.unit_system import shown_in as shown_in

@@ -1,8 +1,7 @@
 """The two ways in which a request can fail; every message is one line that says what to change.
 
-Words of the user, and values of the user's files, are repeated in it: not at any length, and nothing that a terminal
-would obey.
-"""
+Words of the user, and values of the user's files, are repeated in it: not at any length, and
+nothing that a terminal would obey."""
 
 from __future__ import annotations
 
@@ -20,11 +19,13 @@ _LONGEST_LINE = 1000
 
 
 class BadInputError(ValueError):
-    """What was asked for is not well posed: a wrong name, number, unit, shape or file (exit code 2)."""
+    """What was asked for is not well posed: a wrong name, number, unit, shape or file (exit code
+    2)."""
 
 
 class NoSolutionError(RuntimeError):
-    """What was asked for is well posed but has no solution, or none that could be certified (exit code 1)."""
+    """What was asked for is well posed but has no solution, or none that could be certified (exit
+    code 1)."""
 
 
 @contextmanager
@@ -38,7 +39,8 @@ def said_of(what: str | Path) -> Iterator[None]:
 
 
 def refuse_unknown(what: str, name: object, known: Iterable[str]) -> None:
-    """BadInputError unless the name is one of the known: what it was taken for, the name, the choices."""
+    """BadInputError unless the name is one of the known: what it was taken for, the name, the
+    choices."""
     choices = tuple(known)
     if name not in choices:
         raise BadInputError(f"{what} {shown(name)}; choose from {', '.join(choices) or 'none'}")
@@ -60,16 +62,20 @@ def refuse_unless_positive(what: str, value: float, unit: str = "") -> None:
 
 
 def pair_of(what: str, ends: Any) -> tuple[float, float]:
-    """The lowest and the highest. BadInputError unless they are two numbers, which may be infinite."""
+    """The lowest and the highest. BadInputError unless they are two numbers, which may be
+    infinite."""
     try:
         lowest, highest = (end + 0.0 for end in ends)
     except (TypeError, ValueError) as error:
-        raise BadInputError(f"{what} is {shown(ends)}; give two numbers, (lowest, highest)") from error
+        raise BadInputError(
+            f"{what} is {shown(ends)}; give two numbers, (lowest, highest)"
+        ) from error
     return lowest, highest
 
 
 def numbers_in(what: str, values: Any) -> np.ndarray:
-    """Real numbers as an array of floats. BadInputError where they are something else, or some of them are masked."""
+    """Real numbers as an array of floats. BadInputError where they are something else, or some of
+    them are masked."""
     import numpy as np  # the command sets the threads of its libraries before it is loaded
 
     try:
@@ -94,6 +100,9 @@ def shown(value: Any) -> str:
 
 
 def on_one_line(message: str) -> str:
-    """A message without line breaks and control characters, which are spelled, as in "\\x1b"; or its beginning."""
+    """A message without line breaks and control characters, which are spelled, as in "\\x1b"; or
+    its beginning."""
     line = " ".join(message[: 4 * _LONGEST_LINE].split())
-    return shortened("".join(each if each.isprintable() else ascii(each)[1:-1] for each in line), _LONGEST_LINE)
+    return shortened(
+        "".join(each if each.isprintable() else ascii(each)[1:-1] for each in line), _LONGEST_LINE
+    )

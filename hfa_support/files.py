@@ -1,6 +1,5 @@
-"""Files that we write appear whole or not at all; those that users bring are regular ones of a bounded size whose text
-parses, or one line says why not.
-"""
+"""Files that we write appear whole or not at all; those that users bring are regular ones of a
+bounded size whose text parses, or one line says why not."""
 
 from __future__ import annotations
 
@@ -33,7 +32,8 @@ _UNFINISHED = set[Path]()
 
 @contextmanager
 def temporary_folder(parent: Path | None = None) -> Iterator[Path]:
-    """A new private folder in `parent` (default: where temporary files go), removed after the block unless renamed."""
+    """A new private folder in `parent` (default: where temporary files go), removed after the block
+    unless renamed."""
     path = Path(tempfile.mkdtemp(prefix=".hfa-", dir=parent))
     _UNFINISHED.add(path)
     try:
@@ -44,7 +44,8 @@ def temporary_folder(parent: Path | None = None) -> Iterator[Path]:
 
 
 def remove_unfinished() -> None:
-    """Remove the temporary files and folders of this process, for a process that ends inside their blocks."""
+    """Remove the temporary files and folders of this process, for a process that ends inside their
+    blocks."""
     for path in _UNFINISHED:
         shutil.rmtree(path, ignore_errors=True)
         with suppress(OSError):
@@ -53,11 +54,12 @@ def remove_unfinished() -> None:
 
 @contextmanager
 def written_whole(path: str | Path) -> Iterator[IO[bytes]]:
-    """A binary stream whose content becomes `path` when the block ends without an error; else `path` is unchanged.
+    """A binary stream whose content becomes `path` when the block ends without an error; else
+    `path` is unchanged.
 
-    Writes to a temporary file in the target's folder, then renames; the mode of an existing file is kept. BadInputError
-    when the folder does not exist or cannot be written, or the target is a folder, a FIFO or a device.
-    """
+    Writes to a temporary file in the target's folder, then renames; the mode of an existing file is
+    kept. BadInputError when the folder does not exist or cannot be written, or the target is a
+    folder, a FIFO or a device."""
     target = Path(path)
     if target.is_dir():
         raise BadInputError(f"cannot write {target}: it is a folder; name a file")
@@ -66,7 +68,9 @@ def written_whole(path: str | Path) -> Iterator[IO[bytes]]:
     try:
         handle, name = tempfile.mkstemp(prefix=".hfa-", suffix=".part", dir=target.parent)
     except OSError as error:
-        raise BadInputError(f"cannot write {target}: {error.strerror}; choose a folder that exists") from error
+        raise BadInputError(
+            f"cannot write {target}: {error.strerror}; choose a folder that exists"
+        ) from error
     temporary = Path(name).absolute()
     _UNFINISHED.add(temporary)
     try:
@@ -88,7 +92,8 @@ def write_text(path: str | Path, text: str) -> None:
 
 
 def write_texts(folder: Path, texts: Mapping[str, str]) -> list[Path]:
-    """Write UTF-8 text files that belong together, name -> text, all or none, into a folder that is made if need be."""
+    """Write UTF-8 text files that belong together, name -> text, all or none, into a folder that is
+    made if need be."""
     with ExitStack() as around:
         if not folder.exists():
             folder.mkdir()
@@ -124,7 +129,8 @@ def regular_file(path: str | Path, largest: int = LARGEST) -> Path:
 
 
 def read_json(path: str | Path) -> Any:
-    """What a JSON file holds. OSError where it cannot be read, BadInputError where it is no JSON."""
+    """What a JSON file holds. OSError where it cannot be read, BadInputError where it is no
+    JSON."""
     text = regular_file(path, LARGEST_TEXT).read_bytes()
     try:
         return json.loads(text)
@@ -133,7 +139,8 @@ def read_json(path: str | Path) -> Any:
 
 
 def read_toml(path: str | Path) -> dict[str, Any]:
-    """What a TOML file holds. OSError where it cannot be read, BadInputError where it is no TOML."""
+    """What a TOML file holds. OSError where it cannot be read, BadInputError where it is no
+    TOML."""
     text = regular_file(path, LARGEST_TEXT).read_bytes()
     try:
         return tomllib.loads(text.decode("utf-8"))

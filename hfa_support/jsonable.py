@@ -12,8 +12,11 @@ import numpy as np
 
 
 def jsonable(value: Any) -> Any:
-    """Mappings, lists, tuples, arrays, texts and numbers for `json`; a number that is not finite becomes None."""
-    if isinstance(value, (float, np.floating)):  # most values are, and the other questions take longer
+    """Mappings, lists, tuples, arrays, texts and numbers for `json`; a number that is not finite
+    becomes None."""
+    if isinstance(
+        value, (float, np.floating)
+    ):  # most values are, and the other questions take longer
         return finite_or_none(value)
     if isinstance(value, (list, tuple)):
         return [jsonable(item) for item in value]
@@ -33,4 +36,7 @@ def finite_or_none(value: float | np.floating[Any]) -> float | None:
 def json_text(value: Any) -> str:
     """The value as indented JSON, each list and object that holds no other on one line."""
     text = json.dumps(jsonable(value), indent=1, allow_nan=False)
-    return re.sub(r"[\[{][^][{}]*[]}]", lambda innermost: re.sub(r"\n *", " ", innermost[0]), text) + "\n"
+    return (
+        re.sub(r"[\[{][^][{}]*[]}]", lambda innermost: re.sub(r"\n *", " ", innermost[0]), text)
+        + "\n"
+    )

@@ -31,7 +31,8 @@ def told(items: Sequence[Item], progress: Progress | None) -> Iterator[Item]:
 
 
 def say(text: str) -> None:
-    """Print the text now, so that a disk that is full is reported by who prints; to nobody once the reader has left."""
+    """Print the text now, so that a disk that is full is reported by who prints; to nobody once the
+    reader has left."""
     try:
         print(text, flush=True)
     except BrokenPipeError:

@@ -1,8 +1,9 @@
-"""What a user's file must hold, declared once; the first entry that is not as declared is named in one line.
+"""What a user's file must hold, declared once; the first entry that is not as declared is named in
+one line.
 
-A declaration is `Number`, str, a tuple of the words that it may be, [declaration] for a list, {str: declaration} for
-any names, or {name: declaration} for a table: names ending in * must be there, and ... permits others, not looked at.
-"""
+A declaration is `Number`, str, a tuple of the words that it may be, [declaration] for a list, {str:
+declaration} for any names, or {name: declaration} for a table: names ending in * must be there, and
+... permits others, not looked at."""
 
 from __future__ import annotations
 
@@ -17,7 +18,8 @@ from hfa_support.files import read_toml
 
 
 class Number(NamedTuple):
-    """A number from lowest to highest, above lowest where `above`; finite unless highest is inf and `infinite`."""
+    """A number from lowest to highest, above lowest where `above`; finite unless highest is inf and
+    `infinite`."""
 
     lowest: float = -math.inf
     highest: float = math.inf
@@ -28,7 +30,9 @@ class Number(NamedTuple):
         """What is asked for."""
         form = "a number" if self.infinite else "a finite number"
         if self.lowest > -math.inf:
-            form += f" {'above' if self.above else 'from'} {self.lowest:g}{' on' * (not self.above)}"
+            form += (
+                f" {'above' if self.above else 'from'} {self.lowest:g}{' on' * (not self.above)}"
+            )
         return form if self.highest == math.inf else f"{form}, at most {self.highest:g}"
 
     def of(self, value: Any) -> float | None:
@@ -39,7 +43,11 @@ class Number(NamedTuple):
             number = float(value)
         except OverflowError:  # TOML's integers have no limit, Python's floats do
             return None
-        inside = self.lowest < number <= self.highest if self.above else self.lowest <= number <= self.highest
+        inside = (
+            self.lowest < number <= self.highest
+            if self.above
+            else self.lowest <= number <= self.highest
+        )
         return number if inside and (self.infinite or math.isfinite(number)) else None
 
 
@@ -47,7 +55,8 @@ NUMBER, POSITIVE = Number(), Number(0.0, above=True)
 
 
 def checked(where: str, value: Any, declared: Any, entry: str = "") -> Any:
-    """The value as declared, numbers as floats. BadInputError names the file (where), the entry and what to give."""
+    """The value as declared, numbers as floats. BadInputError names the file (where), the entry and
+    what to give."""
     if isinstance(declared, Number):
         number = declared.of(value)
         if number is None:
@@ -61,8 +70,13 @@ def checked(where: str, value: Any, declared: Any, entry: str = "") -> Any:
         return value
     if isinstance(declared, list):
         if not isinstance(value, list):
-            raise BadInputError(f"{where}: {entry} is {shown(value)}; give a list of {_words(declared[0])}")
-        return [checked(where, each, declared[0], f"{entry}[{place}]") for place, each in enumerate(value)]
+            raise BadInputError(
+                f"{where}: {entry} is {shown(value)}; give a list of {_words(declared[0])}"
+            )
+        return [
+            checked(where, each, declared[0], f"{entry}[{place}]")
+            for place, each in enumerate(value)
+        ]
     if isinstance(declared, dict):
         return _table(where, value, declared, entry)
     return value
@@ -70,15 +84,23 @@ def checked(where: str, value: Any, declared: Any, entry: str = "") -> Any:
 
 def _table(where: str, value: Any, declared: dict[Any, Any], entry: str) -> dict[str, Any]:
     if not isinstance(value, dict):
-        raise BadInputError(f"{where}: {entry or 'it'} is {shown(value)}; make it the table [{entry}]")
-    kinds = {name.removesuffix("*"): kind for name, kind in declared.items() if isinstance(name, str)}
+        raise BadInputError(
+            f"{where}: {entry or 'it'} is {shown(value)}; make it the table [{entry}]"
+        )
+    kinds = {
+        name.removesuffix("*"): kind for name, kind in declared.items() if isinstance(name, str)
+    }
     found, place = {}, f"{entry}." if entry else ""
     for name, each in value.items():
         if name not in kinds and str not in declared and ... not in declared:
             near = difflib.get_close_matches(name, kinds, n=1, cutoff=0.6)
             meant = f"did you mean {near[0]}?" if near else f"choose from {', '.join(kinds)}"
-            raise BadInputError(f"{where}: unknown entry {place}{shortened(ascii(name)[1:-1])}; {meant}")
-        found[name] = checked(where, each, kinds.get(name, declared.get(str)), f"{place}{shortened(name)}")
+            raise BadInputError(
+                f"{where}: unknown entry {place}{shortened(ascii(name)[1:-1])}; {meant}"
+            )
+        found[name] = checked(
+            where, each, kinds.get(name, declared.get(str)), f"{place}{shortened(name)}"
+        )
     for name in declared:
         if isinstance(name, str) and name.endswith("*") and name[:-1] not in found:
             what = "the table" if isinstance(declared[name], dict) else "it"
@@ -92,8 +114,11 @@ def _words(declared: Any) -> str:
     return "numbers" if isinstance(declared, Number) else "names in quotes"
 
 
-def read_named(what: str, name: str, packaged: Mapping[str, str], folder: str, declared: dict[Any, Any]) -> Any:
-    """The entries of a TOML file of the package `folder`, by its name in `packaged` (name -> file), or of the user's.
+def read_named(
+    what: str, name: str, packaged: Mapping[str, str], folder: str, declared: dict[Any, Any]
+) -> Any:
+    """The entries of a TOML file of the package `folder`, by its name in `packaged` (name -> file),
+    or of the user's.
 
     what: what the file describes, for messages. BadInputError where there is no such name and file.
     """

@@ -1,1 +1,2 @@
-"""Studies: questions answered with the packages, as a user would. Not installed; nothing installed imports them."""
+"""Studies: questions answered with the packages, as a user would. Not installed; nothing installed
+imports them."""

@@ -14,12 +14,14 @@ from hfa_support.version import VERSION
 
 
 def stamp(decides: Mapping[str, Any]) -> dict[str, str]:
-    """The version that makes a result, and a hash of everything else that decides its numbers (JSON values)."""
+    """The version that makes a result, and a hash of everything else that decides its numbers (JSON
+    values)."""
     return {"toolchain": VERSION, "identity": _digest(jsonable(decides))}
 
 
 def stamped(content: Mapping[str, Any], decides: Mapping[str, Any]) -> dict[str, Any]:
-    """What is kept of a finished part, as JSON values: the content, the stamp of today, a digest of what it holds."""
+    """What is kept of a finished part, as JSON values: the content, the stamp of today, a digest of
+    what it holds."""
     whole: dict[str, Any] = jsonable({**content, **stamp(decides)})
     return whole | {"digest": _digest(whole)}
 
@@ -35,6 +37,7 @@ def finished(path: Path, decides: Mapping[str, Any]) -> dict[str, Any] | None:
 
 
 def _digest(content: Mapping[str, Any]) -> str:
-    """Of all but itself, and the date and the words of the run: the same result has the same one."""
+    """Of all but itself, and the date and the words of the run: the same result has the same
+    one."""
     told = {name: value for name, value in content.items() if name not in ("digest", "provenance")}
     return hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()

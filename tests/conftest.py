@@ -1,4 +1,5 @@
-"""How the tests run: the environment, and the fixtures of all rooms in the processes that run tests."""
+"""How the tests run: the environment, and the fixtures of all rooms in the processes that run
+tests."""
 
 from __future__ import annotations
 
@@ -11,12 +12,14 @@ import sys
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 # Outputs bear the date of their making; with this they are the same in every run.
 os.environ["SOURCE_DATE_EPOCH"] = "1790000000"
-# Else each process compiles all modules anew, and each worker rewrites the assertions of all tests: five seconds each.
+# Else each process compiles all modules anew, and each worker rewrites the assertions of all tests:
+# five seconds each.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 # The streams of users are buffered, and what cannot be written is then found when the process ends.
 os.environ.pop("PYTHONUNBUFFERED", None)
 
-# In the background of a shell Ctrl-C is ignored, also by what is started there; some tests are about it.
+# In the background of a shell Ctrl-C is ignored, also by what is started there; some tests are
+# about it.
 if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
@@ -31,6 +34,7 @@ def pytest_collection_finish() -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """The process that only starts workers needs no fixtures, and not the second of importing what they use."""
+    """The process that only starts workers needs no fixtures, and not the second of importing what
+    they use."""
     if hasattr(config, "workerinput") or not config.getoption("numprocesses", None):
         config.pluginmanager.import_plugin("shared_fixtures")

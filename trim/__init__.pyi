@@ -1,8 +1,13 @@
 """Operating points, exact linear models, modes, sweeps, and the aircraft's identification."""
 
-from .linear.linear_model import LinearModel as LinearModel, level_model as level_model, linearize as linearize
+from .hfa.hfa_report import trim_figure as trim_figure
+from .hfa.printed import compare as compare, entry_bands as entry_bands, regenerate as regenerate
+from .linear.linear_model import (
+    LinearModel as LinearModel,
+    level_model as level_model,
+    linearize as linearize,
+)
 from .linear.modes import modes_of as modes_of
-from .linear.printed import compare as compare, entry_bands as entry_bands, regenerate as regenerate
 from .linear.varying import InterpolatedModel as InterpolatedModel, models_along as models_along
 from .point.condition import (
     TrimCondition as TrimCondition,
@@ -10,7 +15,6 @@ from .point.condition import (
     load_condition as load_condition,
     release as release,
 )
-from .point.hfa_report import trim_figure as trim_figure
 from .point.operating_point import OperatingPoint as OperatingPoint
 from .point.solve import TrimError as TrimError, find_operating_point as find_operating_point
 from .point.trim_report import trim_report as trim_report

@@ -1,8 +1,8 @@
-"""The aircraft behind the printed matrices: weighted least squares over both pairs and their trims, and the evidence.
+"""The aircraft behind the printed matrices: weighted least squares over both pairs and their trims,
+and the evidence.
 
-Unknown are the parameters; the trim inputs, which the paper does not print, follow from them and are solved for at
-every step. Each printed entry weighs with half a unit of its last digit.
-"""
+Unknown are the parameters; the trim inputs, which the paper does not print, follow from them and
+are solved for at every step. Each printed entry weighs with half a unit of its last digit."""
 
 from __future__ import annotations
 
@@ -23,7 +23,14 @@ from hfa_support.native.bound import BoundFunction
 from hfa_support.progress import Progress
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.text import Table
-from trim.linear.printed import EntryRow, compare, entries_at, entries_records, entries_table, regenerate
+from trim.hfa.printed import (
+    EntryRow,
+    compare,
+    entries_at,
+    entries_records,
+    entries_table,
+    regenerate,
+)
 from trim.point.condition import level_flight
 from trim.sweeps.points import newton_functions
 
@@ -42,7 +49,8 @@ ASSUMED: dict[str, tuple[float, str, str]] = {
     "gravity": (32.2, "print", "A(speed, pitch) is printed as -32.2"),
 }
 IDENTIFIED: tuple[str, ...] = tuple(name for name in Parameters._fields if name not in ASSUMED)
-# Where the search begins: a 200 ft flying wing of 1000 lbf, from textbook formulas, deliberately not the answer.
+# Where the search begins: a 200 ft flying wing of 1000 lbf, from textbook formulas, deliberately
+# not the answer.
 _MASS, _SPAN, _CHORD = 1000.0 / 3 / 32.2, 70.0, 8.0
 ROUGH: dict[str, float] = {
     "panel_mass": _MASS,
@@ -64,7 +72,8 @@ ROUGH: dict[str, float] = {
 _FREE_INPUTS = tuple(name for name in INPUTS if name != "aileron_center")
 _ROUGH_INPUTS = np.array([40.0, 0.0, 0.0, 0.0])
 _TRIM_STEPS = 30
-#: A structure that can reach the print does so in a few hundred steps; one that cannot would creep for ever.
+#: A structure that can reach the print does so in a few hundred steps; one that cannot would creep
+#: for ever.
 _MAX_EVALUATIONS = 500
 #: Seeded rough guesses, and the standard deviation of their logarithms.
 STARTS, _START_SPREAD = 8, 0.3
@@ -72,7 +81,9 @@ STARTS, _START_SPREAD = 8, 0.3
 
 def _with_newtons(method: str) -> Variant:
     """The published structure with one method of Newton's."""
-    changed: type[Published] = type(f"PublishedWith_{method}", (Published,), {method: getattr(Newton, method)})
+    changed: type[Published] = type(
+        f"PublishedWith_{method}", (Published,), {method: getattr(Newton, method)}
+    )
     return changed()
 
 
@@ -90,14 +101,12 @@ ALTERNATIVES: tuple[tuple[str, Variant], ...] = (
 class Fit:
     """One least-squares fit.
 
-    parameters: with sources and covariance. inputs: fitted trim inputs, one `Input` a printed angle.
-    sum_of_squares: Σ (difference / half unit)² over the printed entries; `entries`: how many of them some
-    parameter moves. largest: the largest |difference| / half unit.
-    expected_sum: the sum of squares that rounding alone gives on average, trace((I - H) C): C the covariance of
-    the rounding errors, H the projection onto what the parameters can fit.
-    singular_values: of the weighted Jacobian in relative parameters.
-    directions: rows are their parameter combinations.
-    """
+    parameters: with sources and covariance. inputs: fitted trim inputs, one `Input` a printed
+    angle. sum_of_squares: Σ (difference / half unit)² over the printed entries; `entries`: how many
+    of them some parameter moves. largest: the largest |difference| / half unit. expected_sum: the
+    sum of squares that rounding alone gives on average, trace((I - H) C): C the covariance of the
+    rounding errors, H the projection onto what the parameters can fit. singular_values: of the
+    weighted Jacobian in relative parameters. directions: rows are their parameter combinations."""
 
     parameters: ParameterSet
     inputs: tuple[Input, ...]
@@ -147,9 +156,14 @@ class Identification(Reported):
         combinations = []
         for value, direction in zip(fit.singular_values, fit.directions, strict=True):
             largest = np.argsort(-np.abs(direction))[:4]
-            words = "  ".join(f"{direction[i]:+.2f} {IDENTIFIED[i]}" for i in largest if abs(direction[i]) > 0.1)
+            words = "  ".join(
+                f"{direction[i]:+.2f} {IDENTIFIED[i]}" for i in largest if abs(direction[i]) > 0.1
+            )
             combinations.append((f"{value:.3g}", f"{100 / (value * np.sqrt(3)):.2g} %", words))
-        tried = [(each.description, *(f"{number:.4g}" for number in each[1:])) for each in self.structures]
+        tried = [
+            (each.description, *(f"{number:.4g}" for number in each[1:]))
+            for each in self.structures
+        ]
         return Report(
             title=f"{len(IDENTIFIED)} parameters identified from {fit.entries} printed entries; "
             f"{_agreeing(self.starts)} of {len(self.starts)} starts agree\n"
@@ -157,9 +171,15 @@ class Identification(Reported):
             f"average), largest difference {fit.largest:.2f} half units",
             parts=(
                 parameters.table(),
-                entries_table("entry, as printed", {f"{angle:g} deg ": each for angle, each in self.tables.items()}),
+                entries_table(
+                    "entry, as printed",
+                    {f"{angle:g} deg ": each for angle, each in self.tables.items()},
+                ),
                 (
-                    Table(("singular value", "known to", "combination of relative parameters"), combinations),
+                    Table(
+                        ("singular value", "known to", "combination of relative parameters"),
+                        combinations,
+                    ),
                     "Not determined by the print, in combination only: all masses, inertias, hinge constants and force "
                     "coefficients together\n(fixed by thrust_per_throttle), and chord times the coefficients "
                     "(fixed by chord).",
@@ -183,10 +203,13 @@ class Identification(Reported):
                 "starts": self.starts,
                 "singular_values": fit.singular_values.tolist(),
                 "trim_inputs": {
-                    str(angle): inputs._asdict() for angle, inputs in zip(self.tables, fit.inputs, strict=True)
+                    str(angle): inputs._asdict()
+                    for angle, inputs in zip(self.tables, fit.inputs, strict=True)
                 },
                 "entries": [
-                    {"dihedral_deg": angle, **entry.to_dict()} for angle, each in self.tables.items() for entry in each
+                    {"dihedral_deg": angle, **entry.to_dict()}
+                    for angle, each in self.tables.items()
+                    for entry in each
                 ],
                 "structures": [each._asdict() for each in self.structures],
             },
@@ -195,10 +218,14 @@ class Identification(Reported):
 
 
 def run_identification(seed: int = 0, progress: Progress | None = None) -> Identification:
-    """Identify, then collect the evidence; a few seconds. progress: called with (stages done, stages in all)."""
+    """Identify, then collect the evidence; a few seconds. progress: called with (stages done,
+    stages in all)."""
     best, starts = identify(seed)
     aircraft, rng = Aircraft(best.parameters.values, Published()), np.random.default_rng(seed)
-    tables = {model.dihedral_deg: compare(regenerate(aircraft, model), model) for model in published_models()}
+    tables = {
+        model.dihedral_deg: compare(regenerate(aircraft, model), model)
+        for model in published_models()
+    }
     structures = [Structure("published", best.sum_of_squares, best.largest)]
     # From the published optimum and from rough guesses: the alternative gets its best chance.
     near = np.log([abs(getattr(best.parameters.values, name) / ROUGH[name]) for name in IDENTIFIED])
@@ -220,9 +247,8 @@ def _agreeing(sums: Sequence[float]) -> int:
 def identify(seed: int = 0) -> tuple[Fit, list[float]]:
     """The published structure fitted to both printed pairs from `STARTS` seeded rough guesses.
 
-    Returns the best fit and the sum of squares that each start reached. NoSolutionError when fewer than half
-    of the starts agree on the best.
-    """
+    Returns the best fit and the sum of squares that each start reached. NoSolutionError when fewer
+    than half of the starts agree on the best."""
     noises = np.random.default_rng(seed).normal(size=(STARTS, len(IDENTIFIED))) * _START_SPREAD
     noises[0] = 0.0
     fits = [fit(published_models(), Published(), noise=noise) for noise in noises]
@@ -234,13 +260,15 @@ def identify(seed: int = 0) -> tuple[Fit, list[float]]:
     return fits[int(np.argmin(sums))], sums
 
 
-def fit(models: Sequence[PublishedModel], structure: Variant, *, noise: np.ndarray | None = None) -> Fit:
-    """min_p Σ ((A(p, U(p)) - A_print)/h)² + ((B(p, U(p)) - B_print)/h)²,  U(p) the trim inputs: f(p, U(p)) = 0.
+def fit(
+    models: Sequence[PublishedModel], structure: Variant, *, noise: np.ndarray | None = None
+) -> Fit:
+    """min_p Σ ((A(p, U(p)) - A_print)/h)² + ((B(p, U(p)) - B_print)/h)²,  U(p) the trim inputs:
+    f(p, U(p)) = 0.
 
-    models: printed pairs to fit. structure: the equations. noise: added to the log of the rough guess.
-    Solved by Levenberg-Marquardt on exact Jacobians, the inputs eliminated by the implicit function theorem (variable
-    projection).
-    """
+    models: printed pairs to fit. structure: the equations. noise: added to the log of the rough
+    guess. Solved by Levenberg-Marquardt on exact Jacobians, the inputs eliminated by the implicit
+    function theorem (variable projection)."""
     from scipy.optimize import least_squares
 
     problem = _Problem(models, structure)
@@ -258,27 +286,41 @@ def fit(models: Sequence[PublishedModel], structure: Variant, *, noise: np.ndarr
 
 
 class _Problem:
-    """The weighted entries of the printed pairs and their Jacobian as functions of the unknown parameters θ."""
+    """The weighted entries of the printed pairs and their Jacobian as functions of the unknown
+    parameters θ."""
 
     def __init__(self, models: Sequence[PublishedModel], structure: Variant) -> None:
         self._layout, names = replace(HFA, equations=Equations(structure)).layout, HFA.variables
         self._held = [level_flight(model.dihedral).imposed for model in models]
-        given, rates = tuple(self._held[0]), tuple((name, 0.0, HFA.rate_scale(name)) for name in HFA.steady)
+        given, rates = (
+            tuple(self._held[0]),
+            tuple((name, 0.0, HFA.rate_scale(name)) for name in HFA.steady),
+        )
         functions = newton_functions(self._layout, given, _FREE_INPUTS, rates)
         assert functions is not None
-        self._step, self._free = BoundFunction(functions[0]), [names.index(name) for name in _FREE_INPUTS]
+        self._step, self._free = (
+            BoundFunction(functions[0]),
+            [names.index(name) for name in _FREE_INPUTS],
+        )
         #: The rows θ' = q and η' = η' are the same for every aircraft.
         moved = [i for i, name in enumerate(LINEAR_STATES) if name not in ("pitch", "dihedral")]
         self._rows = [LINEAR_ROWS[i] for i in moved]
-        self._entries = [i + len(LINEAR_STATES) * j for j in range(len(LINEAR_STATES + INPUTS)) for i in moved]
-        printed = [np.hstack(each).ravel("F") for m in models for each in ((m.A, m.B), (m.half_unit_A, m.half_unit_B))]
+        self._entries = [
+            i + len(LINEAR_STATES) * j for j in range(len(LINEAR_STATES + INPUTS)) for i in moved
+        ]
+        printed = [
+            np.hstack(each).ravel("F")
+            for m in models
+            for each in ((m.A, m.B), (m.half_unit_A, m.half_unit_B))
+        ]
         self._printed = [each[self._entries] for each in printed]
         self._p = np.array([ASSUMED.get(name, (0.0,))[0] for name in Parameters._fields])
         self._known = [Parameters._fields.index(name) for name in IDENTIFIED]
         self._last: tuple[np.ndarray, tuple[np.ndarray, np.ndarray]] | None = None
 
     def trim_inputs(self, theta: np.ndarray) -> list[np.ndarray]:
-        """The free inputs that balance each printed condition, by Newton's method (the loads are nearly affine)."""
+        """The free inputs that balance each printed condition, by Newton's method (the loads are
+        nearly affine)."""
         self._p[self._known] = theta
         return [self._trimmed(list(held.values())) for held in self._held]
 
@@ -295,8 +337,8 @@ class _Problem:
         return best
 
     def entries(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(entry - print) / half unit of every printed entry that the structure can move, and its Jacobian with the
-        trim's share in it.
+        """(entry - print) / half unit of every printed entry that the structure can move, and its
+        Jacobian with the trim's share in it.
 
         The last answer is kept: the solver asks for values and Jacobian one after the other.
         """
@@ -317,16 +359,31 @@ def _as_fit(problem: _Problem, theta: np.ndarray) -> Fit:
     printed, jacobian = problem.entries(theta)
     relative = jacobian * np.abs(theta)
     fitted, singular_values, directions = np.linalg.svd(relative, full_matrices=False)
-    # A direction has no sign of its own: its largest component is made positive, on every machine alike.
-    directions *= np.sign(directions[np.arange(len(directions)), np.abs(directions).argmax(axis=1)])[:, None]
+    # A direction has no sign of its own: its largest component is made positive, on every machine
+    # alike.
+    directions *= np.sign(
+        directions[np.arange(len(directions)), np.abs(directions).argmax(axis=1)]
+    )[:, None]
     inverse, rounding = np.linalg.inv(relative.T @ relative), _rounding_covariance(relative)
-    covariance = inverse @ relative.T @ rounding @ relative @ inverse * np.outer(np.abs(theta), np.abs(theta))
-    moved = np.abs(relative).max(axis=1) > 1e-3  # by some parameter, by more than rounding errors are
+    covariance = (
+        inverse
+        @ relative.T
+        @ rounding
+        @ relative
+        @ inverse
+        * np.outer(np.abs(theta), np.abs(theta))
+    )
+    moved = (
+        np.abs(relative).max(axis=1) > 1e-3
+    )  # by some parameter, by more than rounding errors are
     values = {name: value for name, (value, _, _) in ASSUMED.items()}
     values |= dict(zip(IDENTIFIED, theta.tolist(), strict=True))
     parameters = ParameterSet(
         values=Parameters(**values),
-        sources={name: ASSUMED[name][1] if name in ASSUMED else "identified" for name in Parameters._fields},
+        sources={
+            name: ASSUMED[name][1] if name in ASSUMED else "identified"
+            for name in Parameters._fields
+        },
         notes={name: note for name, (_, _, note) in ASSUMED.items()},
         covariance=(covariance + covariance.T) / 2,
     )
@@ -338,7 +395,9 @@ def _as_fit(problem: _Problem, theta: np.ndarray) -> Fit:
         ),
         sum_of_squares=float(printed @ printed),
         # Structural zeros (no parameter moves them) carry no rounding.
-        expected_sum=float(np.trace(rounding[moved][:, moved]) - np.trace(fitted.T @ rounding @ fitted)),
+        expected_sum=float(
+            np.trace(rounding[moved][:, moved]) - np.trace(fitted.T @ rounding @ fitted)
+        ),
         entries=int(np.count_nonzero(moved)),
         largest=float(np.abs(printed).max()),
         singular_values=singular_values,
@@ -347,11 +406,11 @@ def _as_fit(problem: _Problem, theta: np.ndarray) -> Fit:
 
 
 def _rounding_covariance(relative: np.ndarray) -> np.ndarray:
-    """Covariance of the entries' rounding errors, in half units²: an entry rounded to a unit of 2h has h²/3.
+    """Covariance of the entries' rounding errors, in half units²: an entry rounded to a unit of 2h
+    has h²/3.
 
-    Entries with equal derivatives are one number printed at both angles, as B(speed, throttle) is: they were
-    rounded alike, and the second of them tells nothing new.
-    """
+    Entries with equal derivatives are one number printed at both angles, as B(speed, throttle) is:
+    they were rounded alike, and the second of them tells nothing new."""
     distance = np.abs(relative[:, None, :] - relative[None, :, :]).max(axis=2)
     same = distance < 1e-6 * np.abs(relative).max(axis=1)
     return np.where(same | np.eye(len(relative), dtype=bool), 1 / 3, 0.0)

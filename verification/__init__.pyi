@@ -1,6 +1,5 @@
 """Is it true: the exact game solution with its certificate, and everything that is checked against it."""
 
-from .checker.checker import check_certificate as check_certificate
 from .critic.candidate import (
     from_gain as from_gain,
     from_value as from_value,
@@ -9,7 +8,6 @@ from .critic.candidate import (
 from .critic.critic_check import check_critic as check_critic, check_history as check_history
 from .critic.critic_errors import relative_error as relative_error
 from .critic.network_file import from_network as from_network
-from .enclosures.trim_branch import Family as Family
 from .exact_solution import (
     GeneralizedPlant as GeneralizedPlant,
     analyse_game as analyse_game,
@@ -23,8 +21,13 @@ from .exact_solution import (
 )
 from .flights.flight_figures import flight_figure as flight_figure
 from .flights.recoverable_map import recoverable_map as recoverable_map
-from .proof.lpv_grid import coarsest_grid as coarsest_grid
-from .proof.schedule_proof import prove_schedule as prove_schedule
-from .proof.solution_proof import prove_critic as prove_critic, prove_solution as prove_solution
+from .proof.checker.checker import check_certificate as check_certificate
+from .proof.enclosures.trim_branch import Family as Family
+from .proof.search.lpv_grid import coarsest_grid as coarsest_grid
+from .proof.search.schedule_proof import prove_schedule as prove_schedule
+from .proof.search.solution_proof import (
+    prove_critic as prove_critic,
+    prove_solution as prove_solution,
+)
 from .regeneration import regenerate_all as regenerate_all
 from .validation import released_trims as released_trims, validate as validate

@@ -1,13 +1,14 @@
-"""The exact game solution and its analysis, which the checks compare with, offered under the package's own name."""
+"""The exact game solution and its analysis, which the checks compare with, offered under the
+package's own name."""
 
-from controller.analysis.solution_report import analyse_game as analyse_game
 from controller.riccati.discrete import solve_discounted as solve_discounted
 from controller.riccati.frequency_response import bounded_real_gain as bounded_real_gain
 from controller.riccati.gare import GameSolution as GameSolution, solve_game as solve_game
 from controller.riccati.gare_batch import solve_games as solve_games
-from controller.riccati.generalized_plant import (
+from controller.riccati.margins import disk_margin as disk_margin
+from controller.riccati.smallest_delta import minimum_delta as minimum_delta
+from controller.riccati.solution_report import analyse_game as analyse_game
+from controller.servo.generalized_plant import (
     GeneralizedPlant as GeneralizedPlant,
     solve_plant as solve_plant,
 )
-from controller.riccati.margins import disk_margin as disk_margin
-from controller.riccati.smallest_delta import minimum_delta as minimum_delta

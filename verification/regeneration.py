@@ -1,4 +1,5 @@
-"""The main job, checked: both printed pairs regenerated from one aircraft, entry by entry, and what that says."""
+"""The main job, checked: both printed pairs regenerated from one aircraft, entry by entry, and what
+that says."""
 
 from __future__ import annotations
 
@@ -14,14 +15,22 @@ from hfa_support.reporting.fields import ByValue
 from hfa_support.reporting.figure import new_figure
 from hfa_support.reporting.report import Picture, Report, Reported
 from hfa_support.reporting.text import Table, eigenvalue_text
+from trim.hfa.printed import (
+    EntryRow,
+    compare,
+    comparison_table,
+    eigenvalue_errors,
+    entries_records,
+    regenerate,
+)
 from trim.linear.linear_model import LinearModel, matrices
-from trim.linear.printed import EntryRow, compare, comparison_table, eigenvalue_errors, entries_records, regenerate
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 SCHEMA = "hfa.regeneration/1"
-#: Within 1 half unit an entry prints the same; within 3 it prints the same or one off in the last digit.
+#: Within 1 half unit an entry prints the same; within 3 it prints the same or one off in the last
+#: digit.
 MOST_HALF_UNITS = 3.0
 #: Eigenvalues: relative, or absolute for those slower than `SLOW`, 1/s.
 MOST_EIGENVALUE_ERROR = 2e-3
@@ -31,7 +40,8 @@ SLOW = 1.0
 
 @dataclass(frozen=True, eq=False, repr=False)
 class RegeneratedPair(ByValue, Checked, Reported):
-    """One printed angle: the model computed, its entries with the print, both spectra, and the checks."""
+    """One printed angle: the model computed, its entries with the print, both spectra, and the
+    checks."""
 
     published: PublishedModel
     model: LinearModel
@@ -90,9 +100,19 @@ class Regeneration(ByValue, Reported):
         reports = [pair.report() for pair in self.pairs]
         return Report(
             title="",
-            parts=(*reports, self.picture(), f"Both pairs regenerated: {'yes' if self.ok else 'NO'}"),
-            data={"schema": SCHEMA, "ok": self.ok, "cases": [dict(report.data) for report in reports]},
-            records=entries_records({pair.published.dihedral_deg: pair.entries for pair in self.pairs}),
+            parts=(
+                *reports,
+                self.picture(),
+                f"Both pairs regenerated: {'yes' if self.ok else 'NO'}",
+            ),
+            data={
+                "schema": SCHEMA,
+                "ok": self.ok,
+                "cases": [dict(report.data) for report in reports],
+            },
+            records=entries_records(
+                {pair.published.dihedral_deg: pair.entries for pair in self.pairs}
+            ),
         )
 
 
@@ -109,33 +129,54 @@ def _figure(pairs: tuple[RegeneratedPair, ...]) -> Figure:
         axes.margins(x=0.01)
         axes.set_ylim(-max(3.0, 1.1 * tallest), max(3.0, 1.1 * tallest))
         axes.set_ylabel("half units")
-        axes.set_title(f"regenerated minus printed, dihedral {pair.published.dihedral_deg:g} deg", fontsize=10)
+        axes.set_title(
+            f"regenerated minus printed, dihedral {pair.published.dihedral_deg:g} deg", fontsize=10
+        )
         axes.legend(fontsize=8, loc="lower right", bbox_to_anchor=(1.0, 1.0), frameon=False)
-        axes.set_xticks(range(len(shown)), [entry.name for entry in heights], rotation=90, fontsize=6)
+        axes.set_xticks(
+            range(len(shown)), [entry.name for entry in heights], rotation=90, fontsize=6
+        )
     return figure
 
 
 def regenerate_all(aircraft: Aircraft) -> Regeneration:
     """Trim and linearize at both printed angles and compare the result with the print."""
-    return Regeneration(tuple(check_pair(regenerate(aircraft, printed), printed) for printed in published_models()))
+    return Regeneration(
+        tuple(check_pair(regenerate(aircraft, printed), printed) for printed in published_models())
+    )
 
 
 def check_pair(model: LinearModel, published: PublishedModel) -> RegeneratedPair:
-    """Every entry of A and B against its print; the spectrum and its stability against those of the printed A."""
+    """Every entry of A and B against its print; the spectrum and its stability against those of the
+    printed A."""
     entries = compare(model, published)
     printed, computed = _spectrum(published.A), _spectrum(model.A)
     errors, slow = eigenvalue_errors(computed, printed), np.abs(printed) < SLOW
     worst = max(entries, key=lambda entry: abs(entry.half_units))
     off = f"{worst.name} is {worst.computed:.6g}, printed {worst.printed:.6g}"
-    fast, slowly = float((errors / np.abs(printed))[~slow].max()), float(errors[slow].max(initial=0.0))
+    fast, slowly = (
+        float((errors / np.abs(printed))[~slow].max()),
+        float(errors[slow].max(initial=0.0)),
+    )
     modes = "modes differ from those of the printed A"
     unstable = [int(np.count_nonzero(each.real > 0)) for each in (printed, computed)]
-    count = f"the printed A has {unstable[0]} unstable eigenvalues, the regenerated one {unstable[1]}"
+    count = (
+        f"the printed A has {unstable[0]} unstable eigenvalues, the regenerated one {unstable[1]}"
+    )
     checks = (
         at_most("largest entry error, half units", abs(worst.half_units), MOST_HALF_UNITS, off),
-        at_most("fast eigenvalues, relative error", fast, MOST_EIGENVALUE_ERROR, f"the fast {modes}"),
-        at_most("slow eigenvalues, absolute error, 1/s", slowly, MOST_SLOW_EIGENVALUE_ERROR, f"the slow {modes}"),
-        at_most("unstable eigenvalues, difference in number", abs(unstable[0] - unstable[1]), 0, count),
+        at_most(
+            "fast eigenvalues, relative error", fast, MOST_EIGENVALUE_ERROR, f"the fast {modes}"
+        ),
+        at_most(
+            "slow eigenvalues, absolute error, 1/s",
+            slowly,
+            MOST_SLOW_EIGENVALUE_ERROR,
+            f"the slow {modes}",
+        ),
+        at_most(
+            "unstable eigenvalues, difference in number", abs(unstable[0] - unstable[1]), 0, count
+        ),
     )
     return RegeneratedPair(published, model, entries, printed, computed, checks)
 

@@ -1,4 +1,5 @@
-"""The model beside what others have printed and released, with a limit on each difference, and what that says."""
+"""The model beside what others have printed and released, with a limit on each difference, and what
+that says."""
 
 from __future__ import annotations
 
@@ -16,13 +17,14 @@ from hfa_model.vectors import INPUTS, LINEAR_STATES, Input
 from hfa_support.reporting.checks import Check, Checked, at_most, checks_block
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.text import Table, shown_unit, shown_value
+from trim.hfa.printed import EntryRow, eigenvalue_errors, entries_records, entries_table
 from trim.linear.linear_model import LinearModel, linearize
-from trim.linear.printed import EntryRow, eigenvalue_errors, entries_records, entries_table
 from trim.point.condition import level_flight, release
 from trim.point.solve import find_operating_point
 
 SCHEMA = "hfa.validation/1"
-#: Differences of a trim: the largest that may be left, its unit in a sentence. Eigenvalues are printed to 1e-5.
+#: Differences of a trim: the largest that may be left, its unit in a sentence. Eigenvalues are
+#: printed to 1e-5.
 _DIFFERENCES = {"deflection": (5e-5, "rad"), "thrust": (3e-3, "of it"), "eigenvalue": (1e-4, "1/s")}
 #: A cut digit is wrong by up to two half units, a rounded one by one.
 MOST_HALF_UNITS = 2.0
@@ -33,7 +35,8 @@ _ANY_INPUT = dict.fromkeys(INPUTS, (-10000.0, 10000.0))
 
 
 class ReleasedTrim(NamedTuple):
-    """One trim of the released simulation. speed: ft/s. dihedral, alpha: rad. inputs: lbf (throttle) and rad.
+    """One trim of the released simulation. speed: ft/s. dihedral, alpha: rad. inputs: lbf
+    (throttle) and rad.
 
     eigenvalues: of its six-state A, one of each conjugate pair, 1/s, fastest first.
     """
@@ -47,8 +50,8 @@ class ReleasedTrim(NamedTuple):
 
 
 class TrimDifference(NamedTuple):
-    """How far ours is from theirs at one trim: the largest of four deflections, the thrust relative to theirs, the
-    largest eigenvalue."""
+    """How far ours is from theirs at one trim: the largest of four deflections, the thrust relative
+    to theirs, the largest eigenvalue."""
 
     speed: float
     dihedral: float
@@ -64,24 +67,36 @@ _UNITS = dict(zip(TrimDifference._fields, ("ft/s", "rad", "rad", "rad", "1", "1/
 @cache
 def outside_data() -> dict[str, Any]:
     """The file, parsed."""
-    return dict(json.loads(files("verification").joinpath("outside.json").read_text(encoding="utf-8")))
+    return dict(
+        json.loads(files("verification").joinpath("outside.json").read_text(encoding="utf-8"))
+    )
 
 
 def released_trims() -> tuple[ReleasedTrim, ...]:
     """The trims of the released simulation, in the order of the file."""
     data = outside_data()["released_simulation"]
     return tuple(
-        ReleasedTrim(speed, data["altitude_ft"], math.radians(degrees), alpha, Input(*inputs), eigenvalues)
+        ReleasedTrim(
+            speed, data["altitude_ft"], math.radians(degrees), alpha, Input(*inputs), eigenvalues
+        )
         for speed, degrees, alpha, *inputs, parts in data["rows"]
         for eigenvalues in [tuple(complex(*part) for part in parts)]
     )
 
 
 def third_printed_entries(model: LinearModel) -> tuple[EntryRow, ...]:
-    """The entries of A and B that Qu 2018, Eq. (97), prints, beside those of a model; B has two of the inputs."""
+    """The entries of A and B that Qu 2018, Eq. (97), prints, beside those of a model; B has two of
+    the inputs."""
     data = outside_data()["qu_2018"]
     return tuple(
-        EntryRow(name, row, column, float(digits), float(computed[i, columns.index(column)]), _half_unit(digits))
+        EntryRow(
+            name,
+            row,
+            column,
+            float(digits),
+            float(computed[i, columns.index(column)]),
+            _half_unit(digits),
+        )
         for name, computed, columns, printed in (
             ("A", model.A, LINEAR_STATES, LINEAR_STATES),
             ("B", model.B, INPUTS, data["B_inputs"]),
@@ -93,14 +108,16 @@ def third_printed_entries(model: LinearModel) -> tuple[EntryRow, ...]:
 
 
 def _half_unit(digits: str) -> float:
-    """Half of the last printed digit; of an entry without decimals, which is exact, what rounding leaves of it."""
+    """Half of the last printed digit; of an entry without decimals, which is exact, what rounding
+    leaves of it."""
     decimals = len(digits.partition(".")[2])
     return 0.5 * 10.0**-decimals if decimals else _ROUNDING
 
 
 @dataclass(frozen=True, repr=False)
 class Validation(Checked, Reported):
-    """Every comparison with the outside. fast_roots: (dihedral deg, read from the figure, computed), 1/s."""
+    """Every comparison with the outside. fast_roots: (dihedral deg, read from the figure,
+    computed), 1/s."""
 
     dynamics: str
     trims: tuple[TrimDifference, ...]
@@ -109,18 +126,26 @@ class Validation(Checked, Reported):
     checks: tuple[Check, ...]
 
     def report(self) -> Report:
-        """The released simulation trim by trim, the third printed model entry by entry, and the verdicts."""
+        """The released simulation trim by trim, the third printed model entry by entry, and the
+        verdicts."""
         sources = outside_data()
         trims = [
             (
-                *(shown_value(speed, "ft/s"), f"{math.degrees(dihedral):g}", f"{math.degrees(alpha):.3f}"),
+                *(
+                    shown_value(speed, "ft/s"),
+                    f"{math.degrees(dihedral):g}",
+                    f"{math.degrees(alpha):.3f}",
+                ),
                 *(f"{each:.1e}" for each in off),
             )
             for speed, dihedral, alpha, *off in self.trims
         ]
         inexact = [entry for entry in self.entries if entry.half_unit > _ROUNDING]
         about = f"speed {shown_unit('ft/s')}", "dihedral deg", "alpha deg"
-        roots = [(f"{degrees:g}", f"{read:.2f}", f"{computed:.4f}") for degrees, read, computed in self.fast_roots]
+        roots = [
+            (f"{degrees:g}", f"{read:.2f}", f"{computed:.4f}")
+            for degrees, read, computed in self.fast_roots
+        ]
         return Report(
             title=f"Comparison with the outside, {self.dynamics} dynamics: {'PASS' if self.ok else 'FAIL'}",
             parts=(
@@ -159,13 +184,20 @@ def validate(aircraft: Aircraft) -> Validation:
     for degrees, root in zip(shown["dihedral_deg"], shown["root_1_s"], strict=True):
         values = np.linalg.eigvals(at[30.0, math.radians(degrees)].A)
         roots.append((degrees, root, float(values[values.imag == 0.0].real.min())))
-    return Validation(aircraft.variant.name, trims, entries, tuple(roots), _checks(trims, entries, roots))
+    return Validation(
+        aircraft.variant.name, trims, entries, tuple(roots), _checks(trims, entries, roots)
+    )
 
 
 def model_at(aircraft: Aircraft, released: ReleasedTrim) -> LinearModel:
-    """Five inputs balance four equations: alpha and the center aileron are held at theirs, the rest is solved."""
+    """Five inputs balance four equations: alpha and the center aileron are held at theirs, the rest
+    is solved."""
     level = level_flight(
-        released.dihedral, speed=released.speed, altitude=released.altitude, alpha=released.alpha, limits=_ANY_INPUT
+        released.dihedral,
+        speed=released.speed,
+        altitude=released.altitude,
+        alpha=released.alpha,
+        limits=_ANY_INPUT,
     )
     condition = release(level, hold={"aileron_center": released.inputs.aileron_center})
     return linearize(aircraft, find_operating_point(aircraft, condition))
@@ -180,18 +212,26 @@ def _trim_difference(released: ReleasedTrim, model: LinearModel) -> TrimDifferen
 
 
 def _checks(
-    trims: tuple[TrimDifference, ...], entries: tuple[EntryRow, ...], roots: list[tuple[float, float, float]]
+    trims: tuple[TrimDifference, ...],
+    entries: tuple[EntryRow, ...],
+    roots: list[tuple[float, float, float]],
 ) -> tuple[Check, ...]:
     found = []
     for speed in dict.fromkeys(each.speed for each in trims):
         for what, (limit, unit) in _DIFFERENCES.items():
-            these = [(getattr(each, f"{what}_difference"), each.dihedral) for each in trims if each.speed == speed]
+            these = [
+                (getattr(each, f"{what}_difference"), each.dihedral)
+                for each in trims
+                if each.speed == speed
+            ]
             value, dihedral = max(these)
             reason = f"{what} off by {value:.2g} {unit} at {math.degrees(dihedral):g} deg"
             found.append(at_most(f"{what}_{speed:g}_ft_s", value, limit, reason))
     off = max(entries, key=lambda each: abs(each.half_units))
     reason = f"{off.name} is printed {off.printed:g} and comes out {off.computed:.6g}"
-    found.append(at_most("third_printed_model_half_units", abs(off.half_units), MOST_HALF_UNITS, reason))
+    found.append(
+        at_most("third_printed_model_half_units", abs(off.half_units), MOST_HALF_UNITS, reason)
+    )
     far = max(roots, key=lambda each: abs(each[2] - each[1]))
     read_to = outside_data()["gibson_2011"]["fast_dihedral_root"]["read_to"]
     reason = f"{far[2]:.3f} 1/s at {far[0]:g} deg where the figure shows {far[1]:g}"

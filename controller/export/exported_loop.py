@@ -1,9 +1,9 @@
-"""Loops for other tools, as data and as C: the aircraft alone, under a gain, or under a scheduled controller behind
-actuators; linear models between the points of a sweep; the aircraft and the controller as pairs of C files, each with
-a loop of 100 Hz as an example.
+"""Loops for other tools, as data and as C: the aircraft alone, under a gain, or under a scheduled
+controller behind actuators; linear models between the points of a sweep; the aircraft and the
+controller as pairs of C files, each with a loop of 100 Hz as an example.
 
-What a simulation works out, commands, measured outputs, updraft and held inputs, an exported loop gets as arguments.
-"""
+What a simulation works out, commands, measured outputs, updraft and held inputs, an exported loop
+gets as arguments."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import casadi as ca
 import numpy as np
 
-from controller.design.design import COMMAND_FILTER, signal_unit
-from controller.design.scheduled_controller import COMMAND_SIGNALS, ScheduledController
 from controller.flight.actuators import Actuators
 from controller.flight.closed_loop import ClosedLoop, NonlinearPlant
 from controller.flight.gusts import UPDRAFT
+from controller.flight.policies import FlownLaw, Memoryless, Seen, Unvaried, gain_law
 from controller.flight.scenario import Scenario
-from controller.policy.policies import FlownLaw, Memoryless, Seen, Unvaried, gain_law
-from controller.policy.servo_policy import servo_law
-from controller.policy.signals import CommandSteps
-from hfa_support.model import HasModel, Model, components
+from controller.flight.signals import CommandSteps
+from controller.servo.design import COMMAND_FILTER, signal_unit
+from controller.servo.scheduled_controller import COMMAND_SIGNALS, ScheduledController
+from controller.servo.servo_policy import servo_law
+from hfa_aircraft.model import HasModel, Model, components
 from hfa_support.native.c_code import c_function
 from hfa_support.reporting.text import shown_value
 from trim.linear.linear_model import LinearModel
@@ -38,15 +38,18 @@ AIRCRAFT_FILES = ("hfa_aircraft.h", "hfa_aircraft.c", "loop_100hz.c")
 CONTROLLER_FILES = ("hfa_controller.h", "hfa_controller.c", "controller_100hz.c")
 #: C has no empty arrays: the one number of a memory or of commands that a controller does not have.
 _UNUSED = "unused"
-#: What is commanded in the example, in the unit of the first command, and how long it is simulated, s.
+#: What is commanded in the example, in the unit of the first command, and how long it is simulated,
+#: s.
 COMMANDED, SECONDS = 0.01, 20
 
 
 class Given(Memoryless, Unvaried):
-    """An argument in place of what a simulation works out: of a `ServoPolicy` the commands (value, their rate, end) or
-    the measured outputs, of a loop the reference, the inputs or the updraft."""
+    """An argument in place of what a simulation works out: of a `ServoPolicy` the commands (value,
+    their rate, end) or the measured outputs, of a loop the reference, the inputs or the updraft."""
 
-    def __init__(self, value: ca.SX, slope: ca.SX | None = None, goal: ca.SX | None = None, names: Any = ()) -> None:
+    def __init__(
+        self, value: ca.SX, slope: ca.SX | None = None, goal: ca.SX | None = None, names: Any = ()
+    ) -> None:
         self.size, self.names = value.numel(), names
         self.at: Any = lambda *_: value
         self.rate: Any = lambda *_: slope
@@ -63,12 +66,15 @@ def commandable(controller: ScheduledController) -> tuple[str, ...]:
 def _commanded(
     controller: ScheduledController, aircraft: HasModel, point: OperatingPoint
 ) -> tuple[FlownLaw, ca.SX, ca.SX, ca.SX]:
-    """The controller about a trim; symbols [r; r'] of its commands, their rates, what they are on their way to.
+    """The controller about a trim; symbols [r; r'] of its commands, their rates, what they are on
+    their way to.
 
-    r'' = ω² (goal - r) - 2 ζ ω r', the filter of `CommandSteps`. BadInputError when the controller was made for another
-    aircraft or other angles.
-    """
-    names, (bandwidth, damping) = commandable(controller), controller.command_filter or COMMAND_FILTER
+    r'' = ω² (goal - r) - 2 ζ ω r', the filter of `CommandSteps`. BadInputError when the controller
+    was made for another aircraft or other angles."""
+    names, (bandwidth, damping) = (
+        commandable(controller),
+        controller.command_filter or COMMAND_FILTER,
+    )
     r, slope, goal = (ca.SX.sym(name, len(names)) for name in ("r", "slope", "goal"))
     law = servo_law(controller, CommandSteps((), np.zeros(0), np.zeros((0, 0))), aircraft, point)
     law = replace(law, policy=replace(law.policy, commands=Given(r, slope, goal, names)))  # type: ignore[type-var]
@@ -82,7 +88,8 @@ def longest_step(controller: ScheduledController) -> float:
 
 
 class Channel(NamedTuple):
-    """One number of a loop. unit: None where it depends on the controller. size: one scaled unit."""
+    """One number of a loop. unit: None where it depends on the controller. size: one scaled
+    unit."""
 
     name: str
     unit: str | None
@@ -93,11 +100,11 @@ class Channel(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ExportedLoop:
-    """y' = f(y, v), and the inputs u = g(y, v) of the aircraft where something sets them; absolute values.
+    """y' = f(y, v), and the inputs u = g(y, v) of the aircraft where something sets them; absolute
+    values.
 
-    function: (y, v) -> (f, g), g empty where u are among v. flown: how many of the states, the first, are those of the
-    aircraft. longest_step: s, that Runge-Kutta 4 may take.
-    """
+    function: (y, v) -> (f, g), g empty where u are among v. flown: how many of the states, the
+    first, are those of the aircraft. longest_step: s, that Runge-Kutta 4 may take."""
 
     function: ca.Function
     states: tuple[Channel, ...]
@@ -114,12 +121,13 @@ def exported_loop(
     controller: ScheduledController | None = None,
     actuators: Actuators | None = None,
 ) -> ExportedLoop:
-    """X' = f(X, U, w), w the updraft of a model that has one, with what sets U: v, with a gain U = U0 - K (x - X0 - v),
-    or the controller behind the actuators, with the command filter as states: v = what is commanded. Then v = [w; v].
+    """X' = f(X, U, w), w the updraft of a model that has one, with what sets U: v, with a gain U =
+    U0 - K (x - X0 - v), or the controller behind the actuators, with the command filter as states:
+    v = what is commanded. Then v = [w; v].
 
-    y = [X; actuators; controller; r; r']: actuators and commands as deviations from trim. BadInputError when the
-    controller was made for another aircraft or other angles, or an actuator cannot hold the trim.
-    """
+    y = [X; actuators; controller; r; r']: actuators and commands as deviations from trim.
+    BadInputError when the controller was made for another aircraft or other angles, or an actuator
+    cannot hold the trim."""
     model, U0 = aircraft.model, np.array(point.inputs)
     w = ca.SX.sym("w", int(UPDRAFT in model.disturbances))
     air = [Channel(UPDRAFT, model.unit(UPDRAFT))] * w.numel()
@@ -140,7 +148,10 @@ def exported_loop(
         states += [Channel(f"command_{name}_filtered_rate", None) for name in names]
     elif gain is not None:
         v, law = ca.SX.sym("reference", len(model.linear)), gain_law("gain", gain)
-        told, reference = [Channel(f"reference_{name}", model.unit(name)) for name in model.linear], Given(v)
+        told, reference = (
+            [Channel(f"reference_{name}", model.unit(name)) for name in model.linear],
+            Given(v),
+        )
     else:
         v = ca.SX.sym("U", len(U0))
         told, outputs, law = inputs, [], FlownLaw("none", Given(v - ca.DM(U0)))
@@ -152,48 +163,70 @@ def exported_loop(
     offsets[: len(point.states)] = point.states
     now = loop.at(t, Y - ca.DM(offsets), ca.SX(ca.DM(loop.constants()(0))))
     U = ca.densify(now.inputs + ca.DM(U0)) if outputs else ca.DM(0, 1)
-    arguments, results = [ca.vertcat(Y, filtered), ca.vertcat(w, v)], [ca.densify(ca.vertcat(now.rate, rates)), U]
+    arguments, results = (
+        [ca.vertcat(Y, filtered), ca.vertcat(w, v)],
+        [ca.densify(ca.vertcat(now.rate, rates)), U],
+    )
     function = ca.Function("loop", arguments, results, {"cse": True})
-    return ExportedLoop(function, tuple(states), tuple(outputs), (*air, *told), len(model.states), step)
+    return ExportedLoop(
+        function, tuple(states), tuple(outputs), (*air, *told), len(model.states), step
+    )
 
 
 def interpolated_loop(between: InterpolatedModel) -> ExportedLoop:
-    """x' = A(s) (x - X0(s)) + B(s) (u - U0(s)) of the states of the sweep; v = [u; s], s the variables of the sweep as
-    inputs `scheduled_NAME`, from the middle of the grid on."""
+    """x' = A(s) (x - X0(s)) + B(s) (u - U0(s)) of the states of the sweep; v = [u; s], s the
+    variables of the sweep as inputs `scheduled_NAME`, from the middle of the grid on."""
     sweep, model = between.sweep, between.sweep.model
-    middle = {name: float(axis[0] + axis[-1]) / 2 for name, axis in zip(sweep.variables, between.axes, strict=True)}
+    middle = {
+        name: float(axis[0] + axis[-1]) / 2
+        for name, axis in zip(sweep.variables, between.axes, strict=True)
+    }
     trimmed, rows = between.at(**middle), [list(model.states).index(name) for name in model.linear]
-    x, u, s = (ca.SX.sym(name, size) for name, size in (("x", len(rows)), ("u", len(model.inputs)), ("s", len(middle))))
+    x, u, s = (
+        ca.SX.sym(name, size)
+        for name, size in (("x", len(rows)), ("u", len(model.inputs)), ("s", len(middle)))
+    )
     X0, U0, A, B = between.to_casadi()(s)
     rate = ca.mtimes(A, x - X0[rows]) + ca.mtimes(B, u - U0)
     function = ca.Function("loop", [x, ca.vertcat(u, s)], [rate, ca.DM(0, 1)], {"cse": True})
     inputs = _channels(model, model.inputs, trimmed.inputs)
-    inputs += [Channel(f"scheduled_{name}", model.unit(name), value) for name, value in middle.items()]
+    inputs += [
+        Channel(f"scheduled_{name}", model.unit(name), value) for name, value in middle.items()
+    ]
     states = _channels(model, model.linear, trimmed.states[rows], rates=True)
     return ExportedLoop(function, tuple(states), (), tuple(inputs), len(states))
 
 
-def _channels(model: Model, names: Iterable[str], values: Iterable[float], *, rates: bool = False) -> list[Channel]:
+def _channels(
+    model: Model, names: Iterable[str], values: Iterable[float], *, rates: bool = False
+) -> list[Channel]:
     """Signals of the model at these values; rates: with the units of their rates."""
     found = []
     for name, value in zip(names, values, strict=True):
         rate_unit = model.rate_unit(name) if rates else None
-        found.append(Channel(name, model.unit(name), float(value), model.signals[name].nominal, rate_unit))
+        found.append(
+            Channel(name, model.unit(name), float(value), model.signals[name].nominal, rate_unit)
+        )
     return found
 
 
 # C.
 
 
-def c_model_texts(aircraft: HasModel, linear: LinearModel, gain: np.ndarray | None, origin: str) -> dict[str, str]:
-    """File -> its text: header and source and, with a gain K (m, k) of u = -K x, a loop of 100 Hz that uses them.
+def c_model_texts(
+    aircraft: HasModel, linear: LinearModel, gain: np.ndarray | None, origin: str
+) -> dict[str, str]:
+    """File -> its text: header and source and, with a gain K (m, k) of u = -K x, a loop of 100 Hz
+    that uses them.
 
-    linear: the model at a trim. origin: where it comes from, lines of text. BadInputError for what C cannot express.
-    """
+    linear: the model at a trim. origin: where it comes from, lines of text. BadInputError for what
+    C cannot express."""
     model, point = aircraft.model, linear.point
     header, source, example = AIRCRAFT_FILES
     said = {"origin": comment_lines(origin), "title": comment_lines(model.title)}
-    states, inputs = ((tuple(names), model.units(tuple(names))) for names in (model.states, model.inputs))
+    states, inputs = (
+        (tuple(names), model.units(tuple(names))) for names in (model.states, model.inputs)
+    )
     tables = {
         "const double hfa_x0": point.states,
         "const double hfa_u0": point.inputs,
@@ -204,7 +237,9 @@ def c_model_texts(aircraft: HasModel, linear: LinearModel, gain: np.ndarray | No
         **_words("state", *states),
         **_words("input", *inputs),
     }
-    numbers = [(each.start, name, each.unit) for name, each in model.parameters.items()] or [(0.0, "none", "1")]
+    numbers = [(each.start, name, each.unit) for name, each in model.parameters.items()] or [
+        (0.0, "none", "1")
+    ]
     values = "\n".join(f"    {value!r}, /* {name}, {unit} */" for value, name, unit in numbers)
     texts = {
         header: _filled(
@@ -225,7 +260,9 @@ def c_model_texts(aircraft: HasModel, linear: LinearModel, gain: np.ndarray | No
     }
     if gain is not None:
         state, amount = _displaced(model)
-        texts[example] = _filled(example, state=state.upper(), amount=amount, unit=model.unit(state))
+        texts[example] = _filled(
+            example, state=state.upper(), amount=amount, unit=model.unit(state)
+        )
     return texts
 
 
@@ -245,18 +282,26 @@ def c_controller_texts(
     origin: str,
     actuators: Actuators | None = None,
 ) -> dict[str, str]:
-    """File -> its text: header, source and, behind actuators, an example. origin: where it comes from, lines of text.
+    """File -> its text: header, source and, behind actuators, an example. origin: where it comes
+    from, lines of text.
 
-    BadInputError when the controller was made for another aircraft or other angles, an actuator cannot hold the trim,
-    or the controller measures what these actuators do not have.
-    """
+    BadInputError when the controller was made for another aircraft or other angles, an actuator
+    cannot hold the trim, or the controller measures what these actuators do not have."""
     model, names, longest = point.model, commandable(controller), longest_step(controller)
     scheduled = model.schedule
     (header, source, example), made = CONTROLLER_FILES, _commanded(controller, aircraft, point)
     arguments = (scheduled, "measured", "memory", "command", "lowest", "highest")
-    memory = [*controller.states, *(f"{name}{end}" for end in COMMAND_SIGNALS[:2] for name in names)] or [_UNUSED]
-    measured = controller.measurements, [signal_unit(model, name) for name in controller.measurements]
-    commands = (list(names), [signal_unit(model, name) for name in names]) if names else ([_UNUSED], [""])
+    memory = [
+        *controller.states,
+        *(f"{name}{end}" for end in COMMAND_SIGNALS[:2] for name in names),
+    ] or [_UNUSED]
+    measured = (
+        controller.measurements,
+        [signal_unit(model, name) for name in controller.measurements],
+    )
+    commands = (
+        (list(names), [signal_unit(model, name) for name in names]) if names else ([_UNUSED], [""])
+    )
     texts = {
         header: _filled(
             header,
@@ -276,7 +321,9 @@ def c_controller_texts(
             origin=comment_lines(origin),
             tables=_tables(_words("measured", *measured) | _words("command", *commands)),
             scheduled=scheduled,
-            function=c_function(_controller_function(point, *made), "controller", arguments, ("u", "rate")),
+            function=c_function(
+                _controller_function(point, *made), "controller", arguments, ("u", "rate")
+            ),
             longest=repr(longest),
         ),
     }
@@ -313,9 +360,8 @@ def _controller_function(
 ) -> ca.Function:
     """(place, measured, memory, command, lowest, highest) -> (u, memory'), u within the limits.
 
-    place: value of the scheduling variable, absolute; the rest as deviations from trim. memory = [controller; r; r'].
-    command: what r is on its way to.
-    """
+    place: value of the scheduling variable, absolute; the rest as deviations from trim. memory =
+    [controller; r; r']. command: what r is on its way to."""
     policy: Any = law.policy
     model, nothing, t = point.model, ca.SX(0, 1), ca.SX.sym("t")
     own, place = ca.SX.sym("own", policy.memory_size), ca.SX.sym("place")
@@ -330,9 +376,11 @@ def _controller_function(
     return ca.Function("controller", arguments, [ca.densify(u), ca.densify(rate)], {"cse": True})
 
 
-def _measured_loop(policy: Any, loop: ExportedLoop, actuators: Actuators, point: OperatingPoint) -> ca.Function:
-    """(y, u) -> (y', the scheduling variable, what the policy measures), y = [X; actuators], in still air; u as
-    deviations from trim."""
+def _measured_loop(
+    policy: Any, loop: ExportedLoop, actuators: Actuators, point: OperatingPoint
+) -> ca.Function:
+    """(y, u) -> (y', the scheduling variable, what the policy measures), y = [X; actuators], in
+    still air; u as deviations from trim."""
     model, trim = point.model, np.array(point.inputs)
     y, u = ca.SX.sym("y", len(loop.states)), ca.SX.sym("u", len(trim))
     still = ca.SX(len(loop.inputs) - len(trim), 1)
@@ -340,13 +388,16 @@ def _measured_loop(policy: Any, loop: ExportedLoop, actuators: Actuators, point:
     X, moved, names = y[: loop.flown], y[loop.flown :], list(model.states)
     rows = [names.index(name) for name in model.linear]
     x = X[rows] - ca.DM(np.array(point.states)[rows])
-    measured = policy.outputs.at(Seen(x, x, actuators.position(moved, trim), actuators.rates(moved)))
+    measured = policy.outputs.at(
+        Seen(x, x, actuators.position(moved, trim), actuators.rates(moved))
+    )
     results = [ca.densify(rate), X[names.index(model.schedule)], ca.densify(measured)]
     return ca.Function("loop", [y, u], results, {"cse": True})
 
 
 def _displaced(model: Model) -> tuple[str, float]:
-    """What an example starts off trim: 1 ft/s too fast, or the first state of the linear model by 1 % of its size."""
+    """What an example starts off trim: 1 ft/s too fast, or the first state of the linear model by 1
+    % of its size."""
     name = "speed" if "speed" in model.states else model.linear[0]
     return name, 1.0 if name == "speed" else model.states[name].nominal / 100
 
@@ -372,7 +423,10 @@ def _positions(names: Sequence[str], units: Iterable[str], prefix: str = "") -> 
 def _words(kind: str, names: Sequence[str], units: Sequence[str]) -> dict[str, Any]:
     """Tables of names and of units."""
     both = {"name": names, "unit": units}
-    return {f"const char *const hfa_{kind}_{what}": [f'"{word}"' for word in words] for what, words in both.items()}
+    return {
+        f"const char *const hfa_{kind}_{what}": [f'"{word}"' for word in words]
+        for what, words in both.items()
+    }
 
 
 def _tables(declared: dict[str, Any]) -> str:

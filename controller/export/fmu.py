@@ -1,4 +1,5 @@
-"""The aircraft, alone or with what controls it, as an FMU of FMI 2.0: library, sources and description.
+"""The aircraft, alone or with what controls it, as an FMU of FMI 2.0: library, sources and
+description.
 
 2.0 and not 3.0, because every tool that imports FMUs opens it.
 """
@@ -44,11 +45,17 @@ _BASE = {
 
 
 def write_fmu(loop: ExportedLoop, path: Path, origin: Provenance) -> None:
-    """Write the FMU, whole or not at all. NoSolutionError when there is no C compiler, or it fails."""
+    """Write the FMU, whole or not at all. NoSolutionError when there is no C compiler, or it
+    fails."""
     compiler = c_compiler()
     if compiler is None:
-        raise NoSolutionError("an FMU needs a C compiler and none was found: install gcc or clang, or name one by CC")
-    sources = {SOURCE: _source(loop, origin), WRAPPER: files(__package__).joinpath(WRAPPER).read_text("utf-8")}
+        raise NoSolutionError(
+            "an FMU needs a C compiler and none was found: install gcc or clang, or name one by CC"
+        )
+    sources = {
+        SOURCE: _source(loop, origin),
+        WRAPPER: files(__package__).joinpath(WRAPPER).read_text("utf-8"),
+    }
     guid = hashlib.sha256("".join(sources.values()).encode()).hexdigest()[:32]
     sources[SETTINGS] = _settings(loop, guid)
     folder, suffix = _FOLDERS.get(sys.platform, _FOLDERS["linux"])
@@ -89,7 +96,9 @@ def _settings(loop: ExportedLoop, guid: str) -> str:
     }
     lines = [f"#define FMU_{name} {value}" for name, value in defined.items()]
     lines += ["", "/* Rates of the states y and the outputs u under the inputs v. */"]
-    return "\n".join([*lines, "void fmu_loop(const double *y, const double *v, double *dy, double *u);", ""])
+    return "\n".join(
+        [*lines, "void fmu_loop(const double *y, const double *v, double *dy, double *u);", ""]
+    )
 
 
 def _said(origin: Provenance) -> str:
@@ -97,8 +106,8 @@ def _said(origin: Provenance) -> str:
 
 
 def description(loop: ExportedLoop, origin: Provenance, guid: str) -> str:
-    """modelDescription.xml: states, their rates, the inputs of the aircraft where something sets them, those of the
-    loop. An output is a state of the aircraft or what is set."""
+    """modelDescription.xml: states, their rates, the inputs of the aircraft where something sets
+    them, those of the loop. An output is a state of the aircraft or what is set."""
     root = xml.Element(
         "fmiModelDescription",
         fmiVersion="2.0",
@@ -113,30 +122,51 @@ def description(loop: ExportedLoop, origin: Provenance, guid: str) -> str:
     for kind in ("ModelExchange", "CoSimulation"):
         able = {"canGetAndSetFMUstate": "true", "canSerializeFMUstate": "true"}
         able |= {"canHandleVariableCommunicationStepSize": "true"} if kind == "CoSimulation" else {}
-        listed = xml.SubElement(xml.SubElement(root, kind, able, modelIdentifier=IDENTIFIER), "SourceFiles")
+        listed = xml.SubElement(
+            xml.SubElement(root, kind, able, modelIdentifier=IDENTIFIER), "SourceFiles"
+        )
         for name in (SOURCE, WRAPPER):
             xml.SubElement(listed, "File", name=name)
     units = xml.SubElement(root, "UnitDefinitions")
     xml.SubElement(root, "DefaultExperiment", startTime="0", stopTime="60", stepSize="0.01")
-    variables, structure = xml.SubElement(root, "ModelVariables"), xml.SubElement(root, "ModelStructure")
-    unknown = {kind: xml.SubElement(structure, kind) for kind in ("Outputs", "Derivatives", "InitialUnknowns")}
-    # Name, unit, causality, start (None where it is calculated), and the number of the state whose rate it is.
+    variables, structure = (
+        xml.SubElement(root, "ModelVariables"),
+        xml.SubElement(root, "ModelStructure"),
+    )
+    unknown = {
+        kind: xml.SubElement(structure, kind)
+        for kind in ("Outputs", "Derivatives", "InitialUnknowns")
+    }
+    # Name, unit, causality, start (None where it is calculated), and the number of the state whose
+    # rate it is.
     channels: list[tuple[str, str | None, str, float | None, int]] = [
         (one.name, one.unit, "output" if number < loop.flown else "local", one.start, 0)
         for number, one in enumerate(loop.states)
     ]
-    channels += [(f"der({one.name})", one.rate_unit, "local", None, i) for i, one in enumerate(loop.states, start=1)]
+    channels += [
+        (f"der({one.name})", one.rate_unit, "local", None, i)
+        for i, one in enumerate(loop.states, start=1)
+    ]
     channels += [(one.name, one.unit, "output", None, 0) for one in loop.outputs]
     channels += [(one.name, one.unit, "input", one.start, 0) for one in loop.inputs]
     for place, (name, unit, causality, start, rate_of) in enumerate(channels):
-        about = {"name": name, "valueReference": str(place), "causality": causality, "variability": "continuous"}
+        about = {
+            "name": name,
+            "valueReference": str(place),
+            "causality": causality,
+            "variability": "continuous",
+        }
         if causality != "input":
             about["initial"] = "calculated" if start is None else "exact"
         real = {} if unit is None else {"unit": unit}
         real |= {} if start is None else {"start": repr(float(start))}
         real |= {"derivative": str(rate_of)} if rate_of else {}
         xml.SubElement(xml.SubElement(variables, "ScalarVariable", about), "Real", real)
-        kinds = {"Outputs": causality == "output", "Derivatives": rate_of, "InitialUnknowns": start is None}
+        kinds = {
+            "Outputs": causality == "output",
+            "Derivatives": rate_of,
+            "InitialUnknowns": start is None,
+        }
         for kind in (kind for kind, holds in kinds.items() if holds):
             xml.SubElement(unknown[kind], "Unknown", index=str(place + 1))
     for unit in dict.fromkeys(unit for _, unit, *_ in channels if unit is not None):
@@ -151,9 +181,22 @@ def _library(compiler: str, sources: Mapping[str, str]) -> bytes:
     with temporary_folder() as folder:
         for name, text in sources.items():
             (folder / name).write_text(text, encoding="utf-8")
-        words = [compiler, "-std=c99", "-O2", "-fPIC", "-shared", SOURCE, WRAPPER, "-o", "library", "-lm"]
+        words = [
+            compiler,
+            "-std=c99",
+            "-O2",
+            "-fPIC",
+            "-shared",
+            SOURCE,
+            WRAPPER,
+            "-o",
+            "library",
+            "-lm",
+        ]
         done = subprocess.run(words, cwd=folder, capture_output=True, text=True)
         if done.returncode:
             said = (done.stderr.strip().splitlines() or ["no message"])[0]
-            raise NoSolutionError(f"{compiler} cannot compile the FMU ({said}); name another compiler by CC")
+            raise NoSolutionError(
+                f"{compiler} cannot compile the FMU ({said}); name another compiler by CC"
+            )
         return (folder / "library").read_bytes()

@@ -11,17 +11,18 @@ import numpy as np
 
 from hfa_support.errors import BadInputError, refuse_unknown, refuse_unless_positive
 
-#: Longest step of the integration, in lags: Runge-Kutta 4 blows up beyond 2.785 on the actuators alone.
+#: Longest step of the integration, in lags: Runge-Kutta 4 blows up beyond 2.785 on the actuators
+#: alone.
 LONGEST_STEP = 2.5
 
 
 @dataclass(frozen=True)
 class ActuatorFault:
-    """From `begin` (s) on the actuators of `inputs` have another effectiveness λ, bandwidth ω (rad/s) and damping ζ.
+    """From `begin` (s) on the actuators of `inputs` have another effectiveness λ, bandwidth ω
+    (rad/s) and damping ζ.
 
-    bandwidth, damping: None leaves them as they were. inputs: names; () for all. BadInputError when a number is not
-    positive.
-    """
+    bandwidth, damping: None leaves them as they were. inputs: names; () for all. BadInputError when
+    a number is not positive."""
 
     begin: float = 0.0
     effectiveness: float = 1.0
@@ -42,14 +43,13 @@ class ActuatorFault:
 class Actuators:
     """m actuators: c = sat(U0 + u, lowest, highest) - U0 of the commanded deviation u, and
 
-        order 1:  a' = sat((λ c - a) ω, ±rate),
-        order 2:  a' = sat(v, ±rate),  v' = ω² (λ c - a) - 2 ζ ω v,  the position staying within its limits.
+        order 1:  a' = sat((λ c - a) ω, ±rate), order 2:  a' = sat(v, ±rate),  v' = ω² (λ c - a) - 2
+    ζ ω v,  the position staying within its limits.
 
-    lag: 1/ω, s, > 0. lowest, highest: positions, absolute. rate: largest |U'|, per s. λ = 1 until a fault. Named tuples
-    of the inputs of the model (`hfa_support.model.record`), in its units. Limits may be infinite. BadInputError when
-    a lag or a rate is not positive, a lowest position is not below the highest, the order is another, or a fault names
-    an unknown input.
-    """
+    lag: 1/ω, s, > 0. lowest, highest: positions, absolute. rate: largest |U'|, per s. λ = 1 until a
+    fault. Named tuples of the inputs of the model (`hfa_aircraft.model.record`), in its units.
+    Limits may be infinite. BadInputError when a lag or a rate is not positive, a lowest position is
+    not below the highest, the order is another, or a fault names an unknown input."""
 
     lag: Any
     lowest: Any
@@ -65,9 +65,13 @@ class Actuators:
         for name, lag, lowest, highest, rate in numbers:
             refuse_unless_positive(f"the lag of {name}", lag, " s")
             if not rate > 0.0:
-                raise BadInputError(f"the rate limit of {name} is {rate}; it must be positive (inf for none)")
+                raise BadInputError(
+                    f"the rate limit of {name} is {rate}; it must be positive (inf for none)"
+                )
             if not lowest < highest:
-                raise BadInputError(f"the positions of {name} go from {lowest} to {highest}; give the lower one first")
+                raise BadInputError(
+                    f"the positions of {name} go from {lowest} to {highest}; give the lower one first"
+                )
         if self.order not in (1, 2):
             raise BadInputError(f"the order of the actuators is {self.order}; it must be 1 or 2")
         refuse_unless_positive("the damping of the actuators", self.damping)
@@ -81,7 +85,8 @@ class Actuators:
         return tuple(self.lag._fields)
 
     def refuse_step(self, step: float) -> None:
-        """BadInputError, naming the actuator, when a lag is too short for the step of the integration, s."""
+        """BadInputError, naming the actuator, when a lag is too short for the step of the
+        integration, s."""
         for name, lag in zip(self.inputs, self.lag, strict=True):
             if step > LONGEST_STEP * lag * (1 + 1e-9):
                 raise BadInputError(
@@ -91,7 +96,9 @@ class Actuators:
 
     def refuse_trim(self, trim: np.ndarray) -> None:
         """BadInputError, naming the actuator, when U0 (m,) is no position that it can hold."""
-        for name, at, lowest, highest in zip(self.inputs, trim, self.lowest, self.highest, strict=True):
+        for name, at, lowest, highest in zip(
+            self.inputs, trim, self.lowest, self.highest, strict=True
+        ):
             if not lowest <= at <= highest:
                 raise BadInputError(
                     f"{name} is {at:.6g} at trim, outside its actuator's {lowest:.6g} to {highest:.6g}; widen them"
@@ -141,7 +148,9 @@ class Actuators:
         if self.order == 1:
             return _clipped(bandwidth * away, -fastest, fastest)
         v = states[m:]
-        return ca.vertcat(_clipped(v, -fastest, fastest), bandwidth * (bandwidth * away - 2 * damping * v))
+        return ca.vertcat(
+            _clipped(v, -fastest, fastest), bandwidth * (bandwidth * away - 2 * damping * v)
+        )
 
 
 def _clipped(value: ca.SX, lowest: np.ndarray, highest: np.ndarray) -> ca.SX:

@@ -1,4 +1,5 @@
-"""Plant, law and scenario as one loop y' = f(t, y, p). Only this module knows how the loop is laid out:
+"""Plant, law and scenario as one loop y' = f(t, y, p). Only this module knows how the loop is laid
+out:
 
 y = [x; actuators; memory of the policy; filter of the gust],
 p = [the plant's; the actuators'; the policy's; noise samples; the gust's; the delay's].
@@ -15,11 +16,11 @@ import numpy as np
 
 from controller.flight.envelope import ALPHA, ANGLE_OF_ATTACK, flown_through_air
 from controller.flight.gusts import UPDRAFT
+from controller.flight.policies import FlownLaw, GainPolicy, Seen
 from controller.flight.scenario import Scenario
-from controller.policy.policies import FlownLaw, GainPolicy, Seen
-from controller.policy.signals import zero
+from controller.flight.signals import zero
+from hfa_aircraft.model import HasModel, Model, components
 from hfa_support.errors import BadInputError
-from hfa_support.model import HasModel, Model, components
 from trim.point.operating_point import OperatingPoint
 
 #: Disturbance of the model -> its value; those that are not there are 0.
@@ -32,8 +33,8 @@ _NOTHING = np.zeros(0)
 class Plant:
     """A plant in deviations x (n,) from its operating point, as CasADi expressions.
 
-    constants_size: length of p, what differs from flight to flight (the parameters of the aircraft, say).
-    """
+    constants_size: length of p, what differs from flight to flight (the parameters of the aircraft,
+    say)."""
 
     constants_size = 0
     point: Any
@@ -50,8 +51,8 @@ class Plant:
         return np.array(self.point.inputs)
 
     def rate(self, x: ca.SX, u: ca.SX, d: Any, winds: Winds, p: ca.SX) -> ca.SX:
-        """x', for an input deviation u (m,), a disturbance d (k,) that adds to the rates of the states of the linear
-        model, and disturbances of the model."""
+        """x', for an input deviation u (m,), a disturbance d (k,) that adds to the rates of the
+        states of the linear model, and disturbances of the model."""
         raise NotImplementedError
 
     def through_air(self, x: ca.SX, winds: Winds) -> ca.SX:
@@ -72,9 +73,11 @@ class LinearPlant(Plant):
     point: OperatingPoint | None = None
 
     @classmethod
-    def at(cls, aircraft: HasModel, point: OperatingPoint, winds: Sequence[str] = ()) -> LinearPlant:
-        """All states of an aircraft, with the exact derivatives at an operating point, those by these disturbances
-        among them: what `NonlinearPlant` is to first order."""
+    def at(
+        cls, aircraft: HasModel, point: OperatingPoint, winds: Sequence[str] = ()
+    ) -> LinearPlant:
+        """All states of an aircraft, with the exact derivatives at an operating point, those by
+        these disturbances among them: what `NonlinearPlant` is to first order."""
         found = aircraft.model.at(point.states, point.inputs, disturbances=winds)
         return cls(found.A, found.B, dict(zip(winds, found.E.T, strict=True)), point)
 
@@ -90,7 +93,11 @@ class LinearPlant(Plant):
 
     def rate(self, x: ca.SX, u: ca.SX, d: Any, winds: Winds, p: ca.SX) -> ca.SX:
         """A x + B u + d + E w."""
-        rate = ca.mtimes(ca.DM(self.A), x) + ca.mtimes(ca.DM(self.B), u) + ca.mtimes(ca.DM(self.chosen.T), d)
+        rate = (
+            ca.mtimes(ca.DM(self.A), x)
+            + ca.mtimes(ca.DM(self.B), u)
+            + ca.mtimes(ca.DM(self.chosen.T), d)
+        )
         for name, w in winds.items():
             rate = rate + ca.DM(self.E[name]) * w
         return rate
@@ -98,10 +105,11 @@ class LinearPlant(Plant):
 
 @dataclass(frozen=True, eq=False)
 class NonlinearPlant(Plant):
-    """X' = f(X, U, p, w) + d with X = X0 + x, U = U0 + u: the equations of an aircraft about an operating point.
+    """X' = f(X, U, p, w) + d with X = X0 + x, U = U0 + u: the equations of an aircraft about an
+    operating point.
 
-    uncertain: the parameters of the model are an input, p. BadInputError when the point was trimmed with another model.
-    """
+    uncertain: the parameters of the model are an input, p. BadInputError when the point was trimmed
+    with another model."""
 
     aircraft: HasModel
     point: OperatingPoint
@@ -125,7 +133,9 @@ class NonlinearPlant(Plant):
         """f(X0 + x, U0 + u, p, w), disturbed."""
         parameters = components(p) if self.uncertain else self.model.p.tolist()
         given = self._absolute(x), components(ca.DM(self.trim) + u), parameters
-        return self.model.layout.expressions(given, (), self._winds(winds))[0] + ca.mtimes(ca.DM(self.chosen.T), d)
+        return self.model.layout.expressions(given, (), self._winds(winds))[0] + ca.mtimes(
+            ca.DM(self.chosen.T), d
+        )
 
     def through_air(self, x: ca.SX, winds: Winds) -> ca.SX:
         """The output `ANGLE_OF_ATTACK` in winds, of a model that has one beside alpha.
@@ -139,7 +149,9 @@ class NonlinearPlant(Plant):
         given = self._absolute(x), components(u), model.p.tolist()
         angle = model.layout.expressions(given, (ANGLE_OF_ATTACK,), self._winds(winds))[1]
         if ca.depends_on(angle, u):
-            raise BadInputError(f"{model.name}: {ANGLE_OF_ATTACK} depends on an input; rename that output")
+            raise BadInputError(
+                f"{model.name}: {ANGLE_OF_ATTACK} depends on an input; rename that output"
+            )
         return angle - getattr(self.point.states, ALPHA)
 
     def _absolute(self, x: ca.SX) -> list[ca.SX]:
@@ -150,8 +162,8 @@ class NonlinearPlant(Plant):
 
 
 class Expressions(NamedTuple):
-    """A loop at (t, y, p): y', and what is observed: error z, inputs u, winds, alpha through the air as a deviation
-    where it is not alpha, and the command of the policy."""
+    """A loop at (t, y, p): y', and what is observed: error z, inputs u, winds, alpha through the
+    air as a deviation where it is not alpha, and the command of the policy."""
 
     rate: ca.SX
     error: ca.SX
@@ -163,11 +175,12 @@ class Expressions(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ClosedLoop:
-    """x' = plant(x, a, d(t), w(t)),  a' = actuators(a, u),  u = policy(t, x + n(t) - x_d(t)); a = u without actuators.
+    """x' = plant(x, a, d(t), w(t)),  a' = actuators(a, u),  u = policy(t, x + n(t) - x_d(t)); a = u
+    without actuators.
 
-    scenario: the start x(0), x_d, d and n (0 unless given), noise samples, gust, other disturbances, actuators and
-    delay. BadInputError when a signal or a gain has another size than the plant, or an actuator cannot hold the trim.
-    """
+    scenario: the start x(0), x_d, d and n (0 unless given), noise samples, gust, other
+    disturbances, actuators and delay. BadInputError when a signal or a gain has another size than
+    the plant, or an actuator cannot hold the trim."""
 
     plant: Plant
     law: FlownLaw
@@ -188,9 +201,18 @@ class ClosedLoop:
             if signal is not None and signal.size != k:
                 raise BadInputError(f"the {name} has {signal.size} channels; it must have {k}")
         y = (n, moved.size if moved else 0, policy.memory_size, gust.memory_size if gust else 0)
-        fixed = (self.plant.constants_size, moved.constants_size if moved else 0, policy.constants_size)
+        fixed = (
+            self.plant.constants_size,
+            moved.constants_size if moved else 0,
+            policy.constants_size,
+        )
         sampled = 0 if scenario.samples is None else k
-        p = (*fixed, sampled, gust.constants_size if gust else 0, 1 + 2 * m if scenario.delayed_ticks else 0)
+        p = (
+            *fixed,
+            sampled,
+            gust.constants_size if gust else 0,
+            1 + 2 * m if scenario.delayed_ticks else 0,
+        )
         for name, sizes in (("_y", y), ("_p", p)):
             object.__setattr__(self, name, [0, *np.cumsum(sizes).tolist()])
 
@@ -203,7 +225,12 @@ class ClosedLoop:
 
     def at(self, t: ca.SX, y: ca.SX, p: ca.SX) -> Expressions:
         """The loop written out at CasADi expressions."""
-        scenario, plant, actuators, policy = self.scenario, self.plant, self.scenario.actuators, self.law.policy
+        scenario, plant, actuators, policy = (
+            self.scenario,
+            self.plant,
+            self.scenario.actuators,
+            self.law.policy,
+        )
         chosen, trim = ca.DM(plant.chosen), plant.trim
         x, moved, memory, filtered = ca.vertsplit(y, self._y)
         of_plant, of_actuators, of_policy, sample, of_air, of_delay = ca.vertsplit(p, self._p)
@@ -240,15 +267,20 @@ class ClosedLoop:
     @property
     def wind_names(self) -> tuple[str, ...]:
         """Disturbances of the model that are not 0."""
-        return tuple(dict.fromkeys((*[UPDRAFT] * (self.scenario.gust is not None), *self.scenario.air)))
+        return tuple(
+            dict.fromkeys((*[UPDRAFT] * (self.scenario.gust is not None), *self.scenario.air))
+        )
 
     def start(self) -> np.ndarray:
-        """y(0): the start of the scenario, actuators at trim, the memory of the law at its start."""
+        """y(0): the start of the scenario, actuators at trim, the memory of the law at its
+        start."""
         gust, actuators = self.scenario.gust, np.zeros(self._y[2] - self._y[1])
         filtered = _NOTHING if gust is None else gust.start()
         y = np.concatenate([self.scenario.initial, actuators, self.law.memory, filtered])
         if y.size != self._y[-1]:
-            raise BadInputError(f"the flight starts with {y.size} numbers; this loop has {self._y[-1]} states")
+            raise BadInputError(
+                f"the flight starts with {y.size} numbers; this loop has {self._y[-1]} states"
+            )
         return y
 
     def constants(self, of_plant: np.ndarray = _NOTHING) -> Constants:

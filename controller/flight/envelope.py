@@ -1,5 +1,5 @@
-"""Limits of a flight: the envelope of the states and which state left it first; inputs beyond their control limits; an
-oscillation that does not decay although nothing drives it any more."""
+"""Limits of a flight: the envelope of the states and which state left it first; inputs beyond their
+control limits; an oscillation that does not decay although nothing drives it any more."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from controller.policy.policies import OpenLoop
+from controller.flight.policies import OpenLoop
+from hfa_aircraft.model import HasModel, Model, record
 from hfa_support.errors import BadInputError, pair_of, refuse_unknown
-from hfa_support.model import HasModel, Model, record
 from hfa_support.reporting.text import short_number, shown_unit
 from trim.point.operating_point import OperatingPoint
 
@@ -19,11 +19,15 @@ if TYPE_CHECKING:
     from controller.flight.closed_loop import ClosedLoop
     from controller.flight.simulation import Flight
 
-#: The state whose limits count on this output where the air moves: alpha through the air, not over ground.
+#: The state whose limits count on this output where the air moves: alpha through the air, not over
+#: ground.
 ALPHA, ANGLE_OF_ATTACK = "alpha", "angle_of_attack"
 #: Said where the air moves.
-OVER_GROUND = f"alpha is over ground; the envelope limits {ANGLE_OF_ATTACK}, which is through the air"
-#: An oscillation: about its line of least squares it changes sign this often in each of the last two quarters ...
+OVER_GROUND = (
+    f"alpha is over ground; the envelope limits {ANGLE_OF_ATTACK}, which is through the air"
+)
+#: An oscillation: about its line of least squares it changes sign this often in each of the last
+#: two quarters ...
 CROSSINGS = 4
 #: ... its amplitude in the last one is at least so much of that in the one before ...
 LASTING = 0.9
@@ -32,7 +36,8 @@ VISIBLE = 0.01
 
 
 class Departure(NamedTuple):
-    """What left the envelope first: its name (`limited_names`), the time in s, its value, the limit it passed, unit."""
+    """What left the envelope first: its name (`limited_names`), the time in s, its value, the limit
+    it passed, unit."""
 
     state: str
     time: float
@@ -79,7 +84,8 @@ def control_limits(model: Model) -> np.ndarray:
 
 
 def control_excesses(model: Model, inputs: np.ndarray) -> tuple[ControlExcess, ...]:
-    """Inputs beyond their limits, the farthest first as a share of the range between both; inputs: (N, m), absolute."""
+    """Inputs beyond their limits, the farthest first as a share of the range between both; inputs:
+    (N, m), absolute."""
     (low, high), lowest, highest = control_limits(model), inputs.min(axis=0), inputs.max(axis=0)
     below = low - lowest > highest - high  # the side on which an input is farther beyond
     values, limits = np.where(below, lowest, highest), np.where(below, low, high)
@@ -87,13 +93,18 @@ def control_excesses(model: Model, inputs: np.ndarray) -> tuple[ControlExcess, .
         share = np.abs(values - limits) / (high - low)
     found = sorted(np.flatnonzero(beyond_control_limits(model, values)), key=lambda i: -share[i])
     names = tuple(model.inputs)
-    return tuple(ControlExcess(names[i], float(values[i]), float(limits[i]), model.unit(names[i])) for i in found)
+    return tuple(
+        ControlExcess(names[i], float(values[i]), float(limits[i]), model.unit(names[i]))
+        for i in found
+    )
 
 
 def beyond_control_limits(model: Model, inputs: np.ndarray) -> np.ndarray:
     """Whether each of inputs (.., m), absolute, lies beyond its limits, by more than rounding."""
     low, high = control_limits(model)
-    return np.asarray((inputs < low - 1e-9 * (1 + np.abs(low))) | (inputs > high + 1e-9 * (1 + np.abs(high))))
+    return np.asarray(
+        (inputs < low - 1e-9 * (1 + np.abs(low))) | (inputs > high + 1e-9 * (1 + np.abs(high)))
+    )
 
 
 def flown_through_air(model: Model) -> bool:
@@ -102,14 +113,16 @@ def flown_through_air(model: Model) -> bool:
 
 
 def limited_names(model: Model, moving_air: bool) -> tuple[str, ...]:
-    """What each limit counts on: the states, alpha replaced by `ANGLE_OF_ATTACK` where the air moves."""
+    """What each limit counts on: the states, alpha replaced by `ANGLE_OF_ATTACK` where the air
+    moves."""
     instead = {ALPHA: ANGLE_OF_ATTACK} if moving_air and flown_through_air(model) else {}
     return tuple(instead.get(name, name) for name in model.states)
 
 
 @dataclass(frozen=True)
 class Envelope:
-    """lowest, highest: absolute limits of every state of a model, by name; of alpha: through the air."""
+    """lowest, highest: absolute limits of every state of a model, by name; of alpha: through the
+    air."""
 
     lowest: Any
     highest: Any
@@ -122,10 +135,13 @@ class Envelope:
 
     def limits_text(self, index: int) -> str:
         """The limits of a state, degrees for angles."""
-        return limits_text(self.lowest[index], self.highest[index], self.model.unit(list(self.model.states)[index]))
+        return limits_text(
+            self.lowest[index], self.highest[index], self.model.unit(list(self.model.states)[index])
+        )
 
     def refuse_start(self, limited: np.ndarray, moving_air: bool = False) -> None:
-        """BadInputError when a flight begins outside; limited: one row, (1, n), as of `departure`."""
+        """BadInputError when a flight begins outside; limited: one row, (1, n), as of
+        `departure`."""
         found = self.departure(np.zeros(1), limited, moving_air)
         if found is not None:
             said = f"the flight begins with {found.state} {_beyond(*found[2:])}"
@@ -133,11 +149,18 @@ class Envelope:
 
     def outside(self, limited: np.ndarray) -> np.ndarray:
         """Which rows of (N, n) are not within all limits; a number that is not finite is not."""
-        within = (limited >= np.array(self.lowest)) & (limited <= np.array(self.highest)) & np.isfinite(limited)
+        within = (
+            (limited >= np.array(self.lowest))
+            & (limited <= np.array(self.highest))
+            & np.isfinite(limited)
+        )
         return np.asarray(~within.all(axis=-1))
 
-    def departure(self, times: np.ndarray, limited: np.ndarray, moving_air: bool = False) -> Departure | None:
-        """The first row outside, and its state with the largest excess in half-widths; None without one.
+    def departure(
+        self, times: np.ndarray, limited: np.ndarray, moving_air: bool = False
+    ) -> Departure | None:
+        """The first row outside, and its state with the largest excess in half-widths; None without
+        one.
 
         limited: (N, n), absolute states, alpha through the air.
         """
@@ -151,18 +174,25 @@ class Envelope:
         value = float(at[index])
         limit = lowest[index] if value < lowest[index] else highest[index]
         name = limited_names(self.model, moving_air)[index]
-        return Departure(name, float(times[row]), value, float(limit), self.model.unit(tuple(self.model.states)[index]))
+        return Departure(
+            name,
+            float(times[row]),
+            value,
+            float(limit),
+            self.model.unit(tuple(self.model.states)[index]),
+        )
 
 
 def flight_envelope(
-    aircraft: HasModel, point: OperatingPoint, changes: Mapping[str, tuple[float, float]] | None = None
+    aircraft: HasModel,
+    point: OperatingPoint,
+    changes: Mapping[str, tuple[float, float]] | None = None,
 ) -> Envelope:
-    """Where the equations of an aircraft are meant to hold, about a trim: min and max of its states, and what its model
-    limits about a trim (`Model.envelope`).
+    """Where the equations of an aircraft are meant to hold, about a trim: min and max of its
+    states, and what its model limits about a trim (`Model.envelope`).
 
-    changes: state -> (lowest, highest), absolute, replaces a pair; `ANGLE_OF_ATTACK` is another name of alpha's.
-    BadInputError for a name that is no state, or when the trim lies outside.
-    """
+    changes: state -> (lowest, highest), absolute, replaces a pair; `ANGLE_OF_ATTACK` is another
+    name of alpha's. BadInputError for a name that is no state, or when the trim lies outside."""
     model = aircraft.model
     pairs = {name: (each.min, each.max) for name, each in model.states.items()}
     if model.envelope is not None:
@@ -175,14 +205,19 @@ def flight_envelope(
         at = getattr(point.states, name)
         if not lowest <= at <= highest:
             found, low, high = (model.describe(name, value) for value in (at, lowest, highest))
-            raise BadInputError(f"the trim has {name} {found}, outside the envelope's {low} to {high}")
+            raise BadInputError(
+                f"the trim has {name} {found}, outside the envelope's {low} to {high}"
+            )
     values = record(tuple(model.states))
-    lowest, highest = (values(**{name: pair[side] for name, pair in pairs.items()}) for side in (0, 1))
+    lowest, highest = (
+        values(**{name: pair[side] for name, pair in pairs.items()}) for side in (0, 1)
+    )
     return Envelope(lowest, highest, model)
 
 
 class LimitCycle(NamedTuple):
-    """The input or state that oscillates most, in nominal sizes: amplitude, half of peak to peak, and rad/s."""
+    """The input or state that oscillates most, in nominal sizes: amplitude, half of peak to peak,
+    and rad/s."""
 
     name: str
     amplitude: float
@@ -196,11 +231,15 @@ class LimitCycle(NamedTuple):
 
 
 def limit_cycle(loop: ClosedLoop, flight: Flight) -> LimitCycle | None:
-    """The oscillation that is left at the end of a flight; None without one or without a law, or while something
-    drives the flight."""
+    """The oscillation that is left at the end of a flight; None without one or without a law, or
+    while something drives the flight."""
     times, model = flight.times, loop.plant.point.model
     begin = times[-1] / 2
-    if len(times) < 8 * CROSSINGS or loop.scenario.driven_until > begin or isinstance(loop.law.policy, OpenLoop):
+    if (
+        len(times) < 8 * CROSSINGS
+        or loop.scenario.driven_until > begin
+        or isinstance(loop.law.policy, OpenLoop)
+    ):
         return None
     found = []
     values = np.hstack([flight.inputs, flight.states])

@@ -1,4 +1,5 @@
-"""Vertical gusts: the discrete 1-cosine gust and Dryden turbulence, as stages of a compiled loop."""
+"""Vertical gusts: the discrete 1-cosine gust and Dryden turbulence, as stages of a compiled
+loop."""
 
 from __future__ import annotations
 
@@ -9,13 +10,13 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from controller.policy.policies import Memoryless, Unvaried
+from controller.flight.policies import Memoryless, Unvaried
 from hfa_support.errors import BadInputError, refuse_unless_positive
 
 #: The disturbance of a model that a gust is.
 UPDRAFT = "updraft"
-#: Time scales of turbulence, in ticks: shorter ones a noise that is held for a tick cannot make, longer ones leave
-#: the air as it was to rounding.
+#: Time scales of turbulence, in ticks: shorter ones a noise that is held for a tick cannot make,
+#: longer ones leave the air as it was to rounding.
 SHORTEST, LONGEST = 1.0, 1e6
 
 
@@ -23,11 +24,10 @@ SHORTEST, LONGEST = 1.0, 1e6
 class OneMinusCosine(Memoryless, Unvaried):
     """w = (peak/2) (1 - cos(2π V (t - begin) / length)) while 0 <= V (t - begin) <= length, else 0.
 
-    length: ft, of the whole gust from still air to still air, twice the gust gradient distance H. peak: ft/s,
-    negative for a downdraft. speed: V, ft/s, at which the gust is met. begin: s.
-    Source: FAR 25.341(a)(2); MIL-F-8785C, Section 3.7.1.3, whose gust ends at its peak. BadInputError when a
-    number is not positive or not finite.
-    """
+    length: ft, of the whole gust from still air to still air, twice the gust gradient distance H.
+    peak: ft/s, negative for a downdraft. speed: V, ft/s, at which the gust is met. begin: s.
+    Source: FAR 25.341(a)(2); MIL-F-8785C, Section 3.7.1.3, whose gust ends at its peak.
+    BadInputError when a number is not positive or not finite."""
 
     length: float
     peak: float
@@ -39,7 +39,9 @@ class OneMinusCosine(Memoryless, Unvaried):
         for name in ("length", "speed"):
             refuse_unless_positive(f"the gust's {name}", getattr(self, name))
         if not np.isfinite([self.peak, self.begin]).all():
-            raise BadInputError(f"the gust's peak is {self.peak} and its begin {self.begin}; give finite numbers")
+            raise BadInputError(
+                f"the gust's peak is {self.peak} and its begin {self.begin}; give finite numbers"
+            )
 
     @property
     def until(self) -> float:
@@ -54,17 +56,18 @@ class OneMinusCosine(Memoryless, Unvaried):
 
 @dataclass(frozen=True)
 class Dryden:
-    """w = sigma sqrt(τ) (1 + √3 τ s) / (1 + τ s)² n,  τ = scale / speed: white noise n through the Dryden filter.
+    """w = sigma sqrt(τ) (1 + √3 τ s) / (1 + τ s)² n,  τ = scale / speed: white noise n through the
+    Dryden filter.
 
-    Spectrum Φ(Ω) = sigma² (scale/π) (1 + 3 (scale Ω)²) / (1 + (scale Ω)²)² over spatial frequencies Ω > 0.
-    n is held during each tick of length `interval`; its variance is the one with which w has the variance
-    sigma² at the ticks, exactly (1/interval in the limit of short ticks). The flight begins in stationary turbulence.
+    Spectrum Φ(Ω) = sigma² (scale/π) (1 + 3 (scale Ω)²) / (1 + (scale Ω)²)² over spatial frequencies
+    Ω > 0. n is held during each tick of length `interval`; its variance is the one with which w has
+    the variance sigma² at the ticks, exactly (1/interval in the limit of short ticks). The flight
+    begins in stationary turbulence.
 
-    intensity: sigma, ft/s. scale: ft; MIL-F-8785C takes the altitude below 1000 ft and 1750 ft above 2000 ft.
-    speed: V, ft/s. interval: s. ticks: how many the flight has. seed: of n and of the start.
-    Source: MIL-F-8785C, Section 3.7.1.2 (Dryden form) and 3.7.3. BadInputError when a number is not positive or τ does
-    not lie between `SHORTEST` and `LONGEST` ticks.
-    """
+    intensity: sigma, ft/s. scale: ft; MIL-F-8785C takes the altitude below 1000 ft and 1750 ft
+    above 2000 ft. speed: V, ft/s. interval: s. ticks: how many the flight has. seed: of n and of
+    the start. Source: MIL-F-8785C, Section 3.7.1.2 (Dryden form) and 3.7.3. BadInputError when a
+    number is not positive or τ does not lie between `SHORTEST` and `LONGEST` ticks."""
 
     #: The states of the filter, and one sample of the noise.
     memory_size, constants_size = 2, 1
@@ -116,7 +119,8 @@ class Dryden:
 
     @cached_property
     def _draws(self) -> tuple[np.ndarray, np.ndarray]:
-        """Start (2,) and noise (ticks,): the held noise gets the variance that makes w's variance sigma²."""
+        """Start (2,) and noise (ticks,): the held noise gets the variance that makes w's variance
+        sigma²."""
         from scipy.linalg import expm, solve_discrete_lyapunov
 
         A, b, output = self._filter
@@ -129,5 +133,6 @@ class Dryden:
         return start, np.sqrt(variance) * rng.standard_normal(self.ticks)
 
 
-#: w(t), the vertical velocity of the air, positive up, with the states of its filter; p: its input of each tick.
+#: w(t), the vertical velocity of the air, positive up, with the states of its filter; p: its input
+#: of each tick.
 Gust = OneMinusCosine | Dryden

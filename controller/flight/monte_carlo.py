@@ -1,4 +1,5 @@
-"""A Monte Carlo of flights: a plan of random scenarios, its members in chunks into a store, and their report."""
+"""A Monte Carlo of flights: a plan of random scenarios, its members in chunks into a store, and
+their report."""
 
 from __future__ import annotations
 
@@ -23,13 +24,13 @@ from controller.flight.envelope import (
     limited_names,
 )
 from controller.flight.nonlinear_flight import NonlinearFlight, fly_within, names_and_units
+from controller.flight.policies import FlownLaw
 from controller.flight.scenario import Scenario, Uncertainty, with_errors
+from controller.flight.signals import CommandedStates, Signal
 from controller.flight.simulation import CompiledLoop
-from controller.policy.policies import FlownLaw
-from controller.policy.signals import CommandedStates, Signal
+from hfa_aircraft.model import VECTORS, HasModel, Model, components
 from hfa_support.errors import BadInputError
 from hfa_support.jobs.store import Array, Layout, Store, described
-from hfa_support.model import VECTORS, HasModel, Model, components
 from hfa_support.native.bound import cached_per_thread
 from hfa_support.reporting.fields import Shown
 from hfa_support.reporting.report import Report
@@ -45,7 +46,10 @@ QUANTILES = (0.05, 0.5, 0.95, 1.0)
 #: Array of a store, of each member -> its meaning, and its axis or, of one number, its unit.
 _KEPT = {
     "left": ("number in the attribute left; -1: stayed inside", ""),
-    "cycle": ("number among inputs and states of what still oscillates at the end; -1: nothing", ""),
+    "cycle": (
+        "number among inputs and states of what still oscillates at the end; -1: nothing",
+        "",
+    ),
     "factors": ("factor on a parameter", "error"),
     "flown": ("time inside the envelope", "s"),
     "rms_error": ("root mean square error over that time, without noise", "error_state"),
@@ -61,13 +65,14 @@ _KEPT = {
 
 @dataclass(frozen=True, eq=False, repr=False)
 class MonteCarlo(Shown):
-    """N members, each a draw of one scenario: a job of `stream`. Two plans are equal when they give the same results.
+    """N members, each a draw of one scenario: a job of `stream`. Two plans are equal when they give
+    the same results.
 
-    aircraft: the nominal one, trimmed at `point`. seed: with the number of a member it decides all that is random in
-    it, so that members can be simulated anywhere in any order. A member's flight ends at the first step outside the
-    envelope. BadInputError when a number is wrong, the flight does not begin inside its envelope, an error belongs to a
-    parameter that is zero, or a signal has no formula.
-    """
+    aircraft: the nominal one, trimmed at `point`. seed: with the number of a member it decides all
+    that is random in it, so that members can be simulated anywhere in any order. A member's flight
+    ends at the first step outside the envelope. BadInputError when a number is wrong, the flight
+    does not begin inside its envelope, an error belongs to a parameter that is zero, or a signal
+    has no formula."""
 
     members: int
     seed: int
@@ -80,17 +85,25 @@ class MonteCarlo(Shown):
     def __post_init__(self) -> None:
         """Check everything before the simulation."""
         if not (self.members >= 1 and self.seed >= 0):
-            raise BadInputError(f"members is {self.members} and seed {self.seed}; give at least 1 and 0")
+            raise BadInputError(
+                f"members is {self.members} and seed {self.seed}; give at least 1 and 0"
+            )
         object.__setattr__(self, "scenario", self.scenario.on(self.model))
         for name in ("reference", "disturbance", "noise"):
             if not isinstance(getattr(self.scenario, name), (Signal, CommandedStates)):
-                raise BadInputError(f"the {name} of a Monte Carlo must be a Signal, whose formula says what it is")
+                raise BadInputError(
+                    f"the {name} of a Monte Carlo must be a Signal, whose formula says what it is"
+                )
         if self.scenario.samples is not None:
-            raise BadInputError("the scenario of a Monte Carlo is drawn already; give the one that it was drawn from")
+            raise BadInputError(
+                "the scenario of a Monte Carlo is drawn already; give the one that it was drawn from"
+            )
         self.envelope.refuse_start((np.array(self.point.states) + self.scenario.initial)[None])
         for name in self.scenario.uncertainty.errors:
             if self.model.parameters[name].start == 0.0:
-                raise BadInputError(f"{name} is 0, so that a relative error does nothing; leave it out")
+                raise BadInputError(
+                    f"{name} is 0, so that a relative error does nothing; leave it out"
+                )
         self.loop()  # turbulence and gains that cannot be flown are refused here rather than in a worker
 
     @property
@@ -104,11 +117,14 @@ class MonteCarlo(Shown):
 
     def loop(self) -> ClosedLoop:
         """The loop of member 0. The parameters of the aircraft differ from member to member."""
-        return ClosedLoop(NonlinearPlant(self.aircraft, self.point, uncertain=True), self.law, self.member(0))
+        return ClosedLoop(
+            NonlinearPlant(self.aircraft, self.point, uncertain=True), self.law, self.member(0)
+        )
 
     @cached_property
     def identity(self) -> str:
-        """JSON of everything that decides the results, the order in which errors are drawn included."""
+        """JSON of everything that decides the results, the order in which errors are drawn
+        included."""
         data = {
             "members": self.members,
             "seed": self.seed,
@@ -135,11 +151,15 @@ class MonteCarlo(Shown):
             "input": tuple(model.inputs),
         }
         units = {axis: model.units(names) for axis, names in axes.items() if axis != "error"}
-        sizes = {axis: len(names) for axis, names in axes.items()} | {"memory_state": len(self.law.memory)}
+        sizes = {axis: len(names) for axis, names in axes.items()} | {
+            "memory_state": len(self.law.memory)
+        }
         arrays = {}
         for name, (meaning, axis) in _KEPT.items():
             kind, fill = ("int8", -1) if name in ("left", "cycle") else ("float64", np.nan)
-            about = described(meaning, "" if axis in sizes else axis, f"{axis}_unit" if axis in units else "")
+            about = described(
+                meaning, "" if axis in sizes else axis, f"{axis}_unit" if axis in units else ""
+            )
             own = (axis,) if axis in sizes else ()
             arrays[name] = Array(tuple(sizes[each] for each in own), kind, fill, own, about)
         labels: dict[str, Any] = {axis: (axis, names) for axis, names in axes.items()}
@@ -154,7 +174,9 @@ class MonteCarlo(Shown):
         }
         chunk = -(-CHUNK_STEPS // (self.scenario.ticks * self.scenario.steps_per_tick))
         plan, rows = json.loads(self.identity), self.members
-        return Layout(STORE_SCHEMA, "Monte Carlo", rows, "member", chunk, plan, arrays, labels, attributes)
+        return Layout(
+            STORE_SCHEMA, "Monte Carlo", rows, "member", chunk, plan, arrays, labels, attributes
+        )
 
     @property
     def function(self) -> Callable[..., Mapping[str, np.ndarray]]:
@@ -173,7 +195,8 @@ class MonteCarlo(Shown):
 
 
 def _told_apart(model: Model) -> tuple[str, ...]:
-    """What decides a model's equations: the file that it comes from and its hash, else a hash of the expressions."""
+    """What decides a model's equations: the file that it comes from and its hash, else a hash of
+    the expressions."""
     if model.source[0]:
         return model.source
     vectors = model.layout.symbols(*VECTORS)
@@ -191,7 +214,9 @@ def member_loop(plan: MonteCarlo) -> CompiledLoop:
 def fly_member(plan: MonteCarlo, member: int) -> NonlinearFlight:
     """Draw and simulate one member."""
     scenario = plan.member(member)
-    return fly_within(member_loop(plan), plan.envelope, scenario, with_errors(plan.aircraft, scenario).p)
+    return fly_within(
+        member_loop(plan), plan.envelope, scenario, with_errors(plan.aircraft, scenario).p
+    )
 
 
 def fly_members(plan: MonteCarlo, start: int, stop: int) -> Mapping[str, np.ndarray]:
@@ -201,8 +226,14 @@ def fly_members(plan: MonteCarlo, start: int, stop: int) -> Mapping[str, np.ndar
 
 
 def member_row(plan: MonteCarlo, result: NonlinearFlight) -> dict[str, Any]:
-    """What is kept of the flight of a member: of its steps inside the envelope, and the state and memory after them."""
-    model, scenario, flight, left = plan.model, result.loop.scenario, result.flight, result.departure
+    """What is kept of the flight of a member: of its steps inside the envelope, and the state and
+    memory after them."""
+    model, scenario, flight, left = (
+        plan.model,
+        result.loop.scenario,
+        result.flight,
+        result.departure,
+    )
     flown = scenario.duration if left is None else left.time
     inside = slice(round(flown / scenario.step))  # none where turbulence is outside at the start
     errors, inputs, states = flight.errors[inside], flight.inputs[inside], list(model.states)
@@ -225,24 +256,31 @@ def member_row(plan: MonteCarlo, result: NonlinearFlight) -> dict[str, Any]:
 
 
 def member_report(plan: MonteCarlo, store: Store, where: str = "") -> Report:
-    """How many of the members in a store stayed within their limits, and what the others did; where: they are kept.
+    """How many of the members in a store stayed within their limits, and what the others did;
+    where: they are kept.
 
-    Angles in degrees for people; data in English units and radians. data: held, members that did not leave their
-    envelope; within_limits: those of them whose inputs stayed within the control limits and that settle; left: members
-    by the state that left first, the earliest after `first_left` s; exceeded: by the input that went beyond its control
-    limit; limit_cycle: by what still oscillates at the end; quantity -> variable -> `QUANTILES` over those inside, None
-    where none was.
-    """
+    Angles in degrees for people; data in English units and radians. data: held, members that did
+    not leave their envelope; within_limits: those of them whose inputs stayed within the control
+    limits and that settle; left: members by the state that left first, the earliest after
+    `first_left` s; exceeded: by the input that went beyond its control limit; limit_cycle: by what
+    still oscillates at the end; quantity -> variable -> `QUANTILES` over those inside, None where
+    none was."""
     model, duration, moving = plan.model, plan.scenario.duration, plan.scenario.moving_air
     left, flown, cycle = store.read("left"), store.read("flown"), store.read("cycle")
     inside, names = left < 0, limited_names(model, moving)
-    beyond = np.any([beyond_control_limits(model, store.read(f"{end}_input")) for end in ("lowest", "highest")], 0)
+    beyond = np.any(
+        [beyond_control_limits(model, store.read(f"{end}_input")) for end in ("lowest", "highest")],
+        0,
+    )
     within = int((inside & ~beyond.any(axis=1) & (cycle < 0)).sum())
     first = None if inside.all() else float(flown[~inside].min())
     counts = {
         "left": {name: int((left == index).sum()) for index, name in enumerate(names)},
         "exceeded": dict(zip(model.inputs, beyond.sum(axis=0).tolist(), strict=True)),
-        "limit_cycle": {name: int((cycle == index).sum()) for index, name in enumerate((*model.inputs, *model.states))},
+        "limit_cycle": {
+            name: int((cycle == index).sum())
+            for index, name in enumerate((*model.inputs, *model.states))
+        },
     }
     lines = [f"stayed within limits: {within} of {plan.members}"]
     for name, words in (
@@ -252,14 +290,18 @@ def member_report(plan: MonteCarlo, store: Store, where: str = "") -> Report:
     ):
         if any(counts[name].values()):
             listed = ", ".join(f"{each} {count}" for each, count in counts[name].items() if count)
-            lines.append(f"{words}: {listed}" + (f"; the first after {first:.3g} s" if name == "left" else ""))
+            lines.append(
+                f"{words}: {listed}"
+                + (f"; the first after {first:.3g} s" if name == "left" else "")
+            )
     parts: list[str | Table] = ["\n".join(lines)]
     quantiles, table = _quantiles(plan, store, inside)
     if inside.any():
         parts += [table, *[OVER_GROUND] * (moving and flown_through_air(model))]
     title = (
         f"Monte Carlo, {plan.point.called}, nonlinear aircraft, law {plan.law.name}: "
-        f"{plan.members} members of {duration:g} s, seed {plan.seed}" + (f", {where}" if where else "")
+        f"{plan.members} members of {duration:g} s, seed {plan.seed}"
+        + (f", {where}" if where else "")
     )
     data = {
         "schema": SUMMARY_SCHEMA,
@@ -277,7 +319,11 @@ def member_report(plan: MonteCarlo, store: Store, where: str = "") -> Report:
         **quantiles,
     }
     alike = plan.scenario.uncertainty == Uncertainty()
-    notes = ["nothing differs from member to member: give parameter errors, noise or turbulence"] if alike else []
+    notes = (
+        ["nothing differs from member to member: give parameter errors, noise or turbulence"]
+        if alike
+        else []
+    )
     return Report(title, parts, notes, data)
 
 
@@ -288,12 +334,18 @@ def _quantiles(plan: MonteCarlo, store: Store, inside: np.ndarray) -> tuple[dict
     if flown_through_air(model):
         kept["peak_deviation"] = (ANGLE_OF_ATTACK,)
     for name, of in kept.items():
-        values = store.read("peak_angle_of_attack" if name == "peak_deviation" else name)[inside].reshape(-1, len(of))
-        ends = np.quantile(values, QUANTILES, axis=0).T.tolist() if inside.any() else [None] * len(of)
+        values = store.read("peak_angle_of_attack" if name == "peak_deviation" else name)[
+            inside
+        ].reshape(-1, len(of))
+        ends = (
+            np.quantile(values, QUANTILES, axis=0).T.tolist() if inside.any() else [None] * len(of)
+        )
         found[name] = dict(zip(of, ends, strict=True))
         for each, numbers in zip(of, ends, strict=True):
             if plan.scenario.moving_air or name != "peak_deviation":
                 cells = (short_number(number, model.unit(each)) for number in numbers or ())
-                rows.append((f"{name.replace('_', ' ')} {each}", *cells, shown_unit(model.unit(each))))
+                rows.append(
+                    (f"{name.replace('_', ' ')} {each}", *cells, shown_unit(model.unit(each)))
+                )
     shares = ["largest" if share == 1.0 else f"{100 * share:g} %" for share in QUANTILES]
     return found, Table(("of those inside the envelope", *shares, "unit"), rows)

@@ -1,4 +1,5 @@
-"""One flight of a nonlinear aircraft under a law, beside what the linear model predicts, and its report."""
+"""One flight of a nonlinear aircraft under a law, beside what the linear model predicts, and its
+report."""
 
 from __future__ import annotations
 
@@ -23,13 +24,13 @@ from controller.flight.envelope import (
     limit_cycle,
 )
 from controller.flight.gusts import UPDRAFT
+from controller.flight.policies import FlownLaw
 from controller.flight.scenario import Scenario, Uncertainty, with_errors
+from controller.flight.signals import CommandSteps
 from controller.flight.simulation import CompiledLoop, Flight
-from controller.policy.policies import FlownLaw
-from controller.policy.servo_policy import MeasuredOutputs, ServoPolicy
-from controller.policy.signals import CommandSteps
+from controller.servo.servo_policy import MeasuredOutputs, ServoPolicy
+from hfa_aircraft.model import HasModel, Model
 from hfa_support.errors import BadInputError
-from hfa_support.model import HasModel, Model
 from hfa_support.progress import Progress
 from hfa_support.reporting.report import Part, Report, Reported
 from hfa_support.reporting.text import Table, short_number, shown_unit
@@ -37,10 +38,9 @@ from trim.point.operating_point import OperatingPoint, at_scheduled
 
 FLIGHT_SCHEMA = "hfa.flight/1"
 
-#: Note on a flight that stays at trim: whose deviations are at most so large, in the units of states and inputs.
-UNDISTURBED = (
-    "nothing disturbs this flight: give initial errors, a gust, turbulence, noise, a command or errors of parameters"
-)
+#: Note on a flight that stays at trim: whose deviations are at most so large, in the units of
+#: states and inputs.
+UNDISTURBED = "nothing disturbs this flight: give initial errors, a gust, turbulence, noise, a command or errors of parameters"
 _STILL = 1e-6
 
 
@@ -54,23 +54,29 @@ def fly(
     predict: bool = True,
     progress: Progress | None = None,
 ) -> NonlinearFlight:
-    """X' = f(X, U, w) + d with U = U0 + u of the law and, with `predict`, x' = A x + B u + E w + d of its linear model.
+    """X' = f(X, U, w) + d with U = U0 + u of the law and, with `predict`, x' = A x + B u + E w + d
+    of its linear model.
 
-    The prediction is of the aircraft as designed: without the parameter errors. Both end at the first tick in
-    which the nonlinear flight leaves the envelope. BadInputError when it does not begin inside, or part of the scenario
-    is still to be drawn.
-    """
+    The prediction is of the aircraft as designed: without the parameter errors. Both end at the
+    first tick in which the nonlinear flight leaves the envelope. BadInputError when it does not
+    begin inside, or part of the scenario is still to be drawn."""
     if scenario.uncertainty != Uncertainty():
-        raise BadInputError("part of the scenario is still to be drawn; simulate scenario.drawn(seed, member, point)")
+        raise BadInputError(
+            "part of the scenario is still to be drawn; simulate scenario.drawn(seed, member, point)"
+        )
     scenario = scenario.on(aircraft.model)
-    compiled = CompiledLoop(ClosedLoop(NonlinearPlant(with_errors(aircraft, scenario), point), law, scenario))
+    compiled = CompiledLoop(
+        ClosedLoop(NonlinearPlant(with_errors(aircraft, scenario), point), law, scenario)
+    )
     result = fly_within(compiled, envelope, progress=progress)
     envelope.refuse_start(result.flight.limited[:1] + np.array(point.states), scenario.moving_air)
     if not predict:
         return result
     linear = LinearPlant.at(aircraft, point, result.loop.wind_names)
     ticks = (len(result.flight.times) - 1) // scenario.steps_per_tick
-    return replace(result, predicted=CompiledLoop(replace(result.loop, plant=linear)).fly(ticks=ticks))
+    return replace(
+        result, predicted=CompiledLoop(replace(result.loop, plant=linear)).fly(ticks=ticks)
+    )
 
 
 def fly_within(
@@ -82,26 +88,28 @@ def fly_within(
     lost: Callable[[Flight], np.ndarray] | None = None,
     progress: Progress | None = None,
 ) -> NonlinearFlight:
-    """One flight of a loop about a trim, of its scenario or another (`CompiledLoop.fly`), without a prediction.
+    """One flight of a loop about a trim, of its scenario or another (`CompiledLoop.fly`), without a
+    prediction.
 
-    It ends with the first tick outside the envelope or, with `lost`, at the first of the rows that are.
-    """
+    It ends with the first tick outside the envelope or, with `lost`, at the first of the rows that
+    are."""
     loop = compiled.loop if scenario is None else replace(compiled.loop, scenario=scenario)
     offsets = np.array(loop.plant.point.states)
     stop = lost or (lambda rows: envelope.outside(rows.limited + offsets))
     flight = compiled.fly(loop.scenario, of_plant=of_plant, stop=stop, progress=progress)
     departure = envelope.departure(flight.times, flight.limited + offsets, loop.scenario.moving_air)
-    return NonlinearFlight(envelope, loop, flight, departure, limit_cycle(loop, flight) if departure is None else None)
+    return NonlinearFlight(
+        envelope, loop, flight, departure, limit_cycle(loop, flight) if departure is None else None
+    )
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class NonlinearFlight(Reported):
     """A flight, up to the first tick that left the envelope.
 
-    loop: what was flown. flight: deviations from `point`. departure: which state left the envelope first, None when
-    none did. cycle: what still oscillates at the end, None when nothing does. predicted: the same flight of the linear
-    model, None when none was asked for.
-    """
+    loop: what was flown. flight: deviations from `point`. departure: which state left the envelope
+    first, None when none did. cycle: what still oscillates at the end, None when nothing does.
+    predicted: the same flight of the linear model, None when none was asked for."""
 
     envelope: Envelope
     loop: ClosedLoop
@@ -123,7 +131,8 @@ class NonlinearFlight(Reported):
 
     @property
     def angles_of_attack(self) -> np.ndarray:
-        """Alpha of the center of mass through the air, absolute, (N,), rad; alpha itself in still air."""
+        """Alpha of the center of mass through the air, absolute, (N,), rad; alpha itself in still
+        air."""
         alpha = list(self.point.model.states).index(ALPHA)
         return np.asarray(self.flight.limited[:, alpha] + self.point.states[alpha])
 
@@ -134,13 +143,15 @@ class NonlinearFlight(Reported):
 
     @property
     def exceeded(self) -> tuple[ControlExcess, ...]:
-        """The inputs that went beyond their control limits before the envelope was left, the farthest first."""
+        """The inputs that went beyond their control limits before the envelope was left, the
+        farthest first."""
         until = np.inf if self.departure is None else self.departure.time
         return control_excesses(self.point.model, self.inputs[self.flight.times <= until])
 
     @property
     def within_limits(self) -> bool:
-        """Whether every state stayed inside the envelope, every input within its limits, and no limit cycle is left."""
+        """Whether every state stayed inside the envelope, every input within its limits, and no
+        limit cycle is left."""
         return self.departure is None and not self.exceeded and self.cycle is None
 
     def title(self, law: str) -> str:
@@ -149,9 +160,9 @@ class NonlinearFlight(Reported):
         flight = f"Flight, {self.point.called}" + (f", {at}" if at else "") + law
         time, wrong = f"{self.flight.times[-1]:g} s", self.departure or self.cycle
         outcome = f"stayed within limits: {time} inside the envelope and the control limits"
-        exceeded = [f"exceeded control limits: {', '.join(each.text() for each in self.exceeded)}"] * bool(
-            self.exceeded
-        )
+        exceeded = [
+            f"exceeded control limits: {', '.join(each.text() for each in self.exceeded)}"
+        ] * bool(self.exceeded)
         if wrong is not None:
             outcome = wrong.text()
         elif exceeded:
@@ -159,17 +170,19 @@ class NonlinearFlight(Reported):
         return "\n".join([flight, outcome, *exceeded])
 
     def report(self) -> Report:
-        """Outcome, states against the envelope and the linear prediction, inputs against the control limits.
+        """Outcome, states against the envelope and the linear prediction, inputs against the
+        control limits.
 
-        data: in the units of the model, without the flight itself, which is `history`; "held": whether the envelope was
-        not left, and no limit cycle is left over.
-        """
+        data: in the units of the model, without the flight itself, which is `history`; "held":
+        whether the envelope was not left, and no limit cycle is left over."""
         model, flight, law = self.point.model, self.flight, self.loop.law
         moving = bool(flight.winds) and flown_through_air(model)
         largest = _by_name(model.states, np.abs(flight.states).max(axis=0))
         final = _by_name(model.states, self.states[-1])
         if flown_through_air(model):
-            largest[ANGLE_OF_ATTACK] = float(np.abs(self.angles_of_attack - getattr(self.point.states, ALPHA)).max())
+            largest[ANGLE_OF_ATTACK] = float(
+                np.abs(self.angles_of_attack - getattr(self.point.states, ALPHA)).max()
+            )
             final[ANGLE_OF_ATTACK] = float(self.angles_of_attack[-1])
         late = flight.errors[len(flight.errors) // 2 :]
         data: dict[str, Any] = {
@@ -199,36 +212,58 @@ class NonlinearFlight(Reported):
             data["largest_difference_from_linear"] = _by_name(model.states, off)
         if len(law.gains):
             data["policy"] |= {"state_units": list(model.units(model.linear)), "K": law.gains[-1]}
-        parts: list[Part] = [self._states(data, moving), *[OVER_GROUND] * moving, self._inputs(data)]
+        parts: list[Part] = [
+            self._states(data, moving),
+            *[OVER_GROUND] * moving,
+            self._inputs(data),
+        ]
         if isinstance(law.policy, ServoPolicy):
             rows, commanded = [], {}
             for each in tracked(flight, law.policy.regulated, law.policy.commands):
-                commanded[each.name] = {"rms_error": each.rms, "largest_error": each.largest, "unit": each.unit}
+                commanded[each.name] = {
+                    "rms_error": each.rms,
+                    "largest_error": each.largest,
+                    "unit": each.unit,
+                }
                 errors = (short_number(error, each.unit) for error in (each.rms, each.largest))
                 rows.append((each.name, shown_unit(each.unit), *errors))
             data["commanded"] = commanded
-            parts[:0] = [Table(("commanded output", "unit", "rms error", "largest error"), rows)] * bool(rows)
+            parts[:0] = [
+                Table(("commanded output", "unit", "rms error", "largest error"), rows)
+            ] * bool(rows)
         still = max(np.abs(flight.states).max(), np.abs(flight.inputs).max()) <= _STILL
         title = self.title(f", law {law.name}{', frozen' * bool(len(law.gains))}")
         return Report(title, parts, [UNDISTURBED] * bool(still), data, self._records())
 
     def _states(self, data: dict[str, Any], moving: bool) -> Table:
-        """Of each state, and where the air moves of alpha through it, what the data have; the limits beside."""
+        """Of each state, and where the air moves of alpha through it, what the data have; the
+        limits beside."""
         model, rows = self.point.model, []
         differences = data.get("largest_difference_from_linear")
         for index, name in enumerate(model.states):
             unit, limits = model.unit(name), self.envelope.limits_text(index)
             through_air = name == ALPHA and moving
             for what in (name, ANGLE_OF_ATTACK)[: 1 + through_air]:
-                deviations = data["largest_deviation"][what], data["final"][what] - self.point.states[index]
-                cells = [what, shown_unit(unit), *(short_number(value, unit) for value in deviations)]
-                cells += [short_number(data["rms_error"][what], unit) if what in model.linear else ""]
+                deviations = (
+                    data["largest_deviation"][what],
+                    data["final"][what] - self.point.states[index],
+                )
+                cells = [
+                    what,
+                    shown_unit(unit),
+                    *(short_number(value, unit) for value in deviations),
+                ]
+                cells += [
+                    short_number(data["rms_error"][what], unit) if what in model.linear else ""
+                ]
                 cells += ["" if through_air and what == name else limits]
                 if differences is not None:
                     cells += [short_number(differences[what], unit) if what in differences else ""]
                 rows.append(tuple(cells))
         deviated = ("largest deviation", "final deviation", "rms error, 2nd half")
-        return Table(("state", "unit", *deviated, "envelope", "off the linear model")[: len(rows[0])], rows)
+        return Table(
+            ("state", "unit", *deviated, "envelope", "off the linear model")[: len(rows[0])], rows
+        )
 
     def _inputs(self, data: dict[str, Any]) -> Table:
         rows = []
@@ -239,15 +274,23 @@ class NonlinearFlight(Reported):
         return Table(("input", "unit", "lowest", "highest", "time beyond control limits"), rows)
 
     def history(self) -> dict[str, Any]:
-        """Once a tick: times (N,), states (N, n), inputs (N, m), angles of attack, all absolute; errors, updrafts."""
+        """Once a tick: times (N,), states (N, n), inputs (N, m), angles of attack, all absolute;
+        errors, updrafts."""
         every = slice(None, None, self.loop.scenario.steps_per_tick)
-        of_flight = {name: getattr(self.flight, name)[every] for name in ("times", "errors", "updrafts")}
-        names = ("states", "inputs", *(("angles_of_attack",) if flown_through_air(self.point.model) else ()))
+        of_flight = {
+            name: getattr(self.flight, name)[every] for name in ("times", "errors", "updrafts")
+        }
+        names = (
+            "states",
+            "inputs",
+            *(("angles_of_attack",) if flown_through_air(self.point.model) else ()),
+        )
         absolute = {name: getattr(self, name)[every] for name in names}
         return {"history": of_flight | absolute}
 
     def _records(self) -> Table:
-        """The history, one row a tick, each column with its unit: an array, because a flight may be long."""
+        """The history, one row a tick, each column with its unit: an array, because a flight may be
+        long."""
         flown, model = self.history()["history"], self.point.model
         units = {"time": "s"} | {name: model.unit(name) for name in (*model.states, *model.inputs)}
         columns = [flown[name] for name in ("times", "states", "inputs")]
@@ -276,7 +319,8 @@ def names_and_units(model: Model) -> dict[str, list[str]]:
 
 
 class Tracked(NamedTuple):
-    """An output and its command, (N,) each as deviations from trim; root mean square and largest of their difference.
+    """An output and its command, (N,) each as deviations from trim; root mean square and largest of
+    their difference.
 
     Of the whole flight, in the output's unit.
     """
@@ -293,7 +337,10 @@ def tracked(flight: Flight, outputs: MeasuredOutputs, commands: CommandSteps) ->
     """Each commanded output of a flight beside its command, without the noise of the sensors."""
     model, found = outputs.model, []
     rows = [list(model.states).index(name) for name in model.linear]
-    z, r = flight.states[:, rows] @ outputs.C.T + flight.inputs @ outputs.D.T, commands.sampled(flight.times)
+    z, r = (
+        flight.states[:, rows] @ outputs.C.T + flight.inputs @ outputs.D.T,
+        commands.sampled(flight.times),
+    )
     if outputs.F.size:
         z += flight.updrafts[:, None] @ outputs.F.T
     for name, output, command in zip(commands.names, z.T, r.T, strict=True):

@@ -12,9 +12,15 @@ import numpy as np
 
 from controller.flight.actuators import Actuators
 from controller.flight.gusts import UPDRAFT, Dryden, Gust
-from controller.policy.signals import Signal, TimeVector, zero
-from hfa_support.errors import BadInputError, is_finite, refuse_unknown, refuse_unless_positive, shown
-from hfa_support.model import HasModel, Model
+from controller.flight.signals import Signal, TimeVector, zero
+from hfa_aircraft.model import HasModel, Model
+from hfa_support.errors import (
+    BadInputError,
+    is_finite,
+    refuse_unknown,
+    refuse_unless_positive,
+    shown,
+)
 from hfa_support.reporting.fields import Shown
 from trim.point.operating_point import OperatingPoint
 
@@ -29,13 +35,13 @@ MOST_STEPS = 10_000_000
 class Uncertainty:
     """What is drawn anew for each member; nothing unless given.
 
-    errors: parameter -> relative standard deviation of the flown aircraft's about the nominal value. noise: state of
-    the linear model -> standard deviation of what its sensor adds, drawn anew every tick and held. turbulence:
-    (intensity, ft/s, scale, ft) of Dryden turbulence, or None. BadInputError when a deviation is negative;
-    `Scenario.on` looks at the names.
+    errors: parameter -> relative standard deviation of the flown aircraft's about the nominal
+    value. noise: state of the linear model -> standard deviation of what its sensor adds, drawn
+    anew every tick and held. turbulence: (intensity, ft/s, scale, ft) of Dryden turbulence, or
+    None. BadInputError when a deviation is negative; `Scenario.on` looks at the names.
 
-    The draws of member k = 0, 1, ... are three independent streams from (seed, k), NumPy's `SeedSequence`: one kind of
-    randomness more or less leaves the draws of the others as they are.
+    The draws of member k = 0, 1, ... are three independent streams from (seed, k), NumPy's
+    `SeedSequence`: one kind of randomness more or less leaves the draws of the others as they are.
     """
 
     errors: Mapping[str, float] = field(default_factory=dict)
@@ -46,10 +52,13 @@ class Uncertainty:
         """Check the deviations before the simulation."""
         for name, value in (*self.errors.items(), *self.noise.items()):
             if not (is_finite(value) and value >= 0.0):
-                raise BadInputError(f"the standard deviation of {name} is {shown(value)}; give a number from 0 on")
+                raise BadInputError(
+                    f"the standard deviation of {name} is {shown(value)}; give a number from 0 on"
+                )
 
     def factors(self, seed: int, member: int) -> np.ndarray:
-        """Parameter over nominal, (E,), in the order of `errors`: exp(σ ξ - σ²/2), ξ ~ N(0, 1), σ² = ln(1 + s²).
+        """Parameter over nominal, (E,), in the order of `errors`: exp(σ ξ - σ²/2), ξ ~ N(0, 1), σ²
+        = ln(1 + s²).
 
         Mean 1 and standard deviation s exactly, and never a change of sign.
         """
@@ -57,12 +66,16 @@ class Uncertainty:
         drawn = np.random.default_rng(_sequence(seed, member, _ERRORS)).standard_normal(len(sigma))
         return np.asarray(np.exp(sigma * drawn - sigma**2 / 2))
 
-    def samples(self, seed: int, member: int, ticks: int, names: tuple[str, ...]) -> np.ndarray | None:
+    def samples(
+        self, seed: int, member: int, ticks: int, names: tuple[str, ...]
+    ) -> np.ndarray | None:
         """Noise N(0, s²) of each tick, (ticks, k), on the states `names`; None without any."""
         levels = np.array([self.noise.get(name, 0.0) for name in names])
         if not levels.any():
             return None
-        return levels * np.random.default_rng(_sequence(seed, member, _NOISE)).standard_normal((ticks, len(levels)))
+        return levels * np.random.default_rng(_sequence(seed, member, _NOISE)).standard_normal(
+            (ticks, len(levels))
+        )
 
 
 def _sequence(seed: int, member: int, kind: int) -> np.random.SeedSequence:
@@ -74,14 +87,14 @@ def _sequence(seed: int, member: int, kind: int) -> np.random.SeedSequence:
 class Scenario(Shown):
     """Everything that happens in a flight. All is off unless given.
 
-    duration, step, tick: s; gains, noise samples and turbulence change once a tick, which holds a whole number of
-    steps. initial: (n,), deviation from trim, () for none. reference, disturbance, noise: (k,) each, of
-    the states of the linear model; None is 0. errors: parameter -> factor on the flown aircraft, which the design does
-    not know. actuators, gust: stages of the loop. air: disturbance of the model -> its signal, (1,). delay: s, whole
-    ticks, by which every command comes late. uncertainty: the random quantities, which `drawn` draws. samples: drawn
-    noise, (ticks, k), held in each tick. BadInputError when the times do not fit each other or the actuators, are too
-    long, or there are two gusts.
-    """
+    duration, step, tick: s; gains, noise samples and turbulence change once a tick, which holds a
+    whole number of steps. initial: (n,), deviation from trim, () for none. reference, disturbance,
+    noise: (k,) each, of the states of the linear model; None is 0. errors: parameter -> factor on
+    the flown aircraft, which the design does not know. actuators, gust: stages of the loop. air:
+    disturbance of the model -> its signal, (1,). delay: s, whole ticks, by which every command
+    comes late. uncertainty: the random quantities, which `drawn` draws. samples: drawn noise,
+    (ticks, k), held in each tick. BadInputError when the times do not fit each other or the
+    actuators, are too long, or there are two gusts."""
 
     duration: float = 20.0
     step: float = 0.001
@@ -104,8 +117,13 @@ class Scenario(Shown):
         for name, value in times.items():
             refuse_unless_positive(name, value, " s")
         for (name, long), (part, short) in pairwise(times.items()):
-            if round(long / short) < 1 or abs(long / short - round(long / short)) > 1e-6 * long / short:
-                raise BadInputError(f"{name} is {long:g} s and {part} {short:g} s; make it a whole number of {part}s")
+            if (
+                round(long / short) < 1
+                or abs(long / short - round(long / short)) > 1e-6 * long / short
+            ):
+                raise BadInputError(
+                    f"{name} is {long:g} s and {part} {short:g} s; make it a whole number of {part}s"
+                )
         if self.duration > MOST_STEPS * self.step * (1 + 1e-9):
             most = f"with a step of {self.step:g} s it must not exceed {MOST_STEPS * self.step:g} s"
             raise BadInputError(f"duration is {self.duration:g} s; {most}")
@@ -113,10 +131,16 @@ class Scenario(Shown):
             self.actuators.refuse_step(self.step)
         for name, factor in self.errors.items():
             refuse_unless_positive(f"the factor on {name}", factor)
-        if not (0.0 <= self.delay < math.inf and abs(self.delay / self.tick - self.delayed_ticks) < 1e-6):
-            raise BadInputError(f"delay is {self.delay:g} s; make it a whole number of ticks of {self.tick:g} s")
+        if not (
+            0.0 <= self.delay < math.inf and abs(self.delay / self.tick - self.delayed_ticks) < 1e-6
+        ):
+            raise BadInputError(
+                f"delay is {self.delay:g} s; make it a whole number of ticks of {self.tick:g} s"
+            )
         if self.gust is not None and self.uncertainty.turbulence is not None:
-            raise BadInputError("the scenario has a gust and turbulence to be drawn; give one of them")
+            raise BadInputError(
+                "the scenario has a gust and turbulence to be drawn; give one of them"
+            )
 
     @property
     def steps_per_tick(self) -> int:
@@ -130,12 +154,14 @@ class Scenario(Shown):
 
     @property
     def moving_air(self) -> bool:
-        """Whether the air moves: a gust, another disturbance of the model, or turbulence that is still to be drawn."""
+        """Whether the air moves: a gust, another disturbance of the model, or turbulence that is
+        still to be drawn."""
         return self.gust is not None or self.uncertainty.turbulence is not None or bool(self.air)
 
     @property
     def driven_until(self) -> float:
-        """When the last signal, gust or noise comes to rest, s; inf: never. What is left then is the loop's own."""
+        """When the last signal, gust or noise comes to rest, s; inf: never. What is left then is
+        the loop's own."""
         sources = (self.reference, self.disturbance, self.noise, self.gust, *self.air.values())
         ends = [getattr(each, "until", math.inf) for each in sources if each is not None]
         return max(ends, default=0.0) if self.samples is None else math.inf
@@ -143,23 +169,35 @@ class Scenario(Shown):
     def on(self, model: Model) -> Scenario:
         """The same with a start and signals of the sizes of a model.
 
-        BadInputError, in one line, for what the model does not have: states, parameters, a disturbance `updraft`.
-        """
+        BadInputError, in one line, for what the model does not have: states, parameters, a
+        disturbance `updraft`."""
         for what, given, names in (
-            ("unknown parameter", (*self.errors, *self.uncertainty.errors), tuple(model.parameters)),
+            (
+                "unknown parameter",
+                (*self.errors, *self.uncertainty.errors),
+                tuple(model.parameters),
+            ),
             ("unknown noise of state", self.uncertainty.noise, model.linear),
             ("unknown disturbance", self.air, tuple(model.disturbances)),
         ):
             for name in given:
                 refuse_unknown(what, name, names)
         if (self.gust or self.uncertainty.turbulence) and UPDRAFT not in model.disturbances:
-            raise BadInputError(f"{model.name} declares no disturbance {UPDRAFT}, which a gust is; declare it")
+            raise BadInputError(
+                f"{model.name} declares no disturbance {UPDRAFT}, which a gust is; declare it"
+            )
         n, k = len(model.states), len(model.linear)
         initial = self.initial if np.size(self.initial) else np.zeros(n)
         if np.shape(initial) != (n,):
-            raise BadInputError(f"initial has shape {np.shape(initial)}; {model.name} has {n} states")
-        reference, disturbance, noise = (each or zero(k) for each in (self.reference, self.disturbance, self.noise))
-        return replace(self, initial=initial, reference=reference, disturbance=disturbance, noise=noise)
+            raise BadInputError(
+                f"initial has shape {np.shape(initial)}; {model.name} has {n} states"
+            )
+        reference, disturbance, noise = (
+            each or zero(k) for each in (self.reference, self.disturbance, self.noise)
+        )
+        return replace(
+            self, initial=initial, reference=reference, disturbance=disturbance, noise=noise
+        )
 
     @property
     def ticks(self) -> int:
@@ -167,9 +205,12 @@ class Scenario(Shown):
         return round(self.duration / self.tick)
 
     def drawn(self, seed: int, member: int, point: OperatingPoint) -> Scenario:
-        """One draw of the uncertain quantities, which seed and member decide. point: whose speed gusts are met at."""
+        """One draw of the uncertain quantities, which seed and member decide. point: whose speed
+        gusts are met at."""
         uncertain, errors, gust = self.uncertainty, dict(self.errors), self.gust
-        for name, factor in zip(uncertain.errors, uncertain.factors(seed, member).tolist(), strict=True):
+        for name, factor in zip(
+            uncertain.errors, uncertain.factors(seed, member).tolist(), strict=True
+        ):
             errors[name] = errors.get(name, 1.0) * factor
         if uncertain.turbulence is not None:
             own_seed = int(_sequence(seed, member, _AIR).generate_state(1, np.uint64)[0])
@@ -183,8 +224,11 @@ class Scenario(Shown):
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """What is known before anything is drawn, for JSON; a signal without a formula is named by its kind."""
-        data = {name: getattr(self, name) for name in ("duration", "step", "tick", "initial", "errors")}
+        """What is known before anything is drawn, for JSON; a signal without a formula is named by
+        its kind."""
+        data = {
+            name: getattr(self, name) for name in ("duration", "step", "tick", "initial", "errors")
+        }
         for name in ("reference", "disturbance", "noise"):
             signal = getattr(self, name)
             data[name] = signal.to_dict() if hasattr(signal, "to_dict") else type(signal).__name__
@@ -197,10 +241,13 @@ class Scenario(Shown):
 
 
 def met_at(point: OperatingPoint) -> float:
-    """Speed at which a trimmed aircraft meets gusts: state or output `speed`. BadInputError for a model without it."""
+    """Speed at which a trimmed aircraft meets gusts: state or output `speed`. BadInputError for a
+    model without it."""
     model = point.model
     if "speed" not in (*model.states, *model.outputs):
-        raise BadInputError(f"{model.name} has no state or output speed, at which a gust is met; declare one")
+        raise BadInputError(
+            f"{model.name} has no state or output speed, at which a gust is met; declare one"
+        )
     if "speed" in point.values:
         return point.values["speed"]
     return model.outputs_at(point.states, point.inputs, ["speed"])["speed"]
@@ -209,5 +256,7 @@ def met_at(point: OperatingPoint) -> float:
 def with_errors(aircraft: HasModel, scenario: Scenario) -> Model:
     """The model that is flown: its parameters times the errors of the scenario."""
     model = aircraft.model
-    wrong = {name: model.parameters[name].start * factor for name, factor in scenario.errors.items()}
+    wrong = {
+        name: model.parameters[name].start * factor for name, factor in scenario.errors.items()
+    }
     return model.with_parameters(**wrong) if wrong else model

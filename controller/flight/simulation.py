@@ -22,7 +22,8 @@ from hfa_support.reporting.fields import Shown
 
 #: Runs at least this long are worth compiling to machine code.
 COMPILE_FROM_STEPS = 50_000
-#: Steps after which it is asked whether a flight ends, and the most parts into which the modes of a law divide one.
+#: Steps after which it is asked whether a flight ends, and the most parts into which the modes of a
+#: law divide one.
 _ROWS, _MOST_PARTS = 1000, 10_000
 
 
@@ -30,10 +31,10 @@ _ROWS, _MOST_PARTS = 1000, 10_000
 class Flight(Shown):
     """What was flown, one row a step.
 
-    times: (N,), s. states: (N, n) of the plant, deviations. errors: (N, k), z = x - x_d, without noise.
-    inputs: (N, m), deviations. memory: (N, l), the policy's own states. limited: (N, n), the states with alpha through
-    the air in place of alpha. winds: disturbance of the model that is not 0 -> (N,).
-    """
+    times: (N,), s. states: (N, n) of the plant, deviations. errors: (N, k), z = x - x_d, without
+    noise. inputs: (N, m), deviations. memory: (N, l), the policy's own states. limited: (N, n), the
+    states with alpha through the air in place of alpha. winds: disturbance of the model that is not
+    0 -> (N,)."""
 
     times: np.ndarray
     states: np.ndarray
@@ -52,10 +53,9 @@ class Flight(Shown):
 class CompiledLoop:
     """A loop compiled once and simulated many times by the classical Runge-Kutta method of order 4.
 
-    The fastest mode of the law divides each step into as many parts as it needs; BadInputError when these are
-    too many. flights: how many are to come, which decides whether machine code pays.
-    Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, Table II.1.2.
-    """
+    The fastest mode of the law divides each step into as many parts as it needs; BadInputError when
+    these are too many. flights: how many are to come, which decides whether machine code pays.
+    Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, Table II.1.2."""
 
     def __init__(self, loop: ClosedLoop, flights: int = 1) -> None:
         self.loop, scenario = loop, loop.scenario
@@ -70,9 +70,15 @@ class CompiledLoop:
         now = loop.at(*arguments)
         self.rate = ca.Function("loop_rate", [*arguments], [ca.densify(now.rate)], {"cse": True})
         seen = ca.densify(ca.vertcat(now.error, now.inputs, now.winds, now.angle))
-        self._ends = np.cumsum([each.numel() for each in (now.error, now.inputs, now.winds)]).tolist()
+        self._ends = np.cumsum(
+            [each.numel() for each in (now.error, now.inputs, now.winds)]
+        ).tolist()
         self._observed = ca.Function("loop_seen", [*arguments], [seen], {"cse": True})
-        self._command = ca.Function("command", [*arguments], [ca.densify(now.command)]) if scenario.delay else None
+        self._command = (
+            ca.Function("command", [*arguments], [ca.densify(now.command)])
+            if scenario.delay
+            else None
+        )
         self._alpha = list(loop.plant.point.model.states).index(ALPHA) if now.angle.numel() else -1
         tick = _tick(self.rate, self._observed, scenario.step, scenario.steps_per_tick, parts)
         whole = flights * scenario.ticks * scenario.steps_per_tick * parts
@@ -87,11 +93,12 @@ class CompiledLoop:
         stop: Callable[[Flight], np.ndarray] | None = None,
         progress: Progress | None = None,
     ) -> Flight:
-        """The flight of its scenario, or of one that differs from it in numbers alone; of_plant: the plant's constants.
+        """The flight of its scenario, or of one that differs from it in numbers alone; of_plant:
+        the plant's constants.
 
-        ticks: those of the scenario unless given. stop: rows -> which of them end the flight, with the tick of the
-        first one. NoSolutionError, naming the time, when a number is no longer finite and no `stop` asks about it.
-        """
+        ticks: those of the scenario unless given. stop: rows -> which of them end the flight, with
+        the tick of the first one. NoSolutionError, naming the time, when a number is no longer
+        finite and no `stop` asks about it."""
         loop = self.loop if scenario is None else replace(self.loop, scenario=scenario)
         step, each = loop.scenario.step, loop.scenario.steps_per_tick
         last = loop.scenario.ticks if ticks is None else ticks
@@ -99,7 +106,10 @@ class CompiledLoop:
         now, held = self._tick.inputs
         after, seen = (result.reshape(each, -1) for result in self._tick.results)
         # Only what is written takes memory.
-        rows, observed = np.empty((last * each + 1, now.size - 1)), np.empty((last * each + 1, seen.shape[1]))
+        rows, observed = (
+            np.empty((last * each + 1, now.size - 1)),
+            np.empty((last * each + 1, seen.shape[1])),
+        )
         rows[0], p, sent, done, end = loop.start(), constants(0), list[np.ndarray](), 0, last * each
         while done < end:
             begin = done
@@ -131,8 +141,8 @@ class CompiledLoop:
         return self._flight(rows, observed, 0, end + 1)
 
     def _hand_over(self, tick: int, now: np.ndarray, p: np.ndarray, sent: list[np.ndarray]) -> None:
-        """Write the commands of so many ticks ago into p, between which the loop interpolates: 0, the trim, before the
-        delay has passed."""
+        """Write the commands of so many ticks ago into p, between which the loop interpolates: 0,
+        the trim, before the delay has passed."""
         sent.append(np.array(self._command(now[0], now[1:], p)).ravel())  # type: ignore[misc]
         due, calm = tick - self.loop.scenario.delayed_ticks, np.zeros(sent[0].size)
         early, late = (sent[due], sent[due + 1]) if due >= 0 else (calm, calm)
@@ -151,9 +161,16 @@ class CompiledLoop:
         return Flight(times, states, errors, inputs, memory, limited, air)
 
 
-def _tick(rate: ca.Function, observed: ca.Function, step: float, count: int, parts: int) -> ca.Function:
-    """([t; y], p) -> [t; y] after each of the steps of a tick, and what is observed at the beginning of each."""
-    now, p, h = ca.SX.sym("now", 1 + rate.numel_in(1)), ca.SX.sym("p", rate.numel_in(2)), step / parts
+def _tick(
+    rate: ca.Function, observed: ca.Function, step: float, count: int, parts: int
+) -> ca.Function:
+    """([t; y], p) -> [t; y] after each of the steps of a tick, and what is observed at the
+    beginning of each."""
+    now, p, h = (
+        ca.SX.sym("now", 1 + rate.numel_in(1)),
+        ca.SX.sym("p", rate.numel_in(2)),
+        step / parts,
+    )
     t, y = now[0], now[1:]
     k1 = rate(t, y, p)
     k2 = rate(t + h / 2, y + h / 2 * k1, p)
@@ -166,7 +183,9 @@ def _tick(rate: ca.Function, observed: ca.Function, step: float, count: int, par
         one = ca.Function("step", [now, p], [ca.densify(later), seen], {"cse": True})
     else:
         whole = ca.vertcat(now, p)
-        part = ca.Function("part", [whole], [ca.densify(ca.vertcat(later, p))], {"cse": True}).fold(parts)
+        part = ca.Function("part", [whole], [ca.densify(ca.vertcat(later, p))], {"cse": True}).fold(
+            parts
+        )
         moved = part(ca.vertcat(x, held))[: now.numel()]
         one = ca.Function("step", [x, held], [moved, observed(x[0], x[1:], held)])
     many = one.mapaccum("steps", count)

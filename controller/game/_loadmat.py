@@ -1,7 +1,8 @@
-"""Child process of `array_file`: writes what SciPy reads in a .mat file to standard output, as .npz.
+"""Child process of `array_file`: writes what SciPy reads in a .mat file to standard output, as
+.npz.
 
-A damaged file can crash or hang the process that reads it. Arguments: the file, and the bytes that it may unpack to.
-The array "paths" is JSON: the names on the way to the arrays "0", "1" and so on.
+A damaged file can crash or hang the process that reads it. Arguments: the file, and the bytes that
+it may unpack to. The array "paths" is JSON: the names on the way to the arrays "0", "1" and so on.
 """
 
 from __future__ import annotations
@@ -18,9 +19,11 @@ from scipy.io.matlab import loadmat
 from scipy.sparse import issparse
 
 
-def leaves(value: Any, path: tuple[str, ...], largest: int) -> Iterator[tuple[tuple[str, ...], np.ndarray]]:
-    """Arrays of numbers and of text with their names, of single structures field by field; what is neither is left
-    out. ValueError for a sparse matrix that is too large as a full one."""
+def leaves(
+    value: Any, path: tuple[str, ...], largest: int
+) -> Iterator[tuple[tuple[str, ...], np.ndarray]]:
+    """Arrays of numbers and of text with their names, of single structures field by field; what is
+    neither is left out. ValueError for a sparse matrix that is too large as a full one."""
     if isinstance(value, dict):
         for name, each in value.items():
             yield from leaves(each, (*path, name), largest)
@@ -51,7 +54,11 @@ def main(path: str, largest: int) -> None:
         resource.setrlimit(resource.RLIMIT_AS, (6 * largest, 6 * largest))
     except (ImportError, ValueError, OSError):  # no such limit on this system, or a lower one
         pass
-    content = {name: value for name, value in loadmat(path, appendmat=False).items() if not name.startswith("__")}
+    content = {
+        name: value
+        for name, value in loadmat(path, appendmat=False).items()
+        if not name.startswith("__")
+    }
     found = list(leaves(content, (), largest))
     if sum(array.nbytes for _, array in found) > largest:
         raise ValueError(f"it unpacks to more than {largest >> 20} MiB")

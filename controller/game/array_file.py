@@ -1,4 +1,5 @@
-"""Arrays by name in .json, .npz, .npy, .mat and .csv files: one reader a format, one mapping name -> value.
+"""Arrays by name in .json, .npz, .npy, .mat and .csv files: one reader a format, one mapping name
+-> value.
 
 Whatever a file holds, the answer is that mapping or one line that names the fault of the file.
 """
@@ -35,17 +36,21 @@ _CHILD = Path(__file__).with_name("_loadmat.py")
 
 
 def read_arrays(path: str | Path) -> dict[str, Any]:
-    """Name -> array, of JSON as Python has it, of a structure a mapping. BadInputError, one line that names the file.
+    """Name -> array, of JSON as Python has it, of a structure a mapping. BadInputError, one line
+    that names the file.
 
-    .npy and .csv: a matrix under the name of the file, W.npy or P.csv; A.csv with B.csv and so on beside it; of an .npy
-    file of any other name under `UNKNOWN`. .csv: a first row and a first column of words are names, with units as in
-    "speed [ft/s]".
-    """
+    .npy and .csv: a matrix under the name of the file, W.npy or P.csv; A.csv with B.csv and so on
+    beside it; of an .npy file of any other name under `UNKNOWN`. .csv: a first row and a first
+    column of words are names, with units as in "speed [ft/s]"."""
     suffix = Path(path).suffix.lower()
     if suffix not in _READERS:
-        raise BadInputError(f"{path}: the suffix {Path(path).suffix!r} is not known; use {', '.join(_READERS)}")
+        raise BadInputError(
+            f"{path}: the suffix {Path(path).suffix!r} is not known; use {', '.join(_READERS)}"
+        )
     try:
-        with warnings.catch_warnings(action="ignore"):  # NumPy on headers that it would have written otherwise
+        with warnings.catch_warnings(
+            action="ignore"
+        ):  # NumPy on headers that it would have written otherwise
             return _READERS[suffix](Path(path))
     except (FileNotFoundError, IsADirectoryError) as error:
         raise BadInputError(f"{path}: there is no such file") from error
@@ -55,7 +60,9 @@ def read_arrays(path: str | Path) -> dict[str, Any]:
         raise
     except Exception as error:  # a damaged file makes the readers raise nearly anything
         said = (str(error).splitlines() or [type(error).__name__])[0]
-        raise BadInputError(f"{path}: cannot be read as {suffix} ({shortened(said, 200)})") from error
+        raise BadInputError(
+            f"{path}: cannot be read as {suffix} ({shortened(said, 200)})"
+        ) from error
 
 
 def _json(path: Path) -> dict[str, Any]:
@@ -81,7 +88,10 @@ def _npz(path: Path) -> dict[str, Any]:
 def _npy(path: Path) -> dict[str, Any]:
     if path.stem not in (*PLANT, *CRITIC):
         return {UNKNOWN: np.load(regular_file(path), allow_pickle=False)}
-    return {name: np.load(regular_file(each), allow_pickle=False) for name, each in _beside(path).items()}
+    return {
+        name: np.load(regular_file(each), allow_pickle=False)
+        for name, each in _beside(path).items()
+    }
 
 
 def _mat(path: Path) -> dict[str, Any]:
@@ -110,7 +120,10 @@ def _beside(path: Path) -> dict[str, Path]:
         called = "a .csv holds one matrix and has its name, A with B beside it, or K, P, W"
         raise ValueError(f"{called}; use .json, .npz or .mat for a table of entries or times")
     others = [path.with_name(name + path.suffix) for name in PLANT] if path.stem == "A" else []
-    return {path.stem: path, **{each.stem: each for each in others if each.is_file() and each != path}}
+    return {
+        path.stem: path,
+        **{each.stem: each for each in others if each.is_file() and each != path},
+    }
 
 
 def _csv(path: Path) -> dict[str, Any]:
@@ -138,9 +151,13 @@ def _table(name: str, path: Path) -> tuple[np.ndarray, list[str], list[str]]:
 
 
 def _named(sides: Mapping[str, list[list[str]]]) -> dict[str, list[str]]:
-    """Names and units of states, from A, and inputs, from B. ValueError where the states are in another order."""
+    """Names and units of states, from A, and inputs, from B. ValueError where the states are in
+    another order."""
     parts = {
-        name: [[re.findall(r"^(.*?)\s*(?:\[(.*)\])?$", word.strip(), re.DOTALL)[0] for word in side] for side in both]
+        name: [
+            [re.findall(r"^(.*?)\s*(?:\[(.*)\])?$", word.strip(), re.DOTALL)[0] for word in side]
+            for side in both
+        ]
         for name, both in sides.items()
     }
     A, B = parts.get("A", [[], []]), parts.get("B", [[], []])
@@ -156,7 +173,9 @@ def _named(sides: Mapping[str, list[list[str]]]) -> dict[str, list[str]]:
             here = [name for name, _ in both[side]]
             if here != known and sorted(here) == sorted(known):
                 where = f"the {('rows', 'columns')[side]} of {matrix}"
-                raise ValueError(f"{where} are {', '.join(here)} and A has {', '.join(known)}; give one order")
+                raise ValueError(
+                    f"{where} are {', '.join(here)} and A has {', '.join(known)}; give one order"
+                )
     return found
 
 

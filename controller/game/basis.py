@@ -1,4 +1,5 @@
-"""The critic's basis: monomials ψ(z), their gradient, and the way between the weights W and the matrix P."""
+"""The critic's basis: monomials ψ(z), their gradient, and the way between the weights W and the
+matrix P."""
 
 from __future__ import annotations
 
@@ -12,8 +13,9 @@ from hfa_model.vectors import LINEAR_STATES
 from hfa_support.errors import BadInputError, refuse_unknown
 from hfa_support.reporting.fields import Shown
 
-#: The channels whose fourth power completes the paper's M = 25. The paper prints M and not its basis, so this
-#: is an assumption: the three tracked channels and the pitch rate, the strongest coupling of Section 5.1.
+#: The channels whose fourth power completes the paper's M = 25. The paper prints M and not its
+#: basis, so this is an assumption: the three tracked channels and the pitch rate, the strongest
+#: coupling of Section 5.1.
 PAPER_QUARTIC_CHANNELS = ("speed", "alpha", "pitch_rate", "dihedral")
 
 
@@ -21,8 +23,8 @@ PAPER_QUARTIC_CHANNELS = ("speed", "alpha", "pitch_rate", "dihedral")
 class Basis(Shown):
     """ψ_m(z) = Π_i z_i^exponents[m, i], V(z) = W'ψ(z) (paper Section 3.2).
 
-    exponents: (M, n) nonnegative integers; the first n(n+1)/2 rows are z_i z_j for i <= j, row by row.
-    """
+    exponents: (M, n) nonnegative integers; the first n(n+1)/2 rows are z_i z_j for i <= j, row by
+    row."""
 
     name: str
     exponents: np.ndarray
@@ -62,13 +64,15 @@ class Basis(Shown):
         return P + P.T
 
     def weights(self, P: np.ndarray) -> np.ndarray:
-        """W with W'ψ(z) = z'Pz, (M,): weights beyond the quadratic ones are 0. P: (n, n) symmetric."""
+        """W with W'ψ(z) = z'Pz, (M,): weights beyond the quadratic ones are 0. P: (n, n)
+        symmetric."""
         weights = np.zeros(self.size)
         weights[: self.quadratic_size] = (2.0 * P - np.diag(np.diag(P)))[self._upper]
         return weights
 
     def scaling(self, scales: np.ndarray) -> np.ndarray:
-        """s with ψ(diag(scales) y) = s * ψ(y), (M,): weights in the coordinates y = z / scales are s * W."""
+        """s with ψ(diag(scales) y) = s * ψ(y), (M,): weights in the coordinates y = z / scales are
+        s * W."""
         return np.prod(np.asarray(scales, dtype=float) ** self.exponents, axis=-1)
 
     def weight_units(self, state_units: tuple[str, ...]) -> list[str]:
@@ -82,8 +86,8 @@ class Basis(Shown):
 def basis(name: str, states: int) -> Basis:
     """The basis of that name on `states` channels.
 
-    "quadratic": z_i z_j for i <= j, M = n(n+1)/2. "quadratic+linear": and z_i. "quadratic+quartic": and z_i⁴.
-    "paper": M = 25 on the paper's six channels, the quadratic ones and four fourth powers
+    "quadratic": z_i z_j for i <= j, M = n(n+1)/2. "quadratic+linear": and z_i. "quadratic+quartic":
+    and z_i⁴. "paper": M = 25 on the paper's six channels, the quadratic ones and four fourth powers
     (`PAPER_QUARTIC_CHANNELS`, our assumption).
 
     Raises BadInputError for an unknown name, and for "paper" on another number of channels.
@@ -99,8 +103,13 @@ def basis(name: str, states: int) -> Basis:
 
 def _paper(states: int) -> np.ndarray:
     if states != len(LINEAR_STATES):
-        raise BadInputError(f"basis 'paper' is for {len(LINEAR_STATES)} states, not {states}; choose 'quadratic'")
-    return 4 * np.eye(states, dtype=int)[[LINEAR_STATES.index(name) for name in PAPER_QUARTIC_CHANNELS]]
+        raise BadInputError(
+            f"basis 'paper' is for {len(LINEAR_STATES)} states, not {states}; choose 'quadratic'"
+        )
+    return (
+        4
+        * np.eye(states, dtype=int)[[LINEAR_STATES.index(name) for name in PAPER_QUARTIC_CHANNELS]]
+    )
 
 
 #: What each basis adds to the quadratic monomials.

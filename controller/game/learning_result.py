@@ -1,4 +1,5 @@
-"""What every learning law returns: weights over time, the learned P and K, the checks on them; and what it says."""
+"""What every learning law returns: weights over time, the learned P and K, the checks on them; and
+what it says."""
 
 from __future__ import annotations
 
@@ -20,13 +21,14 @@ _HISTORY = ("times", "weights", "residual_norm", "law_residual_norm")
 
 @dataclass(frozen=True)
 class Excitation:
-    """Richness of a recorded stack: Σ = Σ_j σ̄_j σ̄_j' (paper Assumption 1), σ̄ = σ / sqrt(1 + σ'σ).
+    """Richness of a recorded stack: Σ = Σ_j σ̄_j σ̄_j' (paper Assumption 1), σ̄ = σ / sqrt(1 +
+    σ'σ).
 
-    rank: of the (N_h, M) matrix of ψ(z_j), each row of length 1 (`recording.excitation` says why), singular values
-    below `recording.RANK_TOLERANCE` times the largest counting as 0. size: M. smallest_eigenvalue: of Σ (paper λ_0).
-    condition: largest singular value over smallest of that matrix. rounding: what rounding alone can make of a
-    smallest eigenvalue of 0, (N_h ε)² times the largest eigenvalue of Σ.
-    """
+    rank: of the (N_h, M) matrix of ψ(z_j), each row of length 1 (`recording.excitation` says why),
+    singular values below `recording.RANK_TOLERANCE` times the largest counting as 0. size: M.
+    smallest_eigenvalue: of Σ (paper λ_0). condition: largest singular value over smallest of that
+    matrix. rounding: what rounding alone can make of a smallest eigenvalue of 0, (N_h ε)² times the
+    largest eigenvalue of Σ."""
 
     rank: int
     size: int
@@ -40,12 +42,12 @@ class Excitation:
 class LearningResult(Reported):
     """The outcome of one learning law on one game.
 
-    times: (N,), s. weights: (N, M), W with V = W'ψ(z) in the units of the model. residual_norm: (N,), Bellman
-    residual of the game over the stack, |e| / |z'Qz|. law_residual_norm: (N,), the residual that the law
-    itself drives to zero at that time (in the law's own normalisation and stage). P: (n, n), K: (m, n),
-    learned at the last time. settling_time: first time from which |e| stays below `certify.RESIDUAL_LIMIT` of the
-    size of the terms that cancel in it, s; inf when it does not. diagnostics: further numbers of the law by name.
-    """
+    times: (N,), s. weights: (N, M), W with V = W'ψ(z) in the units of the model. residual_norm:
+    (N,), Bellman residual of the game over the stack, |e| / |z'Qz|. law_residual_norm: (N,), the
+    residual that the law itself drives to zero at that time (in the law's own normalisation and
+    stage). P: (n, n), K: (m, n), learned at the last time. settling_time: first time from which |e|
+    stays below `certify.RESIDUAL_LIMIT` of the size of the terms that cancel in it, s; inf when it
+    does not. diagnostics: further numbers of the law by name."""
 
     law: str
     basis: str
@@ -83,22 +85,28 @@ class LearningResult(Reported):
         *,
         history: bool = False,
     ) -> Report:
-        """Status, certificates, excitation, P and K; names and units of the plant where there are any.
+        """Status, certificates, excitation, P and K; names and units of the plant where there are
+        any.
 
-        data: the outcome with the last weights under `W` (what `hfa verify --weights` reads); with `history` also all
-        rows over time.
-        """
+        data: the outcome with the last weights under `W` (what `hfa verify --weights` reads); with
+        `history` also all rows over time."""
         m, n = self.K.shape
         states, inputs = states or numbered("x", n), inputs or numbered("u", m)
         of_states, of_inputs = state_units or ("",) * n, input_units or ("",) * m
         settled = f"{self.settling_time:.4g} s" if math.isfinite(self.settling_time) else "not"
-        excitation, numbers = self.excitation, [(name, f"{value:.4g}") for name, value in self.diagnostics.items()]
+        excitation, numbers = (
+            self.excitation,
+            [(name, f"{value:.4g}") for name, value in self.diagnostics.items()],
+        )
         certificates = [
             (row.name, f"{row.value:.3g}", f"{row.relation} {row.limit:.3g}", verdict_text(row.ok))
             for row in self.certificates
         ]
         units = basis(self.basis, n).weight_units(of_states) if any(of_states) else []
-        columns = [f"W{i}{f' [{units[i - 1]}]' if units else ''}" for i in range(1, len(self.weights[0]) + 1)]
+        columns = [
+            f"W{i}{f' [{units[i - 1]}]' if units else ''}"
+            for i in range(1, len(self.weights[0]) + 1)
+        ]
         over_time = self.times, self.residual_norm, self.law_residual_norm
         data = self.to_dict()
         rows = {name: data.pop(name) for name in _HISTORY}
@@ -119,7 +127,10 @@ class LearningResult(Reported):
             data=data | rows if history else data,
             records=Table(
                 ("time [s]", "residual_norm", "law_residual_norm", *columns),
-                RowsMade(len(self.times), lambda i: (*(column[i] for column in over_time), *self.weights[i])),
+                RowsMade(
+                    len(self.times),
+                    lambda i: (*(column[i] for column in over_time), *self.weights[i]),
+                ),
             ),
         )
 
@@ -127,13 +138,18 @@ class LearningResult(Reported):
         """Everything as plain JSON values; a number that is not finite becomes None."""
         certificates = [row._asdict() for row in self.certificates]
         values = {each.name: getattr(self, each.name) for each in fields(self)}
-        structured = {"excitation": asdict(self.excitation), "certificates": certificates, "status": self.outcome}
+        structured = {
+            "excitation": asdict(self.excitation),
+            "certificates": certificates,
+            "status": self.outcome,
+        }
         plain: dict[str, Any] = jsonable({"schema": SCHEMA} | values | structured)
         return plain
 
 
 def settled_at(times: np.ndarray, sizes: np.ndarray, limit: float) -> float:
-    """First time from which sizes (N,) stay within the limit to the end, s; inf when the last one does not."""
+    """First time from which sizes (N,) stay within the limit to the end, s; inf when the last one
+    does not."""
     above = np.flatnonzero(~(sizes <= limit))
     first = int(above[-1]) + 1 if len(above) else 0
     return float(times[first]) if first < len(times) else np.inf

@@ -1,4 +1,5 @@
-"""Plants and critics in users' files: their matrices, names and units; critics once or over time."""
+"""Plants and critics in users' files: their matrices, names and units; critics once or over
+time."""
 
 from __future__ import annotations
 
@@ -36,12 +37,19 @@ _ALSO = {"weights": "W", "gains": "K", "times": "time", "t": "time"}
 
 def found_in(stored: Mapping[str, Any]) -> str:
     """For a message: the names in a file."""
-    return f" (found: {shortened(', '.join(sorted(stored)), 200)})" if stored else " (the file is empty)"
+    return (
+        f" (found: {shortened(', '.join(sorted(stored)), 200)})"
+        if stored
+        else " (the file is empty)"
+    )
 
 
 def words(stored: Mapping[str, Any], key: str) -> tuple[str, ...]:
-    """The texts of an entry; () where it holds anything else. BadInputError for what a terminal would obey."""
-    said = np.ravel(np.asarray(stored.get(key, ()), dtype=object)).tolist()  # of JSON: rows may differ in length
+    """The texts of an entry; () where it holds anything else. BadInputError for what a terminal
+    would obey."""
+    said = np.ravel(
+        np.asarray(stored.get(key, ()), dtype=object)
+    ).tolist()  # of JSON: rows may differ in length
     if not all(isinstance(word, str) for word in said):
         return ()
     for word in said:
@@ -51,7 +59,8 @@ def words(stored: Mapping[str, Any], key: str) -> tuple[str, ...]:
 
 
 class PlantNames(NamedTuple):
-    """What a plant calls its states and inputs, and the units of the states; () where it does not say."""
+    """What a plant calls its states and inputs, and the units of the states; () where it does not
+    say."""
 
     states: tuple[str, ...] = ()
     inputs: tuple[str, ...] = ()
@@ -62,11 +71,11 @@ UNNAMED = PlantNames()
 
 
 def file_scales(stored: Mapping[str, Any], plant: PlantNames) -> np.ndarray:
-    """s with x_file = s x, (n,), from the entry `state_units`; ones where the file or the plant says no units.
+    """s with x_file = s x, (n,), from the entry `state_units`; ones where the file or the plant
+    says no units.
 
-    BadInputError for units that are neither the plant's nor their SI or English ones, and where `states` or `inputs`
-    of the file are the plant's in another order.
-    """
+    BadInputError for units that are neither the plant's nor their SI or English ones, and where
+    `states` or `inputs` of the file are the plant's in another order."""
     for key in ("states", "inputs"):
         said, own = words(stored, key), getattr(plant, key)
         if said != own and sorted(said) == sorted(own):
@@ -94,10 +103,11 @@ def file_scales(stored: Mapping[str, Any], plant: PlantNames) -> np.ndarray:
 
 
 class StoredGame(NamedTuple):
-    """The game of a file, and what to know of it: entries that were not used, defaults that were taken.
+    """The game of a file, and what to know of it: entries that were not used, defaults that were
+    taken.
 
-    names: states, inputs and their units as the file has them, by key; a key without one name for each is left out.
-    provenance: where the plant comes from, as the file says it: entry -> text.
+    names: states, inputs and their units as the file has them, by key; a key without one name for
+    each is left out. provenance: where the plant comes from, as the file says it: entry -> text.
     """
 
     game: Game
@@ -114,21 +124,24 @@ def load_game(path: str | Path, **changes: Any) -> Game:
     return found.game
 
 
-def stored_game(path: str | Path, *, found: dict[str, Any] | None = None, **changes: Any) -> StoredGame:
+def stored_game(
+    path: str | Path, *, found: dict[str, Any] | None = None, **changes: Any
+) -> StoredGame:
     """The game of the plant in a file: keys A, B and optionally E (default identity), Q, R, delta.
 
     changes: Q, R, delta, where they are not None. found: what `read_arrays` has read of it already.
 
-    An argument counts before the file, the file before the settings of the paper (Section 5.1), whose Q and R
-    fit six states and five inputs only; where the file names the aircraft's states in m/s, the same game in m/s.
-    A structure with A and B is read where the file has neither at its top.
-    Raises BadInputError, one line that names the file.
-    """
+    An argument counts before the file, the file before the settings of the paper (Section 5.1),
+    whose Q and R fit six states and five inputs only; where the file names the aircraft's states in
+    m/s, the same game in m/s. A structure with A and B is read where the file has neither at its
+    top. Raises BadInputError, one line that names the file."""
     found = read_arrays(path) if found is None else found
     with said_of(path):
         stored, notes = entries_of(found, {"A", "B"})
         given = {key: stored[key] for key in MODEL_KEYS if key in stored}
-        if "disturbances" in stored:  # E is the wind's column in a file of `hfa linearize`, whose game is the paper's
+        if (
+            "disturbances" in stored
+        ):  # E is the wind's column in a file of `hfa linearize`, whose game is the paper's
             given.pop("E", None)
         given |= {key: value for key, value in changes.items() if value is not None}
         for key in ("A", "B"):
@@ -138,12 +151,20 @@ def stored_game(path: str | Path, *, found: dict[str, Any] | None = None, **chan
             given[key] = checked_matrix(key, given[key], LARGEST)
         unused = sorted(set(stored) - {*MODEL_KEYS, *_NAMES})
         if unused and not "".join(words(stored, "schema")[:1]).startswith("hfa."):
-            notes.append(f"{shortened(', '.join(unused), 200)} not used; a model file holds {', '.join(MODEL_KEYS)}")
+            notes.append(
+                f"{shortened(', '.join(unused), 200)} not used; a model file holds {', '.join(MODEL_KEYS)}"
+            )
         missing = [key for key in MODEL_KEYS if key not in given]
-        taken = ", ".join(f"{key} {'the identity' if key == 'E' else 'as in the paper'}" for key in missing)
+        taken = ", ".join(
+            f"{key} {'the identity' if key == 'E' else 'as in the paper'}" for key in missing
+        )
         if missing:
             wind = "disturbances" in stored and "E" in missing
-            absent = "its E is that of the wind and not used" if wind else f"there is no {', '.join(missing)}"
+            absent = (
+                "its E is that of the wind and not used"
+                if wind
+                else f"there is no {', '.join(missing)}"
+            )
             notes.append(f"{absent}; taken: {taken}")
         names: dict[str, tuple[str, ...]] = {}
         n, m = len(given["A"]), given["B"].shape[1]
@@ -152,28 +173,42 @@ def stored_game(path: str | Path, *, found: dict[str, Any] | None = None, **chan
             if len(named) == size and (is_unit or len(set(named)) == size):
                 names[key] = named
             elif key in stored:
-                instead = "none is used" if is_unit else f"they are called {'xu'[key == 'inputs']}1 and so on"
-                notes.append(f"{key} has not one {'unit' if is_unit else 'name'} for each; {instead}")
+                instead = (
+                    "none is used"
+                    if is_unit
+                    else f"they are called {'xu'[key == 'inputs']}1 and so on"
+                )
+                notes.append(
+                    f"{key} has not one {'unit' if is_unit else 'name'} for each; {instead}"
+                )
         noted = tuple(f"{path}: {note}" for note in notes)
         return StoredGame(_completed(given, names), noted, names, _provenance(stored))
 
 
 def has_all(found: dict[str, Any], *names: str) -> bool:
     """Whether a file, or a structure in it, has these entries."""
-    return any(set(names) <= set(each) for each in (found, *found.values()) if isinstance(each, dict))
+    return any(
+        set(names) <= set(each) for each in (found, *found.values()) if isinstance(each, dict)
+    )
 
 
 def entries_of(found: dict[str, Any], needed: set[str]) -> tuple[dict[str, Any], list[str]]:
-    """The entries of a plant in continuous time, from the one structure that has the needed ones where the file itself
-    has none of them, and what to know of it."""
+    """The entries of a plant in continuous time, from the one structure that has the needed ones
+    where the file itself has none of them, and what to know of it."""
     notes: list[str] = []
     if not needed & set(found):
-        plants = [name for name, value in found.items() if isinstance(value, dict) and needed <= set(value)]
+        plants = [
+            name
+            for name, value in found.items()
+            if isinstance(value, dict) and needed <= set(value)
+        ]
         if len(plants) == 1:
             found = found[plants[0]]
             notes.append(f"{' and '.join(sorted(needed))} are read from its structure {plants[0]}")
     stored = {_OF_CONTROL.get(key, key): value for key, value in found.items()}
-    dt = np.asarray(stored.pop("dt", None), dtype=object)  # of python-control: 0 or None for continuous time
+    dt = np.asarray(
+        stored.pop("dt", None), dtype=object
+    )  # of python-control: 0 or None for continuous time
     if np.any((dt != 0) & (dt != None)):  # noqa: E711  entry by entry
         said = shortened(str(dt.item() if dt.size == 1 else dt.tolist()))
         raise BadInputError(f"dt is {said}, a model in discrete time; give x' = A x + B u, dt = 0")
@@ -189,10 +224,13 @@ def one_number(name: str, value: Any) -> float:
 
 
 def _completed(given: dict[str, Any], names: dict[str, tuple[str, ...]]) -> Game:
-    """The game with what is missing from Section 5.1; where the file names the aircraft's states in m/s, in m."""
+    """The game with what is missing from Section 5.1; where the file names the aircraft's states in
+    m/s, in m."""
     settings, scales = published_data()["game"], np.ones(len(given["A"]))
     if names.get("states") == LINEAR_STATES:
-        scales = file_scales({"state_units": names.get("state_units", ())}, PlantNames(state_units=LINEAR_UNITS))
+        scales = file_scales(
+            {"state_units": names.get("state_units", ())}, PlantNames(state_units=LINEAR_UNITS)
+        )
     usual: dict[str, Any] = {"E": np.diag(scales), "delta": settings["delta"]}
     for key, of, units in (("Q", "states", scales), ("R", "inputs", np.ones(given["B"].shape[1]))):
         diagonal = np.array(settings[f"{key}_diag"], dtype=float)
@@ -206,10 +244,15 @@ def _completed(given: dict[str, Any], names: dict[str, tuple[str, ...]]) -> Game
 
 
 def _provenance(stored: dict[str, Any]) -> dict[str, str]:
-    """Texts of the provenance block: of JSON and .mat a structure, of .npz entries `provenance.version` and so on."""
+    """Texts of the provenance block: of JSON and .mat a structure, of .npz entries
+    `provenance.version` and so on."""
     block = stored.get("provenance", {})
     found = dict(block) if isinstance(block, dict) else {}
-    found |= {key.removeprefix("provenance."): stored[key] for key in stored if key.startswith("provenance.")}
+    found |= {
+        key.removeprefix("provenance."): stored[key]
+        for key in stored
+        if key.startswith("provenance.")
+    }
     texts = {name: words(found, name) for name in found}
     return {name: said[0] for name, said in texts.items() if len(said) == 1 and said[0]}
 
@@ -218,7 +261,8 @@ def _provenance(stored: dict[str, Any]) -> dict[str, str]:
 
 
 class StoredCritic(NamedTuple):
-    """What a file says about a controller: weights W (M,), a value matrix P (n, n), a gain K (m, n); not all None."""
+    """What a file says about a controller: weights W (M,), a value matrix P (n, n), a gain K (m,
+    n); not all None."""
 
     W: np.ndarray | None
     P: np.ndarray | None
@@ -227,11 +271,11 @@ class StoredCritic(NamedTuple):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class History(Shown):
-    """times: (N,), s, increasing. W: (N, M) weights in `basis`, P: (N, n, n), K: (N, m, n); at least one of them.
+    """times: (N,), s, increasing. W: (N, M) weights in `basis`, P: (N, n, n), K: (N, m, n); at
+    least one of them.
 
-    A single W (M,), P (n, n) or K (m, n) is that of the last row. BadInputError when a number is not finite or
-    too large, the times do not increase from 0 on, or the number of rows differs.
-    """
+    A single W (M,), P (n, n) or K (m, n) is that of the last row. BadInputError when a number is
+    not finite or too large, the times do not increase from 0 on, or the number of rows differs."""
 
     times: np.ndarray
     W: np.ndarray | None = None
@@ -243,26 +287,40 @@ class History(Shown):
         """Name the first entry, or row, that is wrong."""
         for name in ("times", *_NDIM):
             if (value := getattr(self, name)) is not None:
-                array = checked_matrix(name.replace("times", "time"), value, LARGEST_CRITIC_ENTRY, ndim=None)
+                array = checked_matrix(
+                    name.replace("times", "time"), value, LARGEST_CRITIC_ENTRY, ndim=None
+                )
                 object.__setattr__(self, name, array)
         times, rows = self.times, self._rows()
         if times.ndim != 1 or not len(times) or not rows:
-            raise BadInputError("a history needs a time for each row, and W (rows of weights), P or K (matrices)")
+            raise BadInputError(
+                "a history needs a time for each row, and W (rows of weights), P or K (matrices)"
+            )
         for row in np.flatnonzero(np.diff(times, prepend=-np.finfo(float).tiny) <= 0.0):
-            raise BadInputError(f"time is {times[row]:g} s at row {row + 1}; it must increase, from 0 s or later")
+            raise BadInputError(
+                f"time is {times[row]:g} s at row {row + 1}; it must increase, from 0 s or later"
+            )
         for name, values in rows.items():
             if len(values) != len(times):
-                raise BadInputError(f"{name} has {len(values)} rows and there are {len(times)} times")
+                raise BadInputError(
+                    f"{name} has {len(values)} rows and there are {len(times)} times"
+                )
 
     def row(self, index: int) -> StoredCritic:
         """What is known at one time; of the last row, -1, also its single matrices."""
         rows = self._rows()
         alone = {name: getattr(self, name) for name in _NDIM} if index == -1 else {}
-        return StoredCritic(*(rows[name][index] if name in rows else alone.get(name) for name in _NDIM))
+        return StoredCritic(
+            *(rows[name][index] if name in rows else alone.get(name) for name in _NDIM)
+        )
 
     def _rows(self) -> dict[str, np.ndarray]:
         given = {name: getattr(self, name) for name in _NDIM}
-        return {name: each for name, each in given.items() if each is not None and each.ndim == _NDIM[name] + 1}
+        return {
+            name: each
+            for name, each in given.items()
+            if each is not None and each.ndim == _NDIM[name] + 1
+        }
 
 
 def critic_in(
@@ -270,23 +328,30 @@ def critic_in(
 ) -> StoredCritic | History:
     """The history in a file, or where it has no times the single critic of `load_critic`.
 
-    `time` (or `times`, `t`) and W (N, M) (or `weights`), P (N, n, n) or K (N, m, n) (or `gains`); matrices also row by
-    row, (N, m n), or as MATLAB stacks them, (m, n, N). An array without a name is what its shape says.
-    functions: name of the basis of W; by default the one that the file names, or `quadratic`.
-    A file that says other units than the plant is converted. Raises BadInputError, one line that names the file.
-    """
+    `time` (or `times`, `t`) and W (N, M) (or `weights`), P (N, n, n) or K (N, m, n) (or `gains`);
+    matrices also row by row, (N, m n), or as MATLAB stacks them, (m, n, N). An array without a name
+    is what its shape says. functions: name of the basis of W; by default the one that the file
+    names, or `quadratic`. A file that says other units than the plant is converted. Raises
+    BadInputError, one line that names the file."""
     stored = _entries(path)
     with said_of(path):
         if UNKNOWN in stored:
             stored = {_by_shape(stored[UNKNOWN], game): stored[UNKNOWN]}
         # Beside the rows over time a file may hold the last of them.
         rows = stored | {own: stored[key] for key, own in _ALSO.items() if key in stored}
-        history = _history(rows, game, functions, plant) if "time" in rows and {*_NDIM} & set(rows) else None
+        history = (
+            _history(rows, game, functions, plant)
+            if "time" in rows and {*_NDIM} & set(rows)
+            else None
+        )
         return history or _single(stored, plant, basis(functions or "quadratic", len(game.A)))
 
 
-def load_critic(path: str | Path, plant: PlantNames = UNNAMED, functions: Basis | None = None) -> StoredCritic:
-    """The critic in a file: its W (or `weights`), P and K, as many as it holds. Raises BadInputError, one line.
+def load_critic(
+    path: str | Path, plant: PlantNames = UNNAMED, functions: Basis | None = None
+) -> StoredCritic:
+    """The critic in a file: its W (or `weights`), P and K, as many as it holds. Raises
+    BadInputError, one line.
 
     A file that says other units than the plant is converted, W as weights of `functions`.
     """
@@ -302,31 +367,44 @@ def _entries(path: str | Path) -> dict[str, Any]:
 
 def _by_shape(array: np.ndarray, game: Game) -> str:
     """W, P or K, which the shape of an array without a name is."""
-    fitting = [name for name, shape in (("P", game.A.shape), ("K", game.B.T.shape)) if array.shape == shape]
+    fitting = [
+        name for name, shape in (("P", game.A.shape), ("K", game.B.T.shape)) if array.shape == shape
+    ]
     fitting = fitting or ["W"] * (max(array.shape, default=1) == array.size)
     if len(fitting) != 1:
         said = " or ".join(fitting) or "neither weights, nor P, nor K of this plant"
-        raise BadInputError(f"the array of shape {array.shape} is {said}; name the file W.npy, P.npy or K.npy")
+        raise BadInputError(
+            f"the array of shape {array.shape} is {said}; name the file W.npy, P.npy or K.npy"
+        )
     return fitting[0]
 
 
 def _single(stored: dict[str, Any], plant: PlantNames, functions: Basis | None) -> StoredCritic:
     given = {key: numbers_in(key, stored[key]) for key in _NDIM if key in stored}
     if not given:
-        raise BadInputError(f"there is no W, P or K; a weights file holds one of them{found_in(stored)}")
+        raise BadInputError(
+            f"there is no W, P or K; a weights file holds one of them{found_in(stored)}"
+        )
     for key, values in given.items():
         if not values.size or (key == "W" and max(values.shape, default=1) != values.size):
-            raise BadInputError(f"{key} has shape {values.shape}; weights are one row or one column, P and K matrices")
-        given[key] = checked_matrix(key, values.reshape(-1) if key == "W" else values, LARGEST_CRITIC_ENTRY, _NDIM[key])
+            raise BadInputError(
+                f"{key} has shape {values.shape}; weights are one row or one column, P and K matrices"
+            )
+        given[key] = checked_matrix(
+            key, values.reshape(-1) if key == "W" else values, LARGEST_CRITIC_ENTRY, _NDIM[key]
+        )
     given = _in_scales(given, file_scales(stored, plant), functions)
     return StoredCritic(**{key: given.get(key) for key in _NDIM})
 
 
-def _in_scales(critic: dict[str, np.ndarray], scales: np.ndarray, functions: Basis | None) -> dict[str, np.ndarray]:
-    """W ψ(s x), (s x)' P (s x) and K s x as functions of x: W (..., M), P (..., n, n), K (..., m, n) by name.
+def _in_scales(
+    critic: dict[str, np.ndarray], scales: np.ndarray, functions: Basis | None
+) -> dict[str, np.ndarray]:
+    """W ψ(s x), (s x)' P (s x) and K s x as functions of x: W (..., M), P (..., n, n), K (..., m,
+    n) by name.
 
-    functions: of W; an array of another shape than the plant's is kept, and refused where it is used.
-    """
+    functions: of W; an array of another shape than the plant's is kept, and refused where it is
+    used."""
     by = {"K": scales, "P": np.outer(scales, scales)}
     if functions is not None and len(scales) == functions.states:
         by["W"] = functions.scaling(scales)
@@ -337,7 +415,9 @@ def _in_scales(critic: dict[str, np.ndarray], scales: np.ndarray, functions: Bas
     }
 
 
-def _history(stored: dict[str, Any], game: Game, functions: str | None, plant: PlantNames) -> History | None:
+def _history(
+    stored: dict[str, Any], game: Game, functions: str | None, plant: PlantNames
+) -> History | None:
     """None where beside its times the file holds the last row alone."""
     times = np.ravel(numbers_in("time", stored["time"]))
     said = words(stored, "basis") if "basis" in stored else ("quadratic",)
@@ -346,7 +426,11 @@ def _history(stored: dict[str, Any], game: Game, functions: str | None, plant: P
     (n, m), psi = game.B.shape, basis(functions or said[0], len(game.A))
     sizes = {"W": (psi.size,), "P": (n, n), "K": (m, n)}
     said_of_W = f"basis {psi.name!r} on {n} states has {psi.size} weights"
-    found = {key: _rows(key, stored[key], len(times), sizes[key], said_of_W) for key in _NDIM if key in stored}
+    found = {
+        key: _rows(key, stored[key], len(times), sizes[key], said_of_W)
+        for key in _NDIM
+        if key in stored
+    }
     if all(values.shape == sizes[key] for key, values in found.items()):
         return None
     return History(times, **_in_scales(found, file_scales(stored, plant), psi), basis=psi.name)

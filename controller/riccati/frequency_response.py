@@ -1,7 +1,7 @@
 """The L2 gain of a closed loop, by two methods.
 
-Closed loop z' = (A - B K) z + E d, output y = (Q^½ z, R^½ u) with u = -K z; the gain is
-sup ‖y‖₂/‖d‖₂ = max_ω σ_max(C (jω I - A + B K)⁻¹ E), C'C = Q + K'R K. The game promises a gain below δ.
+Closed loop z' = (A - B K) z + E d, output y = (Q^½ z, R^½ u) with u = -K z; the gain is sup
+‖y‖₂/‖d‖₂ = max_ω σ_max(C (jω I - A + B K)⁻¹ E), C'C = Q + K'R K. The game promises a gain below δ.
 """
 
 from __future__ import annotations
@@ -17,14 +17,17 @@ from hfa_support.errors import NoSolutionError
 from hfa_support.reporting.checks import Check, at_most, below
 
 TOLERANCE = 1e-9
-#: A gain below this fraction of ‖C‖ ‖E‖ / ‖A - B K‖ is rounding: the disturbance does not reach the output.
+#: A gain below this fraction of ‖C‖ ‖E‖ / ‖A - B K‖ is rounding: the disturbance does not reach the
+#: output.
 ZERO = 1e-12
-#: An eigenvalue of the bounded-real Hamiltonian with |Re λ| up to this part of |λ| may lie on the imaginary axis.
+#: An eigenvalue of the bounded-real Hamiltonian with |Re λ| up to this part of |λ| may lie on the
+#: imaginary axis.
 MAYBE_ON_AXIS = 1e-3
 #: The sweep can only miss a peak, never exceed it; this is how much it may miss.
 SWEEP_TOLERANCE = 1e-6
 GRID_PER_DECADE = 60
-#: Finer grids, each of so many points over two steps of the last: ten times finer, the last a billionth of the peak.
+#: Finer grids, each of so many points over two steps of the last: ten times finer, the last a
+#: billionth of the peak.
 REFINEMENTS, POINTS = 8, 20
 #: A, E, Q.
 Triple = tuple[np.ndarray, np.ndarray, np.ndarray]
@@ -37,8 +40,11 @@ class SweptGain(NamedTuple):
     frequency: float
 
 
-def without_feedthrough(A: np.ndarray, E: np.ndarray, C: np.ndarray, D: np.ndarray, delta: float) -> Triple:
-    """A, E and Q = C'C of the system without D that has gain below δ exactly when x' = A x + E w, z = C x + D w has."""
+def without_feedthrough(
+    A: np.ndarray, E: np.ndarray, C: np.ndarray, D: np.ndarray, delta: float
+) -> Triple:
+    """A, E and Q = C'C of the system without D that has gain below δ exactly when x' = A x + E w, z
+    = C x + D w has."""
     if not D.any() or math.isinf(delta):
         return A, E, C.T @ C
     free = np.eye(D.shape[1]) - D.T @ D / delta**2
@@ -48,24 +54,32 @@ def without_feedthrough(A: np.ndarray, E: np.ndarray, C: np.ndarray, D: np.ndarr
 
 
 def peak_gain(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, level: float) -> float:
-    """A gain that T = C (sI - A)⁻¹ B + D, A Hurwitz, has at some frequency; above the level if any is.
+    """A gain that T = C (sI - A)⁻¹ B + D, A Hurwitz, has at some frequency; above the level if any
+    is.
 
-    |T(jω)| passes the level only where jω is an eigenvalue of the bounded-real Hamiltonian. So T is evaluated at
-    each eigenvalue that rounding may have moved off the axis, between each two, below and above. (How far the
-    Hamiltonian is from an eigenvalue on the axis says little here: near δ_min |T| is nearly δ at every frequency.)
-    Source: Bruinsma and Steinbuch, Systems and Control Letters 14 (1990), 287-293.
-    """
+    |T(jω)| passes the level only where jω is an eigenvalue of the bounded-real Hamiltonian. So T is
+    evaluated at each eigenvalue that rounding may have moved off the axis, between each two, below
+    and above. (How far the Hamiltonian is from an eigenvalue on the axis says little here: near
+    δ_min |T| is nearly δ at every frequency.) Source: Bruinsma and Steinbuch, Systems and Control
+    Letters 14 (1990), 287-293."""
     through = float(np.linalg.norm(D, 2)) if D.size else 0.0
     if not through < level:
         return through
     loop, into, Q = without_feedthrough(A, B, C, D, level)
-    # The same eigenvalues for every `ratio`; with this one neither block dwarfs the loop when B is of another unit.
+    # The same eigenvalues for every `ratio`; with this one neither block dwarfs the loop when B is
+    # of another unit.
     ratio = math.sqrt((np.linalg.norm(into @ into.T) or 1.0) / (np.linalg.norm(Q) or 1.0))
     H = np.block([[loop, into @ into.T / (level * ratio)], [-Q * (ratio / level), -loop.T]])
     found = spectrum(H).eigenvalues
     near = np.unique(np.abs(found.imag[np.abs(found.real) <= MAYBE_ON_AXIS * np.abs(found)]))
     poles = np.linalg.eigvals(A)
-    points = [[0.0], near, np.abs(poles), np.abs(poles.imag), [2.0 * max(np.abs(poles).max(), near.max(initial=0.0))]]
+    points = [
+        [0.0],
+        near,
+        np.abs(poles),
+        np.abs(poles.imag),
+        [2.0 * max(np.abs(poles).max(), near.max(initial=0.0))],
+    ]
     frequencies = np.unique(np.concatenate(points))
     frequencies = np.concatenate([frequencies, (frequencies[1:] + frequencies[:-1]) / 2.0])
     return float(np.linalg.norm(C @ responses(A, B, frequencies) + D, 2, axis=(1, 2)).max())
@@ -74,11 +88,14 @@ def peak_gain(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, level:
 def bounded_real_gain(game: Game, K: np.ndarray) -> float:
     """L2 gain of the loop of u = -K z, as `system_gain`. K: (m, n)."""
     C = np.vstack([square_root(game.Q), square_root(game.R) @ K])
-    return system_gain(game.A - game.B @ game.checked_gain(K), game.E, C, np.zeros((len(C), game.E.shape[1])))
+    return system_gain(
+        game.A - game.B @ game.checked_gain(K), game.E, C, np.zeros((len(C), game.E.shape[1]))
+    )
 
 
 def system_gain(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray) -> float:
-    """Largest gain of C (sI - A)⁻¹ B + D to 1e-9 relative, from above by `peak_gain`; inf when A is not Hurwitz."""
+    """Largest gain of C (sI - A)⁻¹ B + D to 1e-9 relative, from above by `peak_gain`; inf when A is
+    not Hurwitz."""
     if not is_hurwitz(A):
         return math.inf
     typical = float(np.linalg.norm(C) * np.linalg.norm(B) / np.linalg.norm(A))
@@ -89,7 +106,8 @@ def system_gain(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray) -> f
 
 
 def swept_gain(game: Game, K: np.ndarray) -> SweptGain:
-    """Largest σ_max(C (jω I - A + B K)⁻¹ E) on a logarithmic grid, then on finer ones; inf when not Hurwitz."""
+    """Largest σ_max(C (jω I - A + B K)⁻¹ E) on a logarithmic grid, then on finer ones; inf when not
+    Hurwitz."""
     loop = game.A - game.B @ K
     found = spectrum(loop)
     if found.abscissa >= 0.0:
@@ -109,7 +127,14 @@ def gain_checks(game: Game, K: np.ndarray) -> tuple[Check, ...]:
     """The gain of the closed loop is below delta, and the two methods agree on it."""
     swept, gain = swept_gain(game, K), bounded_real_gain(game, K)
     if math.isinf(gain):
-        return (below("l2_gain", gain, game.delta, "A - B K is not Hurwitz: the closed loop has no finite L2 gain"),)
+        return (
+            below(
+                "l2_gain",
+                gain,
+                game.delta,
+                "A - B K is not Hurwitz: the closed loop has no finite L2 gain",
+            ),
+        )
     difference = abs(swept.gain - gain) / gain if gain > 0.0 else swept.gain
     above = f"the L2 gain {gain:.6g} of the closed loop is not below delta = {game.delta:.6g}"
     apart = f"the sweep gives {swept.gain:.9g} at {swept.frequency:.4g} rad/s, the bounded-real lemma {gain:.9g}"
@@ -118,7 +143,8 @@ def gain_checks(game: Game, K: np.ndarray) -> tuple[Check, ...]:
 
 
 def frequency_grid(eigenvalues: np.ndarray, per_decade: int = GRID_PER_DECADE) -> np.ndarray:
-    """0, a logarithmic grid over the moduli of the eigenvalues (two decades beyond), and their resonances."""
+    """0, a logarithmic grid over the moduli of the eigenvalues (two decades beyond), and their
+    resonances."""
     moduli = np.abs(eigenvalues)
     slowest = float(moduli[moduli > 0.0].min(initial=1.0))
     fastest = float(moduli.max(initial=1.0))
@@ -128,12 +154,15 @@ def frequency_grid(eigenvalues: np.ndarray, per_decade: int = GRID_PER_DECADE) -
 
 
 def responses(loop: np.ndarray, B: np.ndarray, frequencies: np.ndarray) -> np.ndarray:
-    """(jω I - loop)⁻¹ B, (N, n, m); NoSolutionError where rounding leaves a pole of the loop on the axis."""
+    """(jω I - loop)⁻¹ B, (N, n, m); NoSolutionError where rounding leaves a pole of the loop on the
+    axis."""
     resolvent = 1j * frequencies[:, None, None] * np.eye(len(loop)) - loop
     try:
         return np.linalg.solve(resolvent, np.broadcast_to(B, (len(frequencies), *B.shape)))
     except np.linalg.LinAlgError as error:
-        raise NoSolutionError("rounding leaves a pole of A - B K on the imaginary axis; check the scaling") from error
+        raise NoSolutionError(
+            "rounding leaves a pole of A - B K on the imaginary axis; check the scaling"
+        ) from error
 
 
 def square_root(matrix: np.ndarray) -> np.ndarray:

@@ -1,4 +1,5 @@
-"""The exact solution of the zero-sum game on a linear model, certified, or the reason why there is none."""
+"""The exact solution of the zero-sum game on a linear model, certified, or the reason why there is
+none."""
 
 from __future__ import annotations
 
@@ -22,13 +23,13 @@ from hfa_support.reporting.text import Table, eigenvalue_text, matrix_table, num
 
 @dataclass(frozen=True, eq=False, repr=False)
 class GameSolution(Reported):
-    """The value z'P z of a game, its policies u = -K z and d = L z, and the certificate that holds for them.
+    """The value z'P z of a game, its policies u = -K z and d = L z, and the certificate that holds
+    for them.
 
-    P: (n, n); K: (m, n); disturbance_gain L: (k, n).
-    closed_loop_eigenvalues: of A - B K, the flight without disturbance, rad/s.
-    worst_case_eigenvalues: of A - S P = A - B K + E L, the flight against the worst disturbance, rad/s.
-    abscissa_error: by which rounding of A, B and K may move the abscissa of A - B K, 1/s, to first order.
-    """
+    P: (n, n); K: (m, n); disturbance_gain L: (k, n). closed_loop_eigenvalues: of A - B K, the
+    flight without disturbance, rad/s. worst_case_eigenvalues: of A - S P = A - B K + E L, the
+    flight against the worst disturbance, rad/s. abscissa_error: by which rounding of A, B and K may
+    move the abscissa of A - B K, 1/s, to first order."""
 
     P: np.ndarray
     K: np.ndarray
@@ -56,7 +57,8 @@ class GameSolution(Reported):
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain lists and floats for JSON; eigenvalues as [real, imaginary]; delta = inf becomes None."""
+        """Plain lists and floats for JSON; eigenvalues as [real, imaginary]; delta = inf becomes
+        None."""
         return {
             "P": self.P.tolist(),
             "K": self.K.tolist(),
@@ -70,12 +72,12 @@ class GameSolution(Reported):
 
 
 def solve_game(game: Game, progress: Progress | None = None) -> GameSolution:
-    """A'P + P A + Q - P S P = 0,  K = R⁻¹B'P,  L = δ⁻²E'P,  S = B R⁻¹B' - δ⁻²E E' (paper Section 3.1).
+    """A'P + P A + Q - P S P = 0,  K = R⁻¹B'P,  L = δ⁻²E'P,  S = B R⁻¹B' - δ⁻²E E' (paper Section
+    3.1).
 
-    Raises NoSolutionError with one line: the mode that rules out a solution at any delta, or the test of the
-    certificate that failed together with delta_min, whose search calls `progress`.
-    Source: Basar and Bernhard, H-infinity Optimal Control, Theorem 4.11.
-    """
+    Raises NoSolutionError with one line: the mode that rules out a solution at any delta, or the
+    test of the certificate that failed together with delta_min, whose search calls `progress`.
+    Source: Basar and Bernhard, H-infinity Optimal Control, Theorem 4.11."""
     try:
         return solve_certified(game)
     except NoSolutionError as failure:
@@ -107,12 +109,13 @@ def solve_certified(game: Game) -> GameSolution:
 
 
 def _abscissa_error(game: Game, alike: Game, T: np.ndarray, P: np.ndarray) -> float:
-    """By how much rounding of A, B and K may move the abscissa of A - B K, 1/s, to first order; inf where defective.
+    """By how much rounding of A, B and K may move the abscissa of A - B K, 1/s, to first order; inf
+    where defective.
 
-    A change D of the matrix moves the eigenvalue of x and y by y'D x / y'x. The vectors are those of the game `alike`
-    in T z, whose value is P, where they are accurate; |D| <= n ε |A| in both coordinates, and n ε |K| of the gain.
-    Source: Golub and Van Loan, Matrix Computations, Section 7.2.2.
-    """
+    A change D of the matrix moves the eigenvalue of x and y by y'D x / y'x. The vectors are those
+    of the game `alike` in T z, whose value is P, where they are accurate; |D| <= n ε |A| in both
+    coordinates, and n ε |K| of the gain. Source: Golub and Van Loan, Matrix Computations, Section
+    7.2.2."""
     K = alike.gain(P)
     values, right = np.linalg.eig(alike.A - alike.B @ K)
     try:

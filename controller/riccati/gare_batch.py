@@ -1,4 +1,5 @@
-"""Many games at once: a stacked solution certified by the rules of `certificate`; what it leaves goes one by one."""
+"""Many games at once: a stacked solution certified by the rules of `certificate`; what it leaves
+goes one by one."""
 
 from __future__ import annotations
 
@@ -8,22 +9,31 @@ import numpy as np
 
 from controller.game.zero_sum import LARGEST, Game
 from controller.riccati.balancing import MODERATE, balanced
-from controller.riccati.certificate import AXIS_DISTANCE, DISAGREEMENT, INDEFINITENESS, RESIDUAL, relative_residuals
+from controller.riccati.certificate import (
+    AXIS_DISTANCE,
+    DISAGREEMENT,
+    INDEFINITENESS,
+    RESIDUAL,
+    relative_residuals,
+)
 from controller.riccati.gare import solve_certified
 from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.reporting.fields import Shown
 
 #: Games of one stack: enough to forget the cost of a call, few enough for the cache.
 TOGETHER = 256
-#: Newton's correction of P that stacked double precision must reach; above it the single solution has more digits.
+#: Newton's correction of P that stacked double precision must reach; above it the single solution
+#: has more digits.
 SETTLED = 1e-12
-#: Newton steps after the eigenvectors, and for the matrix sign (10 are usual, one more for each halving of |Re λ|).
+#: Newton steps after the eigenvectors, and for the matrix sign (10 are usual, one more for each
+#: halving of |Re λ|).
 _STEPS, _SIGN_STEPS = 3, 25
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class GameBatch(Shown):
-    """N solutions. P: (N, n, n), K: (N, m, n), nan where not certified. certified: (N,). reasons: N lines, or ""."""
+    """N solutions. P: (N, n, n), K: (N, m, n), nan where not certified. certified: (N,). reasons: N
+    lines, or ""."""
 
     P: np.ndarray
     K: np.ndarray
@@ -34,9 +44,9 @@ class GameBatch(Shown):
 def solve_games(A: np.ndarray, B: np.ndarray, like: Game) -> GameBatch:
     """`solve_game` of every plant (A (N, n, n), B (N, n, m)); E, Q, R, delta of `like`.
 
-    Most are solved in stacks of matrices; one that does not pass every test there is solved alone, and what that
-    refuses gets the test that failed as its reason. BadInputError names the model that is none.
-    """
+    Most are solved in stacks of matrices; one that does not pass every test there is solved alone,
+    and what that refuses gets the test that failed as its reason. BadInputError names the model
+    that is none."""
     A, B = np.asarray(A, dtype=float), np.asarray(B, dtype=float)
     sound = [(np.abs(each) <= LARGEST).all(axis=(1, 2)) for each in (A, B)]
     for i in (*[0] * bool(len(A)), *np.flatnonzero(~(sound[0] & sound[1]))[:1]):
@@ -60,17 +70,23 @@ def solve_games(A: np.ndarray, B: np.ndarray, like: Game) -> GameBatch:
 
 
 def _stacked(A: np.ndarray, B: np.ndarray, like: Game) -> tuple[np.ndarray, np.ndarray]:
-    """P and K, nan where a test fails; each game in its balanced units, in which everything is measured.
+    """P and K, nan where a test fails; each game in its balanced units, in which everything is
+    measured.
 
-    First derivation: eigenvectors [V1; V2] of the Hamiltonian, then Newton steps. V1 has the eigenvectors of A - S P,
-    so that they solve the Lyapunov equation of a step too. Second derivation: the matrix sign of the Hamiltonian.
-    Source: Zhou, Doyle and Glover, Section 13.2; Roberts, Int. J. Control 32 (1980), 677-687.
-    """
+    First derivation: eigenvectors [V1; V2] of the Hamiltonian, then Newton steps. V1 has the
+    eigenvectors of A - S P, so that they solve the Lyapunov equation of a step too. Second
+    derivation: the matrix sign of the Hamiltonian. Source: Zhou, Doyle and Glover, Section 13.2;
+    Roberts, Int. J. Control 32 (1980), 677-687."""
     count, n, _ = A.shape
     gain = np.linalg.solve(like.R, B.mT)
-    S_control, S_disturbance = B @ gain, np.broadcast_to(like.S_disturbance / like.delta**2, A.shape)
+    S_control, S_disturbance = (
+        B @ gain,
+        np.broadcast_to(like.S_disturbance / like.delta**2, A.shape),
+    )
     Q = np.broadcast_to(like.Q, A.shape)
-    scaling = np.array([balanced(each)[1] for each in np.block([[A, S_disturbance - S_control], [-Q, -A.mT]])])
+    scaling = np.array(
+        [balanced(each)[1] for each in np.block([[A, S_disturbance - S_control], [-Q, -A.mT]])]
+    )
     units = np.exp2(np.round(0.5 * np.log2(scaling[:, :n] / scaling[:, n:])))
     squared = units[:, :, None] * units[:, None, :]
     A, Q = A * units[:, None, :] / units[:, :, None], Q * squared
@@ -80,7 +96,10 @@ def _stacked(A: np.ndarray, B: np.ndarray, like: Game) -> tuple[np.ndarray, np.n
 
     values, vectors = np.linalg.eig(H)
     order = np.argsort(values.real, axis=1)
-    values, vectors = np.take_along_axis(values, order, 1), np.take_along_axis(vectors, order[:, None, :], 2)
+    values, vectors = (
+        np.take_along_axis(values, order, 1),
+        np.take_along_axis(vectors, order[:, None, :], 2),
+    )
     V1, stable = vectors[:, :n, :n], values[:, :n]
     inverse = _inverse(V1)
     P = (vectors[:, n:, :n] @ inverse).real
@@ -94,8 +113,11 @@ def _stacked(A: np.ndarray, B: np.ndarray, like: Game) -> tuple[np.ndarray, np.n
         P, correction = P + (step + step.mT).real / 2.0, _largest(step) / _largest(P)
 
     size = _largest(P)
-    # Bauer and Fike: σ_min(H - jω I) >= min |λ - jω| / cond V, which is at most the distance of the certificate.
-    condition = np.linalg.norm(vectors, axis=(1, 2)) * np.linalg.norm(_inverse(vectors), axis=(1, 2))
+    # Bauer and Fike: σ_min(H - jω I) >= min |λ - jω| / cond V, which is at most the distance of the
+    # certificate.
+    condition = np.linalg.norm(vectors, axis=(1, 2)) * np.linalg.norm(
+        _inverse(vectors), axis=(1, 2)
+    )
     distance = np.abs(values.real).min(axis=1) / condition / np.linalg.norm(H, axis=(1, 2))
     good = (distance >= AXIS_DISTANCE) & ((values.real < 0.0).sum(axis=1) == n)
     good &= (correction <= SETTLED) & (size <= 1.0 / MODERATE) & np.isfinite(P).all(axis=(1, 2))
@@ -111,7 +133,8 @@ def _stacked(A: np.ndarray, B: np.ndarray, like: Game) -> tuple[np.ndarray, np.n
 
 
 def _by_sign(H: np.ndarray) -> np.ndarray:
-    """P of (W + I) [I; P] = 0, W = sign(H): H <- (c H + (c H)⁻¹) / 2, c = |det H|^(-1/2n) until it settles."""
+    """P of (W + I) [I; P] = 0, W = sign(H): H <- (c H + (c H)⁻¹) / 2, c = |det H|^(-1/2n) until it
+    settles."""
     W, n = H, H.shape[1] // 2
     for _ in range(_SIGN_STEPS):
         c = np.exp(-np.linalg.slogdet(W)[1] / (2 * n))[:, None, None]
@@ -123,7 +146,8 @@ def _by_sign(H: np.ndarray) -> np.ndarray:
 
 
 def _inverse(matrices: np.ndarray) -> np.ndarray:
-    """Stacked inverses; nan where a matrix is singular to the last bit, which must not stop the others."""
+    """Stacked inverses; nan where a matrix is singular to the last bit, which must not stop the
+    others."""
     try:
         return np.linalg.inv(matrices)
     except np.linalg.LinAlgError:

@@ -1,9 +1,9 @@
-"""Margins of a closed loop: all inputs at once within disks, and one loop at a time while all others stay closed.
+"""Margins of a closed loop: all inputs at once within disks, and one loop at a time while all
+others stay closed.
 
-S = (I + L)⁻¹ = I + C (jω I - A)⁻¹ B of a closed loop with the matrix A that is broken where B enters and C leaves; M =
-S - I/2. A loop l = (1/2 - M) / (1/2 + M) is real where M is, and of size 1 where M is imaginary. Margins are factors
-(not dB), phases degrees, frequencies rad/s.
-"""
+S = (I + L)⁻¹ = I + C (jω I - A)⁻¹ B of a closed loop with the matrix A that is broken where B
+enters and C leaves; M = S - I/2. A loop l = (1/2 - M) / (1/2 + M) is real where M is, and of size 1
+where M is imaginary. Margins are factors (not dB), phases degrees, frequencies rad/s."""
 
 from __future__ import annotations
 
@@ -18,19 +18,23 @@ from controller.riccati.balancing import spectrum
 from controller.riccati.frequency_response import TOLERANCE, frequency_grid, responses
 from hfa_support.errors import NoSolutionError
 
-#: Peaks whose scaling is optimised one after another until none is left above; a loop has far fewer.
+#: Peaks whose scaling is optimised one after another until none is left above; a loop has far
+#: fewer.
 MAX_PEAKS = 200
 #: L vanishes at infinite frequency, where S - I/2 = I/2; no grid reaches that far.
 DISK_AT_INFINITY = 2.0
 #: Rounds of balancing all rows and columns: a start, which the search at each peak betters.
 SWEEPS = 20
-#: Most steps of that search, and most trials of the length of one: at a kink no length is left in the end.
+#: Most steps of that search, and most trials of the length of one: at a kink no length is left in
+#: the end.
 MAX_STEPS, MAX_TRIALS = 1000, 40
-#: Longest step of log D, which is best at infinity for a triangular M: there exp(log D) must not overflow on the way.
+#: Longest step of log D, which is best at infinity for a triangular M: there exp(log D) must not
+#: overflow on the way.
 FARTHEST = 5.0
 #: Condition of the modes up to which responses keep ten digits when summed over them.
 WELL_CONDITIONED = 1e6
-#: A gain below this, or above its inverse, is a crossover at infinite or no frequency that rounding moved.
+#: A gain below this, or above its inverse, is a crossover at infinite or no frequency that rounding
+#: moved.
 ROUNDING = 1e-9
 #: Secants, and halves of what is left between them, until a crossover has all its digits.
 _ROUNDS = 17
@@ -40,11 +44,12 @@ Response = Callable[..., np.ndarray]
 
 
 class DiskMargin(NamedTuple):
-    """All inputs at once: each may be multiplied by its own factor f = (2 + αε)/(2 - αε), |ε| < 1 complex.
+    """All inputs at once: each may be multiplied by its own factor f = (2 + αε)/(2 - αε), |ε| < 1
+    complex.
 
-    disk: α.  Real f lies in (1/gain, gain), gain = (2 + α)/(2 - α); pure phase within `phase` = 2 arctan(α/2).
-    frequency: where the margin is smallest.  A lower bound: the true margin may be a little larger.
-    """
+    disk: α.  Real f lies in (1/gain, gain), gain = (2 + α)/(2 - α); pure phase within `phase` = 2
+    arctan(α/2). frequency: where the margin is smallest.  A lower bound: the true margin may be a
+    little larger."""
 
     disk: float
     gain: float
@@ -55,10 +60,10 @@ class DiskMargin(NamedTuple):
 class LoopMargin(NamedTuple):
     """Of one loop, or the same factor, phase or delay in several at once.
 
-    The loop stays stable while its gain is multiplied by a factor in (gain_low, gain_high), its phase shifted by less
-    than `phase`, or its signal delayed by less than `delay` s; inf where none of them ends stability. crossover: where
-    |l| = 1 with that phase, nan where |l| is never 1. disk: α of `DiskMargin`, of both at once.
-    """
+    The loop stays stable while its gain is multiplied by a factor in (gain_low, gain_high), its
+    phase shifted by less than `phase`, or its signal delayed by less than `delay` s; inf where none
+    of them ends stability. crossover: where |l| = 1 with that phase, nan where |l| is never 1.
+    disk: α of `DiskMargin`, of both at once."""
 
     gain_low: float
     gain_high: float
@@ -75,7 +80,8 @@ class LoopMargin(NamedTuple):
 
 
 def shifted_sensitivity(closed: np.ndarray, enters: np.ndarray, leaves: np.ndarray) -> Response:
-    """M = I/2 + leaves (jω I - closed)⁻¹ enters: summed over the modes where these are well conditioned."""
+    """M = I/2 + leaves (jω I - closed)⁻¹ enters: summed over the modes where these are well
+    conditioned."""
     half = 0.5 * np.eye(len(leaves))
     poles, modes = np.linalg.eig(closed)
     well = np.linalg.cond(modes) < WELL_CONDITIONED
@@ -85,7 +91,9 @@ def shifted_sensitivity(closed: np.ndarray, enters: np.ndarray, leaves: np.ndarr
         one = slice(loop, None if loop is None else loop + 1)
         if not well:
             return half[one, one] + left[one] @ responses(closed, right[:, one], frequencies)
-        return half[one, one] + (left[one] / (1j * frequencies[:, None, None] - poles)) @ right[:, one]
+        return (
+            half[one, one] + (left[one] / (1j * frequencies[:, None, None] - poles)) @ right[:, one]
+        )
 
     return response
 
@@ -94,7 +102,9 @@ def stable_poles(closed: np.ndarray) -> np.ndarray:
     """The poles of a closed loop. NoSolutionError where one is not stable."""
     found = spectrum(closed)
     if found.abscissa >= 0.0:
-        raise NoSolutionError(f"the loop has a pole at {found.abscissa:+.4g} 1/s: an unstable loop has no margins")
+        raise NoSolutionError(
+            f"the loop has a pole at {found.abscissa:+.4g} 1/s: an unstable loop has no margins"
+        )
     return found.eigenvalues
 
 
@@ -113,18 +123,23 @@ def single_margin(M: Response, i: int, grid: np.ndarray) -> LoopMargin:
 
 
 def margin_of(loci: Response, grid: np.ndarray) -> LoopMargin:
-    """Margin of k loops that change alike; loci: their M, (N, k), in any order. grid: has every resonance, and 0.
+    """Margin of k loops that change alike; loci: their M, (N, k), in any order. grid: has every
+    resonance, and 0.
 
-    Frequencies at which Im M or Re M is 0 are sought where it changes its sign between those of the grid.
-    Source: Blight, Dailey and Gangsaas, Int. J. Control 59 (1994).
-    """
+    Frequencies at which Im M or Re M is 0 are sought where it changes its sign between those of the
+    grid. Source: Blight, Dailey and Gangsaas, Int. J. Control 59 (1994)."""
     seen = _followed(loci(grid))
 
     def crossing(part: Callable[[np.ndarray], np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
         """Frequencies at which this part of M changes its sign, and M there."""
         above = part(seen) > 0.0
         where, column = np.nonzero(above[1:] != above[:-1])
-        low, high, first, last = grid[where], grid[where + 1], seen[where, column], seen[where + 1, column]
+        low, high, first, last = (
+            grid[where],
+            grid[where + 1],
+            seen[where, column],
+            seen[where + 1, column],
+        )
         for number in range(_ROUNDS):
             share = 0.5 if number % 2 else part(first) / (part(first) - part(last))
             point, expected = low + share * (high - low), first + share * (last - first)
@@ -153,7 +168,8 @@ def margin_of(loci: Response, grid: np.ndarray) -> LoopMargin:
 
 
 def _followed(loci: np.ndarray) -> np.ndarray:
-    """The same (N, k), each column a curve: of all orders of the next row the nearest to this one."""
+    """The same (N, k), each column a curve: of all orders of the next row the nearest to this
+    one."""
     if loci.shape[1] == 1:
         return loci
     from scipy.optimize import linear_sum_assignment
@@ -174,10 +190,10 @@ def _of_game(game: Game, K: np.ndarray) -> tuple[Response, np.ndarray]:
 def disk_margin(game: Game, K: np.ndarray) -> DiskMargin:
     """α = 1 / max_ω μ(S(jω) - I/2), μ over independent complex factors, bounded above by D-scaling.
 
-    K: (m, n).  μ(M) <= min_D σ_max(D M D⁻¹), D diagonal: convex in log D, minimised at each peak of a frequency
-    grid until the highest peak has been minimised.  Raises NoSolutionError when A - B K is not Hurwitz.
-    Source: Seiler, Packard and Gahinet, IEEE Control Systems Magazine 40 (2020), 78-95.
-    """
+    K: (m, n).  μ(M) <= min_D σ_max(D M D⁻¹), D diagonal: convex in log D, minimised at each peak of
+    a frequency grid until the highest peak has been minimised.  Raises NoSolutionError when A - B K
+    is not Hurwitz. Source: Seiler, Packard and Gahinet, IEEE Control Systems Magazine 40 (2020),
+    78-95."""
     M, grid = _of_game(game, K)
     shifted = M(grid)
     bounds = scaled_norm(shifted, _osborne_scaling(shifted))
@@ -195,12 +211,12 @@ def disk_margin(game: Game, K: np.ndarray) -> DiskMargin:
 
 
 def best_scaling(M: np.ndarray) -> np.ndarray:
-    """log D, (m,), of the smallest σ_max(D M D⁻¹), D > 0 diagonal: the upper bound of μ(M), M: (m, m) complex.
+    """log D, (m,), of the smallest σ_max(D M D⁻¹), D > 0 diagonal: the upper bound of μ(M), M: (m,
+    m) complex.
 
-    Exact for m <= 3.  BFGS with a line search that asks for no smoothness: the smallest is often at a kink, where two
-    singular values are the largest.  Sources: Packard and Doyle, Automatica 29 (1993), 71-109; Lewis and Overton,
-    Mathematical Programming 141 (2013), 135-163.
-    """
+    Exact for m <= 3.  BFGS with a line search that asks for no smoothness: the smallest is often at
+    a kink, where two singular values are the largest.  Sources: Packard and Doyle, Automatica 29
+    (1993), 71-109; Lewis and Overton, Mathematical Programming 141 (2013), 135-163."""
     start = _osborne_scaling(M)
     free = start[:-1] - start[-1]
     size, slope = _norm_and_slope(free, M)
@@ -232,7 +248,8 @@ def best_scaling(M: np.ndarray) -> np.ndarray:
 
 
 def _norm_and_slope(free: np.ndarray, M: np.ndarray) -> tuple[float, np.ndarray]:
-    """σ = σ_max(D M D⁻¹) and ∂σ/∂log D_i = σ (|u_i|² - |v_i|²), (m - 1,): its singular vectors are u, v; D_m = 1."""
+    """σ = σ_max(D M D⁻¹) and ∂σ/∂log D_i = σ (|u_i|² - |v_i|²), (m - 1,): its singular vectors are
+    u, v; D_m = 1."""
     D = np.exp(np.append(free, 0.0))
     u, sizes, v = np.linalg.svd(D[:, None] * M / D)
     return float(sizes[0]), sizes[0] * (np.abs(u[:-1, 0]) ** 2 - np.abs(v[0, :-1]) ** 2)
@@ -245,7 +262,8 @@ def scaled_norm(M: np.ndarray, log_D: np.ndarray) -> np.ndarray:
 
 
 def _osborne_scaling(M: np.ndarray) -> np.ndarray:
-    """log D that equalises the norms of the rows and columns of D M D⁻¹ off the diagonal: a good start.
+    """log D that equalises the norms of the rows and columns of D M D⁻¹ off the diagonal: a good
+    start.
 
     M: (..., m, m), one matrix or a stack; returns (..., m).
     """

@@ -1,9 +1,9 @@
-"""A large job and its results on disk: one Zarr group, written chunk by chunk, every chunk with a CRC-32C.
+"""A large job and its results on disk: one Zarr group, written chunk by chunk, every chunk with a
+CRC-32C.
 
-The missing chunks are computed on the workers and written in order of arrival: a process on this machine writes its
-chunk itself; from a cluster the rows come back and are written here. This process alone marks a chunk as complete,
-after its data.
-"""
+The missing chunks are computed on the workers and written in order of arrival: a process on this
+machine writes its chunk itself; from a cluster the rows come back and are written here. This
+process alone marks a chunk as complete, after its data."""
 
 from __future__ import annotations
 
@@ -24,11 +24,13 @@ from hfa_support.version import VERSION
 
 #: Arguments of a job's function.
 Task = tuple[Any, ...]
-#: Array of flags, one a chunk: 1 when it is complete. Beside its chunks: the digest of the store's description.
+#: Array of flags, one a chunk: 1 when it is complete. Beside its chunks: the digest of the store's
+#: description.
 _DONE = "done"
 _DIGEST = f"{_DONE}/digest"
 
-#: A chunk of nothing but fill values has a file, too: without one it could not be told from one that is lost.
+#: A chunk of nothing but fill values has a file, too: without one it could not be told from one
+#: that is lost.
 _CONFIG = {"write_empty_chunks": True}
 
 
@@ -46,19 +48,21 @@ class Array(NamedTuple):
 
 
 def described(meaning: str, units: str = "", units_of: str = "") -> dict[str, str]:
-    """Attributes of an array. units_of: the labels that hold the unit of each entry, where they have their own."""
+    """Attributes of an array. units_of: the labels that hold the unit of each entry, where they
+    have their own."""
     about = {"long_name": meaning, "units": units, "units_of": units_of}
     return {name: text for name, text in about.items() if text}
 
 
 @dataclass(frozen=True, eq=False)
 class Layout:
-    """What a store holds. schema: names its form and version. what: the job in one word, for messages.
+    """What a store holds. schema: names its form and version. what: the job in one word, for
+    messages.
 
-    rows: N; row: the name of that axis. chunk: rows of a chunk. plan: JSON data that decides the results. arrays:
-    name -> one array, (N, *shape). labels: name -> its axis and a text for each place of it; that of the same name as
-    the axis are its coordinates. attributes: names and units of the columns.
-    """
+    rows: N; row: the name of that axis. chunk: rows of a chunk. plan: JSON data that decides the
+    results. arrays: name -> one array, (N, *shape). labels: name -> its axis and a text for each
+    place of it; that of the same name as the axis are its coordinates. attributes: names and units
+    of the columns."""
 
     schema: str
     what: str
@@ -85,20 +89,24 @@ class Job(Protocol):
 
     @property
     def function(self) -> Callable[..., Mapping[str, np.ndarray]]:
-        """A pure function of a module, which workers import: (*task) -> the rows of the task, one array a name."""
+        """A pure function of a module, which workers import: (*task) -> the rows of the task, one
+        array a name."""
 
     def task(self, start: int, stop: int) -> Task:
         """Arguments of the function for rows start .. stop - 1."""
 
 
 class Store:
-    """The store of one job: its arrays, and of each chunk whether it is complete. mode: "r", or "r+" to write."""
+    """The store of one job: its arrays, and of each chunk whether it is complete. mode: "r", or
+    "r+" to write."""
 
     def __init__(self, path: Path, mode: Any = "r") -> None:
         group: Any = _zarr().open_group(str(path), mode=mode)
         self.path, self.attributes = path, dict(group.attrs)
         self.chunk, self.rows = int(group.attrs["chunk"]), int(group.attrs["rows"])
-        opened = {name: group[name].with_config(_CONFIG) for name in (*group.attrs["arrays"], _DONE)}
+        opened = {
+            name: group[name].with_config(_CONFIG) for name in (*group.attrs["arrays"], _DONE)
+        }
         self._done, self._arrays = opened.pop(_DONE), opened
 
     @property
@@ -119,7 +127,8 @@ class Store:
         return [n for n in range(self.chunks) if self._is_complete(n) and not self._is_whole(n)]
 
     def write(self, number: int, result: Mapping[str, np.ndarray]) -> None:
-        """Write the data of chunk `number`, one array a name; other processes may write other chunks meanwhile."""
+        """Write the data of chunk `number`, one array a name; other processes may write other
+        chunks meanwhile."""
         for name, array in self._arrays.items():
             array[self._span(number)] = np.ascontiguousarray(result[name], array.dtype)
 
@@ -134,18 +143,22 @@ class Store:
             self._file(name, number).unlink(missing_ok=True)
 
     def read(self, name: str, rows: slice = slice(None)) -> np.ndarray:
-        """A slice of one array, without gaps. BadInputError when a complete chunk of it is not what was written."""
+        """A slice of one array, without gaps. BadInputError when a complete chunk of it is not what
+        was written."""
         start, stop, _ = rows.indices(self.rows)
         array, stop = self._arrays[name], max(start, stop)
         try:
             for number in range(start // self.chunk, -(-stop // self.chunk)):
                 file = self._file(name, number)
-                # Zarr reads a chunk without a file as one that was never written. An array without entries has none.
+                # Zarr reads a chunk without a file as one that was never written. An array without
+                # entries has none.
                 if array.size and self._is_complete(number) and not file.is_file():
                     raise FileNotFoundError(file)
             return np.asarray(array[start:stop])
         except (ValueError, FileNotFoundError) as error:  # a CRC-32C that differs is a ValueError
-            raise BadInputError(f"{self.path}: {name} is damaged; compute it again with --resume") from error
+            raise BadInputError(
+                f"{self.path}: {name} is damaged; compute it again with --resume"
+            ) from error
 
     def _is_whole(self, number: int) -> bool:
         try:
@@ -169,7 +182,8 @@ class Store:
 
 
 def create_store(path: Path, layout: Layout, provenance: Mapping[str, Any] | None = None) -> Store:
-    """A new store; BadInputError when something is there already. provenance: where it comes from, JSON data.
+    """A new store; BadInputError when something is there already. provenance: where it comes from,
+    JSON data.
 
     It is made under a temporary name and renamed, so that it appears whole.
     """
@@ -194,13 +208,22 @@ def _fill(group: Any, layout: Layout, provenance: Mapping[str, Any] | None) -> N
     rows = min(layout.chunk, layout.rows)
     for name, (shape, kind, fill, axes, about) in layout.arrays.items():
         named = {"dimension_names": (layout.row, *axes), "attributes": dict(about)}
-        shapes = {"shape": (layout.rows, *shape), "chunks": (rows, *(max(size, 1) for size in shape))}
+        shapes = {
+            "shape": (layout.rows, *shape),
+            "chunks": (rows, *(max(size, 1) for size in shape)),
+        }
         group.create_array(name, **shapes, dtype=kind, fill_value=fill, **named, **coded)
     labels = {name: (axis, words) for name, (axis, words) in layout.labels.items() if words}
     for name, (axis, words) in labels.items():
-        listed = group.create_array(name, shape=(len(words),), dtype="str", dimension_names=(axis,), **coded)
+        listed = group.create_array(
+            name, shape=(len(words),), dtype="str", dimension_names=(axis,), **coded
+        )
         listed[:] = np.array(words, dtype=object)
-    chunks = {"shape": (-(-layout.rows // layout.chunk),), "chunks": (1,), "dimension_names": ("chunk",)}
+    chunks = {
+        "shape": (-(-layout.rows // layout.chunk),),
+        "chunks": (1,),
+        "dimension_names": ("chunk",),
+    }
     group.create_array(_DONE, **chunks, dtype="uint8", fill_value=0, **coded)
     group.attrs.update(
         {
@@ -219,10 +242,18 @@ def _fill(group: Any, layout: Layout, provenance: Mapping[str, Any] | None) -> N
 
 
 def _digest(path: Path) -> str:
-    """SHA-256 of all that says what the numbers mean: attributes, form of each array, names and units of the axes."""
+    """SHA-256 of all that says what the numbers mean: attributes, form of each array, names and
+    units of the axes."""
     labels = json.loads((path / "zarr.json").read_bytes())["attributes"]["labels"]
-    files = [path / "zarr.json", *sorted(path.glob("*/zarr.json")), *(path / name / "c" / "0" for name in labels)]
-    listed = [[str(file.relative_to(path)), hashlib.sha256(file.read_bytes()).hexdigest()] for file in files]
+    files = [
+        path / "zarr.json",
+        *sorted(path.glob("*/zarr.json")),
+        *(path / name / "c" / "0" for name in labels),
+    ]
+    listed = [
+        [str(file.relative_to(path)), hashlib.sha256(file.read_bytes()).hexdigest()]
+        for file in files
+    ]
     return hashlib.sha256(json.dumps(listed).encode()).hexdigest()
 
 
@@ -234,19 +265,28 @@ def open_store(path: Path, layout: Layout | None = None) -> Store:
     what = "store" if layout is None else f"{layout.what} store"
     _zarr()
     if not (path / _DIGEST).is_file():
-        raise BadInputError(f"{path} is not a {what} of this version; start anew, without --resume, under another name")
+        raise BadInputError(
+            f"{path} is not a {what} of this version; start anew, without --resume, under another name"
+        )
     try:
         whole = (path / _DIGEST).read_bytes() == _digest(path).encode()
     except (OSError, ValueError, LookupError, TypeError, RecursionError):
         whole = False
     if not whole:
-        raise BadInputError(f"{path} is damaged, its names, units or attributes are not those written; start anew")
+        raise BadInputError(
+            f"{path} is damaged, its names, units or attributes are not those written; start anew"
+        )
     if layout is None:
         return Store(path)
     store = Store(path, "r+")
     begun = store.attributes["toolchain"]
-    if (store.attributes["schema"], store.attributes["identity"]) != (layout.schema, layout.identity):
-        raise BadInputError(f"{path} belongs to another {layout.what}; give the same options, or another name")
+    if (store.attributes["schema"], store.attributes["identity"]) != (
+        layout.schema,
+        layout.identity,
+    ):
+        raise BadInputError(
+            f"{path} belongs to another {layout.what}; give the same options, or another name"
+        )
     if begun != VERSION:
         raise BadInputError(
             f"{path} was begun by version {begun} and this is {VERSION}: finish it there, or start anew"
@@ -258,7 +298,9 @@ def _zarr() -> Any:
     try:
         import zarr
     except ImportError as error:
-        raise BadInputError("a store needs Zarr; install it with `pip install .[distributed]`") from error
+        raise BadInputError(
+            "a store needs Zarr; install it with `pip install .[distributed]`"
+        ) from error
     return zarr
 
 
@@ -274,9 +316,9 @@ def stream(
 ) -> Store:
     """Compute every row of the job that the store at `path` does not hold yet.
 
-    count, scheduler: see `workers`. resume: continue an interrupted job, and compute damaged chunks again; else the
-    store must be new. provenance: of a new store. progress is called with (chunks done, chunks in all), first at the
-    start. The results do not depend on where they were computed.
+    count, scheduler: see `workers`. resume: continue an interrupted job, and compute damaged chunks
+    again; else the store must be new. provenance: of a new store. progress is called with (chunks
+    done, chunks in all), first at the start. The results do not depend on where they were computed.
     """
     from hfa_support.jobs.workers import workers
 
@@ -291,13 +333,20 @@ def stream(
             warnings.warn(text, stacklevel=2)
         missing = store.missing()
         show = progress if progress is not None and missing else lambda *_: None
-        show(store.chunks - len(missing), store.chunks)  # the first chunk may take a while: code is compiled
+        show(
+            store.chunks - len(missing), store.chunks
+        )  # the first chunk may take a while: code is compiled
         here = place if scheduler is None else None
         tasks = (
-            (number, (here, number, job.function, job.task(number * store.chunk, store.end(number))))
+            (
+                number,
+                (here, number, job.function, job.task(number * store.chunk, store.end(number))),
+            )
             for number in missing
         )
-        for done, (number, rows) in enumerate(run(_run_and_write, tasks), start=store.chunks - len(missing) + 1):
+        for done, (number, rows) in enumerate(
+            run(_run_and_write, tasks), start=store.chunks - len(missing) + 1
+        ):
             if rows is not None:
                 store.write(number, rows)
             store.complete(number)
@@ -308,7 +357,8 @@ def stream(
 def _run_and_write(
     path: Path | None, number: int, function: Callable[..., Mapping[str, np.ndarray]], task: Task
 ) -> Mapping[str, np.ndarray] | None:
-    """Compute one chunk and write it into the store at a path; without one return it. What a worker runs."""
+    """Compute one chunk and write it into the store at a path; without one return it. What a worker
+    runs."""
     rows = function(*task)
     if path is None:
         return rows

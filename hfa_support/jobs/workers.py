@@ -15,7 +15,8 @@ from typing import Any
 
 from hfa_support.errors import BadInputError, NoSolutionError
 
-#: Chunks in flight for each thread of a cluster: enough to keep it busy, few enough to keep memory flat.
+#: Chunks in flight for each thread of a cluster: enough to keep it busy, few enough to keep memory
+#: flat.
 _AHEAD = 2
 #: How often Dask runs a task again whose worker was lost.
 _RETRIES = 3
@@ -30,11 +31,11 @@ Run = Callable[[Callable[..., Any], Tasks], Iterator[tuple[int, Any]]]
 
 @contextmanager
 def workers(count: int = 1, scheduler: str | None = None) -> Iterator[Run]:
-    """What runs tasks: this process (count 1), `count` processes, or the Dask cluster at `scheduler` (tcp://host:port).
+    """What runs tasks: this process (count 1), `count` processes, or the Dask cluster at
+    `scheduler` (tcp://host:port).
 
-    BadInputError when the count is not positive, Dask is not installed or the scheduler does not answer. Running
-    raises NoSolutionError when a worker dies, or the cluster gives a task up.
-    """
+    BadInputError when the count is not positive, Dask is not installed or the scheduler does not
+    answer. Running raises NoSolutionError when a worker dies, or the cluster gives a task up."""
     if count < 1:
         raise BadInputError(f"the number of workers is {count}; it must be at least 1")
     if scheduler is not None:
@@ -49,8 +50,11 @@ def _here(function: Callable[..., Any], tasks: Tasks) -> Iterator[tuple[int, Any
         yield key, function(*task)
 
 
-def _in_processes(count: int, function: Callable[..., Any], tasks: Tasks) -> Iterator[tuple[int, Any]]:
-    """Each process receives tasks and answers through its pipe. No process outlives the iteration."""
+def _in_processes(
+    count: int, function: Callable[..., Any], tasks: Tasks
+) -> Iterator[tuple[int, Any]]:
+    """Each process receives tasks and answers through its pipe. No process outlives the
+    iteration."""
     import multiprocessing
     from multiprocessing.connection import wait
 
@@ -86,15 +90,17 @@ def _in_processes(count: int, function: Callable[..., Any], tasks: Tasks) -> Ite
 
 @contextmanager
 def _undisturbed() -> Iterator[None]:
-    """Signals wait until a process has started, which inherits that: it never sees Ctrl-C, which a terminal gives to
-    every process of a run."""
+    """Signals wait until a process has started, which inherits that: it never sees Ctrl-C, which a
+    terminal gives to every process of a run."""
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
     from multiprocessing import resource_tracker
 
     resource_tracker.ensure_running()  # its start, which comes with that of the first process, unblocks signals
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM, signal.SIGHUP})
+    before = signal.pthread_sigmask(
+        signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM, signal.SIGHUP}
+    )
     try:
         yield
     finally:
@@ -102,8 +108,8 @@ def _undisturbed() -> Iterator[None]:
 
 
 def _serve(connection: Any) -> None:
-    """Answer each (function, task) with (result, None) or (None, error); end when the process that started this one
-    is gone, however that ended."""
+    """Answer each (function, task) with (result, None) or (None, error); end when the process that
+    started this one is gone, however that ended."""
     import multiprocessing
 
     parent = multiprocessing.parent_process()
@@ -134,14 +140,17 @@ def _cluster(scheduler: str) -> Iterator[Run]:
         from distributed.comm import CommClosedError
         from distributed.scheduler import KilledWorker
     except ImportError as error:
-        raise BadInputError("a scheduler needs Dask; install it with `pip install .[distributed]`") from error
+        raise BadInputError(
+            "a scheduler needs Dask; install it with `pip install .[distributed]`"
+        ) from error
 
     def run(function: Callable[..., Any], tasks: Tasks) -> Iterator[tuple[int, Any]]:
         waiting, keys = iter(tasks), dict[Any, int]()
 
         def submitted(count: int) -> list[Any]:
             found = {
-                client.submit(function, *t, pure=False, retries=_RETRIES): key for key, t in islice(waiting, count)
+                client.submit(function, *t, pure=False, retries=_RETRIES): key
+                for key, t in islice(waiting, count)
             }
             keys.update(found)
             return [*found]
@@ -152,7 +161,9 @@ def _cluster(scheduler: str) -> Iterator[Run]:
                 yield keys.pop(future), future.result()
                 finished.update(submitted(1))
         except (KilledWorker, CancelledError, CommClosedError) as error:
-            raise NoSolutionError(f"the cluster gave a chunk up ({type(error).__name__}); {_ADVICE}") from error
+            raise NoSolutionError(
+                f"the cluster gave a chunk up ({type(error).__name__}); {_ADVICE}"
+            ) from error
 
     logging.disable()  # what Dask logs of a lost connection, in tracebacks, is one line of ours
     try:
@@ -160,7 +171,9 @@ def _cluster(scheduler: str) -> Iterator[Run]:
             client = Client(scheduler, timeout=_ANSWER, set_as_default=False)
         except (OSError, ValueError) as error:
             advice = "start one, or use --workers"
-            raise BadInputError(f"no Dask scheduler answers at {scheduler} ({error}); {advice}") from None
+            raise BadInputError(
+                f"no Dask scheduler answers at {scheduler} ({error}); {advice}"
+            ) from None
         with client:
             threads = sum(client.nthreads().values())
             if not threads:

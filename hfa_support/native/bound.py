@@ -1,5 +1,5 @@
-"""CasADi Functions bound to memory of ours, which each thread has for itself: arguments are written in place, results
-read in place."""
+"""CasADi Functions bound to memory of ours, which each thread has for itself: arguments are written
+in place, results read in place."""
 
 from __future__ import annotations
 
@@ -13,17 +13,21 @@ import numpy as np
 
 
 class BoundFunction:
-    """Calls a dense CasADi Function without converting anything, about a microsecond of overhead a call.
+    """Calls a dense CasADi Function without converting anything, about a microsecond of overhead a
+    call.
 
-    inputs, results: one flat array an argument and a result (columns of a matrix one after the other), owned
-    here and overwritten by each call. Not for two threads at once.
-    """
+    inputs, results: one flat array an argument and a result (columns of a matrix one after the
+    other), owned here and overwritten by each call. Not for two threads at once."""
 
     def __init__(self, function: ca.Function) -> None:
         self.inputs = tuple(np.zeros(function.numel_in(i)) for i in range(function.n_in()))
         self.results = tuple(np.zeros(function.numel_out(i)) for i in range(function.n_out()))
-        if function.nnz_in() + function.nnz_out() != sum(array.size for array in (*self.inputs, *self.results)):
-            raise ValueError(f"{function.name()}: arguments and results must be dense to be bound to memory")
+        if function.nnz_in() + function.nnz_out() != sum(
+            array.size for array in (*self.inputs, *self.results)
+        ):
+            raise ValueError(
+                f"{function.name()}: arguments and results must be dense to be bound to memory"
+            )
         buffer: Any
         buffer, self._evaluate = function.buffer()
         for index, array in enumerate(self.inputs):
@@ -44,10 +48,11 @@ _MAKING = threading.RLock()
 
 
 def cached_per_thread(maxsize: int | None) -> Callable[[Callable[..., Made]], Callable[..., Made]]:
-    """`functools.lru_cache` with one cache a thread: for a `BoundFunction`, whose memory each call overwrites.
+    """`functools.lru_cache` with one cache a thread: for a `BoundFunction`, whose memory each call
+    overwrites.
 
-    CasADi lets other Python threads run while it evaluates, and a worker of a cluster has several threads by default.
-    """
+    CasADi lets other Python threads run while it evaluates, and a worker of a cluster has several
+    threads by default."""
 
     def decorate(make: Callable[..., Made]) -> Callable[..., Made]:
         own = threading.local()

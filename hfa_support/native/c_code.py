@@ -1,4 +1,5 @@
-"""A CasADi Function as plain C: functions of arrays, no library but math.h, no tables, no memory of their own."""
+"""A CasADi Function as plain C: functions of arrays, no library but math.h, no tables, no memory of
+their own."""
 
 from __future__ import annotations
 
@@ -49,16 +50,20 @@ _OPERATIONS = {
 }
 
 
-def c_function(function: ca.Function, name: str, arguments: tuple[str, ...], results: tuple[str, ...]) -> str:
-    """`static void name(const double *argument, ..., double *result, ...)`: the instructions of a dense SX Function.
+def c_function(
+    function: ca.Function, name: str, arguments: tuple[str, ...], results: tuple[str, ...]
+) -> str:
+    """`static void name(const double *argument, ..., double *result, ...)`: the instructions of a
+    dense SX Function.
 
-    Columns of a matrix come one after the other. One function that it calls, of one argument and one result, comes
-    before it. Avoids compiler warnings about empty and unused variables. BadInputError names an operation that
-    is not known here.
-    """
+    Columns of a matrix come one after the other. One function that it calls, of one argument and
+    one result, comes before it. Avoids compiler warnings about empty and unused variables.
+    BadInputError names an operation that is not known here."""
     inner = function.find_functions(0)
     called = "".join(c_function(each, f"{name}_{each.name()}", ("x",), ("y",)) for each in inner)
-    names = ", ".join([*(f"const double *{each}" for each in arguments), *(f"double *{each}" for each in results)])
+    names = ", ".join(
+        [*(f"const double *{each}" for each in arguments), *(f"double *{each}" for each in results)]
+    )
     lines, used = [], set()
     for index in range(function.n_instructions()):
         code, out, source = (
@@ -75,15 +80,27 @@ def c_function(function: ca.Function, name: str, arguments: tuple[str, ...], res
             lines.append(f"{results[out[0]]}[{out[1]}] = w{source[0]};")
         elif code == ca.OP_CALL and len(inner) == 1:
             given = ", ".join(f"w{each}" for each in source)
-            taken = " ".join(f"w{each} = y[{place}];" for place, each in enumerate(out) if each >= 0)
+            taken = " ".join(
+                f"w{each} = y[{place}];" for place, each in enumerate(out) if each >= 0
+            )
             callee = f"{name}_{inner[0].name()}"
-            lines.append(f"{{ const double x[] = {{{given}}}; double y[{len(out)}]; {callee}(x, y); {taken} }}")
+            lines.append(
+                f"{{ const double x[] = {{{given}}}; double y[{len(out)}]; {callee}(x, y); {taken} }}"
+            )
         elif code in _OPERATIONS:
-            lines.append(f"w{out[0]} = {_OPERATIONS[code].format(*(f'w{each}' for each in source))};")
+            lines.append(
+                f"w{out[0]} = {_OPERATIONS[code].format(*(f'w{each}' for each in source))};"
+            )
         else:
-            words = [word for word in dir(ca) if word.startswith("OP_") and getattr(ca, word) == code]
-            raise BadInputError(f"{name}: the operation {words[0] if words else code} cannot be written as C")
+            words = [
+                word for word in dir(ca) if word.startswith("OP_") and getattr(ca, word) == code
+            ]
+            raise BadInputError(
+                f"{name}: the operation {words[0] if words else code} cannot be written as C"
+            )
     work = textwrap.fill(", ".join(f"w{index}" for index in sorted(used)), 100)
     body = "\n".join(f"    {line}" for line in [*f"double {work};".splitlines(), *lines])
-    idle = "".join(f"    (void){each};\n" for each in (*arguments, *results) if f"{each}[" not in body)
+    idle = "".join(
+        f"    (void){each};\n" for each in (*arguments, *results) if f"{each}[" not in body
+    )
     return f"{called}static void {name}({names})\n{{\n{body}\n{idle}}}\n"

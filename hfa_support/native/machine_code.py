@@ -1,9 +1,8 @@
 """CasADi Functions as machine code: generated C, compiled once, cached by content.
 
-With a C compiler a function runs several times faster than in CasADi's virtual machine, and gives the same
-numbers to rounding. Without one, or when compiling fails, the virtual machine serves; one line on
-standard error says so.
-"""
+With a C compiler a function runs several times faster than in CasADi's virtual machine, and gives
+the same numbers to rounding. Without one, or when compiling fails, the virtual machine serves; one
+line on standard error says so."""
 
 from __future__ import annotations
 
@@ -24,32 +23,42 @@ _FLAGS = ("-O2", "-fPIC", "-shared", "-fno-math-errno")
 
 
 def machine_code(function: ca.Function) -> ca.Function:
-    """The same function compiled to machine code, or with one note the function itself where no compiler works.
+    """The same function compiled to machine code, or with one note the function itself where no
+    compiler works.
 
-    The library is kept in `cache_folder()` under two hashes: of the C text, the compiler and its flags, and of its own
-    content, which is checked before it is loaded. Its symbol carries the first, because two libraries of one name
-    cannot live in one process. A library that cannot be loaded is not kept.
-    """
+    The library is kept in `cache_folder()` under two hashes: of the C text, the compiler and its
+    flags, and of its own content, which is checked before it is loaded. Its symbol carries the
+    first, because two libraries of one name cannot live in one process. A library that cannot be
+    loaded is not kept."""
     compiler = c_compiler()
     if compiler is None:
         _say("no C compiler found; running without machine code")
         return function
-    key = hashlib.sha256("\n".join([_c_text(function, "placeholder"), compiler, *_FLAGS]).encode()).hexdigest()[:24]
+    key = hashlib.sha256(
+        "\n".join([_c_text(function, "placeholder"), compiler, *_FLAGS]).encode()
+    ).hexdigest()[:24]
     symbol, library = f"hfa_{key}", None
     try:
         folder = _own_folder(cache_folder())
         kept = [each for each in folder.glob(f"{symbol}-*.so") if each.stem.endswith(_digest(each))]
-        library = kept[0] if kept else _compile([compiler, *_FLAGS], _c_text(function, symbol), folder, symbol)
+        library = (
+            kept[0]
+            if kept
+            else _compile([compiler, *_FLAGS], _c_text(function, symbol), folder, symbol)
+        )
         return ca.external(symbol, str(library))
     except (OSError, RuntimeError, subprocess.CalledProcessError) as error:
         if library is not None:
             library.unlink(missing_ok=True)
-        _say(f"cannot compile machine code with {compiler} ({str(error).splitlines()[0]}); running without")
+        _say(
+            f"cannot compile machine code with {compiler} ({str(error).splitlines()[0]}); running without"
+        )
         return function
 
 
 def cache_folder() -> Path:
-    """Where compiled functions are kept: `$XDG_CACHE_HOME/hfa-toolchain`, by default under `~/.cache`.
+    """Where compiled functions are kept: `$XDG_CACHE_HOME/hfa-toolchain`, by default under
+    `~/.cache`.
 
     RuntimeError when there is no home folder.
     """
@@ -65,7 +74,8 @@ def _c_text(function: ca.Function, symbol: str) -> str:
 
 
 def _own_folder(folder: Path) -> Path:
-    """The folder, made if need be, which only its owner can write; RuntimeError when that is somebody else."""
+    """The folder, made if need be, which only its owner can write; RuntimeError when that is
+    somebody else."""
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     if os.name == "posix" and folder.stat().st_uid != os.geteuid():
         raise RuntimeError(f"{folder} belongs to another user")
@@ -78,7 +88,9 @@ def _compile(compiler: list[str], text: str, folder: Path, symbol: str) -> Path:
         source, made = temporary / "generated.c", temporary / "generated.so"
         source.write_text(text, encoding="utf-8")
         words = [*compiler, str(source), "-o", str(made), "-lm"]
-        subprocess.run(words, env={**os.environ, "TMPDIR": str(temporary)}, check=True, capture_output=True)
+        subprocess.run(
+            words, env={**os.environ, "TMPDIR": str(temporary)}, check=True, capture_output=True
+        )
         made.chmod(0o700)
         return made.replace(folder / f"{symbol}-{_digest(made)}.so")
 

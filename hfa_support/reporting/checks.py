@@ -57,7 +57,8 @@ class Checked:
 
 
 def checked(name: str, value: float, relation: str, limit: float, reason: str = "") -> Check:
-    """Passes when `value relation limit`, one of `RELATIONS`; a value that is not a number fails."""
+    """Passes when `value relation limit`, one of `RELATIONS`; a value that is not a number
+    fails."""
     ok = RELATIONS[relation](float(value), float(limit))
     return Check(name, float(value), float(limit), ok, "" if ok else reason, relation)
 
@@ -80,7 +81,10 @@ def below(name: str, value: float, limit: float, reason: str) -> Check:
 def checks_block(checks: Iterable[Check]) -> Part:
     """One row a check, then the reason of each that failed."""
     found = tuple(checks)
-    rows = [(check.name, f"{check.value:.3g}", f"{check.limit:.3g}", verdict_text(check.ok)) for check in found]
+    rows = [
+        (check.name, f"{check.value:.3g}", f"{check.limit:.3g}", verdict_text(check.ok))
+        for check in found
+    ]
     reasons = [f"FAIL {check.name}: {check.reason}" for check in found if not check.ok]
     return Table(("check", "value", "limit", "verdict"), rows), *reasons
 

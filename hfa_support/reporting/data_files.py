@@ -22,10 +22,9 @@ _MAT_TEXT = 116  # bytes of free text at the beginning of a .mat file
 def save_data(target: Path, data: Mapping[str, Any], records: Table) -> None:
     """One file, whole or not at all; numbers keep 17 significant digits.
 
-    .json: `data`. .npz: one array a leaf, keys joined by dots. .mat: the same tree
-    as structs, N matrices as (rows, columns, N). .csv: `records`, one row a value; a last column has schema and
-    provenance as JSON in its first row.
-    """
+    .json: `data`. .npz: one array a leaf, keys joined by dots. .mat: the same tree as structs, N
+    matrices as (rows, columns, N). .csv: `records`, one row a value; a last column has schema and
+    provenance as JSON in its first row."""
     suffix = target.suffix.lower()
     if suffix == ".json":
         write_text(target, json_text(data))
@@ -39,12 +38,16 @@ def save_data(target: Path, data: Mapping[str, Any], records: Table) -> None:
         about = {name: data[name] for name in ("schema", "provenance") if name in data}
         write_text(target, _csv(records, json.dumps(jsonable(about))))
     else:
-        raise ValueError(f"cannot write {target}: unknown suffix {suffix!r}; use .json, .npz, .mat or .csv")
+        raise ValueError(
+            f"cannot write {target}: unknown suffix {suffix!r}; use .json, .npz, .mat or .csv"
+        )
 
 
 def _leaves(data: Any, prefix: str = "") -> dict[str, Any]:
     if isinstance(data, Mapping):
-        parts = (_leaves(value, f"{prefix}.{key}" if prefix else key) for key, value in data.items())
+        parts = (
+            _leaves(value, f"{prefix}.{key}" if prefix else key) for key, value in data.items()
+        )
         return {name: leaf for part in parts for name, leaf in part.items()}
     if isinstance(data, list) and data and isinstance(data[0], Mapping):
         return _leaves({str(index): item for index, item in enumerate(data)}, prefix)
@@ -56,7 +59,8 @@ def _mat(data: Mapping[str, Any]) -> bytes:
 
     stream = io.BytesIO()
     savemat(stream, _for_matlab(data), long_field_names=True)
-    # SciPy puts the time into the free text that begins the file; the same result shall be the same file.
+    # SciPy puts the time into the free text that begins the file; the same result shall be the same
+    # file.
     return b"MATLAB 5.0 MAT-file, written by hfa".ljust(_MAT_TEXT) + stream.getvalue()[_MAT_TEXT:]
 
 
@@ -96,14 +100,21 @@ def _csv(records: Table, about: str) -> str:
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow((*records.header, "about"))
     for number, row in enumerate(records.rows):
-        cells = [_digits(cell) if isinstance(cell, (float, np.floating)) else _inert(cell) for cell in row]
+        cells = [
+            _digits(cell) if isinstance(cell, (float, np.floating)) else _inert(cell)
+            for cell in row
+        ]
         writer.writerow([*cells, "" if number else about])
     return stream.getvalue()
 
 
 def _inert(cell: Any) -> Any:
     """A text that a spreadsheet would take for a formula gets an apostrophe before it."""
-    return f"'{cell}" if isinstance(cell, str) and re.match(r"[=@\t\r]|\+[^\d.]|\+.*[^\d.]$|-[^\d.]", cell) else cell
+    return (
+        f"'{cell}"
+        if isinstance(cell, str) and re.match(r"[=@\t\r]|\+[^\d.]|\+.*[^\d.]$|-[^\d.]", cell)
+        else cell
+    )
 
 
 def _digits(value: float | np.floating) -> str:

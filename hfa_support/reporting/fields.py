@@ -1,4 +1,5 @@
-"""Dataclasses of arrays: compared as values; shown at the prompt with their fields, small matrices entry by entry."""
+"""Dataclasses of arrays: compared as values; shown at the prompt with their fields, small matrices
+entry by entry."""
 
 from __future__ import annotations
 
@@ -20,7 +21,8 @@ _LONGEST = 110
 
 
 class ByValue:
-    """A dataclass (`eq=False`) that equals another when every field does, arrays entry by entry and nan like nan.
+    """A dataclass (`eq=False`) that equals another when every field does, arrays entry by entry and
+    nan like nan.
 
     The comparison that `dataclass` writes asks an array for its truth and raises.
     """
@@ -28,7 +30,11 @@ class ByValue:
     def __eq__(self, other: object) -> bool:
         if type(other) is not type(self):
             return NotImplemented
-        return all(_same(getattr(self, one.name), getattr(other, one.name)) for one in fields(self) if one.compare)  # type: ignore[arg-type]
+        return all(
+            _same(getattr(self, one.name), getattr(other, one.name))
+            for one in fields(self)  # type: ignore[arg-type]
+            if one.compare
+        )
 
 
 class Shown(Reported):
@@ -41,7 +47,12 @@ class Shown(Reported):
         matrices: list[Part] = []
         checks: list[Part] = []
         for name, value in held.items():
-            if isinstance(value, np.ndarray) and value.ndim == 2 and value.size and max(value.shape) <= _MOST:
+            if (
+                isinstance(value, np.ndarray)
+                and value.ndim == 2
+                and value.size
+                and max(value.shape) <= _MOST
+            ):
                 rows, columns = (numbered("", count) for count in value.shape)
                 matrices.append(matrix_table(name, rows, columns, value))
             elif isinstance(value, tuple) and value and isinstance(value[0], Check):
@@ -64,7 +75,13 @@ def _said(value: Any) -> str:
     elif isinstance(value, (float, np.floating)):
         text = f"{value:.6g}"
     else:
-        text = "" if value is None else type(value).__name__ if isinstance(value, Reported) else str(value)
+        text = (
+            ""
+            if value is None
+            else type(value).__name__
+            if isinstance(value, Reported)
+            else str(value)
+        )
     if "array(" in text or " object at 0x" in text:
         text = type(value).__name__
     return shortened(" ".join(text.split()) or "-", _LONGEST)
@@ -72,5 +89,7 @@ def _said(value: Any) -> str:
 
 def _same(one: Any, other: Any) -> bool:
     if isinstance(one, np.ndarray) and isinstance(other, np.ndarray):
-        return np.array_equal(one, other, equal_nan=one.dtype.kind in "fc" and other.dtype.kind in "fc")
+        return np.array_equal(
+            one, other, equal_nan=one.dtype.kind in "fc" and other.dtype.kind in "fc"
+        )
     return bool(one == other)

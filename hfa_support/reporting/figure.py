@@ -1,4 +1,5 @@
-"""Pictures: an empty figure drawn without a display, and files that are the same for the same data."""
+"""Pictures: an empty figure drawn without a display, and files that are the same for the same
+data."""
 
 from __future__ import annotations
 
@@ -18,7 +19,8 @@ if TYPE_CHECKING:
 # Where its settings cannot be kept it says so, in two lines; the picture is the same.
 logging.getLogger("matplotlib").setLevel(logging.ERROR)
 
-#: What matplotlib would write into a file and would be another one the next day; where a file says what it is about.
+#: What matplotlib would write into a file and would be another one the next day; where a file says
+#: what it is about.
 _VARYING = {"png": ["Software"], "svg": ["Date"], "pdf": ["CreationDate", "Producer", "Creator"]}
 _ABOUT = {"png": "Description", "svg": "Description", "pdf": "Subject"}
 _DPI = 130
@@ -49,7 +51,8 @@ def save(figure: Figure, path: Path, source: str = "") -> None:
 
 
 def _write(figure: Figure, stream: IO[bytes], kind: str, metadata: dict[str, Any]) -> None:
-    """Laid out here where it is made of points: to have it laid out, matplotlib draws all of it, and then once more."""
+    """Laid out here where it is made of points: to have it laid out, matplotlib draws all of it,
+    and then once more."""
     engine = figure.get_layout_engine()
     if kind == "png" and figure.axes and engine is not None:
         figure.dpi = _DPI
@@ -77,7 +80,9 @@ def new_figure(width: float, height: float) -> Figure:
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
     except ValueError as error:
-        raise BadInputError(f"matplotlib does not start, check MPLBACKEND and matplotlibrc: {error}") from error
+        raise BadInputError(
+            f"matplotlib does not start, check MPLBACKEND and matplotlibrc: {error}"
+        ) from error
 
     figure = Figure(figsize=(width, height), layout="constrained")
     FigureCanvasAgg(figure)

@@ -1,4 +1,5 @@
-"""A report: what a result says, once, as text for a terminal, Markdown, HTML, and data for files."""
+"""A report: what a result says, once, as text for a terminal, Markdown, HTML, and data for
+files."""
 
 from __future__ import annotations
 
@@ -24,7 +25,8 @@ SUFFIXES = (".json", ".npz", ".mat", ".csv")
 
 @dataclass(frozen=True, eq=False)
 class Picture:
-    """A figure that is drawn when somebody looks at it; `text` says what it shows to those who cannot see it."""
+    """A figure that is drawn when somebody looks at it; `text` says what it shows to those who
+    cannot see it."""
 
     name: str
     text: str
@@ -49,11 +51,10 @@ class Picture:
 class Report:
     """What a result says, in the order in which it is read.
 
-    title: a heading, and below it what follows its first line. parts: paragraphs (str), tables of formatted cells
-    (Table), a tuple of these without an empty line between them, pictures, and reports within the report. data: the
-    result for JSON, .npz and .mat. records: for CSV, numbers with all digits. notes: what to know before trusting it.
-    source: the provenance, shown last.
-    """
+    title: a heading, and below it what follows its first line. parts: paragraphs (str), tables of
+    formatted cells (Table), a tuple of these without an empty line between them, pictures, and
+    reports within the report. data: the result for JSON, .npz and .mat. records: for CSV, numbers
+    with all digits. notes: what to know before trusting it. source: the provenance, shown last."""
 
     title: str
     parts: Sequence[Part] = ()
@@ -73,7 +74,8 @@ class Report:
         return replace(self, data={**self.data, **more})
 
     def text(self, color: bool = False) -> str:
-        """For a terminal: parts with an empty line between them, without pictures; color: of cells with a tone."""
+        """For a terminal: parts with an empty line between them, without pictures; color: of cells
+        with a tone."""
         shown = [_text(part, color) for part in self.parts if not isinstance(part, Picture)]
         notes = (f"Note: {note}" for note in self.notes)
         title, *after = (printable(text) for text in (self.title, *notes, self.source))
@@ -88,7 +90,8 @@ class Report:
         return "\n\n".join(filter(None, [*heading, *others, *shown, *notes, self.source]))
 
     def html(self, level: int = 1) -> str:
-        """A fragment without styles, every word escaped; pictures embedded, nothing loaded from elsewhere."""
+        """A fragment without styles, every word escaped; pictures embedded, nothing loaded from
+        elsewhere."""
         first, *others = self.title.split("\n")
         heading = [f"<h{level}>{_escaped(first)}</h{level}>"] if first else []
         shown = [_html(part, level) for part in self.parts]
@@ -102,7 +105,8 @@ class Report:
         return json_text(self.data).rstrip()
 
     def save(self, path: Path) -> None:
-        """Data (.json, .npz, .mat) or records (.csv) as one file, whole or not at all, numbers with all digits."""
+        """Data (.json, .npz, .mat) or records (.csv) as one file, whole or not at all, numbers with
+        all digits."""
         from hfa_support.reporting.data_files import save_data
 
         save_data(path, self.data, self.records)
@@ -142,7 +146,9 @@ def _text(part: Any, color: bool) -> str:
         return part.text(color)
     if isinstance(part, Table):
         return columns(*part, color)
-    return printable(part) if isinstance(part, str) else "\n".join(_text(each, color) for each in part)
+    return (
+        printable(part) if isinstance(part, str) else "\n".join(_text(each, color) for each in part)
+    )
 
 
 def _markdown(part: Any, level: int) -> str:
@@ -150,7 +156,11 @@ def _markdown(part: Any, level: int) -> str:
         return part.markdown(level + 1)
     if isinstance(part, Table):
         return markdown_table(part)
-    return printable(part) if isinstance(part, str) else "\n\n".join(_markdown(each, level) for each in part)
+    return (
+        printable(part)
+        if isinstance(part, str)
+        else "\n\n".join(_markdown(each, level) for each in part)
+    )
 
 
 def markdown_table(table: Table) -> str:
@@ -172,19 +182,26 @@ def _html(part: Part, level: int) -> str:
 
 
 def html_table(table: Table) -> str:
-    """A table in a box that a narrow page can scroll, by keyboard too. Classes: `words` for a column without numbers,
-    and the tone of a cell."""
-    columns = [["words"] if _are_words([row[i] for row in table.rows]) else [] for i in range(len(table.header))]
+    """A table in a box that a narrow page can scroll, by keyboard too. Classes: `words` for a
+    column without numbers, and the tone of a cell."""
+    columns = [
+        ["words"] if _are_words([row[i] for row in table.rows]) else []
+        for i in range(len(table.header))
+    ]
     head = "".join(
         f'<th scope="col"{_class(words)}>{_escaped(cell)}</th>'
         for cell, words in zip(table.header, columns, strict=True)
     )
     body = "\n".join(
-        f'<tr><th scope="row">{_escaped(row[0])}</th>' + "".join(map(_td, row[1:], columns[1:])) + "</tr>"
+        f'<tr><th scope="row">{_escaped(row[0])}</th>'
+        + "".join(map(_td, row[1:], columns[1:]))
+        + "</tr>"
         for row in table.rows
     )
     box = f'<div class="table" role="group" tabindex="0" aria-label="table: {_escaped(table.header[0])}">'
-    return f"{box}<table>\n<thead><tr>{head}</tr></thead>\n<tbody>\n{body}\n</tbody>\n</table></div>"
+    return (
+        f"{box}<table>\n<thead><tr>{head}</tr></thead>\n<tbody>\n{body}\n</tbody>\n</table></div>"
+    )
 
 
 def _are_words(cells: Sequence[Any]) -> bool:

@@ -38,18 +38,23 @@ class Cell(str):
         return cell
 
 
-#: What a terminal would obey or not show: control characters but line breaks, marks of direction, half characters.
-_OBEYED = re.compile("[\x00-\x09\x0b-\x1f\x7f-\x9f\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
+#: What a terminal would obey or not show: control characters but line breaks, marks of direction,
+#: half characters.
+_OBEYED = re.compile(
+    "[\x00-\x09\x0b-\x1f\x7f-\x9f\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]"
+)
 
 
 def printable(text: str, lines: bool = True) -> str:
-    """The text with control characters spelled, as in \\x1b; line breaks stay unless there are to be none."""
+    """The text with control characters spelled, as in \\x1b; line breaks stay unless there are to
+    be none."""
     spelled = _OBEYED.sub(lambda found: ascii(found[0])[1:-1], text)
     return spelled if lines else spelled.replace("\n", " ")
 
 
 class RowsMade(Sequence[tuple[Any, ...]]):
-    """Rows 0 ... count - 1, each made when somebody asks for it: a million of them need no memory."""
+    """Rows 0 ... count - 1, each made when somebody asks for it: a million of them need no
+    memory."""
 
     def __init__(self, count: int, row: Callable[[int], tuple[Any, ...]]) -> None:
         self._count, self._row = count, row
@@ -70,8 +75,8 @@ def matrix_table(
     matrix: Any,
     *axes: tuple[tuple[str, ...], int],
 ) -> Table:
-    """A matrix with its row and column names, four decimals like the paper's, with exponents where these would hide all
-    of it or fill the line; axes: as of `entries_in_force`."""
+    """A matrix with its row and column names, four decimals like the paper's, with exponents where
+    these would hide all of it or fill the line; axes: as of `entries_in_force`."""
     matrix = entries_in_force(matrix, *axes)
     largest = float(np.abs(matrix).max(initial=0.0))
     form = four_decimals if _LEAST <= largest < _MOST or largest == 0.0 else "{:.4e}".format
@@ -95,7 +100,13 @@ def entry_rows(
         ("K", K, inputs, input_units, "({})/({})"),
     )
     return [
-        (name, row, column, *(each[i, j] for each in matrices), unit.format(line_units[i], of) if of else "")
+        (
+            name,
+            row,
+            column,
+            *(each[i, j] for each in matrices),
+            unit.format(line_units[i], of) if of else "",
+        )
         for name, matrices, lines, line_units, unit in kinds
         for i, row in enumerate(lines if matrices else ())
         for j, (column, of) in enumerate(zip(states, state_units, strict=True))
@@ -113,7 +124,8 @@ def in_degrees(angle: float) -> float:
 
 
 def shown_unit(unit: str) -> str:
-    """The unit that a person reads: deg in place of rad, and what `shown_in` says in place of ft."""
+    """The unit that a person reads: deg in place of rad, and what `shown_in` says in place of
+    ft."""
     return unit.replace("rad", "deg") if unit.startswith("rad") else unit_in_force(unit)
 
 
@@ -128,7 +140,8 @@ def shown_value(value: float, unit: str, form: str = ".6g") -> str:
 
 
 def degrees(value: float, unit: str) -> tuple[str, str]:
-    """A value with five decimals, or as 1e+08 where it is that large, and its unit, as a person reads them."""
+    """A value with five decimals, or as 1e+08 where it is that large, and its unit, as a person
+    reads them."""
     return shown_value(value, unit, ".5f" if abs(value) < 1e8 else ".6g"), shown_unit(unit)
 
 
@@ -156,7 +169,8 @@ def four_decimals(value: float) -> str:
 
 
 def columns(header: tuple[str, ...], rows: Sequence[tuple[Any, ...]], color: bool = False) -> str:
-    """Rows of cells in aligned columns: the first to the left, the others to the right; cells with a tone in color."""
+    """Rows of cells in aligned columns: the first to the left, the others to the right; cells with
+    a tone in color."""
     table = [[printable(str(cell), lines=False) for cell in row] for row in (header, *rows)]
     widths = [max(len(row[i]) for row in table) for i in range(len(header))]
     lines = []
@@ -166,7 +180,8 @@ def columns(header: tuple[str, ...], rows: Sequence[tuple[Any, ...]], color: boo
         if color:
             tones = [TONES.get(getattr(cell, "tone", ""), "") for cell in cells]
             aligned = [
-                f"\033[{tone}m{text}\033[0m" if tone else text for tone, text in zip(tones, aligned, strict=True)
+                f"\033[{tone}m{text}\033[0m" if tone else text
+                for tone, text in zip(tones, aligned, strict=True)
             ]
         lines.append("  ".join(aligned).rstrip())
     return "\n".join(lines)

@@ -1,8 +1,9 @@
-"""Feet, slugs and pounds inside; metres, kilograms and newtons where a user asks: here alone does a unit change.
+"""Feet, slugs and pounds inside; metres, kilograms and newtons where a user asks: here alone does a
+unit change.
 
-Exact but for rounding: ft = 0.3048 m, lb = 0.45359237 kg, standard gravity 9.80665 m/s² (National Institute of
-Standards and Technology, Special Publication 811). Seconds, radians and numbers without a unit stay.
-"""
+Exact but for rounding: ft = 0.3048 m, lb = 0.45359237 kg, standard gravity 9.80665 m/s² (National
+Institute of Standards and Technology, Special Publication 811). Seconds, radians and numbers
+without a unit stay."""
 
 from __future__ import annotations
 
@@ -18,7 +19,11 @@ from hfa_support.errors import BadInputError, shortened
 
 SYSTEMS = ("english", "si")
 _FOOT, _POUND, _GRAVITY = 0.3048, 0.45359237, 9.80665
-_SI = {"ft": ("m", _FOOT), "lbf": ("N", _POUND * _GRAVITY), "slug": ("kg", _POUND * _GRAVITY / _FOOT)}
+_SI = {
+    "ft": ("m", _FOOT),
+    "lbf": ("N", _POUND * _GRAVITY),
+    "slug": ("kg", _POUND * _GRAVITY / _FOOT),
+}
 _SYSTEM: ContextVar[str] = ContextVar("units", default=SYSTEMS[0])
 
 
@@ -55,7 +60,8 @@ def typed(value: float, unit: str) -> float:
 
 
 def entries_in_force(matrix: np.ndarray, *axes: tuple[tuple[str, ...], int]) -> np.ndarray:
-    """An array whose last axes have units, each a (unit of every entry, power): (m/s)/(rad) of A is +1 and -1."""
+    """An array whose last axes have units, each a (unit of every entry, power): (m/s)/(rad) of A is
+    +1 and -1."""
     if _SYSTEM.get() != "si":
         return matrix
     for place, (units, power) in enumerate(axes):
@@ -70,7 +76,8 @@ def si_unit(unit: str) -> str:
 
 
 def si_factor(unit: str) -> float:
-    """How many SI units one English unit is: 0.3048 for ft/s. What follows "/" divides, up to the end of a bracket."""
+    """How many SI units one English unit is: 0.3048 for ft/s. What follows "/" divides, up to the
+    end of a bracket."""
     return _product(iter(re.findall(r"\(|\)|/|\^-?\d+|[^\s()/^]+", unit)))
 
 

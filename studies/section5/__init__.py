@@ -1,1 +1,2 @@
-"""Section 5 of the paper, re-simulated: its statements, the measured numbers, and whether they agree."""
+"""Section 5 of the paper, re-simulated: its statements, the measured numbers, and whether they
+agree."""

@@ -1,8 +1,9 @@
-"""Simulates Section 5 of the paper: figures 3 to 23 anew, and every claim with its number, law by law.
+"""Simulates Section 5 of the paper: figures 3 to 23 anew, and every claim with its number, law by
+law.
 
-Writes FOLDER/SECTION/ with figure-NN.png, figure-NN.npz and result.json, and FOLDER/claims.json and claims.md. A claim
-that is not confirmed is a result, not a failure. Takes a minute and a half of computing, which the cores share.
-"""
+Writes FOLDER/SECTION/ with figure-NN.png, figure-NN.npz and result.json, and FOLDER/claims.json and
+claims.md. A claim that is not confirmed is a result, not a failure. Takes a minute and a half of
+computing, which the cores share."""
 
 from __future__ import annotations
 
@@ -42,17 +43,28 @@ _TITLES = ("Different trim points", _LEARNING, "Model uncertainty", "Measurement
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Exit code 0: every flight was simulated. 1: a law of this project lost the aircraft. 2: bad usage."""
+    """Exit code 0: every flight was simulated. 1: a law of this project lost the aircraft. 2: bad
+    usage."""
     parser = argparse.ArgumentParser("python -m studies.section5", description=__doc__)
-    parser.add_argument("section", nargs="?", default="all", choices=("all", *SECTIONS), help="default: all")
-    parser.add_argument("-o", type=Path, default=Path("out/section5"), metavar="FOLDER", help="default: %(default)s")
+    parser.add_argument(
+        "section", nargs="?", default="all", choices=("all", *SECTIONS), help="default: all"
+    )
+    parser.add_argument(
+        "-o", type=Path, default=Path("out/section5"), metavar="FOLDER", help="default: %(default)s"
+    )
     about = "where A and B come from: trimmed and linearized here (default), or the paper's four decimals"
     parser.add_argument("--matrices", choices=MATRICES, default=MATRICES[0], help=about)
-    parser.add_argument("--resume", action="store_true", help="keep the sections that are finished in FOLDER")
-    parser.add_argument("--workers", type=int, default=os.cpu_count(), metavar="N", help="default: one a core")
+    parser.add_argument(
+        "--resume", action="store_true", help="keep the sections that are finished in FOLDER"
+    )
+    parser.add_argument(
+        "--workers", type=int, default=os.cpu_count(), metavar="N", help="default: one a core"
+    )
     chosen = parser.parse_args(argv)
     sections = SECTIONS if chosen.section == "all" else (chosen.section,)
-    command = shlex.join(["python", "-m", "studies.section5", *(sys.argv[1:] if argv is None else argv)])
+    command = shlex.join(
+        ["python", "-m", "studies.section5", *(sys.argv[1:] if argv is None else argv)]
+    )
     aircraft = default_parameters()
     origin = Provenance(command, "published", aircraft.name, parameter_hash(aircraft.values))
     try:
@@ -61,8 +73,16 @@ def main(argv: Sequence[str] | None = None) -> int:
     except (BadInputError, NoSolutionError) as error:
         print(f"section5: {error}", file=sys.stderr)
         return 2 if isinstance(error, BadInputError) else 1
-    lines = [f"{claim['number']:<8}{claim['verdict']:<32}{claim['says']}" for claim in table["claims"]]
-    print(*lines, "", counts_text(table), *(f"failed: {name}" for name in table["own_failures"]), sep="\n")
+    lines = [
+        f"{claim['number']:<8}{claim['verdict']:<32}{claim['says']}" for claim in table["claims"]
+    ]
+    print(
+        *lines,
+        "",
+        counts_text(table),
+        *(f"failed: {name}" for name in table["own_failures"]),
+        sep="\n",
+    )
     return 1 if table["own_failures"] else 0
 
 
@@ -77,23 +97,34 @@ def run_section(section: str, setting: Setting, processes: int = 1) -> Evidence:
 
 
 def reproduce(
-    sections: Sequence[str], setting: Setting, folder: Path, origin: Provenance, resume: bool, processes: int
+    sections: Sequence[str],
+    setting: Setting,
+    folder: Path,
+    origin: Provenance,
+    resume: bool,
+    processes: int,
 ) -> dict[str, Any]:
-    """Run sections into folder/section each, and write the table of their claims, which is returned.
+    """Run sections into folder/section each, and write the table of their claims, which is
+    returned.
 
-    resume: a section that is there whole, of this version and with the same settings, is not run again.
-    """
+    resume: a section that is there whole, of this version and with the same settings, is not run
+    again."""
     results = []
     for section in sections:
         place, decides = folder / section, deciding(section, setting)
         known = finished(place / "result.json", decides) if resume else None
         if known is None or not _has_pictures(place, known["pictures"]):
-            print(f"section5: {section}, {len(plans_of(section, setting))} flights", file=sys.stderr)
+            print(
+                f"section5: {section}, {len(plans_of(section, setting))} flights", file=sys.stderr
+            )
             known = write_section(run_section(section, setting, processes), place, origin)
         results.append(known)
     table = claims_table(setting, results) | {"provenance": origin.to_dict()}
     write_text(folder / "claims.json", json_text(table))
-    write_text(folder / "claims.md", f"{claims_markdown(table['claims'])}\n\n{counts_text(table)}\n\n{origin.text()}\n")
+    write_text(
+        folder / "claims.md",
+        f"{claims_markdown(table['claims'])}\n\n{counts_text(table)}\n\n{origin.text()}\n",
+    )
     return table
 
 
@@ -105,24 +136,34 @@ def _has_pictures(place: Path, names: Sequence[str]) -> bool:
             with zipfile.ZipFile(place / f"{name}.npz") as arrays:
                 if arrays.testzip() is not None:
                     return False
-    except (OSError, SyntaxError, zipfile.BadZipFile, zlib.error):  # SyntaxError: Pillow, of a damaged PNG
+    except (
+        OSError,
+        SyntaxError,
+        zipfile.BadZipFile,
+        zlib.error,
+    ):  # SyntaxError: Pillow, of a damaged PNG
         return False
     return True
 
 
 def deciding(section: str, setting: Setting) -> dict[str, Any]:
-    """Everything that decides the numbers of a section: matrices, configuration, flights, claims."""
+    """Everything that decides the numbers of a section: matrices, configuration, flights,
+    claims."""
     return {
         "schema": "hfa.experiment/1",
         "section": section,
         "setting": setting.identity,
         "flights": [vars(plan) for plan in plans_of(section, setting)],
-        "claims": [[claim.number, claim.measured, claim.relation, claim.limit] for claim in claims_of(section)],
+        "claims": [
+            [claim.number, claim.measured, claim.relation, claim.limit]
+            for claim in claims_of(section)
+        ],
     }
 
 
 def write_section(evidence: Evidence, place: Path, origin: Provenance) -> dict[str, Any]:
-    """Write the pictures and then the result, which a section has when it is whole; returns the result."""
+    """Write the pictures and then the result, which a section has when it is whole; returns the
+    result."""
     setting, section, flown = evidence.setting, evidence.section, evidence.flown
     place.mkdir(parents=True, exist_ok=True)
     (place / "result.json").unlink(missing_ok=True)
@@ -138,7 +179,12 @@ def write_section(evidence: Evidence, place: Path, origin: Provenance) -> dict[s
         "matrices": setting.matrices,
         "laws": {law: LAWS[law] for law in dict.fromkeys(plan.law for plan in flown)},
         "flights": [
-            {"name": plan.name, **vars(plan), "learned_from": record.learned_from, "metrics": record.metrics}
+            {
+                "name": plan.name,
+                **vars(plan),
+                "learned_from": record.learned_from,
+                "metrics": record.metrics,
+            }
             for plan, record in flown.items()
         ],
         "claims": [check_claim(claim, evidence) for claim in claims_of(section)],
@@ -164,11 +210,18 @@ def claims_table(setting: Setting, results: Sequence[dict[str, Any]]) -> dict[st
             "laws": {law: text for law, text in LAWS.items() if law in used},
             "verdicts": {verdict: verdicts.count(verdict) for verdict in VERDICTS},
             "lost_flights": [
-                {"section": section, "name": one["name"], "law": one["law"], "lost_at": one["metrics"]["lost_at"]}
+                {
+                    "section": section,
+                    "name": one["name"],
+                    "law": one["law"],
+                    "lost_at": one["metrics"]["lost_at"],
+                }
                 for section, one in flights
                 if one["metrics"]["lost_at"] is not None
             ],
-            "own_failures": [f"{section}: {flight['name']}" for section, flight in flights if _failed(flight)],
+            "own_failures": [
+                f"{section}: {flight['name']}" for section, flight in flights if _failed(flight)
+            ],
             "claims": claims,
             "experiments": [{key: result[key] for key in kept} for result in results],
         }
@@ -179,7 +232,9 @@ def claims_table(setting: Setting, results: Sequence[dict[str, Any]]) -> dict[st
 def _failed(flight: Mapping[str, Any]) -> bool:
     """Whether a law of this project lost the aircraft, or its learning was not certified."""
     status = flight["metrics"].get("learning", {}).get("facts", {}).get("status", "converged")
-    return flight["law"] in OWN and (flight["metrics"]["lost_at"] is not None or status != "converged")
+    return flight["law"] in OWN and (
+        flight["metrics"]["lost_at"] is not None or status != "converged"
+    )
 
 
 def counts_text(table: Mapping[str, Any]) -> str:
@@ -192,7 +247,10 @@ def counts_text(table: Mapping[str, Any]) -> str:
 def claims_markdown(claims: Sequence[dict[str, Any]]) -> str:
     """The table of the page; a number in bold meets the criterion of its claim."""
     header, rows = shown_claims(claims)
-    bold = [tuple(f"**{cell}**" if getattr(cell, "tone", "") == "good" else cell for cell in row) for row in rows]
+    bold = [
+        tuple(f"**{cell}**" if getattr(cell, "tone", "") == "good" else cell for cell in row)
+        for row in rows
+    ]
     return markdown_table(Table(header, bold))
 
 

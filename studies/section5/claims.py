@@ -55,7 +55,9 @@ def flights_of(group: str, configuration: Configuration, law: str) -> tuple[Flig
         "5 deg": (at_5,),
         "disturbance alone": tuple(FlightPlan(angle, law, commanded=False) for angle in both),
         INTEGRAL: (FlightPlan(CASE_II, INTEGRAL),),
-        "every uncertainty": tuple(replace(at_5, uncertainty=factor) for factor in configuration.uncertainty.factors),
+        "every uncertainty": tuple(
+            replace(at_5, uncertainty=factor) for factor in configuration.uncertainty.factors
+        ),
         "noise": (replace(at_5, noise=True),),
     }[group]
 
@@ -66,13 +68,18 @@ def plans_of(section: str, setting: Setting) -> tuple[FlightPlan, ...]:
     if section == "5.1":  # and from rest under the disturbance alone
         flown = [FlightPlan(angle, law) for angle in both for law in (*TRACKING, REWEIGHTED)]
         alone = (PRINTED, MODIFIED, CERTIFIED, EXACT)
-        return (*flown, *(FlightPlan(angle, law, commanded=False) for law in alone for angle in both))
+        return (
+            *flown,
+            *(FlightPlan(angle, law, commanded=False) for law in alone for angle in both),
+        )
     if section == "5.2":
         laws = (PRINTED, MODIFIED, CERTIFIED, CERTIFIED_FF, INTEGRAL, EXACT, EXACT_FF)
         return tuple(FlightPlan(CASE_II, law) for law in laws)
     if section == "5.3":
         return tuple(FlightPlan(CASE_II, law, factor) for law in TRACKING for factor in factors)
-    return tuple(FlightPlan(CASE_II, law, noise=noise) for law in TRACKING for noise in (True, False))
+    return tuple(
+        FlightPlan(CASE_II, law, noise=noise) for law in TRACKING for noise in (True, False)
+    )
 
 
 class FlightLostError(Exception):
@@ -95,7 +102,8 @@ class Evidence:
         return found
 
     def numbers(self, group: str, law: str, name: str, of: tuple[str, ...] = ()) -> np.ndarray:
-        """A metric of each flight of a group, (flights, names). of: states or inputs, all of them when empty."""
+        """A metric of each flight of a group, (flights, names). of: states or inputs, all of them
+        when empty."""
         plans = flights_of(group, self.setting.configuration, law)
         return np.array([_numbers(self.record(plan).metrics, name, of) for plan in plans])
 
@@ -117,23 +125,33 @@ Measure = Callable[[Evidence, str], float]
 
 
 def measure_of(said: str | Mapping[str, Any]) -> Measure:
-    """One of `NAMED`, or {HOW = metric, of = names, in = flights, to = others}, HOW worst, smallest, spread or ratio.
+    """One of `NAMED`, or {HOW = metric, of = names, in = flights, to = others}, HOW worst,
+    smallest, spread or ratio.
 
-    spread: the largest (largest - smallest) / largest between the flights, inf when a number is inf in some only; one
-    that is inf in all flights (an error that never settles) is left out. ratio: to the same number of the others.
-    """
+    spread: the largest (largest - smallest) / largest between the flights, inf when a number is inf
+    in some only; one that is inf in all flights (an error that never settles) is left out. ratio:
+    to the same number of the others."""
     if isinstance(said, str):
         return NAMED[said]
-    ((how, name),) = ((key, value) for key, value in said.items() if key in ("worst", "smallest", "spread", "ratio"))
+    ((how, name),) = (
+        (key, value)
+        for key, value in said.items()
+        if key in ("worst", "smallest", "spread", "ratio")
+    )
     of = tuple(said.get("of", ()))
 
     def measure(evidence: Evidence, law: str) -> float:
         found = evidence.numbers(said["in"], law, name, of)
         if how == "ratio":
             others = evidence.numbers(said["to"], law, name, of)
-            return max(over(*pair) for pair in zip(found.ravel().tolist(), others.ravel().tolist(), strict=True))
+            return max(
+                over(*pair)
+                for pair in zip(found.ravel().tolist(), others.ravel().tolist(), strict=True)
+            )
         if how == "spread":
-            return max((_spread(column) for column in found.T if np.isfinite(column).any()), default=np.inf)
+            return max(
+                (_spread(column) for column in found.T if np.isfinite(column).any()), default=np.inf
+            )
         return float(found.max() if how == "worst" else found.min())
 
     return measure
@@ -146,7 +164,8 @@ def _spread(values: np.ndarray) -> float:
 
 
 def _gain_error(group: str, *, at_the_end: bool = False) -> Measure:
-    """|K - K*| / |K*| at T_w or at the end of the flight, K of the learned value and K* of the exact solution."""
+    """|K - K*| / |K*| at T_w or at the end of the flight, K of the learned value and K* of the
+    exact solution."""
 
     def of(evidence: Evidence, plan: FlightPlan) -> float:
         record, case = evidence.record(plan), evidence.setting.case(plan.dihedral_deg)
@@ -156,7 +175,9 @@ def _gain_error(group: str, *, at_the_end: bool = False) -> Measure:
         return float(np.linalg.norm(K - case.exact.K) / np.linalg.norm(case.exact.K))
 
     def measure(evidence: Evidence, law: str) -> float:
-        return max(of(evidence, plan) for plan in flights_of(group, evidence.setting.configuration, law))
+        return max(
+            of(evidence, plan) for plan in flights_of(group, evidence.setting.configuration, law)
+        )
 
     return measure
 
@@ -164,22 +185,32 @@ def _gain_error(group: str, *, at_the_end: bool = False) -> Measure:
 def _final_abscissa(evidence: Evidence, law: str) -> float:
     """Largest real part of the eigenvalues of A - B K with the gain learned last, 1/s."""
     record, game = evidence.record(FlightPlan(CASE_II, law)), evidence.setting.case(CASE_II).game
-    return float(np.linalg.eigvals(game.A - game.B @ game.gain(record.learned_value(-1))).real.max())
+    return float(
+        np.linalg.eigvals(game.A - game.B @ game.gain(record.learned_value(-1))).real.max()
+    )
 
 
 def _printed_coupling(evidence: Evidence, law: str) -> float:
     """The smaller of |pitch-rate row at 5 deg| / |at 15 deg| for A and for B, as printed."""
     row = LINEAR_STATES.index("pitch_rate")
-    sizes = [[np.linalg.norm(matrix[row]) for matrix in (model.A, model.B)] for model in published_models()]
+    sizes = [
+        [np.linalg.norm(matrix[row]) for matrix in (model.A, model.B)]
+        for model in published_models()
+    ]
     return float(min(second / first for first, second in zip(*sizes, strict=True)))
 
 
 def _eigenvalue_difference(evidence: Evidence, law: str) -> float:
-    """Largest |λ - quoted| over the modes, each quoted magnitude against the nearest eigenvalue, 1/s."""
+    """Largest |λ - quoted| over the modes, each quoted magnitude against the nearest eigenvalue,
+    1/s."""
     eigenvalues = np.linalg.eigvals(published_models()[1].A)
     folded = np.abs(eigenvalues.real) + 1j * np.abs(eigenvalues.imag)  # the quoted signs are lost
-    quoted = published_data()["eigenvalues_quoted_for_5_deg"]["magnitudes"]  # such as "4.82 +/- 18.66i" and "7.11"
-    return float(max(np.abs(folded - complex(re.sub(" .* (.*)i", r"+\1j", text))).min() for text in quoted))
+    quoted = published_data()["eigenvalues_quoted_for_5_deg"][
+        "magnitudes"
+    ]  # such as "4.82 +/- 18.66i" and "7.11"
+    return float(
+        max(np.abs(folded - complex(re.sub(" .* (.*)i", r"+\1j", text))).min() for text in quoted)
+    )
 
 
 def _last_gain_error_over_integral(evidence: Evidence, law: str) -> float:
@@ -193,14 +224,17 @@ NAMED: dict[str, Measure] = {
     "last gain error over that of integral RL": _last_gain_error_over_integral,
     "abscissa with the last gain": _final_abscissa,
     "printed pitch-rate coupling": _printed_coupling,
-    "commanded dihedral": lambda evidence, _: float(np.degrees(evidence.setting.configuration.reference.constant[4])),
+    "commanded dihedral": lambda evidence, _: float(
+        np.degrees(evidence.setting.configuration.reference.constant[4])
+    ),
     "quoted eigenvalues": _eigenvalue_difference,
 }
 
 
 @dataclass(frozen=True)
 class Claim:
-    """One checkable sentence, explained in claims.toml. limit: a number, or the name of one of the criteria."""
+    """One checkable sentence, explained in claims.toml. limit: a number, or the name of one of the
+    criteria."""
 
     number: str
     says: str
@@ -216,7 +250,9 @@ class Claim:
 
 def claims_of(section: str) -> tuple[Claim, ...]:
     """The claims of a section, in the order of claims.toml."""
-    return tuple(Claim(**entry) for entry in _entries() if entry["number"].startswith(f"{section}-"))
+    return tuple(
+        Claim(**entry) for entry in _entries() if entry["number"].startswith(f"{section}-")
+    )
 
 
 @cache
@@ -225,7 +261,9 @@ def _entries() -> tuple[dict[str, Any], ...]:
     return tuple(entry for claim in table["claims"] for entry in _each(**claim))
 
 
-def _each(must: str, each: tuple[dict[str, str], ...] = ({},), **claim: Any) -> Iterator[dict[str, Any]]:
+def _each(
+    must: str, each: tuple[dict[str, str], ...] = ({},), **claim: Any
+) -> Iterator[dict[str, Any]]:
     """A claim for every entry of `each`, with its words in the places {..}."""
     relation, limit = must.split()
     asked = {"relation": relation, "limit": limit if limit.isidentifier() else float(limit)}
@@ -242,7 +280,8 @@ def _filled(value: Any, words: dict[str, str]) -> Any:
 
 
 def check_claim(claim: Claim, evidence: Evidence) -> dict[str, Any]:
-    """A claim measured for every law, with verdict and reason, ready for JSON; None is a number that is not finite.
+    """A claim measured for every law, with verdict and reason, ready for JSON; None is a number
+    that is not finite.
 
     A law whose flight was lost does not fulfil the claim, whatever the number would be.
     """
@@ -252,9 +291,13 @@ def check_claim(claim: Claim, evidence: Evidence) -> dict[str, Any]:
     checks: dict[str, Check] = {}
     for law in (law for name in claim.laws for law in _TOGETHER.get(name, (name,))):
         try:
-            checks[law] = checked(law, measure_of(claim.measure)(evidence, law), claim.relation, limit)
+            checks[law] = checked(
+                law, measure_of(claim.measure)(evidence, law), claim.relation, limit
+            )
         except FlightLostError as lost:
-            checks[law] = Check(law, math.inf, limit, ok=False, reason=str(lost), relation=claim.relation)
+            checks[law] = Check(
+                law, math.inf, limit, ok=False, reason=str(lost), relation=claim.relation
+            )
     verdict = CONFIRMED if checks[claim.subject].ok else NOT_CONFIRMED
     return {
         "number": claim.number,
@@ -274,7 +317,10 @@ def check_claim(claim: Claim, evidence: Evidence) -> dict[str, Any]:
 
 def _reason(claim: Claim, checks: Mapping[str, Check], limit: float) -> str:
     """The subject's number against the limit, what the optimum does, and what lies behind it."""
-    own, parts = checks[claim.subject], [f"the paper would have to give {claim.missing}"] if claim.missing else []
+    own, parts = (
+        checks[claim.subject],
+        [f"the paper would have to give {claim.missing}"] if claim.missing else [],
+    )
     told = own.reason or f"{claim.measured}: {own.value:.3g}"
     parts.append(f"{claim.subject}: {told}; the limit is {claim.relation} {limit:.3g}")
     if claim.subject == MODIFIED and OPTIMUM in checks and not own.ok:

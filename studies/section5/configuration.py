@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from controller import Signal
-from controller.policy.signals import Harmonic
+from controller.flight.signals import Harmonic
 from hfa_support.files import read_toml
 from hfa_support.jsonable import jsonable
 
@@ -19,13 +19,14 @@ _NONE = np.zeros(6)
 
 
 class PaperFlight:
-    """What Section 5 of the paper imposes on a flight, as deviations from trim in ft/s, rad and rad/s, in the order of
-    `hfa_model.LINEAR_STATES`: 5.1, the start x(0), the command x_d and the disturbance d, 1.1 times the printed
-    amplitudes; 5.4, the noise n that is added to the measured states and nothing else.
+    """What Section 5 of the paper imposes on a flight, as deviations from trim in ft/s, rad and
+    rad/s, in the order of `hfa_model.LINEAR_STATES`: 5.1, the start x(0), the command x_d and the
+    disturbance d, 1.1 times the printed amplitudes; 5.4, the noise n that is added to the measured
+    states and nothing else.
 
-    The print has lost all signs; they are taken as positive, and its derivative 0.01 + cos(0.5 t) of the speed's
-    command agrees with that. x_d: 7 + 0.01 t + 2 sin(0.5 t) ft/s, 0.1 rad of alpha, 0.5 rad of the dihedral.
-    """
+    The print has lost all signs; they are taken as positive, and its derivative 0.01 + cos(0.5 t)
+    of the speed's command agrees with that. x_d: 7 + 0.01 t + 2 sin(0.5 t) ft/s, 0.1 rad of alpha,
+    0.5 rad of the dihedral."""
 
     INITIAL = np.array([5.0, 0.05, 0.0, 0.0, 0.0, 0.0])
     REFERENCE = Signal(
@@ -33,15 +34,25 @@ class PaperFlight:
         np.array([0.01, 0.0, 0.0, 0.0, 0.0, 0.0]),
         (Harmonic(0.5, np.array([2.0, 0.0, 0.0, 0.0, 0.0, 0.0]), _NONE),),
     )
-    _SINES, _COSINES = np.array([0.11, 0.22, 0.0, 0.11, 0.0, 0.11]), np.array([0.0, 0.0, 0.22, 0.0, 0.11, 0.0])
+    _SINES, _COSINES = (
+        np.array([0.11, 0.22, 0.0, 0.11, 0.0, 0.11]),
+        np.array([0.0, 0.0, 0.22, 0.0, 0.11, 0.0]),
+    )
     DISTURBANCE = Signal(_NONE, _NONE, (Harmonic(0.1, _SINES, _COSINES),))
-    _SLOW = Harmonic(0.1, np.array([0.0, 0.0, 0.005, 0.0, 0.005, 0.0]), np.array([0.02, 0.0, 0.0, 0.0, 0.0, 0.0]))
-    _FAST = Harmonic(0.5, np.array([0.0, 0.005, 0.0, 0.0, 0.0, 0.0]), np.array([0.0, 0.0, 0.0, 0.005, 0.0, 0.005]))
+    _SLOW = Harmonic(
+        0.1, np.array([0.0, 0.0, 0.005, 0.0, 0.005, 0.0]), np.array([0.02, 0.0, 0.0, 0.0, 0.0, 0.0])
+    )
+    _FAST = Harmonic(
+        0.5,
+        np.array([0.0, 0.005, 0.0, 0.0, 0.0, 0.0]),
+        np.array([0.0, 0.0, 0.0, 0.005, 0.0, 0.005]),
+    )
     NOISE = Signal(_NONE, _NONE, (_SLOW, _FAST))
 
 
 class Configuration(SimpleNamespace):
-    """The tables of section5.toml as attributes; initial: x(0); the signals reference, disturbance and noise."""
+    """The tables of section5.toml as attributes; initial: x(0); the signals reference, disturbance
+    and noise."""
 
     def steps_per_tick(self) -> int:
         """Steps of the integration in a tick."""
@@ -57,14 +68,25 @@ class Configuration(SimpleNamespace):
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values for JSON, table by table, without the reasons."""
-        tables = {name: vars(value) for name, value in vars(self).items() if isinstance(value, SimpleNamespace)}
-        signals = {name: _signal_table(value) for name, value in vars(self).items() if isinstance(value, Signal)}
-        plain: dict[str, Any] = jsonable({"initial_state": {"value": self.initial}, **tables, **signals})
+        tables = {
+            name: vars(value)
+            for name, value in vars(self).items()
+            if isinstance(value, SimpleNamespace)
+        }
+        signals = {
+            name: _signal_table(value)
+            for name, value in vars(self).items()
+            if isinstance(value, Signal)
+        }
+        plain: dict[str, Any] = jsonable(
+            {"initial_state": {"value": self.initial}, **tables, **signals}
+        )
         return plain
 
 
 def section5_configuration(changes: Mapping[str, Any] | None = None) -> Configuration:
-    """The configuration of this project. changes: table -> entries that replace its own, or initial and signals."""
+    """The configuration of this project. changes: table -> entries that replace its own, or initial
+    and signals."""
     given = dict(changes or {})
     tables = read_toml(str(Path(__file__).with_name("section5.toml")))
     flown = {
@@ -75,7 +97,9 @@ def section5_configuration(changes: Mapping[str, Any] | None = None) -> Configur
     }
     found: dict[str, Any] = {name: given.pop(name, value) for name, value in flown.items()}
     for name, table in tables.items():
-        found[name] = SimpleNamespace(**{key: value for key, value in table.items() if key != "why"})
+        found[name] = SimpleNamespace(
+            **{key: value for key, value in table.items() if key != "why"}
+        )
         vars(found[name]).update(given.pop(name, {}))
     assert not given, f"no tables of the configuration: {given}"
     return Configuration(**found)

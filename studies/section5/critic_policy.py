@@ -9,21 +9,22 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from controller.flight.policies import Seen
+from controller.flight.signals import Harmonic, Signal
 from controller.game.basis import Basis
-from controller.policy.policies import Seen
-from controller.policy.signals import Harmonic, Signal
 from hfa_support.errors import BadInputError
 from studies.update_law.published_law import PublishedLaw
 
 
 @dataclass(frozen=True, eq=False)
 class CriticPolicy:
-    """û = -½ R⁻¹B' ∂ψ(z)'W,  W' = p W'(46)(z, F),  F = A z + r(t); p = 1 learns and p = 0 is frozen.
+    """û = -½ R⁻¹B' ∂ψ(z)'W,  W' = p W'(46)(z, F),  F = A z + r(t); p = 1 learns and p = 0 is
+    frozen.
 
-    law: stack, gains, normalisation and coordinates of Eq. (46); the memory is its W (M,), in the law's coordinates
-    y = z / scales. forcing: r(t) = A x_d - x_d' (6,) of the drift that the critic receives; zero when it is told
-    F = A z. BadInputError when the stack's policies are re-evaluated: only stored ones are flown.
-    """
+    law: stack, gains, normalisation and coordinates of Eq. (46); the memory is its W (M,), in the
+    law's coordinates y = z / scales. forcing: r(t) = A x_d - x_d' (6,) of the drift that the critic
+    receives; zero when it is told F = A z. BadInputError when the stack's policies are
+    re-evaluated: only stored ones are flown."""
 
     constants_size = 1
 
@@ -33,7 +34,9 @@ class CriticPolicy:
     def __post_init__(self) -> None:
         """Refuse the stack that cannot be flown."""
         if self.law.settings.stack_policies != "frozen":
-            raise BadInputError("the stack's policies are re-evaluated; a flight needs those stored with the samples")
+            raise BadInputError(
+                "the stack's policies are re-evaluated; a flight needs those stored with the samples"
+            )
 
     @property
     def memory_size(self) -> int:
@@ -42,7 +45,9 @@ class CriticPolicy:
 
     def control(self, t: ca.SX, seen: Seen, memory: ca.SX, p: ca.SX) -> ca.SX:
         """-½ R⁻¹B' ∂ψ'W, (5,)."""
-        value_gradient = ca.mtimes(gradient(self.law.basis, seen.error / self._scales).T, memory) / self._scales
+        value_gradient = (
+            ca.mtimes(gradient(self.law.basis, seen.error / self._scales).T, memory) / self._scales
+        )
         return -0.5 * ca.mtimes(ca.DM(self.law.game.R_inverse_B_transposed), value_gradient)
 
     def memory_rate(self, t: ca.SX, seen: Seen, memory: ca.SX, p: ca.SX, applied: ca.SX) -> ca.SX:
@@ -58,8 +63,8 @@ class CriticPolicy:
     def _stack(self) -> ca.Function:
         """W -> Σ_j σ̄_j [(α₁+1) sig^(1-η)(ē_j) + (α₂+1) sig^(1+η)(ē_j)], ē_j = σ̄_j'W + ē_j(0).
 
-        Two products with one matrix, kept as such: written out entry by entry, 250 samples take minutes to compile.
-        """
+        Two products with one matrix, kept as such: written out entry by entry, 250 samples take
+        minutes to compile."""
         stored = self.law.recorded(np.zeros(self.memory_size))
         regressors, weights = ca.DM(stored.regressors), ca.MX.sym("W", self.memory_size)
         residuals = ca.mtimes(regressors, weights) + ca.DM(stored.residuals)
@@ -75,7 +80,9 @@ class CriticPolicy:
         value_gradient = ca.mtimes(jacobian.T, memory)
         pushed = ca.mtimes(ca.DM(self.law.S), value_gradient)
         sigma = ca.mtimes(jacobian, drift - 0.5 * pushed)
-        return sigma, ca.dot(memory, sigma) + ca.bilin(ca.DM(e.Q), y, y) + 0.25 * ca.dot(value_gradient, pushed)
+        return sigma, ca.dot(memory, sigma) + ca.bilin(ca.DM(e.Q), y, y) + 0.25 * ca.dot(
+            value_gradient, pushed
+        )
 
     @property
     def _scales(self) -> ca.DM:
@@ -85,7 +92,10 @@ class CriticPolicy:
 def forcing(A: np.ndarray, reference: Signal) -> Signal:
     """r = A x_d - x_d', (n,): what a reference adds to the drift of the error."""
     turned = [Harmonic(h.frequency, A @ h.sine, A @ h.cosine) for h in reference.harmonics]
-    slopes = [Harmonic(h.frequency, h.frequency * h.cosine, -h.frequency * h.sine) for h in reference.harmonics]
+    slopes = [
+        Harmonic(h.frequency, h.frequency * h.cosine, -h.frequency * h.sine)
+        for h in reference.harmonics
+    ]
     return Signal(A @ reference.constant - reference.slope, A @ reference.slope, (*turned, *slopes))
 
 
@@ -111,9 +121,11 @@ def _derivative(z: list[ca.SX], exponents: list[int], channel: int) -> ca.SX:
 
 
 def powers(residuals: Any, alpha1: float, alpha2: float, eta: float) -> Any:
-    """(α₁+1) sig^(1-η)(ē) + (α₂+1) sig^(1+η)(ē), sig^p(x) = |x|^p sign(x), entry by entry; of SX or MX."""
+    """(α₁+1) sig^(1-η)(ē) + (α₂+1) sig^(1+η)(ē), sig^p(x) = |x|^p sign(x), entry by entry; of SX or
+    MX."""
     magnitude = ca.fabs(residuals)
     low = magnitude ** (1.0 - eta)
-    # |x|^(1+η) = |x|² / |x|^(1-η) costs no second power, which is most of the loop's time; at 0 both are 0.
+    # |x|^(1+η) = |x|² / |x|^(1-η) costs no second power, which is most of the loop's time; at 0
+    # both are 0.
     high = magnitude**2 / (low + np.finfo(float).tiny)
     return ca.sign(residuals) * ((alpha1 + 1.0) * low + (alpha2 + 1.0) * high)

@@ -1,12 +1,13 @@
 """The exact answer to a known reference: the feedforward that the game adds to u = -K z.
 
-With z = x - x_d and r(t) = A x_d - x_d' the error obeys z' = A z + B u + E d + r(t), and the value of the game
-is V = z'P z + 2 s'z + c with
+With z = x - x_d and r(t) = A x_d - x_d' the error obeys z' = A z + B u + E d + r(t), and the value
+of the game is V = z'P z + 2 s'z + c with
 
-    -s' = (A - S P)' s + P r,    grad V = 2 (P z + s),    u = -R⁻¹B'(P z + s),    d = δ⁻²E'(P z + s),
+    -s' = (A - S P)' s + P r,    grad V = 2 (P z + s),    u = -R⁻¹B'(P z + s),    d = δ⁻²E'(P z +
+s),
 
-s being the bounded solution (Athans and Falb, Optimal Control, Section 9.9, with S in place of B R⁻¹B').
-"""
+s being the bounded solution (Athans and Falb, Optimal Control, Section 9.9, with S in place of B
+R⁻¹B')."""
 
 from __future__ import annotations
 
@@ -42,30 +43,37 @@ class Exosystem(Shown):
         return A @ self.C - self.C @ self.omega
 
 
-def exosystem(constant: np.ndarray, slope: np.ndarray, *harmonics: tuple[float, np.ndarray, np.ndarray]) -> Exosystem:
-    """x_d(t) = constant + slope t + Σ sine sin(f t) + cosine cos(f t), each (n,); harmonics (f in rad/s, sine, cosine).
+def exosystem(
+    constant: np.ndarray, slope: np.ndarray, *harmonics: tuple[float, np.ndarray, np.ndarray]
+) -> Exosystem:
+    """x_d(t) = constant + slope t + Σ sine sin(f t) + cosine cos(f t), each (n,); harmonics (f in
+    rad/s, sine, cosine).
 
-    w = [1, t, sin f t, cos f t, ...]; Ω is nilpotent on the first two, which a Sylvester equation does not mind.
-    """
+    w = [1, t, sin f t, cos f t, ...]; Ω is nilpotent on the first two, which a Sylvester equation
+    does not mind."""
     from scipy.linalg import block_diag
 
     waves = [np.array([[0.0, frequency], [-frequency, 0.0]]) for frequency, _, _ in harmonics]
     omega = block_diag(np.array([[0.0, 0.0], [1.0, 0.0]]), *waves)
     columns = [constant, slope, *(each for _, *both in harmonics for each in both)]
-    return Exosystem(omega, np.column_stack(columns), np.array([1.0, 0.0] + [0.0, 1.0] * len(harmonics)))
+    return Exosystem(
+        omega, np.column_stack(columns), np.array([1.0, 0.0] + [0.0, 1.0] * len(harmonics))
+    )
 
 
 def exosystem_feedforward(game: Game, P: np.ndarray, reference: Exosystem) -> np.ndarray:
     """P_s with s = P_s w:  (A - S P)'P_s + P_s Ω + P (A C - C Ω) = 0, (n, p).
 
-    P: (n, n), with A - S P Hurwitz.  Raises BadInputError when the reference has another number of states than
-    the game, or grows as fast as the closed loop decays, so that no bounded answer exists.
-    Source: Francis, SIAM J. Control Optim. 15 (1977), the regulator equation of the costate.
-    """
+    P: (n, n), with A - S P Hurwitz.  Raises BadInputError when the reference has another number of
+    states than the game, or grows as fast as the closed loop decays, so that no bounded answer
+    exists. Source: Francis, SIAM J. Control Optim. 15 (1977), the regulator equation of the
+    costate."""
     from scipy.linalg import solve_sylvester
 
     if len(reference.C) != len(game.A):
-        raise BadInputError(f"the reference has {len(reference.C)} states; the game has {len(game.A)}")
+        raise BadInputError(
+            f"the reference has {len(reference.C)} states; the game has {len(game.A)}"
+        )
     loop = game.A - game.S @ P
     decay, growth = _decay(loop), spectrum(reference.omega).abscissa
     if growth >= decay:
@@ -80,5 +88,7 @@ def _decay(loop: np.ndarray) -> float:
     """-abscissa of A - S P, positive or the feedforward is not defined."""
     abscissa = spectrum(loop).abscissa
     if abscissa >= 0.0:
-        raise BadInputError(f"A - S P has abscissa {abscissa:+.4g} 1/s; give the stabilizing P of the game")
+        raise BadInputError(
+            f"A - S P has abscissa {abscissa:+.4g} 1/s; give the stabilizing P of the game"
+        )
     return -abscissa

@@ -1,4 +1,5 @@
-"""Figures 3 to 23 of the paper, drawn anew: their panels of lines as plain data, and how they are drawn."""
+"""Figures 3 to 23 of the paper, drawn anew: their panels of lines as plain data, and how they are
+drawn."""
 
 from __future__ import annotations
 
@@ -37,9 +38,17 @@ if TYPE_CHECKING:
 Flights = Mapping[FlightPlan, FlightRecord]
 Values = Callable[[FlightRecord], np.ndarray]
 _COMMAND, _LOST = "command", " (lost at "
-#: A limit is drawn where a line passes this share of it; residuals below the floor are rounding; named weights.
+#: A limit is drawn where a line passes this share of it; residuals below the floor are rounding;
+#: named weights.
 _NEAR, _FLOOR, _NAMED = 0.8, 1e-16, 4
-_SYMBOLS = {"speed": "V", "alpha": "α", "pitch": "θ", "pitch_rate": "q", "dihedral": "η", "dihedral_rate": "η'"}
+_SYMBOLS = {
+    "speed": "V",
+    "alpha": "α",
+    "pitch": "θ",
+    "pitch_rate": "q",
+    "dihedral": "η",
+    "dihedral_rate": "η'",
+}
 _WORDS = dict(zip(TRACKED, ("speed", "angle of attack", "dihedral"), strict=True))
 _CASES = ("Case I, 15 deg", "Case II, 5 deg")
 #: Whose learning is drawn.
@@ -51,7 +60,14 @@ _STYLES: dict[str, dict[str, Any]] = {
     MODIFIED: {"color": "0.65", "linestyle": "-", "linewidth": 3.0},
     CERTIFIED: {"color": "C0", "linestyle": "-", "linewidth": 1.3},
     CERTIFIED_FF: {"color": "navy", "linestyle": "-.", "linewidth": 1.5},
-    INTEGRAL: {"color": "C1", "linestyle": "-", "linewidth": 1.3, "marker": "o", "markersize": 4, "markevery": 0.08},
+    INTEGRAL: {
+        "color": "C1",
+        "linestyle": "-",
+        "linewidth": 1.3,
+        "marker": "o",
+        "markersize": 4,
+        "markevery": 0.08,
+    },
     EXACT: {"color": "C3", "linestyle": ":", "linewidth": 1.8},
     EXACT_FF: {"color": "darkred", "linestyle": (0, (5, 1, 1, 1, 1, 1)), "linewidth": 1.3},
 }
@@ -77,11 +93,11 @@ class Line:
 
 @dataclass(frozen=True, eq=False)
 class PlotPanel:
-    """One pair of axes. y_label with its unit; scale: "linear", "log" or "symlog"; marked: times of vertical lines.
+    """One pair of axes. y_label with its unit; scale: "linear", "log" or "symlog"; marked: times of
+    vertical lines.
 
-    linear_part: the part of the largest value below which a "symlog" axis is linear. limits: lowest and highest value
-    that is allowed, drawn where a line comes near them.
-    """
+    linear_part: the part of the largest value below which a "symlog" axis is linear. limits: lowest
+    and highest value that is allowed, drawn where a line comes near them."""
 
     title: str
     y_label: str
@@ -115,7 +131,8 @@ class PaperFigure:
 
 @dataclass(frozen=True)
 class _Panels:
-    """Makes panels of flights. T_w: s, marked. by: what tells the lines of a panel apart, "law" or "uncertainty"."""
+    """Makes panels of flights. T_w: s, marked. by: what tells the lines of a panel apart, "law" or
+    "uncertainty"."""
 
     T_w: float
     by: str = "law"
@@ -128,9 +145,13 @@ class _Panels:
 
     def marks(self, records: Iterable[FlightRecord] = ()) -> tuple[tuple[float, str], ...]:
         """T_w, and when the learned gain of a law takes over from the gain it started with."""
-        begins = {record.learned_from: record.plan.law for record in records if record.learned_from > 0.0}
+        begins = {
+            record.learned_from: record.plan.law for record in records if record.learned_from > 0.0
+        }
         # Laws that share their learning share the time; the shorter name serves for both.
-        return (self.T_w, "T_w"), *((time, f"K(t), {name.partition(' +')[0]}") for time, name in begins.items())
+        return (self.T_w, "T_w"), *(
+            (time, f"K(t), {name.partition(' +')[0]}") for time, name in begins.items()
+        )
 
     def _of_flights(
         self,
@@ -147,7 +168,10 @@ class _Panels:
 
     def states(self, state: str, title: str, records: Sequence[FlightRecord]) -> PlotPanel:
         """A state as a deviation from its trim, with its command."""
-        row, label = LINEAR_STATES.index(state), f"{_SYMBOLS[state]} - trim, {getattr(STATE_UNITS, state)}"
+        row, label = (
+            LINEAR_STATES.index(state),
+            f"{_SYMBOLS[state]} - trim, {getattr(STATE_UNITS, state)}",
+        )
         panel = self._of_flights(title, label, records, lambda record: record.states[:, row])
         longest = max(records, key=lambda record: len(record.times))
         command = Line(_COMMAND, longest.times, longest.commands[:, row])
@@ -159,24 +183,38 @@ class _Panels:
         for state in TRACKED:
             row = LINEAR_STATES.index(state)
             label = f"z{row + 1} = {_SYMBOLS[state]} error, {getattr(STATE_UNITS, state)}"
-            found.append(self._of_flights(state, label, records, lambda record, row=row: record.errors[:, row]))
+            found.append(
+                self._of_flights(
+                    state, label, records, lambda record, row=row: record.errors[:, row]
+                )
+            )
         return tuple(found)
 
-    def inputs(self, titles: Sequence[str], groups: Sequence[Sequence[FlightRecord]]) -> tuple[PlotPanel, ...]:
-        """The five inputs as deviations from trim: one row an input, one column a group of flights."""
+    def inputs(
+        self, titles: Sequence[str], groups: Sequence[Sequence[FlightRecord]]
+    ) -> tuple[PlotPanel, ...]:
+        """The five inputs as deviations from trim: one row an input, one column a group of
+        flights."""
         panels = []
         for row, name in enumerate(INPUTS):
             unit = getattr(INPUT_UNITS, name)
             label = name if unit == "1" else f"{name}, {unit}"
             for title, records in zip(titles, groups, strict=True):
                 # The first instants are tens of times larger than the rest.
-                more = {"scale": "symlog", "linear_part": 0.1, "limits": tuple(records[0].limits[:, row].tolist())}
+                more = {
+                    "scale": "symlog",
+                    "linear_part": 0.1,
+                    "limits": tuple(records[0].limits[:, row].tolist()),
+                }
                 values = lambda record, row=row: record.inputs[:, row]  # noqa: E731
-                panels.append(self._of_flights(title if row == 0 else "", label, records, values, **more))
+                panels.append(
+                    self._of_flights(title if row == 0 else "", label, records, values, **more)
+                )
         return tuple(panels)
 
     def weights(self, record: FlightRecord, title: str, *, increments: bool = False) -> PlotPanel:
-        """The weights W of a critic, or W(t + tick) - W(t): the largest at the end by name, the others as a bundle."""
+        """The weights W of a critic, or W(t + tick) - W(t): the largest at the end by name, the
+        others as a bundle."""
         assert record.critic is not None
         weights = record.critic.weights
         order = np.argsort(-np.abs(weights[-1]), kind="stable")
@@ -191,7 +229,9 @@ class _Panels:
     def residuals(self, title: str, records: Sequence[FlightRecord]) -> PlotPanel:
         """|e| of the learned value at the simulated error, in units of the cost rate z'Qz."""
         size = lambda record: np.maximum(np.abs(record.residual), _FLOOR)  # noqa: E731
-        return self._of_flights(title, "|Bellman residual|, cost / s", records, size, scale="log", marked=self.marks())
+        return self._of_flights(
+            title, "|Bellman residual|, cost / s", records, size, scale="log", marked=self.marks()
+        )
 
     def updates(self, title: str, records: Sequence[FlightRecord]) -> PlotPanel:
         """|W(t + tick) - W(t)| / tick over |W| at the end: the relative speed of learning, 1/s."""
@@ -203,12 +243,18 @@ class _Panels:
             # A logarithmic axis has no place for rest.
             return np.where(size > 0.0, size / np.diff(record.times) / final, np.nan)
 
-        return self._of_flights(title, "|W'| / |W(end)|, 1/s", records, speed, scale="log", marked=self.marks())
+        return self._of_flights(
+            title, "|W'| / |W(end)|, 1/s", records, speed, scale="log", marked=self.marks()
+        )
 
 
 def _monomial(exponents: np.ndarray) -> str:
     """z1 z2, z4^2: the states of a weight, numbered as the errors are."""
-    return " ".join(f"z{i + 1}" + (f"^{power}" if power > 1 else "") for i, power in enumerate(exponents) if power)
+    return " ".join(
+        f"z{i + 1}" + (f"^{power}" if power > 1 else "")
+        for i, power in enumerate(exponents)
+        if power
+    )
 
 
 def figures_of(section: str, configuration: Configuration, flown: Flights) -> Iterator[PaperFigure]:
@@ -217,23 +263,43 @@ def figures_of(section: str, configuration: Configuration, flown: Flights) -> It
     law, uncertain = _Panels(T_w), _Panels(T_w, "uncertainty")
     if section == "5.1":
         drawn = ((PRINTED, *_LEARNED, CERTIFIED_FF, EXACT_FF), (*_LEARNED, EXACT), _LEARNED)
-        groups = [[[flown[FlightPlan(angle, name)] for name in laws] for angle in (CASE_I, CASE_II)] for laws in drawn]
+        groups = [
+            [[flown[FlightPlan(angle, name)] for name in laws] for angle in (CASE_I, CASE_II)]
+            for laws in drawn
+        ]
         each = (zip(records, _CASES, strict=True) for records in zip(*groups[2], strict=True))
-        learned = [(record, f"{record.plan.law}, {title}") for pairs in each for record, title in pairs]
+        learned = [
+            (record, f"{record.plan.law}, {title}") for pairs in each for record, title in pairs
+        ]
         yield from _eight_figures(3, "{}", law, _CASES, groups, learned)
     elif section == "5.2":
-        shown = [flown[FlightPlan(CASE_II, name)] for name in (MODIFIED, CERTIFIED, CERTIFIED_FF, INTEGRAL)]
-        yield PaperFigure(11, "State comparison, 5 deg", 1, tuple(law.states(each, each, shown) for each in TRACKED))
+        shown = [
+            flown[FlightPlan(CASE_II, name)]
+            for name in (MODIFIED, CERTIFIED, CERTIFIED_FF, INTEGRAL)
+        ]
+        yield PaperFigure(
+            11,
+            "State comparison, 5 deg",
+            1,
+            tuple(law.states(each, each, shown) for each in TRACKED),
+        )
         yield PaperFigure(12, "Error comparison, 5 deg", 1, law.errors(shown))
         yield PaperFigure(13, "Control comparison, 5 deg", 1, law.inputs(("",), (shown,)))
     elif section == "5.3":
-        group = [[flown[plan] for plan in flights_of("every uncertainty", configuration, name)] for name in _LEARNED]
+        group = [
+            [flown[plan] for plan in flights_of("every uncertainty", configuration, name)]
+            for name in _LEARNED
+        ]
         flights = (record for records in zip(*group, strict=True) for record in records)
         learned = [(record, f"{record.plan.law}, {uncertain.label(record)}") for record in flights]
-        yield from _eight_figures(14, "Model uncertainty and {}, 5 deg", uncertain, _LEARNED, [group] * 3, learned)
+        yield from _eight_figures(
+            14, "Model uncertainty and {}, 5 deg", uncertain, _LEARNED, [group] * 3, learned
+        )
     else:
         shown = [flown[FlightPlan(CASE_II, name, noise=True)] for name in (*_LEARNED, CERTIFIED_FF)]
-        yield PaperFigure(22, "Tracking errors under measurement noise, 5 deg", 1, law.errors(shown))
+        yield PaperFigure(
+            22, "Tracking errors under measurement noise, 5 deg", 1, law.errors(shown)
+        )
         panels = tuple(law.weights(record, record.plan.law) for record in shown[:2])
         yield PaperFigure(23, "Critic weights under measurement noise, 5 deg", 2, panels)
 
@@ -246,17 +312,26 @@ def _eight_figures(
     groups: Sequence[Sequence[Sequence[FlightRecord]]],
     learned: Sequence[tuple[FlightRecord, str]],
 ) -> Iterator[PaperFigure]:
-    """States, inputs and learning, two columns each. groups: of the states, the inputs and the learning, by column."""
+    """States, inputs and learning, two columns each. groups: of the states, the inputs and the
+    learning, by column."""
 
-    def beside(panel: Callable[..., PlotPanel], group: Sequence[Sequence[FlightRecord]]) -> tuple[PlotPanel, ...]:
+    def beside(
+        panel: Callable[..., PlotPanel], group: Sequence[Sequence[FlightRecord]]
+    ) -> tuple[PlotPanel, ...]:
         return tuple(panel(name, records) for name, records in zip(columns, group, strict=True))
 
     tracked, steered, learning = groups
-    drawn = [(f"{_WORDS[state]} tracking", beside(partial(panels.states, state), tracked)) for state in TRACKED]
+    drawn = [
+        (f"{_WORDS[state]} tracking", beside(partial(panels.states, state), tracked))
+        for state in TRACKED
+    ]
     drawn += [
         ("control inputs", panels.inputs(columns, steered)),
         ("critic weights", tuple(panels.weights(*each) for each in learned)),
-        ("critic-weight increments", tuple(panels.weights(*each, increments=True) for each in learned)),
+        (
+            "critic-weight increments",
+            tuple(panels.weights(*each, increments=True) for each in learned),
+        ),
         ("Bellman residuals", beside(panels.residuals, learning)),
         ("critic weight-update norms", beside(panels.updates, learning)),
     ]
@@ -284,12 +359,16 @@ def draw(picture: PaperFigure) -> Figure:
         figure.suptitle(title, fontsize=10)
         return figure
     columns = min(len(labels), 2 + picture.columns)  # above, where no caption is
-    figure.legend(labels.values(), labels, loc="outside upper center", ncols=columns, fontsize=9, title=title)
+    figure.legend(
+        labels.values(), labels, loc="outside upper center", ncols=columns, fontsize=9, title=title
+    )
     return figure
 
 
 def _draw_panel(axes: Axes, panel: PlotPanel) -> None:
-    largest = max((float(np.nanmax(np.abs(line.y), initial=0.0)) for line in panel.lines), default=0.0)
+    largest = max(
+        (float(np.nanmax(np.abs(line.y), initial=0.0)) for line in panel.lines), default=0.0
+    )
     if panel.scale == "symlog" and largest > 0.0:
         axes.set_yscale("symlog", linthresh=10.0 ** np.floor(np.log10(largest * panel.linear_part)))
     elif panel.scale == "log":
@@ -300,15 +379,21 @@ def _draw_panel(axes: Axes, panel: PlotPanel) -> None:
             axes.plot(line.x, line.y, label=[line.label, *["_"] * (line.y.shape[1] - 1)], **_BUNDLE)
             continue
         axes.plot(line.x, line.y, label=line.label, **style)
-    if any(line.y.ndim == 2 for line in panel.lines):  # named lines of one panel are not those of the next
+    if any(
+        line.y.ndim == 2 for line in panel.lines
+    ):  # named lines of one panel are not those of the next
         axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=7, frameon=False)
     drawn = np.concatenate([line.y.ravel() for line in panel.lines])
     for limit in panel.limits:
         if np.any(drawn / limit > _NEAR):
-            axes.axhline(limit, color="black", linestyle=(0, (6, 3)), linewidth=0.7, zorder=0, label="limit")
+            axes.axhline(
+                limit, color="black", linestyle=(0, (6, 3)), linewidth=0.7, zorder=0, label="limit"
+            )
     for time, _ in panel.marked:
         axes.axvline(time, color="0.4", linewidth=0.9, linestyle=(0, (1, 2)))
-    if panel.title and panel.marked:  # panels without a title are below one that has the names already
+    if (
+        panel.title and panel.marked
+    ):  # panels without a title are below one that has the names already
         times, names = zip(*panel.marked, strict=True)
         top = axes.secondary_xaxis("top")
         top.set_xticks(times, names, fontsize=8)

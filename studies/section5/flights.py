@@ -1,4 +1,5 @@
-"""The flights of Section 5: the two aircraft with their games, the laws, and what came out of each flight."""
+"""The flights of Section 5: the two aircraft with their games, the laws, and what came out of each
+flight."""
 
 from __future__ import annotations
 
@@ -10,13 +11,23 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from controller import FlownLaw, Game, Scenario, Signal, Stack, basis, learn, published_game, random_pool
+from controller import (
+    FlownLaw,
+    Game,
+    Scenario,
+    Signal,
+    Stack,
+    basis,
+    learn,
+    published_game,
+    random_pool,
+)
 from controller.flight.closed_loop import ClosedLoop, LinearPlant
+from controller.flight.policies import Memoryless, Seen, gain_constants
+from controller.flight.signals import Harmonic, zero
 from controller.flight.simulation import CompiledLoop, Flight
 from controller.game.basis import Basis
 from controller.game.learning_result import LearningResult
-from controller.policy.policies import Memoryless, Seen, gain_constants
-from controller.policy.signals import Harmonic, zero
 from hfa_model import INPUTS, LINEAR_STATES, Aircraft, published_models
 from hfa_model.vectors import CONTROL_LIMITS
 from hfa_support.errors import refuse_unknown
@@ -27,7 +38,7 @@ from studies.section5.learning_in_flight import certified_gains
 from studies.section5.metrics import Critic, flight_metrics, learning_metrics, residual_at
 from studies.update_law.integral_rl import baseline_weights, learn_by_integrals
 from studies.update_law.published_law import PublishedSettings, published_law
-from trim.linear.printed import regenerate
+from trim.hfa.printed import regenerate
 from verification import solve_game
 from verification.exact_solution import GameSolution
 
@@ -50,7 +61,8 @@ LAWS = {
     EXACT_FF: "the same with the exact feed-forward: the optimum for this reference",
     REWEIGHTED: "the optimum with feed-forward after the weight of alpha was multiplied",
 }
-#: Laws of this project: a flight of theirs that is lost is an error of the project, not a finding about the paper.
+#: Laws of this project: a flight of theirs that is lost is an error of the project, not a finding
+#: about the paper.
 OWN = (CERTIFIED, CERTIFIED_FF, EXACT, EXACT_FF, REWEIGHTED)
 _N, _M = len(LINEAR_STATES), len(INPUTS)
 _ENTRIES = _M * _N
@@ -75,7 +87,9 @@ class TrackingPolicy(Memoryless):
     def control(self, t: ca.SX, seen: Seen, memory: ca.SX, p: ca.SX) -> ca.SX:
         """-K z + F w(t)."""
         feedback = ca.mtimes(ca.reshape(p[:_ENTRIES], _M, _N), seen.error)
-        feedforward = ca.mtimes(ca.reshape(p[_ENTRIES:], _M, self.generator.size), self.generator.at(t))
+        feedforward = ca.mtimes(
+            ca.reshape(p[_ENTRIES:], _M, self.generator.size), self.generator.at(t)
+        )
         return feedforward - feedback
 
 
@@ -94,7 +108,8 @@ class PaperCase:
 
     @property
     def input_limits(self) -> np.ndarray:
-        """Lowest and highest deviations of the inputs, (2, 5), by the limits of a trim here; the paper has none."""
+        """Lowest and highest deviations of the inputs, (2, 5), by the limits of a trim here; the
+        paper has none."""
         limits: np.ndarray = np.array(CONTROL_LIMITS).T - self.trim_inputs
         return limits
 
@@ -125,20 +140,33 @@ class Setting:
     def identity(self) -> dict[str, Any]:
         """What decides the numbers, as plain values."""
         models = [
-            {"dihedral_deg": case.dihedral_deg, "A": case.game.A.tolist(), "B": case.game.B.tolist()}
+            {
+                "dihedral_deg": case.dihedral_deg,
+                "A": case.game.A.tolist(),
+                "B": case.game.B.tolist(),
+            }
             for case in self.cases
         ]
-        return {"matrices": self.matrices, "models": models, "reading": self.configuration.to_dict()}
+        return {
+            "matrices": self.matrices,
+            "models": models,
+            "reading": self.configuration.to_dict(),
+        }
 
 
 def make_setting(configuration: Configuration, matrices: str = "regenerated") -> Setting:
-    """Both aircraft: trimmed and linearized with the published dynamics, or with the printed A and B."""
+    """Both aircraft: trimmed and linearized with the published dynamics, or with the printed A and
+    B."""
     refuse_unknown("unknown matrices", matrices, MATRICES)
     cases = []
     for published in published_models():
         model = regenerate(Aircraft(), published)
         source = published if matrices == "printed" else model
-        cases.append(PaperCase(published.dihedral_deg, published_game(source.A, source.B), model.input_offsets))
+        cases.append(
+            PaperCase(
+                published.dihedral_deg, published_game(source.A, source.B), model.input_offsets
+            )
+        )
     return Setting(configuration, matrices, tuple(cases))
 
 
@@ -146,9 +174,8 @@ def make_setting(configuration: Configuration, matrices: str = "regenerated") ->
 class FlightPlan:
     """law controls the aircraft of a dihedral angle whose A is off by `uncertainty` * A.
 
-    noise: whether the sensors have the noise of 5.4. commanded: False for the disturbance alone, from rest and without
-    a command.
-    """
+    noise: whether the sensors have the noise of 5.4. commanded: False for the disturbance alone,
+    from rest and without a command."""
 
     dihedral_deg: float
     law: str
@@ -168,12 +195,13 @@ class FlightPlan:
 
 @dataclass(frozen=True, eq=False)
 class FlightRecord:
-    """What a flight was like. Arrays have one row a tick, up to the last one before the flight was lost.
+    """What a flight was like. Arrays have one row a tick, up to the last one before the flight was
+    lost.
 
-    times (N,); states, commands x_d, errors z (N, 6); inputs (N, 5). residual: (N,), Bellman residual of the learned
-    value at the simulated error; critic: None for laws that do not learn. learned_from: s, when a learned gain takes
-    over. lost_at: s, inf when it came to its end. limits: (2, 5), lowest and highest inputs that this project assumes.
-    """
+    times (N,); states, commands x_d, errors z (N, 6); inputs (N, 5). residual: (N,), Bellman
+    residual of the learned value at the simulated error; critic: None for laws that do not learn.
+    learned_from: s, when a learned gain takes over. lost_at: s, inf when it came to its end.
+    limits: (2, 5), lowest and highest inputs that this project assumes."""
 
     plan: FlightPlan
     times: np.ndarray
@@ -240,7 +268,9 @@ def _flown(configuration: Configuration, loop: CompiledLoop) -> tuple[Flight, fl
     limit = configuration.flight.lost_beyond
 
     def sound_rows(bounded: np.ndarray, memory: np.ndarray) -> np.ndarray:
-        rows: np.ndarray = np.all(np.abs(bounded) <= limit, axis=1) & np.all(np.isfinite(memory), axis=1)
+        rows: np.ndarray = np.all(np.abs(bounded) <= limit, axis=1) & np.all(
+            np.isfinite(memory), axis=1
+        )
         return rows
 
     with np.errstate(invalid="ignore", over="ignore"):
@@ -254,18 +284,27 @@ def _flown(configuration: Configuration, loop: CompiledLoop) -> tuple[Flight, fl
 
 
 def law_of(
-    setting: Setting, case: PaperCase, law: str, predefined_time: float, frozen: bool, reference: Signal
+    setting: Setting,
+    case: PaperCase,
+    law: str,
+    predefined_time: float,
+    frozen: bool,
+    reference: Signal,
 ) -> tuple[FlownLaw, Learned | None]:
-    """The law ready to fly a case that has learned nothing yet, and how to read what it learns; None if nothing.
+    """The law ready to fly a case that has learned nothing yet, and how to read what it learns;
+    None if nothing.
 
-    predefined_time: T_w, s; frozen: whether learning stops there. reference: x_d, of which feed-forward and the
-    published drift know.
-    """
+    predefined_time: T_w, s; frozen: whether learning stops there. reference: x_d, of which
+    feed-forward and the published drift know."""
     if law in (PRINTED, MODIFIED):
         return _published(setting, case, law, predefined_time, frozen, reference)
     if law in (CERTIFIED, CERTIFIED_FF, INTEGRAL):
         return _learned(setting, case, law, predefined_time, reference)
-    tuned = case.reweighted(setting.configuration.reweighted.alpha_factor) if law == REWEIGHTED else case
+    tuned = (
+        case.reweighted(setting.configuration.reweighted.alpha_factor)
+        if law == REWEIGHTED
+        else case
+    )
     w, F = generator(reference), feedforward(tuned, reference)
     constants = tracking_constants(tuned.exact.K, np.zeros_like(F) if law == EXACT else F)
     return FlownLaw(law, TrackingPolicy(w), constants[None], np.zeros(0)), None
@@ -274,14 +313,20 @@ def law_of(
 def generator(reference: Signal) -> Signal:
     """w = [1, t, sin f₁t, cos f₁t, ...]: the signals that a reference is made of, (2 + 2 k,)."""
     unit = np.eye(2 + 2 * len(reference.harmonics))
-    waves = tuple(Harmonic(h.frequency, unit[2 + 2 * i], unit[3 + 2 * i]) for i, h in enumerate(reference.harmonics))
+    waves = tuple(
+        Harmonic(h.frequency, unit[2 + 2 * i], unit[3 + 2 * i])
+        for i, h in enumerate(reference.harmonics)
+    )
     return Signal(unit[0], unit[1], waves)
 
 
 def feedforward(case: PaperCase, reference: Signal) -> np.ndarray:
-    """F with u = -K z + F w(t) the exact answer to a reference: F = -R⁻¹B'P_s, (5, k), with the w of `generator`."""
+    """F with u = -K z + F w(t) the exact answer to a reference: F = -R⁻¹B'P_s, (5, k), with the w
+    of `generator`."""
     made_by = exosystem(reference.constant, reference.slope, *reference.harmonics)
-    return -case.game.R_inverse_B_transposed @ exosystem_feedforward(case.game, case.exact.P, made_by)
+    return -case.game.R_inverse_B_transposed @ exosystem_feedforward(
+        case.game, case.exact.P, made_by
+    )
 
 
 def recorded_pool(setting: Setting, case: PaperCase) -> Stack:
@@ -291,7 +336,12 @@ def recorded_pool(setting: Setting, case: PaperCase) -> Stack:
 
 
 def _published(
-    setting: Setting, case: PaperCase, name: str, predefined_time: float, frozen: bool, reference: Signal
+    setting: Setting,
+    case: PaperCase,
+    name: str,
+    predefined_time: float,
+    frozen: bool,
+    reference: Signal,
 ) -> tuple[FlownLaw, Learned]:
     """Eq. (46) on the recorded stack, as printed or modified."""
     configuration, critic = setting.configuration, setting.configuration.critic
@@ -321,9 +371,13 @@ def _published(
 
     def told(memory: np.ndarray) -> Critic:
         weights = np.array([law.equations.unscaled(row) for row in memory])
-        residual = np.array([law.equations.reported_residuals(row)["residual_norm"] for row in memory])
+        residual = np.array(
+            [law.equations.reported_residuals(row)["residual_norm"] for row in memory]
+        )
         facts = law.theorem._asdict() | {"alpha1": law.gains[0], "alpha2": law.gains[1]}
-        return Critic(law.basis, weights, residual, facts | {"explicit_step_limit": law.explicit_step_limit})
+        return Critic(
+            law.basis, weights, residual, facts | {"explicit_step_limit": law.explicit_step_limit}
+        )
 
     learns = (ticks < learning).astype(float)[:, None]
     return FlownLaw(name, CriticPolicy(law, drift), learns, law.start()["weights"]), told
@@ -340,8 +394,8 @@ class LearningLaw(FlownLaw):
 def _plan(
     setting: Setting, case: PaperCase, law: str, predefined_time: float
 ) -> tuple[LearningResult, np.ndarray, float]:
-    """A learning run, its gains tick by tick and when they are certified; flights that differ in the plant or in noise
-    share it."""
+    """A learning run, its gains tick by tick and when they are certified; flights that differ in
+    the plant or in noise share it."""
     configuration, critic = setting.configuration, setting.configuration.critic
     if law == "irl":
         chosen = vars(configuration.irl) | {"initial_weights": baseline_weights(case.game)}
@@ -358,14 +412,20 @@ def _learned(
     setting: Setting, case: PaperCase, law: str, predefined_time: float, reference: Signal
 ) -> tuple[FlownLaw, Learned]:
     """K(t) from a learning run during the flight; a baseline is used until K(t) is certified."""
-    learned, gains, first = _plan(setting, case, "irl" if law == INTEGRAL else "certified", predefined_time)
+    learned, gains, first = _plan(
+        setting, case, "irl" if law == INTEGRAL else "certified", predefined_time
+    )
     tick, F = setting.configuration.flight.tick, feedforward(case, reference)
     begun = tick * np.arange(len(gains)) >= first - 1e-9
     uses = begun & (law == CERTIFIED_FF)
-    table = np.array([tracking_constants(K, np.where(used, F, 0.0)) for K, used in zip(gains, uses, strict=True)])
+    table = np.array(
+        [tracking_constants(K, np.where(used, F, 0.0)) for K, used in zip(gains, uses, strict=True)]
+    )
 
     def told(memory: np.ndarray) -> Critic:
-        rows = np.searchsorted(learned.times, tick * np.arange(len(memory)) + 1e-9, side="right") - 1
+        rows = (
+            np.searchsorted(learned.times, tick * np.arange(len(memory)) + 1e-9, side="right") - 1
+        )
         rows = np.clip(rows, 0, len(learned.times) - 1)
         facts = {"status": learned.outcome, "learned_from": first} | learned.diagnostics
         functions: Basis = basis(learned.basis, _N)

@@ -1,4 +1,5 @@
-"""Learning in flight: the last gain that was certified by each tick, a baseline before the first."""
+"""Learning in flight: the last gain that was certified by each tick, a baseline before the
+first."""
 
 from __future__ import annotations
 
@@ -6,17 +7,18 @@ import numpy as np
 
 from controller import Game, basis
 from controller.game.learning_result import LearningResult
-from controller.laws.certify import abscissa, positivity
-from controller.laws.recording import natural_spread
+from controller.learning.certify import abscissa, positivity
+from controller.learning.recording import natural_spread
 from studies.update_law.integral_rl import baseline_gain
 
 
 def certified_gains(game: Game, learned: LearningResult, tick: float) -> tuple[np.ndarray, float]:
-    """In each tick of `tick` seconds the last gain that was certified by then, (N, m, n), and from when on, s.
+    """In each tick of `tick` seconds the last gain that was certified by then, (N, m, n), and from
+    when on, s.
 
-    A value counts when A - S P and A - B K are Hurwitz and P is positive (`certify.positivity`); until there is
-    one, the baseline is used. What has been learned at t is known at t: nothing of the later run is used.
-    """
+    A value counts when A - S P and A - B K are Hurwitz and P is positive (`certify.positivity`);
+    until there is one, the baseline is used. What has been learned at t is known at t: nothing of
+    the later run is used."""
     functions = basis(learned.basis, len(game.A))
     current, first, scales = baseline_gain(game), np.inf, natural_spread(game)
     gains, row = [], 0

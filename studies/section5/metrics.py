@@ -1,4 +1,5 @@
-"""Numbers that tell how a flight went and how its critic learned; all are inf for a flight that was lost."""
+"""Numbers that tell how a flight went and how its critic learned; all are inf for a flight that was
+lost."""
 
 from __future__ import annotations
 
@@ -22,16 +23,19 @@ _ROWS = [LINEAR_STATES.index(name) for name in TRACKED]
 _BY_NAME = {
     **dict.fromkeys(("rms_error", "peak_error", "late_peak_error"), LINEAR_STATES),
     **dict.fromkeys(("relative_error", "rise", "settling", "growth"), TRACKED),
-    **dict.fromkeys(("rms_input", "peak_input", "peak_rate", "wiggle", "remaining_range", "beyond_limits"), INPUTS),
+    **dict.fromkeys(
+        ("rms_input", "peak_input", "peak_rate", "wiggle", "remaining_range", "beyond_limits"),
+        INPUTS,
+    ),
 }
 _SINGLE = ("cost", "early_cost", "effort", "peak_effort", "attenuation")
 
 
 @dataclass(frozen=True, eq=False)
 class Critic:
-    """What a law learns. weights: (N, M), in the model's units, one row a tick; residual: (N,), relative Bellman
-    residual |e|/|z'Qz| of the game over the recorded stack. facts: of the learning, by name.
-    """
+    """What a law learns. weights: (N, M), in the model's units, one row a tick; residual: (N,),
+    relative Bellman residual |e|/|z'Qz| of the game over the recorded stack. facts: of the
+    learning, by name."""
 
     basis: Basis
     weights: np.ndarray
@@ -42,20 +46,29 @@ class Critic:
 def flight_metrics(
     configuration: Configuration, game: Game, limits: np.ndarray, flight: Flight, lost_at: float
 ) -> dict[str, Any]:
-    """The metrics of a flight up to lost_at, s (inf: to its end): numbers, and tables by state or input.
+    """The metrics of a flight up to lost_at, s (inf: to its end): numbers, and tables by state or
+    input.
 
-    lost_at: None for a flight that came to its end. rms_error, peak_error, late_peak_error: of z, by state; late is
-    the window of the criteria. Of the tracked states: relative_error, late rms over the command; rise and settling, s,
-    when the error entered its band for the first time and for good; growth, largest error after the short adjustment
-    over the largest before. cost: ∫ z'Qz + u'Ru dt. early_cost: ∫ z'Qz dt during the adjustment. effort: ∫ u'Ru dt;
-    peak_effort: largest (u'Ru)^½. attenuation: ∫ z'Qz + u'Ru over ∫ d'd, which the game promises below δ² for the
-    disturbance alone; delta_squared: δ². By input: rms_input, peak_input, peak_rate (per s, over one tick), wiggle
-    (total variation over range, late), remaining_range (after the adjustment, over the peak), beyond_limits (share of
-    the flight in which trim + u passes `limits`, assumed).
+    lost_at: None for a flight that came to its end. rms_error, peak_error, late_peak_error: of z,
+    by state; late is the window of the criteria. Of the tracked states: relative_error, late rms
+    over the command; rise and settling, s, when the error entered its band for the first time and
+    for good; growth, largest error after the short adjustment over the largest before. cost: ∫ z'Qz
+    + u'Ru dt. early_cost: ∫ z'Qz dt during the adjustment. effort: ∫ u'Ru dt; peak_effort: largest
+    (u'Ru)^½. attenuation: ∫ z'Qz + u'Ru over ∫ d'd, which the game promises below δ² for the
+    disturbance alone; delta_squared: δ². By input: rms_input, peak_input, peak_rate (per s, over
+    one tick), wiggle (total variation over range, late), remaining_range (after the adjustment,
+    over the peak), beyond_limits (share of the flight in which trim + u passes `limits`, assumed).
     """
     if not np.isinf(lost_at):
-        lost: dict[str, Any] = {name: dict.fromkeys(entries, np.inf) for name, entries in _BY_NAME.items()}
-        return {"lost_at": lost_at, **lost, **dict.fromkeys(_SINGLE, np.inf), "delta_squared": game.delta**2}
+        lost: dict[str, Any] = {
+            name: dict.fromkeys(entries, np.inf) for name, entries in _BY_NAME.items()
+        }
+        return {
+            "lost_at": lost_at,
+            **lost,
+            **dict.fromkeys(_SINGLE, np.inf),
+            "delta_squared": game.delta**2,
+        }
     criteria, each = configuration.criteria, configuration.steps_per_tick()
     z, u, t = flight.errors, flight.inputs, flight.times
     d = configuration.disturbance.sampled(t)
@@ -83,7 +96,10 @@ def flight_metrics(
     }
     return {
         "lost_at": None,
-        **{name: dict(zip(_BY_NAME[name], map(float, row), strict=True)) for name, row in tables.items()},
+        **{
+            name: dict(zip(_BY_NAME[name], map(float, row), strict=True))
+            for name, row in tables.items()
+        },
         "cost": cost,
         "early_cost": _integral(errors[early], t[early]),
         "effort": _integral(efforts, t),
@@ -98,13 +114,13 @@ def learning_metrics(
 ) -> dict[str, Any]:
     """How the critic learned within the learning time T_w, s, whose last tenth is called the end.
 
-    residual: (N,), at the simulated error. path_share: share of the length of the path of W that lies before T_w.
-    late_update: largest update of a tick after T_w over the largest before. end_update: the same for the end of the
-    learning time. late_change: largest |W - W(T_w)| after T_w over |W(T_w)|. end_change: |W(T_w) - W| at the beginning
-    of the end over |W(T_w)|. stack_residual: relative residual on the stack at the start, at T_w and at the end of the
-    flight. flown_residual: |e| at the simulated error, at the start, and the largest before and after T_w. facts: the
-    law's own.
-    """
+    residual: (N,), at the simulated error. path_share: share of the length of the path of W that
+    lies before T_w. late_update: largest update of a tick after T_w over the largest before.
+    end_update: the same for the end of the learning time. late_change: largest |W - W(T_w)| after
+    T_w over |W(T_w)|. end_change: |W(T_w) - W| at the beginning of the end over |W(T_w)|.
+    stack_residual: relative residual on the stack at the start, at T_w and at the end of the
+    flight. flown_residual: |e| at the simulated error, at the start, and the largest before and
+    after T_w. facts: the law's own."""
     names = ("path_share", "late_update", "end_update", "late_change", "end_change")
     if not np.isinf(lost_at):
         never = dict.fromkeys(("stack_residual", "flown_residual"), (np.inf, np.inf, np.inf))
@@ -112,7 +128,11 @@ def learning_metrics(
     W = critic.weights
     updates = np.linalg.norm(np.diff(W, axis=0), axis=1)
     end, nearly = (int(np.count_nonzero(times < share * T_w - 1e-9)) for share in (1.0, 0.9))
-    path, largest, final = float(updates.sum()), float(updates[:end].max()), float(np.linalg.norm(W[end]))
+    path, largest, final = (
+        float(updates.sum()),
+        float(updates[:end].max()),
+        float(np.linalg.norm(W[end])),
+    )
     size, on_stack = np.abs(residual), critic.residual
     return {
         "path_share": float(updates[:end].sum()) / path if path > 0.0 else 0.0,
@@ -127,7 +147,8 @@ def learning_metrics(
 
 
 def residual_at(game: Game, basis: Basis, weights: np.ndarray, errors: np.ndarray) -> np.ndarray:
-    """e = ∇V'A z + z'Qz - ¼ ∇V'S ∇V, ∇V = ∂ψ(z)'W: residual of the Hamilton-Jacobi-Isaacs equation, (N,)."""
+    """e = ∇V'A z + z'Qz - ¼ ∇V'S ∇V, ∇V = ∂ψ(z)'W: residual of the Hamilton-Jacobi-Isaacs equation,
+    (N,)."""
     gradient = np.einsum("jmi,jm->ji", basis.gradient(errors), weights)
     drift = np.einsum("ji,ji->j", gradient, errors @ game.A.T - 0.25 * gradient @ game.S)
     residual: np.ndarray = drift + _quadratic(errors, game.Q)
@@ -141,7 +162,8 @@ def first_at(times: np.ndarray, size: np.ndarray, band: float) -> float:
 
 
 def wiggle(inputs: np.ndarray) -> np.ndarray:
-    """Total variation over range of each column, 0 for a constant: 1 for a monotone signal, large for chatter."""
+    """Total variation over range of each column, 0 for a constant: 1 for a monotone signal, large
+    for chatter."""
     spread = np.ptp(inputs, axis=0)
     variation = np.abs(np.diff(inputs, axis=0)).sum(axis=0)
     return np.divide(variation, spread, out=np.zeros_like(spread), where=spread > 0.0)

@@ -1,1 +1,2 @@
-"""Servos through commands, actuator faults and gusts, and the search for their weights; see README.md."""
+"""Servos through commands, actuator faults and gusts, and the search for their weights; see
+README.md."""

@@ -1,4 +1,5 @@
-"""Servos of the aircraft: SimVFA's, adaptive laws and ours through commands, actuator faults and gusts.
+"""Servos of the aircraft: SimVFA's, adaptive laws and ours through commands, actuator faults and
+gusts.
 
 See studies/servo/README.md, and findings.md for the results.
 """
@@ -41,21 +42,42 @@ def parser() -> argparse.ArgumentParser:
     whole = argparse.ArgumentParser("python -m studies.servo", description=__doc__)
     commands = whole.add_subparsers(required=True, metavar="COMMAND")
 
-    fly = commands.add_parser("fly", help="SimVFA's commands, with the actuators as designed and with its faults")
+    fly = commands.add_parser(
+        "fly", help="SimVFA's commands, with the actuators as designed and with its faults"
+    )
     fly.add_argument("case", nargs="?", default="all", help="a case, or all")
-    fly.add_argument("-o", "--output", type=Path, required=True, metavar="FOLDER", help="a table and a figure a case")
+    fly.add_argument(
+        "-o",
+        "--output",
+        type=Path,
+        required=True,
+        metavar="FOLDER",
+        help="a table and a figure a case",
+    )
     fly.add_argument("--resume", action="store_true", help="keep the cases that are finished")
-    fly.add_argument("--law", action="append", default=[], metavar="NAME", help="this law only; repeatable")
+    fly.add_argument(
+        "--law", action="append", default=[], metavar="NAME", help="this law only; repeatable"
+    )
     about = "fly this controller too (.npz of hfa design); repeatable"
     fly.add_argument("--controller", action="append", default=[], metavar="FILE", help=about)
-    fly.add_argument("--duration", type=float, metavar="S", help="default: the whole sequence, 1051 s")
+    fly.add_argument(
+        "--duration", type=float, metavar="S", help="default: the whole sequence, 1051 s"
+    )
     fly.set_defaults(run=_fly)
 
-    ask = commands.add_parser("requirements", help="what is asked of a servo and what this one reaches; minutes")
-    ask.add_argument("controller", nargs="?", help="a controller (.npz of hfa design); the designed servo without one")
+    ask = commands.add_parser(
+        "requirements", help="what is asked of a servo and what this one reaches; minutes"
+    )
+    ask.add_argument(
+        "controller",
+        nargs="?",
+        help="a controller (.npz of hfa design); the designed servo without one",
+    )
     ask.set_defaults(run=_requirements)
 
-    trade = commands.add_parser("front", help="the gain of A_z between commands with a fault, updrafts and margins")
+    trade = commands.add_parser(
+        "front", help="the gain of A_z between commands with a fault, updrafts and margins"
+    )
     trade.set_defaults(run=_front)
 
     for each in (fly, ask, trade):
@@ -69,7 +91,11 @@ def _fly(arguments: argparse.Namespace, aircraft: Aircraft) -> Report:
 
     refuse_unknown("there is no case", arguments.case, (*CASES, "all"))
     names = CASES if arguments.case == "all" else (arguments.case,)
-    settings = {"duration": arguments.duration or DURATION, "only": arguments.law, "resume": arguments.resume}
+    settings = {
+        "duration": arguments.duration or DURATION,
+        "only": arguments.law,
+        "resume": arguments.resume,
+    }
     controllers = {path: load_controller(path) for path in arguments.controller}
     where = (controllers, arguments.output, _origin(aircraft))
     return servo_report([run_case(aircraft, name, *where, **settings) for name in names])
@@ -80,7 +106,9 @@ def _requirements(arguments: argparse.Namespace, aircraft: Aircraft) -> Report:
     from studies.servo.flights import requirements
 
     name = arguments.controller
-    return requirements(aircraft, designed_servo(aircraft) if name is None else load_controller(name))
+    return requirements(
+        aircraft, designed_servo(aircraft) if name is None else load_controller(name)
+    )
 
 
 def _front(_: argparse.Namespace, aircraft: Aircraft) -> Report:
@@ -90,8 +118,13 @@ def _front(_: argparse.Namespace, aircraft: Aircraft) -> Report:
 
 
 def _origin(aircraft: Aircraft) -> Provenance:
-    command, parameters = f"python -m studies.servo {shlex.join(sys.argv[1:])}", default_parameters()
-    return Provenance(command, aircraft.variant.name, parameters.name, parameter_hash(parameters.values))
+    command, parameters = (
+        f"python -m studies.servo {shlex.join(sys.argv[1:])}",
+        default_parameters(),
+    )
+    return Provenance(
+        command, aircraft.variant.name, parameters.name, parameter_hash(parameters.values)
+    )
 
 
 if __name__ == "__main__":

@@ -1,4 +1,5 @@
-"""Servos through the step commands and actuator faults of SimVFA: laws, flights, a table and a figure a case."""
+"""Servos through the step commands and actuator faults of SimVFA: laws, flights, a table and a
+figure a case."""
 
 from __future__ import annotations
 
@@ -24,10 +25,10 @@ from controller import (
     load_design,
     published_game,
 )
-from controller.design.design import Actuator
 from controller.flight.nonlinear_flight import NonlinearFlight, Tracked, fly, tracked
-from controller.policy.servo_policy import MeasuredOutputs, servo_law
-from controller.policy.signals import CommandedStates
+from controller.flight.signals import CommandedStates
+from controller.servo.design import Actuator
+from controller.servo.servo_policy import MeasuredOutputs, servo_law
 from hfa_model import INPUTS, LINEAR_STATES, Aircraft
 from hfa_model.provenance import Provenance
 from hfa_support import BadInputError, Report
@@ -85,10 +86,16 @@ def simvfa_commands() -> CommandSteps:
 def scenario_of(case: Case, commands: CommandSteps, duration: float = DURATION) -> Scenario:
     """The flight of a case, s long; BadInputError where that is longer than the commands."""
     if duration > DURATION:
-        raise BadInputError(f"duration is {duration:g} s; the commands of a case end after {DURATION:g} s")
+        raise BadInputError(
+            f"duration is {duration:g} s; the commands of a case end after {DURATION:g} s"
+        )
     actuators = flown_actuators(case.actuator, case.faults)
     return Scenario(
-        duration=duration, step=STEP, tick=STEP, reference=CommandedStates(commands, LINEAR_STATES), actuators=actuators
+        duration=duration,
+        step=STEP,
+        tick=STEP,
+        reference=CommandedStates(commands, LINEAR_STATES),
+        actuators=actuators,
     )
 
 
@@ -103,14 +110,21 @@ class Start(NamedTuple):
 Make = Callable[[Start], FlownLaw]
 
 
-def laws_of(order: int, controllers: Mapping[str, ScheduledController], only: Sequence[str] = ()) -> dict[str, Make]:
-    """Name -> how the law is made. order: of the actuators that SimVFA's laws are designed for. only: () for all.
+def laws_of(
+    order: int, controllers: Mapping[str, ScheduledController], only: Sequence[str] = ()
+) -> dict[str, Make]:
+    """Name -> how the law is made. order: of the actuators that SimVFA's laws are designed for.
+    only: () for all.
 
     BadInputError when a law of `only` is not among them.
     """
     found: dict[str, Make] = {
-        f"simvfa-{order}": lambda on: _flown(on, reference_servo(on.aircraft, f"simvfa-{order}", ANGLES)),
-        f"simvfa-{order} adaptive": lambda on: adaptive_law(order, on.aircraft, on.point, on.commands, ANGLES),
+        f"simvfa-{order}": lambda on: _flown(
+            on, reference_servo(on.aircraft, f"simvfa-{order}", ANGLES)
+        ),
+        f"simvfa-{order} adaptive": lambda on: adaptive_law(
+            order, on.aircraft, on.point, on.commands, ANGLES
+        ),
     }
     found["servo"] = lambda on: _flown(on, designed_servo(on.aircraft))
     found |= {name: lambda on, each=each: _flown(on, each) for name, each in controllers.items()}  # type: ignore[misc]
@@ -133,14 +147,16 @@ def designed_servo(aircraft: Aircraft) -> ScheduledController:
 
 
 def _paper(on: Start) -> FlownLaw:
-    """The exact policy of the paper's game at the trim: five inputs, six states, no actuators and no integrals."""
+    """The exact policy of the paper's game at the trim: five inputs, six states, no actuators and
+    no integrals."""
     model = linearize(on.aircraft, on.point)
     return gain_law("paper", solve_game(published_game(model.A, model.B)).K)
 
 
 @dataclass(frozen=True, eq=False)
 class ServoFlight:
-    """A law in a case. tracked: each commanded output. fastest: largest |ΔU / Δt| of the surfaces, rad/s."""
+    """A law in a case. tracked: each commanded output. fastest: largest |ΔU / Δt| of the surfaces,
+    rad/s."""
 
     law: str
     tracked: list[Tracked]
@@ -180,7 +196,8 @@ def fly_case(
     only: Sequence[str] = (),
     commands: CommandSteps | None = None,
 ) -> Iterator[ServoFlight]:
-    """Every law, or those named in `only`, through the commands (those of SimVFA) and the faults of a case."""
+    """Every law, or those named in `only`, through the commands (those of SimVFA) and the faults of
+    a case."""
     commands = commands or simvfa_commands()
     scenario = scenario_of(case, commands, duration)
     point = find_operating_point(aircraft, level_flight(float(np.radians(TRIM_DEG))))
@@ -189,9 +206,13 @@ def fly_case(
     for law, make in laws_of(case.actuator.order, controllers, only).items():
         made = make(Start(aircraft, point, commands))
         result = fly(aircraft, point, made, scenario, envelope, predict=False)
-        moved = np.abs(np.diff(result.flight.inputs[:, 1:], axis=0)).max(initial=0.0)  # without the throttle
+        moved = np.abs(np.diff(result.flight.inputs[:, 1:], axis=0)).max(
+            initial=0.0
+        )  # without the throttle
         times = result.flight.times[:2]
-        yield ServoFlight(law, tracked(result.flight, outputs, commands), float(moved / np.ptp(times)), result)
+        yield ServoFlight(
+            law, tracked(result.flight, outputs, commands), float(moved / np.ptp(times)), result
+        )
 
 
 def run_case(
@@ -207,8 +228,8 @@ def run_case(
 ) -> dict[str, Any]:
     """The result of a case of `CASES`, in FOLDER/NAME.json, with its figure.
 
-    resume: a case that this version finished for the same aircraft, laws and duration is not flown again.
-    """
+    resume: a case that this version finished for the same aircraft, laws and duration is not flown
+    again."""
     target, picture, case = folder / f"{name}.json", folder / f"{name}.png", CASES[name]
     decides = {
         "case": name,
@@ -254,7 +275,9 @@ def rows_of(result: Mapping[str, Any]) -> list[tuple[str, ...]]:
         lost = flight["lost_at"]
         outcome = "held" if lost is None else f"{flight['left']} left at {lost:.4g} s"
         rate = f"{math.degrees(flight['fastest_surface']):.3g}"
-        rows.append((flight["law"], f"{math.degrees(angle):.3f}", f"{acceleration:.3f}", rate, outcome))
+        rows.append(
+            (flight["law"], f"{math.degrees(angle):.3f}", f"{acceleration:.3f}", rate, outcome)
+        )
     return rows
 
 
@@ -267,18 +290,30 @@ def servo_figure(title: str, flights: Sequence[ServoFlight]) -> Figure:
     for column, each in enumerate(longest.tracked):
         unit, size = ("deg", math.degrees(1.0)) if each.unit == "rad" else (each.unit, 1.0)
         above, below = panels[:, column]
-        above.plot(longest.times, size * each.command, ":", color="black", zorder=5, label="command")
-        for flight, style in zip(flights, itertools.cycle(("-", "--", "-.", (0, (1, 1)))), strict=False):
+        above.plot(
+            longest.times, size * each.command, ":", color="black", zorder=5, label="command"
+        )
+        for flight, style in zip(
+            flights, itertools.cycle(("-", "--", "-.", (0, (1, 1)))), strict=False
+        ):
             followed = flight.tracked[column]
             values = size * followed.output, size * (followed.output - followed.command)
             for axes, value in zip((above, below), values, strict=True):
                 end = [len(value) - 1] if flight.lost_at is not None else []
                 axes.plot(
-                    flight.times, value, linestyle=style, linewidth=1.2, label=flight.law, marker="x", markevery=end
+                    flight.times,
+                    value,
+                    linestyle=style,
+                    linewidth=1.2,
+                    label=flight.law,
+                    marker="x",
+                    markevery=end,
                 )
         largest = size * max(flight.tracked[column].largest for flight in held)
         below.set_ylim(-1.05 * largest, 1.05 * largest)  # a lost law would hide the others
-        above.set_ylim(*(size * np.array([each.command.min(), each.command.max()]) + [-largest, largest]))
+        above.set_ylim(
+            *(size * np.array([each.command.min(), each.command.max()]) + [-largest, largest])
+        )
         above.set_title(each.name, fontsize=9)
         above.set_ylabel(f"off trim, {unit}", fontsize=8)
         below.set_ylabel(f"off its command, {unit}", fontsize=8)
@@ -286,5 +321,7 @@ def servo_figure(title: str, flights: Sequence[ServoFlight]) -> Figure:
     for axes in panels.flat:
         axes.grid(alpha=0.3)
         axes.tick_params(labelsize=7)
-    figure.legend(handles=panels[0, 0].lines, loc="outside upper center", ncols=4, fontsize=8, title=title)
+    figure.legend(
+        handles=panels[0, 0].lines, loc="outside upper center", ncols=4, fontsize=8, title=title
+    )
     return figure

@@ -1,4 +1,5 @@
-"""What is asked of a servo, and what one reaches: margins, delay, gusts, a biased gyro, noisy sensors."""
+"""What is asked of a servo, and what one reaches: margins, delay, gusts, a biased gyro, noisy
+sensors."""
 
 from __future__ import annotations
 
@@ -21,10 +22,10 @@ from controller import (
     Uncertainty,
     flight_envelope,
 )
-from controller.design.design import Actuator
-from controller.design.servo_loop import ServoLoop, check_margins, servo_loop, servo_plant
 from controller.flight.nonlinear_flight import NonlinearFlight, fly
-from controller.policy.servo_policy import servo_law
+from controller.servo.design import Actuator
+from controller.servo.servo_loop import ServoLoop, check_margins, servo_loop, servo_plant
+from controller.servo.servo_policy import servo_law
 from hfa_model import INPUTS, LINEAR_STATES, Aircraft, Input
 from hfa_model.vectors import CONTROL_LIMITS
 from hfa_support import Report
@@ -38,10 +39,19 @@ APART = 1.0
 #: Actuators that one servo is asked to work behind.
 REAL = (Actuator(1, 2.0), Actuator(2, 2.0), Actuator(1, 10.0), Actuator(2, 10.0))
 #: Length of a gust, ft -> peak that is asked for, ft/s, behind each of `REAL` but the last.
-ASKED = {400.0: (30.0, 30.0, 30.0), 600.0: (25.0, 25.0, 25.0), 1000.0: (20.0, 20.0, 20.0), 150.0: (15.0, 10.0, 25.0)}
+ASKED = {
+    400.0: (30.0, 30.0, 30.0),
+    600.0: (25.0, 25.0, 25.0),
+    1000.0: (20.0, 20.0, 20.0),
+    150.0: (15.0, 10.0, 25.0),
+}
 #: s; rad/s; states and standard deviations of the documents' noise.
 DELAY, BIAS = 0.02, math.radians(0.3)
-NOISE = {"pitch_rate": math.radians(0.1), "dihedral": math.radians(0.05), "alpha": math.radians(0.01)}
+NOISE = {
+    "pitch_rate": math.radians(0.1),
+    "dihedral": math.radians(0.05),
+    "alpha": math.radians(0.01),
+}
 #: deg: the angles of the gusts.
 ANGLES = (5.0, 11.0, 15.0)
 
@@ -56,12 +66,17 @@ def flown_actuators(acting: Actuator, faults: tuple[ActuatorFault, ...] = ()) ->
 
 
 def flown(
-    aircraft: Aircraft, model: LinearModel, controller: ScheduledController, acting: Actuator, **happens: Any
+    aircraft: Aircraft,
+    model: LinearModel,
+    controller: ScheduledController,
+    acting: Actuator,
+    **happens: Any,
 ) -> NonlinearFlight:
     """The nonlinear aircraft without commands. happens: of `Scenario`."""
     still = CommandSteps((), np.zeros(0), np.zeros((0, 0)))
     scenario = Scenario(
-        **{"duration": SECONDS, "step": STEP, "tick": TICK, **happens}, actuators=flown_actuators(acting)
+        **{"duration": SECONDS, "step": STEP, "tick": TICK, **happens},
+        actuators=flown_actuators(acting),
     )
     envelope, point = flight_envelope(aircraft, model.point), model.point
     law = servo_law(controller, still, aircraft, point)
@@ -76,7 +91,8 @@ def gust_held(
     length: float,
     peak: float,
 ) -> float:
-    """Largest 1-cosine gust up to `peak`, ft/s, that a flight of 30 s stands in its envelope, to `APART`; signed."""
+    """Largest 1-cosine gust up to `peak`, ft/s, that a flight of 30 s stands in its envelope, to
+    `APART`; signed."""
 
     def held(size: float) -> bool:
         gust = OneMinusCosine(length, math.copysign(size, peak), model.point.states.speed, 1.0)
@@ -97,7 +113,8 @@ def largest_held(held: Callable[[float], bool], highest: float, apart: float) ->
 
 
 def delayed(loop: ServoLoop, seconds: float) -> ServoLoop:
-    """The loop with a delay in each input, by Padé's approximant of order 3: phase right to 1e-6 below 0.7/seconds."""
+    """The loop with a delay in each input, by Padé's approximant of order 3: phase right to 1e-6
+    below 0.7/seconds."""
     from control import pade, ss, tf
 
     delay, m, n = ss(tf(*pade(seconds, 3))), loop.B.shape[1], len(loop.A)
@@ -110,8 +127,11 @@ def delayed(loop: ServoLoop, seconds: float) -> ServoLoop:
     )
 
 
-def slowest_delayed(aircraft: Aircraft, controller: ScheduledController, degrees: Sequence[float]) -> float:
-    """Largest real part of a pole, 1/s, with `DELAY`, behind all of `REAL` at effectiveness 0.5 and 1."""
+def slowest_delayed(
+    aircraft: Aircraft, controller: ScheduledController, degrees: Sequence[float]
+) -> float:
+    """Largest real part of a pole, 1/s, with `DELAY`, behind all of `REAL` at effectiveness 0.5 and
+    1."""
     found = []
     for model in [level_model(aircraft, math.radians(each)) for each in degrees]:
         for acting, share in itertools.product(REAL, (0.5, 1.0)):
@@ -128,7 +148,11 @@ def requirements(aircraft: Aircraft, controller: ScheduledController) -> Report:
     found: list[dict[str, Any]] = [
         {"what": "gain margin, dB", "asked": 6.0, "reached": min(each.gain for each in single)},
         {"what": "phase margin, deg", "asked": 45.0, "reached": min(each.phase for each in single)},
-        {"what": "delay margin, one loop, ms", "asked": 20.0, "reached": 1e3 * min(each.delay for each in single)},
+        {
+            "what": "delay margin, one loop, ms",
+            "asked": 20.0,
+            "reached": 1e3 * min(each.delay for each in single),
+        },
         {
             "what": "slowest pole with 20 ms, effectiveness 0.5 to 1, 1/s",
             "asked": 0.0,
@@ -139,27 +163,53 @@ def requirements(aircraft: Aircraft, controller: ScheduledController) -> Report:
     for (length, asked), k in itertools.product(ASKED.items(), range(3)):
         held = {
             f"{angle:g} deg {way}": abs(
-                gust_held(aircraft, model, controller, REAL[k], length, asked[k] if way == "up" else -asked[k])
+                gust_held(
+                    aircraft,
+                    model,
+                    controller,
+                    REAL[k],
+                    length,
+                    asked[k] if way == "up" else -asked[k],
+                )
             )
             for angle, model in models.items()
             for way in ("up", "down")
         }
         worst = min(held, key=lambda where: held[where])
         what = f"gust of {length:g} ft, order {REAL[k].order}, {REAL[k].bandwidth:g} rad/s, ft/s"
-        found.append({"what": what, "asked": asked[k], "reached": held[worst], "where": worst, "held": held})
+        found.append(
+            {"what": what, "asked": asked[k], "reached": held[worst], "where": worst, "held": held}
+        )
     at_11 = models[11.0]
     one = np.eye(len(LINEAR_STATES))[LINEAR_STATES.index("pitch_rate")]
     for acting in REAL:
         words = f", order {acting.order}, {acting.bandwidth:g} rad/s, deg"
-        biased = flown(aircraft, at_11, controller, acting, duration=120.0, noise=Signal(BIAS * one, 0.0 * one))
-        error = np.degrees(np.abs(biased.states[-1, 5] - at_11.point.states.dihedral))
-        found.append({"what": f"gyro 0.3 deg/s off: dihedral{words}", "asked": 0.3, "reached": float(error)})
-        noisy = Scenario(duration=60.0, step=STEP, tick=STEP, uncertainty=Uncertainty(noise=NOISE)).drawn(
-            1, 0, at_11.point
+        biased = flown(
+            aircraft, at_11, controller, acting, duration=120.0, noise=Signal(BIAS * one, 0.0 * one)
         )
-        quiet = flown(aircraft, at_11, controller, acting, duration=60.0, tick=STEP, samples=noisy.samples)
-        rates = np.degrees(np.abs(np.diff(quiet.flight.inputs[:, 1:], axis=0)) / STEP)  # without the throttle
-        found.append({"what": f"noise: surface rate{words}/s", "asked": 4.0, "reached": float(rates.max())})
-    rows = [(each["what"], f"{each['asked']:g}", f"{each['reached']:.3g}", each.get("where", "")) for each in found]
+        error = np.degrees(np.abs(biased.states[-1, 5] - at_11.point.states.dihedral))
+        found.append(
+            {"what": f"gyro 0.3 deg/s off: dihedral{words}", "asked": 0.3, "reached": float(error)}
+        )
+        noisy = Scenario(
+            duration=60.0, step=STEP, tick=STEP, uncertainty=Uncertainty(noise=NOISE)
+        ).drawn(1, 0, at_11.point)
+        quiet = flown(
+            aircraft, at_11, controller, acting, duration=60.0, tick=STEP, samples=noisy.samples
+        )
+        rates = np.degrees(
+            np.abs(np.diff(quiet.flight.inputs[:, 1:], axis=0)) / STEP
+        )  # without the throttle
+        found.append(
+            {"what": f"noise: surface rate{words}/s", "asked": 4.0, "reached": float(rates.max())}
+        )
+    rows = [
+        (each["what"], f"{each['asked']:g}", f"{each['reached']:.3g}", each.get("where", ""))
+        for each in found
+    ]
     title = f"Requirements of controller {controller.name}, {controller.dynamics} dynamics"
-    return Report(title, (Table(("requirement", "asked", "reached", "where"), rows),), data={"requirements": found})
+    return Report(
+        title,
+        (Table(("requirement", "asked", "reached", "where"), rows),),
+        data={"requirements": found},
+    )

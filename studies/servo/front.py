@@ -1,4 +1,5 @@
-"""What following A_z costs: the servo with other gains of A_z, between commands with a fault, gusts and margins."""
+"""What following A_z costs: the servo with other gains of A_z, between commands with a fault, gusts
+and margins."""
 
 from __future__ import annotations
 
@@ -9,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from controller import design_controller, load_design
-from controller.design.servo_loop import check_margins
+from controller.servo.servo_loop import check_margins
 from hfa_model import Aircraft
 from hfa_support import Report
 from hfa_support.reporting.text import Table
@@ -18,25 +19,45 @@ from studies.servo.flights import ASKED, REAL, gust_held
 from studies.servo.simvfa import REGULATED
 from trim import level_model
 
-#: Factors on the gain of A_z; s of the commands: the first three steps; ft/s: the largest gust that is tried.
+#: Factors on the gain of A_z; s of the commands: the first three steps; ft/s: the largest gust that
+#: is tried.
 FACTORS, SECONDS, LARGEST = (0.25, 0.5, 1.0, 1.5, 2.0), 211.0, 60.0
 
 
 def front(aircraft: Aircraft) -> Report:
-    """At 11 deg, order 1: rms of A_z with the fault of `order-1-fault`, largest updrafts held, smallest margins."""
-    design, model = load_design("servo").of(aircraft.model), level_model(aircraft, math.radians(TRIM_DEG))
+    """At 11 deg, order 1: rms of A_z with the fault of `order-1-fault`, largest updrafts held,
+    smallest margins."""
+    design, model = (
+        load_design("servo").of(aircraft.model),
+        level_model(aircraft, math.radians(TRIM_DEG)),
+    )
     assert design.shaping is not None
     points: list[dict[str, Any]] = []
     for factor in FACTORS:
         weight = design.shaping.outputs[REGULATED[1]]
-        outputs = {**design.shaping.outputs, REGULATED[1]: weight._replace(gain=factor * weight.gain)}
+        outputs = {
+            **design.shaping.outputs,
+            REGULATED[1]: weight._replace(gain=factor * weight.gain),
+        }
         own = replace(design, name=f"{factor:g}", shaping=design.shaping._replace(outputs=outputs))
         made = design_controller(aircraft, own, np.array(design.shaping.places))
         single = check_margins(aircraft, made, np.radians([TRIM_DEG]), (2.0, 10.0)).single
-        (flight,) = fly_case(aircraft, CASES["order-1-fault"], {own.name: made}, SECONDS, only=[own.name])
-        gusts = {f"{length:g}": gust_held(aircraft, model, made, REAL[0], length, LARGEST) for length in sorted(ASKED)}
-        point = {"factor": factor, "acceleration": flight.tracked[1].rms, "dihedral": flight.tracked[0].rms}
-        margin = {"gain": min(each.gain for each in single), "phase": min(each.phase for each in single)}
+        (flight,) = fly_case(
+            aircraft, CASES["order-1-fault"], {own.name: made}, SECONDS, only=[own.name]
+        )
+        gusts = {
+            f"{length:g}": gust_held(aircraft, model, made, REAL[0], length, LARGEST)
+            for length in sorted(ASKED)
+        }
+        point = {
+            "factor": factor,
+            "acceleration": flight.tracked[1].rms,
+            "dihedral": flight.tracked[0].rms,
+        }
+        margin = {
+            "gain": min(each.gain for each in single),
+            "phase": min(each.phase for each in single),
+        }
         points.append(point | margin | {"updrafts": gusts})
     rows = [
         (

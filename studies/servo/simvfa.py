@@ -1,8 +1,8 @@
-"""The servos of SimVFA: an LQR that feeds back the state of a reference model, and the adaptive laws on top of it.
+"""The servos of SimVFA: an LQR that feeds back the state of a reference model, and the adaptive
+laws on top of it.
 
-Source: Qu, Thomsen, Annaswamy 2018; Thomsen 2018, Section 4.1. Regressors and rates of the adaptive laws, for actuators
-of order 1 and of order 2, are those of the simulation released with them.
-"""
+Source: Qu, Thomsen, Annaswamy 2018; Thomsen 2018, Section 4.1. Regressors and rates of the adaptive
+laws, for actuators of order 1 and of order 2, are those of the simulation released with them."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ import casadi as ca
 import numpy as np
 
 from controller import CommandSteps, FlownLaw, ScheduledController, design_model, load_design
-from controller.design.design import COMMAND_FILTER, Design
-from controller.design.design_model import DesignModel
-from controller.policy.policies import Seen, Unvaried
-from controller.policy.servo_policy import MeasuredOutputs, ScheduledTable
+from controller.flight.policies import Seen, Unvaried
+from controller.servo.design import COMMAND_FILTER, Design
+from controller.servo.design_model import DesignModel
+from controller.servo.servo_policy import MeasuredOutputs, ScheduledTable
 from hfa_model import INPUTS, LINEAR_STATES, Aircraft
 from hfa_model.provenance import parameter_hash
 from trim import OperatingPoint, level_model
@@ -30,19 +30,20 @@ from verification import solve_game
 RATE, REGULATED = "pitch_rate", ("dihedral", "vertical_acceleration_short_period")
 #: Coefficients of α0 + α1 s (+ α2 s²), by the order of the actuators.
 ALPHAS = {1: (1.0, 0.5), 2: (2.0, np.sqrt(2.0), 1.0)}
-#: Weights q I and r of the LQR that places the zeros of the squared-up plant; ε of R⁻¹; shift of A in R⁻¹, 1/s.
+#: Weights q I and r of the LQR that places the zeros of the squared-up plant; ε of R⁻¹; shift of A
+#: in R⁻¹, 1/s.
 SQUARING_Q, SQUARING_R, EPSILON, SHIFT = 1.0, 500.0, 20.0, 0.25
 _THIRD = np.array([1.0, 1.0, -1.0])
 
 
 @dataclass(frozen=True, eq=False)
 class ReferenceModel:
-    """x_m' = A x_m + B u - [0; I] r + L (y - C x_m),  u = -K x_m,  y = [pitch rate; integrals] (Qu 2018).
+    """x_m' = A x_m + B u - [0; I] r + L (y - C x_m),  u = -K x_m,  y = [pitch rate; integrals] (Qu
+    2018).
 
-    A: (n, n). B: (n, 2). C: (3, n). K: (2, n). L = B1 R⁻¹S: (n, 3), with B1 (n, 3) the squared-up input path of
-    relative degree 1, `squared_up` B itself, S: (3, 3) of the mixed output S y, for which S C B1 is symmetric and
-    positive definite, R_inverse: (3, 3).
-    """
+    A: (n, n). B: (n, 2). C: (3, n). K: (2, n). L = B1 R⁻¹S: (n, 3), with B1 (n, 3) the squared-up
+    input path of relative degree 1, `squared_up` B itself, S: (3, 3) of the mixed output S y, for
+    which S C B1 is symmetric and positive definite, R_inverse: (3, 3)."""
 
     A: np.ndarray
     B: np.ndarray
@@ -67,9 +68,13 @@ def reference_model(built: DesignModel) -> ReferenceModel:
     n = len(game.A)
     C = np.vstack([np.eye(n)[built.states.index(RATE)], np.eye(n)[n - 2 :]])
     squared_up = np.vstack([game.B.T, _third_row(game.A.T, C.T, game.B.T)]).T
-    B1 = sum(a * np.linalg.matrix_power(game.A, k) @ squared_up for k, a in enumerate(ALPHAS[order]))
+    B1 = sum(
+        a * np.linalg.matrix_power(game.A, k) @ squared_up for k, a in enumerate(ALPHAS[order])
+    )
     S = polar(C @ B1)[0].T
-    if S[2].sum() < 0.0:  # the sign of the third input is free; the tables between the angles need one
+    if (
+        S[2].sum() < 0.0
+    ):  # the sign of the third input is free; the tables between the angles need one
         squared_up, B1, S = squared_up * _THIRD, B1 * _THIRD, S * _THIRD[:, None]
     mixed = S @ C
     inverse = np.linalg.inv(mixed @ B1)
@@ -80,12 +85,13 @@ def reference_model(built: DesignModel) -> ReferenceModel:
 
 
 def _third_row(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> np.ndarray:
-    """c (n,) that gives (A, B, [C; c]) as many outputs as inputs, the same relative degree, and stable zeros.
+    """c (n,) that gives (A, B, [C; c]) as many outputs as inputs, the same relative degree, and
+    stable zeros.
 
-    With T = [B⁺; N'], N'B = 0, the part of T z that no input reaches directly is a smaller plant with the same
-    outputs; where its C B has full rank, the zeros are the eigenvalues of an LQR and c its gain.
-    Source: Qu, Wiese, Annaswamy, Lavretsky, Squaring-up in the presence of transmission zeros, 2014.
-    """
+    With T = [B⁺; N'], N'B = 0, the part of T z that no input reaches directly is a smaller plant
+    with the same outputs; where its C B has full rank, the zeros are the eigenvalues of an LQR and
+    c its gain. Source: Qu, Wiese, Annaswamy, Lavretsky, Squaring-up in the presence of transmission
+    zeros, 2014."""
     from scipy.linalg import null_space, solve_continuous_are
 
     m, p = B.shape[1], len(C)
@@ -112,10 +118,13 @@ def simvfa_design(name: str) -> Design:
 def reference_servo(aircraft: Aircraft, design: str, dihedrals: np.ndarray) -> ScheduledController:
     """The LQR with its reference model, tabled over the dihedral, rad; `simvfa-1` or `simvfa-2`.
 
-    x = [e; x_m]: e' = z - r of the regulated outputs, and the reference model corrected by [pitch rate; e].
-    """
+    x = [e; x_m]: e' = z - r of the regulated outputs, and the reference model corrected by [pitch
+    rate; e]."""
     chosen = simvfa_design(design)
-    built = [design_model(aircraft, level_model(aircraft, dihedral), chosen) for dihedral in dihedrals.tolist()]
+    built = [
+        design_model(aircraft, level_model(aircraft, dihedral), chosen)
+        for dihedral in dihedrals.tolist()
+    ]
     tables = [reference_model(each) for each in built]
     n = len(tables[0].A)
     shape = (len(tables), n + 2)
@@ -138,7 +147,10 @@ def reference_servo(aircraft: Aircraft, design: str, dihedrals: np.ndarray) -> S
         C=C,
         D=np.zeros((len(tables), 2, 5)),
         W=np.zeros((*shape, 2)),
-        states=(*(f"{name}_integral" for name in REGULATED), *(f"model_{name}" for name in built[0].states)),
+        states=(
+            *(f"{name}_integral" for name in REGULATED),
+            *(f"model_{name}" for name in built[0].states),
+        ),
         measurements=(RATE, *REGULATED),
         commands=tuple(f"{name}_command" for name in REGULATED),
         inputs=chosen.inputs,
@@ -155,7 +167,8 @@ def reference_servo(aircraft: Aircraft, design: str, dihedrals: np.ndarray) -> S
 MU = 0.02
 #: α0, α1, α2 of Π = α0 + α1 d/dt + α2 d²/dt², for actuators of order 2.
 A0, A1, A2 = ALPHAS[2]
-#: Adaptation rates of states, by order: of the effectiveness, and of the reference model's own inputs.
+#: Adaptation rates of states, by order: of the effectiveness, and of the reference model's own
+#: inputs.
 GAMMA_STATE, GAMMA_EFFECTIVENESS, GAMMA_MODEL = 0.2, {1: 2000.0, 2: 5000.0}, {1: 400.0, 2: 1000.0}
 #: States of the aircraft; inputs; measured outputs. States with actuators, by their order.
 _X, _M, _Y = 6, 2, 3
@@ -172,7 +185,8 @@ class Part(NamedTuple):
 
 
 class MemoryParts:
-    """The memory in parts, each with its start and its rate. memory: None to find out the starts alone."""
+    """The memory in parts, each with its start and its rate. memory: None to find out the starts
+    alone."""
 
     def __init__(self, memory: ca.SX | None = None) -> None:
         self._memory, self._begin = memory, 0
@@ -183,7 +197,11 @@ class MemoryParts:
         """The next (rows, columns); it begins at 0 by default."""
         size = rows * columns
         self._starts.append(np.zeros(size) if start is None else start.ravel(order="F"))
-        flat = ca.SX.zeros(size) if self._memory is None else self._memory[self._begin : self._begin + size]
+        flat = (
+            ca.SX.zeros(size)
+            if self._memory is None
+            else self._memory[self._begin : self._begin + size]
+        )
         self._begin += size
         return Part(len(self._starts) - 1, ca.reshape(flat, rows, columns))
 
@@ -235,9 +253,12 @@ class Filter:
 
 
 class Tuner:
-    """Ψ = α0 g X,  α2 X'' = Φ - g (α0 X + α1 X'),  Φ' = γ ν e',  g = 1 + μ ν'ν of the regressor ν."""
+    """Ψ = α0 g X,  α2 X'' = Φ - g (α0 X + α1 X'),  Φ' = γ ν e',  g = 1 + μ ν'ν of the regressor
+    ν."""
 
-    def __init__(self, memory: MemoryParts, rows: int, columns: int, start: np.ndarray | None = None) -> None:
+    def __init__(
+        self, memory: MemoryParts, rows: int, columns: int, start: np.ndarray | None = None
+    ) -> None:
         begun = None if start is None else start / A0
         self._memory = memory
         self._goal, self._X = memory.take(rows, columns, start), memory.take(rows, columns, begun)
@@ -269,10 +290,8 @@ def operated(psi: Sequence[ca.SX], x: Sequence[ca.SX]) -> ca.SX:
 class AdaptivePolicy(Unvaried, ABC):
     """A law with a reference model, tabled over the measured dihedral.
 
-    outputs: pitch rate and the regulated outputs. dihedral: of the trim in which the flight begins, rad. angles:
-    (N,), rad,
-    of `models`. inputs: names of u.
-    """
+    outputs: pitch rate and the regulated outputs. dihedral: of the trim in which the flight begins,
+    rad. angles: (N,), rad, of `models`. inputs: names of u."""
 
     commands: CommandSteps
     outputs: MeasuredOutputs
@@ -282,7 +301,13 @@ class AdaptivePolicy(Unvaried, ABC):
     inputs: tuple[str, ...]
 
     @abstractmethod
-    def law(self, memory: MemoryParts, tables: Sequence[ca.SX], measured: ca.SX, command: tuple[ca.SX, ca.SX]) -> ca.SX:
+    def law(
+        self,
+        memory: MemoryParts,
+        tables: Sequence[ca.SX],
+        measured: ca.SX,
+        command: tuple[ca.SX, ca.SX],
+    ) -> ca.SX:
         """Take the parts of the memory and set their rates; u, (m,).
 
         tables: A, B, K, L, S, R⁻¹ and the squared-up B. command: r and r'.
@@ -297,7 +322,12 @@ class AdaptivePolicy(Unvaried, ABC):
     def start(self) -> np.ndarray:
         """The nominal parameters, everything else 0."""
         memory, nothing = MemoryParts(), ca.SX.zeros(len(self.inputs))
-        self.law(memory, self._table.at(ca.SX(self.dihedral)), ca.SX.zeros(len(self.outputs.names)), (nothing, nothing))
+        self.law(
+            memory,
+            self._table.at(ca.SX(self.dihedral)),
+            ca.SX.zeros(len(self.outputs.names)),
+            (nothing, nothing),
+        )
         return memory.start
 
     def control(self, t: ca.SX, seen: Seen, memory: ca.SX, p: ca.SX) -> ca.SX:
@@ -322,16 +352,23 @@ class AdaptivePolicy(Unvaried, ABC):
 
 
 class AdaptiveDegree2(AdaptivePolicy):
-    """u = Π{Λ̂'v̄ - Ψ1'x̄1 - Ψ2'x̄2},  Π = α0 + α1 d/dt,  with v = -K x_m and  α0 v̄ + α1 v̄' = α0 v,  x̄ from x_m alike,
+    """u = Π{Λ̂'v̄ - Ψ1'x̄1 - Ψ2'x̄2},  Π = α0 + α1 d/dt,  with v = -K x_m and  α0 v̄ + α1 v̄' = α0
+    v,  x̄ from x_m alike,
 
-        x_m' = (A - B K) x_m - [0; I] r + L e_y + B_s Π{Ψm'ē},   e_y = y - C x_m,   ē' = R⁻¹S e_y - (α0/α1) ē,
-        Λ̂' = -Γ v̄ (S1 e_y)',  Ψ1' = Γ x̄1 (S1 e_y)',  Ψ2' = Γ x̄2 (S1 e_y)',  Ψm' = Γ ē (S e_y)'.
+        x_m' = (A - B K) x_m - [0; I] r + L e_y + B_s Π{Ψm'ē},   e_y = y - C x_m,   ē' = R⁻¹S e_y -
+    (α0/α1) ē, Λ̂' = -Γ v̄ (S1 e_y)',  Ψ1' = Γ x̄1 (S1 e_y)',  Ψ2' = Γ x̄2 (S1 e_y)',  Ψm' = Γ ē (S
+    e_y)'.
 
-    x̄1: of the six states of the aircraft; x̄2: with the actuators. S1: the first two rows of S. B_s: the squared-up
-    input matrix.
-    """
+    x̄1: of the six states of the aircraft; x̄2: with the actuators. S1: the first two rows of S.
+    B_s: the squared-up input matrix."""
 
-    def law(self, memory: MemoryParts, tables: Sequence[ca.SX], measured: ca.SX, command: tuple[ca.SX, ca.SX]) -> ca.SX:
+    def law(
+        self,
+        memory: MemoryParts,
+        tables: Sequence[ca.SX],
+        measured: ca.SX,
+        command: tuple[ca.SX, ca.SX],
+    ) -> ca.SX:
         """See the class."""
         (a0, a1), (A, B, K, L, S, R_inverse, squared_up) = ALPHAS[1], tables
         integrals, model, r = memory.take(_M), memory.take(_XA[1] + _M), command[0]
@@ -346,7 +383,9 @@ class AdaptiveDegree2(AdaptivePolicy):
             memory.move(part, rate)
             return part.now, rate
 
-        def operated(weights: Part, gamma: float, regressor: tuple[ca.SX, ca.SX], error: ca.SX) -> ca.SX:
+        def operated(
+            weights: Part, gamma: float, regressor: tuple[ca.SX, ca.SX], error: ca.SX
+        ) -> ca.SX:
             """Π{Ψ'x} of weights with Ψ' = γ x e'."""
             rate = gamma * ca.mtimes(regressor[0], error.T)
             memory.move(weights, rate)
@@ -361,22 +400,31 @@ class AdaptiveDegree2(AdaptivePolicy):
         e_bar = followed(_Y, ca.mtimes(R_inverse, mixed), 1.0)
         added = ca.mtimes(squared_up, operated(memory.take(_Y, _Y), GAMMA_MODEL[1], e_bar, mixed))
         commanded = ca.vertcat(ca.SX.zeros(_XA[1]), -r)
-        memory.move(model, ca.mtimes(A, model.now) + ca.mtimes(B, v) + ca.mtimes(L, off) + commanded + added)
+        memory.move(
+            model, ca.mtimes(A, model.now) + ca.mtimes(B, v) + ca.mtimes(L, off) + commanded + added
+        )
         return u
 
 
 class AdaptiveDegree3(AdaptivePolicy):
-    """u = Π{Λ̂'v̄ - Ψ1'x_p - Ψ2'x̄1 - Ψ3'x̄2} - (α1 Ψ1' + α2 Ψ1'')' ε with derivatives of Ψ from tuners (`Tuner`),
+    """u = Π{Λ̂'v̄ - Ψ1'x_p - Ψ2'x̄1 - Ψ3'x̄2} - (α1 Ψ1' + α2 Ψ1'')' ε with derivatives of Ψ from
+    tuners (`Tuner`),
 
-        x_m' = (A - B K) x_m - [0; I] r + L e_y + F_e - F_ε,  ε' = the rows of L e_y that belong to the aircraft,
-        F_e = B32 (Ψ4'ē1)' + B3 (α0 Ψ4'ē1 + Π{Ψ4'ē12} + Π{Ψ5'ē2}),
-        F_ε = B32 (Λ̂2'ε̄1)' + B3 (α0 Λ̂2'ε̄1 + Π{Ψ6'ε̄12}),
+        x_m' = (A - B K) x_m - [0; I] r + L e_y + F_e - F_ε,  ε' = the rows of L e_y that belong to
+    the aircraft, F_e = B32 (Ψ4'ē1)' + B3 (α0 Ψ4'ē1 + Π{Ψ4'ē12} + Π{Ψ5'ē2}), F_ε = B32 (Λ̂2'ε̄1)' +
+    B3 (α0 Λ̂2'ε̄1 + Π{Ψ6'ε̄12}),
 
-    B3 = α2 B, B32 = α2 A B + α1 B, squared up in F_e; v̄ = -K x_m through 1/Π; x̄1, ē1 through (α2 s + α1)/Π, x̄2, ē2
-    through α2/Π; ē12 of (Ψ4'ē1)' and ε̄12 of (Λ̂2'ε̄1)' through α2/Π, ε̄1 of (Ψ1'ε)' through (α2 s + α1)/Π; ē of R⁻¹S e_y.
-    """
+    B3 = α2 B, B32 = α2 A B + α1 B, squared up in F_e; v̄ = -K x_m through 1/Π; x̄1, ē1 through (α2
+    s + α1)/Π, x̄2, ē2 through α2/Π; ē12 of (Ψ4'ē1)' and ε̄12 of (Λ̂2'ε̄1)' through α2/Π, ε̄1 of
+    (Ψ1'ε)' through (α2 s + α1)/Π; ē of R⁻¹S e_y."""
 
-    def law(self, memory: MemoryParts, tables: Sequence[ca.SX], measured: ca.SX, command: tuple[ca.SX, ca.SX]) -> ca.SX:
+    def law(
+        self,
+        memory: MemoryParts,
+        tables: Sequence[ca.SX],
+        measured: ca.SX,
+        command: tuple[ca.SX, ca.SX],
+    ) -> ca.SX:
         """See the class."""
         A, B, K, L, S, R_inverse, squared_up = tables
         (r, r_rate), one = command, np.eye(_M)
@@ -390,7 +438,10 @@ class AdaptiveDegree3(AdaptivePolicy):
         added = self._of_errors(memory, ca.mtimes(R_inverse, mixed), mixed, (A2 * squared_up, A))
         drift = memory.take(_X)
         memory.move(drift, pushed[:_X])
-        x_rates = ca.mtimes(A, x) + commanded, ca.mtimes(A, ca.mtimes(A, x) + commanded - pushed) + commanded_rate
+        x_rates = (
+            ca.mtimes(A, x) + commanded,
+            ca.mtimes(A, ca.mtimes(A, x) + commanded - pushed) + commanded_rate,
+        )
         artificial = x[:_X], x_rates[0][:_X], x_rates[1][:_X]
         psi_1 = Tuner(memory, _X, _M).drive(GAMMA_STATE, artificial[0], mixed[:_M])
         added -= self._of_drift(memory, psi_1, (drift.now, pushed[:_X]), mixed[:_M], (A2 * B, A))
@@ -408,7 +459,9 @@ class AdaptiveDegree3(AdaptivePolicy):
         return u - ca.mtimes((A2 * psi_1[2] + A1 * psi_1[1]).T, drift.now)
 
     @staticmethod
-    def _of_errors(memory: MemoryParts, scaled: ca.SX, mixed: ca.SX, path: tuple[ca.SX, ca.SX]) -> ca.SX:
+    def _of_errors(
+        memory: MemoryParts, scaled: ca.SX, mixed: ca.SX, path: tuple[ca.SX, ca.SX]
+    ) -> ca.SX:
         """F_e."""
         bar, bar_12 = Filter(memory, _Y).drive(scaled), Filter(memory, _Y)
         psi_4, psi_5 = Tuner(memory, _Y, _Y), Tuner(memory, _Y, _Y)
@@ -421,7 +474,11 @@ class AdaptiveDegree3(AdaptivePolicy):
 
     @staticmethod
     def _of_drift(
-        memory: MemoryParts, psi_1: Sequence[ca.SX], drift: Sequence[ca.SX], error: ca.SX, path: tuple[ca.SX, ca.SX]
+        memory: MemoryParts,
+        psi_1: Sequence[ca.SX],
+        drift: Sequence[ca.SX],
+        error: ca.SX,
+        path: tuple[ca.SX, ca.SX],
     ) -> ca.SX:
         """F_ε."""
         bar_1 = Filter(memory, _M).drive(product_rate(psi_1, drift)).high()
@@ -441,16 +498,36 @@ def _along(path: tuple[ca.SX, ca.SX], moved: ca.SX, still: ca.SX) -> ca.SX:
 
 
 def adaptive_law(
-    order: int, aircraft: Aircraft, point: OperatingPoint, commands: CommandSteps, angles: np.ndarray
+    order: int,
+    aircraft: Aircraft,
+    point: OperatingPoint,
+    commands: CommandSteps,
+    angles: np.ndarray,
 ) -> FlownLaw:
-    """The law for actuators of this order, from its nominal parameters. angles: of its tables, rad."""
+    """The law for actuators of this order, from its nominal parameters. angles: of its tables,
+    rad."""
     kind = AdaptiveDegree2 if order == 1 else AdaptiveDegree3
     design = simvfa_design(f"simvfa-{order}")
     models = [
-        reference_model(design_model(aircraft, level_model(aircraft, angle), design)) for angle in angles.tolist()
+        reference_model(design_model(aircraft, level_model(aircraft, angle), design))
+        for angle in angles.tolist()
     ]
     outputs = MeasuredOutputs(aircraft, point, (RATE, *REGULATED))
     policy = kind(commands, outputs, point.states.dihedral, angles, models, design.inputs)
-    fastest = max(float(np.abs(np.linalg.eigvals(each.A - each.L @ each.C)).max()) for each in models)
-    identity = {"law": kind.__name__, "angles": angles, "times": commands.times, "values": commands.values}
-    return FlownLaw(f"simvfa-{order} adaptive", policy, np.zeros((1, 0)), policy.start, identity, fastest=fastest)
+    fastest = max(
+        float(np.abs(np.linalg.eigvals(each.A - each.L @ each.C)).max()) for each in models
+    )
+    identity = {
+        "law": kind.__name__,
+        "angles": angles,
+        "times": commands.times,
+        "values": commands.values,
+    }
+    return FlownLaw(
+        f"simvfa-{order} adaptive",
+        policy,
+        np.zeros((1, 0)),
+        policy.start,
+        identity,
+        fastest=fastest,
+    )

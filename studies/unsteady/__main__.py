@@ -1,12 +1,11 @@
-"""Which results survive on the `unsteady` dynamics: loops of packaged servos and the largest gusts under the paper's
-policy, compared with `published` and `newton`. Two minutes:
+"""Which results survive on the `unsteady` dynamics: loops of packaged servos and the largest gusts
+under the paper's policy, compared with `published` and `newton`. Two minutes:
 
     python -m studies.unsteady
 
-Servos: designed on the named dynamics, flown (linear) with actuators of 2 rad/s on each. Gusts: the nonlinear aircraft
-with u = -K (x - x0), K the exact gain of the paper's game on `published` at that angle, no actuators; 20 s inside the
-envelope and the control limits.
-"""
+Servos: designed on the named dynamics, flown (linear) with actuators of 2 rad/s on each. Gusts: the
+nonlinear aircraft with u = -K (x - x0), K the exact gain of the paper's game on `published` at that
+angle, no actuators; 20 s inside the envelope and the control limits."""
 
 from __future__ import annotations
 
@@ -27,8 +26,8 @@ from controller import (
     load_design,
     published_game,
 )
-from controller.design.design import Actuator
-from controller.design.servo_loop import loop_margins, servo_loop, servo_plant
+from controller.servo.design import Actuator
+from controller.servo.servo_loop import loop_margins, servo_loop, servo_plant
 from hfa_model import UNSTEADY, Aircraft
 from hfa_support import Model
 from studies.servo.flights import largest_held
@@ -36,7 +35,9 @@ from studies.servo.simvfa import simvfa_design
 from trim import LinearModel, level_model
 from verification import solve_game
 
-PLANTS: dict[str, Aircraft | Model] = {name: Aircraft(dynamics=name) for name in ("published", "newton")}
+PLANTS: dict[str, Aircraft | Model] = {
+    name: Aircraft(dynamics=name) for name in ("published", "newton")
+}
 PLANTS["unsteady"] = UNSTEADY
 
 
@@ -46,10 +47,12 @@ def model_at(plant: str, degrees: float) -> LinearModel:
     return level_model(PLANTS[plant], np.radians(degrees))
 
 
-def margins(plant: str, degrees: float, servo: ScheduledController, order: int) -> tuple[float, float]:
-    """Behind actuators of 2 rad/s: the abscissa of the closed loop, 1/s, and the smallest disk margin of one command
-    with the others closed; nan when unstable. A disk margin a means a gain of (2 + a) / (2 - a) and a phase of
-    2 atan(a / 2) at least."""
+def margins(
+    plant: str, degrees: float, servo: ScheduledController, order: int
+) -> tuple[float, float]:
+    """Behind actuators of 2 rad/s: the abscissa of the closed loop, 1/s, and the smallest disk
+    margin of one command with the others closed; nan when unstable. A disk margin a means a gain of
+    (2 + a) / (2 - a) and a phase of 2 atan(a / 2) at least."""
     actuators = dict.fromkeys(servo.inputs, Actuator(order, 2.0))
     loop = servo_loop(servo_plant(PLANTS[plant], model_at(plant, degrees), servo, actuators), servo)
     if loop.abscissa >= 0.0:
@@ -59,8 +62,8 @@ def margins(plant: str, degrees: float, servo: ScheduledController, order: int) 
 
 
 def flier(plant: str, degrees: float) -> Callable[[float, float], float]:
-    """(length ft, sign) -> the largest 1-cosine updraft, ft/s to 0.5, that leaves every state and input within its
-    limits; 60 means that or more."""
+    """(length ft, sign) -> the largest 1-cosine updraft, ft/s to 0.5, that leaves every state and
+    input within its limits; 60 means that or more."""
     model = model_at(plant, degrees)
     K = solve_game(published_game(model_at("published", degrees))).K
     law = gain_law("paper", np.pad(K, ((0, 0), (0, len(model.A) - K.shape[1])))[None])
@@ -69,7 +72,13 @@ def flier(plant: str, degrees: float) -> Callable[[float, float], float]:
     def largest(length: float, sign: float) -> float:
         def held(peak: float) -> bool:
             gust = OneMinusCosine(length, sign * peak, model.point.states.speed, 0.0)
-            flight = fly(PLANTS[plant], model.point, law, Scenario(duration=20.0, step=0.005, gust=gust), envelope)
+            flight = fly(
+                PLANTS[plant],
+                model.point,
+                law,
+                Scenario(duration=20.0, step=0.005, gust=gust),
+                envelope,
+            )
             return bool(flight.within_limits)
 
         return largest_held(held, 60.0, 0.5)
@@ -79,9 +88,13 @@ def flier(plant: str, degrees: float) -> Callable[[float, float], float]:
 
 def main() -> None:
     """Print both tables."""
-    argparse.ArgumentParser("python -m studies.unsteady", description=__doc__.partition("\n\n")[0]).parse_args()
+    argparse.ArgumentParser(
+        "python -m studies.unsteady", description=__doc__.partition("\n\n")[0]
+    ).parse_args()
     angles = (0.0, 5.0, 11.0, 15.0, 20.0)
-    print("servo, designed on, angle, flown on: 1/s, disk margin of the worst actuator, of order 1 and 2")
+    print(
+        "servo, designed on, angle, flown on: 1/s, disk margin of the worst actuator, of order 1 and 2"
+    )
     for name, of in (("servo", "published"), ("servo", "newton"), ("simvfa-1", "published")):
         design = load_design(name) if name == "servo" else simvfa_design(name)
         table = design_controller(Aircraft(dynamics=of), design, np.radians(angles))
@@ -89,12 +102,18 @@ def main() -> None:
             for plant in PLANTS:
                 orders = (1, 2) if name == "servo" else (1,)
                 said = [margins(plant, degrees, table, order) for order in orders]
-                print(f"{name:9} {of:9} {degrees:3g} deg {plant:9}", *(f"{a:8.4f} {m:5.2f}" for a, m in said))
+                print(
+                    f"{name:9} {of:9} {degrees:3g} deg {plant:9}",
+                    *(f"{a:8.4f} {m:5.2f}" for a, m in said),
+                )
     print("largest 1-cosine updraft, up / down, ft/s, under the paper's policy of published")
     for degrees in (5.0, 15.0):
         for plant in PLANTS:
             largest = flier(plant, degrees)
-            said = [f"{length} ft {largest(length, 1):.1f}/{largest(length, -1):.1f}" for length in (150, 400, 1000)]
+            said = [
+                f"{length} ft {largest(length, 1):.1f}/{largest(length, -1):.1f}"
+                for length in (150, 400, 1000)
+            ]
             print(f"{degrees:3g} deg {plant:9}", *said, sep="  ", flush=True)
 
 

@@ -1,1 +1,2 @@
-"""Why the paper's update law, Eq. (46), overflows; and a learning law written by a user of the packages."""
+"""Why the paper's update law, Eq. (46), overflows; and a learning law written by a user of the
+packages."""

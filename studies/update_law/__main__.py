@@ -1,8 +1,8 @@
-"""Runs the paper's update law in every setting of the study and prints the table of docs/critics.md with the causes.
+"""Runs the paper's update law in every setting of the study and prints the table of docs/critics.md
+with the causes.
 
-Writes FOLDER/published_study.json with every run, and each finished row into FOLDER/rows. Takes about a
-minute on two cores.
-"""
+Writes FOLDER/published_study.json with every run, and each finished row into FOLDER/rows. Takes
+about a minute on two cores."""
 
 from __future__ import annotations
 
@@ -22,23 +22,36 @@ from hfa_support.jsonable import json_text
 from studies.finished import finished, stamped
 from studies.update_law.study import ROWS, SCHEMA, made, planned, references, summed_up
 
-_HEADER = (
-    "row,runs,overflow,stabilizing,certified,by rounding,error of P,error of K,settled s,λ₀,largest explicit step s"
-)
+_HEADER = "row,runs,overflow,stabilizing,certified,by rounding,error of P,error of K,settled s,λ₀,largest explicit step s"
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Exit code 0, whatever the law does: that it fails is the result. 1: no reference solution. 2: bad usage."""
+    """Exit code 0, whatever the law does: that it fails is the result. 1: no reference solution. 2:
+    bad usage."""
     parser = argparse.ArgumentParser("python -m studies.update_law", description=__doc__)
     about = "the rows whose name contains TEXT; repeatable; default: all"
     parser.add_argument("--only", action="append", default=[], metavar="TEXT", help=about)
-    parser.add_argument("-o", type=Path, default=Path("out/update_law"), metavar="FOLDER", help="default: %(default)s")
-    parser.add_argument("--resume", action="store_true", help="keep the rows that are finished in FOLDER/rows")
-    parser.add_argument("--workers", type=int, default=os.cpu_count(), metavar="N", help="default: one a core")
+    parser.add_argument(
+        "-o",
+        type=Path,
+        default=Path("out/update_law"),
+        metavar="FOLDER",
+        help="default: %(default)s",
+    )
+    parser.add_argument(
+        "--resume", action="store_true", help="keep the rows that are finished in FOLDER/rows"
+    )
+    parser.add_argument(
+        "--workers", type=int, default=os.cpu_count(), metavar="N", help="default: one a core"
+    )
     arguments = parser.parse_args(argv)
-    names = [name for name in ROWS if not arguments.only or any(text in name for text in arguments.only)]
+    names = [
+        name for name in ROWS if not arguments.only or any(text in name for text in arguments.only)
+    ]
     if not names:
-        parser.error(f"no row's name contains {' or '.join(arguments.only)}; there are: {'; '.join(ROWS)}")
+        parser.error(
+            f"no row's name contains {' or '.join(arguments.only)}; there are: {'; '.join(ROWS)}"
+        )
     try:
         rows = study(names, arguments.o, resume=arguments.resume, workers=arguments.workers)
     except (BadInputError, NoSolutionError) as error:
@@ -48,15 +61,21 @@ def main(argv: Sequence[str] | None = None) -> int:
     return 0
 
 
-def study(names: Sequence[str], folder: Path, *, resume: bool = False, workers: int = 1) -> list[dict[str, Any]]:
-    """The rows, each written into folder/rows when it is finished; resume: those that are there are not run again."""
+def study(
+    names: Sequence[str], folder: Path, *, resume: bool = False, workers: int = 1
+) -> list[dict[str, Any]]:
+    """The rows, each written into folder/rows when it is finished; resume: those that are there are
+    not run again."""
     (folder / "rows").mkdir(parents=True, exist_ok=True)
     of, rows = references(), []
     with ProcessPoolExecutor(workers, multiprocessing.get_context("spawn")) as pool:
         for name in names:
             words = "".join(letter if letter.isalnum() else " " for letter in name).split()
             path, runs = folder / "rows" / f"{'-'.join(words)}.json", planned(name, of)
-            decided = {"row": name, "runs": [(one.dihedral_deg, case, asdict(chosen)) for one, case, chosen in runs]}
+            decided = {
+                "row": name,
+                "runs": [(one.dihedral_deg, case, asdict(chosen)) for one, case, chosen in runs],
+            }
             known = finished(path, decided) if resume else None
             if known is None:
                 print(f"update_law: {name}", file=sys.stderr)
@@ -73,7 +92,10 @@ def table(rows: Sequence[dict[str, Any]]) -> str:
     header = _HEADER.split(",")
     lines = [header, ["---"] * len(header)]
     for row in rows:
-        counts = [row[name] for name in ("count", "overflow", "stabilizing", "certified", "decided_by_rounding")]
+        counts = [
+            row[name]
+            for name in ("count", "overflow", "stabilizing", "certified", "decided_by_rounding")
+        ]
         numbers = ("P_error", "K_error", "settled", "lambda_0", "explicit_step_limit")
         cells = ["-" if count is None else str(count) for count in counts]
         lines.append([row["name"], *cells, *(_range(row, name) for name in numbers)])
@@ -83,7 +105,9 @@ def table(rows: Sequence[dict[str, Any]]) -> str:
 def _range(row: dict[str, Any], name: str) -> str:
     if row["count"] == row["overflow"] and name not in ("lambda_0", "explicit_step_limit"):
         return "-"
-    return " to ".join(dict.fromkeys("never" if value is None else f"{value:.2g}" for value in row["ranges"][name]))
+    return " to ".join(
+        dict.fromkeys("never" if value is None else f"{value:.2g}" for value in row["ranges"][name])
+    )
 
 
 if __name__ == "__main__":

@@ -1,4 +1,5 @@
-"""Off-policy integral reinforcement learning with known B and E, the baseline of paper Section 5.2, as a user's law."""
+"""Off-policy integral reinforcement learning with known B and E, the baseline of paper Section 5.2,
+as a user's law."""
 
 from __future__ import annotations
 
@@ -12,16 +13,18 @@ import numpy as np
 from controller.game.basis import Basis, basis
 from controller.game.learning_result import LearningResult
 from controller.game.zero_sum import Game
-from controller.laws import recording
-from controller.laws.bellman_equations import StackEquations
-from controller.laws.certified import enough_for, initial_weights
-from controller.laws.certify import Run, conclude, run
-from controller.laws.recording import Stack, natural_spread, record, refuse_poor, unit_rows
+from controller.learning import recording
+from controller.learning.bellman_equations import StackEquations
+from controller.learning.certified import enough_for, initial_weights
+from controller.learning.certify import Run, conclude, run
+from controller.learning.recording import Stack, natural_spread, record, refuse_poor, unit_rows
 from hfa_support.errors import BadInputError, NoSolutionError
 
-#: The baseline that is used while nothing is certified: the LQR of the game's Q and this many times its R.
+#: The baseline that is used while nothing is certified: the LQR of the game's Q and this many times
+#: its R.
 BASELINE_EFFORT = 100.0
-#: Gauss-Legendre nodes per interval: the integrals of the probing flight are then exact to rounding.
+#: Gauss-Legendre nodes per interval: the integrals of the probing flight are then exact to
+#: rounding.
 NODES = 10
 #: A flight beyond this overflows when its states are multiplied.
 LARGEST_STATE = 1e100
@@ -29,14 +32,14 @@ LARGEST_STATE = 1e100
 
 @dataclass(frozen=True)
 class IrlSettings:
-    """interval Δ, s; longer ones tell the slow modes apart better. intervals: N >= M of them are simulated, then
-    `iterations` policy updates follow, one per Δ; None means 40, and more where the basis has more than 26
-    weights (`enough_for`).
+    """interval Δ, s; longer ones tell the slow modes apart better. intervals: N >= M of them are
+    simulated, then `iterations` policy updates follow, one per Δ; None means 40, and more where the
+    basis has more than 26 weights (`enough_for`).
 
-    form: "game" (both policies are learned) or "lqr" (1/δ² = 0, the nominal controller). initial_weights: W(0)
-    of the first policies, model's units; 0 is u = 0 and needs a stable plant. probe: amplitude of the probing
-    inputs. disturbance: amplitude of the simulated disturbance. disturbance_measured: whether the learner knows it.
-    """
+    form: "game" (both policies are learned) or "lqr" (1/δ² = 0, the nominal controller).
+    initial_weights: W(0) of the first policies, model's units; 0 is u = 0 and needs a stable plant.
+    probe: amplitude of the probing inputs. disturbance: amplitude of the simulated disturbance.
+    disturbance_measured: whether the learner knows it."""
 
     interval: float = 0.2
     intervals: int | None = None
@@ -56,9 +59,8 @@ Memory = dict[str, np.ndarray]
 class Record:
     """Data of N intervals in coordinates z / scales.
 
-    change: (N, M), ψ(z(t+Δ)) - ψ(z(t)). zz, zu, zd: (N, n, n), (N, n, m), (N, n, k), ∫ z z', ∫ z u', ∫ z d'.
-    states: (N, n), z(t). scales: (n,).
-    """
+    change: (N, M), ψ(z(t+Δ)) - ψ(z(t)). zz, zu, zd: (N, n, n), (N, n, m), (N, n, k), ∫ z z', ∫ z
+    u', ∫ z d'. states: (N, n), z(t). scales: (n,)."""
 
     change: np.ndarray
     zz: np.ndarray
@@ -69,7 +71,8 @@ class Record:
 
     @property
     def monomials(self) -> np.ndarray:
-        """∫ ψ(z) for the quadratic basis, (N, M): a row of the least squares is this times the closed-loop operator."""
+        """∫ ψ(z) for the quadratic basis, (N, M): a row of the least squares is this times the
+        closed-loop operator."""
         row, column = np.triu_indices(self.zz.shape[1])
         return self.zz[:, row, column]
 
@@ -78,10 +81,10 @@ class Record:
 class IntegralLearning:
     """Policy iteration on simulated data; from the game only B, E, Q, R, δ are read, never A.
 
-    For the policies u = -K z, d = L z of the last iteration, their value z'Pz satisfies over every interval
-    [z'Pz] - 2 ∫ (u + K z)'B'P z - 2 ∫ (d - L z)'E'P z = -∫ z'(Q + K'RK - δ²L'L) z, whatever u and d were applied
-    (Jiang & Jiang 2012; for the game Wu & Luo 2012). P follows by least squares, then K = R⁻¹B'P, L = δ⁻²E'P.
-    """
+    For the policies u = -K z, d = L z of the last iteration, their value z'Pz satisfies over every
+    interval [z'Pz] - 2 ∫ (u + K z)'B'P z - 2 ∫ (d - L z)'E'P z = -∫ z'(Q + K'RK - δ²L'L) z,
+    whatever u and d were applied (Jiang & Jiang 2012; for the game Wu & Luo 2012). P follows by
+    least squares, then K = R⁻¹B'P, L = δ⁻²E'P."""
 
     game: Game
     basis: Basis
@@ -122,7 +125,12 @@ class IntegralLearning:
 
         psi = self.basis.psi(ends / scales)
         return Record(
-            np.diff(psi, axis=0), integral(z, z), integral(z, u), integral(z, d), (ends / scales)[:-1], scales
+            np.diff(psi, axis=0),
+            integral(z, z),
+            integral(z, u),
+            integral(z, d),
+            (ends / scales)[:-1],
+            scales,
         )
 
     @cached_property
@@ -132,7 +140,8 @@ class IntegralLearning:
 
     @cached_property
     def equations(self) -> StackEquations:
-        """Bellman residuals at the simulated states, for the history only: they use A, the learning does not."""
+        """Bellman residuals at the simulated states, for the history only: they use A, the learning
+        does not."""
         flown = record(self.target, self.record.states * self.record.scales)
         return StackEquations.build(self.target, self.basis, flown, self.record.scales)
 
@@ -153,12 +162,14 @@ class IntegralLearning:
         return {"weights": scaled, "misfit": np.array(np.inf)}
 
     def _least_squares(self, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Rows (N, M) and right side (N,) of the equations for the policies of the given scaled weights."""
+        """Rows (N, M) and right side (N,) of the equations for the policies of the given scaled
+        weights."""
         data, game = self.record, self.target
         B, E = game.B / data.scales[:, None], game.E / data.scales[:, None]
         P = self.basis.matrix(weights)
         K, L = np.linalg.solve(game.R, B.T @ P), E.T @ P / game.delta**2
-        # ∫ z v', v = B (u + K z) + E (d - L z): what the applied policies did beyond the evaluated ones.
+        # ∫ z v', v = B (u + K z) + E (d - L z): what the applied policies did beyond the evaluated
+        # ones.
         beyond = data.zu @ B.T + data.zz @ (B @ K).T + data.zd @ E.T - data.zz @ (E @ L).T
         row, column = np.triu_indices(game.A.shape[0])
         pushed = beyond[:, row, column] + beyond[:, column, row]
@@ -166,7 +177,8 @@ class IntegralLearning:
         return data.change - pushed, -np.einsum("jab,ab->j", data.zz, cost)
 
     def advance(self, tick: int, memory: Memory) -> Memory:
-        """One policy evaluation and improvement. Raises NoSolutionError when the numbers break down."""
+        """One policy evaluation and improvement. Raises NoSolutionError when the numbers break
+        down."""
         with np.errstate(over="ignore", invalid="ignore"):
             rows, right = self._least_squares(memory["weights"])
         if not (np.all(np.isfinite(rows)) and np.all(np.isfinite(right))):
@@ -199,17 +211,27 @@ class IntegralLearning:
         rows, _ = self._least_squares(finished.memory["weights"])
         richness = recording.excitation(rows, self.record.monomials)
         chosen = asdict(self.settings) | {"intervals": self.intervals}
-        return conclude("irl", self.target, self.equations, finished.history, richness, chosen, self.seed, diagnostics)
+        return conclude(
+            "irl",
+            self.target,
+            self.equations,
+            finished.history,
+            richness,
+            chosen,
+            self.seed,
+            diagnostics,
+        )
 
 
 def learn_by_integrals(game: Game, seed: int = 0, **options: Any) -> LearningResult:
-    """The result of the law on a probing flight, with the quadratic basis; options: of `IrlSettings`."""
+    """The result of the law on a probing flight, with the quadratic basis; options: of
+    `IrlSettings`."""
     law = IntegralLearning(game, basis("quadratic", game.A.shape[0]), IrlSettings(**options), seed)
     return law.conclude(run(law))
 
 
-#: Sines per channel of a probing flight: m + k channels with three each tell the n(n+1)/2 products of states apart.
-#: Range of their frequencies, rad/s.
+#: Sines per channel of a probing flight: m + k channels with three each tell the n(n+1)/2 products
+#: of states apart. Range of their frequencies, rad/s.
 _SINES, _BAND = 3, (0.5, 12.0)
 
 
@@ -218,10 +240,9 @@ def probing_flight(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """States (N_t, n), inputs (N_t, m) and disturbances (N_t, k) at increasing times, s.
 
-    z' = A z + B u + E d with sines of random phase in every channel of u and d, the largest sums of which are the two
-    amplitudes: one linear system for [z; w], w' = Ω w. z(0) is random in the box of `natural_spread`, which excites the
-    slow modes that the sines leave alone.
-    """
+    z' = A z + B u + E d with sines of random phase in every channel of u and d, the largest sums of
+    which are the two amplitudes: one linear system for [z; w], w' = Ω w. z(0) is random in the box
+    of `natural_spread`, which excites the slow modes that the sines leave alone."""
     from scipy.linalg import expm
 
     rng, half_widths = np.random.default_rng(seed), natural_spread(game)
@@ -230,7 +251,9 @@ def probing_flight(
     frequencies = rng.permutation(np.linspace(*_BAND, count)) * rng.uniform(0.97, 1.03, count)
     phases = rng.uniform(0.0, 2.0 * np.pi, count)
     pick, waves = np.zeros((m + k, n + 2 * count)), np.arange(count)
-    pick[waves // _SINES, n + 2 * waves] = np.repeat([amplitudes[0]] * m + [amplitudes[1]] * k, _SINES) / _SINES
+    pick[waves // _SINES, n + 2 * waves] = (
+        np.repeat([amplitudes[0]] * m + [amplitudes[1]] * k, _SINES) / _SINES
+    )
     generator = np.zeros((n + 2 * count, n + 2 * count))
     generator[:n, :n] = game.A
     generator[:n] += game.B @ pick[:m] + game.E @ pick[m:]
@@ -248,7 +271,8 @@ def probing_flight(
 
 
 def baseline_value(game: Game) -> np.ndarray:
-    """P with A'P + P A + Q - P B (f R)⁻¹ B'P = 0, f = BASELINE_EFFORT; (n, n). A gentle gain without a game.
+    """P with A'P + P A + Q - P B (f R)⁻¹ B'P = 0, f = BASELINE_EFFORT; (n, n). A gentle gain
+    without a game.
 
     Raises NoSolutionError when (A, B) cannot be stabilized.
     """
@@ -257,7 +281,9 @@ def baseline_value(game: Game) -> np.ndarray:
     try:
         P: np.ndarray = solve_continuous_are(game.A, game.B, game.Q, BASELINE_EFFORT * game.R)
     except (np.linalg.LinAlgError, ValueError) as error:
-        raise NoSolutionError(f"no baseline gain: {error}; check that the inputs can stabilize the model") from error
+        raise NoSolutionError(
+            f"no baseline gain: {error}; check that the inputs can stabilize the model"
+        ) from error
     return P
 
 

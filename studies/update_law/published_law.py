@@ -1,8 +1,9 @@
-"""The critic update of the paper, Eq. (46), the gains of its Theorem 1, and the step that they ask for.
+"""The critic update of the paper, Eq. (46), the gains of its Theorem 1, and the step that they ask
+for.
 
-It is also an example of a learning law of one's own. A law is an object with `ticks`, `start`, `advance` and `observe`
-that `controller.run` runs, and `conclude` turns its last weights into P and K with certificates.
-"""
+It is also an example of a learning law of one's own. A law is an object with `ticks`, `start`,
+`advance` and `observe` that `controller.run` runs, and `conclude` turns its last weights into P and
+K with certificates."""
 
 from __future__ import annotations
 
@@ -17,14 +18,15 @@ import numpy as np
 from controller import Game, Stack, basis, random_pool
 from controller.game.basis import Basis
 from controller.game.learning_result import LearningResult
-from controller.laws.bellman_equations import StackEquations
-from controller.laws.certify import Run, conclude
-from controller.laws.recording import choose
+from controller.learning.bellman_equations import StackEquations
+from controller.learning.certify import Run, conclude
+from controller.learning.recording import choose
 from hfa_support import BadInputError, NoSolutionError
 
 #: Rows of history of a run; the steps between two rows are one tick of the runner.
 ROWS = 1000
-#: Residuals below this count as this in the curvature, which is infinite at 0; dividing 0 by the tiny one gives 0.
+#: Residuals below this count as this in the curvature, which is infinite at 0; dividing 0 by the
+#: tiny one gives 0.
 CURVATURE_FLOOR, TINY = 1e-14, float(np.finfo(float).tiny)
 #: Most Newton steps of one implicit step, and the relative step at which it has converged.
 MOST_STEPS, SETTLED = 60, 1e-10
@@ -38,16 +40,17 @@ _WORDS = {
 
 @dataclass(frozen=True)
 class PublishedSettings:
-    """Defaults: Section 5.1. Not printed, hence assumed: theta, samples (N_h), basis and normalisation.
+    """Defaults: Section 5.1. Not printed, hence assumed: theta, samples (N_h), basis and
+    normalisation.
 
-    samples: N_h, the most different ones of `pool_samples` random states. normalisation: "root" n = sqrt(1 + σ'σ) or
-    "squared" n = 1 + σ'σ. stack_policies: "frozen", the policies of `recorded_weights` stored with the samples, or
-    "reevaluated" with the current weights. gains: (α₁, α₂), or None for those of Theorem 1. integrator: "explicit"
-    (forward Euler) or "proximal" (implicit). coordinates: "raw" units of the model or "scaled" by the root mean square
-    of each recorded channel, in which Γ, σ̄ and λ₀ are then meant; initial and recorded weights are in the model's
-    units in both. flight_start: z(0) of the flight z' = A z + B û that gives the current sample, for explicit steps;
-    () learns from the stack alone. gamma: Γ = γ I.
-    """
+    samples: N_h, the most different ones of `pool_samples` random states. normalisation: "root" n =
+    sqrt(1 + σ'σ) or "squared" n = 1 + σ'σ. stack_policies: "frozen", the policies of
+    `recorded_weights` stored with the samples, or "reevaluated" with the current weights. gains:
+    (α₁, α₂), or None for those of Theorem 1. integrator: "explicit" (forward Euler) or "proximal"
+    (implicit). coordinates: "raw" units of the model or "scaled" by the root mean square of each
+    recorded channel, in which Γ, σ̄ and λ₀ are then meant; initial and recorded weights are in the
+    model's units in both. flight_start: z(0) of the flight z' = A z + B û that gives the current
+    sample, for explicit steps; () learns from the stack alone. gamma: Γ = γ I."""
 
     predefined_time: float = 10.0
     step: float = 1e-4
@@ -70,9 +73,13 @@ class PublishedSettings:
         """Refuse a word that means nothing, and a flight that implicit steps would leave out."""
         for name, words in _WORDS.items():
             if getattr(self, name) not in words:
-                raise BadInputError(f"{name} is {getattr(self, name)!r}; choose from {', '.join(words)}")
+                raise BadInputError(
+                    f"{name} is {getattr(self, name)!r}; choose from {', '.join(words)}"
+                )
         if self.integrator == "proximal" and self.flight_start:
-            raise BadInputError("flight_start needs integrator 'explicit'; implicit steps learn from the stack alone")
+            raise BadInputError(
+                "flight_start needs integrator 'explicit'; implicit steps learn from the stack alone"
+            )
 
 
 class Sample(NamedTuple):
@@ -99,24 +106,33 @@ def normaliser(regressors: np.ndarray, kind: str) -> np.ndarray:
 
 
 def bellman(
-    gradient: np.ndarray, drifts: np.ndarray, costs: np.ndarray, S: np.ndarray, weights: np.ndarray, policy: np.ndarray
+    gradient: np.ndarray,
+    drifts: np.ndarray,
+    costs: np.ndarray,
+    S: np.ndarray,
+    weights: np.ndarray,
+    policy: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """σ_j = ∂ψ_j (F_j + B û_j + E d̂_j) and e_j = W'σ_j + z'Qz + û'Rû - δ²d̂'d̂ (Eq. 32-33), (N, M) and (N,).
+    """σ_j = ∂ψ_j (F_j + B û_j + E d̂_j) and e_j = W'σ_j + z'Qz + û'Rû - δ²d̂'d̂ (Eq. 32-33), (N, M)
+    and (N,).
 
-    The policies are those of the value with the weights `policy`, W_p: B û + E d̂ = -½ S ∂ψ'W_p, and their cost is
-    ¼ (∂ψ'W_p)' S (∂ψ'W_p). gradient: (N, M, n), ∂ψ_j. drifts: (N, n), F_j. costs: (N,), z'Qz.
-    """
+    The policies are those of the value with the weights `policy`, W_p: B û + E d̂ = -½ S ∂ψ'W_p,
+    and their cost is ¼ (∂ψ'W_p)' S (∂ψ'W_p). gradient: (N, M, n), ∂ψ_j. drifts: (N, n), F_j. costs:
+    (N,), z'Qz."""
     value_gradient = policy @ gradient
     pushed = value_gradient @ S
     regressors = (gradient @ (drifts - 0.5 * pushed)[..., None])[..., 0]
     return regressors, regressors @ weights + costs + 0.25 * (pushed * value_gradient).sum(axis=-1)
 
 
-def theorem_gains(regressors: np.ndarray, gamma: float, eta: float, theta: float, T_w: float) -> TheoremGains:
-    """c₁ = (2γλ₀)^(1-η/2), c₂ = N_h^(-η/2) (2γλ₀)^(1+η/2), α_i = π / (θ T η c_i), T = T_w/2 (Eq. 48-49).
+def theorem_gains(
+    regressors: np.ndarray, gamma: float, eta: float, theta: float, T_w: float
+) -> TheoremGains:
+    """c₁ = (2γλ₀)^(1-η/2), c₂ = N_h^(-η/2) (2γλ₀)^(1+η/2), α_i = π / (θ T η c_i), T = T_w/2 (Eq.
+    48-49).
 
-    regressors: (N_h, M), σ̄_j; λ₀ = λ_min(Σ_j σ̄_j σ̄_j'). A stack of rank below M to rounding gives α = inf.
-    """
+    regressors: (N_h, M), σ̄_j; λ₀ = λ_min(Σ_j σ̄_j σ̄_j'). A stack of rank below M to rounding
+    gives α = inf."""
     lambda_0 = float(np.linalg.svd(regressors, compute_uv=False)[-1] ** 2)
     c1 = math.pow(2.0 * gamma * lambda_0, 1.0 - eta / 2.0)
     c2 = len(regressors) ** (-eta / 2.0) * math.pow(2.0 * gamma * lambda_0, 1.0 + eta / 2.0)
@@ -134,20 +150,28 @@ def signed_powers(residuals: np.ndarray, alpha1: float, alpha2: float, eta: floa
     return result
 
 
-def update_direction(sample: Sample, gamma: float, alpha1: float, alpha2: float, eta: float) -> np.ndarray:
-    """The share of the given samples in W', Eq. (46): -γ Σ_j σ̄_j [(α₁+1) sig^(1-η)(ē_j) + (α₂+1) sig^(1+η)(ē_j)]."""
+def update_direction(
+    sample: Sample, gamma: float, alpha1: float, alpha2: float, eta: float
+) -> np.ndarray:
+    """The share of the given samples in W', Eq. (46): -γ Σ_j σ̄_j [(α₁+1) sig^(1-η)(ē_j) + (α₂+1)
+    sig^(1+η)(ē_j)]."""
     return -gamma * (signed_powers(sample.residuals, alpha1, alpha2, eta) @ sample.regressors)
 
 
-def explicit_step_limit(sample: Sample, gamma: float, alpha1: float, alpha2: float, eta: float) -> float:
-    """The largest stable step of explicit Euler on Eq. (46) at these weights: 2 / λ_max(γ Σ_j c_j σ̄_j σ̄_j'), s.
+def explicit_step_limit(
+    sample: Sample, gamma: float, alpha1: float, alpha2: float, eta: float
+) -> float:
+    """The largest stable step of explicit Euler on Eq. (46) at these weights: 2 / λ_max(γ Σ_j c_j
+    σ̄_j σ̄_j'), s.
 
     c_j: the slope of `signed_powers` at ē_j. The limit shrinks to 0 as any residual approaches 0.
     """
     size = np.maximum(np.abs(sample.residuals), TINY)
     slopes = (alpha1 + 1.0) * (1.0 - eta) * size**-eta + (alpha2 + 1.0) * (1.0 + eta) * size**eta
     with np.errstate(over="ignore"):
-        fastest = gamma * float(np.linalg.norm(np.sqrt(slopes)[:, None] * sample.regressors, 2)) ** 2
+        fastest = (
+            gamma * float(np.linalg.norm(np.sqrt(slopes)[:, None] * sample.regressors, 2)) ** 2
+        )
     return 2.0 / fastest if fastest > 0.0 else math.inf
 
 
@@ -162,10 +186,10 @@ def proximal_step(
 ) -> np.ndarray:
     """argmin over W of |W - W_k|²/(2γh) + Σ_j (α₁+1)|ē_j|^(2-η)/(2-η) + (α₂+1)|ē_j|^(2+η)/(2+η).
 
-    It is W' of Eq. (46) over the step h with the right side taken at the end of the step. Gauss-Newton with the
-    curvature that bounds |ē|^(2-η) from above, and a backtracking line search. at: W -> Sample, with ∂ē/∂W = σ̄.
-    Returns a vector with entries that are not finite when the powers overflow.
-    """
+    It is W' of Eq. (46) over the step h with the right side taken at the end of the step.
+    Gauss-Newton with the curvature that bounds |ē|^(2-η) from above, and a backtracking line
+    search. at: W -> Sample, with ∂ē/∂W = σ̄. Returns a vector with entries that are not finite when
+    the powers overflow."""
 
     def tried(trial: np.ndarray) -> tuple[float, Sample]:
         sample = at(trial)
@@ -179,7 +203,9 @@ def proximal_step(
     for _ in range(MOST_STEPS):
         push = signed_powers(sample.residuals, alpha1, alpha2, eta)
         magnitude = np.maximum(np.abs(sample.residuals), CURVATURE_FLOOR)
-        root = np.sqrt((alpha1 + 1.0) * magnitude**-eta + (alpha2 + 1.0) * (1.0 + eta) * magnitude**eta)
+        root = np.sqrt(
+            (alpha1 + 1.0) * magnitude**-eta + (alpha2 + 1.0) * (1.0 + eta) * magnitude**eta
+        )
         rows = np.vstack([root[:, None] * sample.regressors, inertia * np.eye(len(weights))])
         right = np.concatenate([-push / root, -inertia * (current - weights)])
         if not (np.all(np.isfinite(rows)) and np.all(np.isfinite(right)) and np.isfinite(value)):
@@ -199,7 +225,8 @@ def proximal_step(
 
 @dataclass(frozen=True, eq=False)
 class PublishedLaw:
-    """W' = -Γ Σ_{0..N_h} σ̄_j [(α₁+1) sig^(1-η)(ē_j) + (α₂+1) sig^(1+η)(ē_j)], Eq. (46), for `controller.run`.
+    """W' = -Γ Σ_{0..N_h} σ̄_j [(α₁+1) sig^(1-η)(ē_j) + (α₂+1) sig^(1+η)(ē_j)], Eq. (46), for
+    `controller.run`.
 
     Sample 0 is the current one, with the policies of the current weights; it exists in flight only.
     """
@@ -236,17 +263,20 @@ class PublishedLaw:
 
     @cached_property
     def _stored(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """σ_j, the cost, n_j and σ̄_j of the stored policies; none depends on the current weights."""
+        """σ_j, the cost, n_j and σ̄_j of the stored policies; none depends on the current
+        weights."""
         e, policy = self.equations, self._scaled(self.settings.recorded_weights)
-        regressors, costs = bellman(e.gradient, e.drifts, self._costs, self.S, np.zeros(e.basis.size), policy)
+        regressors, costs = bellman(
+            e.gradient, e.drifts, self._costs, self.S, np.zeros(e.basis.size), policy
+        )
         n = normaliser(regressors, self.settings.normalisation)
         return regressors, costs, n, regressors / n[:, None]
 
     def terms(self, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """σ_j and e_j of the recorded samples.
 
-        The paper stores the policies; then the stack's fixed point is their value and not that of the game.
-        """
+        The paper stores the policies; then the stack's fixed point is their value and not that of
+        the game."""
         if self.settings.stack_policies == "reevaluated":
             e = self.equations
             return bellman(e.gradient, e.drifts, self._costs, self.S, weights, weights)
@@ -272,7 +302,9 @@ class PublishedLaw:
             return stored
         z = error[None, :]
         costs = ((z @ e.Q) * z).sum(axis=-1)
-        now = self._normalised(*bellman(self.basis.gradient(z), z @ self._plant.T, costs, self.S, weights, weights))
+        now = self._normalised(
+            *bellman(self.basis.gradient(z), z @ self._plant.T, costs, self.S, weights, weights)
+        )
         return Sample(*(np.concatenate(pair) for pair in zip(now, stored, strict=True)))
 
     @cached_property
@@ -307,7 +339,9 @@ class PublishedLaw:
         return named | {"explicit_step_limit": self.explicit_step_limit}
 
     def _scaled(self, weights: float | tuple[float, ...]) -> np.ndarray:
-        return self.equations.scaled(np.broadcast_to(np.array(weights, dtype=float), self.basis.size))
+        return self.equations.scaled(
+            np.broadcast_to(np.array(weights, dtype=float), self.basis.size)
+        )
 
     @property
     def _steps(self) -> int:
@@ -360,7 +394,9 @@ class PublishedLaw:
                 return Sample(regressors / n[:, None], residuals / n)
 
             return proximal_step(at, weights, s.step, s.gamma, *gains, s.eta), error
-        new = weights + s.step * update_direction(self._all_samples(weights, error), s.gamma, *gains, s.eta)
+        new = weights + s.step * update_direction(
+            self._all_samples(weights, error), s.gamma, *gains, s.eta
+        )
         if len(error) == 0:
             return new, error
         value_gradient = self.basis.gradient(error[None, :])[0].T @ weights
@@ -382,8 +418,11 @@ class PublishedLaw:
         return conclude("published", self.game, e, finished.history, richness, *told)
 
 
-def published_law(game: Game, chosen: PublishedSettings, seed: int, pool: Stack | None = None) -> PublishedLaw:
-    """The law on a pool of recorded samples, by default random states; the N_h most different ones are kept."""
+def published_law(
+    game: Game, chosen: PublishedSettings, seed: int, pool: Stack | None = None
+) -> PublishedLaw:
+    """The law on a pool of recorded samples, by default random states; the N_h most different ones
+    are kept."""
     functions = basis(chosen.basis, game.A.shape[0])
     recorded = random_pool(game, chosen.pool_samples, seed) if pool is None else pool
     return PublishedLaw(game, choose(recorded, functions, chosen.samples), functions, chosen, seed)

@@ -1,4 +1,5 @@
-"""The rows of the study and their runs, as values for JSON: None is a number that is not finite or was not reached."""
+"""The rows of the study and their runs, as values for JSON: None is a number that is not finite or
+was not reached."""
 
 from __future__ import annotations
 
@@ -19,7 +20,8 @@ from studies.update_law.published_law import PublishedSettings, published_law
 from verification import relative_error
 
 SCHEMA = "hfa.published-study/2"
-#: Half-widths of a box of ordinary deviations, ft/s, rad and rad/s, in the order of `LINEAR_STATES`.
+#: Half-widths of a box of ordinary deviations, ft/s, rad and rad/s, in the order of
+#: `LINEAR_STATES`.
 FLIGHT_BOX = (7.0, 0.1, 0.1, 0.1, 0.1, 0.1)
 #: A stack residual below this fraction of its first value counts as settled.
 SETTLED = 1e-8
@@ -31,7 +33,8 @@ _AT_END = ("P_error", "K_error", "settled", "last_lambda_0")
 _LOST = {**dict.fromkeys(_AT_END), "stabilizing": False, "certified": False}
 #: z(0) = x(0) - x_d(0) of Section 5.1: the flight that gives the current sample starts here.
 FLIGHT_START = (-2.0, -0.05, 0.0, 0.0, -0.5, 0.0)
-#: Relative changes of W(0) after which a run should end where it ended; if not, its end is an accident of rounding.
+#: Relative changes of W(0) after which a run should end where it ended; if not, its end is an
+#: accident of rounding.
 NEARBY = (-1e-9, 1e-9)
 _POLICIES, _NORMALISATIONS = ("frozen", "reevaluated"), ("root", "squared")
 _SCALED: dict[str, Any] = {"basis": "quadratic", "coordinates": "scaled"}
@@ -39,11 +42,11 @@ _IMPLICIT: dict[str, Any] = {"integrator": "proximal", "step": 0.01}
 
 
 class Case(NamedTuple):
-    """changes: of `PublishedSettings`. seed: of the stack. from_lqr: weights set to the stabilizing start.
+    """changes: of `PublishedSettings`. seed: of the stack. from_lqr: weights set to the stabilizing
+    start.
 
-    box: the stack is drawn from `FLIGHT_BOX` instead of the plant's stationary deviations. nearby: relative
-    changes of W(0) with which the run is made again.
-    """
+    box: the stack is drawn from `FLIGHT_BOX` instead of the plant's stationary deviations. nearby:
+    relative changes of W(0) with which the run is made again."""
 
     changes: dict[str, Any]
     seed: int = 0
@@ -59,7 +62,9 @@ class Row(NamedTuple):
     cause: str
 
 
-def _theorem(bases: tuple[str, ...], nearby: tuple[float, ...] = (), **fixed: Any) -> Iterator[Case]:
+def _theorem(
+    bases: tuple[str, ...], nearby: tuple[float, ...] = (), **fixed: Any
+) -> Iterator[Case]:
     names = ("basis", "coordinates", "normalisation", "stack_policies")
     for chosen in product(bases, ("raw", "scaled"), _NORMALISATIONS, _POLICIES):
         yield Case(dict(zip(names, chosen, strict=True)) | fixed, nearby=nearby)
@@ -72,13 +77,21 @@ def _by_hand(**fixed: Any) -> Iterator[Case]:
 
 def _by_hand_from_lqr() -> Iterator[Case]:
     for policies, seed in product(_POLICIES, (0, 1)):
-        flight = _SCALED | {"stack_policies": policies, "gains": (100.0, 100.0), "flight_start": FLIGHT_START}
+        flight = _SCALED | {
+            "stack_policies": policies,
+            "gains": (100.0, 100.0),
+            "flight_start": FLIGHT_START,
+        }
         yield Case(flight, seed, ("initial_weights", "recorded_weights"))
 
 
 def _frozen_alone() -> Iterator[Case]:
     for kind in _NORMALISATIONS:
-        yield Case(_SCALED | _IMPLICIT | {"normalisation": kind, "initial_weights": 0.0}, 0, ("recorded_weights",))
+        yield Case(
+            _SCALED | _IMPLICIT | {"normalisation": kind, "initial_weights": 0.0},
+            0,
+            ("recorded_weights",),
+        )
 
 
 def _reevaluated_alone(box: bool) -> Iterator[Case]:
@@ -134,7 +147,8 @@ ROWS = {
 
 
 class Reference(NamedTuple):
-    """A game, its exact solution, and the stabilizing start: the weights of the LQ solution for Q = 1000 I."""
+    """A game, its exact solution, and the stabilizing start: the weights of the LQ solution for Q =
+    1000 I."""
 
     dihedral_deg: float
     game: Game
@@ -147,14 +161,17 @@ class Reference(NamedTuple):
 
 
 def references() -> tuple[Reference, ...]:
-    """Of both printed models, with what the certified law learns. NoSolutionError where its certificates fail."""
+    """Of both printed models, with what the certified law learns. NoSolutionError where its
+    certificates fail."""
     found = []
     for model in published_models():
         game = published_game(model.A, model.B)
         lqr = replace(game, Q=1000.0 * np.eye(len(game.A)), delta=np.inf)
         exact, start = learn(game, tick=0.1), learn(lqr, tick=0.1)
         if not (exact.converged and start.converged):
-            raise NoSolutionError(f"no certified reference at {model.dihedral_deg:g} deg; run hfa learn to see why")
+            raise NoSolutionError(
+                f"no certified reference at {model.dihedral_deg:g} deg; run hfa learn to see why"
+            )
         found.append(Reference(model.dihedral_deg, game, exact, tuple(start.weights[-1].tolist())))
     return tuple(found)
 
@@ -162,41 +179,58 @@ def references() -> tuple[Reference, ...]:
 def made(reference: Reference, case: Case, chosen: PublishedSettings) -> dict[str, Any]:
     """One run of the published law.
 
-    overflow: the reason, "" when the run reached T_w. P_error, K_error: relative to the exact game. settled: when the
-    law's own residual fell below `SETTLED` of its start for good, s. stabilizing: A - S P and A - B K Hurwitz.
-    lambda_0, alpha1, alpha2, explicit_step_limit: at the start; last_lambda_0: at T_w. P_errors_nearby: P_error from
-    the W(0) of `case.nearby`.
-    """
+    overflow: the reason, "" when the run reached T_w. P_error, K_error: relative to the exact game.
+    settled: when the law's own residual fell below `SETTLED` of its start for good, s. stabilizing:
+    A - S P and A - B K Hurwitz. lambda_0, alpha1, alpha2, explicit_step_limit: at the start;
+    last_lambda_0: at T_w. P_errors_nearby: P_error from the W(0) of `case.nearby`."""
     game, exact = reference.game, reference.exact
-    pool = random_pool(game, chosen.pool_samples, case.seed, np.array(FLIGHT_BOX)) if case.box else None
+    pool = (
+        random_pool(game, chosen.pool_samples, case.seed, np.array(FLIGHT_BOX))
+        if case.box
+        else None
+    )
     law = published_law(game, chosen, case.seed, pool)
     facts = {"dihedral_deg": reference.dihedral_deg, "settings": asdict(chosen), **law.facts}
     stack: dict[str, Any] = {"seed": case.seed, "box": case.box}
     try:
         finished = run(law)
     except NoSolutionError as error:
-        lost: dict[str, Any] = jsonable({**facts, "overflow": str(error), **_LOST, **stack, "P_errors_nearby": []})
+        lost: dict[str, Any] = jsonable(
+            {**facts, "overflow": str(error), **_LOST, **stack, "P_errors_nearby": []}
+        )
         return lost
     result, last = law.conclude(finished), law.recorded(finished.memory["weights"])
     own, start = result.law_residual_norm, np.array(chosen.initial_weights)
-    nearby = [replace(chosen, initial_weights=(start * (1.0 + change)).tolist()) for change in case.nearby]
+    nearby = [
+        replace(chosen, initial_weights=(start * (1.0 + change)).tolist()) for change in case.nearby
+    ]
     repeated = [published_law(game, other, case.seed, pool) for other in nearby]
     ended = {
         "P_error": relative_error(result.P, exact.P),
         "K_error": relative_error(result.K, exact.K),
         "settled": settled_at(result.times, own, SETTLED * own[0]),
         "last_lambda_0": float(np.linalg.svd(last.regressors, compute_uv=False)[-1] ** 2),
-        "stabilizing": all(row.ok for row in result.certificates if row.name.startswith("abscissa")),
+        "stabilizing": all(
+            row.ok for row in result.certificates if row.name.startswith("abscissa")
+        ),
         "certified": result.converged,
     }
-    stack["P_errors_nearby"] = [relative_error(other.conclude(run(other)).P, exact.P) for other in repeated]
+    stack["P_errors_nearby"] = [
+        relative_error(other.conclude(run(other)).P, exact.P) for other in repeated
+    ]
     whole: dict[str, Any] = jsonable({**facts, "overflow": "", **ended, **stack})
     return whole
 
 
-def planned(name: str, of: tuple[Reference, ...]) -> list[tuple[Reference, Case, PublishedSettings]]:
+def planned(
+    name: str, of: tuple[Reference, ...]
+) -> list[tuple[Reference, Case, PublishedSettings]]:
     """The runs of a row of `ROWS`, every case on both models."""
-    return [(reference, case, reference.settings(case)) for case in ROWS[name].cases() for reference in of]
+    return [
+        (reference, case, reference.settings(case))
+        for case in ROWS[name].cases()
+        for reference in of
+    ]
 
 
 def summed_up(name: str, runs: list[dict[str, Any]]) -> dict[str, Any]:
@@ -212,7 +246,9 @@ def summed_up(name: str, runs: list[dict[str, Any]]) -> dict[str, Any]:
         "overflow": len(runs) - len(finished),
         "stabilizing": sum(one["stabilizing"] for one in runs),
         "certified": sum(one["certified"] for one in runs),
-        "decided_by_rounding": sum(map(by_rounding, runs)) if any(one["P_errors_nearby"] for one in runs) else None,
+        "decided_by_rounding": sum(map(by_rounding, runs))
+        if any(one["P_errors_nearby"] for one in runs)
+        else None,
         "ranges": {field: _range(field, runs) for field in _AT_START}
         | {field: _range(field, finished) for field in _AT_END},
         "runs": runs,
@@ -220,8 +256,11 @@ def summed_up(name: str, runs: list[dict[str, Any]]) -> dict[str, Any]:
 
 
 def by_rounding(one: dict[str, Any]) -> bool:
-    """Whether starts that differ in the ninth digit end elsewhere: then P_error is one of several, not a number."""
-    return any(abs(other - one["P_error"]) > SAME_END * one["P_error"] for other in one["P_errors_nearby"])
+    """Whether starts that differ in the ninth digit end elsewhere: then P_error is one of several,
+    not a number."""
+    return any(
+        abs(other - one["P_error"]) > SAME_END * one["P_error"] for other in one["P_errors_nearby"]
+    )
 
 
 def _range(field: str, runs: list[dict[str, Any]]) -> list[float | None]:

@@ -1,4 +1,5 @@
-"""Density and speed of sound against the standard's tables, an independent package, and hydrostatics."""
+"""Density and speed of sound against the standard's tables, an independent package, and
+hydrostatics."""
 
 from __future__ import annotations
 
@@ -15,31 +16,44 @@ from hfa_support import BadInputError
 
 METRE_PER_FOOT = 0.3048
 KG_PER_M3 = 14.593902937206364 / METRE_PER_FOOT**3  # of one slug/ft^3
-EARTH_RADIUS, GRAVITY, GAS_CONSTANT, LAPSE_RATE = 6_356_766.0, 9.80665, 8314.32 / 28.9644, 0.0065  # SI
+EARTH_RADIUS, GRAVITY, GAS_CONSTANT, LAPSE_RATE = (
+    6_356_766.0,
+    9.80665,
+    8314.32 / 28.9644,
+    0.0065,
+)  # SI
 
 
 @pytest.mark.parametrize(
     ("lowest", "highest", "tolerance"),
     [
-        # ambiance takes ICAO's molar mass of air, 28.96442; the standard of 1976 has 28.9644: 7e-7 relative.
+        # ambiance takes ICAO's molar mass of air, 28.96442; the standard of 1976 has 28.9644: 7e-7
+        # relative.
         (0.0, 36_000.0, 1e-6),
-        # ambiance starts the upper layer from the tabulated 22632.0 Pa, exact is 22632.06: 2.8e-6 more.
+        # ambiance starts the upper layer from the tabulated 22632.0 Pa, exact is 22632.06: 2.8e-6
+        # more.
         (36_200.0, HIGHEST_ALTITUDE, 3.5e-6),
     ],
 )
-def test_it_is_that_of_an_independent_package(lowest: float, highest: float, tolerance: float) -> None:
+def test_it_is_that_of_an_independent_package(
+    lowest: float, highest: float, tolerance: float
+) -> None:
     altitudes = np.linspace(lowest, highest, 400)
     expected = Atmosphere(altitudes * METRE_PER_FOOT)
-    thick, kelvin, sound = np.array([(density(h), temperature(h), speed_of_sound(h)) for h in altitudes.tolist()]).T
+    thick, kelvin, sound = np.array(
+        [(density(h), temperature(h), speed_of_sound(h)) for h in altitudes.tolist()]
+    ).T
     np.testing.assert_allclose(thick * KG_PER_M3, expected.density, rtol=tolerance)
     np.testing.assert_allclose(kelvin, expected.temperature, rtol=1e-9)
-    np.testing.assert_allclose(sound * METRE_PER_FOOT, expected.speed_of_sound, rtol=1e-6)  # the molar mass, a root
+    np.testing.assert_allclose(
+        sound * METRE_PER_FOOT, expected.speed_of_sound, rtol=1e-6
+    )  # the molar mass, a root
 
 
 @pytest.mark.parametrize(
     ("metres", "thick", "half_unit", "kelvin", "sound"),
-    # U.S. Standard Atmosphere, 1976, Tables I and III: density in kg/m^3, temperature in K, speed of sound in m/s at
-    # geometric altitudes.
+    # U.S. Standard Atmosphere, 1976, Tables I and III: density in kg/m^3, temperature in K, speed
+    # of sound in m/s at geometric altitudes.
     [
         (0, 1.2250, 5e-5, 288.150, 340.29),
         (1_000, 1.1117, 5e-5, 281.651, 336.43),
@@ -48,7 +62,9 @@ def test_it_is_that_of_an_independent_package(lowest: float, highest: float, tol
         (15_000, 0.19476, 5e-6, 216.650, 295.07),
     ],
 )
-def test_what_the_printed_tables_have(metres: int, thick: float, half_unit: float, kelvin: float, sound: float) -> None:
+def test_what_the_printed_tables_have(
+    metres: int, thick: float, half_unit: float, kelvin: float, sound: float
+) -> None:
     altitude = metres / METRE_PER_FOOT
     assert abs(density(altitude) * KG_PER_M3 - thick) <= half_unit
     assert abs(temperature(altitude) - kelvin) <= 5.0001e-4
@@ -56,7 +72,8 @@ def test_what_the_printed_tables_have(metres: int, thick: float, half_unit: floa
 
 
 def test_derivative_is_hydrostatic() -> None:
-    """dρ/dH = -ρ (g/R - λ) / T with dH/dh = (r / (r + h))²: written down here, not differentiated."""
+    """dρ/dH = -ρ (g/R - λ) / T with dH/dh = (r / (r + h))²: written down here, not
+    differentiated."""
     h = ca.SX.sym("h")
     slope = ca.Function("slope", [h], [ca.jacobian(density(h), h)])
     for altitude in np.linspace(0.0, HIGHEST_ALTITUDE, 98).tolist():
@@ -66,11 +83,17 @@ def test_derivative_is_hydrostatic() -> None:
         temperature = 288.15 - LAPSE_RATE * min(geopotential, 11_000.0)
         by_height = -density(altitude) * (GRAVITY / GAS_CONSTANT - lapse) / temperature
         stretch = (EARTH_RADIUS / (EARTH_RADIUS + height)) ** 2
-        assert float(slope(altitude)) == pytest.approx(by_height * stretch * METRE_PER_FOOT, rel=1e-12)
+        assert float(slope(altitude)) == pytest.approx(
+            by_height * stretch * METRE_PER_FOOT, rel=1e-12
+        )
 
 
 @pytest.mark.parametrize("quantity", [density, temperature, speed_of_sound])
-@pytest.mark.parametrize("altitude", [65_001, np.float64(-1.0), np.array([0.0, 7e4]), ca.DM([1e5]), float("nan")])
-def test_what_the_layers_do_not_cover_is_refused(quantity: Callable[[Any], Any], altitude: Any) -> None:
+@pytest.mark.parametrize(
+    "altitude", [65_001, np.float64(-1.0), np.array([0.0, 7e4]), ca.DM([1e5]), float("nan")]
+)
+def test_what_the_layers_do_not_cover_is_refused(
+    quantity: Callable[[Any], Any], altitude: Any
+) -> None:
     with pytest.raises(BadInputError, match="the atmosphere covers 0 to 65000 ft"):
         quantity(altitude)

@@ -1,4 +1,5 @@
-"""What must not change the physics: the units, a common scale of mass; and what a stiff hinge must reduce it to."""
+"""What must not change the physics: the units, a common scale of mass; and what a stiff hinge must
+reduce it to."""
 
 from __future__ import annotations
 
@@ -18,14 +19,21 @@ from hfa_model.parameters import FIELDS, Field
 from hfa_model.variants import Published, Variant
 from hfa_model.vectors import INPUT_UNITS, STATE_UNITS
 from trim import TrimCondition, find_operating_point, level_flight, linearize, release
-from trim.linear.printed import eigenvalue_errors
+from trim.hfa.printed import eigenvalue_errors
 
 RATE_UNITS = tuple(map(HFA.rate_unit, STATES))
 
 
 def unit_size(unit: str, length: float, mass: float, time: float) -> float:
     """How many new units one old unit is, for the units written in `FIELDS` and `vectors.py`."""
-    base = {"ft": length, "slug": mass, "s": time, "lbf": mass * length / time**2, "rad": 1.0, "1": 1.0}
+    base = {
+        "ft": length,
+        "slug": mass,
+        "s": time,
+        "lbf": mass * length / time**2,
+        "rad": 1.0,
+        "1": 1.0,
+    }
     above, _, below = unit.partition("/")
     size = 1.0
     for text, sign in ((above, 1), (below, -1)):
@@ -35,8 +43,11 @@ def unit_size(unit: str, length: float, mass: float, time: float) -> float:
     return size
 
 
-def change_of_units_error(variant: Variant, parameters: Parameters, fields: Parameters, *new: float) -> float:
-    """Largest relative error of the rates when everything is first converted to units of `new` sizes."""
+def change_of_units_error(
+    variant: Variant, parameters: Parameters, fields: Parameters, *new: float
+) -> float:
+    """Largest relative error of the rates when everything is first converted to units of `new`
+    sizes."""
 
     def converted(values: Any, units: Any) -> list[float]:
         return [value * unit_size(unit, *new) for value, unit in zip(values, units, strict=True)]
@@ -46,14 +57,18 @@ def change_of_units_error(variant: Variant, parameters: Parameters, fields: Para
     for state, control in zip(*random_points(50, seed=7), strict=True):
         air = density(state[2])
         x, u = State(*state.tolist()), Input(*control.tolist())
-        before = rates_from_loads(x, aircraft_loads(x, u, air, parameters, variant), parameters, variant)
+        before = rates_from_loads(
+            x, aircraft_loads(x, u, air, parameters, variant), parameters, variant
+        )
         x = State(*converted(x, STATE_UNITS))
         u = Input(*converted(u, INPUT_UNITS))
         loads = aircraft_loads(x, u, air * unit_size("slug/ft^3", *new), p, variant)
         after = np.array(rates_from_loads(x, loads, p, variant))
         expected = np.array(converted(before, RATE_UNITS))
         scales = np.array(converted(RATE_SCALES, RATE_UNITS))
-        worst = max(worst, float((np.abs(after - expected) / np.maximum(np.abs(expected), scales)).max()))
+        worst = max(
+            worst, float((np.abs(after - expected) / np.maximum(np.abs(expected), scales)).max())
+        )
     return worst
 
 
@@ -80,21 +95,32 @@ def test_a_wrong_unit_is_seen(parameters: Parameters, name: str) -> None:
 # What the linear models cannot know: a common scale of mass, and chord against coefficients.
 
 
-def scaled(p: Parameters, factor: float, *, up: tuple[str, ...], down: tuple[str, ...]) -> Parameters:
-    changes = {name: getattr(p, name) * factor for name in up} | {name: getattr(p, name) / factor for name in down}
+def scaled(
+    p: Parameters, factor: float, *, up: tuple[str, ...], down: tuple[str, ...]
+) -> Parameters:
+    changes = {name: getattr(p, name) * factor for name in up} | {
+        name: getattr(p, name) / factor for name in down
+    }
     return p._replace(**changes)
 
 
 def heavier(p: Parameters, factor: float) -> Parameters:
     """All masses and all forces times `factor`; C_D = C_D0 + κ C_L² needs κ over `factor`."""
     inertias = ("panel_mass", "inertia_roll", "inertia_pitch", "inertia_yaw")
-    coefficients = ("lift_slope", "aileron_lift", "aileron_moment", "zero_lift_moment", "zero_lift_drag")
+    coefficients = (
+        "lift_slope",
+        "aileron_lift",
+        "aileron_moment",
+        "zero_lift_moment",
+        "zero_lift_drag",
+    )
     others = ("hinge_stiffness", "hinge_damping", "thrust_per_throttle")
     return scaled(p, factor, up=(*inertias, *coefficients, *others), down=("induced_drag",))
 
 
 def longer_chord(p: Parameters, factor: float) -> Parameters:
-    """Area times coefficient kept: C_L, C_D0 over `factor`, C_M (area times chord) twice, tail area times it."""
+    """Area times coefficient kept: C_L, C_D0 over `factor`, C_M (area times chord) twice, tail area
+    times it."""
     once = scaled(
         p,
         factor,
@@ -108,19 +134,32 @@ def longer_chord(p: Parameters, factor: float) -> Parameters:
 def test_freedoms_that_no_linear_model_shows(aircraft: Aircraft, change: Any) -> None:
     other = Aircraft(change(aircraft.parameters, 1.7), aircraft.variant)
     condition = level_flight(float(np.radians(15.0)))
-    one, two = (linearize(each, find_operating_point(each, condition), full=True) for each in (aircraft, other))
+    one, two = (
+        linearize(each, find_operating_point(each, condition), full=True)
+        for each in (aircraft, other)
+    )
     for before, after in ((one.A, two.A), (one.B, two.B)):
         np.testing.assert_allclose(after, before, rtol=1e-12, atol=1e-12 * np.abs(before).max())
-    forgotten = Aircraft(other.parameters._replace(induced_drag=aircraft.parameters.induced_drag), aircraft.variant)
-    assert np.abs(linearize(forgotten, find_operating_point(forgotten, condition), full=True).A - one.A).max() > 1e-4
+    forgotten = Aircraft(
+        other.parameters._replace(induced_drag=aircraft.parameters.induced_drag), aircraft.variant
+    )
+    assert (
+        np.abs(
+            linearize(forgotten, find_operating_point(forgotten, condition), full=True).A - one.A
+        ).max()
+        > 1e-4
+    )
 
 
 # The rigid limit.
 
 
 def test_a_stiff_hinge_gives_the_rigid_aircraft(aircraft: Aircraft) -> None:
-    """The four other eigenvalues approach those of the flat rigid aircraft, with an error of order 1/k."""
-    elastic = release(level_flight(0.0), free=("alpha",), hold={"aileron_outer": 0.0, "elevator_outer": -0.05})
+    """The four other eigenvalues approach those of the flat rigid aircraft, with an error of order
+    1/k."""
+    elastic = release(
+        level_flight(0.0), free=("alpha",), hold={"aileron_outer": 0.0, "elevator_outer": -0.05}
+    )
     # Without the hinge three equations for three unknowns: alpha, throttle and the center elevator.
     unhinged = {name: 0.0 for name in HFA.steady if name != "dihedral_rate"}
     rigid_point = find_operating_point(aircraft, TrimCondition(elastic.imposed, unhinged))

@@ -1,8 +1,8 @@
-"""Three panels in space, written down once more: with locked hinges the aircraft is that rigid body, and what is the
-same left and right leaves it in its plane.
+"""Three panels in space, written down once more: with locked hinges the aircraft is that rigid
+body, and what is the same left and right leaves it in its plane.
 
-Nothing of `kinematics.py`, the sums of `aerodynamics.py` or `dynamics.py` is used but the law of one panel's loads.
-"""
+Nothing of `kinematics.py`, the sums of `aerodynamics.py` or `dynamics.py` is used but the law of
+one panel's loads."""
 
 from __future__ import annotations
 
@@ -22,36 +22,49 @@ SIDES = (0, 1, -1)
 
 
 class Body(NamedTuple):
-    """In body axes about the center of mass: force (lbf) without weight, moment (ft lbf), inertia (slug ft^2)."""
+    """In body axes about the center of mass: force (lbf) without weight, moment (ft lbf), inertia
+    (slug ft^2)."""
 
     force: np.ndarray
     moment: np.ndarray
     inertia: np.ndarray
 
 
-def three_panels(x: State, u: Input, p: Parameters, winds: Winds, more_aileron_right: float = 0.0) -> Body:
+def three_panels(
+    x: State, u: Input, p: Parameters, winds: Winds, more_aileron_right: float = 0.0
+) -> Body:
     """Center, right and left panel, each with its own place, motion, air and loads."""
     center = np.array([0.0, 0.0, p.panel_span / 3 * np.sin(x.dihedral)])
     sinking = np.array([0.0, 0.0, p.panel_span / 3 * np.cos(x.dihedral) * x.dihedral_rate])
     path = x.speed * np.array([np.cos(x.alpha), 0.0, np.sin(x.alpha)])
     spin = np.array([0.0, x.pitch_rate, 0.0])
-    to_body = np.array([[np.cos(x.pitch), 0, -np.sin(x.pitch)], [0, 1, 0], [np.sin(x.pitch), 0, np.cos(x.pitch)]])
+    to_body = np.array(
+        [[np.cos(x.pitch), 0, -np.sin(x.pitch)], [0, 1, 0], [np.sin(x.pitch), 0, np.cos(x.pitch)]]
+    )
     force, moment, inertia = np.zeros(3), np.zeros(3), np.zeros((3, 3))
     for side in SIDES:
         roll = -side * x.dihedral
-        axes = np.array([[1, 0, 0], [0, np.cos(roll), -np.sin(roll)], [0, np.sin(roll), np.cos(roll)]])
+        axes = np.array(
+            [[1, 0, 0], [0, np.cos(roll), -np.sin(roll)], [0, np.sin(roll), np.cos(roll)]]
+        )
         arm = side * p.panel_span / 2
         place = center + [0.0, arm, 0.0] + axes @ [0.0, arm, 0.0]
         swing = np.cross([-side * x.dihedral_rate, 0.0, 0.0], axes @ [0.0, arm, 0.0])
         wind = winds.outer if side else winds.center
         air = to_body @ [-wind.headwind, side * wind.outward, -wind.updraft]
         flow = axes.T @ (path + np.cross(spin, place) + sinking + swing - air)
-        aileron = (u.aileron_outer if side else u.aileron_center) + (more_aileron_right if side == 1 else 0.0)
+        aileron = (u.aileron_outer if side else u.aileron_center) + (
+            more_aileron_right if side == 1 else 0.0
+        )
         elevator = u.elevator_outer if side else u.elevator_center
-        loads = panel_loads(flow_of(*flow), np.linalg.norm(path - air), aileron, elevator, density(x.altitude), p)
+        loads = panel_loads(
+            flow_of(*flow), np.linalg.norm(path - air), aileron, elevator, density(x.altitude), p
+        )
         tail = np.array([0.0, 0.0, float(loads.tail_downward)])
         thrust = p.thrust_per_throttle * u.throttle / 3
-        whole = np.array([float(loads.forward) + thrust, float(loads.sideward), float(loads.downward)])
+        whole = np.array(
+            [float(loads.forward) + thrust, float(loads.sideward), float(loads.downward)]
+        )
         force += axes @ whole
         moment += np.cross(place, axes @ whole) + axes @ [0.0, float(loads.moment), 0.0]
         moment += np.cross(axes @ [-p.boom_length, 0.0, 0.0], axes @ tail)
@@ -64,21 +77,31 @@ def rigid_rates(x: State, body: Body, p: Parameters) -> np.ndarray:
     """V', α', q' of a rigid body in its plane: Newton's and Euler's laws."""
     weight = p.gravity * np.array([-np.sin(x.pitch), 0.0, np.cos(x.pitch)])
     acceleration = body.force / (3 * p.panel_mass) + weight
-    along, down = np.array([np.cos(x.alpha), 0, np.sin(x.alpha)]), np.array([-np.sin(x.alpha), 0, np.cos(x.alpha)])
+    along, down = (
+        np.array([np.cos(x.alpha), 0, np.sin(x.alpha)]),
+        np.array([-np.sin(x.alpha), 0, np.cos(x.alpha)]),
+    )
     pitching = np.linalg.solve(body.inertia, body.moment)[1]
     return np.array([acceleration @ along, x.pitch_rate + acceleration @ down / x.speed, pitching])
 
 
 def cases(change: Callable[[State], State]) -> list[tuple[State, Input, Winds]]:
     rng = np.random.default_rng(8)
-    air = [winds_named(tuple(DISTURBANCES), rng.uniform(-15.0, 15.0, len(DISTURBANCES)).tolist()) for _ in range(100)]
+    air = [
+        winds_named(tuple(DISTURBANCES), rng.uniform(-15.0, 15.0, len(DISTURBANCES)).tolist())
+        for _ in range(100)
+    ]
     found = zip(*random_points(100, seed=8), air, strict=True)
     return [(change(State(*x.tolist())), Input(*u.tolist()), winds) for x, u, winds in found]
 
 
 def differences(p: Parameters, dynamics: str, change: Callable[[State], State]) -> np.ndarray:
-    """Largest errors of V', α', q' against the rigid body's, relative to the rate or, near zero, to its scale."""
-    worst, scales = np.zeros(3), np.array([RATE_SCALES.speed, RATE_SCALES.alpha, RATE_SCALES.pitch_rate])
+    """Largest errors of V', α', q' against the rigid body's, relative to the rate or, near zero, to
+    its scale."""
+    worst, scales = (
+        np.zeros(3),
+        np.array([RATE_SCALES.speed, RATE_SCALES.alpha, RATE_SCALES.pitch_rate]),
+    )
     for x, u, winds in cases(change):
         found = rates(x, u, p, VARIANTS[dynamics], winds)
         expected = rigid_rates(x, three_panels(x, u, p, winds), p)
@@ -87,31 +110,47 @@ def differences(p: Parameters, dynamics: str, change: Callable[[State], State]) 
     return worst
 
 
-@pytest.mark.parametrize("dihedral", [0.0, 0.2, -0.7, np.pi / 2], ids=lambda angle: f"{np.degrees(angle):.0f}deg")
-def test_with_locked_hinges_newton_is_the_rigid_aircraft(parameters: Parameters, dihedral: float) -> None:
+@pytest.mark.parametrize(
+    "dihedral", [0.0, 0.2, -0.7, np.pi / 2], ids=lambda angle: f"{np.degrees(angle):.0f}deg"
+)
+def test_with_locked_hinges_newton_is_the_rigid_aircraft(
+    parameters: Parameters, dihedral: float
+) -> None:
     def locked(x: State) -> State:
         return x._replace(dihedral=dihedral, dihedral_rate=0.0)
 
     assert differences(parameters, "newton", locked).max() <= 1e-12
-    # The lever of the outer panels and the projection of their moments are others: it is no rigid body.
+    # The lever of the outer panels and the projection of their moments are others: it is no rigid
+    # body.
     assert differences(parameters, "published", locked).max() > 1e-2
 
 
-def test_with_moving_hinges_only_the_center_of_mass_moves_as_a_rigid_body_s(parameters: Parameters) -> None:
+def test_with_moving_hinges_only_the_center_of_mass_moves_as_a_rigid_body_s(
+    parameters: Parameters,
+) -> None:
     speed, alpha, pitch_rate = differences(parameters, "newton", lambda x: x)
     assert max(speed, alpha) <= 1e-12
     assert pitch_rate > 1e-3
 
 
 def test_what_is_the_same_left_and_right_leaves_it_in_its_plane(parameters: Parameters) -> None:
-    """No force aside, no moment of roll or yaw, no product of inertia; and the hinges see the same from both sides.
+    """No force aside, no moment of roll or yaw, no product of inertia; and the hinges see the same
+    from both sides.
 
     In moving air and with moving hinges; an aileron on one side breaks it.
     """
     for x, u, winds in cases(lambda x: x):
         body = three_panels(x, u, parameters, winds)
         assert abs(body.force[1]) <= 1e-13 * np.abs(body.force).max()
-        assert np.abs(body.moment[[0, 2]]).max() <= 1e-12 * parameters.panel_span * np.abs(body.force).max()
-        assert np.abs(body.inertia[[0, 1, 1], [1, 0, 2]]).max() <= 1e-13 * np.abs(body.inertia).max()
+        assert (
+            np.abs(body.moment[[0, 2]]).max()
+            <= 1e-12 * parameters.panel_span * np.abs(body.force).max()
+        )
+        assert (
+            np.abs(body.inertia[[0, 1, 1], [1, 0, 2]]).max() <= 1e-13 * np.abs(body.inertia).max()
+        )
         lopsided = three_panels(x, u, parameters, winds, more_aileron_right=1e-3)
-        assert np.abs(lopsided.moment[[0, 2]]).max() > 1e-9 * parameters.panel_span * np.abs(body.force).max()
+        assert (
+            np.abs(lopsided.moment[[0, 2]]).max()
+            > 1e-9 * parameters.panel_span * np.abs(body.force).max()
+        )

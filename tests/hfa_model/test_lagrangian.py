@@ -1,4 +1,5 @@
-"""The equations of motion judged by their second derivation, and by the energy that only one variant conserves."""
+"""The equations of motion judged by their second derivation, and by the energy that only one
+variant conserves."""
 
 from __future__ import annotations
 
@@ -32,23 +33,35 @@ def function_of(rates: Callable[..., State], moving: bool, **drag: bool) -> ca.F
 @cache
 def judge(moving: bool, **drag: bool) -> ca.Function:
     """The Euler-Lagrange equations."""
-    return function_of(lambda x, u, p, w: lagrangian_rates(x, u, density(x.altitude), p, w), moving, **drag)
+    return function_of(
+        lambda x, u, p, w: lagrangian_rates(x, u, density(x.altitude), p, w), moving, **drag
+    )
 
 
-def disagreement(judge: ca.Function, variant: Variant, parameters: Parameters, count: int, **air: bool) -> State:
-    """Largest |difference| of each rate over random points, relative to the rate or, near zero, to its scale.
+def disagreement(
+    judge: ca.Function, variant: Variant, parameters: Parameters, count: int, **air: bool
+) -> State:
+    """Largest |difference| of each rate over random points, relative to the rate or, near zero, to
+    its scale.
 
     The parameters vary too, by some 20 percent each.
     """
     closed_form = function_of(lambda x, u, p, w: rates(x, u, p, variant, w), **air)
     random = np.random.default_rng(5)
-    spread, winds = random.normal(size=(count, len(parameters))) * 0.2, random.uniform(-15, 15, (count, len(NAMES)))
+    spread, winds = (
+        random.normal(size=(count, len(parameters))) * 0.2,
+        random.uniform(-15, 15, (count, len(NAMES))),
+    )
     worst = np.zeros(len(STATES))
-    for state, control, noise, wind in zip(*random_points(count, seed=4), spread, winds, strict=True):
+    for state, control, noise, wind in zip(
+        *random_points(count, seed=4), spread, winds, strict=True
+    ):
         aircraft = np.array(parameters) * np.exp(noise)
         expected = np.array(judge(state, control, aircraft, wind)).ravel()
         found = np.array(closed_form(state, control, aircraft, wind)).ravel()
-        worst = np.maximum(worst, np.abs(found - expected) / np.maximum(np.abs(expected), RATE_SCALES))
+        worst = np.maximum(
+            worst, np.abs(found - expected) / np.maximum(np.abs(expected), RATE_SCALES)
+        )
     return State(*worst.tolist())
 
 
@@ -58,10 +71,18 @@ def test_newton_equals_the_euler_lagrange_equations(parameters: Parameters) -> N
 
 
 @pytest.mark.parametrize("ground_drag", [False, True])
-def test_newton_in_wind_equals_the_euler_lagrange_equations(parameters: Parameters, ground_drag: bool) -> None:
+def test_newton_in_wind_equals_the_euler_lagrange_equations(
+    parameters: Parameters, ground_drag: bool
+) -> None:
     known = judge(True, ground_drag=ground_drag)
-    assert max(disagreement(known, Newton(), parameters, 100, moving=True, ground_drag=ground_drag)) <= 1e-11
-    assert max(disagreement(known, Newton(), parameters, 20, moving=True, ground_drag=not ground_drag)) > 1e-3
+    assert (
+        max(disagreement(known, Newton(), parameters, 100, moving=True, ground_drag=ground_drag))
+        <= 1e-11
+    )
+    assert (
+        max(disagreement(known, Newton(), parameters, 20, moving=True, ground_drag=not ground_drag))
+        > 1e-3
+    )
 
 
 def from_the_wrong_side(x: State, p: Parameters, winds: Winds) -> kinematics.Flow:
@@ -73,10 +94,15 @@ def from_the_wrong_side(x: State, p: Parameters, winds: Winds) -> kinematics.Flo
     ("place", "wrong"),
     [
         ("hfa_model.aerodynamics.outer_flow", from_the_wrong_side),
-        ("hfa_model.kinematics._forward", lambda x, wind: x.speed * ca.cos(x.alpha)),  # not in body axes
+        (
+            "hfa_model.kinematics._forward",
+            lambda x, wind: x.speed * ca.cos(x.alpha),
+        ),  # not in body axes
     ],
 )
-def test_a_wrong_wind_is_seen(parameters: Parameters, monkeypatch: pytest.MonkeyPatch, place: str, wrong: Any) -> None:
+def test_a_wrong_wind_is_seen(
+    parameters: Parameters, monkeypatch: pytest.MonkeyPatch, place: str, wrong: Any
+) -> None:
     known = judge(True)
     monkeypatch.setattr(place, wrong)
     assert max(disagreement(known, Newton(), parameters, 20, moving=True)) > 1e-3
@@ -86,12 +112,18 @@ def test_a_wrong_wind_is_seen(parameters: Parameters, monkeypatch: pytest.Monkey
     ("method", "wrong", "rate"),
     [
         ("hinge_coupling", lambda self, x, p: -Newton().hinge_coupling(x, p), "dihedral_rate"),
-        ("hinge_inertia", lambda self, eta, p: Newton().hinge_inertia(eta, p) * (1 + 1e-9), "dihedral_rate"),
+        (
+            "hinge_inertia",
+            lambda self, eta, p: Newton().hinge_inertia(eta, p) * (1 + 1e-9),
+            "dihedral_rate",
+        ),
         ("outer_lever", lambda self, eta, p: -Newton().outer_lever(eta, p), "pitch_rate"),
         ("section_projection", lambda self, eta: 1.0, "pitch_rate"),
     ],
 )
-def test_one_wrong_term_is_seen_in_its_equation(parameters: Parameters, method: str, wrong: Any, rate: str) -> None:
+def test_one_wrong_term_is_seen_in_its_equation(
+    parameters: Parameters, method: str, wrong: Any, rate: str
+) -> None:
     variant = type("Wrong", (Newton,), {method: wrong})()
     worst = disagreement(judge(False), variant, parameters, 20, moving=False)._asdict()
     assert worst.pop(rate) > 1e-10
@@ -109,14 +141,19 @@ def test_published_differs_from_newton_in_two_equations_only(parameters: Paramet
 
 
 def internal_energy(state: np.ndarray, p: Parameters) -> float:
-    """½ (c1 + c2 sin² η) q² + (I_x3x3 + m s²/4 - (m s²/6) cos² η) η'² + k η²: energy about the center of mass."""
+    """½ (c1 + c2 sin² η) q² + (I_x3x3 + m s²/4 - (m s²/6) cos² η) η'² + k η²: energy about the
+    center of mass."""
     x = State(*state.tolist())
     mass_moment = p.panel_mass * p.panel_span**2
     pitch_inertia = 3 * p.inertia_pitch
-    pitch_inertia += (2 * p.inertia_yaw - 2 * p.inertia_pitch + mass_moment / 6) * np.sin(x.dihedral) ** 2
+    pitch_inertia += (2 * p.inertia_yaw - 2 * p.inertia_pitch + mass_moment / 6) * np.sin(
+        x.dihedral
+    ) ** 2
     hinge_inertia = p.inertia_roll + mass_moment / 4 - mass_moment / 6 * np.cos(x.dihedral) ** 2
     return float(
-        pitch_inertia * x.pitch_rate**2 / 2 + hinge_inertia * x.dihedral_rate**2 + p.hinge_stiffness * x.dihedral**2
+        pitch_inertia * x.pitch_rate**2 / 2
+        + hinge_inertia * x.dihedral_rate**2
+        + p.hinge_stiffness * x.dihedral**2
     )
 
 
@@ -131,7 +168,9 @@ def energy_growth(variant: Variant, parameters: Parameters, seconds: float) -> f
     motion = ca.Function("motion", [symbol], [ca.vertcat(*rates_from_loads(x, loads, p, variant))])
     start = State(68.0, 0.05, 40_000.0, 0.05, 0.3, 0.26, 0.2)
     tolerance = {"method": "DOP853", "rtol": 1e-13, "atol": 1e-13}
-    flight = solve_ivp(lambda _, state: np.array(motion(state)).ravel(), (0.0, seconds), start, **tolerance)
+    flight = solve_ivp(
+        lambda _, state: np.array(motion(state)).ravel(), (0.0, seconds), start, **tolerance
+    )
     assert flight.success, flight.message
     energy = np.array([internal_energy(state, p) for state in flight.y.T])
     return float(np.abs(energy / energy[0] - 1).max())
@@ -149,9 +188,15 @@ def test_published_makes_energy_out_of_nothing(parameters: Parameters) -> None:
 def test_energy_of_the_lagrangian_is_internal_plus_center_of_mass(parameters: Parameters) -> None:
     """König's theorem: T + U = internal energy + ½ (3 m) V² + 3 m g h."""
     symbol = ca.SX.sym("x", len(STATES))
-    energy = ca.Function("energy", [symbol], [mechanical_energy(State(*ca.vertsplit(symbol)), parameters)])
+    energy = ca.Function(
+        "energy", [symbol], [mechanical_energy(State(*ca.vertsplit(symbol)), parameters)]
+    )
     for state in random_points(50, seed=6)[0]:
         x = State(*state.tolist())
         mass = 3 * parameters.panel_mass
-        whole = mass * x.speed**2 / 2 + mass * parameters.gravity * x.altitude + internal_energy(state, parameters)
+        whole = (
+            mass * x.speed**2 / 2
+            + mass * parameters.gravity * x.altitude
+            + internal_energy(state, parameters)
+        )
         assert float(energy(state)) == pytest.approx(whole, rel=1e-12)

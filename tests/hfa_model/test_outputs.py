@@ -1,4 +1,5 @@
-"""Loads and outputs: what they are in steady flight, and against derivatives of the motion that they describe."""
+"""Loads and outputs: what they are in steady flight, and against derivatives of the motion that
+they describe."""
 
 from __future__ import annotations
 
@@ -15,18 +16,33 @@ from hfa_model.outputs import moment_of, outputs_of
 from trim import find_operating_point, level_flight
 
 
-def outputs(aircraft: Aircraft, x: np.ndarray, u: np.ndarray, updraft: float = 0.0) -> dict[str, float]:
+def outputs(
+    aircraft: Aircraft, x: np.ndarray, u: np.ndarray, updraft: float = 0.0
+) -> dict[str, float]:
     moment = moment_of(State(*x), Input(*u), aircraft.parameters, aircraft.variant, rising(updraft))
     return {name: float(value) for name, value in outputs_of(moment).items()}
 
 
 @pytest.mark.parametrize("degrees", [0.0, 5.0, 15.0, 20.0])
 def test_steady_level_flight(aircraft: Aircraft, degrees: float) -> None:
-    """L + T sin α = W, D = T cos α, M = 0, H = k η from `loads` alone, lift and drag positive; and the outputs."""
+    """L + T sin α = W, D = T cos α, M = 0, H = k η from `loads` alone, lift and drag positive; and
+    the outputs."""
     point, p = model_at(degrees, aircraft.variant.name).point, aircraft.parameters
     loads, weight = aircraft.loads(point.states, point.inputs), 3 * p.panel_mass * p.gravity
-    assert min(loads.lift, loads.drag, loads.center.lift, loads.outer.lift, loads.center.drag, loads.outer.drag) > 0
-    assert loads.lift + loads.thrust * np.sin(point.states.alpha) == pytest.approx(weight, rel=1e-12)
+    assert (
+        min(
+            loads.lift,
+            loads.drag,
+            loads.center.lift,
+            loads.outer.lift,
+            loads.center.drag,
+            loads.outer.drag,
+        )
+        > 0
+    )
+    assert loads.lift + loads.thrust * np.sin(point.states.alpha) == pytest.approx(
+        weight, rel=1e-12
+    )
     assert loads.thrust * np.cos(point.states.alpha) == pytest.approx(loads.drag, rel=1e-12)
     assert loads.pitching_moment == pytest.approx(0.0, abs=1e-9 * weight * p.boom_length)
     assert loads.hinge_moment == pytest.approx(p.hinge_stiffness * point.states.dihedral, abs=1e-6)
@@ -41,22 +57,29 @@ def test_steady_level_flight(aircraft: Aircraft, degrees: float) -> None:
     assert found["gamma"] == pytest.approx(0.0, abs=1e-12)
     assert found["alpha_air_center"] == pytest.approx(point.states.alpha, abs=1e-12)
     assert found["hinge_moment_total"] == pytest.approx(0.0, abs=1e-6)
-    assert found["lift_center"] + 2 * found["lift_outer"] * np.cos(point.states.dihedral) == pytest.approx(
-        loads.lift, rel=0.05
-    )
+    assert found["lift_center"] + 2 * found["lift_outer"] * np.cos(
+        point.states.dihedral
+    ) == pytest.approx(loads.lift, rel=0.05)
 
 
 def place_of_panel(x: np.ndarray, height: Callable, side: float, p: Parameters) -> np.ndarray:
     """North, east, down of a panel's center of mass from that of the aircraft, ft."""
     eta, theta = x[STATES.index("dihedral")], x[STATES.index("pitch")]
     down = float(height(eta, p))
-    return np.array([down * np.sin(theta), side * p.panel_span / 2 * (1 + np.cos(eta)), down * np.cos(theta)])
+    return np.array(
+        [down * np.sin(theta), side * p.panel_span / 2 * (1 + np.cos(eta)), down * np.cos(theta)]
+    )
 
 
-def velocity_of_panel(aircraft: Aircraft, x: np.ndarray, u: np.ndarray, height: Callable, side: float) -> np.ndarray:
-    """North, east, down, ft/s: of the aircraft's center of mass, plus the rate of the panel's place."""
+def velocity_of_panel(
+    aircraft: Aircraft, x: np.ndarray, u: np.ndarray, height: Callable, side: float
+) -> np.ndarray:
+    """North, east, down, ft/s: of the aircraft's center of mass, plus the rate of the panel's
+    place."""
     state, ahead = State(*x), 1e-6 * aircraft.rates(x, u)
-    places = [place_of_panel(x + sign * ahead, height, side, aircraft.parameters) for sign in (1, -1)]
+    places = [
+        place_of_panel(x + sign * ahead, height, side, aircraft.parameters) for sign in (1, -1)
+    ]
     gamma = state.pitch - state.alpha
     path = np.array([state.speed * np.cos(gamma), 0.0, -state.speed * np.sin(gamma)])
     return path + (places[0] - places[1]) / 2e-6
@@ -74,10 +97,14 @@ def later(aircraft: Aircraft, x: np.ndarray, u: np.ndarray, t: float) -> np.ndar
 def test_panel_load_factors_are_those_of_the_moving_panels(
     aircraft: Aircraft, name: str, height: Callable, side: float
 ) -> None:
-    """Gravity less the acceleration of the panel's center of mass, differenced along the motion, across the panel."""
+    """Gravity less the acceleration of the panel's center of mass, differenced along the motion,
+    across the panel."""
     gravity = np.array([0.0, 0.0, aircraft.parameters.gravity])
     for x, u in zip(*random_points(20, seed=11), strict=True):
-        velocities = [velocity_of_panel(aircraft, later(aircraft, x, u, t), u, height, side) for t in (1e-5, -1e-5)]
+        velocities = [
+            velocity_of_panel(aircraft, later(aircraft, x, u, t), u, height, side)
+            for t in (1e-5, -1e-5)
+        ]
         acceleration = (velocities[0] - velocities[1]) / 2e-5
         theta, eta = x[STATES.index("pitch")], side * x[STATES.index("dihedral")]
         across = np.array([np.sin(theta) * np.cos(eta), np.sin(eta), np.cos(theta) * np.cos(eta)])
@@ -89,8 +116,12 @@ def test_an_updraft_raises_the_angle_through_the_air_alone(published_aircraft: A
     point = find_operating_point(published_aircraft, level_flight(0.2))
     x, u = np.array(point.states), np.array(point.inputs)
     still, rising = outputs(published_aircraft, x, u), outputs(published_aircraft, x, u, 5.0)
-    assert rising["alpha_air_center"] - still["alpha_air_center"] == pytest.approx(5.0 / 68.0, rel=0.01)
-    assert rising["angle_of_attack"] == pytest.approx(rising["alpha_air_center"], abs=1e-12)  # no rates here
+    assert rising["alpha_air_center"] - still["alpha_air_center"] == pytest.approx(
+        5.0 / 68.0, rel=0.01
+    )
+    assert rising["angle_of_attack"] == pytest.approx(
+        rising["alpha_air_center"], abs=1e-12
+    )  # no rates here
     assert still["angle_of_attack"] == point.states.alpha
     assert rising["load_factor"] > still["load_factor"]
     assert rising["gamma"] == still["gamma"]

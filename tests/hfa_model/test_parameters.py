@@ -1,4 +1,5 @@
-"""What is stored: parameters files come back bit for bit or are refused in one line, and the printed matrices."""
+"""What is stored: parameters files come back bit for bit or are refused in one line, and the
+printed matrices."""
 
 from __future__ import annotations
 
@@ -17,7 +18,8 @@ from hfa_support import BadInputError
 
 
 def test_round_trip_is_bit_for_bit(tmp_path: Path, parameter_set: ParameterSet) -> None:
-    """Also of awkward numbers, and of a covariance of rank one: its other eigenvalues are zero but for rounding."""
+    """Also of awkward numbers, and of a covariance of rank one: its other eigenvalues are zero but
+    for rounding."""
     rng, count = np.random.default_rng(1), len(parameter_set.identified)
     awkward = Parameters(*(10.0 ** rng.uniform(-300, 300, len(FIELDS))).tolist())
     sizes, direction = 10.0 ** rng.uniform(-150, 150, count), rng.normal(size=count)
@@ -38,7 +40,8 @@ def test_round_trip_is_bit_for_bit(tmp_path: Path, parameter_set: ParameterSet) 
 def test_a_covariance_with_a_negative_eigenvalue_is_refused(
     tmp_path: Path, parameter_set: ParameterSet, units: float
 ) -> None:
-    """Symmetric, variances on the diagonal, but two parameters that vary together by more than they vary."""
+    """Symmetric, variances on the diagonal, but two parameters that vary together by more than they
+    vary."""
     covariance = np.eye(len(parameter_set.identified)) * 1e-6
     covariance[0, 1] = covariance[1, 0] = 2e-6
     covariance[2] *= units
@@ -75,7 +78,9 @@ def test_wrong_entries_are_refused(
 ) -> None:
     path = tmp_path / "aircraft.toml"
     save_parameters(parameter_set, path, "")
-    text, count = re.subn(pattern, replacement, path.read_text(encoding="utf-8"), count=1, flags=re.M)
+    text, count = re.subn(
+        pattern, replacement, path.read_text(encoding="utf-8"), count=1, flags=re.M
+    )
     assert count == 1, f"{pattern!r} is not in the file"
     path.write_text(text, encoding="utf-8")
     assert named in refusal(load_parameters, path)
@@ -91,21 +96,33 @@ def test_sizes_below_zero_and_masked_states_are_refused(aircraft: Aircraft) -> N
 
 
 def test_the_named_sets_are_there(parameter_set: ParameterSet) -> None:
-    identified, released = (load_parameters(name).values for name in ("identified", "gibson-2011-simulation"))
+    identified, released = (
+        load_parameters(name).values for name in ("identified", "gibson-2011-simulation")
+    )
     assert identified == parameter_set.values
     # The identification found the released values, each within three of its standard errors.
     errors = parameter_set.standard_errors
     assert tuple(errors) == parameter_set.identified
     assert errors["panel_mass"] ** 2 == pytest.approx(parameter_set.covariance[0, 0], rel=1e-15)
-    assert all(0.0 < error < 0.01 * abs(getattr(identified, name)) for name, error in errors.items())
-    off = {name: abs(getattr(identified, name) - getattr(released, name)) / error for name, error in errors.items()}
+    assert all(
+        0.0 < error < 0.01 * abs(getattr(identified, name)) for name, error in errors.items()
+    )
+    off = {
+        name: abs(getattr(identified, name) - getattr(released, name)) / error
+        for name, error in errors.items()
+    }
     assert max(off.values()) < 3.0, off
-    with pytest.raises(BadInputError, match=r"gibson: no parameters of that name .* the names are identified, gibson-"):
+    with pytest.raises(
+        BadInputError,
+        match=r"gibson: no parameters of that name .* the names are identified, gibson-",
+    ):
         load_parameters("gibson")
 
 
 @pytest.mark.parametrize("model", published_models(), ids=lambda model: f"{model.dihedral_deg:g}")
-def test_printed_entries_are_whole_numbers_of_units_of_their_last_digit(model: PublishedModel) -> None:
+def test_printed_entries_are_whole_numbers_of_units_of_their_last_digit(
+    model: PublishedModel,
+) -> None:
     """And not all of ten of them; one entry, -32.2, has fewer digits than the others."""
     for entries, half_unit in ((model.A, model.half_unit_A), (model.B, model.half_unit_B)):
         units = entries / (2 * half_unit)

@@ -1,4 +1,5 @@
-"""Sampled aircraft: as wide as the standard errors say, entry by entry, and narrow where the print is."""
+"""Sampled aircraft: as wide as the standard errors say, entry by entry, and narrow where the print
+is."""
 
 from __future__ import annotations
 
@@ -10,28 +11,42 @@ import pytest
 from hfa_model import LINEAR_STATES, STATES, Aircraft, Parameters, sample_parameters
 from hfa_model.parameters import ParameterSet
 from hfa_support import BadInputError
-from trim import LinearModel, entry_bands, find_operating_point, level_flight, linearize, trim_points
-from trim.linear.printed import Bands
+from trim import (
+    LinearModel,
+    entry_bands,
+    find_operating_point,
+    level_flight,
+    linearize,
+    trim_points,
+)
+from trim.hfa.printed import Bands
 
 COUNT = 6000
 DETERMINED = [STATES.index(name) for name in LINEAR_STATES]
 
 
 @pytest.fixture(scope="module", params=[5.0, 15.0])
-def at_angle(request: pytest.FixtureRequest, published_aircraft, parameter_set) -> tuple[float, LinearModel, Bands]:
+def at_angle(
+    request: pytest.FixtureRequest, published_aircraft, parameter_set
+) -> tuple[float, LinearModel, Bands]:
     angle = float(np.radians(request.param))
     condition = level_flight(angle)
     model = linearize(published_aircraft, find_operating_point(published_aircraft, condition))
     return angle, model, entry_bands(parameter_set, condition, model)
 
 
-def coverage(samples: np.ndarray, at_angle: tuple[float, LinearModel, Bands]) -> tuple[np.ndarray, np.ndarray]:
-    """Of each entry that a parameter moves: samples within 1.96 standard errors, and deviation in standard errors."""
+def coverage(
+    samples: np.ndarray, at_angle: tuple[float, LinearModel, Bands]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Of each entry that a parameter moves: samples within 1.96 standard errors, and deviation in
+    standard errors."""
     angle, model, bands = at_angle
     values = np.hstack([np.full((len(samples), 1), angle), samples])
     flights = trim_points(Aircraft(), ("dihedral", *Parameters._fields), values)
     assert (flights.status == 0).all()
-    entries = np.concatenate([flights.A[:, DETERMINED][:, :, DETERMINED], flights.B[:, DETERMINED]], axis=2)
+    entries = np.concatenate(
+        [flights.A[:, DETERMINED][:, :, DETERMINED], flights.B[:, DETERMINED]], axis=2
+    )
     center = np.hstack([model.A, model.B])
     errors = np.hstack([bands.A, bands.B]) / 2
     moved = errors > 1e-12
@@ -41,11 +56,15 @@ def coverage(samples: np.ndarray, at_angle: tuple[float, LinearModel, Bands]) ->
 
 
 def test_entries_spread_as_their_standard_errors_say(parameter_set: ParameterSet, at_angle) -> None:
-    samples, center = np.array(sample_parameters(parameter_set, COUNT, seed=0)), np.array(parameter_set.values)
+    samples, center = (
+        np.array(sample_parameters(parameter_set, COUNT, seed=0)),
+        np.array(parameter_set.values),
+    )
     inside, spread = coverage(samples, at_angle)
     assert np.all((inside > 0.94) & (inside < 0.96))
     np.testing.assert_allclose(spread, 1.0, atol=0.03)
-    # The measure can fail: the same draws without logarithms, p (1 + z) in place of p exp(z), spread too far.
+    # The measure can fail: the same draws without logarithms, p (1 + z) in place of p exp(z),
+    # spread too far.
     inside, spread = coverage(center * (1 + np.log(samples / center)), at_angle)
     assert inside.min() < 0.8
     assert spread.max() > 1.6

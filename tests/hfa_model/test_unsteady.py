@@ -1,4 +1,5 @@
-"""The unsteady dynamics: `newton` without its effects, energies, Theodorsen, Wagner, Küssner, the steady limit."""
+"""The unsteady dynamics: `newton` without its effects, energies, Theodorsen, Wagner, Küssner, the
+steady limit."""
 
 from __future__ import annotations
 
@@ -28,7 +29,10 @@ DEGREES = np.pi / 180
 def points(count: int, seed: int) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
     """States with lag states, inputs, and winds, far wider than any trim."""
     rng, (states, inputs) = np.random.default_rng(seed), random_points(count, seed)
-    lags, winds = rng.uniform(-0.3, 0.3, (count, len(LAG_STATES))), rng.uniform(-6, 6, (count, len(DISTURBANCES)))
+    lags, winds = (
+        rng.uniform(-0.3, 0.3, (count, len(LAG_STATES))),
+        rng.uniform(-6, 6, (count, len(DISTURBANCES))),
+    )
     return list(zip(np.hstack([states, lags]), inputs, winds, strict=True))
 
 
@@ -36,20 +40,39 @@ def test_without_its_effects_it_is_newton(parameters: Parameters) -> None:
     plain = UNSTEADY.with_parameters(**parameters._asdict(), **dict.fromkeys(EFFECTS, 0.0))
     named = plain.layout.record
     for x, u, w in points(200, 3):
-        vectors = [named(*each) for each in zip("xupw", (each.tolist() for each in (x, u, plain.p, w)), strict=True)]
+        vectors = [
+            named(*each)
+            for each in zip("xupw", (each.tolist() for each in (x, u, plain.p, w)), strict=True)
+        ]
         found = plain.equations(*vectors)[0]
         winds = winds_named(tuple(DISTURBANCES), w.tolist())
-        expected = rates(State(*x[:7].tolist()), Input(*u.tolist()), parameters, VARIANTS["newton"], winds)
+        expected = rates(
+            State(*x[:7].tolist()), Input(*u.tolist()), parameters, VARIANTS["newton"], winds
+        )
         assert_allclose([float(found[name]) for name in STATES], expected, rtol=1e-12, atol=1e-11)
     for name in EFFECTS:  # a planted error: a millionth of any effect is seen
-        planted = UNSTEADY.with_parameters(**parameters._asdict(), **{each: 1e-6 * (each == name) for each in EFFECTS})
-        x, u, p, w = (planted.layout.record(*each) for each in zip("xupw", (*vectors[:2], planted.p, w), strict=True))
+        planted = UNSTEADY.with_parameters(
+            **parameters._asdict(), **{each: 1e-6 * (each == name) for each in EFFECTS}
+        )
+        x, u, p, w = (
+            planted.layout.record(*each)
+            for each in zip("xupw", (*vectors[:2], planted.p, w), strict=True)
+        )
         found = planted.equations(x, u, p, w)[0]
-        assert max(abs(float(found[name]) - value) for name, value in zip(STATES, expected, strict=True)) > 1e-9
+        assert (
+            max(
+                abs(float(found[name]) - value)
+                for name, value in zip(STATES, expected, strict=True)
+            )
+            > 1e-9
+        )
 
 
 def by_name(*vectors: Any) -> tuple[Any, ...]:
-    return tuple(UNSTEADY.layout.record(*each) for each in zip("xupw", map(ca.vertsplit, vectors), strict=True))
+    return tuple(
+        UNSTEADY.layout.record(*each)
+        for each in zip("xupw", map(ca.vertsplit, vectors), strict=True)
+    )
 
 
 @cache
@@ -63,39 +86,56 @@ def by_energies() -> ca.Function:
     energetic = derived_unsteady(x, u, thin, p, still)  # the density is constant along the path
     moving = ca.SX.sym("moving", vectors[0].numel())
     balance = ca.vertcat(ca.jtimes(energetic.energy, vectors[0], moving), energetic.power)
-    return ca.Function("other", [*vectors, moving], [other, ca.substitute(balance, thin, density(x.altitude))])
+    return ca.Function(
+        "other", [*vectors, moving], [other, ca.substitute(balance, thin, density(x.altitude))]
+    )
 
 
 def worst(effects: np.ndarray | None = None) -> tuple[float, float]:
     """Largest relative error of a rate, and of the power, of the equations as they are now."""
     vectors = [*UNSTEADY.layout.symbols("x", "u", "p"), ca.SX.sym("w", len(DISTURBANCES))]
     rates_by_name = UNSTEADY.equations(*by_name(*vectors))[0]
-    mine = ca.Function("mine", vectors, [ca.vertcat(*(rates_by_name[name] for name in UNSTEADY.states))])
+    mine = ca.Function(
+        "mine", vectors, [ca.vertcat(*(rates_by_name[name] for name in UNSTEADY.states))]
+    )
     found = []
     for number, (x, u, w) in enumerate(points(100, 5)):
         p = UNSTEADY.p.copy()
         if effects is not None:
             p[18:24] = effects[number % len(effects)]
         other, balance = by_energies()(x, u, p, w, mine(x, u, p, 0 * w))
-        (rates, others), (growth, power) = (np.array(mine(x, u, p, w)), np.array(other)), np.array(balance).ravel()
-        found.append((np.abs((rates - others) / (1 + np.abs(others))).max(), abs(growth - power) / (1e3 + abs(power))))
+        (rates, others), (growth, power) = (
+            (np.array(mine(x, u, p, w)), np.array(other)),
+            np.array(balance).ravel(),
+        )
+        found.append(
+            (
+                np.abs((rates - others) / (1 + np.abs(others))).max(),
+                abs(growth - power) / (1e3 + abs(power)),
+            )
+        )
     most = np.max(found, axis=0)
     return float(most[0]), float(most[1])
 
 
 def test_energies_give_the_same_rates_and_the_power_of_the_loads() -> None:
-    """Euler-Lagrange with the energy of the carried air, each effect on its own and several; dE/dt = power."""
+    """Euler-Lagrange with the energy of the carried air, each effect on its own and several; dE/dt
+    = power."""
     assert max(worst()) < 1e-11
     some = np.vstack([np.eye(6), np.random.default_rng(1).uniform(0, 1, (6, 6))])
     assert max(worst(some)) < 1e-11
 
 
 @pytest.mark.parametrize(("name", "factor"), [("mass", 1 + 1e-7), ("half_chord", 1 + 1e-4)])
-def test_energies_see_a_planted_error(name: str, factor: float, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_energies_see_a_planted_error(
+    name: str, factor: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
     plates = source._plates
 
     def planted(p: Any, air: Any) -> tuple[Any, ...]:
-        return tuple(each._replace(**{name: factor * getattr(each, name)}) for each in plates(p, air))
+        return tuple(
+            each._replace(**{name: factor * getattr(each, name)}) for each in plates(p, air)
+        )
 
     monkeypatch.setattr(source, "_plates", planted)
     assert min(worst()) > 1e-10
@@ -105,14 +145,19 @@ def test_energies_see_a_planted_error(name: str, factor: float, monkeypatch: pyt
 def half_chords() -> tuple[np.ndarray, float]:
     """A of the linear model at 10 deg, and V/b of the center wing, 1/s."""
     point = find_operating_point(UNSTEADY, usual_condition(UNSTEADY).at(10 * DEGREES))
-    model = linearize(UNSTEADY, point, full=True, outputs=("alpha_air_center",), disturbances=("updraft_center",))
+    model = linearize(
+        UNSTEADY, point, full=True, outputs=("alpha_air_center",), disturbances=("updraft_center",)
+    )
     flow = float(point.states.speed) / (UNSTEADY.parameters["chord"].start / 2)
     rows = [model.states.index(f"{kind}_center_{i}") for kind in ("lag", "gust") for i in (1, 2)]
-    return np.hstack([model.A[rows][:, rows], model.A[rows][:, [model.states.index("alpha")]], model.E[rows]]), flow
+    return np.hstack(
+        [model.A[rows][:, rows], model.A[rows][:, [model.states.index("alpha")]], model.E[rows]]
+    ), flow
 
 
 def response(kind: str, lag: Lag, k: np.ndarray) -> np.ndarray:
-    """Lift per angle of the center wing at reduced frequencies k, from the rows of its lag states in A and E."""
+    """Lift per angle of the center wing at reduced frequencies k, from the rows of its lag states
+    in A and E."""
     table, flow = half_chords()
     rows, column = ([0, 1], 4) if kind == "lag" else ([2, 3], 5)
     A, b = table[np.ix_(rows, rows)], table[rows, column]
@@ -143,7 +188,8 @@ def test_theodorsen() -> None:
 
 
 def step(of: Callable[[np.ndarray], np.ndarray], end: float, s: np.ndarray) -> np.ndarray:
-    """end + (2/π) ∫ (Re f(k) - end) sin(k s) / k dk from 0 to 200, where f is within 0.03 of its end."""
+    """end + (2/π) ∫ (Re f(k) - end) sin(k s) / k dk from 0 to 200, where f is within 0.03 of its
+    end."""
     k = np.linspace(1e-6, 200.0, 100_001)
     parts = (of(k).real - end) / k
     return np.array([end + 2 / np.pi * np.trapezoid(parts * np.sin(k * each), k) for each in s])
@@ -154,7 +200,9 @@ def step(of: Callable[[np.ndarray], np.ndarray], end: float, s: np.ndarray) -> n
     [(theodorsen, 0.5, WAGNER, 0.0066), (sears, 0.0, KUESSNER, 0.078)],
     ids=["wagner", "kuessner"],
 )
-def test_steps_in_motion_and_gust(of: Callable[[np.ndarray], np.ndarray], end: float, lag: Lag, most: float) -> None:
+def test_steps_in_motion_and_gust(
+    of: Callable[[np.ndarray], np.ndarray], end: float, lag: Lag, most: float
+) -> None:
     s = np.array([0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 30.0])
     exact = step(of, end, s)
 
@@ -168,15 +216,20 @@ def test_steps_in_motion_and_gust(of: Callable[[np.ndarray], np.ndarray], end: f
 
 @pytest.mark.parametrize("degrees", [0.0, 11.0, 20.0])
 def test_the_steady_limit(degrees: float) -> None:
-    """A trim is that of quasi-steady loads with finite span and downwash; every lag state has what it follows."""
+    """A trim is that of quasi-steady loads with finite span and downwash; every lag state has what
+    it follows."""
     condition = usual_condition(UNSTEADY).at(degrees * DEGREES)
     whole = find_operating_point(UNSTEADY, condition)
     slow = find_operating_point(
-        UNSTEADY.with_parameters(local_motion=0.0, apparent_mass=0.0, lift_lag=0.0, gust_lag=0.0), condition
+        UNSTEADY.with_parameters(local_motion=0.0, apparent_mass=0.0, lift_lag=0.0, gust_lag=0.0),
+        condition,
     )
     assert_allclose(whole.inputs, slow.inputs, rtol=1e-10, atol=1e-11)
     strips = {name: getattr(whole.states, name) for name in LAG_STATES}
-    assert all(strips[f"lag_{name}_1"] == pytest.approx(strips[f"lag_{name}_2"], abs=1e-12) for name in source.STRIPS)
+    assert all(
+        strips[f"lag_{name}_1"] == pytest.approx(strips[f"lag_{name}_2"], abs=1e-12)
+        for name in source.STRIPS
+    )
     assert strips["lag_tip_1"] == pytest.approx(0.0, abs=1e-12)
     assert strips["gust_outer_1"] == pytest.approx(0.0)
     infinite = find_operating_point(UNSTEADY.with_parameters(finite_span=0.0), condition)
@@ -184,16 +237,24 @@ def test_the_steady_limit(degrees: float) -> None:
 
 
 def test_apparent_mass_is_that_of_the_textbook(parameters: Parameters) -> None:
-    """Flat wings that turn: mass, coupling and inertia of Theodorsen's plate about its quarter chord, m, m b/2 and
-    3/8 m b² (of a tail about that of the wing), and Glauert's moment of the parabolic camber that a pitch rate is."""
-    model = level_model(UNSTEADY.with_parameters(**{each: float(each == "apparent_mass") for each in EFFECTS}), 0.0)
+    """Flat wings that turn: mass, coupling and inertia of Theodorsen's plate about its quarter
+    chord, m, m b/2 and 3/8 m b² (of a tail about that of the wing), and Glauert's moment of the
+    parabolic camber that a pitch rate is."""
+    model = level_model(
+        UNSTEADY.with_parameters(**{each: float(each == "apparent_mass") for each in EFFECTS}), 0.0
+    )
     p, x, air = parameters, model.point.states, density(40000.0)
     forward = x.speed * np.cos(x.alpha)
     t = (np.arange(2000) + 0.5) * np.pi / 2000
-    slope = np.cos(t) / 2  # of the camber line z, up: dz/dx = -q (x - c/2) / V at q c / V = 1, x = c (1 - cos t) / 2
+    slope = (
+        np.cos(t) / 2
+    )  # of the camber line z, up: dz/dx = -q (x - c/2) / V at q c / V = 1, x = c (1 - cos t) / 2
     A1, A2 = (2 * np.mean(slope * np.cos(n * t)) for n in (1, 2))
     mass, moment = np.diag([3 * p.panel_mass, 3 * p.inertia_pitch]), 0.0
-    for chord, area, behind in ((p.chord, p.panel_span * p.chord, 0.0), (2.0, p.tail_area, p.boom_length)):
+    for chord, area, behind in (
+        (p.chord, p.panel_span * p.chord, 0.0),
+        (2.0, p.tail_area, p.boom_length),
+    ):
         m, b = np.pi * air * area * chord / 4, chord / 2
         inertia = 3 / 8 * m * b**2 + m * b * behind + m * behind**2
         mass += 3 * np.array([[m, m * (b / 2 + behind)], [m * (b / 2 + behind), inertia]])
@@ -206,9 +267,12 @@ def test_apparent_mass_is_that_of_the_textbook(parameters: Parameters) -> None:
 
 @pytest.mark.parametrize(("across", "share"), [(0.0, 1.71), (2 / 3, 1.52)], ids=["center", "outer"])
 def test_downwash_beside_an_elliptic_lifting_line(across: float, share: float) -> None:
-    """2 C_L / (π Λ) is that of the far wake. A tail length behind the wing, in the plane of the wake, Biot and Savart
-    give more, for the bound vortex is near: a known deviation. Γ = sqrt(1 - y²), y = cos t, lengths in half spans."""
-    ahead = UNSTEADY.parameters["boom_length"].start / (1.5 * UNSTEADY.parameters["panel_span"].start)
+    """2 C_L / (π Λ) is that of the far wake. A tail length behind the wing, in the plane of the
+    wake, Biot and Savart give more, for the bound vortex is near: a known deviation. Γ = sqrt(1 -
+    y²), y = cos t, lengths in half spans."""
+    ahead = UNSTEADY.parameters["boom_length"].start / (
+        1.5 * UNSTEADY.parameters["panel_span"].start
+    )
     t = (np.arange(100_000) + 0.5) * np.pi / 100_000
     y, away = np.cos(t), np.cos(t) - across
     bound = np.pi * np.mean(np.sin(t) ** 2 * ahead / (ahead**2 + away**2) ** 1.5)

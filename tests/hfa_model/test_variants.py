@@ -1,4 +1,5 @@
-"""The variants compared with the equations of Gibson, Annaswamy, Lavretsky, AIAA 2011-6202, as printed."""
+"""The variants compared with the equations of Gibson, Annaswamy, Lavretsky, AIAA 2011-6202, as
+printed."""
 
 from __future__ import annotations
 
@@ -15,7 +16,8 @@ from hfa_model.aerodynamics import Loads
 from hfa_model.variants import Newton, Published
 from hfa_model.vectors import Quantity
 
-#: What has to change in his equations so that they follow from first principles; each is written at `accelerations`.
+#: What has to change in his equations so that they follow from first principles; each is written at
+#: `accelerations`.
 REPAIRS = ("section moment", "hinge inertia", "pitch rate", "moving hinge")
 
 
@@ -29,14 +31,16 @@ class GibsonsLever(Published):
         return p.inertia_roll + p.panel_mass * p.panel_span**2 * (1 / 4 + ca.cos(dihedral) ** 2 / 6)
 
 
-def accelerations(x: State, found: State, loads: Loads, p: Parameters, repairs: tuple[str, ...]) -> tuple[float, float]:
-    """q' and η'' of Eqs. (42) and (44) to (46), with the panel loads given, and V' and α' as they are.
+def accelerations(
+    x: State, found: State, loads: Loads, p: Parameters, repairs: tuple[str, ...]
+) -> tuple[float, float]:
+    """q' and η'' of Eqs. (42) and (44) to (46), with the panel loads given, and V' and α' as they
+    are.
 
-    section moment: M_i of an outer panel turns with the panel; Eq. (42) does not say in which frame it stands.
-    hinge inertia: the term in cos² η of Eq. (46), with the sign of Eq. (70). pitch rate: the term V cos α q in d2,
-    with the sign of Eq. (30). moving hinge: M_j = dH_j/dt + v_j × ρ, ρ = m v_c, where Eq. (10) has dH_j/dt alone.
-    H of Eq. (44) is printed without its lever s/2.
-    """
+    section moment: M_i of an outer panel turns with the panel; Eq. (42) does not say in which frame
+    it stands. hinge inertia: the term in cos² η of Eq. (46), with the sign of Eq. (70). pitch rate:
+    the term V cos α q in d2, with the sign of Eq. (30). moving hinge: M_j = dH_j/dt + v_j × ρ, ρ =
+    m v_c, where Eq. (10) has dH_j/dt alone. H of Eq. (44) is printed without its lever s/2."""
     m, s, eta, spin = p.panel_mass, p.panel_span, x.dihedral, x.dihedral_rate
     center, outer = loads.center, loads.outer
     moment = center.moment + 2 * outer.moment * (cos(eta) if "section moment" in repairs else 1.0)
@@ -44,15 +48,35 @@ def accelerations(x: State, found: State, loads: Loads, p: Parameters, repairs: 
     moment += s / 3 * sin(eta) * center.forward + 2 * (-s / 6 * sin(eta)) * outer.forward
     c1 = 3 * p.inertia_pitch
     c2 = 2 * p.inertia_yaw - 2 * p.inertia_pitch + m * s**2 / 6
-    pitch = (moment - 2 * c2 * sin(eta) * cos(eta) * spin * x.pitch_rate) / (c1 + c2 * sin(eta) ** 2)
+    pitch = (moment - 2 * c2 * sin(eta) * cos(eta) * spin * x.pitch_rate) / (
+        c1 + c2 * sin(eta) ** 2
+    )
 
     hinge = -s / 2 * outer.downward - s / 2 * m * p.gravity * cos(eta) * cos(x.pitch)
     descent = found.speed * sin(x.alpha) + x.speed * cos(x.alpha) * found.alpha
-    d1 = descent * cos(eta) - x.speed * sin(x.alpha) * sin(eta) * spin - 2 * s / 3 * cos(eta) * sin(eta) * spin**2
+    d1 = (
+        descent * cos(eta)
+        - x.speed * sin(x.alpha) * sin(eta) * spin
+        - 2 * s / 3 * cos(eta) * sin(eta) * spin**2
+    )
     d2 = (p.inertia_pitch - p.inertia_yaw - m * s**2 / 12) * sin(eta) * cos(eta) * x.pitch_rate**2
-    d2 += (1 if "pitch rate" in repairs else -1) * m * s / 2 * cos(eta) * x.speed * cos(x.alpha) * x.pitch_rate
-    d3 = p.inertia_roll + m * (s**2 / 4 + (-1 if "hinge inertia" in repairs else 1) * s**2 / 6 * cos(eta) ** 2)
-    forward, hinge_descent = x.speed * cos(x.alpha), x.speed * sin(x.alpha) + s / 3 * cos(eta) * spin
+    d2 += (
+        (1 if "pitch rate" in repairs else -1)
+        * m
+        * s
+        / 2
+        * cos(eta)
+        * x.speed
+        * cos(x.alpha)
+        * x.pitch_rate
+    )
+    d3 = p.inertia_roll + m * (
+        s**2 / 4 + (-1 if "hinge inertia" in repairs else 1) * s**2 / 6 * cos(eta) ** 2
+    )
+    forward, hinge_descent = (
+        x.speed * cos(x.alpha),
+        x.speed * sin(x.alpha) + s / 3 * cos(eta) * spin,
+    )
     across = hinge_descent * sin(eta), hinge_descent * cos(eta)
     v_j = forward + s / 3 * sin(eta) * x.pitch_rate, *across  # Eq. (67)
     v_c = forward - s / 6 * sin(eta) * x.pitch_rate, across[0], across[1] - s / 2 * spin  # Eq. (69)
@@ -66,9 +90,13 @@ def worst(aircraft: Aircraft, repairs: tuple[str, ...]) -> float:
     differences = []
     for state, control in zip(*random_points(100, seed=4), strict=True):
         found = State(*aircraft.rates(state, control))
-        theirs = accelerations(State(*state), found, aircraft.loads(state, control), aircraft.parameters, repairs)
+        theirs = accelerations(
+            State(*state), found, aircraft.loads(state, control), aircraft.parameters, repairs
+        )
         ours = found.pitch_rate, found.dihedral_rate
-        differences += [abs(one - other) / (1 + abs(one)) for one, other in zip(ours, theirs, strict=True)]
+        differences += [
+            abs(one - other) / (1 + abs(one)) for one, other in zip(ours, theirs, strict=True)
+        ]
     return max(differences)
 
 
@@ -81,6 +109,8 @@ def test_none_of_the_four_can_be_left_out(parameters: Parameters, repairs: tuple
     assert worst(Aircraft(parameters, "newton"), repairs) > 1e-2
 
 
-def test_published_is_gibsons_report_but_for_the_lever_and_the_hinge_inertia(parameters: Parameters) -> None:
+def test_published_is_gibsons_report_but_for_the_lever_and_the_hinge_inertia(
+    parameters: Parameters,
+) -> None:
     assert worst(Aircraft(parameters, GibsonsLever()), ()) < 1e-12
     assert worst(Aircraft(parameters, "published"), ()) > 1e-2

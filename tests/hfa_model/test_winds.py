@@ -17,18 +17,26 @@ def seen_from_the_ground(x: State, updraft: float, headwind: float) -> State:
     """The state over ground of an aircraft whose state through the air is x."""
     gamma = x.pitch - x.alpha
     north, up = x.speed * np.cos(gamma) - headwind, x.speed * np.sin(gamma) + updraft
-    return x._replace(speed=float(np.hypot(north, up)), alpha=x.pitch - float(np.arctan2(up, north)))
+    return x._replace(
+        speed=float(np.hypot(north, up)), alpha=x.pitch - float(np.arctan2(up, north))
+    )
 
 
 def inertial(x: State, rate: State) -> np.ndarray:
     """Accelerations that no steady motion of the observer changes: north, up, pitch, dihedral."""
     gamma, gamma_rate = x.pitch - x.alpha, rate.pitch - rate.alpha
-    along, across = np.array([np.cos(gamma), np.sin(gamma)]), np.array([-np.sin(gamma), np.cos(gamma)])
-    return np.array([*(rate.speed * along + x.speed * gamma_rate * across), rate.pitch_rate, rate.dihedral_rate])
+    along, across = (
+        np.array([np.cos(gamma), np.sin(gamma)]),
+        np.array([-np.sin(gamma), np.cos(gamma)]),
+    )
+    return np.array(
+        [*(rate.speed * along + x.speed * gamma_rate * across), rate.pitch_rate, rate.dihedral_rate]
+    )
 
 
 def galilean_error(parameters: Parameters, variant: Variant, winds: Winds) -> np.ndarray:
-    """How far accelerations in uniform steady wind are from those in still air, (4,), the largest of many states."""
+    """How far accelerations in uniform steady wind are from those in still air, (4,), the largest
+    of many states."""
     worst = np.zeros(4)
     for state, control in zip(*random_points(100, seed=5), strict=True):
         x, u = State(*state.tolist()), Input(*control.tolist())
@@ -44,7 +52,9 @@ def test_newton_does_not_know_steady_wind_and_published_does(
     parameters: Parameters, updraft: float, headwind: float
 ) -> None:
     winds = winds_named(("updraft", "headwind"), (updraft, headwind))
-    newton, published = (galilean_error(parameters, VARIANTS[name], winds) for name in ("newton", "published"))
+    newton, published = (
+        galilean_error(parameters, VARIANTS[name], winds) for name in ("newton", "published")
+    )
     assert newton.max() <= 1e-9
     assert published[:3].max() <= 1e-9  # only the hinge's equation has V over ground in it
     assert published[3] > 1e-2

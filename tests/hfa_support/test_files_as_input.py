@@ -36,7 +36,12 @@ def test_every_command_refuses_a_fifo(folder: Path, words: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "words", ["trim --dihedral 15 -o a.json", "trim --dihedral 15 --picture a.png", "export --dihedral 15 -o a.fmu"]
+    "words",
+    [
+        "trim --dihedral 15 -o a.json",
+        "trim --dihedral 15 --picture a.png",
+        "export --dihedral 15 -o a.fmu",
+    ],
 )
 def test_no_result_takes_the_place_of_a_fifo(folder: Path, words: str) -> None:
     fifo = folder / words.split()[-1]
@@ -67,8 +72,12 @@ def test_an_archive_that_unpacks_to_more_than_memory_is_refused(
         array_file.read_arrays(tmp_path / "plant.npz")
 
 
-@pytest.mark.parametrize(("content", "said"), [(b"[" * 100_000, ""), (b"9" * 5000, "digits"), (b"\xff\xfe\xff", "")])
-def test_text_that_no_parser_survives_is_one_line(tmp_path: Path, content: bytes, said: str) -> None:
+@pytest.mark.parametrize(
+    ("content", "said"), [(b"[" * 100_000, ""), (b"9" * 5000, "digits"), (b"\xff\xfe\xff", "")]
+)
+def test_text_that_no_parser_survives_is_one_line(
+    tmp_path: Path, content: bytes, said: str
+) -> None:
     path = tmp_path / "a.json"
     path.write_bytes(content)
     with pytest.raises(BadInputError, match=f"is not JSON .*{said}"):

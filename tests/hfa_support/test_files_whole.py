@@ -44,7 +44,9 @@ def test_a_folder_that_is_not_there_is_named(tmp_path: Path) -> None:
         save(tmp_path / "no" / "state.npz", np.zeros(1))
 
 
-def test_the_mode_of_an_existing_file_is_kept_and_a_new_one_is_an_ordinary_file(tmp_path: Path) -> None:
+def test_the_mode_of_an_existing_file_is_kept_and_a_new_one_is_an_ordinary_file(
+    tmp_path: Path,
+) -> None:
     write_text(tmp_path / "new", "1")
     (tmp_path / "ordinary").touch()
     assert (tmp_path / "new").stat().st_mode == (tmp_path / "ordinary").stat().st_mode

@@ -10,7 +10,11 @@ from hfa_support.jsonable import json_text, jsonable
 
 
 def test_a_row_of_a_table_or_a_matrix_is_a_line() -> None:
-    value = {"schema": "x", "A": np.eye(2), "rows": [{"n": 1, "of": "x\n  y"}, {"n": 2, "of": np.nan}]}
+    value = {
+        "schema": "x",
+        "A": np.eye(2),
+        "rows": [{"n": 1, "of": "x\n  y"}, {"n": 2, "of": np.nan}],
+    }
     assert json_text(value) == (
         '{\n "schema": "x",\n "A": [\n  [ 1.0, 0.0 ],\n  [ 0.0, 1.0 ]\n ],\n "rows": [\n'
         '  { "n": 1, "of": "x\\n  y" },\n  { "n": 2, "of": null }\n ]\n}\n'
@@ -19,13 +23,17 @@ def test_a_row_of_a_table_or_a_matrix_is_a_line() -> None:
 
 def test_numbers_of_every_width_are_numbers() -> None:
     kinds = (np.float16, np.float32, np.longdouble, np.int8, np.uint64)
-    found = jsonable([[kind(3), np.array([kind(3)])] for kind in kinds] + [np.longdouble("inf"), np.bool_(True)])
+    found = jsonable(
+        [[kind(3), np.array([kind(3)])] for kind in kinds] + [np.longdouble("inf"), np.bool_(True)]
+    )
     assert found == [*[[3, [3]]] * len(kinds), None, True]
     assert {type(number) for number, _ in found[:5]} == {float, int}
 
 
 def test_what_is_not_finite_is_null() -> None:
-    assert jsonable({"a": (np.float64(np.inf), np.int64(3), True, None, "x")}) == {"a": [None, 3, True, None, "x"]}
+    assert jsonable({"a": (np.float64(np.inf), np.int64(3), True, None, "x")}) == {
+        "a": [None, 3, True, None, "x"]
+    }
 
 
 def test_brackets_in_a_text_change_no_value() -> None:

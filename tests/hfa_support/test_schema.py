@@ -1,4 +1,5 @@
-"""Declarations of users' files: right values come back as declared, wrong ones are one line with their place."""
+"""Declarations of users' files: right values come back as declared, wrong ones are one line with
+their place."""
 
 from __future__ import annotations
 
@@ -21,7 +22,13 @@ DECLARED = {
 
 
 def test_what_is_as_declared_comes_back_with_numbers_as_floats() -> None:
-    value = {"name": "x", "sizes": [[1, 2.5]], "delta": math.inf, "limits": {"any": 3}, "open": {"a": 0, "b": []}}
+    value = {
+        "name": "x",
+        "sizes": [[1, 2.5]],
+        "delta": math.inf,
+        "limits": {"any": 3},
+        "open": {"a": 0, "b": []},
+    }
     found = checked("f.toml", value, DECLARED)
     assert found == value
     assert isinstance(found["limits"]["any"], float)
@@ -40,7 +47,10 @@ def test_what_is_as_declared_comes_back_with_numbers_as_floats() -> None:
         ({"delta": True}, "f.toml: delta is True; give"),
         ({"delta": 10**400}, "f.toml: delta is 1000"),
         ({"open": {"b": 1}}, "f.toml: open.a is missing; add it"),
-        ({"open": {"a": 1e200}}, "f.toml: open.a is 1e+200; give a finite number from 0 on, at most 1e+100"),
+        (
+            {"open": {"a": 1e200}},
+            "f.toml: open.a is 1e+200; give a finite number from 0 on, at most 1e+100",
+        ),
         ({"limit": {}}, "f.toml: unknown entry limit; did you mean limits?"),
         ({"zzz\x1b": 1}, "f.toml: unknown entry zzz\\x1b; choose from name, kind, sizes"),
     ],

@@ -1,4 +1,5 @@
-"""The benchmarks: peers that compute the same thing, verdicts that can say NO, documents with the stored results."""
+"""The benchmarks: peers that compute the same thing, verdicts that can say NO, documents with the
+stored results."""
 
 from __future__ import annotations
 
@@ -18,7 +19,9 @@ from trim import trim_points
 SCALING = ROOT / "docs" / "scaling.md"
 PARAMETERS = default_parameters().values
 ALTITUDE = 40_000.0
-NEEDS_COMPILER = pytest.mark.skipif(generated.c_compiler() is None, reason="no C compiler on this machine")
+NEEDS_COMPILER = pytest.mark.skipif(
+    generated.c_compiler() is None, reason="no C compiler on this machine"
+)
 
 
 @pytest.fixture(scope="module")
@@ -30,11 +33,14 @@ def case() -> FlightCase:
 
 
 def largest_difference_of_rates(peer, count: int = 200) -> float:
-    """Of six rates from those of the aircraft, as a fraction of the largest, at random states and inputs."""
+    """Of six rates from those of the aircraft, as a fraction of the largest, at random states and
+    inputs."""
     rng = np.random.default_rng(3)
     low = np.array([50.0, -0.1, -0.1, -0.3, -0.4, -0.3])
     states = rng.uniform(low, [80.0, 0.15, 0.15, 0.3, 0.4, 0.3], size=(count, 6))
-    inputs = rng.uniform([0.0, -0.2, -0.2, -0.2, -0.2], [100.0, 0.2, 0.2, 0.2, 0.2], size=(count, 5))
+    inputs = rng.uniform(
+        [0.0, -0.2, -0.2, -0.2, -0.2], [100.0, 0.2, 0.2, 0.2, 0.2], size=(count, 5)
+    )
     aircraft, seen = Aircraft(PARAMETERS), [STATES.index(name) for name in LINEAR_STATES]
     full = np.insert(states, STATES.index("altitude"), ALTITUDE, axis=1)
     ours = np.array([aircraft.rates(x, u)[seen] for x, u in zip(full, inputs, strict=True)])
@@ -123,7 +129,12 @@ def not_shown(document: str, figures: list[dict]) -> list[str]:
     for figure in figures:
         name = figure["job"].split(" ", 1)[1].partition(",")[0]
         for size in figure["sizes"]:
-            cells = (f"{size['rows']:,}", name, report.value_text(size["seconds"], "s"), f"{size['memory']:.0f} MB")
+            cells = (
+                f"{size['rows']:,}",
+                name,
+                report.value_text(size["seconds"], "s"),
+                f"{size['memory']:.0f} MB",
+            )
             rows.append(f"| {' | '.join(cells)} | {size['disk']:.0f} B |")
     return [row for row in rows if row not in document]
 

@@ -1,4 +1,5 @@
-"""The files of the project and of its wheel: our packages with their data, and none mentions where it was written."""
+"""The files of the project and of its wheel: our packages with their data, and none mentions where
+it was written."""
 
 from __future__ import annotations
 
@@ -46,7 +47,9 @@ def test_the_wheel_holds_every_module_all_data_and_nothing_else(tmp_path: Path) 
     for name in ("pyproject.toml", "README.md"):
         shutil.copy(ROOT / name, sources)
     for package in PACKAGES:
-        shutil.copytree(ROOT / package, sources / package, ignore=shutil.ignore_patterns("__pycache__"))
+        shutil.copytree(
+            ROOT / package, sources / package, ignore=shutil.ignore_patterns("__pycache__")
+        )
     for stray in ("trim_results", "controller_old"):
         (sources / stray).mkdir()
         (sources / stray / "__init__.py").touch()

@@ -1,11 +1,11 @@
 """The documentation is true: what it shows runs and prints what it says, its links lead somewhere.
 
-A ```python block is run; a ```text block right after it is what it prints. In a ```console block, lines that begin
-with "$ " are commands, and the lines after a command are what it prints; "# exit 1" at the end of a command is its
-exit code. A line "..." matches any number of lines, and the last line, which names where an output comes from, may
-be left out. The blocks of one document run in order, in one folder and one namespace; blocks in other languages, or in
-none, are not run, and those marked as in ```console slow only where slow ones are asked for.
-"""
+A ```python block is run; a ```text block right after it is what it prints. In a ```console block,
+lines that begin with "$ " are commands, and the lines after a command are what it prints; "# exit
+1" at the end of a command is its exit code. A line "..." matches any number of lines, and the last
+line, which names where an output comes from, may be left out. The blocks of one document run in
+order, in one folder and one namespace; blocks in other languages, or in none, are not run, and
+those marked as in ```console slow only where slow ones are asked for."""
 
 from __future__ import annotations
 
@@ -25,16 +25,19 @@ import pytest
 from cli import hfa
 from project import PACKAGES, ROOT
 
-from hfa_cli.main import COMMANDS, MOVED
+from hfa.main import COMMANDS, MOVED
 
 #: The lines at the end of an output that name where it comes from; a document need not show them.
-SOURCE = re.compile(r"\n*^hfa \d+\.\d+\.\d+, \d{4}-\d\d-\d\d.*(\nnot the identified aircraft: .*)?$", re.M)
+SOURCE = re.compile(
+    r"\n*^hfa \d+\.\d+\.\d+, \d{4}-\d\d-\d\d.*(\nnot the identified aircraft: .*)?$", re.M
+)
 _FENCE = re.compile(r"^```(\w*)( slow)?\n(.*?)^```$", re.M | re.S)
 _COMMAND = re.compile(r"^\$ (.*?)(?:\s+# exit (\d+))?\n((?:(?!\$ ).*\n)*)", re.M)
 
 
 class Block(NamedTuple):
-    """One fenced block: its language, its text, the line on which its text begins, and whether it takes long."""
+    """One fenced block: its language, its text, the line on which its text begins, and whether it
+    takes long."""
 
     language: str
     text: str
@@ -54,22 +57,30 @@ def blocks_of(document: str) -> list[Block]:
 
 
 def difference(expected: str, actual: str) -> str:
-    """Empty when the actual output is the expected one, with "..." for any lines; else a readable comparison."""
+    """Empty when the actual output is the expected one, with "..." for any lines; else a readable
+    comparison."""
     lines = [line.rstrip() for line in expected.strip("\n").splitlines()]
     pattern = "".join(r"(?:.*\n)*?" if line == "..." else re.escape(line) + r"\n" for line in lines)
     said = "".join(f"{line.rstrip()}\n" for line in actual.strip("\n").splitlines())
     if re.fullmatch(pattern, said):
         return ""
-    return "\n".join(difflib.unified_diff(lines, said.splitlines(), "the document", "what happens", lineterm="", n=1))
+    return "\n".join(
+        difflib.unified_diff(
+            lines, said.splitlines(), "the document", "what happens", lineterm="", n=1
+        )
+    )
 
 
 def complaints(document: str, *, name: str = "document", slow: bool = False) -> list[str]:
-    """What is wrong with the blocks of a document; runs in the current folder, leaves files there."""
+    """What is wrong with the blocks of a document; runs in the current folder, leaves files
+    there."""
     namespace: dict[str, Any] = {"__name__": "__main__"}
     blocks = [block for block in blocks_of(document) if slow or not block.slow]
     found = [
         f"{name}, line {block.line}: {wrong}"
-        for before, block, after in zip([_NONE, *blocks], blocks, [*blocks[1:], _NONE], strict=False)
+        for before, block, after in zip(
+            [_NONE, *blocks], blocks, [*blocks[1:], _NONE], strict=False
+        )
         for wrong in _wrong(before, block, after, namespace, name)
         if wrong
     ]
@@ -77,7 +88,9 @@ def complaints(document: str, *, name: str = "document", slow: bool = False) -> 
     return found
 
 
-def _wrong(before: Block, block: Block, after: Block, namespace: dict[str, Any], name: str) -> Iterator[str]:
+def _wrong(
+    before: Block, block: Block, after: Block, namespace: dict[str, Any], name: str
+) -> Iterator[str]:
     if block.language == "text" and before.language != "python":
         yield "no python block before this text prints it"
     if block.language == "python":
@@ -104,9 +117,13 @@ def _wrong_with(command: str, code: int, expected: str) -> str:
     words = shlex.split(command)
     if words[0] == "make":
         targets = re.findall(r"^([\w-]+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.M)
-        return "\n".join(f"the Makefile has no target {word!r}" for word in words[1:] if word not in targets)
+        return "\n".join(
+            f"the Makefile has no target {word!r}" for word in words[1:] if word not in targets
+        )
     if words[0] in ("cc", "size") or words[0].startswith("./"):
-        return difference(expected, subprocess.run(words, check=True, capture_output=True, text=True).stdout)
+        return difference(
+            expected, subprocess.run(words, check=True, capture_output=True, text=True).stdout
+        )
     if words[0] != "hfa":
         return "neither hfa nor make, cc, size or ./PROGRAM"
     result = hfa(*words[1:])
@@ -129,7 +146,10 @@ def is_slow(path: Path) -> bool:
 
 CASES = [
     *(pytest.param(path, False, id=path.stem) for path in DOCUMENTS),
-    *(pytest.param(path, True, id=f"{path.stem} whole", marks=pytest.mark.slow) for path in filter(is_slow, DOCUMENTS)),
+    *(
+        pytest.param(path, True, id=f"{path.stem} whole", marks=pytest.mark.slow)
+        for path in filter(is_slow, DOCUMENTS)
+    ),
 ]
 
 
@@ -146,7 +166,9 @@ def test_blocks_run_and_print_what_is_shown(
         assert_is_that_of_the_documents(tmp_path / "verify.png")
 
 
-@pytest.mark.parametrize("path", [*DOCUMENTS, ROOT / "CHANGELOG.md", ROOT / "ARCHITECTURE.md"], ids=lambda p: p.stem)
+@pytest.mark.parametrize(
+    "path", [*DOCUMENTS, ROOT / "CHANGELOG.md", ROOT / "ARCHITECTURE.md"], ids=lambda p: p.stem
+)
 def test_links_lead_to_files_and_headings(path: Path) -> None:
     for link in re.findall(r"\]\(([^)\s]+)\)", text_of(path)):
         if re.match(r"https?://", link):
@@ -165,7 +187,9 @@ def headings(document: str) -> list[str]:
 
 def test_the_readme_names_every_command() -> None:
     names = [name for name in COMMANDS if name not in MOVED]
-    assert [name for name in names if not re.search(rf"`(hfa )?{name}\b", text_of(ROOT / "README.md"))] == []
+    assert [
+        name for name in names if not re.search(rf"`(hfa )?{name}\b", text_of(ROOT / "README.md"))
+    ] == []
 
 
 def assert_is_that_of_the_documents(picture: Path) -> None:
@@ -176,20 +200,26 @@ def assert_is_that_of_the_documents(picture: Path) -> None:
     different = np.abs(one - other).max(axis=2) > 0.1
     height, width = different.shape
     different[: height // 2, 2 * width // 3 :] = False  # the map of the difference shows rounding
-    assert np.mean(different) < 0.005, "run `hfa verify --dihedral 15 --picture docs/pictures/verify.png`"
+    assert np.mean(different) < 0.005, (
+        "run `hfa verify --dihedral 15 --picture docs/pictures/verify.png`"
+    )
 
 
 def test_every_public_name_is_in_an_example() -> None:
     blocks = (block for path in DOCUMENTS for block in blocks_of(text_of(path)))
     code = "\n".join(block.text for block in blocks if block.language == "python")
-    stubs = {name: ROOT / name / "__init__.pyi" for name in PACKAGES if name != "hfa_cli"}
-    names = [(package, name) for package, stub in stubs.items() for name in re.findall(r" as (\w+)", text_of(stub))]
+    stubs = {name: ROOT / name / "__init__.pyi" for name in PACKAGES if name != "hfa"}
+    names = [
+        (package, name)
+        for package, stub in stubs.items()
+        for name in re.findall(r" as (\w+)", text_of(stub))
+    ]
     assert [each for each in names if not re.search(rf"\b{each[1]}\b", code)] == []
     assert len(names) > 90
 
 
-#: Examples that print nothing by themselves: aircraft (tests/trim/test_own_models.py), a training script
-#: (tests/verification/critic/test_diagnosis.py).
+#: Examples that print nothing by themselves: aircraft (tests/trim/test_own_models.py), a training
+#: script (tests/verification/critic/test_diagnosis.py).
 SILENT = ("f16", "gtm", "navion", "train_a_network")
 SCRIPTS = [path for path in sorted((ROOT / "examples").glob("*.py")) if path.stem not in SILENT]
 

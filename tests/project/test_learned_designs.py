@@ -1,4 +1,5 @@
-"""The critics of design models, 55 to 105 weights: certified, exact and in time from every start."""
+"""The critics of design models, 55 to 105 weights: certified, exact and in time from every
+start."""
 
 from __future__ import annotations
 
@@ -14,8 +15,8 @@ from reference_riccati import relative_error
 from servo_cases import SIMVFA, simvfa_design
 
 from controller import Game, basis, design_model, learn, load_design
-from controller.design.design import Actuator, Design
-from controller.laws.recording import natural_spread
+from controller.learning.recording import natural_spread
+from controller.servo.design import Actuator, Design
 from hfa_model import Aircraft
 from verification import GeneralizedPlant, solve_game
 from verification.exact_solution import GameSolution
@@ -40,7 +41,9 @@ def design_of(name: str) -> Design:
     two = simvfa_design("simvfa-2")
     more = {"aileron_center": Actuator(2)}
     weights = {**two.input_weights, "aileron_center": 50.0}
-    return replace(two, inputs=(*two.inputs, *more), actuators={**two.actuators, **more}, input_weights=weights)
+    return replace(
+        two, inputs=(*two.inputs, *more), actuators={**two.actuators, **more}, input_weights=weights
+    )
 
 
 @cache
@@ -70,7 +73,9 @@ def test_every_start_ends_certified_at_the_exact_solution_in_time(name: str, sta
             wrong.append((index, errors, found.outcome))
     assert wrong == []
     if starts == 1000:
-        print(f"{name}: eP {largest[0]:.0e}, eK {largest[1]:.0e}, {stabilizing} stabilizing, settled at {latest:.2g} s")
+        print(
+            f"{name}: eP {largest[0]:.0e}, eK {largest[1]:.0e}, {stabilizing} stabilizing, settled at {latest:.2g} s"
+        )
         assert f"| {name} | {SIZES[name][0]} | {SIZES[name][1]} | {starts} of {starts} |" in (
             ROOT / "docs" / "servo.md"
         ).read_text(encoding="utf-8")

@@ -1,4 +1,5 @@
-"""The notebooks in examples/: their cells run, and their stored outputs are what the cells say today."""
+"""The notebooks in examples/: their cells run, and their stored outputs are what the cells say
+today."""
 
 from __future__ import annotations
 
@@ -23,9 +24,17 @@ Output = dict[str, Any]
 
 
 def code_cells(path: Path) -> list[tuple[str, list[Output]]]:
-    """Source without the lines that only a kernel understands, and the stored outputs, of each cell of code."""
-    cells = [cell for cell in json.loads(path.read_text(encoding="utf-8"))["cells"] if cell["cell_type"] == "code"]
-    return [("".join(line for line in cell["source"] if not line.startswith("%")), cell["outputs"]) for cell in cells]
+    """Source without the lines that only a kernel understands, and the stored outputs, of each cell
+    of code."""
+    cells = [
+        cell
+        for cell in json.loads(path.read_text(encoding="utf-8"))["cells"]
+        if cell["cell_type"] == "code"
+    ]
+    return [
+        ("".join(line for line in cell["source"] if not line.startswith("%")), cell["outputs"])
+        for cell in cells
+    ]
 
 
 def ran(source: str, names: dict[str, Any]) -> tuple[str, Any]:
@@ -47,7 +56,8 @@ def stored(outputs: list[Output], kind: str) -> str:
 
 
 def words(text: str) -> str:
-    """The text without its numbers, of which some are rounding, and without the spaces that align them."""
+    """The text without its numbers, of which some are rounding, and without the spaces that align
+    them."""
     return " ".join(re.sub(r"(?<![\w.])[-+]?\d[\w.+-]*", "#", text).split())
 
 
@@ -60,7 +70,9 @@ def complaints(cells: list[tuple[str, list[Output]]]) -> list[str]:
         if printed != stored(outputs, "stream"):
             found.append(f"cell {number} prints {printed!r}")
         if isinstance(value, Figure):
-            found += [] if stored(outputs, "image/png") else [f"cell {number} has no picture stored"]
+            found += (
+                [] if stored(outputs, "image/png") else [f"cell {number} has no picture stored"]
+            )
         elif value is not None:
             shown = {"text/plain": repr(value)}
             shown |= {"text/html": value._repr_html_()} if hasattr(value, "_repr_html_") else {}
@@ -76,7 +88,10 @@ def complaints(cells: list[tuple[str, list[Output]]]) -> list[str]:
 def test_its_cells_run_and_say_what_is_stored(path: Path) -> None:
     assert complaints(code_cells(path)) == [], "run `make notebooks`"
     text = path.read_text(encoding="utf-8")
-    assert not any(word in text for word in (os.sep + "tmp" + os.sep, os.sep + "home" + os.sep, "Traceback", "iopub"))
+    assert not any(
+        word in text
+        for word in (os.sep + "tmp" + os.sep, os.sep + "home" + os.sep, "Traceback", "iopub")
+    )
 
 
 def test_an_output_that_is_out_of_date_is_noticed() -> None:
@@ -84,7 +99,11 @@ def test_an_output_that_is_out_of_date_is_noticed() -> None:
     value = [{"output_type": "execute_result", "data": {"text/plain": ["a c\n", "-1.2e-16"]}}]
     alike = "type('T', (), {'__repr__': lambda self: 'a c\\n3e-17'})()"
     assert complaints([("a = 1\nprint(a + 1)", said), (alike, value)]) == []
-    assert complaints([(alike.replace("3e-17", "3e-17 more"), value)]) == ["cell 1 says a c, text/plain is another"]
+    assert complaints([(alike.replace("3e-17", "3e-17 more"), value)]) == [
+        "cell 1 says a c, text/plain is another"
+    ]
     assert complaints([("print(3)", said)]) == ["cell 1 prints '3\\n'"]
     assert complaints([("7", value)]) == ["cell 1 says 7, text/plain is another"]
-    assert complaints([("from matplotlib.figure import Figure\nFigure()", [])]) == ["cell 1 has no picture stored"]
+    assert complaints([("from matplotlib.figure import Figure\nFigure()", [])]) == [
+        "cell 1 has no picture stored"
+    ]

@@ -1,4 +1,5 @@
-"""The page of `hfa report` in a real browser: the slider, the numbers, widths, printing, names of files."""
+"""The page of `hfa report` in a real browser: the slider, the numbers, widths, printing, names of
+files."""
 
 from __future__ import annotations
 
@@ -16,34 +17,52 @@ import pytest
 from cli import hfa
 from project import ROOT
 
-from hfa_cli.main import DONE
+from hfa.main import DONE
 
 #: A name that would be a program if it were not escaped, in HTML and in the data of a script.
 NAME = "<script>document.title=1<img src=x onerror=document.title=2>.toml"
 AT = "12.5"
 
 #: None that sends the plot to somebody.
-BUTTONS = ["Zoom in", "Zoom out", "Autoscale", "Reset axes", "Zoom", "Pan", "Download plot as a PNG"]
+BUTTONS = [
+    "Zoom in",
+    "Zoom out",
+    "Autoscale",
+    "Reset axes",
+    "Zoom",
+    "Pan",
+    "Download plot as a PNG",
+]
 
 _ROWS = """return [...document.querySelectorAll('section.point:not([hidden]) table')]
     .filter((table) => table.querySelector('th').textContent === arguments[0])
     .flatMap((table) => [...table.querySelectorAll('tbody tr')])
     .map((row) => [...row.children].map((cell) => cell.textContent))"""
-_DRAWN = "return document.querySelector('#plot-trim-1 .scatterlayer path.js-line').getAttribute('d')"
+_DRAWN = (
+    "return document.querySelector('#plot-trim-1 .scatterlayer path.js-line').getAttribute('d')"
+)
 _TEXTS = "return [...document.querySelectorAll('#plot-trim-1 .textpoint text')].map((text) => text.textContent)"
 
 
 #: No window, no network, nothing kept from another start.
 FLAGS = (
     *("--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run"),
-    *("--disable-background-networking", "--disable-component-update", "--disable-sync", "--disable-dev-shm-usage"),
+    *(
+        "--disable-background-networking",
+        "--disable-component-update",
+        "--disable-sync",
+        "--disable-dev-shm-usage",
+    ),
 )
 
 
 @contextmanager
 def browser() -> Iterator[Any]:
-    """Chromium, driven by selenium; the test is skipped, and says what to install, where there is no browser."""
-    selenium = pytest.importorskip("selenium.webdriver", reason="needs selenium: pip install '.[dev]'")
+    """Chromium, driven by selenium; the test is skipped, and says what to install, where there is
+    no browser."""
+    selenium = pytest.importorskip(
+        "selenium.webdriver", reason="needs selenium: pip install '.[dev]'"
+    )
     program, driver = shutil.which("chromium"), shutil.which("chromedriver")
     if program is None or driver is None:
         pytest.skip("needs a browser: apt-get install chromium chromium-driver")
@@ -71,7 +90,11 @@ def settles(driver: Any, condition: str) -> bool:
     """Wait until a JavaScript expression is true: drawings follow a new width a moment later."""
     from selenium.webdriver.support.wait import WebDriverWait
 
-    return bool(WebDriverWait(driver, 10.0, 0.05).until(lambda _: driver.execute_script(f"return {condition}")))
+    return bool(
+        WebDriverWait(driver, 10.0, 0.05).until(
+            lambda _: driver.execute_script(f"return {condition}")
+        )
+    )
 
 
 def chosen(driver: Any) -> str:
@@ -90,25 +113,41 @@ def move_to(driver: Any, angle: str) -> None:
 
 
 @pytest.mark.slow
-def test_the_page_in_a_browser(tmp_path: Path, subtests: pytest.Subtests, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_page_in_a_browser(
+    tmp_path: Path, subtests: pytest.Subtests, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(tmp_path)
     Path(NAME).write_bytes((ROOT / "hfa_model" / "parameters.toml").read_bytes())
     with browser() as driver:
-        words = ("report", "-o", "page.html", "--parameters", NAME, "--dihedral", "15", "--sweep", "12:15:0.5")
+        words = (
+            "report",
+            "-o",
+            "page.html",
+            "--parameters",
+            NAME,
+            "--dihedral",
+            "15",
+            "--sweep",
+            "12:15:0.5",
+        )
         assert hfa(*words).code == DONE
         driver.get((tmp_path / "page.html").as_uri())
         assert settles(driver, "document.body.classList.contains('scripted')")
         with subtests.test("names are escaped and nothing is loaded from elsewhere"):
             assert driver.title == "Highly flexible aircraft: linear models"
             assert NAME in driver.find_element("tag name", "main").get_attribute("textContent")
-            assert driver.execute_script("return performance.getEntriesByType('resource').length") == 0
+            assert (
+                driver.execute_script("return performance.getEntriesByType('resource').length") == 0
+            )
             buttons = driver.find_elements("css selector", "#plot-trim-1 .modebar-btn")
             assert [each.get_attribute("data-title") for each in buttons] == BUTTONS
         with subtests.test("the keyboard moves the slider, and one section is shown"):
             assert chosen(driver) == "15 deg"
             driver.find_element("id", "dihedral").send_keys("\ue012")  # arrow left
             assert chosen(driver) == "14.5 deg"
-            shown = driver.execute_script("return document.querySelectorAll('section.point:not([hidden])').length")
+            shown = driver.execute_script(
+                "return document.querySelectorAll('section.point:not([hidden])').length"
+            )
             assert shown == 1
         with subtests.test("matrices, modes, trim and drawing are those of the chosen angle"):
             before = driver.execute_script(_DRAWN)
@@ -116,7 +155,9 @@ def test_the_page_in_a_browser(tmp_path: Path, subtests: pytest.Subtests, monkey
             assert chosen(driver) == f"{AT} deg"
             compare_with_the_command(driver)
             assert driver.execute_script(_DRAWN) != before
-        with subtests.test("it fits on eight screens, and a link of the contents unfolds its section"):
+        with subtests.test(
+            "it fits on eight screens, and a link of the contents unfolds its section"
+        ):
             seen_at(driver, 1400)
             assert driver.execute_script("return document.documentElement.scrollHeight") <= 8 * 900
             links = driver.find_elements("css selector", "nav a")
@@ -125,7 +166,9 @@ def test_the_page_in_a_browser(tmp_path: Path, subtests: pytest.Subtests, monkey
             assert settles(driver, "document.querySelector('main > details').open")
             gone = "document.querySelector('.slider').getBoundingClientRect().bottom <= 2"
             assert settles(driver, gone), "the slider stays within its section"
-            driver.execute_script("document.querySelectorAll('details').forEach((part) => { part.open = true; })")
+            driver.execute_script(
+                "document.querySelectorAll('details').forEach((part) => { part.open = true; })"
+            )
         with subtests.test("no table and no drawing is wider than the window"):
             for width in (1600, 400):
                 seen_at(driver, width)
@@ -133,7 +176,10 @@ def test_the_page_in_a_browser(tmp_path: Path, subtests: pytest.Subtests, monkey
         with subtests.test("prints to A4"):
             seen_at(driver, 688, medium="print")  # 182 mm between the margins
             wide = "return [...document.querySelectorAll('table')].filter((t) => t.offsetParent)"
-            assert max(driver.execute_script(f"{wide}.map((t) => t.getBoundingClientRect().right)")) <= 689
+            assert (
+                max(driver.execute_script(f"{wide}.map((t) => t.getBoundingClientRect().right)"))
+                <= 689
+            )
             pdf = driver.execute_cdp_cmd("Page.printToPDF", {"preferCSSPageSize": True})["data"]
             assert len(re.findall(rb"/Type\s*/Page\b", base64.b64decode(pdf))) > 4
         with subtests.test("the browser complains of nothing"):
@@ -146,12 +192,18 @@ def compare_with_the_command(driver: Any) -> None:
     model, trim = (json.loads(hfa(name, *words).out) for name in ("linearize", "trim"))
     for letter in ("A", "B"):
         shown = [[float(cell) for cell in row[1:]] for row in driver.execute_script(_ROWS, letter)]
-        assert shown == [[pytest.approx(value, abs=5.001e-5) for value in row] for row in model[letter]]
+        assert shown == [
+            [pytest.approx(value, abs=5.001e-5) for value in row] for row in model[letter]
+        ]
     modes = driver.execute_script(_ROWS, "mode")
     assert [row[0] for row in modes] == [mode["name"] for mode in model["modes"]]
-    assert [float(row[2]) for row in modes] == [pytest.approx(mode["damping"], abs=5.001e-5) for mode in model["modes"]]
+    assert [float(row[2]) for row in modes] == [
+        pytest.approx(mode["damping"], abs=5.001e-5) for mode in model["modes"]
+    ]
     inputs = {row[0]: float(row[1]) for row in driver.execute_script(_ROWS, "input")}
-    assert inputs["throttle"] == pytest.approx(trim["operating_point"]["inputs"]["throttle"], abs=5.001e-6)
+    assert inputs["throttle"] == pytest.approx(
+        trim["operating_point"]["inputs"]["throttle"], abs=5.001e-6
+    )
     loads = trim["loads"]
     texts = driver.execute_script(_TEXTS)
     for name in ("outer_lift", "center_lift"):

@@ -7,7 +7,7 @@ import re
 import pytest
 from project import ROOT
 
-from hfa_cli.main import COMMANDS
+from hfa.main import COMMANDS
 
 PAGE = (ROOT / "docs" / "promises.md").read_text(encoding="utf-8")
 PROMISES = [line.strip("|").split(" | ") for line in PAGE.splitlines() if "`tests/" in line]
@@ -37,7 +37,13 @@ def test_a_promise_is_held_by_a_test(promise: list[str]) -> None:
 
 
 @pytest.mark.parametrize(
-    "change", [(2, "`tests/nowhere.py::test_x`"), (2, "`tests/conftest.py::test_x`"), (3, "`hfa nothing`"), (1, " ")]
+    "change",
+    [
+        (2, "`tests/nowhere.py::test_x`"),
+        (2, "`tests/conftest.py::test_x`"),
+        (3, "`hfa nothing`"),
+        (1, " "),
+    ],
 )
 def test_an_empty_promise_is_noticed(change: tuple[int, str]) -> None:
     promise = list(PROMISES[0])

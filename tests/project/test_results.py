@@ -1,4 +1,5 @@
-"""Results at the prompt, in notebooks, in another process: they show their report, compare and come back."""
+"""Results at the prompt, in notebooks, in another process: they show their report, compare and come
+back."""
 
 from __future__ import annotations
 
@@ -15,7 +16,7 @@ import hfa_model
 import hfa_support
 import trim
 import verification
-from controller.policy.gain_table import GainTable
+from controller.game.gain_schedule import GainTable
 
 #: Result -> a line that its report has at the prompt.
 SHOWN = {
@@ -73,7 +74,9 @@ def results() -> dict[str, Any]:
         regeneration.pairs[0],
         controller.learn(game),
         verification.solve_game(game),
-        verification.check_critic(game, verification.from_gain(game, verification.solve_game(game).K)),
+        verification.check_critic(
+            game, verification.from_gain(game, verification.solve_game(game).K)
+        ),
         game,
         verification.from_gain(game, gain),
         verification.analyse_game(game),
@@ -111,7 +114,9 @@ def test_linear_models_are_equal_by_their_values() -> None:
     assert model != replace(model, A=changed)
     assert model != replace(model, states=model.states[::-1])
     assert model != "a model"
-    assert replace(model, A=np.full_like(changed, np.nan)) == replace(model, A=np.full_like(changed, np.nan))
+    assert replace(model, A=np.full_like(changed, np.nan)) == replace(
+        model, A=np.full_like(changed, np.nan)
+    )
     with pytest.raises(TypeError, match="unhashable"):
         hash(model)
 
@@ -125,7 +130,10 @@ def test_a_failed_trim_can_be_sent_too() -> None:
 
 def test_the_game_of_a_model_is_the_game_of_its_matrices() -> None:
     model = results()["LinearModel"]
-    one, other = controller.published_game(model, delta=150.0), controller.published_game(model.A, model.B, delta=150.0)
+    one, other = (
+        controller.published_game(model, delta=150.0),
+        controller.published_game(model.A, model.B, delta=150.0),
+    )
     for name in ("A", "B", "E", "Q", "R", "delta"):
         np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
     with pytest.raises(hfa_support.BadInputError, match="give A and B, or a linear model"):

@@ -44,16 +44,23 @@ def loaded(folder: Path) -> ctypes.CDLL:
 
 def called(folder: Path, name: str, *values: np.ndarray | float) -> int:
     def passed(value: np.ndarray | float) -> ctypes.c_double | ctypes.c_void_p:
-        return ctypes.c_double(value) if isinstance(value, float) else value.ctypes.data_as(ctypes.c_void_p)
+        return (
+            ctypes.c_double(value)
+            if isinstance(value, float)
+            else value.ctypes.data_as(ctypes.c_void_p)
+        )
 
     return int(getattr(loaded(folder), name)(*map(passed, values)))
 
 
 def footprint(folder: Path, source: str) -> tuple[int, int, int, set[str]]:
-    """Bytes of code and constants, of data and of data that is written; symbols of other libraries."""
+    """Bytes of code and constants, of data and of data that is written; symbols of other
+    libraries."""
     compiled(folder, "-c", source, "-o", "sized.o")
     asked, sizes = (
-        subprocess.run([*words, folder / "sized.o"], check=True, capture_output=True, text=True).stdout.splitlines()
+        subprocess.run(
+            [*words, folder / "sized.o"], check=True, capture_output=True, text=True
+        ).stdout.splitlines()
         for words in (("nm", "-u"), ("size",))
     )
     text, data, bss = map(int, sizes[1].split()[:3])

@@ -16,8 +16,8 @@ from typing import Any, NamedTuple
 
 import pytest
 
-from hfa_cli.formats import formats
-from hfa_cli.main import BAD_INPUT, DONE, main
+from hfa.formats import formats
+from hfa.main import BAD_INPUT, DONE, main
 from hfa_support import BadInputError
 
 #: The console script beside the interpreter that runs the tests.
@@ -40,7 +40,8 @@ class Terminal(io.StringIO):
 
 
 def hfa(*words: str, err: io.StringIO | None = None, out: io.StringIO | None = None) -> Result:
-    """`hfa words...` in this process; its output goes to `err` and `out`, which are no terminals by default.
+    """`hfa words...` in this process; its output goes to `err` and `out`, which are no terminals by
+    default.
 
     JSON that it prints, and that it writes into -o, must have the published format.
     """
@@ -52,7 +53,9 @@ def hfa(*words: str, err: io.StringIO | None = None, out: io.StringIO | None = N
     return result
 
 
-def unchecked_hfa(*words: str, err: io.StringIO | None = None, out: io.StringIO | None = None) -> Result:
+def unchecked_hfa(
+    *words: str, err: io.StringIO | None = None, out: io.StringIO | None = None
+) -> Result:
     """The same, whatever the JSON is like."""
     out, err = io.StringIO() if out is None else out, io.StringIO() if err is None else err
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
@@ -61,7 +64,8 @@ def unchecked_hfa(*words: str, err: io.StringIO | None = None, out: io.StringIO 
 
 
 def answer(*words: str, code: int = DONE) -> dict[str, Any]:
-    """What `hfa words... --json` prints: one JSON object; on standard error stand its warnings, nothing else.
+    """What `hfa words... --json` prints: one JSON object; on standard error stand its warnings,
+    nothing else.
 
     Those of `trim` and `linearize` are in their report.
     """
@@ -75,7 +79,8 @@ def answer(*words: str, code: int = DONE) -> dict[str, Any]:
 
 
 def leaves(data: Any, path: str = "") -> Iterator[tuple[str, Any]]:
-    """Every text, number and null of a tree of JSON data, with the names and places on the way to it."""
+    """Every text, number and null of a tree of JSON data, with the names and places on the way to
+    it."""
     if isinstance(data, (dict, list)):
         for key, value in data.items() if isinstance(data, dict) else enumerate(data):
             yield from leaves(value, f"{path}.{key}")
@@ -86,7 +91,12 @@ def leaves(data: Any, path: str = "") -> Iterator[tuple[str, Any]]:
 def written_json(words: tuple[str, ...]) -> list[Path]:
     """The .json files that -o names, or that lie in the folder that it names."""
     targets = [Path(path) for option, path in pairwise(words) if option in ("-o", "--output")]
-    inside = [path for folder in targets if folder.suffix == "" and folder.is_dir() for path in folder.rglob("*.json")]
+    inside = [
+        path
+        for folder in targets
+        if folder.suffix == "" and folder.is_dir()
+        for path in folder.rglob("*.json")
+    ]
     return [path for path in targets if path.suffix == ".json" and path.is_file()] + inside
 
 
@@ -106,7 +116,8 @@ def hfa_process(*words: str, folder: Path, **environment: str) -> Result:
 
 
 def assert_refused(result: Result, code: int, *named: str) -> None:
-    """A failure with this exit code, nothing on standard output, and one line that names the given words."""
+    """A failure with this exit code, nothing on standard output, and one line that names the given
+    words."""
     assert (result.code, result.out) == (code, "")
     assert result.err.startswith("hfa: ")
     assert result.err.endswith("\n")
@@ -125,7 +136,7 @@ def assert_published(text: str) -> None:
     shape = (str(data.get("schema")), *data)
     if shape not in _SEEN:
         found = complaints_about(data)
-        assert found == [], f"{found}: correct hfa_cli/formats.toml"
+        assert found == [], f"{found}: correct hfa/formats.toml"
         _SEEN.add(shape)
 
 
@@ -135,8 +146,12 @@ def complaints_about(data: dict[str, Any]) -> list[str]:
     definitions = formats()["$defs"]
     if name not in definitions:
         return [f"{data.get('schema')} is not published"]
-    unknown = [f"{key} is not published" for key in data if key not in definitions[name]["properties"]]
-    return unknown + [f"{error.json_path}: {error.message[:200]}" for error in _validator(name).iter_errors(data)]
+    unknown = [
+        f"{key} is not published" for key in data if key not in definitions[name]["properties"]
+    ]
+    return unknown + [
+        f"{error.json_path}: {error.message[:200]}" for error in _validator(name).iter_errors(data)
+    ]
 
 
 @cache

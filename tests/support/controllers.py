@@ -10,7 +10,8 @@ from hfa_model.provenance import parameter_hash
 
 
 def small_controller(aircraft: Aircraft, **changed: object) -> ScheduledController:
-    """Three angles, one integral, one input; every matrix 10 times its number at the first angle plus the angle's."""
+    """Three angles, one integral, one input; every matrix 10 times its number at the first angle
+    plus the angle's."""
     angles = np.radians([5.0, 10.0, 20.0])
     shapes = {"A": (1, 1), "B": (1, 4), "C": (1, 1), "D": (1, 4), "W": (1, 1)}
     stacks = {

@@ -1,4 +1,5 @@
-"""`hfa solve`, `hfa learn`, `hfa verify`: plants and critics as users bring them, and what their answers hold."""
+"""`hfa solve`, `hfa learn`, `hfa verify`: plants and critics as users bring them, and what their
+answers hold."""
 
 from __future__ import annotations
 
@@ -26,10 +27,14 @@ SMALL: dict[str, Any] = {
 
 
 def stored(path: str | Path, **content: Any) -> str:
-    """A file with that content in the format of its suffix; returns its name for the command line."""
+    """A file with that content in the format of its suffix; returns its name for the command
+    line."""
     path = Path(path)
     if path.suffix == ".json":
-        plain = {key: value.tolist() if isinstance(value, np.ndarray) else value for key, value in content.items()}
+        plain = {
+            key: value.tolist() if isinstance(value, np.ndarray) else value
+            for key, value in content.items()
+        }
         path.write_text(json.dumps(plain), encoding="utf-8")
     elif path.suffix == ".npz":
         np.savez(path, **content)

@@ -22,18 +22,25 @@ ANGLES = (0, 5, 10, 15, 20)
 
 def game_models() -> dict[str, Game]:
     """The games of the two printed models, by name."""
-    return {f"published-{model.dihedral_deg:g}": published_game(model.A, model.B) for model in published_models()}
+    return {
+        f"published-{model.dihedral_deg:g}": published_game(model.A, model.B)
+        for model in published_models()
+    }
 
 
 def regenerated_models() -> dict[str, Game]:
-    """The games of our own models between 0 and 20 degrees, both variants of the equations, by name."""
+    """The games of our own models between 0 and 20 degrees, both variants of the equations, by
+    name."""
     return {
-        f"regenerated-{dynamics}-{angle}": game_at(float(angle), dynamics) for dynamics in VARIANTS for angle in ANGLES
+        f"regenerated-{dynamics}-{angle}": game_at(float(angle), dynamics)
+        for dynamics in VARIANTS
+        for angle in ANGLES
     }
 
 
 def random_game(rng: np.random.Generator, *, scaled: bool) -> Game:
-    """Six states, one to five inputs, one to six disturbances, Q of rank one to six, delta in 0.3..30.
+    """Six states, one to five inputs, one to six disturbances, Q of rank one to six, delta in
+    0.3..30.
 
     `scaled`: in units of state that differ by up to 1e8 from each other, badly scaled on purpose.
     """

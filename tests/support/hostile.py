@@ -1,8 +1,7 @@
 """Hostile inputs to `hfa` by every way in, and whether what comes of one is allowed.
 
-Input `number` of a way is always the same: a command line with words replaced, or a file that a command writes, with
-tokens, arrays or bytes of it replaced.
-"""
+Input `number` of a way is always the same: a command line with words replaced, or a file that a
+command writes, with tokens, arrays or bytes of it replaced."""
 
 from __future__ import annotations
 
@@ -24,8 +23,8 @@ import numpy as np
 from cli import Result, hfa, unchecked_hfa
 from game_files import small
 
-from hfa_cli.main import COMMANDS, filled
-from hfa_cli.options.parser import Parser
+from hfa.main import COMMANDS, filled
+from hfa.options.parser import Parser
 
 #: Seconds of the processor that a command may take, unless it announces that it takes long.
 LONGEST = 10.0
@@ -34,16 +33,95 @@ _LONGEST_LINE = 1200
 _LONG = (("map",), ("lpv",), ("prove", "schedule"))
 
 NUMBERS = (
-    *("0", "-1", "1", "2", "3.5", "1e-320", "1e308", "-1e308", "1e99", "1e400", "nan", "inf", "-inf", "1e-9", "90"),
-    *("9" * 5000, "0x" + "f" * 5000, "1_000", "0.1.2", "٣", "1,2", "--", "", "true", "1e", "1d3", "-89.999"),
+    *(
+        "0",
+        "-1",
+        "1",
+        "2",
+        "3.5",
+        "1e-320",
+        "1e308",
+        "-1e308",
+        "1e99",
+        "1e400",
+        "nan",
+        "inf",
+        "-inf",
+        "1e-9",
+        "90",
+    ),
+    *(
+        "9" * 5000,
+        "0x" + "f" * 5000,
+        "1_000",
+        "0.1.2",
+        "٣",
+        "1,2",
+        "--",
+        "",
+        "true",
+        "1e",
+        "1d3",
+        "-89.999",
+    ),
 )
 VALUES = (
-    *('""', '"text"', '"\\u0000"', '"\\u001b[31m"', '"\\ud800"', "null", "false", "[]", "{}", "[[]]", "[1]", "[1,2]"),
-    *("[[1,2],[3]]", "[[1,2],[3,4]]", "[[[1]]]", '["a","b"]', "[null]", "1979-05-27", "'", "[" * 3000, "{", "="),
-    *('"' + "x" * 5000 + '"', '"nan"', '{"a": 1}', "[nan]", "[1e999]", ",", "\n", '"speed"', '"dihedral"', "\x00"),
+    *(
+        '""',
+        '"text"',
+        '"\\u0000"',
+        '"\\u001b[31m"',
+        '"\\ud800"',
+        "null",
+        "false",
+        "[]",
+        "{}",
+        "[[]]",
+        "[1]",
+        "[1,2]",
+    ),
+    *(
+        "[[1,2],[3]]",
+        "[[1,2],[3,4]]",
+        "[[[1]]]",
+        '["a","b"]',
+        "[null]",
+        "1979-05-27",
+        "'",
+        "[" * 3000,
+        "{",
+        "=",
+    ),
+    *(
+        '"' + "x" * 5000 + '"',
+        '"nan"',
+        '{"a": 1}',
+        "[nan]",
+        "[1e999]",
+        ",",
+        "\n",
+        '"speed"',
+        '"dihedral"',
+        "\x00",
+    ),
 )
 WORDS = (
-    *("--", "-", "=", "--json", "-o", "\x1b[31m", "\n", "é", "\ud800", "%s", "a=b", "/dev/null", "..", ""),
+    *(
+        "--",
+        "-",
+        "=",
+        "--json",
+        "-o",
+        "\x1b[31m",
+        "\n",
+        "é",
+        "\ud800",
+        "%s",
+        "a=b",
+        "/dev/null",
+        "..",
+        "",
+    ),
     "x" * 5000,
 )
 _TOKENS = re.compile(r'"[^"\n]*"|[-+.\w]+|\s+|.', re.DOTALL)
@@ -52,12 +130,43 @@ _FILLED = (np.nan, np.inf, 1j, 1e308, 1e-320, 0.0, True, "1.5", "\x1b[31m" * 300
 _TYPES: tuple[Any, ...] = ("M8[D]", [("x", "f8")], ">f8", "f2", "S1")
 _ARRAYS: tuple[Callable[[np.ndarray], Any], ...] = (
     *(partial(lambda value, a: np.full(a.shape, value), value) for value in _FILLED),
-    *(lambda a: np.empty(0), lambda a: np.empty((0, 3)), lambda a: np.array("text"), lambda a: np.array(["a", "b"])),
-    *(lambda a: np.ones((2, *a.shape)), lambda a: np.ones((400, 400)), lambda a: np.ones((1,) * 9), lambda a: a.T),
-    *(lambda a: a.ravel(), lambda a: a[None], lambda a: a[:-1] if a.ndim else a, lambda a: a[::-1] if a.ndim else a),
+    *(
+        lambda a: np.empty(0),
+        lambda a: np.empty((0, 3)),
+        lambda a: np.array("text"),
+        lambda a: np.array(["a", "b"]),
+    ),
+    *(
+        lambda a: np.ones((2, *a.shape)),
+        lambda a: np.ones((400, 400)),
+        lambda a: np.ones((1,) * 9),
+        lambda a: a.T,
+    ),
+    *(
+        lambda a: a.ravel(),
+        lambda a: a[None],
+        lambda a: a[:-1] if a.ndim else a,
+        lambda a: a[::-1] if a.ndim else a,
+    ),
     *(partial(lambda kind, a: np.zeros(a.shape, dtype=kind), kind) for kind in _TYPES),
 )
-_NAMES = ("A", "B", "E", "Q", "R", "W", "P", "K", "delta", "time", "basis", "states", "schema", "x" * 300, "\x1b[31m")
+_NAMES = (
+    "A",
+    "B",
+    "E",
+    "Q",
+    "R",
+    "W",
+    "P",
+    "K",
+    "delta",
+    "time",
+    "basis",
+    "states",
+    "schema",
+    "x" * 300,
+    "\x1b[31m",
+)
 
 _AT = ("--dihedral", "15")
 _PROVED = ("prove", "schedule", "--dihedral", "15:15.001")
@@ -120,7 +229,8 @@ class Hanging(BaseException):
 
 
 def damaged(content: bytes, chance: random.Random) -> bytes:
-    """The content after one to four of: a bit flipped, a byte replaced, bytes removed or doubled, the end cut."""
+    """The content after one to four of: a bit flipped, a byte replaced, bytes removed or doubled,
+    the end cut."""
     result = bytearray(content)
     for _ in range(chance.randint(1, 4)):
         if not result:
@@ -185,7 +295,11 @@ def _hostile_npz(content: bytes, chance: random.Random) -> bytes:
                 case 6:
                     data = damaged(data, chance)
                 case 7:
-                    data = re.sub(rb"'shape': \([^)]*\)", b"'shape': (%d, 1000000)" % 10 ** chance.randrange(19), data)
+                    data = re.sub(
+                        rb"'shape': \([^)]*\)",
+                        b"'shape': (%d, 1000000)" % 10 ** chance.randrange(19),
+                        data,
+                    )
             archive.writestr(f"{name}.npy", data)
     return stream.getvalue()
 
@@ -251,11 +365,16 @@ def seeds() -> Mapping[str, bytes]:
             small(Path(f"plant{suffix}"))
         Path("A.csv").write_text("a,b\n-0.2,1.0\n-2.0,-0.3\n", encoding="utf-8")
         Path("B.csv").write_text("u\n0.0\n1.0\n", encoding="utf-8")
-        commands = [("trim", *_AT, "-o", "point.json"), (*_PROVED, "--weights", "table.json", "-o", "certificate.json")]
+        commands = [
+            ("trim", *_AT, "-o", "point.json"),
+            (*_PROVED, "--weights", "table.json", "-o", "certificate.json"),
+        ]
         commands.append(("prove", "solution", *_AT, "-o", "game.json"))
         for suffix in SUFFIXES:
             commands.append(("solve", "--model", "plant.json", "-o", f"critic{suffix}"))
-            commands.append(("learn", "--model", "plant.json", "--set", "tick=0.5", "-o", f"history{suffix}"))
+            commands.append(
+                ("learn", "--model", "plant.json", "--set", "tick=0.5", "-o", f"history{suffix}")
+            )
         for words in commands:
             result = hfa(*words)
             assert result.code == 0, (words, result.err)
@@ -263,7 +382,8 @@ def seeds() -> Mapping[str, bytes]:
 
 
 def attempt(words: Sequence[str], given: Mapping[str, bytes]) -> str | None:
-    """What is wrong with how `hfa` takes an input, None where nothing is; runs below a folder that must stay empty."""
+    """What is wrong with how `hfa` takes an input, None where nothing is; runs below a folder that
+    must stay empty."""
     with tempfile.TemporaryDirectory() as name:
         inside, err = Path(name) / "inside", io.StringIO()
         inside.mkdir()
@@ -275,7 +395,10 @@ def attempt(words: Sequence[str], given: Mapping[str, bytes]) -> str | None:
                 with _alarm():
                     result = unchecked_hfa(*words, err=err)
             except Hanging:
-                announced = any(tuple(words[: len(each)]) == each for each in _LONG) or "Ctrl-C" in err.getvalue()
+                announced = (
+                    any(tuple(words[: len(each)]) == each for each in _LONG)
+                    or "Ctrl-C" in err.getvalue()
+                )
                 return None if announced else f"no end after {LONGEST:g} s"
             except Exception as error:
                 return f"{type(error).__name__}: {str(error)[:300]}"
@@ -298,14 +421,20 @@ def said_wrongly(result: Result) -> str | None:
     return f"a line that is too long or not printable: {wrong[0][:200]!r}" if wrong else None
 
 
-def _left_wrongly(folder: Path, words: Sequence[str], given: Mapping[str, bytes], result: Result) -> str | None:
+def _left_wrongly(
+    folder: Path, words: Sequence[str], given: Mapping[str, bytes], result: Result
+) -> str | None:
     """Nothing outside, nothing unasked, nothing after a refusal, nothing half written."""
     if outside := [path.name for path in folder.iterdir() if path.name != "inside"]:
         return f"left outside: {outside}"
     for path in Path().iterdir():
         if path.name in {Path(each).parts[0] for each in given}:
             continue
-        if result.code == 2 or path.name.startswith(".") or not any(path.name in word for word in words):
+        if (
+            result.code == 2
+            or path.name.startswith(".")
+            or not any(path.name in word for word in words)
+        ):
             return f"left, and nobody asked: {path}"
         if path.suffix == ".json" and path.is_file():
             try:
@@ -317,7 +446,8 @@ def _left_wrongly(folder: Path, words: Sequence[str], given: Mapping[str, bytes]
 
 @contextlib.contextmanager
 def _alarm() -> Iterator[None]:
-    """Raises `Hanging` in the block once it has taken too long, by the processor or ten times that by the clock."""
+    """Raises `Hanging` in the block once it has taken too long, by the processor or ten times that
+    by the clock."""
 
     def end(*_: object) -> None:
         raise Hanging

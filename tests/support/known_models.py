@@ -1,4 +1,5 @@
-"""Aircraft of many tests, made once: models, games, gains and flown cases at an angle; SimVFA's in its own air."""
+"""Aircraft of many tests, made once: models, games, gains and flown cases at an angle; SimVFA's in
+its own air."""
 
 from __future__ import annotations
 
@@ -10,9 +11,19 @@ import casadi as ca
 import numpy as np
 from scipy.optimize import brentq
 
-from controller import Envelope, FlownLaw, Game, Scenario, Signal, flight_envelope, fly, gain_law, published_game
+from controller import (
+    Envelope,
+    FlownLaw,
+    Game,
+    Scenario,
+    Signal,
+    flight_envelope,
+    fly,
+    gain_law,
+    published_game,
+)
 from controller.flight.nonlinear_flight import NonlinearFlight
-from controller.policy.policies import Seen
+from controller.flight.policies import Seen
 from hfa_model import LINEAR_STATES, Aircraft, Parameters, load_parameters
 from hfa_model.atmosphere import density
 from trim import LinearModel, OperatingPoint, level_model
@@ -24,7 +35,9 @@ _RELEASED_DENSITY = 5.872675956988981e-4
 
 def released_simulation() -> tuple[Aircraft, float]:
     """SimVFA's aircraft, and the altitude, ft, at which the standard atmosphere has its air."""
-    altitude = brentq(lambda height: float(density(height)) - _RELEASED_DENSITY, 39_000.0, 41_000.0, xtol=1e-9)
+    altitude = brentq(
+        lambda height: float(density(height)) - _RELEASED_DENSITY, 39_000.0, 41_000.0, xtol=1e-9
+    )
     return Aircraft(load_parameters("gibson-2011-simulation").values), altitude
 
 
@@ -62,7 +75,9 @@ class FlownCase:
 def case_at(parameters: Parameters, dynamics: str, degrees: float) -> FlownCase:
     point, law = model_at(degrees, dynamics).point, gain_law("exact", exact_gain(degrees, dynamics))
     aircraft = Aircraft(parameters, dynamics)
-    return FlownCase(aircraft, point, game_at(degrees, dynamics), law, flight_envelope(aircraft, point))
+    return FlownCase(
+        aircraft, point, game_at(degrees, dynamics), law, flight_envelope(aircraft, point)
+    )
 
 
 def flown(on: FlownCase, scenario: Scenario) -> NonlinearFlight:

@@ -1,14 +1,13 @@
 """The equations of motion derived a second time, from energies, to check the `newton` variant.
 
-Three rigid panels; generalized coordinates r = (X, Z, θ, η): position of the center panel in an inertial frame
-(X north, Z down), pitch and dihedral. Nothing of `kinematics.py` or `dynamics.py` is used: positions are
-written down, everything else follows by differentiation.
+Three rigid panels; generalized coordinates r = (X, Z, θ, η): position of the center panel in an
+inertial frame (X north, Z down), pitch and dihedral. Nothing of `kinematics.py` or `dynamics.py` is
+used: positions are written down, everything else follows by differentiation.
 
     d/dt ∂T/∂r' - ∂T/∂r + ∂U/∂r = Q
 
-T: kinetic energy of the panels, U: weight and hinge springs, Q: generalized forces, by virtual work, of the
-panel loads, the thrust and the hinge dampers.
-"""
+T: kinetic energy of the panels, U: weight and hinge springs, Q: generalized forces, by virtual
+work, of the panel loads, the thrust and the hinge dampers."""
 
 from __future__ import annotations
 
@@ -23,14 +22,17 @@ from hfa_model.vectors import Input, Quantity, State
 
 
 class Panel(NamedTuple):
-    """One panel: its center of mass (inertial), its axes as columns (inertial), its angular rate in its axes."""
+    """One panel: its center of mass (inertial), its axes as columns (inertial), its angular rate in
+    its axes."""
 
     position: ca.SX
     axes: ca.SX
     spin: ca.SX
 
 
-def lagrangian_rates(x: State, u: Input, density: Quantity, p: Parameters, winds: Winds = STILL_AIR) -> State:
+def lagrangian_rates(
+    x: State, u: Input, density: Quantity, p: Parameters, winds: Winds = STILL_AIR
+) -> State:
     """dX/dt of the aircraft by the Euler-Lagrange equations; the wind at each panel in ft/s.
 
     `density` (slug/ft^3) is given, so that 0 means flight without air. The flow at a panel is its
@@ -45,14 +47,21 @@ def lagrangian_rates(x: State, u: Input, density: Quantity, p: Parameters, winds
 
 
 def euler_lagrange(
-    x: State, kinetic: Any, force: ca.SX, panels: tuple[Panel, ...], r: ca.SX, v: ca.SX, p: Parameters
+    x: State,
+    kinetic: Any,
+    force: ca.SX,
+    panels: tuple[Panel, ...],
+    r: ca.SX,
+    v: ca.SX,
+    p: Parameters,
 ) -> State:
     """dX/dt of these energies and generalized forces."""
     potential = sum(_potential_energy(panel, p) for panel in panels) + p.hinge_stiffness * r[3] ** 2
     momentum = ca.gradient(kinetic, v)
     inertia = ca.jacobian(momentum, v)
     bias = ca.jtimes(momentum, r, v) - ca.gradient(kinetic, r) + ca.gradient(potential, r)
-    # The inertia is symmetric and positive definite: L D L' keeps the digits that a symbolic QR loses.
+    # The inertia is symmetric and positive definite: L D L' keeps the digits that a symbolic QR
+    # loses.
     acceleration = ca.ldl_solve(force - bias, *ca.ldl(inertia))
     return _as_state_rates(x, r, v, acceleration, p)
 
@@ -66,17 +75,25 @@ def mechanical_energy(x: State, p: Parameters) -> ca.SX:
 
 
 def panels_at(r: ca.SX, v: ca.SX, p: Parameters) -> tuple[Panel, Panel, Panel]:
-    """Center, right and left panel; a wing hinges at half a span and its center lies half a span further out."""
+    """Center, right and left panel; a wing hinges at half a span and its center lies half a span
+    further out."""
     sin_theta, cos_theta = ca.sin(r[2]), ca.cos(r[2])
-    body = ca.vertcat(ca.horzcat(cos_theta, 0, sin_theta), ca.horzcat(0, 1, 0), ca.horzcat(-sin_theta, 0, cos_theta))
+    body = ca.vertcat(
+        ca.horzcat(cos_theta, 0, sin_theta),
+        ca.horzcat(0, 1, 0),
+        ca.horzcat(-sin_theta, 0, cos_theta),
+    )
     origin = ca.vertcat(r[0], 0, r[1])
     spin = ca.vertcat(0, v[2], 0)
     wings = []
     for side in (1, -1):
-        # The right wing (side 1) rises by a rotation of -η about the body's x axis, the left one by +η.
+        # The right wing (side 1) rises by a rotation of -η about the body's x axis, the left one by
+        # +η.
         roll, roll_rate = -side * r[3], -side * v[3]
         lean = ca.vertcat(
-            ca.horzcat(1, 0, 0), ca.horzcat(0, ca.cos(roll), -ca.sin(roll)), ca.horzcat(0, ca.sin(roll), ca.cos(roll))
+            ca.horzcat(1, 0, 0),
+            ca.horzcat(0, ca.cos(roll), -ca.sin(roll)),
+            ca.horzcat(0, ca.sin(roll), ca.cos(roll)),
         )
         arm = side * p.panel_span / 2
         offset = ca.vertcat(0, arm, 0) + lean @ ca.vertcat(0, arm, 0)
@@ -102,9 +119,16 @@ def _potential_energy(panel: Panel, p: Parameters) -> ca.SX:
 
 
 def _generalized_force(
-    panels: tuple[Panel, Panel, Panel], r: ca.SX, v: ca.SX, u: Input, density: Quantity, p: Parameters, winds: Winds
+    panels: tuple[Panel, Panel, Panel],
+    r: ca.SX,
+    v: ca.SX,
+    u: Input,
+    density: Quantity,
+    p: Parameters,
+    winds: Winds,
 ) -> ca.SX:
-    # The drag law takes the speed of the aircraft, that is of the common center of mass, through a panel's air.
+    # The drag law takes the speed of the aircraft, that is of the common center of mass, through a
+    # panel's air.
     velocity = ca.jtimes(sum(panel.position for panel in panels) / 3, r, v)
     force = ca.vertcat(0, 0, 0, -2 * p.hinge_damping * v[3])
     controls = ((u.aileron_center, u.elevator_center), *((u.aileron_outer, u.elevator_outer),) * 2)
@@ -122,8 +146,11 @@ def _flow(panel: Panel, r: ca.SX, v: ca.SX, air: ca.SX) -> Flow:
     return flow_of(along[0], along[1], along[2])
 
 
-def virtual_work(panel: Panel, loads: PanelLoads, thrust: Quantity, r: ca.SX, v: ca.SX, p: Parameters) -> ca.SX:
-    """Q = Σ (∂point/∂r)' F + (∂spin/∂v)' M, over the wing's force, the tail's and the section's moment."""
+def virtual_work(
+    panel: Panel, loads: PanelLoads, thrust: Quantity, r: ca.SX, v: ca.SX, p: Parameters
+) -> ca.SX:
+    """Q = Σ (∂point/∂r)' F + (∂spin/∂v)' M, over the wing's force, the tail's and the section's
+    moment."""
     wing = ca.vertcat(loads.forward + thrust, loads.sideward, loads.downward - loads.tail_downward)
     tail = ca.vertcat(0, 0, loads.tail_downward)
     boom_end = panel.position + panel.axes @ ca.vertcat(-p.boom_length, 0, 0)
@@ -133,7 +160,8 @@ def virtual_work(panel: Panel, loads: PanelLoads, thrust: Quantity, r: ca.SX, v:
 
 
 def _as_state_rates(x: State, r: ca.SX, v: ca.SX, acceleration: ca.SX, p: Parameters) -> State:
-    """From generalized accelerations to dX/dt: V and α are of the center of mass, γ = θ - α its path angle."""
+    """From generalized accelerations to dX/dt: V and α are of the center of mass, γ = θ - α its
+    path angle."""
     center = sum(panel.position for panel in panels_at(r, v, p)) / 3
     velocity = ca.jtimes(center, r, v)
     velocity_rate = ca.jtimes(velocity, r, v) + ca.jtimes(velocity, v, acceleration)
@@ -152,7 +180,8 @@ def _as_state_rates(x: State, r: ca.SX, v: ca.SX, acceleration: ca.SX, p: Parame
 
 
 def at_state(expression: ca.SX, x: State, r: ca.SX, v: ca.SX, p: Parameters) -> ca.SX:
-    """Replace the generalized coordinates by the state: the center panel lies (s/3) sin η below the center of mass."""
+    """Replace the generalized coordinates by the state: the center panel lies (s/3) sin η below the
+    center of mass."""
     height = p.panel_span / 3 * ca.sin(x.dihedral)
     height_rate = p.panel_span / 3 * ca.cos(x.dihedral) * x.dihedral_rate
     sin_theta, cos_theta = ca.sin(x.pitch), ca.cos(x.pitch)

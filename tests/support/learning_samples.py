@@ -13,7 +13,7 @@ from scipy.linalg import solve_continuous_lyapunov
 from controller import Game, basis, random_pool
 from controller.game.basis import Basis
 from controller.game.learning_result import LearningResult
-from controller.laws.bellman_equations import StackEquations
+from controller.learning.bellman_equations import StackEquations
 
 QUADRATIC = basis("quadratic", 6)
 #: Of the six states: ft/s and rad.
@@ -38,17 +38,27 @@ def lq(name: str) -> tuple[Game, Reference]:
 def stable_game(delta: float = 3.0) -> Game:
     """Two states, one input, one disturbance; A is Hurwitz."""
     return Game(
-        A=[[-0.2, 1.0], [-2.0, -0.3]], B=[[0.0], [1.0]], E=[[1.0], [0.5]], Q=np.diag([2.0, 1.0]), R=[[0.5]], delta=delta
+        A=[[-0.2, 1.0], [-2.0, -0.3]],
+        B=[[0.0], [1.0]],
+        E=[[1.0], [0.5]],
+        Q=np.diag([2.0, 1.0]),
+        R=[[0.5]],
+        delta=delta,
     )
 
 
 def random_start(
-    index: int, game: Game, exact: np.ndarray, functions: Basis = QUADRATIC, sizes: Sequence[float] = _SIZES
+    index: int,
+    game: Game,
+    exact: np.ndarray,
+    functions: Basis = QUADRATIC,
+    sizes: Sequence[float] = _SIZES,
 ) -> np.ndarray:
-    """Weights far from the solution, of four kinds in turn: indefinite, around the solution, positive, unscaled.
+    """Weights far from the solution, of four kinds in turn: indefinite, around the solution,
+    positive, unscaled.
 
-    Log-uniform over six to nine decades; a minority of the starts is stabilizing. sizes: of the states.
-    """
+    Log-uniform over six to nine decades; a minority of the starts is stabilizing. sizes: of the
+    states."""
     rng = np.random.default_rng(index)
     units = np.array(sizes)
     scaled = exact * np.outer(units, units)

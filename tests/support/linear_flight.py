@@ -1,4 +1,5 @@
-"""A flight of the linear model under given policies, with the cost of the game integrated alongside."""
+"""A flight of the linear model under given policies, with the cost of the game integrated
+alongside."""
 
 from __future__ import annotations
 
@@ -33,8 +34,11 @@ def simulate(
     times: np.ndarray,
     forcing: Callable[[float], np.ndarray] | None = None,
 ) -> LinearFlight:
-    """z' = A z + B u + E d + r(t),  J' = z'Qz + u'Ru - δ² d'd, integrated by LSODA to 1e-13; forcing r: t -> (n,)."""
-    price = 0.0 if math.isinf(game.delta) else game.delta**2  # no disturbance, no pay-off: inf * 0 is 0
+    """z' = A z + B u + E d + r(t),  J' = z'Qz + u'Ru - δ² d'd, integrated by LSODA to 1e-13;
+    forcing r: t -> (n,)."""
+    price = (
+        0.0 if math.isinf(game.delta) else game.delta**2
+    )  # no disturbance, no pay-off: inf * 0 is 0
 
     def rate(t: float, augmented: np.ndarray) -> np.ndarray:
         z = augmented[:-1]
@@ -44,11 +48,18 @@ def simulate(
 
     size = 1e-13 * max(float(np.abs(initial).max()), 1.0)
     found = solve_ivp(
-        rate, (times[0], times[-1]), np.append(initial, 0.0), method="LSODA", t_eval=times, rtol=1e-13, atol=size
+        rate,
+        (times[0], times[-1]),
+        np.append(initial, 0.0),
+        method="LSODA",
+        t_eval=times,
+        rtol=1e-13,
+        atol=size,
     )
     assert found.success, found.message
     states = found.y[:-1].T
     controls, disturbances = (
-        np.array([policy(t, z) for t, z in zip(times, states, strict=True)]) for policy in (control, disturbance)
+        np.array([policy(t, z) for t, z in zip(times, states, strict=True)])
+        for policy in (control, disturbance)
     )
     return LinearFlight(times, states, controls, disturbances, found.y[-1])

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from controller import MonteCarlo, Scenario, Signal, Uncertainty, flight_envelope, gain_law
-from controller.policy.signals import Harmonic
+from controller.flight.signals import Harmonic
 from hfa_model import Aircraft, default_parameters
 from trim import OperatingPoint
 

@@ -23,11 +23,19 @@ def onnx_file(
     states: int = 6,
     opset: int = 20,
 ) -> str:
-    """A graph from "x" (1, states) to "y" (1, outputs). nodes: (operator, inputs, output, attributes)."""
+    """A graph from "x" (1, states) to "y" (1, outputs). nodes: (operator, inputs, output,
+    attributes)."""
     onnx = pytest.importorskip("onnx", reason="the package onnx is not installed")
-    kinds = {"float32": onnx.TensorProto.FLOAT, "float64": onnx.TensorProto.DOUBLE, "float16": onnx.TensorProto.FLOAT16}
+    kinds = {
+        "float32": onnx.TensorProto.FLOAT,
+        "float64": onnx.TensorProto.DOUBLE,
+        "float16": onnx.TensorProto.FLOAT16,
+    }
     found = {name: np.asarray(value) for name, value in constants.items()}
-    kind = next((kinds[str(each.dtype)] for each in found.values() if each.dtype.kind == "f"), kinds["float32"])
+    kind = next(
+        (kinds[str(each.dtype)] for each in found.values() if each.dtype.kind == "f"),
+        kinds["float32"],
+    )
     graph = onnx.helper.make_graph(
         [
             onnx.helper.make_node(operator, inputs.split(), [output], **(more[0] if more else {}))
@@ -38,7 +46,9 @@ def onnx_file(
         [onnx.helper.make_tensor_value_info("y", kind, [1, outputs])],
         [onnx.numpy_helper.from_array(each, name) for name, each in found.items()],
     )
-    model = onnx.helper.make_model(graph, opset_imports=[onnx.helper.make_opsetid("", opset)], ir_version=9)
+    model = onnx.helper.make_model(
+        graph, opset_imports=[onnx.helper.make_opsetid("", opset)], ir_version=9
+    )
     onnx.save(model, str(path))
     return str(path)
 
@@ -59,7 +69,13 @@ def torch_file(path: Path | str, tensors: Mapping[str, Any]) -> str:
         size = struct.pack("<i", each.size)
         pid = b"(" + text("storage") + storage + text(str(key)) + text("cpu") + b"J" + size + b"tQ"
         strides = [step // each.itemsize for step in np.ascontiguousarray(each).strides]
-        view = pid + b"J\0\0\0\0" + whole(*each.shape) + whole(*strides) + b"\x89ccollections\nOrderedDict\n)R"
+        view = (
+            pid
+            + b"J\0\0\0\0"
+            + whole(*each.shape)
+            + whole(*strides)
+            + b"\x89ccollections\nOrderedDict\n)R"
+        )
         parts.append(text(name) + b"ctorch._utils\n_rebuild_tensor_v2\n(" + view + b"tRs")
     with zipfile.ZipFile(path, "w") as archive:
         archive.writestr("critic/data.pkl", b"".join(parts) + b".")
@@ -74,7 +90,11 @@ def safetensors_file(path: Path | str, tensors: Mapping[str, Any]) -> str:
     for name, value in tensors.items():
         each = np.asarray(value)
         kind = {"float32": "F32", "float64": "F64", "float16": "F16"}[str(each.dtype)]
-        header[name] = {"dtype": kind, "shape": list(each.shape), "data_offsets": [len(body), len(body) + each.nbytes]}
+        header[name] = {
+            "dtype": kind,
+            "shape": list(each.shape),
+            "data_offsets": [len(body), len(body) + each.nbytes],
+        }
         body += each.tobytes()
     said = json.dumps(header).encode()
     Path(path).write_bytes(struct.pack("<Q", len(said)) + said + body)

@@ -23,5 +23,7 @@ def trimmed(
 ) -> OperatingPoint:
     usual = usual_condition(model)
     # The pull-up takes more than full throttle in the book.
-    condition = release(usual, hold=hold, limits={"throttle": (0.0, 1.1), "power": (0.0, 120.0)} if rates else {})
+    condition = release(
+        usual, hold=hold, limits={"throttle": (0.0, 1.1), "power": (0.0, 120.0)} if rates else {}
+    )
     return find_operating_point(model, replace(condition, rates={**usual.rates, **(rates or {})}))

@@ -63,7 +63,8 @@ def without_the_factor(game: Game) -> np.ndarray:
 
 
 def other_root(game: Game) -> np.ndarray:
-    """The root of the Riccati equation with one real eigenvalue of the closed loop reflected: not stabilizing."""
+    """The root of the Riccati equation with one real eigenvalue of the closed loop reflected: not
+    stabilizing."""
     n = len(game.A)
     H = np.block([[game.A, -game.S], [-game.Q, -game.A.T]])
     values, vectors = np.linalg.eig(H)
@@ -79,7 +80,9 @@ def other_root(game: Game) -> np.ndarray:
 
 def recorded_policy(game: Game) -> np.ndarray:
     """The value of the policies of another P, as a stack with frozen policies teaches it."""
-    return value_of_policies(game, solve_continuous_are(game.A, game.B, 1000.0 * np.eye(len(game.A)), game.R))
+    return value_of_policies(
+        game, solve_continuous_are(game.A, game.B, 1000.0 * np.eye(len(game.A)), game.R)
+    )
 
 
 def lqr(game: Game) -> np.ndarray:
@@ -104,35 +107,87 @@ HEAVY = np.diag([3.0, 1.0, 1.0, 1.0, 0.2, 1.0])
 
 #: Name -> (what comes, how it is made from the game, the words).
 NAMED: dict[str, tuple[str, Plant, str]] = {
-    "LQR value": ("P", lqr, "this is the LQR solution (delta = inf), not the game's at delta = 200"),
+    "LQR value": (
+        "P",
+        lqr,
+        "this is the LQR solution (delta = inf), not the game's at delta = 200",
+    ),
     "LQR gain": ("K", lambda game: game.gain(lqr(game)), "this is the LQR gain (delta = inf)"),
     "another root": ("P", other_root, "this is another root of the Riccati equation"),
     "upper triangle": ("P", lambda game: np.triu(value(game)), "P is not symmetric"),
     "sign of P": ("P", lambda game: -value(game), "the value has the wrong sign"),
     "sign of W": ("W", lambda game: -weights_of(value(game)), "the value has the wrong sign"),
-    "sign of K": ("K", lambda game: -gain(game), "the gain has the wrong sign: the policy is u = -K z"),
+    "sign of K": (
+        "K",
+        lambda game: -gain(game),
+        "the gain has the wrong sign: the policy is u = -K z",
+    ),
     "swapped weights": ("W", swapped, "weights 4 and 8 are interchanged"),
     "no factor 2": ("W", without_the_factor, "the weights lack the factor 2 of products z_i z_j"),
     "half cost, P": ("P", lambda game: value(game) / 2, "the value is half the exact one"),
-    "half cost, W": ("W", lambda game: weights_of(value(game)) / 2, "the value is half the exact one"),
+    "half cost, W": (
+        "W",
+        lambda game: weights_of(value(game)) / 2,
+        "the value is half the exact one",
+    ),
     "twice, W": ("W", lambda game: weights_of(value(game)) * 2, "the value is twice the exact one"),
     "half cost, K": ("K", lambda game: gain(game) / 2, "the gain is half the exact one"),
     "twice, K": ("K", lambda game: gain(game) * 2, "the gain is twice the exact one"),
-    "thousandfold": ("P", lambda game: 1000.0 * value(game), "every entry of P is 1000 times the exact one"),
-    "weights as P": ("P", lambda game: value(game) * (2.0 - np.eye(len(game.A))), "of twice their size"),
+    "thousandfold": (
+        "P",
+        lambda game: 1000.0 * value(game),
+        "every entry of P is 1000 times the exact one",
+    ),
+    "weights as P": (
+        "P",
+        lambda game: value(game) * (2.0 - np.eye(len(game.A))),
+        "of twice their size",
+    ),
     "column order": (
         "W",
         lambda game: in_order(game, lambda row, column: np.lexsort((row, column))),
         "the weights stand column by column",
     ),
-    "states, P": ("P", lambda game: value(game)[ORDER][:, ORDER], "the states are in the order 1, 3, 2, 4, 6, 5"),
-    "states, W": ("W", lambda game: weights_of(value(game)[ORDER][:, ORDER]), "the order 1, 3, 2, 4, 6, 5"),
-    "states, K": ("K", lambda game: gain(game)[:, ORDER], "the states are in the order 1, 3, 2, 4, 6, 5"),
-    "inputs, K": ("K", lambda game: gain(game)[[0, 2, 1, 4, 3]], "the inputs are in the order 1, 3, 2, 5, 4"),
-    "degrees, P": ("P", lambda game: turned(game, ANGLES), "states 2, 3, 4, 5 and 6 are in degrees"),
-    "degrees, W": ("W", lambda game: weights_of(turned(game, ANGLES)), "states 2, 3, 4, 5 and 6 are in degrees"),
-    "one angle in degrees": ("P", lambda game: turned(game, np.arange(6) == 4), "state 5 is in degrees"),
-    "gain per degree": ("K", lambda game: gain(game) * np.where(ANGLES, DEGREE, 1.0), "states 2, 3, 4, 5 and 6 are in"),
+    "states, P": (
+        "P",
+        lambda game: value(game)[ORDER][:, ORDER],
+        "the states are in the order 1, 3, 2, 4, 6, 5",
+    ),
+    "states, W": (
+        "W",
+        lambda game: weights_of(value(game)[ORDER][:, ORDER]),
+        "the order 1, 3, 2, 4, 6, 5",
+    ),
+    "states, K": (
+        "K",
+        lambda game: gain(game)[:, ORDER],
+        "the states are in the order 1, 3, 2, 4, 6, 5",
+    ),
+    "inputs, K": (
+        "K",
+        lambda game: gain(game)[[0, 2, 1, 4, 3]],
+        "the inputs are in the order 1, 3, 2, 5, 4",
+    ),
+    "degrees, P": (
+        "P",
+        lambda game: turned(game, ANGLES),
+        "states 2, 3, 4, 5 and 6 are in degrees",
+    ),
+    "degrees, W": (
+        "W",
+        lambda game: weights_of(turned(game, ANGLES)),
+        "states 2, 3, 4, 5 and 6 are in degrees",
+    ),
+    "one angle in degrees": (
+        "P",
+        lambda game: turned(game, np.arange(6) == 4),
+        "state 5 is in degrees",
+    ),
+    "gain per degree": (
+        "K",
+        lambda game: gain(game) * np.where(ANGLES, DEGREE, 1.0),
+        "states 2, 3, 4, 5 and 6 are in",
+    ),
     "inputs in degrees": (
         "K",
         lambda game: np.array([[1.0], [1.0], [1.0], [1 / DEGREE], [1 / DEGREE]]) * gain(game),
@@ -143,34 +198,98 @@ NAMED: dict[str, tuple[str, Plant, str]] = {
         lambda game: value(game) * np.outer(FLIPPED, FLIPPED),
         "states 5 and 6 have the wrong sign",
     ),
-    "sign of a state, K": ("K", lambda game: gain(game) * np.where(np.arange(6) == 2, -1, 1), "state 3 has the wrong"),
-    "signs of states, K": ("K", lambda game: gain(game) * FLIPPED, "states 5 and 6 have the wrong sign"),
-    "column by column, K": ("K", lambda game: gain(game).T.reshape(5, 6), "its entries stand column by column"),
-    "sign of an input, K": ("K", lambda game: (gain(game).T * [1, 1, 1, -1, 1]).T, "input 4 has the wrong sign"),
-    "normalised, K": ("K", lambda game: gain(game) / 11.0, "every entry of K is 0.0909091 times the exact one"),
+    "sign of a state, K": (
+        "K",
+        lambda game: gain(game) * np.where(np.arange(6) == 2, -1, 1),
+        "state 3 has the wrong",
+    ),
+    "signs of states, K": (
+        "K",
+        lambda game: gain(game) * FLIPPED,
+        "states 5 and 6 have the wrong sign",
+    ),
+    "column by column, K": (
+        "K",
+        lambda game: gain(game).T.reshape(5, 6),
+        "its entries stand column by column",
+    ),
+    "sign of an input, K": (
+        "K",
+        lambda game: (gain(game).T * [1, 1, 1, -1, 1]).T,
+        "input 4 has the wrong sign",
+    ),
+    "normalised, K": (
+        "K",
+        lambda game: gain(game) / 11.0,
+        "every entry of K is 0.0909091 times the exact one",
+    ),
     "no inverse of R": ("K", lambda game: game.B.T @ value(game), "R⁻¹ is missing: this is B'P"),
     "column order, no factor 2": (
         "W",
         lambda game: value(game).T[np.tril_indices(len(game.A))],
         "the weights stand column by column and lack the factor 2 of products z_i z_j",
     ),
-    "delta² as delta, P": ("P", lambda game: value(game.with_delta(4e4)), "of another game, at delta = 4e+04"),
-    "delta² as delta, K": ("K", lambda game: gain(game.with_delta(4e4)), "of another game, at delta = 4e+04"),
-    "another delta, P": ("P", lambda game: value(game.with_delta(160.0)), "of another game, at delta = 160"),
-    "another delta, K": ("K", lambda game: gain(game.with_delta(450.0)), "of another game, at delta = 450"),
-    "Q scaled, P": ("P", lambda game: value(replace(game, Q=2.5 * game.Q)), "with Q 2.5 times as large"),
-    "Q scaled, K": ("K", lambda game: gain(replace(game, Q=0.5 * game.Q)), "with Q 0.5 times as large"),
-    "R scaled, P": ("P", lambda game: value(replace(game, R=0.5 * game.R)), "with R 0.5 times as large"),
-    "another unit, P": ("P", lambda game: in_metres(value(game)), "the states look scaled by 3.28, 1, 1, 1, 1, 1"),
-    "another unit, K": ("K", lambda game: gain(game) / METRE, "the states look scaled by 3.28, 1, 1, 1, 1, 1"),
+    "delta² as delta, P": (
+        "P",
+        lambda game: value(game.with_delta(4e4)),
+        "of another game, at delta = 4e+04",
+    ),
+    "delta² as delta, K": (
+        "K",
+        lambda game: gain(game.with_delta(4e4)),
+        "of another game, at delta = 4e+04",
+    ),
+    "another delta, P": (
+        "P",
+        lambda game: value(game.with_delta(160.0)),
+        "of another game, at delta = 160",
+    ),
+    "another delta, K": (
+        "K",
+        lambda game: gain(game.with_delta(450.0)),
+        "of another game, at delta = 450",
+    ),
+    "Q scaled, P": (
+        "P",
+        lambda game: value(replace(game, Q=2.5 * game.Q)),
+        "with Q 2.5 times as large",
+    ),
+    "Q scaled, K": (
+        "K",
+        lambda game: gain(replace(game, Q=0.5 * game.Q)),
+        "with Q 0.5 times as large",
+    ),
+    "R scaled, P": (
+        "P",
+        lambda game: value(replace(game, R=0.5 * game.R)),
+        "with R 0.5 times as large",
+    ),
+    "another unit, P": (
+        "P",
+        lambda game: in_metres(value(game)),
+        "the states look scaled by 3.28, 1, 1, 1, 1, 1",
+    ),
+    "another unit, K": (
+        "K",
+        lambda game: gain(game) / METRE,
+        "the states look scaled by 3.28, 1, 1, 1, 1, 1",
+    ),
     "rows normalised": (
         "K",
         lambda game: gain(game) / np.linalg.norm(gain(game), axis=1)[:, None],
         "the inputs look scaled by",
     ),
     "discounted": ("P", lambda game: value(discounted(game, 0.1)), "with a discount of 0.1 1/s"),
-    "discrete time, P": ("P", lambda game: held(game, 0.02).P, "in discrete time, a step of 0.02 s"),
-    "discrete time, K": ("K", lambda game: held(game, 0.02).K, "in discrete time, a step of 0.02 s"),
+    "discrete time, P": (
+        "P",
+        lambda game: held(game, 0.02).P,
+        "in discrete time, a step of 0.02 s",
+    ),
+    "discrete time, K": (
+        "K",
+        lambda game: held(game, 0.02).K,
+        "in discrete time, a step of 0.02 s",
+    ),
     "discrete LQR, K": (
         "K",
         lambda game: held(game.with_delta(math.inf), 0.05).K,
@@ -181,11 +300,18 @@ NAMED: dict[str, tuple[str, Plant, str]] = {
         lambda game: held(game, 0.02, whole=True).P,
         "in discrete time, a step of 0.02 s and its whole cost",
     ),
-    "R scaled, K": ("K", lambda game: gain(replace(game, R=0.25 * game.R)), "with R 0.25 times as large"),
+    "R scaled, K": (
+        "K",
+        lambda game: gain(replace(game, R=0.25 * game.R)),
+        "with R 0.25 times as large",
+    ),
 }
 #: Wrong, and without a reason that could be told.
 UNNAMED: dict[str, tuple[str, Plant]] = {
-    "squares first": ("W", lambda game: in_order(game, lambda row, column: np.argsort(row != column, kind="stable"))),
+    "squares first": (
+        "W",
+        lambda game: in_order(game, lambda row, column: np.argsort(row != column, kind="stable")),
+    ),
     "sign of an entry, P": ("P", lambda game: changed(value(game), -1, (1, 4), (4, 1))),
     "sign of an entry, K": ("K", lambda game: changed(gain(game), -1, (3, 0))),
     "decimal slip, P": ("P", lambda game: changed(value(game), 10, (2, 5), (5, 2))),
@@ -193,11 +319,17 @@ UNNAMED: dict[str, tuple[str, Plant]] = {
     "half cost, no factor 2": ("W", lambda game: without_the_factor(game) / 2),
     "weak E": ("P", lambda game: value(replace(game, E=game.E[:, 1:2]))),
     "another Q": ("P", lambda game: value(replace(game, Q=HEAVY @ game.Q))),
-    "another R": ("P", lambda game: value(replace(game, R=np.diag([100.0, 400.0, 300.0, 400.0, 50.0])))),
+    "another R": (
+        "P",
+        lambda game: value(replace(game, R=np.diag([100.0, 400.0, 300.0, 400.0, 50.0]))),
+    ),
     "recorded policy": ("P", recorded_policy),
     "Q and R doubled": ("P", lambda game: value(replace(game, Q=2.0 * game.Q, R=2.0 * game.R))),
     "stable before": ("P", lambda game: value(replace(game, A=game.A * 1.01))),
-    "three digits": ("K", lambda game: np.vectorize(lambda entry: float(f"{entry:.3g}"))(gain(game))),
+    "three digits": (
+        "K",
+        lambda game: np.vectorize(lambda entry: float(f"{entry:.3g}"))(gain(game)),
+    ),
     "no gain": ("K", lambda game: np.zeros_like(game.B.T)),
     "no value": ("P", lambda game: np.zeros_like(game.A)),
 }

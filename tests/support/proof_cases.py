@@ -1,4 +1,5 @@
-"""What the tests prove: the identified aircraft with tables of gains; one proof of every kind, made once a process."""
+"""What the tests prove: the identified aircraft with tables of gains; one proof of every kind, made
+once a process."""
 
 from __future__ import annotations
 
@@ -16,10 +17,17 @@ from controller import Game, basis, published_game
 from controller.game.user_files import StoredCritic
 from hfa_model import Aircraft, default_parameters
 from hfa_model.provenance import Provenance
-from verification import Family, coarsest_grid, prove_critic, prove_schedule, prove_solution, solve_game
-from verification.checker.checker import sealed
-from verification.proof.certificate import Proof
-from verification.proof.scheduled_loop import LoopTable
+from verification import (
+    Family,
+    coarsest_grid,
+    prove_critic,
+    prove_schedule,
+    prove_solution,
+    solve_game,
+)
+from verification.proof.checker.checker import sealed
+from verification.proof.search.certificate import Proof
+from verification.proof.search.scheduled_loop import LoopTable
 
 #: What the certificates of the tests bear.
 ORIGIN = Provenance("a test", "published")
@@ -32,7 +40,9 @@ def family(dynamics: str = "published") -> Family:
 
 def exact_table(*angles: float, dynamics: str = "published") -> LoopTable:
     """The exact game's gains at the angles, deg."""
-    return LoopTable.of_gains(np.array(angles), np.array([exact_gain(angle, dynamics) for angle in angles]), 6)
+    return LoopTable.of_gains(
+        np.array(angles), np.array([exact_gain(angle, dynamics) for angle in angles]), 6
+    )
 
 
 def through_actuators(*angles: float, delay: float = 0.02) -> LoopTable:
@@ -43,7 +53,9 @@ def through_actuators(*angles: float, delay: float = 0.02) -> LoopTable:
         game = published_game(model)
         A = np.block([[model.A, model.B], [np.zeros((5, 6)), -1.8 * eye]])
         B = np.vstack([np.zeros((6, 5)), 1.8 * eye])
-        gains.append(solve_game(Game(A, B, np.eye(11), np.pad(game.Q, (0, 5)), 300 * game.R, np.inf)).K)
+        gains.append(
+            solve_game(Game(A, B, np.eye(11), np.pad(game.Q, (0, 5)), 300 * game.R, np.inf)).K
+        )
     table = LoopTable.of_gains(np.array(angles), np.array(gains), 6)
     return table.through((1.8, 10.0), effectiveness=(0.5, 1.0), delay=delay)
 
@@ -57,7 +69,9 @@ def scalar_game(delta: float) -> Game:
 def between(places: Any, values: Any, place: float) -> np.ndarray:
     """A table of matrices, linear between its places."""
     flat = np.array(values).reshape(len(values), -1)
-    return np.array([np.interp(place, places, column) for column in flat.T]).reshape(np.shape(values)[1:])
+    return np.array([np.interp(place, places, column) for column in flat.T]).reshape(
+        np.shape(values)[1:]
+    )
 
 
 def delayed_abscissa(
@@ -69,11 +83,14 @@ def delayed_abscissa(
     late: float,
     place: float | None = None,
 ) -> float:
-    """Abscissa of ζ' = F ζ + ω G Λ U ζ(t - τ): of the generator of the delay equation on polynomials of degree 12 over
-    the delay (Breda, Maset, Vermiglio, SIAM J. Sci. Comput. 27, 2005); at the first place unless given."""
+    """Abscissa of ζ' = F ζ + ω G Λ U ζ(t - τ): of the generator of the delay equation on
+    polynomials of degree 12 over the delay (Breda, Maset, Vermiglio, SIAM J. Sci. Comput. 27,
+    2005); at the first place unless given."""
     own, at = table.actuators, table.places[0] if place is None else place
     assert own is not None
-    K, M, N, X, U = (between(table.places, each, at) for each in (table.K, table.M, table.N, table.X, own.U))
+    K, M, N, X, U = (
+        between(table.places, each, at) for each in (table.K, table.M, table.N, table.X, own.U)
+    )
     x = np.eye(len(A), len(M))
     now = x.T @ (A @ x - B @ K) + N @ (A @ X - B @ K) + M + w * own.own
     later, n, count = w * own.G @ np.diag(arrives) @ U, len(now), 13
@@ -100,7 +117,9 @@ def unstable_between(low: float, high: float) -> LoopTable:
         other = random.standard_normal(K.shape) * sizes
         first, last = K + change, K - change + other
         gains = first, (first + last) / 2, last
-        loops = np.array([model.A - model.B @ gain for model, gain in zip(models, gains, strict=True)])
+        loops = np.array(
+            [model.A - model.B @ gain for model, gain in zip(models, gains, strict=True)]
+        )
         abscissae = np.linalg.eigvals(loops).real.max(axis=1)
         if abscissae[0] < -0.1 and abscissae[2] < -0.1 and abscissae[1] > 0.2:
             return LoopTable.of_gains(np.array([low, high]), np.array([first, last]), 6)
@@ -130,7 +149,9 @@ def _critic(game: Game, *flights: Any) -> Proof:
     return prove_critic(game, stored, functions, *flights)
 
 
-PLANT = Game(A=[[0.0, 1.0], [2.0, -1.0]], B=[[0.0], [1.0]], E=np.eye(2), Q=np.eye(2), R=[[1.0]], delta=50.0)
+PLANT = Game(
+    A=[[0.0, 1.0], [2.0, -1.0]], B=[[0.0], [1.0]], E=np.eye(2), Q=np.eye(2), R=[[1.0]], delta=50.0
+)
 #: Every kind of certificate, with every part that one may have.
 PROOFS = {
     "rate": lambda: prove_schedule(family(), exact_table(14.0, 14.125), 14.0, 14.125, moving=True),
@@ -138,7 +159,10 @@ PROOFS = {
     "actuators": lambda: prove_schedule(family(), through_actuators(14.0, 14.125), 14.0, 14.125),
     "crossing": lambda: prove_schedule(family(), exact_table(16.6875, 16.6895), 16.6875, 16.6895),
     "errors": lambda: prove_schedule(
-        replace(family(), spread=default_parameters().standard_errors), exact_table(14.0, 14.0625), 14.0, 14.0625
+        replace(family(), spread=default_parameters().standard_errors),
+        exact_table(14.0, 14.0625),
+        14.0,
+        14.0625,
     ),
     "solution": lambda: prove_solution(game_at(14.5), family(), 14.5),
     "critic": lambda: _critic(game_at(14.5), family(), 14.5),

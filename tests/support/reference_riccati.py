@@ -1,9 +1,9 @@
 """A 60-digit answer to A'P + P A + Q - P S P = 0, from the matrix sign function of the Hamiltonian.
 
-The arithmetic is `decimal`, the elimination written out: nothing here uses a floating-point solver, nor anything
-of the project but the numbers of a `Game`. With sign(H) = W the stable subspace is that of W = -I, hence
-(W + I) [I; P] = 0 (Roberts, Int. J. Control 32, 1980). `test_gare.py` holds it against eigenvectors by mpmath.
-"""
+The arithmetic is `decimal`, the elimination written out: nothing here uses a floating-point solver,
+nor anything of the project but the numbers of a `Game`. With sign(H) = W the stable subspace is
+that of W = -I, hence (W + I) [I; P] = 0 (Roberts, Int. J. Control 32, 1980). `test_gare.py` holds
+it against eigenvectors by mpmath."""
 
 from __future__ import annotations
 
@@ -17,13 +17,15 @@ from controller import Game
 DIGITS = 60
 #: Carried beyond the digits that are asked for.
 GUARD = 30
-#: Newton's iteration needs 10 to 20 steps, and one more for each halving of the distance to the imaginary axis.
+#: Newton's iteration needs 10 to 20 steps, and one more for each halving of the distance to the
+#: imaginary axis.
 MAX_STEPS = 80
 
 
 @dataclass(frozen=True)
 class Reference:
-    """The stabilizing P and its K, and whether P is the value of the game; both are empty when there is no P."""
+    """The stabilizing P and its K, and whether P is the value of the game; both are empty when
+    there is no P."""
 
     exists: bool
     P: np.ndarray
@@ -31,7 +33,8 @@ class Reference:
 
 
 def reference_solution(game: Game) -> Reference:
-    """The value of the game to 60 digits, rounded to double; `exists` is decided at 60 digits too."""
+    """The value of the game to 60 digits, rounded to double; `exists` is decided at 60 digits
+    too."""
     nothing = Reference(exists=False, P=np.empty((0, 0)), K=np.empty((0, 0)))
     with localcontext() as context:
         context.prec = DIGITS + GUARD
@@ -54,8 +57,12 @@ def reference_solution(game: Game) -> Reference:
         P = (P + P.T) / 2
         residual = A.T @ P + P @ A + Q - P @ S @ P
         terms = _largest(Q) + (_largest(A) + _largest(S) * _largest(P)) * _largest(P)
-        assert _largest(residual) <= Decimal(10) ** -(DIGITS // 2) * terms, "the reference is not exact"
-        return Reference(exists=_semidefinite(P), P=P.astype(float), K=(R_inverse_B @ P).astype(float))
+        assert _largest(residual) <= Decimal(10) ** -(DIGITS // 2) * terms, (
+            "the reference is not exact"
+        )
+        return Reference(
+            exists=_semidefinite(P), P=P.astype(float), K=(R_inverse_B @ P).astype(float)
+        )
 
 
 def relative_error(value: np.ndarray, exact: np.ndarray) -> float:
@@ -64,7 +71,8 @@ def relative_error(value: np.ndarray, exact: np.ndarray) -> float:
 
 
 def _sign(H: np.ndarray) -> np.ndarray | None:
-    """Newton's Z <- (c Z + Z⁻¹/c)/2 with norm scaling c; None when an eigenvalue is on the imaginary axis."""
+    """Newton's Z <- (c Z + Z⁻¹/c)/2 with norm scaling c; None when an eigenvalue is on the
+    imaginary axis."""
     Z = H
     for _ in range(MAX_STEPS):
         inverse = _inverse(Z)
@@ -77,7 +85,8 @@ def _sign(H: np.ndarray) -> np.ndarray | None:
         settled = _largest(following - Z) < Decimal(10) ** -DIGITS * _largest(following)
         Z = following
         if settled:
-            # With eigenvalues on the axis Z may cancel to its rounding, and settle on the sign of that.
+            # With eigenvalues on the axis Z may cancel to its rounding, and settle on the sign of
+            # that.
             apart = _largest(Z @ H - H @ Z) / (_largest(Z) * _largest(H))
             return Z if apart < Decimal(10) ** -(DIGITS // 2) else None
     return None
@@ -100,7 +109,8 @@ def _inverse(matrix: np.ndarray) -> np.ndarray | None:
 
 
 def _semidefinite(P: np.ndarray) -> bool:
-    """Positive pivots of P with its diagonal raised by 1e-40, so that a semidefinite P passes too."""
+    """Positive pivots of P with its diagonal raised by 1e-40, so that a semidefinite P passes
+    too."""
     work = P + np.diag(np.diag(P)) * Decimal("1e-40")
     for k in range(len(work)):
         if work[k, k] < 0 or (work[k, k] == 0 and any(work[k, k:] != 0)):

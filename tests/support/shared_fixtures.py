@@ -1,4 +1,5 @@
-"""Fixtures of all rooms: what follows from its arguments alone is made once, and what several test files fly."""
+"""Fixtures of all rooms: what follows from its arguments alone is made once, and what several test
+files fly."""
 
 from __future__ import annotations
 
@@ -21,7 +22,8 @@ from trim import OperatingPoint
 
 
 class _Shared:
-    """A function computed once for the same key; once more where a test asks a second time, since it may compare."""
+    """A function computed once for the same key; once more where a test asks a second time, since
+    it may compare."""
 
     def __init__(self, function: Callable[..., Any]) -> None:
         self._function = function
@@ -38,16 +40,24 @@ class _Shared:
 
 def share(patched: pytest.MonkeyPatch) -> None:
     """`learn`, as commands call it, and the solution of a game with its certificate."""
-    from controller.laws import certified as module
+    from controller.learning import certified as module
     from controller.riccati import certificate, gare, smallest_delta
 
     learn = _Shared(module.learn)
     solve = _Shared(certificate.certified_solution)
 
-    def learned(game: Game, law: str = "certified", seed: int = 0, **options: Any) -> LearningResult:
+    def learned(
+        game: Game, law: str = "certified", seed: int = 0, **options: Any
+    ) -> LearningResult:
         if options.get("progress") is not None:
             return learn._function(game, law, seed, **options)
-        return learn((law, seed, pickle.dumps(sorted(options.items())), *_key(game)), game, law, seed, **options)
+        return learn(
+            (law, seed, pickle.dumps(sorted(options.items())), *_key(game)),
+            game,
+            law,
+            seed,
+            **options,
+        )
 
     def solved(game: Game) -> tuple[np.ndarray, certificate.Certificate]:
         return solve(_key(game), game)
@@ -58,7 +68,11 @@ def share(patched: pytest.MonkeyPatch) -> None:
 
 
 def _key(game: Game) -> tuple[Hashable, ...]:
-    return game.delta, game.B.shape, *(each.tobytes() for each in (game.A, game.B, game.E, game.Q, game.R))
+    return (
+        game.delta,
+        game.B.shape,
+        *(each.tobytes() for each in (game.A, game.B, game.E, game.Q, game.R)),
+    )
 
 
 @pytest.fixture(autouse=True, scope="session")

@@ -1,11 +1,13 @@
-"""The `unsteady` dynamics derived a second time: the kinetic energy of the air that the wings and tails carry, and the
-work of the loads on them; positions are written down, velocities and rates follow by differentiation.
+"""The `unsteady` dynamics derived a second time: the kinetic energy of the air that the wings and
+tails carry, and the work of the loads on them; positions are written down, velocities and rates
+follow by differentiation.
 
-    T_a = Σ [m w² + (m b²/8) ω_y² + (m span²/12) ω_x²] / 2,   m = π ρ b² span,  w: of the mid-chord, across the plate
+    T_a = Σ [m w² + (m b²/8) ω_y² + (m span²/12) ω_x²] / 2,   m = π ρ b² span,  w: of the mid-chord,
+across the plate
 
-Its Euler-Lagrange equations are Kirchhoff's, with the moment -v × (m w n) of a plate without circulation. The lift at
-the quarter chord has that moment already; it is taken off here, with Theodorsen's -m u (b/2) ω_y.
-"""
+Its Euler-Lagrange equations are Kirchhoff's, with the moment -v × (m w n) of a plate without
+circulation. The lift at the quarter chord has that moment already; it is taken off here, with
+Theodorsen's -m u (b/2) ω_y."""
 
 from __future__ import annotations
 
@@ -13,7 +15,15 @@ from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
-from lagrangian import Panel, at_state, euler_lagrange, kinetic_energy, mechanical_energy, panels_at, virtual_work
+from lagrangian import (
+    Panel,
+    at_state,
+    euler_lagrange,
+    kinetic_energy,
+    mechanical_energy,
+    panels_at,
+    virtual_work,
+)
 
 from hfa_model.aerodynamics import panel_loads
 from hfa_model.kinematics import Flow, Winds, flow_of
@@ -24,8 +34,8 @@ MOTION, GUST = ((0.165, 0.335), (0.0455, 0.3)), ((0.5, 0.5), (0.13, 1.0))
 
 
 class Derived(NamedTuple):
-    """Rates of the seven states and of the lag states by name; energy of aircraft and carried air, ft lbf, and the
-    power of everything that is not in it, ft lbf/s."""
+    """Rates of the seven states and of the lag states by name; energy of aircraft and carried air,
+    ft lbf, and the power of everything that is not in it, ft lbf/s."""
 
     rates: State
     lag_rates: dict[str, ca.SX]
@@ -34,7 +44,8 @@ class Derived(NamedTuple):
 
 
 def derived_unsteady(x: Any, u: Any, density: Quantity, p: Any, winds: Winds) -> Derived:
-    """At a state and input by name (SX), as `hfa_model.UNSTEADY` has them; the drag takes the speed through the air."""
+    """At a state and input by name (SX), as `hfa_model.UNSTEADY` has them; the drag takes the speed
+    through the air."""
     r, v = ca.SX.sym("r", 4), ca.SX.sym("v", 4)
     panels = panels_at(r, v, p)
     center = ca.jtimes(sum(panel.position for panel in panels) / 3, r, v)
@@ -51,12 +62,17 @@ def derived_unsteady(x: Any, u: Any, density: Quantity, p: Any, winds: Winds) ->
         for strip, control, chord, downwash, behind in _surfaces(name, x, u, p):
             motion = _flow(panel, p.local_motion * behind, still, r, v).alpha - downwash
             whole = _flow(panel, p.local_motion * behind, moving, r, v).alpha - downwash
-            parts = {"lag": (motion + control, MOTION, p.lift_lag), "gust": (whole - motion, GUST, p.gust_lag)}
+            parts = {
+                "lag": (motion + control, MOTION, p.lift_lag),
+                "gust": (whole - motion, GUST, p.gust_lag),
+            }
             for kind, (angle, (shares, rates), weight) in parts.items():
                 for i, (share, rate) in enumerate(zip(shares, rates, strict=True), start=1):
                     followed = getattr(x, f"{kind}_{strip}_{i}")
                     whole += weight * share * (followed - angle)
-                    lag_rates[f"{kind}_{strip}_{i}"] = rate * flow.speed / (chord / 2) * (angle - followed)
+                    lag_rates[f"{kind}_{strip}_{i}"] = (
+                        rate * flow.speed / (chord / 2) * (angle - followed)
+                    )
             angles.append(whole)
         slopes = [
             p.lift_slope / (1 + p.finite_span * p.lift_slope / np.pi / each)
@@ -82,12 +98,17 @@ def derived_unsteady(x: Any, u: Any, density: Quantity, p: Any, winds: Winds) ->
     lag_rates["downwash"] = ca.norm_2(center) / p.boom_length * (target - x.downwash)
     kinetic = sum(kinetic_energy(panel, r, v, p) for panel in panels) + carried
     seven = euler_lagrange(x, kinetic, force, panels, r, v, p)
-    carried, power, *lags = (at_state(each, x, r, v, p) for each in (carried, ca.dot(force, v), *lag_rates.values()))
-    return Derived(seven, dict(zip(lag_rates, lags, strict=True)), mechanical_energy(x, p) + carried, power)
+    carried, power, *lags = (
+        at_state(each, x, r, v, p) for each in (carried, ca.dot(force, v), *lag_rates.values())
+    )
+    return Derived(
+        seven, dict(zip(lag_rates, lags, strict=True)), mechanical_energy(x, p) + carried, power
+    )
 
 
 def _surfaces(name: str, x: Any, u: Any, p: Any) -> tuple[tuple[str, Any, Any, Any, Any], ...]:
-    """Strip, control angle, chord, downwash, and how far its three-quarter chord is behind, of wing and tail."""
+    """Strip, control angle, chord, downwash, and how far its three-quarter chord is behind, of wing
+    and tail."""
     chord = ca.sqrt(p.tail_area / p.tail_aspect_ratio)
     aileron = getattr(u, f"aileron_{name}") * p.aileron_lift / p.lift_slope
     elevator = getattr(u, f"elevator_{name}")
@@ -120,7 +141,8 @@ def _along_the_span(
     side: int,
     lag_rates: dict[str, Any],
 ) -> ca.SX:
-    """The work of a lift that grows from the middle of an outer panel to its tip; Gauss's rule over the span."""
+    """The work of a lift that grows from the middle of an outer panel to its tip; Gauss's rule over
+    the span."""
     flow = _flow(panel, 0, air, r, v)
     angle = -p.local_motion * v[3] * p.panel_span / 2 / flow.speed
     tip = angle
@@ -130,17 +152,25 @@ def _along_the_span(
         lag_rates[f"lag_tip_{i}"] = rate * flow.speed / (p.chord / 2) * (angle - followed)
     work: Any = ca.SX(4, 1)
     for node, weight in zip(*np.polynomial.legendre.leggauss(3), strict=True):
-        lift = density * flow.speed**2 / 2 * p.chord * p.panel_span / 2 * weight * slope * tip * node
+        lift = (
+            density * flow.speed**2 / 2 * p.chord * p.panel_span / 2 * weight * slope * tip * node
+        )
         place = panel.position + panel.axes @ ca.vertcat(0, side * p.panel_span / 2 * node, 0)
         work += ca.jacobian(place, r).T @ (panel.axes @ ca.vertcat(0, 0, -lift))
     return work
 
 
-def _carried(panel: Panel, air: ca.SX, density: Quantity, r: ca.SX, v: ca.SX, p: Any) -> tuple[ca.SX, ca.SX]:
-    """Kinetic energy of the air that wing and tail carry; the moments, in panel axes, in place of Kirchhoff's."""
+def _carried(
+    panel: Panel, air: ca.SX, density: Quantity, r: ca.SX, v: ca.SX, p: Any
+) -> tuple[ca.SX, ca.SX]:
+    """Kinetic energy of the air that wing and tail carry; the moments, in panel axes, in place of
+    Kirchhoff's."""
     chord = ca.sqrt(p.tail_area / p.tail_aspect_ratio)
     energy, moment = ca.SX(0), ca.SX(3, 1)
-    for b, span, behind in ((p.chord / 2, p.panel_span, p.chord / 4), (chord / 2, p.tail_area / chord, None)):
+    for b, span, behind in (
+        (p.chord / 2, p.panel_span, p.chord / 4),
+        (chord / 2, p.tail_area / chord, None),
+    ):
         place = ca.vertcat(-(p.boom_length + chord / 4 if behind is None else behind), 0, 0)
         mass = p.apparent_mass * np.pi * density * b**2 * span
         through = _velocity_at(panel, place, air, r, v)

@@ -1,4 +1,5 @@
-"""The identification on aircraft whose parameters are known, and on prints that no aircraft can have."""
+"""The identification on aircraft whose parameters are known, and on prints that no aircraft can
+have."""
 
 from __future__ import annotations
 
@@ -23,19 +24,26 @@ ENTRIES = [("A", row, column) for row in MOVED for column in LINEAR_STATES] + [
     ("B", row, column) for row in MOVED for column in INPUTS
 ]
 #: Every third; the others in `make test-all`.
-THIRD = [each if k % 3 == 2 else pytest.param(each, marks=pytest.mark.slow) for k, each in enumerate(ENTRIES)]
+THIRD = [
+    each if k % 3 == 2 else pytest.param(each, marks=pytest.mark.slow)
+    for k, each in enumerate(ENTRIES)
+]
 
 
 def made_up(parameters: Parameters, rng: np.random.Generator) -> Parameters:
     """Another aircraft: every identified constant up to a fifth larger or smaller than ours."""
     factors = np.exp(rng.uniform(-0.2, 0.2, len(IDENTIFIED)))
     return parameters._replace(
-        **{name: getattr(parameters, name) * factor for name, factor in zip(IDENTIFIED, factors.tolist(), strict=True)}
+        **{
+            name: getattr(parameters, name) * factor
+            for name, factor in zip(IDENTIFIED, factors.tolist(), strict=True)
+        }
     )
 
 
 def printed(parameters: Parameters) -> list[PublishedModel]:
-    """What the paper would have printed of an aircraft: its exact matrices, rounded as the paper rounds."""
+    """What the paper would have printed of an aircraft: its exact matrices, rounded as the paper
+    rounds."""
     models = []
     for published in published_models():
         exact = regenerate(Aircraft(parameters), published)
@@ -49,14 +57,19 @@ def changed(matrix: str, row: str, column: str) -> tuple[PublishedModel, Publish
     """The paper's print with one entry of the 5 degree pair larger by a hundredth."""
     at_15, at_5 = published_models()
     entries = getattr(at_5, matrix).copy()
-    entries[LINEAR_STATES.index(row), (LINEAR_STATES if matrix == "A" else INPUTS).index(column)] += 0.01
+    entries[
+        LINEAR_STATES.index(row), (LINEAR_STATES if matrix == "A" else INPUTS).index(column)
+    ] += 0.01
     return at_15, replace(at_5, **{matrix: entries})
 
 
 def errors_in_standard_errors(found: Fit, truth: Parameters) -> np.ndarray:
     errors = found.parameters.standard_errors
     return np.array(
-        [(getattr(found.parameters.values, name) - getattr(truth, name)) / errors[name] for name in IDENTIFIED]
+        [
+            (getattr(found.parameters.values, name) - getattr(truth, name)) / errors[name]
+            for name in IDENTIFIED
+        ]
     )
 
 
@@ -65,12 +78,17 @@ def identified() -> tuple[Fit, list[float]]:
     return identify(seed=0)
 
 
-def test_all_rough_starts_fit_the_print_as_well_as_rounding_allows(identified: tuple[Fit, list[float]]) -> None:
+def test_all_rough_starts_fit_the_print_as_well_as_rounding_allows(
+    identified: tuple[Fit, list[float]],
+) -> None:
     best, sums = identified
     assert len(sums) == 8
     np.testing.assert_allclose(sums, best.sum_of_squares, rtol=1e-6)
     # None of the rough guesses is the answer.
-    guess, answer = np.array(list(ROUGH.values())), np.array([getattr(best.parameters.values, n) for n in IDENTIFIED])
+    guess, answer = (
+        np.array(list(ROUGH.values())),
+        np.array([getattr(best.parameters.values, n) for n in IDENTIFIED]),
+    )
     assert np.median(np.abs(guess / answer - 1)) > 0.1
     assert best.entries == 70
     assert best.sum_of_squares < 1.5 * best.expected_sum
@@ -90,7 +108,8 @@ def test_the_packaged_parameters_are_the_identified_ones(
 
 
 def test_known_aircraft_are_recovered_within_their_standard_errors(parameters: Parameters) -> None:
-    """Twenty aircraft, their exact matrices rounded as in print: estimates off by what the standard errors say."""
+    """Twenty aircraft, their exact matrices rounded as in print: estimates off by what the standard
+    errors say."""
     rng = np.random.default_rng(0)
     rows = []
     for _ in range(20):
@@ -103,10 +122,12 @@ def test_known_aircraft_are_recovered_within_their_standard_errors(parameters: P
         assert np.abs(errors_in_standard_errors(found, wrong)).min() > 5.0
     deviations = np.array(rows)
     assert np.abs(deviations).max() < 5.0
-    # 1 on average; the mean of 20 squares of nearly uniform errors scatters by about 0.2. Standard errors too
-    # small by a factor of sqrt(2) would show as 2.
+    # 1 on average; the mean of 20 squares of nearly uniform errors scatters by about 0.2. Standard
+    # errors too small by a factor of sqrt(2) would show as 2.
     squares = (deviations**2).mean(axis=0)
-    assert np.all((squares > 0.4) & (squares < 1.6)), dict(zip(IDENTIFIED, squares.round(2).tolist(), strict=True))
+    assert np.all((squares > 0.4) & (squares < 1.6)), dict(
+        zip(IDENTIFIED, squares.round(2).tolist(), strict=True)
+    )
 
 
 @pytest.mark.parametrize("matrix_row_column", THIRD, ids="-".join)
@@ -114,7 +135,9 @@ def test_one_entry_changed_by_a_hundredth_cannot_be_fitted(
     parameters: Parameters, matrix_row_column: tuple[str, str, str]
 ) -> None:
     """Each printed entry of the 5 degree pair is held in place by all the others."""
-    near = np.log(np.array([getattr(parameters, name) for name in IDENTIFIED]) / list(ROUGH.values()))
+    near = np.log(
+        np.array([getattr(parameters, name) for name in IDENTIFIED]) / list(ROUGH.values())
+    )
     found = fit(changed(*matrix_row_column), Published(), noise=near)
     if matrix_row_column == ("A", "speed", "pitch"):
         # Printed to one decimal: a hundredth is within its rounding.
@@ -123,7 +146,9 @@ def test_one_entry_changed_by_a_hundredth_cannot_be_fitted(
         assert found.sum_of_squares > 5 * found.expected_sum
 
 
-@pytest.mark.parametrize(("description", "variant"), ALTERNATIVES, ids=[name for name, _ in ALTERNATIVES])
+@pytest.mark.parametrize(
+    ("description", "variant"), ALTERNATIVES, ids=[name for name, _ in ALTERNATIVES]
+)
 def test_each_departure_from_newton_is_needed(description: str, variant: Variant) -> None:
     """With any one of them undone, no parameters come near the print."""
     found = fit(published_models(), variant)
@@ -133,7 +158,8 @@ def test_each_departure_from_newton_is_needed(description: str, variant: Variant
 @pytest.mark.parametrize(
     ("speed", "square", "lowest", "highest"),
     [
-        # The pitch-rate term with Newton's sign, the dihedral-rate term left out, the square with Newton's factor.
+        # The pitch-rate term with Newton's sign, the dihedral-rate term left out, the square with
+        # Newton's factor.
         (lambda x: -ca.cos(x.dihedral) * ca.cos(x.alpha) * x.pitch_rate, 0.0, 30_000.0, 50_000.0),
         (lambda x: ca.sin(x.alpha) * ca.sin(x.dihedral) * x.dihedral_rate / 2, 0.0, 80.0, 90.0),
         (lambda x: 0.0, 1 / 6, 1.2, 1.22),
@@ -156,24 +182,30 @@ def test_of_the_coupling_two_terms_are_needed_and_the_square_changes_nothing(
 def test_the_expected_sum_is_what_drawn_rounding_errors_leave(
     parameters: Parameters, identified: tuple[Fit, list[float]]
 ) -> None:
-    """Errors drawn uniformly within a half unit, one for a number that is printed alike at both angles; the part that
-    no parameters can fit, by derivatives from differences."""
+    """Errors drawn uniformly within a half unit, one for a number that is printed alike at both
+    angles; the part that no parameters can fit, by derivatives from differences."""
     models = published_models()
 
     def entries(values: Parameters) -> np.ndarray:
         pairs = [(regenerate(Aircraft(values), model), model) for model in models]
-        parts = [(exact.A / model.half_unit_A, exact.B / model.half_unit_B) for exact, model in pairs]
+        parts = [
+            (exact.A / model.half_unit_A, exact.B / model.half_unit_B) for exact, model in pairs
+        ]
         return np.stack([np.concatenate([A.ravel(), B.ravel()]) for A, B in parts])
 
     columns = []
     for name in IDENTIFIED:
         value = getattr(parameters, name)
-        high, low = (entries(parameters._replace(**{name: value * (1 + step)})) for step in (1e-4, -1e-4))
+        high, low = (
+            entries(parameters._replace(**{name: value * (1 + step)})) for step in (1e-4, -1e-4)
+        )
         columns.append((high - low) / 2e-4)
     derivatives = np.stack(columns, axis=-1)  # (angle, entry, parameter)
     moved = np.abs(derivatives).max(axis=(0, 2)) > 1e-3
     derivatives = derivatives[:, moved]
-    alike = np.abs(derivatives[0] - derivatives[1]).max(axis=1) < 1e-6 * np.abs(derivatives[0]).max(axis=1)
+    alike = np.abs(derivatives[0] - derivatives[1]).max(axis=1) < 1e-6 * np.abs(derivatives[0]).max(
+        axis=1
+    )
     assert (derivatives.shape[1], np.count_nonzero(alike)) == (35, 5)
     errors = np.random.default_rng(0).uniform(-1, 1, (20_000, 2, 35))
     errors[:, 1, alike] = errors[:, 0, alike]
@@ -198,5 +230,8 @@ def test_one_angle_determines_all_but_one_combination() -> None:
         pitch = LINEAR_STATES.index("pitch_rate")
         assert errors[pitch] > 0.1
         assert np.delete(errors, pitch).max() < 1e-5
-        row, factor = computed[pitch], computed[pitch] @ print_[pitch] / (computed[pitch] @ computed[pitch])
+        row, factor = (
+            computed[pitch],
+            computed[pitch] @ print_[pitch] / (computed[pitch] @ computed[pitch]),
+        )
         assert np.abs(factor * row - print_[pitch]).max() < 1e-5 * np.abs(print_[pitch]).max()

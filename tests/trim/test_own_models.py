@@ -1,4 +1,5 @@
-"""A user's own models: the F-16 of Stevens and Lewis as printed, and faults of a file in one line."""
+"""A user's own models: the F-16 of Stevens and Lewis as printed, and faults of a file in one
+line."""
 
 from __future__ import annotations
 
@@ -23,7 +24,8 @@ from trim.point.solve import other_trims
 from trim.point.trim_report import trim_report
 from trim.sweeps.sweep_store import stored_sweep_report, stream_sweep
 
-#: Stevens and Lewis, table 3.6-3: xcg, what is held, rates, alpha, beta, throttle, elevator, aileron, rudder.
+#: Stevens and Lewis, table 3.6-3: xcg, what is held, rates, alpha, beta, throttle, elevator,
+#: aileron, rudder.
 TRIMS = [
     (0.35, {}, {}, (0.03691, 0.0, 0.1385, -0.7588, 0.0, 0.0)),
     (0.30, {}, {}, (0.03936, 0.0, 0.1485, -1.931, 0.0, 0.0)),
@@ -46,7 +48,10 @@ def test_trims_of_the_book(
     xcg: float, hold: dict[str, float], rates: dict[str, float], printed: tuple[float, ...]
 ) -> None:
     point = trimmed(F16.with_parameters(xcg=xcg), hold, rates)
-    found = [point.values[each] for each in ("alpha", "beta", "throttle", "elevator", "aileron", "rudder")]
+    found = [
+        point.values[each]
+        for each in ("alpha", "beta", "throttle", "elevator", "aileron", "rudder")
+    ]
     np.testing.assert_allclose(found, printed, rtol=6e-4, atol=6e-5)
 
 
@@ -54,16 +59,25 @@ def test_modes_of_the_book() -> None:
     model = F16.with_parameters(xcg=0.3)
     found = {mode.name: mode.eigenvalue for mode in linearize(model, trimmed(model)).modes}
     for name, printed in MODES.items():
-        assert found[name] == pytest.approx(printed, abs=6e-4 if name == "dutch roll" else 1e-4), name
+        assert found[name] == pytest.approx(printed, abs=6e-4 if name == "dutch roll" else 1e-4), (
+            name
+        )
 
 
 def test_modes_of_the_navion(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Those of Nelson, examples 4.3 and 5.2; he leaves out C_Lq and takes N_beta 4.49 in place of 4.55."""
-    printed = {"short period": -2.51 + 2.59j, "phugoid": -0.0171 + 0.213j, "dutch roll": -0.487 + 2.335j}
+    """Those of Nelson, examples 4.3 and 5.2; he leaves out C_Lq and takes N_beta 4.49 in place of
+    4.55."""
+    printed = {
+        "short period": -2.51 + 2.59j,
+        "phugoid": -0.0171 + 0.213j,
+        "dutch roll": -0.487 + 2.335j,
+    }
     printed |= {"roll": -8.435, "spiral": -0.00877}
 
     def off() -> dict[str, float]:
-        same = replace(NAVION, equations=lambda *vectors: navion.equations(*vectors))  # compiled again
+        same = replace(
+            NAVION, equations=lambda *vectors: navion.equations(*vectors)
+        )  # compiled again
         found = {mode.name: mode.eigenvalue for mode in linearize(same, trimmed(same)).modes}
         return {name: abs(found[name] - value) / abs(value) for name, value in printed.items()}
 
@@ -74,18 +88,31 @@ def test_modes_of_the_navion(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_trim_and_modes_of_the_gtm() -> None:
-    """The stated trim, to the four digits that the coefficients have, and load factor one in level flight."""
+    """The stated trim, to the four digits that the coefficients have, and load factor one in level
+    flight."""
     point = trimmed(GTM)
     found = [point.values[each] for each in ("alpha", "elevator", "throttle")]
     np.testing.assert_allclose(found, [0.04924, 0.04892, 14.33], rtol=0.01)
-    assert GTM.outputs_at(point.states, point.inputs)["load_factor"] == pytest.approx(1.0, abs=1e-12)
+    assert GTM.outputs_at(point.states, point.inputs)["load_factor"] == pytest.approx(
+        1.0, abs=1e-12
+    )
     assert [mode.name for mode in linearize(GTM, point).modes] == ["short period", "phugoid"]
 
 
 def test_rates_of_the_book() -> None:
     """Table 3.5-2."""
     x = [500, 0.5, -0.2, -1, 1, -1, 0.7, -0.8, 0.9, 1000, 900, 10000, 90]
-    printed = [-75.23724, -0.8813491, -0.4759990, 2.505734, 0.3250820, 2.145926, 12.62679, 0.9649671, 0.5809759]
+    printed = [
+        -75.23724,
+        -0.8813491,
+        -0.4759990,
+        2.505734,
+        0.3250820,
+        2.145926,
+        12.62679,
+        0.9649671,
+        0.5809759,
+    ]
     printed += [342.4439, -266.7707, 248.1241, -58.68999]
     found = F16.with_parameters(xcg=0.4).at(x, [0.9, 20, -15, -20]).f
     np.testing.assert_allclose(found, printed, rtol=8e-6)
@@ -103,7 +130,9 @@ def test_the_back_side_of_the_power_curve_is_another_trim() -> None:
         begun = find_operating_point(F16, held, point)
         assert begun.inputs.throttle == pytest.approx(0.2, rel=1e-9)
     words = ("trim", *OWN, "--free", "speed", "--hold", "throttle=0.2")
-    said = re.search(r"Another trim: speed 225\.314 ft/s, .*, --start (\S+) selects the other", hfa(*words).out)
+    said = re.search(
+        r"Another trim: speed 225\.314 ft/s, .*, --start (\S+) selects the other", hfa(*words).out
+    )
     assert said
     data = json.loads(hfa(*words, "--start", said[1], "--json").out)
     assert data["operating_point"]["states"]["speed"] == pytest.approx(back.states.speed, rel=1e-9)
@@ -111,7 +140,8 @@ def test_the_back_side_of_the_power_curve_is_another_trim() -> None:
 
 
 def test_turns_of_a_sweep_are_those_of_single_trims() -> None:
-    """One branch, banked by less than a right angle and steeper with the rate, in sweeps and in single trims alike."""
+    """One branch, banked by less than a right angle and steeper with the rate, in sweeps and in
+    single trims alike."""
     rates = np.linspace(0.0, 0.25, 26)
     found = sweep(F16, {"turn_rate": rates})
     bank = found.states[:, list(F16.states).index("roll")]
@@ -119,13 +149,23 @@ def test_turns_of_a_sweep_are_those_of_single_trims() -> None:
     assert (np.diff(bank) > 0).all()
     assert bank[-1] < np.pi / 2
     for i in (5, 20):
-        np.testing.assert_allclose(trimmed(F16, {"turn_rate": rates[i]}).states, found.states[i], atol=1e-10)
-        np.testing.assert_array_equal(sweep(F16, {"turn_rate": rates[i : i + 1]}).states[0], found.states[i])
+        np.testing.assert_allclose(
+            trimmed(F16, {"turn_rate": rates[i]}).states, found.states[i], atol=1e-10
+        )
+        np.testing.assert_array_equal(
+            sweep(F16, {"turn_rate": rates[i : i + 1]}).states[0], found.states[i]
+        )
 
 
 def test_states_without_balance_are_left_and_named() -> None:
-    """North, east and heading are in no equation: free or held, the trim is the same, and their rates are reported."""
-    done = hfa("trim", *OWN, *(word for name in ("north", "east", "yaw") for word in ("--free", name)), "--json")
+    """North, east and heading are in no equation: free or held, the trim is the same, and their
+    rates are reported."""
+    done = hfa(
+        "trim",
+        *OWN,
+        *(word for name in ("north", "east", "yaw") for word in ("--free", name)),
+        "--json",
+    )
     data = json.loads(done.out)
     assert data["search"]["idle"] == ["yaw", "north", "east"]
     assert data["rates_left"]["north"] == pytest.approx(502.0)
@@ -160,14 +200,24 @@ def pendulum(t, x, u, params):
 
 
 def system(update, **more):
-    names = {"states": ["angle", "rate"], "inputs": ["torque"], "outputs": ["height"], "params": {"stiffness": 4.0}}
-    return control.nlsys(update, lambda t, x, u, params: [1 - np.cos(x[0])], name="pendulum", **{**names, **more})
+    names = {
+        "states": ["angle", "rate"],
+        "inputs": ["torque"],
+        "outputs": ["height"],
+        "params": {"stiffness": 4.0},
+    }
+    return control.nlsys(
+        update, lambda t, x, u, params: [1 - np.cos(x[0])], name="pendulum", **{**names, **more}
+    )
 
 
 def test_a_system_of_python_control_is_traced() -> None:
-    """The model has its names, parameters and outputs; its linear model is that of python-control's differences."""
+    """The model has its names, parameters and outputs; its linear model is that of python-control's
+    differences."""
     nlsys = system(pendulum)
-    model = Model.from_control(nlsys, {"angle": "rad", "rate": "rad/s", "height": "m"}, trim={"angle": 0.5})
+    model = Model.from_control(
+        nlsys, {"angle": "rad", "rate": "rad/s", "height": "m"}, trim={"angle": 0.5}
+    )
     point = find_operating_point(model, usual_condition(model))
     assert point.inputs.torque == pytest.approx(4.0 * math.sin(0.5), rel=1e-12)
     own = linearize(model, point, outputs=("height",))
@@ -178,16 +228,30 @@ def test_a_system_of_python_control_is_traced() -> None:
     assert back.output_labels == ["angle", "rate", "height"]
     np.testing.assert_allclose(back.output(0.0, [0.5, 0.0], [0.0]), [0.5, 0.0, 1 - math.cos(0.5)])
     heavier = back.dynamics(0.0, [0.5, 0.0], [0.0], params={"stiffness": 8.0})
-    np.testing.assert_allclose(heavier, nlsys.dynamics(0.0, [0.5, 0.0], [0.0], params={"stiffness": 8.0}))
+    np.testing.assert_allclose(
+        heavier, nlsys.dynamics(0.0, [0.5, 0.0], [0.0], params={"stiffness": 8.0})
+    )
 
 
 @pytest.mark.parametrize(
     ("made", "words"),
     [
-        (lambda: system(lambda t, x, u, p: [x[1], u[0] if x[0] > 0 else 0]), "pendulum cannot be traced with CasADi's"),
-        (lambda: system(lambda t, x, u, p: [x[1], math.sin(x[0])]), "float or math makes numbers of symbols"),
-        (lambda: system(lambda t, x, u, p: [x[1], np.sin(t)]), "pendulum depends on time; make what it does over time"),
-        (lambda: system(pendulum, dt=0.1), "pendulum is in discrete time; give a system in continuous time"),
+        (
+            lambda: system(lambda t, x, u, p: [x[1], u[0] if x[0] > 0 else 0]),
+            "pendulum cannot be traced with CasADi's",
+        ),
+        (
+            lambda: system(lambda t, x, u, p: [x[1], math.sin(x[0])]),
+            "float or math makes numbers of symbols",
+        ),
+        (
+            lambda: system(lambda t, x, u, p: [x[1], np.sin(t)]),
+            "pendulum depends on time; make what it does over time",
+        ),
+        (
+            lambda: system(pendulum, dt=0.1),
+            "pendulum is in discrete time; give a system in continuous time",
+        ),
     ],
 )
 def test_a_system_that_cannot_be_traced_is_refused_in_one_line(made, words: str) -> None:
@@ -198,7 +262,8 @@ def test_a_system_that_cannot_be_traced_is_refused_in_one_line(made, words: str)
 
 
 def test_a_sweep_is_an_xarray_dataset() -> None:
-    """Over the axes of a grid in their order, or over the points of a list; A and B found by name."""
+    """Over the axes of a grid in their order, or over the points of a list; A and B found by
+    name."""
     pytest.importorskip("xarray")
     axes = {"speed": [500.0, 400.0], "xcg": [0.3, 0.32, 0.35]}
     grid = sweep(F16, axes)
@@ -213,7 +278,11 @@ def test_a_sweep_is_an_xarray_dataset() -> None:
 
 
 def simple(equations: object, **more: object) -> Model:
-    declared = {"states": {"x": Signal(start=0.5), "v": Signal()}, "inputs": {"u": Signal()}, "trim": {"x": 0.0}}
+    declared = {
+        "states": {"x": Signal(start=0.5), "v": Signal()},
+        "inputs": {"u": Signal()},
+        "trim": {"x": 0.0},
+    }
     return Model(name="cart", equations=equations, **{**declared, **more})  # type: ignore[arg-type]
 
 
@@ -238,17 +307,23 @@ def test_kinks_are_reported_with_both_slopes_and_where_they_are(tmp_path: Path) 
 def test_the_kink_of_the_atmosphere_is_reported(published_aircraft: Aircraft) -> None:
     """The lapse rate of the temperature ends at 11 km: the HFA there, and nowhere else."""
     tropopause = 11_000.0 / (1 - 11_000.0 / 6_356_766.0) / 0.3048  # ft
-    at = [find_operating_point(published_aircraft, level_flight(0.1, altitude=h)) for h in (tropopause, 40_000.0)]
+    at = [
+        find_operating_point(published_aircraft, level_flight(0.1, altitude=h))
+        for h in (tropopause, 40_000.0)
+    ]
     kinks = [linearize(published_aircraft, point, full=True).kinks for point in at]
     assert "A(speed, altitude)" in " ".join(kinks[0])
     assert kinks[1] == ()
 
 
 def test_a_wrong_nominal_gives_no_false_result() -> None:
-    """One nominal at a time is wrong by a thousand: the trim is the same, and no kink appears or goes."""
+    """One nominal at a time is wrong by a thousand: the trim is the same, and no kink appears or
+    goes."""
     reference = trimmed(F16)
     kinks = linearize(F16, reference).kinks
-    for kind, name in [("states", each) for each in F16.steady] + [("inputs", each) for each in F16.inputs]:
+    for kind, name in [("states", each) for each in F16.steady] + [
+        ("inputs", each) for each in F16.inputs
+    ]:
         signals = getattr(F16, kind)
         wrong = signals[name]._replace(nominal=signals[name].nominal * 1e3, rate=None)
         model = replace(F16, **{kind: {**signals, name: wrong}})
@@ -262,16 +337,43 @@ def test_a_wrong_nominal_gives_no_false_result() -> None:
     ("equations", "words"),
     [
         (lambda x, u, p, w: ({"x": x.v}, {}), "the equations return no rate of v; add it"),
-        (lambda x, u, p, w: ({"x": x.v, "v": u.u, "q": 0}, {}), "return the undeclared rate 'q'; choose from x, v"),
-        (lambda x, u, p, w: ({"x": x.v, "v": u.gas}, {}), "use an undeclared name of inputs, 'gas'; choose from u"),
-        (lambda x, u, p, w: ({"x": x.v, "v": u.u + ca.sqrt(x.x - 1)}, {}), "the rate of v is not a number at 0 x, "),
-        (lambda x, u, p, w: ({"x": x.v, "v": u.u + math.sin(x.x)}, {}), "use CasADi's functions (ca.sin), not math's"),
-        (lambda x, u, p, w: ({"x": x.v, "v": u.u if x.x > 0 else 0}, {}), "write ca.if_else for if"),
+        (
+            lambda x, u, p, w: ({"x": x.v, "v": u.u, "q": 0}, {}),
+            "return the undeclared rate 'q'; choose from x, v",
+        ),
+        (
+            lambda x, u, p, w: ({"x": x.v, "v": u.gas}, {}),
+            "use an undeclared name of inputs, 'gas'; choose from u",
+        ),
+        (
+            lambda x, u, p, w: ({"x": x.v, "v": u.u + ca.sqrt(x.x - 1)}, {}),
+            "the rate of v is not a number at 0 x, ",
+        ),
+        (
+            lambda x, u, p, w: ({"x": x.v, "v": u.u + math.sin(x.x)}, {}),
+            "use CasADi's functions (ca.sin), not math's",
+        ),
+        (
+            lambda x, u, p, w: ({"x": x.v, "v": u.u if x.x > 0 else 0}, {}),
+            "write ca.if_else for if",
+        ),
         (lambda x, u, p, w: ({"x": x.v, "v": np.fft.fft([u.u, x.x])}, {}), "the equations fail ("),
-        (lambda x, u, p, w: ({"x": x.v, "v": ca.floor(u.u) + x.x}, {}), "cart: u is discrete, its slopes are all 0; "),
-        (lambda x, u, p, w: ({"x": ca.if_else(x.v > 1, 1, 0), "v": u.u}, {}), "cart: v is discrete, "),
-        (lambda x, u, p, w: ({"x": x.v, "v": u.u}, {}, {"z": x.x}), "algebraic residuals are not supported"),
-        (lambda x, u, p, w: ([x.v, u.u], {}), "return rates by state and outputs by name, two dicts"),
+        (
+            lambda x, u, p, w: ({"x": x.v, "v": ca.floor(u.u) + x.x}, {}),
+            "cart: u is discrete, its slopes are all 0; ",
+        ),
+        (
+            lambda x, u, p, w: ({"x": ca.if_else(x.v > 1, 1, 0), "v": u.u}, {}),
+            "cart: v is discrete, ",
+        ),
+        (
+            lambda x, u, p, w: ({"x": x.v, "v": u.u}, {}, {"z": x.x}),
+            "algebraic residuals are not supported",
+        ),
+        (
+            lambda x, u, p, w: ([x.v, u.u], {}),
+            "return rates by state and outputs by name, two dicts",
+        ),
     ],
 )
 def test_wrong_equations_are_said_in_one_line(equations: object, words: str) -> None:
@@ -292,7 +394,9 @@ FAULTS = {
 
 
 @pytest.mark.parametrize(("text", "words"), FAULTS.items())
-def test_what_is_wrong_with_a_file_is_said_in_one_line(text: str, words: str, tmp_path: Path) -> None:
+def test_what_is_wrong_with_a_file_is_said_in_one_line(
+    text: str, words: str, tmp_path: Path
+) -> None:
     path = tmp_path / "own.py"
     path.write_text(text)
     assert_refused(hfa("trim", "--aircraft", f"{path}:A"), 2, f"{path}: ", words)
@@ -315,9 +419,13 @@ A = Model("cart", {"v": Signal()}, {"u": Signal()}, lambda x, u, p, w: ({"v": u.
 
 def test_a_file_may_have_dataclasses_and_tables_beside_it(tmp_path: Path) -> None:
     (tmp_path / "own.py").write_text(WITH_A_TABLE)
-    assert_refused(hfa("trim", "--aircraft", f"{tmp_path / 'own.py'}:A"), 2, "drag.csv cannot be read")
+    assert_refused(
+        hfa("trim", "--aircraft", f"{tmp_path / 'own.py'}:A"), 2, "drag.csv cannot be read"
+    )
     (tmp_path / "drag.csv").write_text("0.5")
-    point = answer("trim", "--aircraft", f"{tmp_path / 'own.py'}:A", "--hold", "u=1", "--free", "v")["operating_point"]
+    point = answer(
+        "trim", "--aircraft", f"{tmp_path / 'own.py'}:A", "--hold", "u=1", "--free", "v"
+    )["operating_point"]
     assert point["states"]["v"] == pytest.approx(2.0)
 
 
@@ -331,7 +439,9 @@ def test_the_command_line_takes_an_own_model(tmp_path: Path) -> None:
     done = hfa("trim", *OWN, "--hold", "xcg=0.3", "--hold", "turn_rate=17.188734", "-o", str(saved))
     assert done.code == 0
     assert re.search(r"^elevator +-6\.25588 +deg +free", done.out, re.M)
-    again = json.loads(hfa("linearize", *OWN, "--hold", "xcg=0.3", "--start", str(saved), "--json").out)
+    again = json.loads(
+        hfa("linearize", *OWN, "--hold", "xcg=0.3", "--start", str(saved), "--json").out
+    )
     assert {mode["name"] for mode in again["modes"]} == {*MODES, "engine"}
     assert again["state_units"][1:3] == ["rad", "rad"]
     assert again["provenance"]["model"].startswith("examples/f16.py:F16 (SHA-256 ")

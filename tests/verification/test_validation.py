@@ -1,5 +1,5 @@
-"""The comparison with the outside: it passes for the identified aircraft, sees every planted error, and decides how
-each inertia depends on the dihedral angle."""
+"""The comparison with the outside: it passes for the identified aircraft, sees every planted error,
+and decides how each inertia depends on the dihedral angle."""
 
 from __future__ import annotations
 
@@ -46,14 +46,18 @@ def test_first_principles_are_not_what_was_released(parameters: Parameters) -> N
         ("inertia_pitch", 1.01, "third_printed_model_half_units"),
     ],
 )
-def test_a_wrong_parameter_is_seen(parameters: Parameters, name: str, factor: float, check: str) -> None:
+def test_a_wrong_parameter_is_seen(
+    parameters: Parameters, name: str, factor: float, check: str
+) -> None:
     wrong = parameters._replace(**{name: getattr(parameters, name) * factor})
     failed = [each for each in validate(Aircraft(wrong)).checks if not each.ok]
     assert check in {each.name for each in failed}
     assert all(each.reason for each in failed)
 
 
-def test_a_wrong_number_of_theirs_is_seen(published_aircraft: Aircraft, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_wrong_number_of_theirs_is_seen(
+    published_aircraft: Aircraft, monkeypatch: pytest.MonkeyPatch
+) -> None:
     first, *rest = released_trims()
     moved = first._replace(eigenvalues=(first.eigenvalues[0] + 2e-4, *first.eigenvalues[1:]))
     monkeypatch.setattr(validation, "released_trims", lambda: (moved, *rest))
@@ -62,12 +66,16 @@ def test_a_wrong_number_of_theirs_is_seen(published_aircraft: Aircraft, monkeypa
     assert failed[0].reason.endswith("1/s at 0 deg")
 
 
-def test_half_a_unit_of_the_last_printed_digit_and_exact_entries(published_aircraft: Aircraft) -> None:
+def test_half_a_unit_of_the_last_printed_digit_and_exact_entries(
+    published_aircraft: Aircraft,
+) -> None:
     model = level_model(published_aircraft, math.radians(10.0))
     entries = {each.name: each for each in third_printed_entries(model)}
     assert entries["A(pitch_rate, dihedral_rate)"].half_unit == pytest.approx(0.005)
     assert entries["A(alpha, speed)"].half_unit == pytest.approx(0.0005)
-    assert "B(speed, elevator_center)" not in entries  # what is printed there belongs to another input
+    assert (
+        "B(speed, elevator_center)" not in entries
+    )  # what is printed there belongs to another input
     exact = "A(pitch, pitch_rate)"  # printed 1
     assert entries[exact].half_units == 0.0
     A = model.A.copy()
@@ -77,14 +85,23 @@ def test_half_a_unit_of_the_last_printed_digit_and_exact_entries(published_aircr
 
 
 def test_in_the_air_of_the_simulation_its_values_pass() -> None:
-    """The released parameters fail in the standard atmosphere and pass with the simulation's own density."""
-    gravity, gas, radius = 32.17405, 1716.55, 20_926_476.0  # ft/s^2, ft^2/(s^2 degR), ft, as the simulation has them
+    """The released parameters fail in the standard atmosphere and pass with the simulation's own
+    density."""
+    gravity, gas, radius = (
+        32.17405,
+        1716.55,
+        20_926_476.0,
+    )  # ft/s^2, ft^2/(s^2 degR), ft, as the simulation has them
     height = radius * 40_000.0 / (radius + 40_000.0)
-    tropopause = 2116.22 / (gas * 518.67) * (389.97 / 518.67) ** (gravity / (0.00356616 * gas) - 1.0)
+    tropopause = (
+        2116.22 / (gas * 518.67) * (389.97 / 518.67) ** (gravity / (0.00356616 * gas) - 1.0)
+    )
     thin = tropopause * np.exp(-gravity * (height - 36089.239) / (389.97 * gas)) / density(40_000.0)
     released = load_parameters("gibson-2011-simulation").values
     lifts = ("lift_slope", "aileron_lift", "aileron_moment", "zero_lift_moment", "zero_lift_drag")
-    theirs = {name: getattr(released, name) * thin for name in lifts} | {"induced_drag": released.induced_drag / thin}
+    theirs = {name: getattr(released, name) * thin for name in lifts} | {
+        "induced_drag": released.induced_drag / thin
+    }
     assert thin == pytest.approx(1 - 1.61e-5, abs=1e-7)
     assert sum(not check.ok for check in validate(Aircraft(released)).checks) == 4
     assert all(check.ok for check in validate(Aircraft(released._replace(**theirs))).checks)
@@ -102,7 +119,9 @@ class PrintedInertia(Published):
     def hinge_inertia(self, dihedral: Quantity, p: Parameters) -> Quantity:
         """d3 = I_x3x3 + m s²/4 + c (m s²/6) cos² η."""
         mass_moment = p.panel_mass * p.panel_span**2
-        return p.inertia_roll + mass_moment / 4 + self.factor * mass_moment / 6 * ca.cos(dihedral) ** 2
+        return (
+            p.inertia_roll + mass_moment / 4 + self.factor * mass_moment / 6 * ca.cos(dihedral) ** 2
+        )
 
 
 class FreeFactor(PrintedInertia):
@@ -129,9 +148,14 @@ def off_at(dihedral: Quantity, degrees: float, size: float) -> Quantity:
 def test_cos_squared_with_a_free_factor_fits_the_print_and_fails_outside(
     parameters: Parameters, published_aircraft: Aircraft
 ) -> None:
-    """Two printed angles fix its two constants and so cannot refute it; 30 ft/s up to 45 deg does."""
+    """Two printed angles fix its two constants and so cannot refute it; 30 ft/s up to 45 deg
+    does."""
     other = Aircraft(parameters._replace(inertia_roll=9840.2), FreeFactor())
-    misses = [entry.half_units for model in published_models() for entry in compare(regenerate(other, model), model)]
+    misses = [
+        entry.half_units
+        for model in published_models()
+        for entry in compare(regenerate(other, model), model)
+    ]
     assert np.abs(misses).max() < 1.25
     values = failed(validate(other))
     assert values["eigenvalue_30_ft_s"] == pytest.approx(0.5065, abs=2e-3)
@@ -140,13 +164,16 @@ def test_cos_squared_with_a_free_factor_fits_the_print_and_fails_outside(
     assert set(values) >= {"eigenvalue_64_ft_s", "eigenvalue_68_ft_s"}
     # The same at each trim: only the dihedral-rate row knows d3, and at 45 deg it is off by 0.505.
     farthest = max(released_trims(), key=lambda each: each.dihedral)
-    difference = np.abs(model_at(published_aircraft, farthest).A - model_at(other, farthest).A).max(axis=1)
+    difference = np.abs(model_at(published_aircraft, farthest).A - model_at(other, farthest).A).max(
+        axis=1
+    )
     assert difference[-1] == pytest.approx(0.505, abs=2e-3)
     assert difference[:-1].max() < 1e-6
 
 
 @pytest.mark.parametrize(
-    ("variant", "at_0", "at_45"), [(PrintedInertia(), -7.22, -9.06), (NewtonInertia(), -40.7, -17.7)]
+    ("variant", "at_0", "at_45"),
+    [(PrintedInertia(), -7.22, -9.06), (NewtonInertia(), -40.7, -17.7)],
 )
 def test_gibsons_figure_was_not_drawn_with_his_printed_hinge_inertia(
     parameters: Parameters, variant: Variant, at_0: float, at_45: float

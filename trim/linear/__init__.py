@@ -1,1 +1,2 @@
-"""Linear models at an operating point: exact derivatives, modes, error bands, comparison with the print."""
+"""Linear models at an operating point: exact derivatives, modes, error bands, comparison with the
+print."""

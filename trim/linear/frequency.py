@@ -1,4 +1,5 @@
-"""Transfer functions, transmission zeros and frequency responses of a linear model, and their Bode plot."""
+"""Transfer functions, transmission zeros and frequency responses of a linear model, and their Bode
+plot."""
 
 from __future__ import annotations
 
@@ -22,16 +23,16 @@ if TYPE_CHECKING:
 
 #: Of the largest entry of the scaled system: what is smaller is rounding where a rank is decided.
 _ROUNDING = 1e-12
-#: A zero and a pole that are as close, relative to 0.01 + |zero|, cancel; what is slower than `_SLOW`, 1/s, is at 0.
+#: A zero and a pole that are as close, relative to 0.01 + |zero|, cancel; what is slower than
+#: `_SLOW`, 1/s, is at 0.
 _CANCELS, _SLOW = 1e-7, 1e-9
 
 
 class Transfer(NamedTuple):
     """output / input = gain Π(s - zero) / Π(s - pole), without what cancels.
 
-    unit: of the output over that of the input. gain: 0 where the input does not reach the output. static: the value at
-    s = 0, infinite where a pole is there. zeros, poles: 1/s.
-    """
+    unit: of the output over that of the input. gain: 0 where the input does not reach the output.
+    static: the value at s = 0, infinite where a pole is there. zeros, poles: 1/s."""
 
     output: str
     input: str
@@ -52,27 +53,39 @@ def transfers(model: LinearModel) -> list[Transfer]:
     for (i, output), (j, name) in product(enumerate(model.outputs), enumerate(model.inputs)):
         b, c = B[:, [j]], C[[i]]
         zeros, rank = transmission_zeros(A, b, c, D[[i]][:, [j]])
-        zeros, poles = _without_common(zeros, np.linalg.eigvals(A)) if rank else (np.zeros(0), np.zeros(0))
+        zeros, poles = (
+            _without_common(zeros, np.linalg.eigvals(A)) if rank else (np.zeros(0), np.zeros(0))
+        )
         gain = static = 0.0
         if rank:
             # The first number of d, c b, c A b, c A² b, ... that is not 0.
             order = len(poles) - len(zeros)
-            first = (c @ np.linalg.matrix_power(A, order - 1) @ b).item() if order else float(D[i, j])
+            first = (
+                (c @ np.linalg.matrix_power(A, order - 1) @ b).item() if order else float(D[i, j])
+            )
             gain = first * signals[output].nominal / signals[name].nominal
-            slowest_zero, slowest_pole = (np.abs(roots).min(initial=np.inf) for roots in (zeros, poles))
+            slowest_zero, slowest_pole = (
+                np.abs(roots).min(initial=np.inf) for roots in (zeros, poles)
+            )
             if slowest_zero > _SLOW:
-                static = float(np.real(gain * np.prod(-zeros) / np.prod(-poles))) if slowest_pole > _SLOW else np.inf
+                static = (
+                    float(np.real(gain * np.prod(-zeros) / np.prod(-poles)))
+                    if slowest_pole > _SLOW
+                    else np.inf
+                )
         unit = f"({signals[output].unit})/({signals[name].unit})"
         found.append(Transfer(output, name, unit, gain, static, zeros, poles))
     return found
 
 
-def transmission_zeros(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray) -> tuple[np.ndarray, int]:
-    """The invariant zeros of x' = A x + B u, y = C x + D u, 1/s, and the normal rank of its transfer matrix.
+def transmission_zeros(
+    A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray
+) -> tuple[np.ndarray, int]:
+    """The invariant zeros of x' = A x + B u, y = C x + D u, 1/s, and the normal rank of its
+    transfer matrix.
 
-    The system is reduced to one of the same zeros whose D is square and invertible (A. Emami-Naeini, P. Van Dooren,
-    Automatica 18, 1982); they are the eigenvalues of A - B D⁻¹ C.
-    """
+    The system is reduced to one of the same zeros whose D is square and invertible (A.
+    Emami-Naeini, P. Van Dooren, Automatica 18, 1982); they are the eigenvalues of A - B D⁻¹ C."""
     small = _ROUNDING * float(np.linalg.norm(np.block([[A, B], [C, D]])))
     for _ in range(2):  # the second time the transposed system
         A, B, C, D = _with_full_rows(A, B, C, D, small)
@@ -84,7 +97,8 @@ def transmission_zeros(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarra
 def _with_full_rows(
     A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, small: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """A smaller system of the same zeros whose D has independent rows: what y shows without u is no state."""
+    """A smaller system of the same zeros whose D has independent rows: what y shows without u is no
+    state."""
     while len(D):
         turn, sizes, _ = np.linalg.svd(D) if D.size else (np.eye(len(D)), np.zeros(0), None)
         rank = int((sizes > small).sum())
@@ -112,7 +126,9 @@ def bode_figure(model: LinearModel) -> Figure:
     size = entries_in_force(np.moveaxis(np.abs(found.frdata), 2, 0), *units)
     phase = np.degrees(np.unwrap(np.moveaxis(np.angle(found.frdata), 2, 0), axis=0))
     if not size.any():
-        raise BadInputError("no chosen input reaches a chosen output: there is no Bode plot to draw")
+        raise BadInputError(
+            "no chosen input reaches a chosen output: there is no Bode plot to draw"
+        )
     figure = new_figure(max(5.0, 3.4 * len(model.outputs)), 5.6)
     axes = figure.subplots(2, len(model.outputs), sharex=True, squeeze=False)
     for i, (output, unit) in enumerate(zip(model.outputs, output_units, strict=True)):
@@ -135,7 +151,8 @@ def bode_figure(model: LinearModel) -> Figure:
 
 
 def with_transfers(report: Report, model: LinearModel) -> Report:
-    """The report of a model with its transmission zeros and a row for each transfer function that is not zero."""
+    """The report of a model with its transmission zeros and a row for each transfer function that
+    is not zero."""
     found, zeros = model.transfers(), model.zeros()
     rows = [
         (
@@ -162,7 +179,12 @@ def scaled(model: LinearModel) -> tuple[np.ndarray, ...]:
     signals = model.point.model.signals
     names = model.states, model.inputs, model.outputs
     x, u, y = (np.array([signals[name].nominal for name in part]) for part in names)
-    return model.A * x / x[:, None], model.B * u / x[:, None], model.C * x / y[:, None], model.D * u / y[:, None]
+    return (
+        model.A * x / x[:, None],
+        model.B * u / x[:, None],
+        model.C * x / y[:, None],
+        model.D * u / y[:, None],
+    )
 
 
 def _without_common(zeros: np.ndarray, poles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

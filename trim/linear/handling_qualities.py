@@ -1,4 +1,5 @@
-"""Handling qualities of an aircraft at a trim, from the modes and outputs that its model declares."""
+"""Handling qualities of an aircraft at a trim, from the modes and outputs that its model
+declares."""
 
 from __future__ import annotations
 
@@ -13,8 +14,8 @@ from hfa_support.reporting.text import Table
 from trim.linear.linear_model import LinearModel, linearize
 
 if TYPE_CHECKING:
+    from hfa_aircraft.model import Model
     from hfa_model.aircraft import Aircraft
-    from hfa_support.model import Model
     from trim.point.operating_point import OperatingPoint
 
 #: Modes that oscillate, and those with one real eigenvalue, as models name them.
@@ -32,12 +33,12 @@ class Quantity(NamedTuple):
 def handling_qualities(aircraft: Aircraft | Model, point: OperatingPoint) -> list[Quantity]:
     """What the declaration of the model allows, of its linear states at a trim.
 
-    Of a mode declared as `short period`, `phugoid` or `dutch roll`: natural frequency and damping, of two real
-    eigenvalues those of their product and sum. `roll`: time constant -1/λ. `spiral`: time to double or half, ln 2/|λ|.
-    With an output `load_factor` and a state `alpha` in the short period: n/alpha, and the control anticipation
-    parameter CAP = ω²/(n/alpha) (MIL-F-8785C, 3.2.2.1). n/alpha is the change of load factor by that of alpha, both at
-    rest after a step of the input that pitches the aircraft most, with every state but alpha and pitch rate held.
-    """
+    Of a mode declared as `short period`, `phugoid` or `dutch roll`: natural frequency and damping,
+    of two real eigenvalues those of their product and sum. `roll`: time constant -1/λ. `spiral`:
+    time to double or half, ln 2/|λ|. With an output `load_factor` and a state `alpha` in the short
+    period: n/alpha, and the control anticipation parameter CAP = ω²/(n/alpha) (MIL-F-8785C,
+    3.2.2.1). n/alpha is the change of load factor by that of alpha, both at rest after a step of
+    the input that pitches the aircraft most, with every state but alpha and pitch rate held."""
     model = aircraft.model
     outputs = ("load_factor",) if "load_factor" in model.outputs else None
     linear = linearize(aircraft, point, outputs=outputs, disturbances=())
@@ -45,9 +46,14 @@ def handling_qualities(aircraft: Aircraft | Model, point: OperatingPoint) -> lis
     for name in filter(model.modes.__contains__, _OSCILLATING):
         if (pair := _pair(linear, name)) is not None:
             frequency, damping = pair
-            found += [Quantity(f"{name} frequency", frequency, "rad/s"), Quantity(f"{name} damping", damping, "1")]
+            found += [
+                Quantity(f"{name} frequency", frequency, "rad/s"),
+                Quantity(f"{name} damping", damping, "1"),
+            ]
             if name == "dutch roll":
-                found.append(Quantity("dutch roll damping times frequency", damping * frequency, "rad/s"))
+                found.append(
+                    Quantity("dutch roll damping times frequency", damping * frequency, "rad/s")
+                )
             if name == "short period" and (ratio := _n_per_alpha(linear)):
                 found.append(Quantity("n/alpha", ratio, "1/rad"))
                 if frequency**2 / ratio > 0:
@@ -65,12 +71,14 @@ def handling_qualities(aircraft: Aircraft | Model, point: OperatingPoint) -> lis
 
 
 def with_qualities(report: Report, aircraft: Aircraft | Model, point: OperatingPoint) -> Report:
-    """The report of a linear model with its handling qualities, a row each; as it is where there are none."""
+    """The report of a linear model with its handling qualities, a row each; as it is where there
+    are none."""
     found = handling_qualities(aircraft, point)
     if not found:
         return report
     table = Table(
-        ("handling qualities", "value", "unit"), [(name, f"{value:.4f}", unit) for name, value, unit in found]
+        ("handling qualities", "value", "unit"),
+        [(name, f"{value:.4f}", unit) for name, value, unit in found],
     )
     data = {each.name: {"value": each.value, "unit": each.unit} for each in found}
     return replace(report, parts=(*report.parts, table)).with_data(handling_qualities=data)
@@ -86,7 +94,11 @@ def _pair(linear: LinearModel, family: str) -> tuple[float, float] | None:
     values = _eigenvalues(linear, family)
     if len(values) == 1 and values[0].imag:
         values = [values[0], values[0].conjugate()]
-    if len(values) != 2 or (product := (values[0] * values[1]).real) <= 0 or abs(sum(values).imag) > 0:
+    if (
+        len(values) != 2
+        or (product := (values[0] * values[1]).real) <= 0
+        or abs(sum(values).imag) > 0
+    ):
         return None
     return math.sqrt(product), -sum(values).real / (2 * math.sqrt(product))
 

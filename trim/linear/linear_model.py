@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError, refuse_unknown
-from hfa_support.model import Model
 from hfa_support.reporting.fields import ByValue
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.text import Table, degrees, matrix_table
@@ -25,8 +25,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from hfa_model.aircraft import Aircraft
+    from trim.hfa.printed import Bands
     from trim.linear.frequency import Transfer
-    from trim.linear.printed import Bands
 
 
 #: Condition number, in nominal units, from which a matrix counts as singular.
@@ -38,11 +38,10 @@ class LinearModel(ByValue, Reported):
     """x' = A x + B u + E w, y - Y0 = C x + D u + F w with x = X - X0, u = U - U0 (paper Eq. 9).
 
     A: (n, n), B: (n, m). states, inputs: names, in order; units in `state_units`, `input_units`.
-    point: the operating point, whose values are the offsets X0, U0. outputs: names y, in order; the states unless
-    others were asked for, with C (k, n) the identity and D (k, m) zero. output_offsets: Y0, (k,).
-    disturbances: names w; without any E (n, l) and F (k, l) have no columns. kinks: entries of A and B whose one-sided
-    slopes differ, in words.
-    """
+    point: the operating point, whose values are the offsets X0, U0. outputs: names y, in order; the
+    states unless others were asked for, with C (k, n) the identity and D (k, m) zero.
+    output_offsets: Y0, (k,). disturbances: names w; without any E (n, l) and F (k, l) have no
+    columns. kinks: entries of A and B whose one-sided slopes differ, in words."""
 
     A: np.ndarray
     B: np.ndarray
@@ -92,16 +91,20 @@ class LinearModel(ByValue, Reported):
     ) -> LinearModel:
         """The model of the named states and inputs alone; None keeps all.
 
-        States and inputs left out stay at their offsets. States in `residualize` follow the others at once:
-        x2 = -A22⁻¹ (A21 x1 + B2 u + E2 w), so that values at rest stay as they were. BadInputError when the model has
-        no such name, it comes twice, or A22 is singular.
-        """
+        States and inputs left out stay at their offsets. States in `residualize` follow the others
+        at once: x2 = -A22⁻¹ (A21 x1 + B2 u + E2 w), so that values at rest stay as they were.
+        BadInputError when the model has no such name, it comes twice, or A22 is singular."""
         if states is None:
             states = tuple(name for name in self.states if name not in residualize)
-        rows, columns = _positions("state", states, self.states), _positions("input", inputs, self.inputs)
+        rows, columns = (
+            _positions("state", states, self.states),
+            _positions("input", inputs, self.inputs),
+        )
         left = _positions("state", (*states, *residualize), self.states)[len(rows) :]
         if not rows:
-            raise BadInputError("no state is left in the model; leave at least one out of residualize")
+            raise BadInputError(
+                "no state is left in the model; leave at least one out of residualize"
+            )
         seen = rows if self.outputs == self.states else list(range(len(self.outputs)))
         A22 = self.A[np.ix_(left, left)]
         sizes = np.array([self.point.model.states[name].nominal for name in residualize])
@@ -113,7 +116,10 @@ class LinearModel(ByValue, Reported):
         kept: dict[str, Any] = {}
         winds = list(range(len(self.disturbances)))
         for of_rates, of_outputs, by in (("A", "C", rows), ("B", "D", columns), ("E", "F", winds)):
-            rates, shown = getattr(self, of_rates)[:, by], getattr(self, of_outputs)[np.ix_(seen, by)]
+            rates, shown = (
+                getattr(self, of_rates)[:, by],
+                getattr(self, of_outputs)[np.ix_(seen, by)],
+            )
             kept |= {of_rates: rates[rows], of_outputs: shown}
             if left:
                 follow = -np.linalg.solve(A22, rates[left])
@@ -141,7 +147,8 @@ class LinearModel(ByValue, Reported):
         return transfers(self)
 
     def frequency_response(self, omega: Any = None) -> control.FrequencyResponseData:
-        """C (iω - A)⁻¹ B + D at ω, rad/s, (outputs, inputs, N); python-control chooses ω unless given."""
+        """C (iω - A)⁻¹ B + D at ω, rad/s, (outputs, inputs, N); python-control chooses ω unless
+        given."""
         import control
 
         return control.frequency_response(self.to_control(), omega)
@@ -160,33 +167,54 @@ class LinearModel(ByValue, Reported):
         """The same model as python-control's `StateSpace`, names kept."""
         import control
 
-        names = {"states": list(self.states), "inputs": list(self.inputs), "outputs": list(self.outputs)}
+        names = {
+            "states": list(self.states),
+            "inputs": list(self.inputs),
+            "outputs": list(self.outputs),
+        }
         return control.ss(self.A, self.B, self.C, self.D, **names)
 
 
-def reduction_note(model: LinearModel, whole: LinearModel, residualized: tuple[str, ...] = ()) -> str:
-    """What a model of fewer states does to the eigenvalues of the whole one; "" where no state of it is missing."""
+def reduction_note(
+    model: LinearModel, whole: LinearModel, residualized: tuple[str, ...] = ()
+) -> str:
+    """What a model of fewer states does to the eigenvalues of the whole one; "" where no state of
+    it is missing."""
     left = tuple(name for name in whole.states if name not in (*model.states, *residualized))
     kinds = (left, "left out (truncated)"), (residualized, "residualized (at rest at every moment)")
-    said = [f"{', '.join(names)} {'is' if len(names) == 1 else 'are'} {how}" for names, how in kinds if names]
+    said = [
+        f"{', '.join(names)} {'is' if len(names) == 1 else 'are'} {how}"
+        for names, how in kinds
+        if names
+    ]
     found, known = np.linalg.eigvals(model.A), np.linalg.eigvals(whole.A)
-    off = max(float(np.min(np.abs(each - known) / np.maximum(np.abs(known), 1e-12))) for each in found)
+    off = max(
+        float(np.min(np.abs(each - known) / np.maximum(np.abs(known), 1e-12))) for each in found
+    )
     more = "" if residualized else " (--residualize names states that follow instead)"
     apart = f"the eigenvalues lie up to {100 * off:.2g} % from those of all {len(whole.states)} states{more}"
     return f"{'; '.join(said)}; {apart}" if said else ""
 
 
 def linear_model_report(
-    model: LinearModel, bands: Bands | None = None, trust: str = "", *, other: LinearModel | None = None
+    model: LinearModel,
+    bands: Bands | None = None,
+    trust: str = "",
+    *,
+    other: LinearModel | None = None,
 ) -> Report:
-    """A, B, offsets and modes; the bands of the entries, and a sentence on them, where they are asked for; in the data
-    E and F too. other: the model of the other dynamics at the same condition, for the differences."""
+    """A, B, offsets and modes; the bands of the entries, and a sentence on them, where they are
+    asked for; in the data E and F too. other: the model of the other dynamics at the same
+    condition, for the differences."""
     point, own, blocks = model.point, model.point.model, _blocks(model)
     shown, units = [name for name, *_ in blocks], {*model.state_units, *model.input_units}
     unit = ", ".join(sorted(units - {"1"}))
     if any("ft" in each for each in units):
         unit = f"rad, {unit_in_force('ft')}, s"
-    places = (*model.states, *model.inputs), (*model.state_offsets.tolist(), *model.input_offsets.tolist())
+    places = (
+        (*model.states, *model.inputs),
+        (*model.state_offsets.tolist(), *model.input_offsets.tolist()),
+    )
     offsets = [(name, *degrees(value, own.unit(name))) for name, value in zip(*places, strict=True)]
     warnings, names = [*point.warnings, *model.kinks], _ALWAYS + _WINDY * bool(model.disturbances)
     data: dict[str, Any] = {
@@ -204,16 +232,24 @@ def linear_model_report(
     if bands is not None:
         data |= {"A_band": bands.A.tolist(), "B_band": bands.B.tolist()}
     if other is not None:
-        differences = {f"{name}_difference": (getattr(other, name) - getattr(model, name)).tolist() for name in "AB"}
+        differences = {
+            f"{name}_difference": (getattr(other, name) - getattr(model, name)).tolist()
+            for name in "AB"
+        }
         data |= {"other_dynamics": other.point.dynamics, **differences}
     records: list[tuple[Any, ...]] = []
     for name, down, across, values in blocks:
         band = getattr(bands, name) if bands is not None and name in "AB" else None
         for (i, row), (j, column) in product(enumerate(down), enumerate(across)):
             of = f"({own.rate_unit(row) if name in 'AB' else own.unit(row)})/({own.unit(column)})"
-            records.append((name, row, column, values[i, j], of, "" if band is None else band[i, j]))
+            records.append(
+                (name, row, column, values[i, j], of, "" if band is None else band[i, j])
+            )
     kinds = ["X0"] * len(model.states) + ["U0"] * len(model.inputs)
-    records += [(kind, name, "", value, own.unit(name), "") for kind, name, value in zip(kinds, *places, strict=True)]
+    records += [
+        (kind, name, "", value, own.unit(name), "")
+        for kind, name, value in zip(kinds, *places, strict=True)
+    ]
     return Report(
         title=f"Linear model {at_scheduled(point)}, {point.called} "
         f"(x' = A x + B u,{' y = C x + D u,' * ('C' in shown)} x = X - X0, u = U - U0)\n"
@@ -272,19 +308,20 @@ def linearize(
     outputs: tuple[str, ...] | None = None,
     disturbances: tuple[str, ...] | None = None,
 ) -> LinearModel:
-    """A = ∂f/∂X, B = ∂f/∂U, C = ∂y/∂X, D = ∂y/∂U, E = ∂f/∂w, F = ∂y/∂w at (X0, U0) at w = 0, by algorithmic
-    differentiation (exact to rounding).
+    """A = ∂f/∂X, B = ∂f/∂U, C = ∂y/∂X, D = ∂y/∂U, E = ∂f/∂w, F = ∂y/∂w at (X0, U0) at w = 0, by
+    algorithmic differentiation (exact to rounding).
 
-    Returns the model's linear states, of the HFA the paper's six (Section 2.2), or all of them when `full`.
-    outputs: names of outputs or of states; None for the states of the model.
-    disturbances: names; None for the first one where outputs are asked for. The HFA's are winds, ft/s.
-    BadInputError when the point is of another model or other dynamics, or a name is unknown.
-    """
+    Returns the model's linear states, of the HFA the paper's six (Section 2.2), or all of them when
+    `full`. outputs: names of outputs or of states; None for the states of the model. disturbances:
+    names; None for the first one where outputs are asked for. The HFA's are winds, ft/s.
+    BadInputError when the point is of another model or other dynamics, or a name is unknown."""
     own = aircraft.model
     point.refuse_other(own)
     plain = outputs is None and disturbances is None
     seen = tuple(own.states) if plain else tuple(outputs or (own.states if full else own.linear))
-    winds = tuple(disturbances if disturbances is not None else [*own.disturbances][: outputs is not None])
+    winds = tuple(
+        disturbances if disturbances is not None else [*own.disturbances][: outputs is not None]
+    )
     _positions("output", seen, (*own.states, *own.outputs))
     _positions("disturbance", winds, tuple(own.disturbances))
     found = own.at(point.states, point.inputs, seen, winds)
@@ -296,9 +333,10 @@ def linearize(
 
 
 def level_model(aircraft: Aircraft | Model, scheduled: float) -> LinearModel:
-    """A, B at the model's own trim with this value of its scheduling variable, of the HFA the paper's level flight with
-    this dihedral, rad. Raises TrimError when there is no such trim."""
+    """A, B at the model's own trim with this value of its scheduling variable, of the HFA the
+    paper's level flight with this dihedral, rad. Raises TrimError when there is no such trim."""
     model = aircraft.model
     return linearize(
-        aircraft, find_operating_point(aircraft, usual_condition(model).at(hold={model.schedule: scheduled}))
+        aircraft,
+        find_operating_point(aircraft, usual_condition(model).at(hold={model.schedule: scheduled})),
     )

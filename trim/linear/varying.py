@@ -15,12 +15,13 @@ from hfa_support.errors import BadInputError
 from trim.sweeps.sweep import Sweep
 
 if TYPE_CHECKING:
+    from hfa_aircraft.model import Model
     from hfa_model.aircraft import Aircraft
-    from hfa_support.model import Model
 
 
 class Interpolated(NamedTuple):
-    """At N points: X0 (N, n), U0 (N, m), A (N, k, k), B (N, k, m) of the sweep's k states; without N at one point."""
+    """At N points: X0 (N, n), U0 (N, m), A (N, k, k), B (N, k, m) of the sweep's k states; without
+    N at one point."""
 
     states: np.ndarray
     inputs: np.ndarray
@@ -42,10 +43,14 @@ class InterpolatedModel:
         plan = self.sweep.plan
         for name, count in zip(plan.variables, plan.sizes, strict=not plan.listed):
             if plan.listed or count < 2:
-                raise BadInputError(f"{name} has one value in the sweep; models are interpolated over two or more")
+                raise BadInputError(
+                    f"{name} has one value in the sweep; models are interpolated over two or more"
+                )
         for values, reason in zip(self.sweep.values, self.sweep.reasons, strict=True):
             if reason:
-                raise BadInputError(f"no trim at {self._place(values)}, so there is nothing to interpolate: {reason}")
+                raise BadInputError(
+                    f"no trim at {self._place(values)}, so there is nothing to interpolate: {reason}"
+                )
 
     @cached_property
     def axes(self) -> tuple[np.ndarray, ...]:
@@ -56,14 +61,26 @@ class InterpolatedModel:
         """At values of all variables, numbers or arrays (N,); BadInputError outside of the grid."""
         if {*values} != {*self.sweep.variables}:
             raise BadInputError(f"give {', '.join(self.sweep.variables)}, by name")
-        asked = np.stack(np.broadcast_arrays(*(values[name] for name in self.sweep.variables)), axis=-1)
-        for name, axis, column in zip(self.sweep.variables, self.axes, np.moveaxis(asked, -1, 0), strict=True):
+        asked = np.stack(
+            np.broadcast_arrays(*(values[name] for name in self.sweep.variables)), axis=-1
+        )
+        for name, axis, column in zip(
+            self.sweep.variables, self.axes, np.moveaxis(asked, -1, 0), strict=True
+        ):
             if not np.all((axis[0] <= column) & (column <= axis[-1])):
                 ends = (self.sweep.model.describe(name, end) for end in axis[[0, -1]])
-                raise BadInputError(f"{name} lies outside of the sweep, which goes from {' to '.join(ends)}")
+                raise BadInputError(
+                    f"{name} lies outside of the sweep, which goes from {' to '.join(ends)}"
+                )
         shapes = [table.shape[len(self.axes) :] for table in self._tables]
-        parts = np.split(self._interpolator(asked), np.cumsum([math.prod(shape) for shape in shapes])[:-1], axis=-1)
-        return Interpolated(*(p.reshape(*asked.shape[:-1], *shape) for p, shape in zip(parts, shapes, strict=True)))
+        parts = np.split(
+            self._interpolator(asked),
+            np.cumsum([math.prod(shape) for shape in shapes])[:-1],
+            axis=-1,
+        )
+        return Interpolated(
+            *(p.reshape(*asked.shape[:-1], *shape) for p, shape in zip(parts, shapes, strict=True))
+        )
 
     @cached_property
     def _interpolator(self) -> Any:
@@ -82,7 +99,10 @@ class InterpolatedModel:
         for x, axis in zip(ca.vertsplit(asked), self.axes, strict=True):
             x = ca.fmin(ca.fmax(x, axis[0]), axis[-1])
             up = [(x - low) / (high - low) for low, high in pairwise(axis)]
-            hats = [ca.fmax(0, ca.fmin(*each)) for each in zip([1, *up], [*(1 - each for each in up), 1], strict=True)]
+            hats = [
+                ca.fmax(0, ca.fmin(*each))
+                for each in zip([1, *up], [*(1 - each for each in up), 1], strict=True)
+            ]
             weights = ca.kron(weights, ca.vertcat(*hats))
         parts = []
         for table in self._tables:
@@ -100,11 +120,14 @@ class InterpolatedModel:
 
     def _place(self, values: np.ndarray | list[float]) -> str:
         names = zip(self.sweep.variables, values, strict=True)
-        return ", ".join(f"{name} {self.sweep.model.describe(name, value)}" for name, value in names)
+        return ", ".join(
+            f"{name} {self.sweep.model.describe(name, value)}" for name, value in names
+        )
 
 
 class Along(NamedTuple):
-    """Along N states of a flight: the rates f (N, n), A = ∂f/∂x (N, n, n) and B = ∂f/∂u (N, n, m)."""
+    """Along N states of a flight: the rates f (N, n), A = ∂f/∂x (N, n, n) and B = ∂f/∂u (N, n,
+    m)."""
 
     rates: np.ndarray
     A: np.ndarray
@@ -112,11 +135,15 @@ class Along(NamedTuple):
 
 
 def models_along(aircraft: Aircraft | Model, states: np.ndarray, inputs: np.ndarray) -> Along:
-    """Exact linear models at states (N, n) and inputs (N, m) that need not balance: of small deviations δx from a
-    flight, δx' = A(t) δx + B(t) δu. BadInputError when a shape is wrong or a derivative is not finite."""
+    """Exact linear models at states (N, n) and inputs (N, m) that need not balance: of small
+    deviations δx from a flight, δx' = A(t) δx + B(t) δu. BadInputError when a shape is wrong or a
+    derivative is not finite."""
     model = aircraft.model
     n, m = len(model.states), len(model.inputs)
-    x, u = np.atleast_2d(np.asarray(states, dtype=float)), np.atleast_2d(np.asarray(inputs, dtype=float))
+    x, u = (
+        np.atleast_2d(np.asarray(states, dtype=float)),
+        np.atleast_2d(np.asarray(inputs, dtype=float)),
+    )
     if x.shape[1:] != (n,) or u.shape != (len(x), m):
         raise BadInputError(f"states {x.shape} and inputs {u.shape} must be (N, {n}) and (N, {m})")
     function = model.functions(()).map(len(x))

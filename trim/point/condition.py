@@ -1,4 +1,5 @@
-"""What a trim imposes and what it leaves free: a condition on states, inputs, outputs and rates, also from a file."""
+"""What a trim imposes and what it leaves free: a condition on states, inputs, outputs and rates,
+also from a file."""
 
 from __future__ import annotations
 
@@ -9,28 +10,36 @@ from typing import Any
 
 import numpy as np
 
+from hfa_aircraft.model import Model
 from hfa_model.aircraft import HFA
 from hfa_support.errors import BadInputError, is_finite, pair_of, refuse_unknown, said_of, shown
 from hfa_support.linear_table import LinearTable
-from hfa_support.model import Model
 from hfa_support.schema import NUMBER, checked, read_named
 
 #: Conditions that come with the package: name -> file; what a file holds.
 NAMED = {"paper": "paper.toml", "simvfa-64": "simvfa_64.toml", "simvfa-30": "simvfa_30.toml"}
-_FILE = {"description": str, "source": str, "impose": {str: None}, "free": [str], "limits": {str: [NUMBER]}}
+_FILE = {
+    "description": str,
+    "source": str,
+    "impose": {str: None},
+    "free": [str],
+    "limits": {str: [NUMBER]},
+}
 
 
 @dataclass(frozen=True)
 class TrimCondition:
-    """f(X, U) = rates, y(X, U) = values, with some of X, U and y imposed and the other X, U free within limits.
+    """f(X, U) = rates, y(X, U) = values, with some of X, U and y imposed and the other X, U free
+    within limits.
 
-    imposed: variable or output -> value, or its values over the scheduling variable (of the HFA the dihedral angle,
-    rad), of which `at` makes numbers. rates: state -> imposed value of its rate; zero for the steady ones of the model
-    unless given. A rate that is left out is not balanced. `at` and `release` take a rate by the name of its state with
-    _dot behind it. limits: name -> (lowest, highest); the model's for what is not named. begin: variable -> where the
-    search for it begins. name: of a condition from a file. model: whose names these are. Internal units and radians.
-    BadInputError when a name is unknown, or a value is not finite or lies outside its limits.
-    """
+    imposed: variable or output -> value, or its values over the scheduling variable (of the HFA the
+    dihedral angle, rad), of which `at` makes numbers. rates: state -> imposed value of its rate;
+    zero for the steady ones of the model unless given. A rate that is left out is not balanced.
+    `at` and `release` take a rate by the name of its state with _dot behind it. limits: name ->
+    (lowest, highest); the model's for what is not named. begin: variable -> where the search for it
+    begins. name: of a condition from a file. model: whose names these are. Internal units and
+    radians. BadInputError when a name is unknown, or a value is not finite or lies outside its
+    limits."""
 
     imposed: Mapping[str, Any]
     rates: Mapping[str, float] = None  # type: ignore[assignment]  # replaced below
@@ -45,7 +54,9 @@ class TrimCondition:
         if self.rates is None:
             object.__setattr__(self, "rates", dict.fromkeys(model.steady, 0.0))
         if not self.rates:
-            raise BadInputError("no rate is imposed; name at least one of " + ", ".join(model.states))
+            raise BadInputError(
+                "no rate is imposed; name at least one of " + ", ".join(model.states)
+            )
         for what, names, known in (
             ("rate", self.rates, model.states),
             ("trim variable", self.imposed, model.holdable),
@@ -68,7 +79,9 @@ class TrimCondition:
                     raise BadInputError(f"{name} is {shown(each)}; give a finite number")
                 if not lowest <= each <= highest:
                     between = f"{describe(name, lowest)} and {describe(name, highest)}"
-                    raise BadInputError(f"{name} is {describe(name, each)}; it must lie between {between}")
+                    raise BadInputError(
+                        f"{name} is {describe(name, each)}; it must lie between {between}"
+                    )
 
     @property
     def free(self) -> tuple[str, ...]:
@@ -81,18 +94,21 @@ class TrimCondition:
         outputs = tuple(name for name in self.imposed if name not in self.model.variables)
         return tuple(name for name in self.model.states if name in self.rates), outputs
 
-    def at(self, scheduled: float | None = None, hold: Mapping[str, float] | None = None) -> TrimCondition:
-        """The condition in numbers at a value of the scheduling variable, of the HFA the dihedral angle, rad (None for
-        its own), with the values of `hold` imposed.
+    def at(
+        self, scheduled: float | None = None, hold: Mapping[str, float] | None = None
+    ) -> TrimCondition:
+        """The condition in numbers at a value of the scheduling variable, of the HFA the dihedral
+        angle, rad (None for its own), with the values of `hold` imposed.
 
-        Where it is free the search begins there. BadInputError outside the places of a table, or where a value lies
-        outside its limits.
-        """
+        Where it is free the search begins there. BadInputError outside the places of a table, or
+        where a value lies outside its limits."""
         by, model = self.model.schedule, self.model
         place = self.imposed.get(by, self.begin.get(by, 0.0)) if scheduled is None else scheduled
         own, rates = _apart(model, ({by: place} if by in self.imposed else {}) | dict(hold or {}))
         imposed = {name: float(self.values_at(name, place)) for name in self.imposed} | own
-        begin = {**self.begin, by: place} if by in model.variables and by not in imposed else self.begin
+        begin = (
+            {**self.begin, by: place} if by in model.variables and by not in imposed else self.begin
+        )
         return replace(self, imposed=imposed, rates={**self.rates, **rates}, begin=begin)
 
     def values_at(self, name: str, scheduled: float | np.ndarray) -> np.ndarray:
@@ -105,7 +121,9 @@ class TrimCondition:
         if outside.size:
             by, say = self.model.schedule, self.model.describe
             given = f"{name} is given from {say(by, first)} to {say(by, last)} of {by}"
-            raise BadInputError(f"condition {self.name}: {given}; {say(by, outside[0])} lies outside")
+            raise BadInputError(
+                f"condition {self.name}: {given}; {say(by, outside[0])} lies outside"
+            )
         return table.at(scheduled)
 
     def to_dict(self) -> dict[str, Any]:
@@ -121,15 +139,26 @@ class TrimCondition:
             "imposed": imposed,
             "free": [name for name in usual if name not in self.imposed],
             "limits": {name: list(limits) for name, limits in self.limits.items()},
-            "begin": {name: begun[name] for name in self.free if begun.get(name, usual.get(name)) != usual.get(name)},
-            "rates": {} if self.rates == dict.fromkeys(self.model.steady, 0.0) else dict(self.rates),
+            "begin": {
+                name: begun[name]
+                for name in self.free
+                if begun.get(name, usual.get(name)) != usual.get(name)
+            },
+            "rates": {}
+            if self.rates == dict.fromkeys(self.model.steady, 0.0)
+            else dict(self.rates),
         }
         return {name: change for name, change in changes.items() if change}
 
     def in_words(self) -> str:
-        """The same for people: speed 60 ft/s, alpha free, throttle within 0 and 50; empty for the model's own trim."""
+        """The same for people: speed 60 ft/s, alpha free, throttle within 0 and 50; empty for the
+        model's own trim."""
         changes, describe, model = self.to_dict(), self.model.describe, self.model
-        changed = {f"{name}_dot": rate for name, rate in self.rates.items() if rate or name not in model.steady}
+        changed = {
+            f"{name}_dot": rate
+            for name, rate in self.rates.items()
+            if rate or name not in model.steady
+        }
         words = [
             f"{name} {f'over the {model.schedule}' if isinstance(value, list) else describe(name, value)}"
             for name, value in {**changes.get("imposed", {}), **changed}.items()
@@ -159,8 +188,9 @@ LEVEL_FLIGHT = usual_condition(HFA)
 def level_flight(
     dihedral: float, *, limits: Mapping[str, tuple[float, float]] | None = None, **held: float
 ) -> TrimCondition:
-    """The paper's trim at a dihedral angle, rad: center aileron at zero; throttle, outer aileron and both elevators
-    free. Four equations, four unknowns. held: what is imposed in place of the paper's values, in rad, ft, s."""
+    """The paper's trim at a dihedral angle, rad: center aileron at zero; throttle, outer aileron
+    and both elevators free. Four equations, four unknowns. held: what is imposed in place of the
+    paper's values, in rad, ft, s."""
     return TrimCondition({**HFA.trim, HFA.schedule: dihedral, **held}, limits=dict(limits or {}))
 
 
@@ -171,39 +201,45 @@ def release(
     hold: Mapping[str, float | LinearTable] | None = None,
     limits: Mapping[str, tuple[float, float]] | None = None,
 ) -> TrimCondition:
-    """The same condition with the named variables set free, others held at the given values, and further limits.
+    """The same condition with the named variables set free, others held at the given values, and
+    further limits.
 
-    The search for a variable set free begins at the value that it was held at. A rate (speed_dot) set free is not
-    balanced.
-    """
+    The search for a variable set free begins at the value that it was held at. A rate (speed_dot)
+    set free is not balanced."""
     model, hold = condition.model, hold or {}
     for name in (*free, *hold):
         model.refuse_unheld("unknown trim variable", name)
     if both := sorted(set(free) & set(hold)):
         raise BadInputError(f"{both[0]} is both set free and held; name it once")
     own, held_rates = _apart(model, hold)
-    rates = {name: rate for name, rate in condition.rates.items() if f"{name}_dot" not in free} | held_rates
+    rates = {
+        name: rate for name, rate in condition.rates.items() if f"{name}_dot" not in free
+    } | held_rates
     values = {**condition.imposed, **own}
     begin = {name: values.pop(name) for name in free if name in values}
-    begin = {name: float(v.values[0]) if isinstance(v, LinearTable) else v for name, v in begin.items()}
+    begin = {
+        name: float(v.values[0]) if isinstance(v, LinearTable) else v for name, v in begin.items()
+    }
     limits, begin = {**condition.limits, **(limits or {})}, {**condition.begin, **begin}
     return replace(condition, rates=rates, imposed=values, limits=limits, begin=begin)
 
 
 def _apart(model: Model, held: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
     """The held values of variables and outputs, and those of rates, by state."""
-    rates = {name.removesuffix("_dot"): value for name, value in held.items() if name in model.rates}
+    rates = {
+        name.removesuffix("_dot"): value for name, value in held.items() if name in model.rates
+    }
     return {name: value for name, value in held.items() if name not in model.rates}, rates
 
 
 def load_condition(name: str, usual: TrimCondition = LEVEL_FLIGHT) -> TrimCondition:
-    """A condition that comes with the package, by its name in `NAMED`, or one of the user's, by its file; it changes
-    the usual one.
+    """A condition that comes with the package, by its name in `NAMED`, or one of the user's, by its
+    file; it changes the usual one.
 
-    [impose]: variable = value, or variable = [[dihedral, value], ...]; angles in degrees under the variable's name
-    with _deg behind it (alpha_deg), in rad without. free: list of variables. [limits]: variable = [lowest, highest],
-    likewise. BadInputError names the file, the entry and the fault.
-    """
+    [impose]: variable = value, or variable = [[dihedral, value], ...]; angles in degrees under the
+    variable's name with _deg behind it (alpha_deg), in rad without. free: list of variables.
+    [limits]: variable = [lowest, highest], likewise. BadInputError names the file, the entry and
+    the fault."""
     data, model = read_named("condition", name, NAMED, "trim.point", _FILE), usual.model
 
     def variable(key: str, *also: str) -> tuple[str, float]:
@@ -220,11 +256,15 @@ def load_condition(name: str, usual: TrimCondition = LEVEL_FLIGHT) -> TrimCondit
         if isinstance(value, list):
             rows = checked(name, value, [[NUMBER]], key)
             if not rows or any(len(row) != 2 for row in rows):
-                raise BadInputError(f"{name}: {key} is {shown(value)}; give [{model.schedule}, value] rows")
+                raise BadInputError(
+                    f"{name}: {key} is {shown(value)}; give [{model.schedule}, value] rows"
+                )
             places, values = np.array(rows).T
             with said_of(f"{name}: {key}"):
                 by_angle = model.schedule and model.unit(model.schedule).startswith("rad")
-                hold[found] = LinearTable(np.radians(places) if by_angle else places, values * factor)
+                hold[found] = LinearTable(
+                    np.radians(places) if by_angle else places, values * factor
+                )
         else:
             hold[found] = checked(name, value, NUMBER, key) * factor
     limits: dict[str, Any] = {}

@@ -9,12 +9,12 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from hfa_aircraft.model import Model, record
 from hfa_model.aircraft import HFA
 from hfa_model.variants import Variant
 from hfa_support.errors import BadInputError, said_of
 from hfa_support.files import read_json, write_text
 from hfa_support.jsonable import json_text
-from hfa_support.model import Model, record
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.text import Table, degrees, in_degrees
 from hfa_support.reporting.unit_system import english
@@ -26,7 +26,8 @@ BALANCE = 1e-10
 
 
 class Status(StrEnum):
-    """What became of a point: balanced within the limits, balanced beyond them, or not balanced at all."""
+    """What became of a point: balanced within the limits, balanced beyond them, or not balanced at
+    all."""
 
     TRIMMED = "trimmed"
     BEYOND_LIMITS = "beyond limits"
@@ -49,13 +50,14 @@ _FILE: dict[Any, Any] = {
 
 @dataclass(frozen=True, repr=False)
 class OperatingPoint(Reported):
-    """X0, U0 with dX/dt(X0, U0) - imposed rate = residual, equation by equation; of imposed outputs likewise.
+    """X0, U0 with dX/dt(X0, U0) - imposed rate = residual, equation by equation; of imposed outputs
+    likewise.
 
-    states, inputs: named tuples, in the units of the model. residuals: balanced equation -> residual, in its own unit.
-    dynamics: name of the model, of the HFA's variant. status: `TRIMMED`, or `FAILED` when it comes with a
-    `TrimError`, which says why. model: whose names these are; of the HFA without its parameters. started: 0 when the
-    search began at the usual point, else the number of the other point (`STARTS`) that led here.
-    """
+    states, inputs: named tuples, in the units of the model. residuals: balanced equation ->
+    residual, in its own unit. dynamics: name of the model, of the HFA's variant. status: `TRIMMED`,
+    or `FAILED` when it comes with a `TrimError`, which says why. model: whose names these are; of
+    the HFA without its parameters. started: 0 when the search began at the usual point, else the
+    number of the other point (`STARTS`) that led here."""
 
     states: Any
     inputs: Any
@@ -73,7 +75,9 @@ class OperatingPoint(Reported):
     @cached_property
     def values(self) -> dict[str, float]:
         """State, input, or output that replaces a state, -> its value."""
-        replacing = self.model.outputs_at(self.states, self.inputs, list(self.model.replaced.values()))
+        replacing = self.model.outputs_at(
+            self.states, self.inputs, list(self.model.replaced.values())
+        )
         return {**self.states._asdict(), **self.inputs._asdict(), **replacing}
 
     @property
@@ -96,11 +100,19 @@ class OperatingPoint(Reported):
 
     def _scale(self, equation: str) -> float:
         model = self.model
-        return model.rate_scale(equation) if equation in model.states else model.signals[equation].nominal
+        return (
+            model.rate_scale(equation)
+            if equation in model.states
+            else model.signals[equation].nominal
+        )
 
     def equation_unit(self, equation: str) -> str:
         """Unit of an equation's residual: of a rate, or of an imposed output."""
-        return self.model.rate_unit(equation) if equation in self.model.states else self.model.unit(equation)
+        return (
+            self.model.rate_unit(equation)
+            if equation in self.model.states
+            else self.model.unit(equation)
+        )
 
     def tolerance(self, equation: str) -> float:
         """The residual that an equation may have, in its own unit."""
@@ -116,14 +128,23 @@ class OperatingPoint(Reported):
         unit, rows = self.model.unit, list[tuple[str, str, float, str]]()
         for kind, values in (("state", self.states._asdict()), ("input", self.inputs._asdict())):
             rows += [(kind, name, value, unit(name)) for name, value in values.items()]
-        rows += [("residual", name, value, self.equation_unit(name)) for name, value in self.residuals.items()]
+        rows += [
+            ("residual", name, value, self.equation_unit(name))
+            for name, value in self.residuals.items()
+        ]
         return Table(("kind", "name", "value", "unit"), rows)
 
     def report(self) -> Report:
         """State and inputs; `trim_report` says more."""
         records = self.records()
-        rows = [(kind, name, *degrees(value, unit)) for kind, name, value, unit in records.rows if kind != "residual"]
-        return Report(self.title, [Table(records.header, rows)], self.warnings, self.to_dict(), records)
+        rows = [
+            (kind, name, *degrees(value, unit))
+            for kind, name, value, unit in records.rows
+            if kind != "residual"
+        ]
+        return Report(
+            self.title, [Table(records.header, rows)], self.warnings, self.to_dict(), records
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """Names, units and values, ready for JSON; floats keep all 17 digits."""
@@ -144,23 +165,37 @@ class OperatingPoint(Reported):
 
     @staticmethod
     def load(path: Path, model: Model = HFA) -> OperatingPoint:
-        """A saved point of a model, alone or inside a saved trim or linear model; BadInputError names the fault."""
+        """A saved point of a model, alone or inside a saved trim or linear model; BadInputError
+        names the fault."""
         try:
             data = read_json(path)
         except OSError as error:
-            raise BadInputError(f"{path}: cannot be read ({error.strerror}); give a saved operating point") from error
+            raise BadInputError(
+                f"{path}: cannot be read ({error.strerror}); give a saved operating point"
+            ) from error
         if isinstance(data, dict):
             data = data.get("operating_point", data)
         if not isinstance(data, dict) or data.get("schema") != SCHEMA:
             raise BadInputError(f"{path}: is not an operating point of schema {SCHEMA}")
-        names = {kind: {f"{name}*": NUMBER for name in getattr(model, kind)} for kind in ("states", "inputs")}
-        found = checked(str(path), data, {**_FILE, "states*": names["states"], "inputs*": names["inputs"]})
+        names = {
+            kind: {f"{name}*": NUMBER for name in getattr(model, kind)}
+            for kind in ("states", "inputs")
+        }
+        found = checked(
+            str(path), data, {**_FILE, "states*": names["states"], "inputs*": names["inputs"]}
+        )
         stated, values = found.get("state_units", {}), found["states"]
         with said_of(path):
             for name in model.states:
-                values[name] = english(values[name], stated.get(name, model.unit(name)), model.unit(name))
-        states, inputs = (record(tuple(getattr(model, kind)))(**found[kind]) for kind in ("states", "inputs"))
-        return OperatingPoint(states, inputs, found["residuals"], found["dynamics"], Status(found["status"]), model)
+                values[name] = english(
+                    values[name], stated.get(name, model.unit(name)), model.unit(name)
+                )
+        states, inputs = (
+            record(tuple(getattr(model, kind)))(**found[kind]) for kind in ("states", "inputs")
+        )
+        return OperatingPoint(
+            states, inputs, found["residuals"], found["dynamics"], Status(found["status"]), model
+        )
 
 
 def beyond_range(model: Model, values: Mapping[str, float]) -> list[str]:
@@ -175,12 +210,20 @@ def beyond_range(model: Model, values: Mapping[str, float]) -> list[str]:
 def at_scheduled(point: OperatingPoint) -> str:
     """At which value of the scheduling variable a point lies, in words."""
     name = point.model.schedule
-    return f"at {name} {point.model.describe(name, point.values[name])}" if name in point.values else ""
+    return (
+        f"at {name} {point.model.describe(name, point.values[name])}"
+        if name in point.values
+        else ""
+    )
 
 
 def scheduled_data(point: OperatingPoint) -> dict[str, Any]:
-    """The same as data: the dihedral angle of the HFA, degrees; of other models the scheduling variable."""
+    """The same as data: the dihedral angle of the HFA, degrees; of other models the scheduling
+    variable."""
     name = point.model.schedule
     if name == "dihedral":
         return {"dihedral_deg": in_degrees(point.states.dihedral)}
-    return {"dihedral_deg": None, "scheduled": {name: point.values[name]} if name in point.values else {}}
+    return {
+        "dihedral_deg": None,
+        "scheduled": {name: point.values[name]} if name in point.values else {},
+    }

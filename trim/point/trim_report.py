@@ -8,9 +8,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from hfa_aircraft.model import Model
 from hfa_model.aircraft import Aircraft
 from hfa_support.jsonable import finite_or_none
-from hfa_support.model import Model
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Cell, Table, degrees, short_number, shown_unit, shown_value
 from hfa_support.reporting.unit_system import in_force, unit_in_force
@@ -18,16 +18,16 @@ from trim.point.condition import TrimCondition
 from trim.point.operating_point import BALANCE, OperatingPoint, Status, scheduled_data
 from trim.point.solve import STARTS, other_trims, trim_problem
 
-#: A variable is at its limit when it is this close to it, in its scaled unit and relative to the limit.
+#: A variable is at its limit when it is this close to it, in its scaled unit and relative to the
+#: limit.
 _CLOSE = 1e-6
 
 
 class Margin(NamedTuple):
     """A variable between its limits, in its own unit: rad, ft, lbf.
 
-    role: "free", "held", "left" where the search begins, or "follows" for a state or an output that is neither. A limit
-    that does not exist is infinite. scale: one scaled unit.
-    """
+    role: "free", "held", "left" where the search begins, or "follows" for a state or an output that
+    is neither. A limit that does not exist is infinite. scale: one scaled unit."""
 
     name: str
     value: float
@@ -39,7 +39,8 @@ class Margin(NamedTuple):
 
     @property
     def distance(self) -> float:
-        """min(value - lowest, highest - value): to the nearer limit; negative beyond it, infinite without one."""
+        """min(value - lowest, highest - value): to the nearer limit; negative beyond it, infinite
+        without one."""
         return min(self.value - self.lowest, self.highest - self.value)
 
     @property
@@ -56,7 +57,8 @@ class Margin(NamedTuple):
 
     @property
     def share(self) -> float:
-        """distance / (highest - lowest): 0 at a limit, 0.5 halfway; 0 where the range is infinite."""
+        """distance / (highest - lowest): 0 at a limit, 0.5 halfway; 0 where the range is
+        infinite."""
         return self.distance / (self.highest - self.lowest)
 
     @property
@@ -66,7 +68,10 @@ class Margin(NamedTuple):
 
     def row(self) -> tuple[str, ...]:
         """Name, value, unit, status, limits, margin and the nearer limit; angles in degrees."""
-        limits = ("" if math.isinf(limit) else shown_value(limit, self.unit) for limit in (self.lowest, self.highest))
+        limits = (
+            "" if math.isinf(limit) else shown_value(limit, self.unit)
+            for limit in (self.lowest, self.highest)
+        )
         margin = degrees(self.distance, self.unit)[0] if self.nearer else ""
         role = "imposed" if self.role == "held" else self.role
         return self.name, *degrees(self.value, self.unit), role, *limits, margin, self.nearer
@@ -82,36 +87,66 @@ class Margin(NamedTuple):
 
 
 def all_margins(condition: TrimCondition, point: OperatingPoint) -> dict[str, Margin]:
-    """Every state, every output that a trim imposes or the model limits, and every input, in this order."""
+    """Every state, every output that a trim imposes or the model limits, and every input, in this
+    order."""
     model, found = point.model, point.values
     role = dict.fromkeys(condition.imposed, "held") | dict.fromkeys(condition.free, "free")
     role |= dict.fromkeys(trim_problem(model, condition, point).idle, "left")
-    if set(condition.free) <= set(model.inputs):  # then all states are held, those that outputs replace too
+    if set(condition.free) <= set(
+        model.inputs
+    ):  # then all states are held, those that outputs replace too
         role |= dict.fromkeys(model.replaced, "held")
-    limited = {name for name, each in model.outputs.items() if math.isfinite(each.max) or math.isfinite(each.min)}
-    outputs = [name for name in model.outputs if name in {*model.variables, *condition.imposed, *limited}]
+    limited = {
+        name
+        for name, each in model.outputs.items()
+        if math.isfinite(each.max) or math.isfinite(each.min)
+    }
+    outputs = [
+        name for name in model.outputs if name in {*model.variables, *condition.imposed, *limited}
+    ]
     if missing := [name for name in outputs if name not in found]:
         found = found | model.outputs_at(point.states, point.inputs, missing)
     limits = {name: condition.limits_of(name) for name in (*model.states, *outputs, *model.inputs)}
     for state, output in model.replaced.items():
-        # What its own limits and those of the state x leave of the output y in its place, y = y0 + slope (x - x0).
+        # What its own limits and those of the state x leave of the output y in its place, y = y0 +
+        # slope (x - x0).
         x, nominal, y = getattr(point.states, state), model.states[state].nominal, found[output]
-        moved = model.outputs_at(point.states._replace(**{state: x + nominal}), point.inputs, [output])[output]
-        ends, own = sorted(y + (moved - y) / nominal * (end - x) for end in limits[state]), limits[output]
+        moved = model.outputs_at(
+            point.states._replace(**{state: x + nominal}), point.inputs, [output]
+        )[output]
+        ends, own = (
+            sorted(y + (moved - y) / nominal * (end - x) for end in limits[state]),
+            limits[output],
+        )
         limits[output] = max(own[0], ends[0]), min(own[1], ends[1])
     return {
-        name: Margin(name, found[name], role.get(name, "follows"), *ends, model.unit(name), model.signals[name].nominal)
+        name: Margin(
+            name,
+            found[name],
+            role.get(name, "follows"),
+            *ends,
+            model.unit(name),
+            model.signals[name].nominal,
+        )
         for name, ends in limits.items()
     }
 
 
-def trim_report(aircraft: Aircraft | Model, condition: TrimCondition, point: OperatingPoint) -> Report:
-    """Every variable between its limits, the limits that bind, the verdict on each equation, what the search found
-    beside this point, the rates that are not balanced; of the HFA loads and performance, of other models their outputs;
-    angles in degrees for people, radians, feet and pounds in the data."""
+def trim_report(
+    aircraft: Aircraft | Model, condition: TrimCondition, point: OperatingPoint
+) -> Report:
+    """Every variable between its limits, the limits that bind, the verdict on each equation, what
+    the search found beside this point, the rates that are not balanced; of the HFA loads and
+    performance, of other models their outputs; angles in degrees for people, radians, feet and
+    pounds in the data."""
     every, model = all_margins(condition, point), aircraft.model
-    # What the trim used up, or could; of that the least shares of their ranges, and all that is at a limit.
-    limited = [each for name, each in every.items() if each.nearer and (each.role != "held" or name in model.inputs)]
+    # What the trim used up, or could; of that the least shares of their ranges, and all that is at
+    # a limit.
+    limited = [
+        each
+        for name, each in every.items()
+        if each.nearer and (each.role != "held" or name in model.inputs)
+    ]
     ordered = enumerate(sorted(limited, key=lambda each: each.share))
     near = [each for index, each in ordered if index < 3 or each.at_limit]
     search, said = _search(aircraft, condition, point)
@@ -127,9 +162,15 @@ def trim_report(aircraft: Aircraft | Model, condition: TrimCondition, point: Ope
     left = {name: rate for name, rate in rates.items() if name not in condition.rates}
     header = "value", "unit", "status", "lowest", "highest", "margin", "nearest limit"
     parts: list[Any] = [
-        Table(("state", *header), [each.row() for name, each in every.items() if name not in model.inputs]),
+        Table(
+            ("state", *header),
+            [each.row() for name, each in every.items() if name not in model.inputs],
+        ),
         Table(("input", *header), [every[name].row() for name in model.inputs]),
-        Table(("nearest limit", "limit", "margin", "unit", "of its range", "verdict"), list(map(_near, near))),
+        Table(
+            ("nearest limit", "limit", "margin", "unit", "of its range", "verdict"),
+            list(map(_near, near)),
+        ),
         _equations(point, equations),
         *said,
     ]
@@ -155,13 +196,16 @@ def trim_report(aircraft: Aircraft | Model, condition: TrimCondition, point: Ope
     }
     report = Report(point.title, parts, point.warnings, data, point.records())
     if isinstance(aircraft, Aircraft):
-        from trim.point.hfa_report import with_loads
+        from trim.hfa.hfa_report import with_loads
 
         return with_loads(report, aircraft, point)
     outputs = model.outputs_at(point.states, point.inputs)
     units = {name: model.unit(name) for name in outputs}
     if outputs:
-        rows = [(name, short_number(value, units[name]), shown_unit(units[name])) for name, value in outputs.items()]
+        rows = [
+            (name, short_number(value, units[name]), shown_unit(units[name]))
+            for name, value in outputs.items()
+        ]
         report = replace(report, parts=(*parts, Table(("performance", "value", "unit"), rows)))
     return report.with_data(performance=outputs, performance_units=units)
 
@@ -178,7 +222,8 @@ def _near(each: Margin) -> tuple[str, ...]:
 
 
 def _equations(point: OperatingPoint, equations: dict[str, dict[str, Any]]) -> Table:
-    """One row an equation, those that do not balance first; without the imposed rates where all are zero."""
+    """One row an equation, those that do not balance first; without the imposed rates where all are
+    zero."""
     states, scaled = point.model.states, point.scaled_residuals
     imposed = any(each["imposed"] for name, each in equations.items() if name in states)
     rows = []
@@ -194,7 +239,10 @@ def _equations(point: OperatingPoint, equations: dict[str, dict[str, Any]]) -> T
                 Cell("PASS", "good") if each["ok"] else Cell("FAIL", "bad"),
             )
         )
-    return Table(("equation", *["imposed"] * imposed, "residual", "tolerance", "unit", "scaled", "verdict"), rows)
+    return Table(
+        ("equation", *["imposed"] * imposed, "residual", "tolerance", "unit", "scaled", "verdict"),
+        rows,
+    )
 
 
 def _search(
@@ -211,18 +259,28 @@ def _search(
             "Σ (input / scale)² near the start"
         )
     if point.started:
-        said.append(f"The usual start leads to no trim; start {point.started} of {STARTS} between the limits led here")
+        said.append(
+            f"The usual start leads to no trim; start {point.started} of {STARTS} between the limits led here"
+        )
     if problem.idle:
         said.append(f"In no equation, and left where the search begins: {', '.join(problem.idle)}")
     for other in others:
         apart = np.abs(problem.unknowns_at(other.values) - at) > 1e-3
-        listed = [name for name, differs in zip(problem.free, apart.tolist(), strict=True) if differs]
+        listed = [
+            name for name, differs in zip(problem.free, apart.tolist(), strict=True) if differs
+        ]
         values = ", ".join(f"{name} {model.describe(name, other.values[name])}" for name in listed)
         typed = [f"{name}={shown_value(other.values[name], model.unit(name))}" for name in listed]
         begin = ",".join(typed[: sum(name not in model.inputs for name in listed)] or typed)
         said.append(
             f"Another trim: {values}; the one above is where the search ends, --start {begin} selects the other"
         )
-    search: dict[str, Any] = {"equations": equations, "unknowns": unknowns, "least_effort": unknowns > equations}
+    search: dict[str, Any] = {
+        "equations": equations,
+        "unknowns": unknowns,
+        "least_effort": unknowns > equations,
+    }
     search |= {"start": point.started, "idle": list(problem.idle)}
-    return search | {"other_trims": [{name: each.values[name] for name in problem.free} for each in others]}, said
+    return search | {
+        "other_trims": [{name: each.values[name] for name in problem.free} for each in others]
+    }, said

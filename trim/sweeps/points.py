@@ -1,5 +1,6 @@
-"""Trims and linear models of many points: Newton's method on all of them at once, in one compiled function; what it
-cannot settle goes to `find_operating_point`. A point without a trim keeps its status and the reason."""
+"""Trims and linear models of many points: Newton's method on all of them at once, in one compiled
+function; what it cannot settle goes to `find_operating_point`. A point without a trim keeps its
+status and the reason."""
 
 from __future__ import annotations
 
@@ -11,9 +12,9 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
+from hfa_aircraft.model import Layout, Model, components
 from hfa_model.aircraft import Aircraft
 from hfa_support.errors import BadInputError, NoSolutionError, numbers_in
-from hfa_support.model import Layout, Model, components
 from hfa_support.native.bound import BoundFunction, cached_per_thread
 from hfa_support.progress import Progress
 from trim.point.condition import LEVEL_FLIGHT, TrimCondition
@@ -23,10 +24,11 @@ from trim.point.solve import find_operating_point
 #: What became of a point.
 STATUS = (Status.TRIMMED, Status.BEYOND_LIMITS, Status.NO_TRIM)
 TRIMMED, BEYOND_LIMITS, NO_TRIM = range(len(STATUS))
-#: From this many points on, compiling the functions to machine code pays, for any model: the time to compile and the
-#: time that a point then saves both grow with the number of instructions. Measured: 31,000 points of the HFA (1,820
-#: instructions), 32,000 of the F-16 (19,341), 29,000 of the Navion (688). No clock decides: machine code gives the
-#: same numbers to rounding only, and a sweep has the same bits each time.
+#: From this many points on, compiling the functions to machine code pays, for any model: the time
+#: to compile and the time that a point then saves both grow with the number of instructions.
+#: Measured: 31,000 points of the HFA (1,820 instructions), 32,000 of the F-16 (19,341), 29,000 of
+#: the Navion (688). No clock decides: machine code gives the same numbers to rounding only, and a
+#: sweep has the same bits each time.
 COMPILE_FROM = 30_000
 #: Scaled residual before a step of Newton's method after which that step ends at rounding.
 _NEARLY = 1e-7
@@ -38,10 +40,10 @@ _TOGETHER = (250, 16, 1)
 
 
 class Points(NamedTuple):
-    """N points of n states and m inputs. status: (N,) index into `STATUS`. states: (N, n), inputs: (N, m): where
-    trimmed, or what balance would take where beyond limits. A: (N, n, n), B: (N, n, m); nan where not trimmed.
-    failures: number of a point that `find_operating_point` could not trim -> why. Units: the model's.
-    """
+    """N points of n states and m inputs. status: (N,) index into `STATUS`. states: (N, n), inputs:
+    (N, m): where trimmed, or what balance would take where beyond limits. A: (N, n, n), B: (N, n,
+    m); nan where not trimmed. failures: number of a point that `find_operating_point` could not
+    trim -> why. Units: the model's."""
 
     status: np.ndarray
     states: np.ndarray
@@ -61,18 +63,22 @@ def trim_points(
     compile_code: bool | None = None,
     progress: Progress | None = None,
 ) -> Points:
-    """Trim and linearize every row of `values`; a row without a trim keeps its status instead of raising.
+    """Trim and linearize every row of `values`; a row without a trim keeps its status instead of
+    raising.
 
-    variables: one a column of values (N, k): what is imposed in place of the condition's values, rates too, or a
-    parameter in place of the aircraft's. start: where the search begins at each point. compile_code: run as machine
-    code; by default from `COMPILE_FROM` points on. progress is called with (points settled, points in all).
+    variables: one a column of values (N, k): what is imposed in place of the condition's values,
+    rates too, or a parameter in place of the aircraft's. start: where the search begins at each
+    point. compile_code: run as machine code; by default from `COMPILE_FROM` points on. progress is
+    called with (points settled, points in all).
 
-    Newton's method needs as many equations as unknowns; without that, point by point. That a point balances beyond
-    its limits only is said where the inputs alone are free: other unknowns can have two solutions.
-    """
+    Newton's method needs as many equations as unknowns; without that, point by point. That a point
+    balances beyond its limits only is said where the inputs alone are free: other unknowns can have
+    two solutions."""
     values = numbers_in("values", values)
     if values.ndim != 2 or values.shape[1] != len(variables):
-        raise BadInputError(f"values are {values.shape}; they must be (N, {len(variables)}), a column a variable")
+        raise BadInputError(
+            f"values are {values.shape}; they must be (N, {len(variables)}), a column a variable"
+        )
     model = aircraft.model
     for name in variables:
         model.refuse_unheld("cannot sweep", name, tuple(model.parameters))
@@ -99,7 +105,13 @@ def trim_points(
             own = model_at(model, variables, values[i])
             point = find_operating_point(own, condition_at(condition, variables, values[i]), start)
             exact = own.at(point.states, point.inputs)
-            status[i], states[i], inputs[i], A[i], B[i] = TRIMMED, point.states, point.inputs, exact.A, exact.B
+            status[i], states[i], inputs[i], A[i], B[i] = (
+                TRIMMED,
+                point.states,
+                point.inputs,
+                exact.A,
+                exact.B,
+            )
         except (BadInputError, NoSolutionError) as error:
             failures[i], states[i], inputs[i] = str(error), np.nan, np.nan
         if progress is not None:
@@ -111,13 +123,19 @@ def trim_points(
 def model_at(model: Model, variables: tuple[str, ...], row: np.ndarray) -> Model:
     """The model with the parameters of one point."""
     values = zip(variables, row.tolist(), strict=True)
-    return model.with_parameters(**{name: value for name, value in values if name in model.parameters})
+    return model.with_parameters(
+        **{name: value for name, value in values if name in model.parameters}
+    )
 
 
-def condition_at(condition: TrimCondition, variables: tuple[str, ...], row: np.ndarray) -> TrimCondition:
+def condition_at(
+    condition: TrimCondition, variables: tuple[str, ...], row: np.ndarray
+) -> TrimCondition:
     """The condition of one point; BadInputError where one of its values lies outside its limits."""
     known = (*condition.model.holdable, *condition.model.rates)
-    hold = {name: value for name, value in zip(variables, row.tolist(), strict=True) if name in known}
+    hold = {
+        name: value for name, value in zip(variables, row.tolist(), strict=True) if name in known
+    }
     return condition.at(hold.get(condition.model.schedule), hold)
 
 
@@ -131,7 +149,8 @@ def parameters_at(model: Model, variables: tuple[str, ...], values: np.ndarray) 
 
 
 def is_square(model: Model, variables: tuple[str, ...], condition: TrimCondition) -> bool:
-    """Whether the points have as many equations as unknowns, so that Newton's method settles many at once."""
+    """Whether the points have as many equations as unknowns, so that Newton's method settles many
+    at once."""
     return _key(model, variables, condition) is not None
 
 
@@ -144,21 +163,30 @@ def newton_functions(
     outputs: tuple[tuple[str, float], ...] = (),
     watched: tuple[str, ...] = (),
 ) -> tuple[ca.Function, ca.Function] | None:
-    """(given, v, p) -> v after a Newton step and the norm of the scaled residuals before it; and -> x, u, the watched
-    outputs, A, B (row by row) and the scaled residuals at v, one below the other. None unless as many equations as
-    unknowns feel them, each of these unknowns in one.
+    """(given, v, p) -> v after a Newton step and the norm of the scaled residuals before it; and ->
+    x, u, the watched outputs, A, B (row by row) and the scaled residuals at v, one below the other.
+    None unless as many equations as unknowns feel them, each of these unknowns in one.
 
-    given: imposed values, rates too; a variable that is neither given nor free is 0. v: the values of `free`; what is
-    in no equation stays. rates: (state, rate unless given, scale); outputs: (imposed output, scale).
-    """
-    known, v, (x, u, p) = ca.SX.sym("given", len(given)), ca.SX.sym("v", len(free)), layout.symbols("x", "u", "p")
-    values = dict.fromkeys(layout.variables, ca.SX(0)) | dict(zip(given, ca.vertsplit(known), strict=True))
+    given: imposed values, rates too; a variable that is neither given nor free is 0. v: the values
+    of `free`; what is in no equation stays. rates: (state, rate unless given, scale); outputs:
+    (imposed output, scale)."""
+    known, v, (x, u, p) = (
+        ca.SX.sym("given", len(given)),
+        ca.SX.sym("v", len(free)),
+        layout.symbols("x", "u", "p"),
+    )
+    values = dict.fromkeys(layout.variables, ca.SX(0)) | dict(
+        zip(given, ca.vertsplit(known), strict=True)
+    )
     values |= dict(zip(free, ca.vertsplit(v), strict=True))
     names = [name for name, _ in outputs]
     state, control, at, y = layout.in_variables(values, p, (*names, *watched))
     index = layout.names[0].index
     residual = ca.vertcat(
-        *((at[index(name)] - values.get(f"{name}_dot", rate)) / scale for name, rate, scale in rates),
+        *(
+            (at[index(name)] - values.get(f"{name}_dot", rate)) / scale
+            for name, rate, scale in rates
+        ),
         *((y[i] - values[name]) / scale for i, (name, scale) in enumerate(outputs)),
     )
     jacobian = ca.jacobian(residual, v)
@@ -171,7 +199,11 @@ def newton_functions(
     f, _ = layout.expressions(list(map(components, (x, u, p))), ())
     A, B = ca.substitute([ca.jacobian(f, by) for by in (x, u)], [x, u], [state, control])
     flat = ca.vertcat(
-        state, control, *components(y)[len(names) :], *(ca.vec(ca.densify(each).T) for each in (A, B)), residual
+        state,
+        control,
+        *components(y)[len(names) :],
+        *(ca.vec(ca.densify(each).T) for each in (A, B)),
+        residual,
     )
     arguments = [known, v, p]
     return (
@@ -185,7 +217,11 @@ def _key(model: Model, variables: tuple[str, ...], condition: TrimCondition) -> 
     varied = [name for name in variables if name not in model.parameters]
     held = {*condition.imposed, *varied}
     # An imposed 0 that does not vary is no symbol: the functions become smaller.
-    zero = {name for name in held.intersection(model.variables).difference(varied) if condition.imposed[name] == 0.0}
+    zero = {
+        name
+        for name in held.intersection(model.variables).difference(varied)
+        if condition.imposed[name] == 0.0
+    }
     given = tuple(name for name in (*model.holdable, *model.rates) if name in held - zero)
     free = tuple(name for name in condition.free if name not in varied)
     steady = {**condition.rates, **{name: 0.0 for name in model.states if f"{name}_dot" in varied}}
@@ -193,7 +229,9 @@ def _key(model: Model, variables: tuple[str, ...], condition: TrimCondition) -> 
     imposed = [name for name in given if name not in (*model.variables, *model.rates)]
     outputs = tuple((name, model.signals[name].nominal) for name in imposed)
     limits = {**model.limits, **condition.limits}
-    watched = tuple(name for name in model.outputs if name not in held and any(map(math.isfinite, limits[name])))
+    watched = tuple(
+        name for name in model.outputs if name not in held and any(map(math.isfinite, limits[name]))
+    )
     key = model.layout, given, free, rates, outputs, watched
     return key if free and newton_functions(*key) is not None else None
 
@@ -201,7 +239,10 @@ def _key(model: Model, variables: tuple[str, ...], condition: TrimCondition) -> 
 @cached_per_thread(maxsize=16)
 def _compiled(key: Any, together: int, use_machine_code: bool) -> list[BoundFunction]:
     """The functions of `newton_functions` for as many points a call, bound to memory."""
-    many = [function.map(together) if together > 1 else function for function in newton_functions(*key) or ()]
+    many = [
+        function.map(together) if together > 1 else function
+        for function in newton_functions(*key) or ()
+    ]
     if use_machine_code:
         from hfa_support.native.machine_code import machine_code
 
@@ -221,17 +262,22 @@ def _newton(
     """Of each point what the second function of `newton_functions` returns, in a row."""
     free, count = key[2], len(values)
     together = next(size for size in _TOGETHER if size <= count)
-    functions = _compiled(key, together, count >= COMPILE_FROM if compile_code is None else compile_code)
+    functions = _compiled(
+        key, together, count >= COMPILE_FROM if compile_code is None else compile_code
+    )
     begin = condition.begin if start is None else start.values
     first = np.array([begin.get(name, model.signals[name].start) for name in free])
     guess = np.tile(first, (count, 1))
-    # Inputs alone have one solution. With states free there may be others: all points begin at solutions of the same
-    # coarse grid (a fiftieth of the nominal values), the model's, so that no row depends on its neighbours.
+    # Inputs alone have one solution. With states free there may be others: all points begin at
+    # solutions of the same coarse grid (a fiftieth of the nominal values), the model's, so that no
+    # row depends on its neighbours.
     if variables and not set(free) <= set(model.inputs):
         known = {**model.rates, **model.signals}
         size = np.array([0.02 * known[name].nominal for name in variables])
         places, cell = np.unique(np.round(values / size), axis=0, return_inverse=True)
-        near, unknowns = _settle(model, variables, condition, key, functions, places * size, guess[: len(places)])
+        near, unknowns = _settle(
+            model, variables, condition, key, functions, places * size, guess[: len(places)]
+        )
         balanced = (np.abs(near[:, -len(key[3] + key[4]) :]) <= BALANCE).all(axis=1)
         guess = np.where(balanced[:, None], unknowns, first)[cell.ravel()]
     return _settle(model, variables, condition, key, functions, values, guess)[0]
@@ -251,7 +297,9 @@ def _settle(
     columns = dict(zip(variables, values.T, strict=True))
     place = columns.get(by, np.full(count, condition.imposed.get(by, 0.0)))
     columns |= {name: condition.values_at(name, place) for name in given if name not in columns}
-    imposed = np.stack([columns[name] for name in given], axis=-1) if given else np.zeros((count, 0))
+    imposed = (
+        np.stack([columns[name] for name in given], axis=-1) if given else np.zeros((count, 0))
+    )
     tables = imposed, guess, parameters_at(model, variables, values)
     together = step.results[0].size // guess.shape[1]
     rows = at.results[0].reshape(together, -1)
@@ -271,8 +319,8 @@ def _settle(
 
 
 def _halving(step: BoundFunction, v: np.ndarray) -> None:
-    """Newton's method on the unknowns v, a row a point: each step is halved until the residual falls. One step more
-    than `_NEARLY` asks for ends at rounding."""
+    """Newton's method on the unknowns v, a row a point: each step is halved until the residual
+    falls. One step more than `_NEARLY` asks for ends at rounding."""
     after, residual = (result.reshape(len(v), -1) for result in step.results)
     step()
     base, best, share = v.copy(), residual.copy(), np.ones((len(v), 1))

@@ -1,4 +1,5 @@
-"""Trims and linear models over many points: the function that makes their arrays, and a sweep in memory."""
+"""Trims and linear models over many points: the function that makes their arrays, and a sweep in
+memory."""
 
 from __future__ import annotations
 
@@ -8,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from hfa_aircraft.model import Model
 from hfa_model.aircraft import Aircraft
 from hfa_support.errors import BadInputError
-from hfa_support.model import Model
 from hfa_support.progress import Progress
 from hfa_support.reporting.fields import ByValue
 from hfa_support.reporting.figure import new_figure
@@ -21,7 +22,14 @@ from trim.linear.modes import fastest_first, modes_of, track_modes
 from trim.point.condition import TrimCondition
 from trim.point.operating_point import OperatingPoint, Status
 from trim.point.solve import beyond_limits
-from trim.sweeps.points import BEYOND_LIMITS, TRIMMED, condition_at, model_at, parameters_at, trim_points
+from trim.sweeps.points import (
+    BEYOND_LIMITS,
+    TRIMMED,
+    condition_at,
+    model_at,
+    parameters_at,
+    trim_points,
+)
 from trim.sweeps.sweep_plan import SweepPlan
 
 if TYPE_CHECKING:
@@ -45,16 +53,24 @@ def run_points(
     compile_code: bool,
     progress: Progress | None = None,
 ) -> dict[str, Any]:
-    """The points of a task: the arrays of a store by name, and `failures` and `kinked`, words by point. What a
-    worker runs."""
+    """The points of a task: the arrays of a store by name, and `failures` and `kinked`, words by
+    point. What a worker runs."""
     options: Any = {"start": start, "compile_code": compile_code, "progress": progress}
     points, model = trim_points(aircraft, variables, values, condition, **options), aircraft.model
     known = points.status == TRIMMED
     eigenvalues = np.full(points.states.shape, np.nan, dtype=complex)
     eigenvalues[known] = fastest_first(np.linalg.eigvals(points.A[known]))
-    few = slice(0, LOOKED_AT if compile_code else None)  # machine code trims a point in the time that a look takes
-    constants, exact = parameters_at(model, variables, values[few]), np.concatenate([points.A, points.B], axis=2)[few]
-    kinked, kinks = kinks_in(model, points.states[few], points.inputs[few], constants, exact), np.full(len(values), -1)
+    few = slice(
+        0, LOOKED_AT if compile_code else None
+    )  # machine code trims a point in the time that a look takes
+    constants, exact = (
+        parameters_at(model, variables, values[few]),
+        np.concatenate([points.A, points.B], axis=2)[few],
+    )
+    kinked, kinks = (
+        kinks_in(model, points.states[few], points.inputs[few], constants, exact),
+        np.full(len(values), -1),
+    )
     kinks[few] = 0
     for i, words in kinked.items():
         kinks[i] = len(words)
@@ -67,12 +83,12 @@ def run_points(
 class Sweep(ByValue, Reported):
     """N points in the order of the grid, the last variable running fastest.
 
-    plan: what was swept. values: (N, variables), all combinations of its values. reasons: "" where trimmed, else
-    why not. states: (N, n), inputs: (N, m), A: (N, k, k), B: (N, k, m), eigenvalues: (N, k), a column following one
-    mode through the sweep, of the k linear states of the model; nan where the trim failed. mode_names: name of each
-    column at the first trimmed point. kinks: point -> entries of A and B whose one-sided slopes differ, in words.
-    Units: the model's, eigenvalues 1/s.
-    """
+    plan: what was swept. values: (N, variables), all combinations of its values. reasons: "" where
+    trimmed, else why not. states: (N, n), inputs: (N, m), A: (N, k, k), B: (N, k, m), eigenvalues:
+    (N, k), a column following one mode through the sweep, of the k linear states of the model; nan
+    where the trim failed. mode_names: name of each column at the first trimmed point. kinks: point
+    -> entries of A and B whose one-sided slopes differ, in words. Units: the model's, eigenvalues
+    1/s."""
 
     plan: SweepPlan
     values: np.ndarray
@@ -107,7 +123,8 @@ class Sweep(ByValue, Reported):
         return np.asarray(size < _SLOW * size.max())
 
     def figure(self) -> Figure:
-        """The root locus over the last variable: one color a mode, the slow ones enlarged; both ends marked.
+        """The root locus over the last variable: one color a mode, the slow ones enlarged; both
+        ends marked.
 
         BadInputError when no point has a trim: there is nothing to draw.
         """
@@ -118,7 +135,9 @@ class Sweep(ByValue, Reported):
         if slow.any() and not slow.all():
             parts.append(("the slow modes", slow))
         figure = new_figure(10.0, 5.2)
-        for axes, (title, shown) in zip(figure.subplots(1, len(parts), squeeze=False)[0], parts, strict=True):
+        for axes, (title, shown) in zip(
+            figure.subplots(1, len(parts), squeeze=False)[0], parts, strict=True
+        ):
             self._draw(axes, shown)
             axes.set_title(f"{self.model.title}, {title}", fontsize=10)
         handles, labels = figure.axes[0].get_legend_handles_labels()
@@ -136,17 +155,26 @@ class Sweep(ByValue, Reported):
         for end, marker in zip(np.flatnonzero(self.trimmed)[[0, -1]], "os", strict=True):
             roots, unit = self.eigenvalues[end, shown], self.plan.units[-1]
             note = f"{self.variables[-1]} {shown_value(self.values[end, -1], unit, '.4g')} {shown_unit(unit)}"
-            axes.plot(roots.real, roots.imag, marker, color="black", fillstyle="none", markersize=5, label=note)
+            axes.plot(
+                roots.real,
+                roots.imag,
+                marker,
+                color="black",
+                fillstyle="none",
+                markersize=5,
+                label=note,
+            )
         axes.axvline(0.0, color="gray", linewidth=0.8)
         axes.set_xlabel("real part, 1/s")
         axes.set_ylabel("imaginary part, 1/s")
         axes.grid(alpha=0.3)
 
     def report(self) -> Report:
-        """One line a point: the varied values and the eigenvalues of each mode, or why there is no trim.
+        """One line a point: the varied values and the eigenvalues of each mode, or why there is no
+        trim.
 
-        A conjugate pair has one column; where it splits into two real eigenvalues, it has both. Where the modes of
-        two columns meet in a conjugate pair, each column has one of its members.
+        A conjugate pair has one column; where it splits into two real eigenvalues, it has both.
+        Where the modes of two columns meet in a conjugate pair, each column has one of its members.
         """
         modes = tuple(dict.fromkeys(self.mode_names))
         members = [[i for i, each in enumerate(self.mode_names) if each == name] for name in modes]
@@ -165,10 +193,15 @@ class Sweep(ByValue, Reported):
             where = f"{len(self.kinks)} of {count} points, the first at {', '.join(varied(first))}"
             warnings.append(f"{words[0]} ({where})")
         header = (
-            *(f"{name} {shown_unit(unit)}" for name, unit in zip(self.variables, self.plan.units, strict=True)),
+            *(
+                f"{name} {shown_unit(unit)}"
+                for name, unit in zip(self.variables, self.plan.units, strict=True)
+            ),
             *(f"{name} 1/s" for name in modes),
         )
-        failures = [f"{', '.join(varied(i))}: {reason}" for i, reason in enumerate(self.reasons) if reason]
+        failures = [
+            f"{', '.join(varied(i))}: {reason}" for i, reason in enumerate(self.reasons) if reason
+        ]
         pictures, moving = tuple[Picture, ...](), np.ptp(self.values, axis=0) > 0
         if self.mode_names and moving.sum() == 1 and moving[-1]:
             text = f"Eigenvalues over {self.variables[-1]}"
@@ -182,14 +215,22 @@ class Sweep(ByValue, Reported):
         )
 
     def records(self) -> Table:
-        """One row a point: the varied values, status, reason, operating point, eigenvalues, entries of A and B."""
+        """One row a point: the varied values, status, reason, operating point, eigenvalues, entries
+        of A and B."""
         n, model = len(self.model.linear), self.model
         header = (
-            *(f"{name} [{unit}]" for name, unit in zip(self.variables, self.plan.units, strict=True)),
+            *(
+                f"{name} [{unit}]"
+                for name, unit in zip(self.variables, self.plan.units, strict=True)
+            ),
             *("status", "reason"),
             *(f"state {name} [{each.unit}]" for name, each in model.states.items()),
             *(f"input {name} [{each.unit}]" for name, each in model.inputs.items()),
-            *(f"{part} eigenvalue {i + 1} [1/s]" for i in range(n) for part in ("real", "imaginary")),
+            *(
+                f"{part} eigenvalue {i + 1} [1/s]"
+                for i in range(n)
+                for part in ("real", "imaginary")
+            ),
             *(
                 f"{matrix}({row}, {column}) [{model.entry_unit(row, column)}]"
                 for matrix, names in (("A", self.model.linear), ("B", tuple(model.inputs)))
@@ -207,18 +248,26 @@ class Sweep(ByValue, Reported):
         return Table(header, RowsMade(len(self.reasons), row))
 
     def to_xarray(self) -> Any:
-        """The sweep as an `xarray.Dataset`: states, inputs, A, B and eigenvalues over the axes of the grid, or over the
-        points of a list, with names, units and reasons. Needs xarray."""
+        """The sweep as an `xarray.Dataset`: states, inputs, A, B and eigenvalues over the axes of
+        the grid, or over the points of a list, with names, units and reasons. Needs xarray."""
         import xarray
 
         from trim.sweeps.sweep_store import arrays_of
 
         plan, model = self.plan, self.model
-        place, shape = (("point",), (plan.count,)) if plan.listed else (plan.variables, tuple(plan.sizes))
-        names = {"state": tuple(model.states), "input": tuple(model.inputs), "mode": self.mode_names}
+        place, shape = (
+            (("point",), (plan.count,)) if plan.listed else (plan.variables, tuple(plan.sizes))
+        )
+        names = {
+            "state": tuple(model.states),
+            "input": tuple(model.inputs),
+            "mode": self.mode_names,
+        }
         names |= {"rate": self.model.linear, "linear_state": self.model.linear}
         coordinates: dict[str, Any] = {name: list(each) for name, each in names.items() if each}
-        coordinates |= {f"{name}_unit": (name, list(model.units(names[name]))) for name in ("state", "input")}
+        coordinates |= {
+            f"{name}_unit": (name, list(model.units(names[name]))) for name in ("state", "input")
+        }
         for i, (name, unit) in enumerate(zip(plan.variables, plan.units, strict=True)):
             axis = plan.axes[name]
             along = self.values[:, i] if plan.listed else [axis[k] for k in range(len(axis))]
@@ -253,11 +302,14 @@ class Sweep(ByValue, Reported):
 
 
 def _mode_text(eigenvalues: np.ndarray) -> str:
-    """The eigenvalues of a mode; the two members of a pair at once, one of them alone with its own sign."""
+    """The eigenvalues of a mode; the two members of a pair at once, one of them alone with its own
+    sign."""
     pairs = {value for value in eigenvalues if value.imag > 0 and value.conjugate() in eigenvalues}
     shown = (each for each in eigenvalues if each.conjugate() not in pairs)
     return ", ".join(
-        f"{each.real:.4f} {each.imag:+.4f}i" if each.imag and each not in pairs else eigenvalue_text(each)
+        f"{each.real:.4f} {each.imag:+.4f}i"
+        if each.imag and each not in pairs
+        else eigenvalue_text(each)
         for each in shown
     )
 
@@ -271,15 +323,15 @@ def sweep(
     listed: bool = False,
     progress: Progress | None = None,
 ) -> Sweep:
-    """Trim and linearize at every point of the product of the given values, or, when `listed`, at every row of these
-    columns: a `SweepPlan` run in memory.
+    """Trim and linearize at every point of the product of the given values, or, when `listed`, at
+    every row of these columns: a `SweepPlan` run in memory.
 
-    grid: trim variable or parameter of the aircraft -> values that are held (rad, ft/s, ft). condition: what the other
-    variables do, by default the model's own trim, of the HFA the paper's level flight with a flat wing; the grid
-    overrides it. start: where the search begins at each point. A point that has no trim becomes a row with its
-    reason. progress is called with (points done, points in all). BadInputError when a name is unknown, a value lies
-    outside its limits, or the grid is empty or has more than `MOST_POINTS` points.
-    """
+    grid: trim variable or parameter of the aircraft -> values that are held (rad, ft/s, ft).
+    condition: what the other variables do, by default the model's own trim, of the HFA the paper's
+    level flight with a flat wing; the grid overrides it. start: where the search begins at each
+    point. A point that has no trim becomes a row with its reason. progress is called with (points
+    done, points in all). BadInputError when a name is unknown, a value lies outside its limits, or
+    the grid is empty or has more than `MOST_POINTS` points."""
     plan = SweepPlan(grid, aircraft, condition, start=start, listed=listed)  # type: ignore[arg-type]
     return run_plan(plan, progress)
 
@@ -287,29 +339,54 @@ def sweep(
 def run_plan(plan: SweepPlan, progress: Progress | None = None) -> Sweep:
     """Every point of a plan, in memory."""
     if plan.count > MOST_POINTS:
-        raise BadInputError(f"the sweep has {plan.count:,} points; a grid of at most {MOST_POINTS:,} fits in memory")
+        raise BadInputError(
+            f"the sweep has {plan.count:,} points; a grid of at most {MOST_POINTS:,} fits in memory"
+        )
     model, rows = plan.model, run_points(*plan.task(0, plan.count), progress)  # type: ignore[call-arg]
     trimmed = rows["status"] == TRIMMED
     reasons = [rows["failures"].get(i, "") for i in range(plan.count)]
     for i in np.flatnonzero(rows["status"] == BEYOND_LIMITS).tolist():
         balancing = dict(zip(model.inputs, rows["inputs"][i].tolist(), strict=True))
         at = condition_at(plan.condition, plan.variables, rows["values"][i])
-        reasons[i] = beyond_limits(model_at(model, plan.variables, rows["values"][i]), at, balancing)
-    states, inputs = (np.where(trimmed[:, None], rows[name], np.nan) for name in ("states", "inputs"))
+        reasons[i] = beyond_limits(
+            model_at(model, plan.variables, rows["values"][i]), at, balancing
+        )
+    states, inputs = (
+        np.where(trimmed[:, None], rows[name], np.nan) for name in ("states", "inputs")
+    )
     chosen = [list(model.states).index(name) for name in model.linear]
     A, B = rows["A"][:, chosen][:, :, chosen], rows["B"][:, chosen]
-    eigenvalues, names = np.full((plan.count, len(chosen)), np.nan, dtype=complex), tuple[str, ...]()
+    eigenvalues, names = (
+        np.full((plan.count, len(chosen)), np.nan, dtype=complex),
+        tuple[str, ...](),
+    )
     if trimmed.any():
-        eigenvalues[trimmed] = track_modes(A[trimmed], model.linear, _neighbours(plan.sizes, trimmed), model)
+        eigenvalues[trimmed] = track_modes(
+            A[trimmed], model.linear, _neighbours(plan.sizes, trimmed), model
+        )
         first = int(np.argmax(trimmed))
         modes = modes_of(A[first], model.linear, model.modes)
         up = [complex(value.real, abs(value.imag)) for value in eigenvalues[first]]
-        names = tuple(min(modes, key=lambda mode: abs(mode.eigenvalue - value)).name for value in up)
-    return Sweep(plan, rows["values"], tuple(reasons), states, inputs, A, B, eigenvalues, names, rows["kinked"])
+        names = tuple(
+            min(modes, key=lambda mode: abs(mode.eigenvalue - value)).name for value in up
+        )
+    return Sweep(
+        plan,
+        rows["values"],
+        tuple(reasons),
+        states,
+        inputs,
+        A,
+        B,
+        eigenvalues,
+        names,
+        rows["kinked"],
+    )
 
 
 def _neighbours(sizes: list[int], trimmed: np.ndarray) -> np.ndarray:
-    """(M, 2) numbers, among the trimmed points, of those that follow one another along a line of the grid."""
+    """(M, 2) numbers, among the trimmed points, of those that follow one another along a line of
+    the grid."""
     numbers, index = np.cumsum(trimmed) - 1, np.arange(trimmed.size).reshape(sizes)
     pairs = []
     for axis, size in enumerate(sizes):

@@ -26,7 +26,11 @@ _NAN = float("nan")
 
 def arrays_of(plan: SweepPlan) -> dict[str, Array]:
     """What `run_points` makes of a plan: one row a point."""
-    sizes = {"variable": len(plan.variables), "state": len(plan.model.states), "input": len(plan.model.inputs)}
+    sizes = {
+        "variable": len(plan.variables),
+        "state": len(plan.model.states),
+        "input": len(plan.model.inputs),
+    }
     sizes |= {"rate": sizes["state"]}
 
     def numbers(meaning: str, units: str, *axes: str) -> Array:
@@ -46,7 +50,9 @@ def arrays_of(plan: SweepPlan) -> dict[str, Array]:
         "inputs": numbers("U0", "input_unit", "input"),
         "A": numbers("dx'/dx", "rate_unit / state_unit", "rate", "state"),
         "B": numbers("dx'/du", "rate_unit / input_unit", "rate", "input"),
-        "eigenvalues": Array((sizes["state"],), "complex128", complex(_NAN, _NAN), ("mode",), poles),
+        "eigenvalues": Array(
+            (sizes["state"],), "complex128", complex(_NAN, _NAN), ("mode",), poles
+        ),
         "kinks": Array((), "int16", -1, (), kinks),
     }
 
@@ -104,12 +110,21 @@ def stored_sweep_report(plan: SweepPlan, store: Store, path: Path) -> Report:
         totals += np.bincount(store.read("status", rows) + 1, minlength=len(totals))
         kinks += int(np.count_nonzero(store.read("kinks", rows) > 0))
     if kinks:
-        notes.append(f"kinks at {kinks} points: one-sided slopes differ from A or B (the array kinks counts entries)")
+        notes.append(
+            f"kinks at {kinks} points: one-sided slopes differ from A or B (the array kinks counts entries)"
+        )
     counts = dict(zip(("missing", *STATUS), totals.tolist(), strict=True))
-    data = {"schema": "hfa.sweep-summary/1", "store": str(path), "dynamics": plan.model.name, **plan.varied}
+    data = {
+        "schema": "hfa.sweep-summary/1",
+        "store": str(path),
+        "dynamics": plan.model.name,
+        **plan.varied,
+    }
     return Report(
         title=f"Sweep over {', '.join(plan.variables)}, {plan.model.title}, in {path}",
-        parts=(Table(("status", "points"), [(status, str(count)) for status, count in counts.items()]),),
+        parts=(
+            Table(("status", "points"), [(status, str(count)) for status, count in counts.items()]),
+        ),
         notes=notes,
         data=data | {"points": plan.count, "counts": counts, "warnings": notes},
     )

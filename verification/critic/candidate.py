@@ -1,8 +1,8 @@
 """A critic to be checked: its value and gain, whatever file or object it comes from.
 
-A network or other function of the state is linearized at the origin, with CasADi's exact derivatives. V(z): P = ½
-∂²V/∂z², u = -½ R⁻¹B' ∂V/∂z. dV/dz: P = ½ ∂(dV/dz)/∂z, the same u. u(z): K = -∂u/∂z.
-"""
+A network or other function of the state is linearized at the origin, with CasADi's exact
+derivatives. V(z): P = ½ ∂²V/∂z², u = -½ R⁻¹B' ∂V/∂z. dV/dz: P = ½ ∂(dV/dz)/∂z, the same u. u(z): K
+= -∂u/∂z."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import casadi as ca
 import numpy as np
 
-from controller.analysis.cost import is_moderate
 from controller.game.basis import Basis, basis
 from controller.game.zero_sum import Game, shape_text
+from controller.riccati.cost import is_moderate
 from hfa_support.errors import BadInputError, numbers_in, shortened
 from hfa_support.reporting.fields import Shown
 
@@ -44,11 +44,12 @@ TOGETHER = 1e-6
 
 
 class Nonlinear(NamedTuple):
-    """A critic as a function of the state. z: (n,) symbols; of them V, F = ∂V/∂z (n,) and u (m,), None where unknown.
+    """A critic as a function of the state. z: (n,) symbols; of them V, F = ∂V/∂z (n,) and u (m,),
+    None where unknown.
 
-    output: which of `network_file.OUTPUTS` the network has. precision: of its weights. constant: V(0). variants: the
-    same network read otherwise, what is different -> candidate, to recognize a mistake.
-    """
+    output: which of `network_file.OUTPUTS` the network has. precision: of its weights. constant:
+    V(0). variants: the same network read otherwise, what is different -> candidate, to recognize a
+    mistake."""
 
     z: Any
     V: Any
@@ -66,11 +67,12 @@ class Nonlinear(NamedTuple):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Candidate(Shown):
-    """A critic's policy u = -K z at the origin, its value z'Pz or V = W'ψ(z), as much as is known of it.
+    """A critic's policy u = -K z at the origin, its value z'Pz or V = W'ψ(z), as much as is known
+    of it.
 
-    K: (m, n), gain at the origin. P: (n, n), value matrix, None when only a gain is known. weights: (M,), V = W'ψ(z)
-    in `functions`, None when it did not come as weights. nonlinear: None where P, K or W are all of it.
-    derived: whether K follows from P."""
+    K: (m, n), gain at the origin. P: (n, n), value matrix, None when only a gain is known. weights:
+    (M,), V = W'ψ(z) in `functions`, None when it did not come as weights. nonlinear: None where P,
+    K or W are all of it. derived: whether K follows from P."""
 
     K: np.ndarray
     P: np.ndarray | None
@@ -94,9 +96,8 @@ def from_weights(
 ) -> Candidate:
     """V = W'ψ(z) + constant, u = -½ R⁻¹B' (∂ψ/∂z)'W (paper Eq. 28).
 
-    functions: a basis, its name, or functions of your own, a CasADi Function z (n,) -> ψ(z) (M,). BadInputError when W
-    has another length than the basis, or is complex.
-    """
+    functions: a basis, its name, or functions of your own, a CasADi Function z (n,) -> ψ(z) (M,).
+    BadInputError when W has another length than the basis, or is complex."""
     weights, n = numbers_in("W", weights), len(game.A)
     if isinstance(functions, ca.Function):
         count, takes = functions.numel_out(0), functions.numel_in(0)
@@ -105,11 +106,15 @@ def from_weights(
                 f"there are {weights.size} weights and {n} states; the features are {count} functions of {takes} states"
             )
         z = ca.SX.sym("z", n)
-        return linearized(game, z, {"V": ca.DM(weights).T @ ca.vec(functions(z)) + constant}, precision)
+        return linearized(
+            game, z, {"V": ca.DM(weights).T @ ca.vec(functions(z)) + constant}, precision
+        )
     psi = basis(functions, n) if isinstance(functions, str) else functions
     if weights.shape != (psi.size,):
         of = f"basis {psi.name!r} on {psi.states} states has {psi.size}"
-        raise BadInputError(f"there are {weights.size} weights; {of}: name the basis of these weights")
+        raise BadInputError(
+            f"there are {weights.size} weights; {of}: name the basis of these weights"
+        )
     P = psi.matrix(weights)
     return Candidate(game.gain(P), P, psi, weights)
 
@@ -119,7 +124,9 @@ def from_value(game: Game, P: np.ndarray) -> Candidate:
     P = numbers_in("P", P)
     if P.shape != game.A.shape:
         n = len(game.A)
-        raise BadInputError(f"P is {shape_text(P.shape)}; on a plant with {n} states it must be {n} x {n}")
+        raise BadInputError(
+            f"P is {shape_text(P.shape)}; on a plant with {n} states it must be {n} x {n}"
+        )
     return Candidate(game.gain(P), P, basis("quadratic", len(P)))
 
 
@@ -129,10 +136,11 @@ def from_gain(game: Game, K: np.ndarray) -> Candidate:
 
 
 def from_stored(game: Game, stored: StoredCritic, functions: Basis | ca.Function) -> Candidate:
-    """The candidate of a file, each matrix as stored: missing P and K follow from W, or else from P.
+    """The candidate of a file, each matrix as stored: missing P and K follow from W, or else from
+    P.
 
-    BadInputError for a wrong shape, and when W and P are not of one value, but for 1e-6: printing six digits leaves it.
-    """
+    BadInputError for a wrong shape, and when W and P are not of one value, but for 1e-6: printing
+    six digits leaves it."""
     found = None if stored.P is None else from_value(game, stored.P)
     if stored.W is not None:
         of_W = from_weights(game, stored.W, functions)
@@ -149,16 +157,19 @@ def from_stored(game: Game, stored: StoredCritic, functions: Basis | ca.Function
 
 
 def features_of(text: str, states: int, names: tuple[str, ...] = ()) -> ca.Function:
-    """z (n,) -> the functions of the list, as "x1**2, x1*x2, sin(alpha)": numbers, x1 ... xn or the names of the
-    states, + - * / **, and the functions in `_FUNCTIONS`. BadInputError, one line, names anything else; nothing is
-    executed.
-    """
+    """z (n,) -> the functions of the list, as "x1**2, x1*x2, sin(alpha)": numbers, x1 ... xn or the
+    names of the states, + - * / **, and the functions in `_FUNCTIONS`. BadInputError, one line,
+    names anything else; nothing is executed."""
     z = ca.SX.sym("z", states)
     known = {f"x{place + 1}": z[place] for place in range(states)}
     known |= {name: z[place] for place, name in enumerate(names)}
 
     def made(node: ast.AST) -> Any:
-        if isinstance(node, ast.Constant) and isinstance(node.value, int | float) and not isinstance(node.value, bool):
+        if (
+            isinstance(node, ast.Constant)
+            and isinstance(node.value, int | float)
+            and not isinstance(node.value, bool)
+        ):
             return ca.SX(float(node.value))
         if isinstance(node, ast.Name) and node.id in known:
             return known[node.id]
@@ -166,9 +177,16 @@ def features_of(text: str, states: int, names: tuple[str, ...] = ()) -> ca.Funct
             return _OPERATIONS[type(node.op)](made(node.left), made(node.right))
         if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub | ast.UAdd):
             return -made(node.operand) if isinstance(node.op, ast.USub) else made(node.operand)
-        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in _FUNCTIONS:
+        if (
+            isinstance(node, ast.Call)
+            and isinstance(node.func, ast.Name)
+            and node.func.id in _FUNCTIONS
+        ):
             return getattr(ca, node.func.id)(*map(made, node.args))
-        said, can = shortened(ast.unparse(node)), f"x1 to x{states}, + - * / ** and {', '.join(_FUNCTIONS)}"
+        said, can = (
+            shortened(ast.unparse(node)),
+            f"x1 to x{states}, + - * / ** and {', '.join(_FUNCTIONS)}",
+        )
         raise BadInputError(f"features: {said!r} is not known; use {can}")
 
     try:
@@ -183,7 +201,8 @@ def features_of(text: str, states: int, names: tuple[str, ...] = ()) -> ca.Funct
 
 
 def is_network(path: Path) -> bool:
-    """Whether a file is one of a network: by its suffix, or an .npz whose arrays are named like layers."""
+    """Whether a file is one of a network: by its suffix, or an .npz whose arrays are named like
+    layers."""
     if path.suffix.lower() == ".npz":
         try:
             with zipfile.ZipFile(path) as archive:
@@ -200,7 +219,8 @@ def linearized(
     precision: str,
     variants: Mapping[str, Callable[[], Candidate]] | None = None,
 ) -> Candidate:
-    """The critic of which these outputs, of `network_file.OUTPUTS` but the last, are functions of the symbols z."""
+    """The critic of which these outputs, of `network_file.OUTPUTS` but the last, are functions of
+    the symbols z."""
     n = len(game.A)
     V, u = outputs.get("V"), outputs.get("policy")
     F = ca.gradient(V, z) if V is not None else outputs.get("gradient")

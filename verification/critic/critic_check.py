@@ -1,4 +1,5 @@
-"""A learned critic against the exact solution of the same game: how far off, and does it do what it should."""
+"""A learned critic against the exact solution of the same game: how far off, and does it do what it
+should."""
 
 from __future__ import annotations
 
@@ -10,12 +11,12 @@ from typing import TYPE_CHECKING
 import casadi as ca
 import numpy as np
 
-from controller.analysis.cost import SIGNLESS, flight_cost, saddle_checks
 from controller.game.basis import Basis, basis
 from controller.game.learning_result import LearningResult, settled_at
 from controller.game.zero_sum import Game
 from controller.riccati.balancing import balanced_units, in_units, spectrum
 from controller.riccati.certificate import INDEFINITENESS, relative_residual
+from controller.riccati.cost import SIGNLESS, flight_cost, saddle_checks
 from controller.riccati.gare import GameSolution, solve_game
 from controller.riccati.margins import disk_margin
 from hfa_support.errors import BadInputError, refuse_unless_positive
@@ -51,17 +52,23 @@ def check_critic(
 ) -> CriticCheck:
     """Compare a critic with the exact solution of its game.
 
-    Checked: errors of P and K (norms and entries), of V, its slopes and both policies over a box of states, stability
-    of A - B K and A - S P, P > 0, Riccati residual, saddle point, L2 gain below delta; for a run also the rank of its
-    data, which is taken from it, and its `settling_time` against T_w. limit: of the errors and the residual. box:
-    default `ordinary_box`. at_dihedral: degrees -> the game there, to recognize a critic of another angle. Of a network
-    the box is searched, and it is flown from there `flights` times, also on a nonlinear plant (z, u) -> z'.
-    With a limit above the default there are no saddle checks: they would refuse what the limit allows.
-    Raises NoSolutionError when the game itself has no certified solution to compare with.
+    Checked: errors of P and K (norms and entries), of V, its slopes and both policies over a box of
+    states, stability of A - B K and A - S P, P > 0, Riccati residual, saddle point, L2 gain below
+    delta; for a run also the rank of its data, which is taken from it, and its `settling_time`
+    against T_w. limit: of the errors and the residual. box: default `ordinary_box`. at_dihedral:
+    degrees -> the game there, to recognize a critic of another angle. Of a network the box is
+    searched, and it is flown from there `flights` times, also on a nonlinear plant (z, u) -> z'.
+    With a limit above the default there are no saddle checks: they would refuse what the limit
+    allows. Raises NoSolutionError when the game itself has no certified solution to compare with.
     """
     exact, box = solve_game(game), box or ordinary_box(game)
     refuse_unless_positive("limit", limit)
-    flight, K, P, finite = flight_cost(game, exact, candidate.K), candidate.K, candidate.P, candidate.finite
+    flight, K, P, finite = (
+        flight_cost(game, exact, candidate.K),
+        candidate.K,
+        candidate.P,
+        candidate.finite,
+    )
     abscissa = spectrum(game.A - game.B @ K).abscissa if finite else math.inf
     errors = critic_errors(game, candidate, exact, limit, box)
     searched, network = list[Check](), None
@@ -69,10 +76,17 @@ def check_critic(
         from verification.critic.network_check import network_checks
 
         about, flown = candidate.nonlinear, flights * (abscissa < 0.0)
-        searched, network = network_checks(game, candidate, about, exact, box.half_widths, limit, flown, plant)
+        searched, network = network_checks(
+            game, candidate, about, exact, box.half_widths, limit, flown, plant
+        )
     checks = [
         *errors,
-        below("control_loop_abscissa", abscissa, 0.0, f"A - B K is not Hurwitz (abscissa {abscissa:+.3g} 1/s)"),
+        below(
+            "control_loop_abscissa",
+            abscissa,
+            0.0,
+            f"A - B K is not Hurwitz (abscissa {abscissa:+.3g} 1/s)",
+        ),
         *(_value_checks(game, P, exact.P, limit) if P is not None and finite else ()),
     ]
     if math.isfinite(game.delta) and finite:
@@ -113,11 +127,11 @@ def check_history(
     progress: Progress | None = None,
     at_dihedral: Callable[[float], Game] | None = None,
 ) -> CriticCheck:
-    """`check_critic` of the last row of a history, and the errors of every row; somebody's own W(t), P(t) or K(t).
+    """`check_critic` of the last row of a history, and the errors of every row; somebody's own
+    W(t), P(t) or K(t).
 
-    predefined_time: T_w, s, by which every error must be within the limit for good; None: no such check. progress: rows
-    done, rows. BadInputError when a row does not fit the game.
-    """
+    predefined_time: T_w, s, by which every error must be within the limit for good; None: no such
+    check. progress: rows done, rows. BadInputError when a row does not fit the game."""
     functions, units = basis(history.basis, len(game.A)), balanced_units(game)
     last = from_stored(game, history.row(-1), functions)
     check = check_critic(game, last, limit=limit, box=box, at_dihedral=at_dihedral)
@@ -125,9 +139,21 @@ def check_history(
     balanced, squared, rows = in_units(game, units), np.outer(units, units), []
     for index in told(range(len(history.times)), progress):
         candidate = from_stored(game, history.row(index), functions)
-        errors = {each.name: each.value for each in critic_errors(game, candidate, check.exact, limit, check.box)}
-        residual = math.nan if candidate.P is None else relative_residual(balanced, candidate.P * squared)
-        rows.append((errors.get("P_rel_error", math.nan), errors["K_rel_error"], residual, max(errors.values())))
+        errors = {
+            each.name: each.value
+            for each in critic_errors(game, candidate, check.exact, limit, check.box)
+        }
+        residual = (
+            math.nan if candidate.P is None else relative_residual(balanced, candidate.P * squared)
+        )
+        rows.append(
+            (
+                errors.get("P_rel_error", math.nan),
+                errors["K_rel_error"],
+                residual,
+                max(errors.values()),
+            )
+        )
     columns = dict(zip(HISTORY, np.array(rows).T, strict=True))
     found, checks = HistoryErrors(history.times, columns, limit, predefined_time), check.checks
     if predefined_time is not None:
@@ -139,13 +165,13 @@ def check_history(
 def check_discounted(
     game: Game, candidate: Candidate, discount: float, dt: float, *, limit: float = LIMIT
 ) -> CriticCheck:
-    """A critic of the discounted problem in discrete time against the exact solution of that problem.
+    """A critic of the discounted problem in discrete time against the exact solution of that
+    problem.
 
-    x⁺ = A x + B u + E w,  J = Σ γᵏ (x'Qx + u'Ru - δ² w'w) dt, u and w held over each step. A critic of V or dV/dx has
-    the policy that `policies_of_step` makes of its P, not R⁻¹B'P; a K that came without P is compared alone. L2 gain,
-    margins and the box of states belong to continuous time and are not checked. NoSolutionError where the problem has
-    no certified solution.
-    """
+    x⁺ = A x + B u + E w,  J = Σ γᵏ (x'Qx + u'Ru - δ² w'w) dt, u and w held over each step. A critic
+    of V or dV/dx has the policy that `policies_of_step` makes of its P, not R⁻¹B'P; a K that came
+    without P is compared alone. L2 gain, margins and the box of states belong to continuous time
+    and are not checked. NoSolutionError where the problem has no certified solution."""
     from controller.riccati.discrete import discounted_checks, policies_of_step, solve_discounted
     from verification.critic.diagnosis import repaired
 
@@ -157,16 +183,27 @@ def check_discounted(
         with np.errstate(all="ignore"):
             K = policies_of_step(step, (P + P.T) / 2.0, discount)[0]
     candidate = Candidate(K, P, candidate.functions, candidate.weights)
-    radius = float(np.abs(np.linalg.eigvals(root * (step.A - step.B @ K))).max()) if np.isfinite(K).all() else math.inf
+    radius = (
+        float(np.abs(np.linalg.eigvals(root * (step.A - step.B @ K))).max())
+        if np.isfinite(K).all()
+        else math.inf
+    )
     errors = matrix_errors(game, "K", K, exact.K, limit)
     errors += () if P is None else matrix_errors(game, "P", P, exact.P, limit)
-    checks = [*errors, below("control_loop_radius", radius, 1.0, f"sqrt(discount) (A - B K) has radius {radius:.4g}")]
+    checks = [
+        *errors,
+        below(
+            "control_loop_radius", radius, 1.0, f"sqrt(discount) (A - B K) has radius {radius:.4g}"
+        ),
+    ]
     if P is not None:
         alike = Game(root * step.A, root * step.B, root * step.E, step.Q, step.R, step.delta)
         residual = discounted_checks(alike, (P + P.T) / 2.0)[0].value
         said = f"Bellman's equation is left with a residual of {residual:.2g}"
         checks.append(at_most("bellman_residual", residual, limit, said))
-    diagnosis = "" if all(check.ok for check in errors) else repaired(game, exact.P, exact.K, candidate)
+    diagnosis = (
+        "" if all(check.ok for check in errors) else repaired(game, exact.P, exact.K, candidate)
+    )
     return CriticCheck(
         exact,
         candidate,
@@ -179,7 +216,8 @@ def check_discounted(
 
 
 def _lost(exact: DiscountedSolution, K: np.ndarray) -> float:
-    """Percent that u = -K x costs more than the optimum from the worst start, under the exact w = L x.
+    """Percent that u = -K x costs more than the optimum from the worst start, under the exact w = L
+    x.
 
     Largest of x'Dx / x'P*x: D = γ F'D F + (K - K*)'(R + γ B'P*B)(K - K*), F = A - B K + E L*."""
     from scipy.linalg import eigh, solve_discrete_lyapunov
@@ -197,12 +235,13 @@ def _lost(exact: DiscountedSolution, K: np.ndarray) -> float:
 
 
 def _value_checks(game: Game, P: np.ndarray, exact: np.ndarray, limit: float) -> list[Check]:
-    """Whether P is a value: stabilizing, not indefinite, a root of the Riccati equation, a saddle point.
+    """Whether P is a value: stabilizing, not indefinite, a root of the Riccati equation, a saddle
+    point.
 
-    The value of a state that costs nothing may be 0, which rounding makes negative; the certificate allows the same. A
-    limit above the default allows |P - P*| <= limit |P*|, which moves eigenvalues by no more (Weyl). Saddle checks that
-    rounding of the exact P alone fails are left out.
-    """
+    The value of a state that costs nothing may be 0, which rounding makes negative; the certificate
+    allows the same. A limit above the default allows |P - P*| <= limit |P*|, which moves
+    eigenvalues by no more (Weyl). Saddle checks that rounding of the exact P alone fails are left
+    out."""
     units = balanced_units(game)
     squared, balanced = np.outer(units, units), in_units(game, units)
     scaled, right, costs = P * squared, exact * squared, np.linalg.eigvalsh(balanced.Q)
@@ -214,15 +253,27 @@ def _value_checks(game: Game, P: np.ndarray, exact: np.ndarray, limit: float) ->
         least = min(least, _smallest_eigenvalue(right) - allowed)
     indefinite = f"P is indefinite (smallest eigenvalue {smallest:.3g} of its size)"
     checks = [
-        below("game_loop_abscissa", abscissa, 0.0, f"A - S P is not Hurwitz (abscissa {abscissa:+.3g} 1/s)"),
+        below(
+            "game_loop_abscissa",
+            abscissa,
+            0.0,
+            f"A - S P is not Hurwitz (abscissa {abscissa:+.3g} 1/s)",
+        ),
         at_least("P_smallest_eigenvalue", smallest, least, indefinite),
-        at_most("riccati_residual", residual, limit, f"the Riccati equation is left with a residual of {residual:.2g}"),
+        at_most(
+            "riccati_residual",
+            residual,
+            limit,
+            f"the Riccati equation is left with a residual of {residual:.2g}",
+        ),
     ]
     if limit > LIMIT or not exact.any():
         return checks
     initial = np.ones(len(P))
     saddle = saddle_checks(balanced, scaled, initial)
-    if all(check.ok for check in saddle) or all(check.ok for check in saddle_checks(balanced, right, initial)):
+    if all(check.ok for check in saddle) or all(
+        check.ok for check in saddle_checks(balanced, right, initial)
+    ):
         checks += saddle
     return checks
 
@@ -233,32 +284,53 @@ def _smallest_eigenvalue(P: np.ndarray) -> float:
 
 
 def _explained(checks: list[Check], diagnosis: str) -> Iterator[Check]:
-    """The first failed check carries the diagnosis, so that the reason is where a reader looks first."""
+    """The first failed check carries the diagnosis, so that the reason is where a reader looks
+    first."""
     first = next((check for check in checks if not check.ok), None)
     for check in checks:
         new = check is first and diagnosis not in check.reason
         yield check._replace(reason=f"{check.reason}: {diagnosis}") if new else check
 
 
-def _run_checks(game: Game, run: LearningResult, functions: Basis, predefined_time: float | None) -> tuple[Check, ...]:
-    """The richness of the data, as the run says it; the settling time only of a law that promises one."""
+def _run_checks(
+    game: Game, run: LearningResult, functions: Basis, predefined_time: float | None
+) -> tuple[Check, ...]:
+    """The richness of the data, as the run says it; the settling time only of a law that promises
+    one."""
     rank = run.excitation
     poor = f"the data have rank {rank.rank} of {rank.size}: whatever their residual, they do not determine the weights"
     rich = at_least("data_rank", rank.rank, rank.size, poor)
     if predefined_time is None:
         return (rich,)
     settled = settling_time(game, run, functions)
-    late = f"the residual settles at {settled:.4g} s" if math.isfinite(settled) else "the residual does not settle"
-    return (rich, at_most("settling_time", settled, predefined_time, f"{late}, not within T_w = {predefined_time:g} s"))
+    late = (
+        f"the residual settles at {settled:.4g} s"
+        if math.isfinite(settled)
+        else "the residual does not settle"
+    )
+    return (
+        rich,
+        at_most(
+            "settling_time",
+            settled,
+            predefined_time,
+            f"{late}, not within T_w = {predefined_time:g} s",
+        ),
+    )
 
 
 def settling_time(game: Game, run: LearningResult, functions: Basis) -> float:
-    """First time from which the Riccati residual of the run's P(t) stays within `SETTLED`, s; inf when it does not.
+    """First time from which the Riccati residual of the run's P(t) stays within `SETTLED`, s; inf
+    when it does not.
 
-    Computed from the recorded weights, with `certificate.relative_residual` in balanced units: whatever the law
-    measures is not asked.
-    """
+    Computed from the recorded weights, with `certificate.relative_residual` in balanced units:
+    whatever the law measures is not asked."""
     units = balanced_units(game)
     balanced, squared = in_units(game, units), np.outer(units, units)
-    residuals = np.array([relative_residual(balanced, functions.matrix(weights) * squared) for weights in run.weights])
+    residuals = np.array(
+        [
+            relative_residual(balanced, functions.matrix(weights) * squared)
+            for weights in run.weights
+        ]
+    )
     return settled_at(run.times, residuals, SETTLED)

@@ -1,10 +1,10 @@
 """How far a critic is from the exact one: in norms, entry by entry, and over a whole box of states.
 
-V - V* = Σ_m c_m ψ_m(z), c = W - W*. In y_i = z_i / b_i, b the half widths of the box, it is Σ_m c_m ψ_m(b) ψ_m(y) with
-|ψ_m(y)| <= 1: the sum of |c_m ψ_m(b)| bounds the error at every state of the box, and so for the derivatives. No
-polynomial hides between samples. The scale of a linear problem is arbitrary, so each bound holds for every box λb with
-1/`REACH` <= λ <= `REACH`: a term of degree p counts λ^(p-2) times as much as the quadratic V*.
-"""
+V - V* = Σ_m c_m ψ_m(z), c = W - W*. In y_i = z_i / b_i, b the half widths of the box, it is Σ_m c_m
+ψ_m(b) ψ_m(y) with |ψ_m(y)| <= 1: the sum of |c_m ψ_m(b)| bounds the error at every state of the
+box, and so for the derivatives. No polynomial hides between samples. The scale of a linear problem
+is arbitrary, so each bound holds for every box λb with 1/`REACH` <= λ <= `REACH`: a term of degree
+p counts λ^(p-2) times as much as the quadratic V*."""
 
 from __future__ import annotations
 
@@ -21,8 +21,9 @@ from hfa_support.reporting.checks import Check, at_most
 from hfa_support.reporting.unit_system import in_force, si_factor, si_unit, unit_in_force
 from verification.critic.candidate import Candidate
 
-#: Half widths of the box of ordinary deviations of the aircraft, the judge's own: ft/s, rad and rad/s, in the order of
-#: `LINEAR_STATES`; the size of the commands of Section 5.1, less for the dihedral.
+#: Half widths of the box of ordinary deviations of the aircraft, the judge's own: ft/s, rad and
+#: rad/s, in the order of `LINEAR_STATES`; the size of the commands of Section 5.1, less for the
+#: dihedral.
 ORDINARY_DEVIATIONS = (7.0, 0.1, 0.1, 0.1, 0.1, 0.1)
 #: States and inputs of the aircraft's linear model.
 AIRCRAFT_SHAPE = (6, 5)
@@ -44,26 +45,38 @@ class Box(NamedTuple):
 
 
 def ordinary_box(
-    game: Game, states: tuple[str, ...] = (), inputs: tuple[str, ...] = (), state_units: tuple[str, ...] = ()
+    game: Game,
+    states: tuple[str, ...] = (),
+    inputs: tuple[str, ...] = (),
+    state_units: tuple[str, ...] = (),
 ) -> Box:
-    """`ORDINARY_DEVIATIONS` where states, inputs and units (English or SI) are the aircraft's, else balanced units.
+    """`ORDINARY_DEVIATIONS` where states, inputs and units (English or SI) are the aircraft's, else
+    balanced units.
 
     A game without names is taken for the aircraft's where it has its six states and five inputs.
     """
-    named = (states, inputs) == (LINEAR_STATES, INPUTS) if states else game.B.shape == AIRCRAFT_SHAPE
+    named = (
+        (states, inputs) == (LINEAR_STATES, INPUTS) if states else game.B.shape == AIRCRAFT_SHAPE
+    )
     si = tuple(map(si_unit, _UNITS))
     if not named or (any(state_units) and state_units not in (_UNITS, si)):
         return Box(
-            balanced_units(game), "balanced units of the game; a convention, the plant has not the aircraft's names"
+            balanced_units(game),
+            "balanced units of the game; a convention, the plant has not the aircraft's names",
         )
     in_si = state_units == si
     widths = np.array(ORDINARY_DEVIATIONS) * [si_factor(unit) if in_si else 1.0 for unit in _UNITS]
-    speed = f"{widths[0]:g} {si[0]}" if in_si else f"{in_force(widths[0], 'ft/s'):g} {unit_in_force('ft/s')}"
+    speed = (
+        f"{widths[0]:g} {si[0]}"
+        if in_si
+        else f"{in_force(widths[0], 'ft/s'):g} {unit_in_force('ft/s')}"
+    )
     return Box(widths, f"ordinary deviations of the aircraft, {speed}, 0.1 rad, 0.1 rad/s")
 
 
 def relative_error(value: np.ndarray, exact: np.ndarray) -> float:
-    """|value - exact| / |exact|, Frobenius norms; inf when a number is not finite, or |exact| alone is 0."""
+    """|value - exact| / |exact|, Frobenius norms; inf when a number is not finite, or |exact| alone
+    is 0."""
     if not np.all(np.isfinite(value)):
         return math.inf
     with np.errstate(over="ignore"):  # then the error is inf
@@ -74,7 +87,8 @@ def relative_error(value: np.ndarray, exact: np.ndarray) -> float:
 
 
 def entry_error(difference: np.ndarray, exact: np.ndarray) -> float:
-    """max |difference_ij| / max(|exact_ij|, `SMALL` max |exact|); inf when a number is not finite."""
+    """max |difference_ij| / max(|exact_ij|, `SMALL` max |exact|); inf when a number is not
+    finite."""
     largest = float(np.abs(exact).max(initial=0.0))
     if not np.all(np.isfinite(difference)):
         return math.inf
@@ -86,24 +100,33 @@ def entry_error(difference: np.ndarray, exact: np.ndarray) -> float:
 def critic_errors(
     game: Game, candidate: Candidate, exact: GameSolution, limit: float, box: Box | None = None
 ) -> tuple[Check, ...]:
-    """Every error of a critic: of K, of P where it has one, and over the box (default `ordinary_box`) but of a
-    network."""
+    """Every error of a critic: of K, of P where it has one, and over the box (default
+    `ordinary_box`) but of a network."""
     bounded = candidate.nonlinear is None or candidate.nonlinear.z is None
     return (
         *matrix_errors(game, "K", candidate.K, exact.K, limit),
-        *(box_errors(game, candidate, exact, (box or ordinary_box(game)).half_widths, limit) if bounded else ()),
+        *(
+            box_errors(game, candidate, exact, (box or ordinary_box(game)).half_widths, limit)
+            if bounded
+            else ()
+        ),
         *(matrix_errors(game, "P", candidate.P, exact.P, limit) if candidate.P is not None else ()),
     )
 
 
-def matrix_errors(game: Game, name: str, matrix: np.ndarray, exact: np.ndarray, limit: float) -> tuple[Check, ...]:
-    """Errors of "P" (n, n) or "K" (m, n): unscaled; as U P U or R^(1/2) K U, U = `balanced_units`; entry by entry as
-    U P U or diag(R)^(1/2) K U."""
+def matrix_errors(
+    game: Game, name: str, matrix: np.ndarray, exact: np.ndarray, limit: float
+) -> tuple[Check, ...]:
+    """Errors of "P" (n, n) or "K" (m, n): unscaled; as U P U or R^(1/2) K U, U = `balanced_units`;
+    entry by entry as U P U or diag(R)^(1/2) K U."""
     units, R = balanced_units(game), game.R
     scales, root = np.outer(units, units), np.eye(len(matrix))
     if name == "K":
         eigenvalues, vectors = np.linalg.eigh(R)
-        scales, root = np.outer(np.ones(len(R)), units), np.sqrt(np.abs(eigenvalues))[:, None] * vectors.T
+        scales, root = (
+            np.outer(np.ones(len(R)), units),
+            np.sqrt(np.abs(eigenvalues))[:, None] * vectors.T,
+        )
     size = np.sqrt(np.diag(R))[:, None] * scales if name == "K" else scales
     errors = {
         "rel": (relative_error(matrix, exact), f"{name} is off by {{:.2g}}"),
@@ -111,21 +134,26 @@ def matrix_errors(game: Game, name: str, matrix: np.ndarray, exact: np.ndarray, 
             relative_error(root @ matrix * scales, root @ exact * scales),
             f"{name} is off by {{:.2g}} in balanced units",
         ),
-        "entry": (entry_error((matrix - exact) * size, exact * size), f"an entry of {name} is off by {{:.2g}}"),
+        "entry": (
+            entry_error((matrix - exact) * size, exact * size),
+            f"an entry of {name} is off by {{:.2g}}",
+        ),
     }
     return tuple(
-        at_most(f"{name}_{kind}_error", error, limit, said.format(error)) for kind, (error, said) in errors.items()
+        at_most(f"{name}_{kind}_error", error, limit, said.format(error))
+        for kind, (error, said) in errors.items()
     )
 
 
 def box_errors(
     game: Game, candidate: Candidate, exact: GameSolution, box: np.ndarray, limit: float
 ) -> tuple[Check, ...]:
-    """Bounds over the box, box: (n,), of the errors of V, of each ∂V/∂z_i, and of each entry of u and d.
+    """Bounds over the box, box: (n,), of the errors of V, of each ∂V/∂z_i, and of each entry of u
+    and d.
 
-    V relative to the sum of its terms at the corner of the box, the others to their largest value in the box.
-    u = -½ R⁻¹B'∂V/∂z as it would be flown, or -K z of a gain; d = ½ δ⁻²E'∂V/∂z, the worst disturbance.
-    """
+    V relative to the sum of its terms at the corner of the box, the others to their largest value
+    in the box. u = -½ R⁻¹B'∂V/∂z as it would be flown, or -K z of a gain; d = ½ δ⁻²E'∂V/∂z, the
+    worst disturbance."""
     psi, beyond = candidate.functions, candidate.functions.quadratic_size
     exact_weights = psi.weights(exact.P)
     with np.errstate(all="ignore"):  # what is not finite fails
@@ -139,7 +167,10 @@ def box_errors(
         P = psi.matrix(given)
         K = candidate.K if candidate.weights is None else game.gain(P)
         u_errors = np.abs(K - exact.K) @ box + np.abs(game.R_inverse_B_transposed) @ higher
-        d_errors = np.abs(game.disturbance_gain(P - exact.P)) @ box + np.abs(game.E.T) @ higher / game.delta**2
+        d_errors = (
+            np.abs(game.disturbance_gain(P - exact.P)) @ box
+            + np.abs(game.E.T) @ higher / game.delta**2
+        )
     u_scale = np.sqrt(np.diag(game.R))
     found = {
         "policy": (
@@ -156,5 +187,6 @@ def box_errors(
             worst = entry_error(d_errors, np.abs(exact.disturbance_gain) @ box)
             found["disturbance"] = worst, "the worst disturbance is off by {:.2g} in the box"
     return tuple(
-        at_most(f"{name}_rel_error", error, limit, said.format(error)) for name, (error, said) in found.items()
+        at_most(f"{name}_rel_error", error, limit, said.format(error))
+        for name, (error, said) in found.items()
     )

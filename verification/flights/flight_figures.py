@@ -29,8 +29,8 @@ _SMALL: dict[str, Any] = {"loc": "right", "fontsize": 6, "pad": 2}
 
 
 def flight_figure(result: NonlinearFlight, title: str) -> Figure:
-    """Every state, absolute: nonlinear, linear prediction, reference; the inputs, a panel a unit; the updraft if there
-    is one.
+    """Every state, absolute: nonlinear, linear prediction, reference; the inputs, a panel a unit;
+    the updraft if there is one.
 
     Where the air moves, alpha through it besides.
     """
@@ -44,21 +44,45 @@ def flight_figure(result: NonlinearFlight, title: str) -> Figure:
         if name in model.linear:
             row = model.linear.index(name)
             reference = result.states[:, index] - result.flight.errors[:, row]
-            axes.plot(times, shown_values(reference, unit), ":", color="black", linewidth=1.0, label="reference")
+            axes.plot(
+                times,
+                shown_values(reference, unit),
+                ":",
+                color="black",
+                linewidth=1.0,
+                label="reference",
+            )
         if result.predicted is not None:
             predicted = result.predicted.states[:, index] + result.point.states[index]
-            axes.plot(result.predicted.times, shown_values(predicted, unit), "--", color="C1", label="linear")
-        axes.plot(times, shown_values(result.states[:, index], unit), color="C0", linewidth=1.2, label="nonlinear")
+            axes.plot(
+                result.predicted.times,
+                shown_values(predicted, unit),
+                "--",
+                color="C1",
+                label="linear",
+            )
+        axes.plot(
+            times,
+            shown_values(result.states[:, index], unit),
+            color="C0",
+            linewidth=1.2,
+            label="nonlinear",
+        )
         limited, what = result.states[:, index], name
         if name == ALPHA and result.flight.winds and flown_through_air(model):
             limited, what = result.angles_of_attack, "alpha over ground"
-            axes.plot(times, shown_values(limited, unit), color="C2", linewidth=1.2, label=ANGLE_OF_ATTACK)
+            axes.plot(
+                times, shown_values(limited, unit), color="C2", linewidth=1.2, label=ANGLE_OF_ATTACK
+            )
             axes.legend([axes.lines[-1]], [ANGLE_OF_ATTACK], fontsize=6, loc="lower left", **_ABOVE)
         limits = result.envelope.lowest[index], result.envelope.highest[index]
         _limit_lines(axes, limited, limits, unit)
         axes.set_title(f"envelope: {limits_text(*limits, unit)}", **_SMALL)
         _finish(axes, f"{what}, {shown_unit(unit)}")
-    inputs, (air, *unused) = panels[len(model.states) :][: len(kinds)], panels[len(model.states) + len(kinds) :]
+    inputs, (air, *unused) = (
+        panels[len(model.states) :][: len(kinds)],
+        panels[len(model.states) + len(kinds) :],
+    )
     for index, (name, signal) in enumerate(model.inputs.items()):
         axes, unit, limits = inputs[kinds.index(signal.unit)], signal.unit, (signal.min, signal.max)
         label = f"{name}: {limits_text(*limits, unit)}"
@@ -75,7 +99,9 @@ def flight_figure(result: NonlinearFlight, title: str) -> Figure:
         unit = model.unit(UPDRAFT)
         air.plot(times, shown_values(result.flight.updrafts, unit), color="C2")
         _finish(air, f"updraft, {shown_unit(unit)}")
-        figure.legend(handles, labels, loc="outside upper center", ncols=len(labels), fontsize=8, title=title)
+        figure.legend(
+            handles, labels, loc="outside upper center", ncols=len(labels), fontsize=8, title=title
+        )
     else:  # the legend takes the place of the updraft
         figure.suptitle(title, fontsize=10)
         air.set_axis_off()
@@ -95,7 +121,9 @@ def _limit_lines(axes: Axes, limited: np.ndarray, limits: tuple[float, float], u
         (highest, limited.max() > highest - 0.2 * (highest - lowest)),
     ):
         if near:
-            axes.axhline(float(shown_values(limit, unit)), color="black", linestyle="--", linewidth=0.8)
+            axes.axhline(
+                float(shown_values(limit, unit)), color="black", linestyle="--", linewidth=0.8
+            )
 
 
 def map_figure(maps: tuple[RecoverableMap, ...], title: str) -> Figure:
@@ -105,7 +133,9 @@ def map_figure(maps: tuple[RecoverableMap, ...], title: str) -> Figure:
     handles: dict[str, Any] = {}
     for column, each in enumerate(maps):
         handles |= _start_map(panels[0, column], each)
-    figure.legend(handles=list(handles.values()), loc="outside upper center", ncols=3, fontsize=8, title=title)
+    figure.legend(
+        handles=list(handles.values()), loc="outside upper center", ncols=3, fontsize=8, title=title
+    )
     return figure
 
 
@@ -117,7 +147,9 @@ def _start_map(axes: Axes, each: RecoverableMap) -> dict[str, Any]:
 
     found, model = each.starts["nonlinear"], each.envelope.model
     states, inputs = tuple(model.states), tuple(model.inputs)
-    inside, returned, left, exceeded = (found[name] for name in ("held", "returned", "left_first", "exceeded"))
+    inside, returned, left, exceeded = (
+        found[name] for name in ("held", "returned", "left_first", "exceeded")
+    )
     picture = np.ones((*inside.shape, 3))
     handles: dict[str, Any] = {}
 
@@ -129,16 +161,24 @@ def _start_map(axes: Axes, each: RecoverableMap) -> dict[str, Any]:
     for index in np.unique(exceeded[inside & (exceeded >= 0)]).tolist():
         label = f"{inputs[index]} exceeded its limits, inside the envelope"
         fill(inside & (exceeded == index), _GRAYS[index % len(_GRAYS)], label)
-    for index, back in sorted(set(zip(left[~inside].tolist(), returned[~inside].tolist(), strict=True))):
+    for index, back in sorted(
+        set(zip(left[~inside].tolist(), returned[~inside].tolist(), strict=True))
+    ):
         name = (*states, "no state")[index]
         label = f"came back, {name} had left" if back else f"lost, {name} left first"
         color = np.array(to_rgb("0.6" if index < 0 else _COLORS[index % len(_COLORS)]))
-        fill(~inside & (left == index) & (returned == back), _PALE * color + 1 - _PALE if back else color, label)
+        fill(
+            ~inside & (left == index) & (returned == back),
+            _PALE * color + 1 - _PALE if back else color,
+            label,
+        )
     across, down = (shown_values(values, model.unit(name)) for name, values in each.axes.items())
     axes.pcolormesh(across, down, picture, shading="nearest")
     linear = each.starts["linear"]["held"].astype(float)
     if min(linear.shape) > 1 and 0.0 < linear.mean() < 1.0:
-        axes.contour(across, down, linear, levels=[0.5], colors="black", linestyles="--", linewidths=1.2)
+        axes.contour(
+            across, down, linear, levels=[0.5], colors="black", linestyles="--", linewidths=1.2
+        )
     label = "linear model inside the envelope"
     handles[label] = Line2D([], [], color="black", linestyle="--", label=label)
     axes.plot(0, 0, "+", color="black")

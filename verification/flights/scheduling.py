@@ -1,4 +1,5 @@
-"""A schedule of certified gains over the scheduling variable η of a model, and a flight through a slow change of it."""
+"""A schedule of certified gains over the scheduling variable η of a model, and a flight through a
+slow change of it."""
 
 from __future__ import annotations
 
@@ -11,17 +12,17 @@ import numpy as np
 
 from controller.flight.envelope import Envelope
 from controller.flight.nonlinear_flight import NonlinearFlight, fly
+from controller.flight.policies import FlownLaw, Memoryless, Seen, Unvaried
 from controller.flight.scenario import Scenario
+from controller.game.gain_schedule import GainTable
 from controller.game.zero_sum import Game, published_game
-from controller.laws.certified import learned_value
-from controller.policy.gain_table import GainTable
-from controller.policy.policies import FlownLaw, Memoryless, Seen, Unvaried
+from controller.learning.certified import learned_value
 from controller.riccati.balancing import spectrum
 from controller.riccati.gare import solve_game
+from hfa_aircraft.model import Model
 from hfa_model.aircraft import Aircraft
 from hfa_support.errors import BadInputError, refuse_unless_positive
 from hfa_support.linear_table import LinearTable
-from hfa_support.model import Model
 from hfa_support.progress import Progress, told
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.text import Table, degrees, shown_unit
@@ -36,10 +37,11 @@ LEAD, REST = 5.0, 15.0
 
 @dataclass(frozen=True)
 class ScheduledChange:
-    """η_d(t) = start + (end - start) (10 τ³ - 15 τ⁴ + 6 τ⁵), τ = (t - begin)/duration held in [0, 1]; s.
+    """η_d(t) = start + (end - start) (10 τ³ - 15 τ⁴ + 6 τ⁵), τ = (t - begin)/duration held in [0,
+    1]; s.
 
-    Rate and acceleration are continuous and 0 at both ends. BadInputError when the duration is not positive.
-    """
+    Rate and acceleration are continuous and 0 at both ends. BadInputError when the duration is not
+    positive."""
 
     start: float
     end: float
@@ -52,15 +54,18 @@ class ScheduledChange:
 
     def at(self, t: Any) -> tuple[ca.SX, ca.SX]:
         """η_d(t) and η_d'(t)."""
-        tau, size = ca.fmin(ca.fmax((t - self.begin) / self.duration, 0.0), 1.0), self.end - self.start
+        tau, size = (
+            ca.fmin(ca.fmax((t - self.begin) / self.duration, 0.0), 1.0),
+            self.end - self.start,
+        )
         place = self.start + size * tau**3 * (10 - 15 * tau + 6 * tau**2)
         return place, size / self.duration * 30 * tau**2 * (1 - tau) ** 2
 
 
 @dataclass(frozen=True, eq=False)
 class GridPoint:
-    """One gain: where, K (m, k), the abscissa of A - B K, 1/s; of a law also its relative distance from the exact one,
-    the abscissa of A - S P, 1/s, and how many certificates hold."""
+    """One gain: where, K (m, k), the abscissa of A - B K, 1/s; of a law also its relative distance
+    from the exact one, the abscissa of A - S P, 1/s, and how many certificates hold."""
 
     point: OperatingPoint
     gain: np.ndarray
@@ -72,11 +77,11 @@ class GridPoint:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Schedule(Reported):
-    """Trims X0(η), U0(η) and gains K(η), linear between the points of the grid and constant beyond its ends.
+    """Trims X0(η), U0(η) and gains K(η), linear between the points of the grid and constant beyond
+    its ends.
 
-    grid: two points or more, η increasing, certified unless the gains came from a file. between: the largest
-    abscissa of A - B K halfway between them, with the interpolated K, 1/s.
-    """
+    grid: two points or more, η increasing, certified unless the gains came from a file. between:
+    the largest abscissa of A - B K halfway between them, with the interpolated K, 1/s."""
 
     grid: tuple[GridPoint, ...]
     between: float = np.nan
@@ -95,7 +100,9 @@ class Schedule(Reported):
     def tables(self) -> tuple[LinearTable, LinearTable, LinearTable]:
         """X0(η), (n,), U0(η), (m,), and K(η), (m, k)."""
         rows = [(row.point.states, row.point.inputs, row.gain) for row in self.grid]
-        states, inputs, gains = (LinearTable(self.places, np.array(each)) for each in zip(*rows, strict=True))
+        states, inputs, gains = (
+            LinearTable(self.places, np.array(each)) for each in zip(*rows, strict=True)
+        )
         return states, inputs, gains
 
     def report(self) -> Report:
@@ -114,7 +121,8 @@ class Schedule(Reported):
         abscissae = ("abscissa A-BK 1/s", "abscissa A-SP 1/s", "K off the exact", "certificates")
         between = f"halfway between the points, interpolated gain: largest abscissa of A-BK {self.between:.4f} 1/s"
         return Report(
-            "Schedule of certified gains", [(Table((f"{name} {shown_unit(unit)}", *abscissae), rows), between)]
+            "Schedule of certified gains",
+            [(Table((f"{name} {shown_unit(unit)}", *abscissae), rows), between)],
         )
 
     def at(self, place: float) -> GridPoint:
@@ -124,13 +132,13 @@ class Schedule(Reported):
 
 @dataclass(frozen=True, eq=False)
 class ScheduledPolicy(Memoryless, Unvaried):
-    """u = U0(η_d(t)) - U_base - K(η) z, with η = η_base + x_d,η + z_η the measured one; also its own reference
-    x_d(t) = X0(η_d(t)) - X_base, (k,), with η' = η_d'(t) where the model has that rate as a state, `NAME_rate`.
+    """u = U0(η_d(t)) - U_base - K(η) z, with η = η_base + x_d,η + z_η the measured one; also its
+    own reference x_d(t) = X0(η_d(t)) - X_base, (k,), with η' = η_d'(t) where the model has that
+    rate as a state, `NAME_rate`.
 
-    The trims follow the commanded η and the gain the measured one. So, linearized about a trim, the policy
-    is u = -K z with the K of that trim: U0 of the measured η would add the gain ∂U0/∂η, and z is 0 at a
-    trim, so that ∂K/∂η adds nothing.
-    """
+    The trims follow the commanded η and the gain the measured one. So, linearized about a trim, the
+    policy is u = -K z with the K of that trim: U0 of the measured η would add the gain ∂U0/∂η, and
+    z is 0 at a trim, so that ∂K/∂η adds nothing."""
 
     schedule: Schedule
     change: ScheduledChange
@@ -145,7 +153,9 @@ class ScheduledPolicy(Memoryless, Unvaried):
         """x_d(t); a CasADi column."""
         model, (place, rate) = self.schedule.model, self.change.at(t)
         deviation = self.schedule.tables[0].expression(place) - ca.DM(np.array(self.base.states))
-        rows = {name: deviation[row] for row, name in enumerate(model.states) if name in model.linear}
+        rows = {
+            name: deviation[row] for row, name in enumerate(model.states) if name in model.linear
+        }
         moving = f"{model.schedule}_rate"
         return ca.vertcat(*(rows | ({moving: rate} if moving in rows else {})).values())
 
@@ -160,13 +170,18 @@ class ScheduledPolicy(Memoryless, Unvaried):
 
 
 def change_over(model: Model, start: float, end: float, duration: float) -> ScheduledChange:
-    """A change from start to end that begins after `LEAD` seconds. BadInputError when there is none, or when the
-    scheduling variable is no state of the linear model, so that it cannot be measured and followed."""
+    """A change from start to end that begins after `LEAD` seconds. BadInputError when there is
+    none, or when the scheduling variable is no state of the linear model, so that it cannot be
+    measured and followed."""
     name = model.schedule
     if name not in model.linear:
-        raise BadInputError(f"{model.name} is scheduled over {name or 'nothing'}; a schedule needs a state of linear")
+        raise BadInputError(
+            f"{model.name} is scheduled over {name or 'nothing'}; a schedule needs a state of linear"
+        )
     if start == end:
-        raise BadInputError(f"the {name} begins and ends at {model.describe(name, start)}; give two different ones")
+        raise BadInputError(
+            f"the {name} begins and ends at {model.describe(name, start)}; give two different ones"
+        )
     return ScheduledChange(start, end, LEAD, duration)
 
 
@@ -182,12 +197,12 @@ def certified_schedule(
     condition: Callable[[float], TrimCondition] = level_flight,
     progress: Progress | None = None,
 ) -> Schedule:
-    """Trim, linearize and solve or learn at every value of η (angles in rad); every gain must be certified.
+    """Trim, linearize and solve or learn at every value of η (angles in rad); every gain must be
+    certified.
 
-    law: "exact", or a learning law. game: model -> game, the published one unless given. settings: of the law. gains:
-    in place of a law, as they are, certified or not. condition: η -> trim.
-    Raises NoSolutionError at the first value without a trim or without a certified gain.
-    """
+    law: "exact", or a learning law. game: model -> game, the published one unless given. settings:
+    of the law. gains: in place of a law, as they are, certified or not. condition: η -> trim.
+    Raises NoSolutionError at the first value without a trim or without a certified gain."""
     if np.ndim(places) != 1 or len(places) < 2 or np.any(np.diff(places) <= 0.0):
         raise BadInputError("a schedule needs at least two values, in increasing order")
 
@@ -210,7 +225,9 @@ def certified_schedule(
     return Schedule(tuple(grid), between)
 
 
-def _certified(model: LinearModel, game: Game, law: str, seed: int, settings: Mapping[str, Any]) -> GridPoint:
+def _certified(
+    model: LinearModel, game: Game, law: str, seed: int, settings: Mapping[str, Any]
+) -> GridPoint:
     exact = solve_game(game)
     P, gain, certificates = exact.P, exact.K, len(exact.certificate.checks)
     if law != "exact":
@@ -230,7 +247,8 @@ def fly_schedule(
     *,
     progress: Progress | None = None,
 ) -> NonlinearFlight:
-    """The nonlinear aircraft along the trims of a change of η; the scenario's own reference is replaced.
+    """The nonlinear aircraft along the trims of a change of η; the scenario's own reference is
+    replaced.
 
     The change begins at a grid point, whose trim is the one that deviations count from.
     """
@@ -241,9 +259,15 @@ def fly_schedule(
 
 
 def schedule_report(result: NonlinearFlight, law: str) -> Report:
-    """The report of a flight of `fly_schedule` with that of the schedule, whose gains `law` has made."""
+    """The report of a flight of `fly_schedule` with that of the schedule, whose gains `law` has
+    made."""
     policy: Any = result.loop.law.policy
-    flown, schedule, change, model = result.report(), policy.schedule, policy.change, policy.schedule.model
+    flown, schedule, change, model = (
+        result.report(),
+        policy.schedule,
+        policy.change,
+        policy.schedule.model,
+    )
     words = f", to {model.describe(model.schedule, change.end)} over {change.duration:g} s, law {law}, scheduled"
     grid = {
         "law": law,

@@ -25,8 +25,8 @@ _SAME = 1e-9
 
 
 class Claims(NamedTuple):
-    """claims.json: all of it, how many claims have each verdict, what the file says of itself, a row for each claim,
-    and dihedral (deg), A and B of each linear model that was flown."""
+    """claims.json: all of it, how many claims have each verdict, what the file says of itself, a
+    row for each claim, and dihedral (deg), A and B of each linear model that was flown."""
 
     data: dict[str, Any]
     verdicts: str
@@ -38,7 +38,8 @@ class Claims(NamedTuple):
         """Whether the stored flights were those of the linear models regenerated here."""
         own = {pair.published.dihedral_deg: pair.model for pair in regeneration.pairs}
         return bool(self.models) and all(
-            angle in own and _same(A, own[angle].A) and _same(B, own[angle].B) for angle, A, B in self.models
+            angle in own and _same(A, own[angle].A) and _same(B, own[angle].B)
+            for angle, A, B in self.models
         )
 
 
@@ -48,16 +49,21 @@ def claims_section(claims: Claims | None, regeneration: Regeneration) -> Report:
         how = "Not on this page. `python -m studies.section5 -o out` computes it, `hfa report --claims out` shows it."
         return Report(_TITLE, (how,))
     same = "the same matrices as" if claims.flew(regeneration) else "OTHER matrices than"
-    return Report(_TITLE, (f"{claims.about}, {same} those of this page.", claims.rows), data=claims.data)
+    return Report(
+        _TITLE, (f"{claims.about}, {same} those of this page.", claims.rows), data=claims.data
+    )
 
 
 def load_claims(path: Path) -> Claims:
-    """claims.json, or the folder that holds it; BadInputError where it is not what the study writes."""
+    """claims.json, or the folder that holds it; BadInputError where it is not what the study
+    writes."""
     file, study = path / "claims.json" if path.is_dir() else path, "`python -m studies.section5`"
     try:
         data = read_json(file)
     except OSError as error:
-        raise BadInputError(f"{file}: cannot be read ({error.strerror}); give what {study} wrote") from error
+        raise BadInputError(
+            f"{file}: cannot be read ({error.strerror}); give what {study} wrote"
+        ) from error
     try:
         if data["schema"] != SCHEMA:
             raise ValueError(data["schema"])
@@ -67,22 +73,35 @@ def load_claims(path: Path) -> Claims:
             f"Read from {file}, which {study} wrote. A green number meets the criterion of its claim. {verdicts}; "
             f"flights lost: {lost}. It flew {setting['matrices']} matrices"
         )
-        models = [(each["dihedral_deg"], np.array(each["A"]), np.array(each["B"])) for each in setting["models"]]
+        models = [
+            (each["dihedral_deg"], np.array(each["A"]), np.array(each["B"]))
+            for each in setting["models"]
+        ]
         return Claims(data, verdicts, about, claims_table(data["claims"]), models)
     except (AttributeError, KeyError, TypeError, ValueError) as error:
         raise BadInputError(f"{file}: is damaged ({error!r}); give what {study} wrote") from error
 
 
 def claims_table(claims: Sequence[dict[str, Any]]) -> Table:
-    """A row for each claim: its criterion, the numbers of its law and of those beside it, its verdict."""
+    """A row for each claim: its criterion, the numbers of its law and of those beside it, its
+    verdict."""
     rows = []
     for claim in claims:
         found, subject = claim["findings"], claim["subject"]
         own = _cell(found[subject], "" if subject == _SUBJECT else f"{subject}: ")
         beside = (_cell(found[law]) if law in found else "" for law in _BESIDE)
-        about = claim["number"], claim["says"], claim["measured"], f"{claim['relation']} {claim['limit']:.3g}"
-        rows.append((*about, own, *beside, Cell(claim["verdict"], _TONE.get(claim["verdict"], "near"))))
-    return Table(("claim", "the paper says", "measured", "asked for", _SUBJECT, *_BESIDE, "verdict"), rows)
+        about = (
+            claim["number"],
+            claim["says"],
+            claim["measured"],
+            f"{claim['relation']} {claim['limit']:.3g}",
+        )
+        rows.append(
+            (*about, own, *beside, Cell(claim["verdict"], _TONE.get(claim["verdict"], "near")))
+        )
+    return Table(
+        ("claim", "the paper says", "measured", "asked for", _SUBJECT, *_BESIDE, "verdict"), rows
+    )
 
 
 def _cell(finding: dict[str, Any], before: str = "") -> str:

@@ -1,5 +1,5 @@
-"""The page of the main job: its sections and every number of it, and the HTML file with style, data and Plotly's script
-in it, which loads nothing from elsewhere."""
+"""The page of the main job: its sections and every number of it, and the HTML file with style, data
+and Plotly's script in it, which loads nothing from elsewhere."""
 
 from __future__ import annotations
 
@@ -12,16 +12,14 @@ from functools import cache
 from importlib.resources import files
 from typing import TYPE_CHECKING, Any
 
-from controller.analysis.solution_report import solution_report
+from controller.riccati.solution_report import solution_report
 from hfa_model.provenance import Provenance
 from hfa_support.errors import BadInputError
 from hfa_support.reporting.checks import verdict_text
 from hfa_support.reporting.report import Part, Picture, Report
 from hfa_support.reporting.text import Cell, Table, angle_text
 from hfa_support.reporting.unit_system import system_in_force
-from trim.linear.linear_model import LinearModel, linear_model_report, matrices
-from trim.linear.modes import modes_of, modes_table
-from trim.linear.printed import (
+from trim.hfa.printed import (
     bands_known,
     comparison_table,
     entry_bands,
@@ -29,6 +27,8 @@ from trim.linear.printed import (
     printed_at,
     trust_in,
 )
+from trim.linear.linear_model import LinearModel, linear_model_report, matrices
+from trim.linear.modes import modes_of, modes_table
 from trim.point.trim_report import trim_report
 from verification.critic.check_result import check_figure
 from verification.page.claims import claims_section
@@ -50,7 +50,9 @@ _PAPER = (
     "</cite></a>, Electronics 2026, 15(17), 3838"
 )
 #: A browser that follows it loads nothing from any network.
-_POLICY = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:"
+_POLICY = (
+    "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:"
+)
 
 
 def main_report(job: MainJob) -> Report:
@@ -60,7 +62,9 @@ def main_report(job: MainJob) -> Report:
     claims = claims_section(job.claims, job.regeneration)
     pictures = front_view(job.aircraft, job.points), locus_plot(job.sweep)
     critics = [
-        {"dihedral_deg": each.data["dihedral_deg"], **each.data["critic"]} for each in angles if "critic" in each.data
+        {"dihedral_deg": each.data["dihedral_deg"], **each.data["critic"]}
+        for each in angles
+        if "critic" in each.data
     ]
     return Report(
         title="",
@@ -92,17 +96,26 @@ def verdicts(job: MainJob) -> Table:
     ]
     for angle in job.angles:
         at = f"{angle.dihedral_deg:g} deg"
-        rows.append((f"exact game solution certified at {at}", verdict_text(angle.solution is not None)))
-        rows.append((f"learned critic agrees with the exact solution at {at}", verdict_text(angle.ok)))
+        rows.append(
+            (f"exact game solution certified at {at}", verdict_text(angle.solution is not None))
+        )
+        rows.append(
+            (f"learned critic agrees with the exact solution at {at}", verdict_text(angle.ok))
+        )
     trimmed = int(job.sweep.trimmed.sum())
-    rows.append((f"{trimmed} of {len(job.points)} angles of the sweep trimmed", verdict_text(trimmed > 0)))
+    rows.append(
+        (f"{trimmed} of {len(job.points)} angles of the sweep trimmed", verdict_text(trimmed > 0))
+    )
     if job.claims is not None:
-        rows.append((f"claims of Section 5 of the paper: {job.claims.verdicts}", Cell("findings", "near")))
+        rows.append(
+            (f"claims of Section 5 of the paper: {job.claims.verdicts}", Cell("findings", "near"))
+        )
     return Table(("check", "verdict"), rows)
 
 
 def angle_report(job: MainJob, angle: Angle) -> Report:
-    """One asked angle: linear model with the print, game solution, learned critic; the slider shows its trim."""
+    """One asked angle: linear model with the print, game solution, learned critic; the slider shows
+    its trim."""
     model, data = angle.model, {"dihedral_deg": angle.dihedral_deg, "reason": angle.reason}
     title = f"Dihedral {angle_text(angle.dihedral)}: model, game, critic"
     if model is None:
@@ -118,7 +131,10 @@ def angle_report(job: MainJob, angle: Angle) -> Report:
             return check_figure(check, *named)
 
         text = f"P learned, P exact and their difference at {angle.dihedral_deg:g} deg; residual and error over time"
-        judged, picture = check.report(*named), Picture(f"critic-{angle.dihedral_deg:g}.png", text, draw)
+        judged, picture = (
+            check.report(*named),
+            Picture(f"critic-{angle.dihedral_deg:g}.png", text, draw),
+        )
         shown["critic"] = replace(judged, parts=(*judged.parts, picture))
     unsolved = [f"No game solution: {angle.reason}"] if angle.reason else []
     trim = trim_report(job.aircraft, angle.condition, model.point)
@@ -133,12 +149,17 @@ def point_report(job: MainJob, angle: Angle) -> Report:
         return Report(title, (f"No trim: {angle.reason}",))
     trim = trim_report(job.aircraft, angle.condition, angle.model.point)
     modes = modes_table(modes_of(angle.model.A, angle.model.states))
-    return Report(title, (trim, Report("Modes", (modes,)), Report("A and B", matrices(angle.model))))
+    return Report(
+        title, (trim, Report("Modes", (modes,)), Report("A and B", matrices(angle.model)))
+    )
 
 
 def _model_report(job: MainJob, angle: Angle, model: LinearModel) -> Report:
-    """The linear model; where the paper prints one, with the printed entries below the computed ones."""
-    bands = entry_bands(job.parameters, angle.condition, model) if bands_known(job.parameters) else None
+    """The linear model; where the paper prints one, with the printed entries below the computed
+    ones."""
+    bands = (
+        entry_bands(job.parameters, angle.condition, model) if bands_known(job.parameters) else None
+    )
     report = linear_model_report(model, bands, trust_in(bands))
     printed = printed_at(model.point)
     if printed is None or system_in_force() == "si":  # the print is in feet
@@ -149,7 +170,8 @@ def _model_report(job: MainJob, angle: Angle, model: LinearModel) -> Report:
 
 
 def page(job: MainJob, report: Report, origin: Provenance) -> str:
-    """The aircraft with its slider and the verdicts, then the sections of the report, each folded."""
+    """The aircraft with its slider and the verdicts, then the sections of the report, each
+    folded."""
     regenerated = _verdict(job.regeneration.ok, "regenerated", "NOT regenerated")
     agrees = _verdict(job.learned, "agrees", "DOES NOT agree")
     asked = ", ".join(f"{angle.dihedral_deg:g}" for angle in job.angles)
@@ -157,8 +179,13 @@ def page(job: MainJob, report: Report, origin: Provenance) -> str:
     first, *parts = (part for part in report.parts if isinstance(part, Report))
     parts.append(Report("Provenance", (f"{origin.command}\n{origin.text()}",)))
     sections = "\n".join(_folded(f"part-{number}", part) for number, part in enumerate(parts))
-    links = [("any-angle", first.title), *((f"part-{i}", part.title) for i, part in enumerate(parts))]
-    contents = "".join(f'<li><a href="#{place}">{html.escape(title)}</a></li>' for place, title in links)
+    links = [
+        ("any-angle", first.title),
+        *((f"part-{i}", part.title) for i, part in enumerate(parts)),
+    ]
+    contents = "".join(
+        f'<li><a href="#{place}">{html.escape(title)}</a></li>' for place, title in links
+    )
     return f"""<!DOCTYPE html>
 <html lang="en"><head><meta charset="utf-8"><title>{TITLE}</title>
 <meta name="viewport" content="width=device-width, initial-scale=1">
@@ -177,7 +204,8 @@ The paper: {_PAPER}.</p>
 
 
 def _folded(place: str, part: Report) -> str:
-    """A section that a click unfolds; it is unfolded where it is printed, or where a link leads to it."""
+    """A section that a click unfolds; it is unfolded where it is printed, or where a link leads to
+    it."""
     return (
         f'<details id="{place}"><summary><h2>{html.escape(part.title)}</h2></summary>'
         f"<section>{replace(part, title='').html(2)}</section></details>"
@@ -185,7 +213,8 @@ def _folded(place: str, part: Report) -> str:
 
 
 def any_angle(job: MainJob, drawn: Report) -> str:
-    """The slider over the sweep, its pictures next to the verdicts, and trim and model of the chosen angle."""
+    """The slider over the sweep, its pictures next to the verdicts, and trim and model of the
+    chosen angle."""
     shown = [f"{point.dihedral_deg:g} deg" for point in job.points]
     asked = [angle.dihedral_deg for angle in job.angles]
     first = next((i for i, point in enumerate(job.points) if point.dihedral_deg in asked), 0)
@@ -209,7 +238,8 @@ def _file(name: str) -> str:
 
 @cache
 def plotly_script() -> str:
-    """Plotly's own script, whole, packed to less than half its size, its license in plain text before it.
+    """Plotly's own script, whole, packed to less than half its size, its license in plain text
+    before it.
 
     BadInputError when Plotly is not installed.
     """

@@ -1,4 +1,5 @@
-"""The main job: both printed pairs regenerated, the sweep, and every asked angle with its game and its critic."""
+"""The main job: both printed pairs regenerated, the sweep, and every asked angle with its game and
+its critic."""
 
 from __future__ import annotations
 
@@ -7,9 +8,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from controller.analysis.solution_report import AnalysedGame, analyse_game
 from controller.game.zero_sum import published_game
-from controller.laws.certified import learn
+from controller.learning.certified import learn
+from controller.riccati.solution_report import AnalysedGame, analyse_game
 from hfa_model.aircraft import Aircraft
 from hfa_model.parameters import ParameterSet
 from hfa_model.printed_matrices import published_models
@@ -38,8 +39,8 @@ MOST_SWEPT, MOST_ASKED = 151, 20
 
 @dataclass(frozen=True, eq=False)
 class Angle:
-    """The trim and the linear model at a dihedral angle (rad); of an asked angle the exact solution of the paper's
-    game, and a critic learned with the default law and compared with it.
+    """The trim and the linear model at a dihedral angle (rad); of an asked angle the exact solution
+    of the paper's game, and a critic learned with the default law and compared with it.
 
     model, solution, check: None where there is none; `reason` says why.
     """
@@ -69,7 +70,8 @@ def trimmed_angle(
     flight: TrimCondition,
     start: OperatingPoint | None,
 ) -> Angle:
-    """Trim and linearize a flight at a dihedral angle, rad; an angle without a trim keeps the reason."""
+    """Trim and linearize a flight at a dihedral angle, rad; an angle without a trim keeps the
+    reason."""
     condition = flight.at(dihedral, {"dihedral": dihedral})
     try:
         point = find_operating_point(aircraft, condition, start)
@@ -96,7 +98,8 @@ def with_game(angle: Angle) -> Angle:
 
 @dataclass(frozen=True, eq=False)
 class MainJob:
-    """One aircraft: both pairs regenerated, trims and models over the dihedral angle, asked angles in full.
+    """One aircraft: both pairs regenerated, trims and models over the dihedral angle, asked angles
+    in full.
 
     points: one for each angle of the sweep. claims: None where none were given.
     """
@@ -116,7 +119,8 @@ class MainJob:
 
     @property
     def ok(self) -> bool:
-        """Whether everything holds; what became of the paper's claims is a finding and not counted."""
+        """Whether everything holds; what became of the paper's claims is a finding and not
+        counted."""
         return self.regeneration.ok and self.learned
 
 
@@ -132,11 +136,11 @@ def main_job(
     start: OperatingPoint | None = None,
     progress: Progress = lambda *_: None,
 ) -> MainJob:
-    """Regenerate both pairs, sweep the dihedral angle, and solve, learn and compare at each asked angle (rad).
+    """Regenerate both pairs, sweep the dihedral angle, and solve, learn and compare at each asked
+    angle (rad).
 
-    asked: the sweep visits these too. flight, start: the trimmed flight, as of `sweep`; the printed pairs are
-    at the paper's condition.
-    """
+    asked: the sweep visits these too. flight, start: the trimmed flight, as of `sweep`; the printed
+    pairs are at the paper's condition."""
     aircraft = Aircraft(parameters.values, variant_named(dynamics))
     progress(0.0, 1.0, "printed pairs")
     regeneration = regenerate_all(aircraft)

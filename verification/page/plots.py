@@ -1,8 +1,7 @@
 """Interactive plots of the page: Plotly figures as JSON, drawn by Plotly's own script.
 
-`front_view`: the aircraft from the front, panels, lift and weight to one scale. `locus_plot`: the root locus over the
-dihedral angle, where hovering says angle, frequency and damping.
-"""
+`front_view`: the aircraft from the front, panels, lift and weight to one scale. `locus_plot`: the
+root locus over the dihedral angle, where hovering says angle, frequency and damping."""
 
 from __future__ import annotations
 
@@ -18,14 +17,15 @@ from hfa_model.aircraft import Aircraft
 from hfa_support.jsonable import jsonable
 from hfa_support.reporting.report import Picture
 from hfa_support.reporting.unit_system import in_force, unit_in_force
-from trim.point.hfa_report import panels_from_the_front, scale_text, trim_figure
+from trim.hfa.hfa_report import panels_from_the_front, scale_text, trim_figure
 from trim.point.operating_point import OperatingPoint
 from trim.sweeps.sweep import Sweep
 from verification.page.main_job import Angle
 
 #: data, layout and, where a slider moves it, frames, as Plotly's figure schema has them.
 PlotlyFigure: TypeAlias = Mapping[str, Any]
-#: Colors that stand apart on a light and on a dark page, also for the color-blind (Okabe, Ito 2008).
+#: Colors that stand apart on a light and on a dark page, also for the color-blind (Okabe, Ito
+#: 2008).
 COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 NEUTRAL = "#888888"
 #: Length of the longest arrow, of the span of a panel.
@@ -34,9 +34,23 @@ _ARROW = {"symbol": "arrow", "size": 13, "angleref": "previous"}
 #: What does not move, trace by trace as in `_drawing`.
 _FIXED: tuple[dict[str, Any], ...] = (
     {"name": "panels", "mode": "lines", "line": {"color": NEUTRAL, "width": 7}},
-    {"name": "lift", "mode": "lines+markers", "line": {"color": COLORS[0], "width": 3}, "marker": _ARROW},
-    {"name": "weight", "mode": "lines+markers", "line": {"color": COLORS[1], "width": 3}, "marker": _ARROW},
-    {"name": "hinges (moment of loads and weight)", "mode": "markers", "marker": {"size": 10, "color": COLORS[2]}},
+    {
+        "name": "lift",
+        "mode": "lines+markers",
+        "line": {"color": COLORS[0], "width": 3},
+        "marker": _ARROW,
+    },
+    {
+        "name": "weight",
+        "mode": "lines+markers",
+        "line": {"color": COLORS[1], "width": 3},
+        "marker": _ARROW,
+    },
+    {
+        "name": "hinges (moment of loads and weight)",
+        "mode": "markers",
+        "marker": {"size": 10, "color": COLORS[2]},
+    },
     {"name": "sizes", "mode": "text", "showlegend": False},
 )
 _HOVER = (
@@ -47,7 +61,8 @@ _HOVER = (
 
 @dataclass(frozen=True, eq=False)
 class InteractivePlot(Picture):
-    """A picture that is one or more Plotly figures on a page of HTML; elsewhere Matplotlib draws it."""
+    """A picture that is one or more Plotly figures on a page of HTML; elsewhere Matplotlib draws
+    it."""
 
     figures: tuple[PlotlyFigure, ...]
 
@@ -64,7 +79,9 @@ class InteractivePlot(Picture):
 
 def in_script(value: Any) -> str:
     """The value as JSON of which no word can end the script element that holds it."""
-    return json.dumps(jsonable(value), allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
+    return json.dumps(jsonable(value), allow_nan=False, separators=(",", ":")).replace(
+        "<", "\\u003c"
+    )
 
 
 def _axis(title: str, **more: Any) -> dict[str, Any]:
@@ -73,10 +90,13 @@ def _axis(title: str, **more: Any) -> dict[str, Any]:
 
 
 def _figure(
-    traces: Sequence[dict[str, Any]], moving: Sequence[Sequence[dict[str, Any]]], x: dict[str, Any], y: dict[str, Any]
+    traces: Sequence[dict[str, Any]],
+    moving: Sequence[Sequence[dict[str, Any]]],
+    x: dict[str, Any],
+    y: dict[str, Any],
 ) -> PlotlyFigure:
-    """A frame for each position of the slider, named by it: what changes of the last traces. Background and size are
-    the page's, which moves to a frame at once; the legend stands above."""
+    """A frame for each position of the slider, named by it: what changes of the last traces.
+    Background and size are the page's, which moves to a frame at once; the legend stands above."""
     layout = {
         "xaxis": x,
         "yaxis": y,
@@ -85,49 +105,88 @@ def _figure(
         "hovermode": "closest",
         "paper_bgcolor": "rgba(0,0,0,0)",
         "plot_bgcolor": "rgba(0,0,0,0)",
-        "modebar": {"orientation": "v", "bgcolor": "rgba(0,0,0,0)", "color": NEUTRAL, "activecolor": COLORS[1]},
+        "modebar": {
+            "orientation": "v",
+            "bgcolor": "rgba(0,0,0,0)",
+            "color": NEUTRAL,
+            "activecolor": COLORS[1],
+        },
         "legend": {"orientation": "h", "yanchor": "bottom", "y": 1.02},
     }
     numbers = list(range(len(traces) - len(moving[0]), len(traces)))
-    frames = [{"name": str(i), "data": list(changed), "traces": numbers} for i, changed in enumerate(moving)]
+    frames = [
+        {"name": str(i), "data": list(changed), "traces": numbers}
+        for i, changed in enumerate(moving)
+    ]
     return {"data": list(traces), "layout": layout, "frames": frames}
 
 
 def front_view(aircraft: Aircraft, points: tuple[Angle, ...]) -> InteractivePlot | None:
-    """One drawing for all points that are trimmed, a frame each, arrows to one scale; None where none is trimmed."""
+    """One drawing for all points that are trimmed, a frame each, arrows to one scale; None where
+    none is trimmed."""
     trims = [None if each.model is None else each.model.point for each in points]
     known = [point for point in trims if point is not None]
     if not known:
         return None
     span, length = in_force(aircraft.parameters.panel_span, "ft"), unit_in_force("ft")
     panels = [panel for point in known for panel in panels_from_the_front(aircraft, point)]
-    scale = _LONGEST * span / max(float(np.linalg.norm(force)) for each in panels for force in (each.lift, each.weight))
+    scale = (
+        _LONGEST
+        * span
+        / max(float(np.linalg.norm(force)) for each in panels for force in (each.lift, each.weight))
+    )
     moving = [_drawing(aircraft, point, scale) for point in trims]
-    heights = np.concatenate([np.asarray(trace["y"], dtype=float) for traces in moving for trace in traces])
+    heights = np.concatenate(
+        [np.asarray(trace["y"], dtype=float) for traces in moving for trace in traces]
+    )
     room, wide = in_force(16.0, "ft"), 1.5 * span + in_force(12.0, "ft")
-    plain = {"constrain": "domain", "showgrid": False, "zeroline": False}  # lines would cross the texts
+    plain = {
+        "constrain": "domain",
+        "showgrid": False,
+        "zeroline": False,
+    }  # lines would cross the texts
     x = _axis(length, range=[-wide, wide], **plain)
     low, high = float(np.nanmin(heights)) - room, float(np.nanmax(heights)) + room
     y = _axis(length, range=[low, high], scaleanchor="x", scaleratio=1, constrain="domain")
     text = f"The trimmed aircraft at the chosen angle, seen from the front; {scale_text(scale)}"
-    return InteractivePlot("trim.png", text, lambda: trim_figure(aircraft, known[0]), (_figure(_FIXED, moving, x, y),))
+    return InteractivePlot(
+        "trim.png", text, lambda: trim_figure(aircraft, known[0]), (_figure(_FIXED, moving, x, y),)
+    )
 
 
-def _drawing(aircraft: Aircraft, point: OperatingPoint | None, scale: float) -> list[dict[str, Any]]:
-    """What moves: the ends of the panels, lift, weight, hinges, and their sizes; nothing without a trim."""
+def _drawing(
+    aircraft: Aircraft, point: OperatingPoint | None, scale: float
+) -> list[dict[str, Any]]:
+    """What moves: the ends of the panels, lift, weight, hinges, and their sizes; nothing without a
+    trim."""
     if point is None:
         return [{"x": [], "y": []} for _ in _FIXED]
     panels, gap = panels_from_the_front(aircraft, point), np.array([np.nan, np.nan])
     half = in_force(aircraft.parameters.panel_span, "ft") / 2
-    forces = [(panel.middle, panel.lift) for panel in panels], [(panel.middle, panel.weight) for panel in panels]
+    forces = (
+        [(panel.middle, panel.lift) for panel in panels],
+        [(panel.middle, panel.weight) for panel in panels],
+    )
     hinges = np.array([[-half, 0.0], [half, 0.0]])
     moment = in_force(float(aircraft.loads(point.states, point.inputs).hinge_moment), "ft lbf")
-    sizes = [f"{np.linalg.norm(force):.1f} {unit_in_force('lbf')}" for kind in forces for _, force in kind]
-    beside = ["top center" if force[1] >= 0 else "bottom center" for kind in forces for _, force in kind]
-    texts = [*(start + scale * force for kind in forces for start, force in kind), *(hinges - [0.0, 0.1 * half])]
+    sizes = [
+        f"{np.linalg.norm(force):.1f} {unit_in_force('lbf')}"
+        for kind in forces
+        for _, force in kind
+    ]
+    beside = [
+        "top center" if force[1] >= 0 else "bottom center" for kind in forces for _, force in kind
+    ]
+    texts = [
+        *(start + scale * force for kind in forces for start, force in kind),
+        *(hinges - [0.0, 0.1 * half]),
+    ]
     return [
         _line([each for panel in panels for each in (*panel.ends, gap)]),
-        *(_line([each for start, force in kind for each in (start, start + scale * force, gap)]) for kind in forces),
+        *(
+            _line([each for start, force in kind for each in (start, start + scale * force, gap)])
+            for kind in forces
+        ),
         _line(hinges),
         _line(texts)
         | {"text": [*sizes, *[f"{round(moment, 1) + 0.0:.1f} {unit_in_force('ft lbf')}"] * 2]}
@@ -141,7 +200,8 @@ def _line(places: Any) -> dict[str, Any]:
 
 
 def locus_plot(swept: Sweep) -> InteractivePlot | None:
-    """All modes, and the slow ones alone where there are slow and fast ones; None where nothing is trimmed."""
+    """All modes, and the slow ones alone where there are slow and fast ones; None where nothing is
+    trimmed."""
     if not swept.mode_names:
         return None
     every, slow = np.ones(len(swept.mode_names), dtype=bool), swept.slow
@@ -154,16 +214,38 @@ def locus_plot(swept: Sweep) -> InteractivePlot | None:
 
 def _locus(swept: Sweep, shown: np.ndarray) -> PlotlyFigure:
     """A line a mode, and the point of the slider; shown: (n,) which columns."""
-    angles, roots, names = np.degrees(swept.values[:, -1]), swept.eigenvalues[:, shown], list(swept.mode_names)
+    angles, roots, names = (
+        np.degrees(swept.values[:, -1]),
+        swept.eigenvalues[:, shown],
+        list(swept.mode_names),
+    )
     traces: list[dict[str, Any]] = []
     columns = np.flatnonzero(shown).tolist()
     for place, column in enumerate(columns):
-        line = {"color": COLORS[list(dict.fromkeys(names)).index(names[column]) % len(COLORS)], "width": 2}
+        line = {
+            "color": COLORS[list(dict.fromkeys(names)).index(names[column]) % len(COLORS)],
+            "width": 2,
+        }
         again = any(names[each] == names[column] for each in columns[:place])
-        about = {"name": names[column], "legendgroup": names[column], "showlegend": not again, "line": line}
-        traces.append(_roots(angles, roots[:, place]) | about | {"mode": "lines+markers", "marker": {"size": 4}})
+        about = {
+            "name": names[column],
+            "legendgroup": names[column],
+            "showlegend": not again,
+            "line": line,
+        }
+        traces.append(
+            _roots(angles, roots[:, place])
+            | about
+            | {"mode": "lines+markers", "marker": {"size": 4}}
+        )
     moving = [[_roots(angle, row)] for angle, row in zip(angles, roots, strict=True)]
-    traces.append({"name": "chosen angle", "mode": "markers", "marker": {"symbol": "x", "size": 9, "color": COLORS[1]}})
+    traces.append(
+        {
+            "name": "chosen angle",
+            "mode": "markers",
+            "marker": {"symbol": "x", "size": 9, "color": COLORS[1]},
+        }
+    )
     x, y = (_axis(f"{part} part, 1/s", rangemode="tozero") for part in ("real", "imaginary"))
     return _figure(traces, moving, x, y)
 
@@ -173,5 +255,9 @@ def _roots(angles: Any, roots: np.ndarray) -> dict[str, Any]:
     size = np.abs(roots)
     with np.errstate(invalid="ignore", divide="ignore"):
         told = np.broadcast_arrays(angles, size, np.where(size > 0, -roots.real / size, 0.0))
-    numbers = {"x": np.round(roots.real, 6), "y": np.round(roots.imag, 6), "customdata": np.round(np.stack(told, 1), 6)}
+    numbers = {
+        "x": np.round(roots.real, 6),
+        "y": np.round(roots.imag, 6),
+        "customdata": np.round(np.stack(told, 1), 6),
+    }
     return {"type": "scatter", **numbers, "hovertemplate": _HOVER}

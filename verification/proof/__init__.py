@@ -1,1 +1,2 @@
-"""Statements that hold for every place of an interval: found in doubles, proved in balls."""
+"""Proofs for every value of the scheduling variable: nothing outside but the command and studies
+imports them."""

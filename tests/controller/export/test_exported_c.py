@@ -1,4 +1,5 @@
-"""Exported C of aircraft and of controllers: no warning, our numbers, a static footprint; its example loops fly."""
+"""Exported C of aircraft and of controllers: no warning, our numbers, a static footprint; its
+example loops fly."""
 
 from __future__ import annotations
 
@@ -26,14 +27,14 @@ from controller.export.exported_loop import (
     longest_step,
 )
 from controller.flight.closed_loop import ClosedLoop, NonlinearPlant
+from controller.flight.policies import Seen
+from controller.flight.signals import CommandedStates
 from controller.flight.simulation import CompiledLoop
-from controller.policy.policies import Seen
-from controller.policy.servo_policy import ServoPolicy, servo_law
-from controller.policy.signals import CommandedStates
+from controller.servo.servo_policy import ServoPolicy, servo_law
+from hfa_aircraft.model import load_model
 from hfa_model import LINEAR_STATES, STATES as HFA_STATES, Aircraft, Input
 from hfa_support import BadInputError
 from hfa_support.files import write_texts
-from hfa_support.model import load_model
 from hfa_support.native.c_code import c_function
 from trim import OperatingPoint, find_operating_point, linearize
 from trim.point.condition import usual_condition
@@ -68,7 +69,9 @@ def test_the_policy_and_the_constants(folder: Path, aircraft: Aircraft) -> None:
     point = model.point
     x, u = np.array(point.states) + np.arange(7.0) / 10, np.empty(5)
     called(folder, "hfa_policy", x, u)
-    np.testing.assert_allclose(u, np.array(point.inputs) - gain @ (np.arange(7.0) / 10)[[0, 1, 3, 4, 5, 6]], rtol=1e-14)
+    np.testing.assert_allclose(
+        u, np.array(point.inputs) - gain @ (np.arange(7.0) / 10)[[0, 1, 3, 4, 5, 6]], rtol=1e-14
+    )
     stored = (ctypes.c_double * 36).in_dll(loaded(folder), "hfa_A")
     np.testing.assert_array_equal(np.array(stored).reshape(6, 6), model.A)
     header = (folder / HEADER).read_text(encoding="utf-8")
@@ -76,12 +79,26 @@ def test_the_policy_and_the_constants(folder: Path, aircraft: Aircraft) -> None:
     assert "from * / here" in header
 
 
-@pytest.mark.parametrize("aircraft", ["published", pytest.param("newton", marks=pytest.mark.slow)], indirect=True)
+@pytest.mark.parametrize(
+    "aircraft", ["published", pytest.param("newton", marks=pytest.mark.slow)], indirect=True
+)
 def test_the_loop_of_100_hz_flies_and_has_a_static_footprint(folder: Path) -> None:
     assert list(ran(folder, EXAMPLE, SOURCE))[:2] == ["speed", "alpha"]
     text, data, bss, asked = footprint(folder, SOURCE)
     assert asked <= {
-        *("sin", "cos", "atan2", "asin", "sqrt", "pow", "exp", "fmin", "fmax", "sincos", "__stack_chk_fail"),
+        *(
+            "sin",
+            "cos",
+            "atan2",
+            "asin",
+            "sqrt",
+            "pow",
+            "exp",
+            "fmin",
+            "fmax",
+            "sincos",
+            "__stack_chk_fail",
+        ),
         "_GLOBAL_OFFSET_TABLE_",
     }
     assert text < 64_000
@@ -98,7 +115,10 @@ def test_another_aircraft_is_ours_too_and_flies(name: str, tmp_path: Path) -> No
     random, dx = np.random.default_rng(5), np.empty(len(model.states))
     for _ in range(50):
         x, u = (
-            np.array(at) + 0.1 * np.array([each.nominal for each in of.values()]) * random.uniform(-1, 1, len(of))
+            np.array(at)
+            + 0.1
+            * np.array([each.nominal for each in of.values()])
+            * random.uniform(-1, 1, len(of))
             for at, of in ((point.states, model.states), (point.inputs, model.inputs))
         )
         called(tmp_path, "hfa_rates", x, u, 0.0, dx)
@@ -120,9 +140,16 @@ Z = "vertical_acceleration_short_period"
 
 @pytest.fixture(scope="module")
 def controller(published_aircraft: Aircraft) -> ScheduledController:
-    """Two inputs, four states, three measured numbers of which one is an actuator's, two commands, random matrices."""
+    """Two inputs, four states, three measured numbers of which one is an actuator's, two commands,
+    random matrices."""
     random = np.random.default_rng(3)
-    shapes = {"A": (STATES, STATES), "B": (STATES, 9), "C": (2, STATES), "D": (2, 9), "W": (STATES, 2)}
+    shapes = {
+        "A": (STATES, STATES),
+        "B": (STATES, 9),
+        "C": (2, STATES),
+        "D": (2, 9),
+        "W": (STATES, 2),
+    }
     stacks = {name: random.normal(size=(3, *shape)) for name, shape in shapes.items()}
     return small_controller(
         published_aircraft,
@@ -151,13 +178,20 @@ def answered(
 ) -> tuple[np.ndarray, np.ndarray]:
     limits = np.full(5, HIGHEST)
     u, rate = np.empty(5), np.empty(len(memory))
-    called(law_folder, "hfa_controller", dihedral, measured, memory, command, -limits, limits, u, rate)
+    called(
+        law_folder, "hfa_controller", dihedral, measured, memory, command, -limits, limits, u, rate
+    )
     return u, rate
 
 
-def flown(controller: ScheduledController, aircraft: Aircraft, point: OperatingPoint) -> ca.Function:
-    """(t, x, a, memory) -> y, commands, u and memory' of the law that `fly` flies, with steps of both commands."""
-    commands = CommandSteps(commandable(controller), np.array([0.0, 2.0]), np.array([[0.05, 0.3], [-0.05, 2.0]]))
+def flown(
+    controller: ScheduledController, aircraft: Aircraft, point: OperatingPoint
+) -> ca.Function:
+    """(t, x, a, memory) -> y, commands, u and memory' of the law that `fly` flies, with steps of
+    both commands."""
+    commands = CommandSteps(
+        commandable(controller), np.array([0.0, 2.0]), np.array([[0.05, 0.3], [-0.05, 2.0]])
+    )
     policy = servo_law(controller, commands, aircraft, point).policy
     assert isinstance(policy, ServoPolicy)
     t, x, a, m = ca.SX.sym("t"), ca.SX.sym("x", 6), ca.SX.sym("a", 5), ca.SX.sym("m", STATES)
@@ -169,26 +203,38 @@ def flown(controller: ScheduledController, aircraft: Aircraft, point: OperatingP
 
 
 def test_it_is_the_flown_controller_at_1000_states(
-    law_folder: Path, controller: ScheduledController, published_aircraft: Aircraft, point: OperatingPoint
+    law_folder: Path,
+    controller: ScheduledController,
+    published_aircraft: Aircraft,
+    point: OperatingPoint,
 ) -> None:
     law, random = flown(controller, published_aircraft, point), np.random.default_rng(5)
     worst, limited = 0.0, 0
     for t in random.uniform(0.0, 5.0, 1000):
         x, a, m = (random.normal(size=size) for size in (6, 5, STATES))
-        x[LINEAR_STATES.index("dihedral")] = random.uniform(-0.3, 0.2)  # beyond both ends of the table too
+        x[LINEAR_STATES.index("dihedral")] = random.uniform(
+            -0.3, 0.2
+        )  # beyond both ends of the table too
         y, r, slope, goal, known_u, known = (np.array(each).ravel() for each in law(t, x, a, m))
         dihedral = point.states.dihedral + x[LINEAR_STATES.index("dihedral")]
         u, rate = answered(law_folder, float(dihedral), y, np.concatenate([m, r, slope]), goal)
-        worst = max(worst, np.abs(u - known_u).max(), np.linalg.norm(rate[:STATES] - known) / np.linalg.norm(known))
+        worst = max(
+            worst,
+            np.abs(u - known_u).max(),
+            np.linalg.norm(rate[:STATES] - known) / np.linalg.norm(known),
+        )
         limited += int(np.abs(known_u).max() == HIGHEST)
         np.testing.assert_allclose(rate[STATES : STATES + 2], slope, rtol=0, atol=0)
-        np.testing.assert_allclose(rate[STATES + 2 :], 0.25 * (goal - r) - 2.0 * slope, rtol=1e-14, atol=1e-15)
+        np.testing.assert_allclose(
+            rate[STATES + 2 :], 0.25 * (goal - r) - 2.0 * slope, rtol=1e-14, atol=1e-15
+        )
     assert worst <= 1e-14
     assert limited > 100
 
 
 def test_a_step_is_the_exponential(controller: ScheduledController, law_folder: Path) -> None:
-    """With nothing measured and u within its limits, x' = A x: the filter and the states after 10 ms."""
+    """With nothing measured and u within its limits, x' = A x: the filter and the states after 10
+    ms."""
     from scipy.linalg import expm
 
     dihedral, limits, u = float(np.radians(8.0)), np.full(5, 1e9), np.empty(5)
@@ -221,14 +267,18 @@ def test_the_footprint_is_static_and_the_names_are_there(law_folder: Path) -> No
 SLOW = Actuators(*(Input(*[each] * 5) for each in (0.2, -50.0, 50.0, 0.002)), order=2)
 
 
-def flown_states(controller: ScheduledController, aircraft: Aircraft, point: OperatingPoint) -> np.ndarray:
+def flown_states(
+    controller: ScheduledController, aircraft: Aircraft, point: OperatingPoint
+) -> np.ndarray:
     """The states after the same time where the controller is continuous."""
     commands = CommandSteps((), np.zeros(0), np.zeros((0, 0)))
     if controller.commands:
         commands = CommandSteps(("dihedral",), np.zeros(1), np.array([[COMMANDED]]))
     law = servo_law(controller, commands, aircraft, point)
     initial = np.eye(len(HFA_STATES))[0]
-    scenario = Scenario(float(SECONDS), 0.01, 0.1, initial, CommandedStates(commands, LINEAR_STATES), actuators=SLOW)
+    scenario = Scenario(
+        float(SECONDS), 0.01, 0.1, initial, CommandedStates(commands, LINEAR_STATES), actuators=SLOW
+    )
     flight = CompiledLoop(ClosedLoop(NonlinearPlant(aircraft, point), law, scenario)).fly()
     return np.asarray(flight.states[-1] + np.array(point.states))
 
@@ -245,15 +295,23 @@ def with_memory(aircraft: Aircraft) -> ScheduledController:
 def without_memory_and_commands(aircraft: Aircraft) -> ScheduledController:
     """C has no empty arrays."""
     shapes = {"A": (3, 0, 0), "B": (3, 0, 1), "C": (3, 1, 0), "W": (3, 0, 1)}
-    stacks = {name: np.zeros(shape) for name, shape in shapes.items()} | {"D": np.full((3, 1, 1), -0.1)}
+    stacks = {name: np.zeros(shape) for name, shape in shapes.items()} | {
+        "D": np.full((3, 1, 1), -0.1)
+    }
     return small_controller(aircraft, **stacks, states=(), commands=(), measurements=("dihedral",))
 
 
-@pytest.mark.parametrize("made", [with_memory, pytest.param(without_memory_and_commands, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "made", [with_memory, pytest.param(without_memory_and_commands, marks=pytest.mark.slow)]
+)
 def test_it_flies_what_we_fly_and_says_its_time(
-    made: Callable[[Aircraft], ScheduledController], published_aircraft: Aircraft, point: OperatingPoint, tmp_path: Path
+    made: Callable[[Aircraft], ScheduledController],
+    published_aircraft: Aircraft,
+    point: OperatingPoint,
+    tmp_path: Path,
 ) -> None:
-    """Holding the inputs for a tick costs an error in proportion to the tick; without it the two are one."""
+    """Holding the inputs for a tick costs an error in proportion to the tick; without it the two
+    are one."""
     controller, states = made(published_aircraft), []
     known = flown_states(controller, published_aircraft, point)
     write_texts(tmp_path, c_controller_texts(controller, published_aircraft, point, "here", SLOW))
@@ -268,4 +326,7 @@ def test_it_flies_what_we_fly_and_says_its_time(
     text = (tmp_path / LAW_EXAMPLE).read_text()
     (tmp_path / LAW_EXAMPLE).write_text(text.replace("flown[0] += 1.0", "flown[0] += 1.02"))
     planted = ran(tmp_path, "-DHERTZ=1000", LAW_EXAMPLE, LAW_SOURCE)
-    assert max(abs(planted[name] - value) for name, value in zip(HFA_STATES, known, strict=True)) > 3e-3 * size
+    assert (
+        max(abs(planted[name] - value) for name, value in zip(HFA_STATES, known, strict=True))
+        > 3e-3 * size
+    )

@@ -18,9 +18,9 @@ from controller.export import fmu
 from controller.export.exported_loop import ExportedLoop, exported_loop, interpolated_loop
 from controller.export.fmu import description, write_fmu
 from controller.flight.closed_loop import ClosedLoop, NonlinearPlant
+from controller.flight.signals import CommandedStates
 from controller.flight.simulation import CompiledLoop
-from controller.policy.servo_policy import servo_law
-from controller.policy.signals import CommandedStates
+from controller.servo.servo_policy import servo_law
 from hfa_model import LINEAR_STATES, STATES, Aircraft, Input
 from hfa_model.provenance import Provenance
 from trim import InterpolatedModel, OperatingPoint, sweep
@@ -33,7 +33,9 @@ START = {"speed": 69.0, "pitch_rate": 0.01}
 ORIGIN = Provenance("hfa export", date="2026-09-21T14:13:20Z")
 
 
-ACTUATORS = Actuators(Input(*[0.5] * 5), Input(*[-50.0] * 5), Input(*[50.0] * 5), Input(*[0.1] * 5), order=2)
+ACTUATORS = Actuators(
+    Input(*[0.5] * 5), Input(*[-50.0] * 5), Input(*[50.0] * 5), Input(*[0.1] * 5), order=2
+)
 
 
 class Unit(NamedTuple):
@@ -46,7 +48,9 @@ class Unit(NamedTuple):
     known: np.ndarray
 
 
-@pytest.fixture(scope="module", params=["aircraft", pytest.param("gain", marks=pytest.mark.slow), "controller"])
+@pytest.fixture(
+    scope="module", params=["aircraft", pytest.param("gain", marks=pytest.mark.slow), "controller"]
+)
 def unit(
     request: pytest.FixtureRequest,
     published_aircraft: Aircraft,
@@ -55,7 +59,13 @@ def unit(
     tmp_path_factory: pytest.TempPathFactory,
 ) -> Unit:
     kind, path = request.param, tmp_path_factory.mktemp("fmu") / "aircraft.fmu"
-    aircraft, law, start, happens, exported = published_aircraft, gain_law("none", 0.0 * gain), {}, {}, []
+    aircraft, law, start, happens, exported = (
+        published_aircraft,
+        gain_law("none", 0.0 * gain),
+        {},
+        {},
+        [],
+    )
     if kind == "gain":
         law, start, exported = gain_law("exact", gain), {"reference_speed": 0.5}, [gain]
         happens = {"reference": Signal(np.eye(6)[0] * 0.5, np.zeros(6))}
@@ -71,7 +81,10 @@ def unit(
 
 
 def flown(aircraft: Aircraft, point: OperatingPoint, law: FlownLaw, **happens: Any) -> np.ndarray:
-    initial = np.array([START.get(name, value) for name, value in point.states._asdict().items()]) - point.states
+    initial = (
+        np.array([START.get(name, value) for name, value in point.states._asdict().items()])
+        - point.states
+    )
     scenario = Scenario(duration=SECONDS, step=STEP, tick=0.1, initial=initial, **happens)
     flight = CompiledLoop(ClosedLoop(NonlinearPlant(aircraft, point), law, scenario)).fly()
     return np.asarray(flight.states[::100] + np.array(point.states))
@@ -81,7 +94,12 @@ def test_60_seconds_are_ours(unit: Unit) -> None:
     assert len(unit.known) == 601
     for kind, solver in (("CoSimulation", {}), ("ModelExchange", {"relative_tolerance": 1e-12})):
         found = fmpy.simulate_fmu(
-            str(unit.path), fmi_type=kind, stop_time=SECONDS, output_interval=0.1, start_values=unit.start, **solver
+            str(unit.path),
+            fmi_type=kind,
+            stop_time=SECONDS,
+            output_interval=0.1,
+            start_values=unit.start,
+            **solver,
         )
         states = np.array([found[name] for name in STATES]).T
         np.testing.assert_allclose(states, unit.known, rtol=1e-8, atol=1e-8, err_msg=kind)
@@ -111,7 +129,10 @@ def test_the_validator_is_content_and_sees_a_planted_unit(unit: Unit, tmp_path: 
 def test_a_state_is_kept_and_a_wrong_guid_refused(unit: Unit, tmp_path: Path) -> None:
     path, states = unit.path, len(unit.loop.states)
     count = 2 * states + len(unit.loop.outputs) + len(unit.loop.inputs)
-    read, folder = fmpy.read_model_description(str(path)), fmpy.extract(str(path), str(tmp_path / "unit"))
+    read, folder = (
+        fmpy.read_model_description(str(path)),
+        fmpy.extract(str(path), str(tmp_path / "unit")),
+    )
     instance = fmpy.instantiate_fmu(folder, read, "CoSimulation")
     instance.setupExperiment(startTime=0.0)
     instance.enterInitializationMode()
@@ -145,14 +166,24 @@ def test_the_sources_have_no_warning(unit: Unit, tmp_path: Path) -> None:
 
 
 def test_a_model_interpolated_over_two_variables_is_an_fmu(tmp_path: Path) -> None:
-    """Between the points of the grid, against another integrator with NumPy's A and B there; and of any model."""
-    between = InterpolatedModel(sweep(NAVION, {"speed": [170.0, 180.0, 190.0], "gamma": [0.0, 0.02]}))
+    """Between the points of the grid, against another integrator with NumPy's A and B there; and of
+    any model."""
+    between = InterpolatedModel(
+        sweep(NAVION, {"speed": [170.0, 180.0, 190.0], "gamma": [0.0, 0.02]})
+    )
     write_fmu(interpolated_loop(between), tmp_path / "a.fmu", ORIGIN)
     assert fmpy.validation.validate_fmu(str(tmp_path / "a.fmu")) == []
     at = {"speed": 183.0, "gamma": 0.013}
-    start = {f"scheduled_{name}": value for name, value in at.items()} | {"pitch_rate": 0.02, "elevator": 0.01}
+    start = {f"scheduled_{name}": value for name, value in at.items()} | {
+        "pitch_rate": 0.02,
+        "elevator": 0.01,
+    }
     found = fmpy.simulate_fmu(
-        str(tmp_path / "a.fmu"), fmi_type="CoSimulation", stop_time=2.0, output_interval=0.1, start_values=start
+        str(tmp_path / "a.fmu"),
+        fmi_type="CoSimulation",
+        stop_time=2.0,
+        output_interval=0.1,
+        start_values=start,
     )
     middle, here = between.at(speed=180.0, gamma=0.01), between.at(**at)
     rows = [list(NAVION.states).index(name) for name in NAVION.linear]
@@ -160,4 +191,6 @@ def test_a_model_interpolated_over_two_variables_is_an_fmu(tmp_path: Path) -> No
     x[NAVION.linear.index("pitch_rate")], u[list(NAVION.inputs).index("elevator")] = 0.02, 0.01
     rate = lambda _, x: here.A @ (x - here.states[rows]) + here.B @ (u - here.inputs)  # noqa: E731
     known = solve_ivp(rate, (0.0, 2.0), x, rtol=1e-10, atol=1e-12).y[:, -1]
-    np.testing.assert_allclose([found[name][-1] for name in NAVION.linear], known, rtol=1e-7, atol=1e-9)
+    np.testing.assert_allclose(
+        [found[name][-1] for name in NAVION.linear], known, rtol=1e-7, atol=1e-9
+    )

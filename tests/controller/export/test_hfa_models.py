@@ -49,9 +49,14 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     assert hfa("linearize", "--dihedral", "10", *watched, "-o", str(made / "linear.mat")).code == 0
     assert hfa("export", "-o", str(made / "hfa_models.m")).code == 0
     game = published_game(np.zeros((6, 6)), np.zeros((6, 5)))
-    script = SCRIPT.replace("QQ", repr(np.diag(game.Q).tolist())).replace("RR", repr(np.diag(game.R).tolist()))
+    script = SCRIPT.replace("QQ", repr(np.diag(game.Q).tolist())).replace(
+        "RR", repr(np.diag(game.R).tolist())
+    )
     done = subprocess.run(
-        [str(OCTAVE), "--quiet", "--norc", "--eval", script], cwd=made, capture_output=True, text=True
+        [str(OCTAVE), "--quiet", "--norc", "--eval", script],
+        cwd=made,
+        capture_output=True,
+        text=True,
     )
     if done.returncode == 3:
         pytest.skip("Octave is installed without its package control")
@@ -81,8 +86,12 @@ def test_outputs_come_along(folder: Path) -> None:
 def test_plants_and_critics_of_octave_are_checked(version: int, folder: Path) -> None:
     plant = str(folder / f"plant{version}.mat")
     solved = json.loads(hfa("solve", "--model", plant, "--json").out)
-    np.testing.assert_allclose(solved["K"], read_arrays(folder / "gain.mat")["K"], rtol=1e-8, atol=1e-8)
+    np.testing.assert_allclose(
+        solved["K"], read_arrays(folder / "gain.mat")["K"], rtol=1e-8, atol=1e-8
+    )
     for critic, code in (("gain.mat", 0), ("value.mat", 0), ("wrong.mat", 1)):
         result = hfa("verify", "--model", plant, "--weights", str(folder / critic), "--json")
         assert (result.code, json.loads(result.out)["ok"]) == (code, code == 0), critic
-    assert_refused(hfa("solve", "--model", str(folder / "gain.mat")), 2, "there is no A", "found: K")
+    assert_refused(
+        hfa("solve", "--model", str(folder / "gain.mat")), 2, "there is no A", "found: K"
+    )

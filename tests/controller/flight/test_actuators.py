@@ -1,4 +1,5 @@
-"""Actuators: lags that respect their limits, and how much lag the linear policy stands, as docs/nonlinear.md says."""
+"""Actuators: lags that respect their limits, and how much lag the linear policy stands, as
+docs/nonlinear.md says."""
 
 from __future__ import annotations
 
@@ -11,10 +12,19 @@ import numpy as np
 import pytest
 from known_models import game_at, model_at
 
-from controller import ActuatorFault, Actuators, FlownLaw, Scenario, Signal, flight_envelope, fly, gain_law
+from controller import (
+    ActuatorFault,
+    Actuators,
+    FlownLaw,
+    Scenario,
+    Signal,
+    flight_envelope,
+    fly,
+    gain_law,
+)
 from controller.flight.closed_loop import ClosedLoop, LinearPlant
+from controller.flight.policies import OpenLoop
 from controller.flight.simulation import CompiledLoop, Flight
-from controller.policy.policies import OpenLoop
 from hfa_model import INPUTS, LINEAR_STATES, Aircraft, Input, published_models
 from hfa_model.vectors import CONTROL_LIMITS
 from hfa_support import BadInputError
@@ -22,7 +32,9 @@ from trim import LinearModel
 from verification import solve_game
 
 N, M = 6, len(INPUTS)
-FREE = Actuators(Input(*[0.1] * M), Input(*[-np.inf] * M), Input(*[np.inf] * M), Input(*[np.inf] * M))
+FREE = Actuators(
+    Input(*[0.1] * M), Input(*[-np.inf] * M), Input(*[np.inf] * M), Input(*[np.inf] * M)
+)
 LIMITED = Actuators(Input(*[0.1] * M), Input(*[-0.5] * M), Input(*[0.4] * M), Input(*[1.0] * M))
 
 
@@ -36,12 +48,15 @@ def flown(actuators: Actuators, *command: float) -> Flight:
 
 @pytest.mark.parametrize("order", [1, 2])
 def test_positions_and_rates_stay_within_their_limits(order: int) -> None:
-    limited, free = (flown(replace(each, order=order), 10.0, -10.0, 0.3, -0.05, 0.0) for each in (LIMITED, FREE))
+    limited, free = (
+        flown(replace(each, order=order), 10.0, -10.0, 0.3, -0.05, 0.0) for each in (LIMITED, FREE)
+    )
     assert limited.inputs.max() <= 0.4
     assert limited.inputs.min() >= -0.5
     rates = np.diff(limited.inputs, axis=0) / 0.001
     assert np.abs(rates).max() <= 1.0 + 1e-9
-    # The limits were needed, and are used: the command wants more, and the fastest moves at the limit.
+    # The limits were needed, and are used: the command wants more, and the fastest moves at the
+    # limit.
     assert np.abs(free.inputs).max() > 9.0
     assert np.abs(rates).max() == pytest.approx(1.0)
     np.testing.assert_allclose(limited.inputs[-1], [0.4, -0.5, 0.3, -0.05, 0.0], atol=1e-3)
@@ -84,7 +99,9 @@ WEIGHTS = ("the paper's weights", "R x 100")
 def gain(weights: str) -> np.ndarray:
     """The exact gain at 15 degrees."""
     game = game_at(15.0, "newton")
-    return solve_game(game if weights == WEIGHTS[0] else replace(game, R=100.0 * game.R, delta=2000.0)).K
+    return solve_game(
+        game if weights == WEIGHTS[0] else replace(game, R=100.0 * game.R, delta=2000.0)
+    ).K
 
 
 def abscissa(model: LinearModel, K: np.ndarray, lag: float) -> float:
@@ -97,9 +114,13 @@ def lost(weights: str, lag: float) -> bool:
     """A command of one degree for 200 s behind actuators of that lag, 60 deg/s for the surfaces."""
     aircraft, point = Aircraft(dynamics="newton"), model_at(15.0, "newton").point
     lowest, highest = (Input(*(pair[side] for pair in CONTROL_LIMITS)) for side in (0, 1))
-    actuators = Actuators(Input(*[lag] * 5), lowest, highest, Input(np.inf, *[float(np.radians(60.0))] * 4))
+    actuators = Actuators(
+        Input(*[lag] * 5), lowest, highest, Input(np.inf, *[float(np.radians(60.0))] * 4)
+    )
     command = np.array([np.radians(1.0) if name == "dihedral" else 0.0 for name in LINEAR_STATES])
-    scenario = Scenario(duration=200.0, reference=Signal(command, np.zeros(len(command))), actuators=actuators)
+    scenario = Scenario(
+        duration=200.0, reference=Signal(command, np.zeros(len(command))), actuators=actuators
+    )
     law, envelope = gain_law("exact", gain(weights)), flight_envelope(aircraft, point)
     return fly(aircraft, point, law, scenario, envelope, predict=False).departure is not None
 
@@ -107,20 +128,28 @@ def lost(weights: str, lag: float) -> bool:
 def stated(row: str) -> tuple[float, ...]:
     """The two lags of the row of docs/nonlinear.md that begins so, s."""
     text = DOCUMENT.read_text(encoding="utf-8")
-    found = re.findall(rf"^\| {re.escape(row)}[^|]* \| ([\d.]+) s \| ([\d.]+) s \|$", text, re.MULTILINE)
+    found = re.findall(
+        rf"^\| {re.escape(row)}[^|]* \| ([\d.]+) s \| ([\d.]+) s \|$", text, re.MULTILINE
+    )
     assert len(found) == 1, row
     return tuple(float(number) for number in found[0])
 
 
 @pytest.mark.parametrize("degrees", [15.0, 16.0])
 def test_the_lags_of_the_document_are_where_the_eigenvalues_turn(degrees: float) -> None:
-    for weights, limit in zip(WEIGHTS, stated(f"lag of all actuators, eigenvalues at {degrees:g} deg"), strict=True):
+    for weights, limit in zip(
+        WEIGHTS, stated(f"lag of all actuators, eigenvalues at {degrees:g} deg"), strict=True
+    ):
         model, K = model_at(degrees, "newton"), gain(weights)
-        assert abscissa(model, K, limit) < 0.0 < abscissa(model, K, limit + 0.001)  # rounded down to a millisecond
+        assert (
+            abscissa(model, K, limit) < 0.0 < abscissa(model, K, limit + 0.001)
+        )  # rounded down to a millisecond
 
 
 @pytest.mark.slow  # the eigenvalues are above, shorter flights below
 @pytest.mark.parametrize("weights", WEIGHTS)
-def test_flights_of_200_s_hold_at_the_stated_lag_and_are_lost_at_a_little_more(weights: str) -> None:
+def test_flights_of_200_s_hold_at_the_stated_lag_and_are_lost_at_a_little_more(
+    weights: str,
+) -> None:
     limit = stated("lag of all actuators, simulated 200 s")[WEIGHTS.index(weights)]
     assert (lost(weights, limit), lost(weights, limit + 0.002)) == (False, True)

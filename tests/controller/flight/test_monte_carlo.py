@@ -1,4 +1,5 @@
-"""A Monte Carlo: each member is the flight that it claims to be; the same bits in any order; what the report says."""
+"""A Monte Carlo: each member is the flight that it claims to be; the same bits in any order; what
+the report says."""
 
 from __future__ import annotations
 
@@ -11,11 +12,19 @@ import pytest
 from member_plans import EVERYTHING, PARAMETERS, with_scenario
 from random_points import rates, rising
 
-from controller import MonteCarlo, OneMinusCosine, Scenario, Uncertainty, flight_envelope, fly, gain_law
+from controller import (
+    MonteCarlo,
+    OneMinusCosine,
+    Scenario,
+    Uncertainty,
+    flight_envelope,
+    fly,
+    gain_law,
+)
 from controller.flight import monte_carlo
 from controller.flight.monte_carlo import fly_member, fly_members, member_report, member_row
 from controller.flight.scenario import with_errors
-from controller.policy.signals import zero
+from controller.flight.signals import zero
 from hfa_model import LINEAR_STATES, STATES, Aircraft, Input, Parameters, State
 from hfa_model.variants import variant_named
 from hfa_support import BadInputError
@@ -28,12 +37,25 @@ SEEN = [STATES.index(name) for name in LINEAR_STATES]
 
 
 def flown_plainly(plan: MonteCarlo, member: Scenario, p: Parameters) -> Mapping[str, object]:
-    """The row of a member under u = -K z, by a Runge-Kutta loop in NumPy on the history of every step and the equations
-    of motion in plain numbers, without any compiled function."""
+    """The row of a member under u = -K z, by a Runge-Kutta loop in NumPy on the history of every
+    step and the equations of motion in plain numbers, without any compiled function."""
     assert member.samples is not None
-    h, lowest, highest = member.step, np.array(plan.envelope.lowest), np.array(plan.envelope.highest)
-    X0, U0, K, air = np.array(plan.point.states), np.array(plan.point.inputs), plan.law.gains[0], member.gust
-    variant, x, filter_ = variant_named(plan.model.name), member.initial, np.zeros(0) if air is None else air.start()
+    h, lowest, highest = (
+        member.step,
+        np.array(plan.envelope.lowest),
+        np.array(plan.envelope.highest),
+    )
+    X0, U0, K, air = (
+        np.array(plan.point.states),
+        np.array(plan.point.inputs),
+        plan.law.gains[0],
+        member.gust,
+    )
+    variant, x, filter_ = (
+        variant_named(plan.model.name),
+        member.initial,
+        np.zeros(0) if air is None else air.start(),
+    )
     errors, inputs, angles, left, flown = [], [], [], -1, member.duration
 
     def slope(t: float, x: np.ndarray, f: np.ndarray, tick: int) -> tuple[np.ndarray, np.ndarray]:
@@ -43,12 +65,15 @@ def flown_plainly(plan: MonteCarlo, member: Scenario, p: Parameters) -> Mapping[
             held = air.constants(tick)
             w = float(air.updraft(t, f, held))
             filter_rate = np.array(air.memory_rate(t, f, held)).ravel() if len(f) else f
-        rate = np.array([float(row) for row in rates(State(*(X0 + x)), Input(*(U0 + u)), p, variant, rising(w))])
+        rate = np.array(
+            [float(row) for row in rates(State(*(X0 + x)), Input(*(U0 + u)), p, variant, rising(w))]
+        )
         rate[SEEN] += member.disturbance.at(t)
         return rate, filter_rate
 
     def limited(t: float, x: np.ndarray, f: np.ndarray, tick: int) -> np.ndarray:
-        """X with the angle of attack through the air, from the velocity of the air in north and down, for alpha."""
+        """X with the angle of attack through the air, from the velocity of the air in north and
+        down, for alpha."""
         X = State(*(x + X0))
         w = 0.0 if air is None else float(air.updraft(t, f, air.constants(tick)))
         path = X.pitch - X.alpha
@@ -102,7 +127,9 @@ def test_a_member_is_its_flight_step_by_step(plan: MonteCarlo, dynamics: str) ->
 
 
 @pytest.mark.skipif(generated.c_compiler() is None, reason="no C compiler on this machine")
-def test_machine_code_gives_the_same_flight(plan: MonteCarlo, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_machine_code_gives_the_same_flight(
+    plan: MonteCarlo, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     long = replace(plan, members=1000)
     assert_same_flight(with_scenario(long, duration=0.5, tick=0.1, step=0.005), 3)
@@ -117,25 +144,37 @@ def test_a_member_that_leaves_its_envelope_ends_there(plan: MonteCarlo, tmp_path
     assert departure.state in ("pitch_rate", "angle_of_attack")
     assert_same_flight(away, 0)
     data = member_report(away, stream(away, tmp_path / "a.zarr")).data
-    assert (data["held"], data["first_left"], set(data["effort"].values())) == (0, departure.time, {None})
+    assert (data["held"], data["first_left"], set(data["effort"].values())) == (
+        0,
+        departure.time,
+        {None},
+    )
 
 
 def test_the_envelope_counts_on_the_angle_through_the_air(plan: MonteCarlo) -> None:
-    """A sharp gust turns the air before it turns the path; turbulence may do so at the start already."""
+    """A sharp gust turns the air before it turns the path; turbulence may do so at the start
+    already."""
     alpha, near = plan.point.states.alpha, np.radians(0.5)
     narrow = flight_envelope(plan.aircraft, plan.point, {"alpha": (alpha - near, alpha + near)})
     plan = with_scenario(replace(plan, envelope=narrow), duration=0.05, initial=np.zeros(7))
     gust = OneMinusCosine(10.0, 3.0, plan.point.states.speed)
-    tight = with_scenario(plan, gust=gust, uncertainty=replace(plan.scenario.uncertainty, turbulence=None))
+    tight = with_scenario(
+        plan, gust=gust, uncertainty=replace(plan.scenario.uncertainty, turbulence=None)
+    )
     flown = fly_member(tight, 3)
     assert flown.departure is not None
     assert flown.departure.state == "angle_of_attack"
-    assert np.abs(flown.states[flown.flight.times <= flown.departure.time, ALPHA] - alpha).max() < near
+    assert (
+        np.abs(flown.states[flown.flight.times <= flown.departure.time, ALPHA] - alpha).max() < near
+    )
     assert_same_flight(tight, 3)
     at_once = fly_member(plan, 3)
     row = member_row(plan, at_once)
     assert (row["left"], row["flown"], row["effort"].tolist()) == (ALPHA, 0.0, [0.0] * 5)
-    for scenario, said in ((at_once.loop.scenario, "begins with angle_of_attack"), (plan.scenario, "to be drawn")):
+    for scenario, said in (
+        (at_once.loop.scenario, "begins with angle_of_attack"),
+        (plan.scenario, "to be drawn"),
+    ):
         with pytest.raises(BadInputError, match=said):
             fly(Aircraft(PARAMETERS), plan.point, plan.law, scenario, narrow)
 
@@ -148,17 +187,25 @@ def test_the_flight_test_sees_a_wrong_parameter(plan: MonteCarlo) -> None:
 # Plans.
 
 
-def test_plans_are_equal_when_they_give_the_same_results(plan: MonteCarlo, gain: np.ndarray) -> None:
+def test_plans_are_equal_when_they_give_the_same_results(
+    plan: MonteCarlo, gain: np.ndarray
+) -> None:
     assert replace(plan) == plan
     assert hash(replace(plan)) == hash(plan)
     others = [
         replace(plan, seed=8),
         replace(plan, law=gain_law("exact", 1.01 * gain)),
         with_scenario(plan, uncertainty=replace(EVERYTHING, turbulence=None)),
-        with_scenario(plan, uncertainty=replace(EVERYTHING, errors=dict(reversed(EVERYTHING.errors.items())))),
+        with_scenario(
+            plan, uncertainty=replace(EVERYTHING, errors=dict(reversed(EVERYTHING.errors.items())))
+        ),
         with_scenario(plan, step=0.0005),
         with_scenario(plan, reference=zero(6)),
-        with_scenario(plan, gust=OneMinusCosine(100.0, 1.0, 68.0), uncertainty=replace(EVERYTHING, turbulence=None)),
+        with_scenario(
+            plan,
+            gust=OneMinusCosine(100.0, 1.0, 68.0),
+            uncertainty=replace(EVERYTHING, turbulence=None),
+        ),
         replace(plan, envelope=flight_envelope(plan.aircraft, plan.point, {"alpha": (-0.1, 0.2)})),
     ]
     assert len({plan, *others}) == 1 + len(others)
@@ -169,8 +216,14 @@ def test_what_a_monte_carlo_cannot_draw_or_repeat_is_refused(plan: MonteCarlo) -
     moment = with_scenario(plan, uncertainty=Uncertainty({"zero_lift_moment": 1.0}))
     for said, make in (
         ("does nothing", lambda: replace(moment, aircraft=no_moment)),
-        ("unknown parameter 'span'", lambda: with_scenario(plan, uncertainty=Uncertainty({"span": 0.1}))),
-        (r"shape \(6, 5\); .* takes 5 x 6", lambda: replace(plan, law=gain_law("wide", np.zeros((6, 5))))),
+        (
+            "unknown parameter 'span'",
+            lambda: with_scenario(plan, uncertainty=Uncertainty({"span": 0.1})),
+        ),
+        (
+            r"shape \(6, 5\); .* takes 5 x 6",
+            lambda: replace(plan, law=gain_law("wide", np.zeros((6, 5)))),
+        ),
         ("drawn already", lambda: replace(plan, scenario=plan.member(0))),
     ):
         with pytest.raises(BadInputError, match=said):
@@ -183,8 +236,12 @@ def test_what_a_monte_carlo_cannot_draw_or_repeat_is_refused(plan: MonteCarlo) -
 def test_chunks_and_their_order_do_not_matter(
     plan: MonteCarlo, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    assert plan.layout.chunk * plan.scenario.duration / plan.scenario.step >= monte_carlo.CHUNK_STEPS
-    monkeypatch.setattr(monte_carlo, "CHUNK_STEPS", 4 * plan.scenario.ticks * plan.scenario.steps_per_tick)
+    assert (
+        plan.layout.chunk * plan.scenario.duration / plan.scenario.step >= monte_carlo.CHUNK_STEPS
+    )
+    monkeypatch.setattr(
+        monte_carlo, "CHUNK_STEPS", 4 * plan.scenario.ticks * plan.scenario.steps_per_tick
+    )
     whole, late = fly_members(plan, 0, 6), fly_members(plan, 4, 6)
     store = stream(replace(plan, members=6), tmp_path / "a.zarr")
     assert store.chunk == 4
@@ -196,10 +253,15 @@ def test_chunks_and_their_order_do_not_matter(
 def test_members_beyond_their_control_limits_are_counted_and_the_input_is_named(
     plan: MonteCarlo, tmp_path: Path
 ) -> None:
-    """A start half a foot per second off asks the outer elevator for more than 30 degrees; nothing leaves."""
+    """A start half a foot per second off asks the outer elevator for more than 30 degrees; nothing
+    leaves."""
     start = np.zeros(7)
     start[0] = 0.35
     pushed = replace(with_scenario(plan, initial=start, uncertainty=Uncertainty()), members=2)
     found = member_report(pushed, stream(pushed, tmp_path / "a.zarr"))
-    assert (found.data["held"], found.data["within_limits"], found.data["exceeded"]["elevator_outer"]) == (2, 0, 2)
+    assert (
+        found.data["held"],
+        found.data["within_limits"],
+        found.data["exceeded"]["elevator_outer"],
+    ) == (2, 0, 2)
     assert "exceeded control limits: " in found.text()

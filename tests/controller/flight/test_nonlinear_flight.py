@@ -1,5 +1,5 @@
-"""Flights of the nonlinear aircraft: what a scenario does, where a flight ends; the linear model agrees to second order
-and an adaptive integrator to 1e-6."""
+"""Flights of the nonlinear aircraft: what a scenario does, where a flight ends; the linear model
+agrees to second order and an adaptive integrator to 1e-6."""
 
 from __future__ import annotations
 
@@ -11,11 +11,20 @@ from known_models import SMALL, FlownCase, flown, signal
 from random_points import STATE_SCALES
 from scipy.integrate import solve_ivp
 
-from controller import Actuators, Dryden, FlownLaw, OneMinusCosine, Scenario, Signal, flight_envelope, gain_law
+from controller import (
+    Actuators,
+    Dryden,
+    FlownLaw,
+    OneMinusCosine,
+    Scenario,
+    Signal,
+    flight_envelope,
+    gain_law,
+)
 from controller.flight.closed_loop import ClosedLoop, LinearPlant, NonlinearPlant
 from controller.flight.nonlinear_flight import NonlinearFlight
+from controller.flight.signals import Harmonic
 from controller.flight.simulation import CompiledLoop
-from controller.policy.signals import Harmonic
 from hfa_model import LINEAR_STATES, STATES, Input
 from hfa_model.vectors import CONTROL_LIMITS
 from hfa_support import BadInputError
@@ -32,9 +41,15 @@ def test_errors_are_those_of_the_flown_aircraft_alone(newton: FlownCase) -> None
     assert result.flight.states[-1, STATES.index("altitude")] < -0.01
 
 
-def test_the_envelope_limits_the_angle_through_the_air_and_not_the_one_over_ground(newton: FlownCase) -> None:
-    """In rising air the path climbs: alpha over ground falls to -1.5 deg, alpha through the air stays near 2.8."""
-    gust, alpha = Scenario(duration=6.0, gust=OneMinusCosine(400.0, 5.0, 68.0)), STATES.index("alpha")
+def test_the_envelope_limits_the_angle_through_the_air_and_not_the_one_over_ground(
+    newton: FlownCase,
+) -> None:
+    """In rising air the path climbs: alpha over ground falls to -1.5 deg, alpha through the air
+    stays near 2.8."""
+    gust, alpha = (
+        Scenario(duration=6.0, gust=OneMinusCosine(400.0, 5.0, 68.0)),
+        STATES.index("alpha"),
+    )
     for lowest, held in ((2.0, True), (2.7, False)):
         limits = {"alpha": (float(np.radians(lowest)), 0.2)}
         narrow = replace(newton, envelope=flight_envelope(newton.aircraft, newton.point, limits))
@@ -43,17 +58,27 @@ def test_the_envelope_limits_the_angle_through_the_air_and_not_the_one_over_grou
         assert (result.departure is None) == held
         if held:
             assert np.degrees(result.states[:, alpha]).min() < -1.4
-            assert (degrees.min(), degrees.max()) == (pytest.approx(2.61, abs=0.005), pytest.approx(2.97, abs=0.005))
+            assert (degrees.min(), degrees.max()) == (
+                pytest.approx(2.61, abs=0.005),
+                pytest.approx(2.97, abs=0.005),
+            )
         else:
             assert result.departure is not None
             row = int(np.argmax(result.flight.times >= result.departure.time))
-            assert result.departure[:3] == ("angle_of_attack", result.flight.times[row], result.angles_of_attack[row])
+            assert result.departure[:3] == (
+                "angle_of_attack",
+                result.flight.times[row],
+                result.angles_of_attack[row],
+            )
             assert np.degrees(result.angles_of_attack[row - 1]) > lowest
         report = result.report()
         assert "alpha is over ground; the envelope limits angle_of_attack" in report.text()
         assert "alpha" not in report.data["envelope"]
         assert report.data["envelope"]["angle_of_attack"] == list(limits["alpha"])
-        assert report.data["largest_deviation"]["angle_of_attack"] < 0.1 * report.data["largest_deviation"]["alpha"]
+        assert (
+            report.data["largest_deviation"]["angle_of_attack"]
+            < 0.1 * report.data["largest_deviation"]["alpha"]
+        )
 
 
 def test_the_envelope_is_about_the_trim_and_can_be_changed(newton: FlownCase) -> None:
@@ -69,7 +94,9 @@ def test_the_envelope_is_about_the_trim_and_can_be_changed(newton: FlownCase) ->
         flight_envelope(p, point, {"roll": (0.0, 1.0)})
     with pytest.raises(BadInputError, match="begins with speed -2 ft/s beyond 34; begin inside"):
         flown(newton, Scenario(duration=0.1, initial=-70.0 * np.eye(7)[0]))
-    with pytest.raises(BadInputError, match=r"has dihedral 15 deg, outside the envelope's 0 deg to 5\.72958 deg"):
+    with pytest.raises(
+        BadInputError, match=r"has dihedral 15 deg, outside the envelope's 0 deg to 5\.72958 deg"
+    ):
         flight_envelope(p, point, {"dihedral": (0.0, 0.1)})
 
 
@@ -87,7 +114,8 @@ DIRECTION = np.array([1.0, 0.017, 10.0, 0.017, 0.017, 0.017, 0.017])
 
 
 def slopes(plant: NonlinearPlant, linear: LinearPlant, law: FlownLaw) -> np.ndarray:
-    """d log |x_nonlinear - x_linear| / d log size of the closed loop released from SIZES x DIRECTION, by state, (7,).
+    """d log |x_nonlinear - x_linear| / d log size of the closed loop released from SIZES x
+    DIRECTION, by state, (7,).
 
     2 where the linear model is the derivative (Taylor), 1 where it is not.
     """
@@ -95,17 +123,27 @@ def slopes(plant: NonlinearPlant, linear: LinearPlant, law: FlownLaw) -> np.ndar
     loops = [CompiledLoop(ClosedLoop(each, law, scenario)) for each in (plant, linear)]
     errors = []
     for size in SIZES:
-        one, other = (loop.fly(replace(scenario, initial=size * DIRECTION)).states for loop in loops)
+        one, other = (
+            loop.fly(replace(scenario, initial=size * DIRECTION)).states for loop in loops
+        )
         errors.append(np.abs(one - other).max(axis=0) / np.array(STATE_SCALES))
     return np.asarray(np.polyfit(np.log(SIZES), np.log(errors), 1)[0])
 
 
-def test_the_linear_prediction_is_wrong_to_second_order_only(newton: FlownCase, at_15: FlownCase) -> None:
+def test_the_linear_prediction_is_wrong_to_second_order_only(
+    newton: FlownCase, at_15: FlownCase
+) -> None:
     """And one made half a degree away is wrong to first order."""
     for case, off in ((at_15, 0.0), (newton, 0.5)):
         other = find_operating_point(case.aircraft, level_flight(float(np.radians(15.0 + off))))
         linear = LinearPlant.at(case.aircraft, other)
-        found = dict(zip(STATES, slopes(NonlinearPlant(case.aircraft, case.point), linear, case.law), strict=True))
+        found = dict(
+            zip(
+                STATES,
+                slopes(NonlinearPlant(case.aircraft, case.point), linear, case.law),
+                strict=True,
+            )
+        )
         if off:
             assert max(found[name] for name in ("alpha", "pitch", "pitch_rate", "dihedral")) < 1.5
         else:
@@ -121,7 +159,9 @@ EVERYTHING = Scenario(
     noise=signal(alpha=1e-4),
     errors={"lift_slope": 0.98},
     actuators=Actuators(
-        Input(*[0.02] * 5), *(Input(*ends) for ends in zip(*CONTROL_LIMITS, strict=True)), Input(*[np.inf] * 5)
+        Input(*[0.02] * 5),
+        *(Input(*ends) for ends in zip(*CONTROL_LIMITS, strict=True)),
+        Input(*[np.inf] * 5),
     ),
     gust=Dryden(1.0, 1750.0, 68.0, 0.01, 50, seed=3),
 )
@@ -130,9 +170,9 @@ EVERYTHING = Scenario(
 def adaptive_states(result: NonlinearFlight) -> np.ndarray:
     """The same flight by DOP853 at rtol 1e-10, at the ends of the ticks, (ticks + 1, 7).
 
-    Started anew where what the law is handed, a gust's noise or an actuator jumps: a jump inside its step would cost it
-    its order. Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, Section II.10, as in SciPy.
-    """
+    Started anew where what the law is handed, a gust's noise or an actuator jumps: a jump inside
+    its step would cost it its order. Source: Hairer, Norsett, Wanner, Solving Ordinary Differential
+    Equations I, Section II.10, as in SciPy."""
     loop, scenario = CompiledLoop(result.loop), result.loop.scenario
     y, every = result.loop.start(), result.loop.constants()
     rows, begin, ticks = [y[:7]], 0, scenario.ticks
@@ -163,13 +203,17 @@ def difference(fixed: np.ndarray, adaptive: np.ndarray) -> float:
 
 
 SCENARIOS = {
-    "gust": Scenario(duration=1.5, gust=OneMinusCosine(80.0, 4.0, 68.0, 0.2), errors={"panel_mass": 1.05}),
+    "gust": Scenario(
+        duration=1.5, gust=OneMinusCosine(80.0, 4.0, 68.0, 0.2), errors={"panel_mass": 1.05}
+    ),
     "everything": EVERYTHING,
 }
 
 
 @pytest.mark.parametrize("scenario", SCENARIOS.values(), ids=SCENARIOS)
-def test_the_fixed_step_agrees_with_an_adaptive_integrator(at_15: FlownCase, scenario: Scenario) -> None:
+def test_the_fixed_step_agrees_with_an_adaptive_integrator(
+    at_15: FlownCase, scenario: Scenario
+) -> None:
     result = flown(at_15, scenario)
     assert result.departure is None
     adaptive, fixed = adaptive_states(result), result.flight.states[:: scenario.steps_per_tick]

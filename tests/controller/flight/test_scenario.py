@@ -1,5 +1,5 @@
-"""What is drawn: the laws that were asked for, from the seed and the member alone; gusts and turbulence as they are
-defined; and what cannot be flown."""
+"""What is drawn: the laws that were asked for, from the seed and the member alone; gusts and
+turbulence as they are defined; and what cannot be flown."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ from controller import (
 from controller.flight import scenario
 from controller.flight.closed_loop import ClosedLoop, LinearPlant
 from controller.flight.gusts import UPDRAFT
+from controller.flight.policies import OpenLoop
 from controller.flight.scenario import with_errors
 from controller.flight.simulation import CompiledLoop
-from controller.policy.policies import OpenLoop
 from hfa_model import LINEAR_STATES, Input, Parameters
 from hfa_support import BadInputError
 
@@ -37,22 +37,29 @@ TIMES = np.array([1.0, 4.0])
 
 
 def drawn(plan: MonteCarlo, members: int) -> np.ndarray:
-    return np.array([plan.scenario.uncertainty.factors(plan.seed, member) for member in range(members)])
+    return np.array(
+        [plan.scenario.uncertainty.factors(plan.seed, member) for member in range(members)]
+    )
 
 
 def complaints_about_draws(plan: MonteCarlo, members: int = 2000) -> list[str]:
-    """What is wrong with the drawn errors: members alike, or not the log-normal law with mean 1 that was asked for."""
+    """What is wrong with the drawn errors: members alike, or not the log-normal law with mean 1
+    that was asked for."""
     from scipy.stats import kstest
 
     factors = drawn(plan, members)
     found = [] if len(np.unique(factors, axis=0)) == members else ["members are alike"]
     sigmas = np.sqrt(np.log1p(np.square(list(plan.scenario.uncertainty.errors.values()))))
-    for name, column, sigma in zip(plan.scenario.uncertainty.errors, factors.T, sigmas, strict=True):
+    for name, column, sigma in zip(
+        plan.scenario.uncertainty.errors, factors.T, sigmas, strict=True
+    ):
         # One in a thousand of right laws would fail; the seed is fixed, so that none does later.
         if kstest((np.log(column) + sigma**2 / 2) / sigma, "norm").pvalue < 1e-3:
             found.append(f"{name} does not have its law")
     correlation = np.corrcoef(factors.T) - np.eye(len(sigmas))
-    return found + ["errors are correlated"] * bool(np.abs(correlation).max() > 4.0 / np.sqrt(members))
+    return found + ["errors are correlated"] * bool(
+        np.abs(correlation).max() > 4.0 / np.sqrt(members)
+    )
 
 
 def test_errors_have_the_law_that_was_asked_for(plan: MonteCarlo) -> None:
@@ -68,19 +75,29 @@ def test_errors_have_the_law_that_was_asked_for(plan: MonteCarlo) -> None:
 @pytest.mark.parametrize(
     ("sequence", "complaint"),
     [
-        (lambda seed, member, kind: np.random.SeedSequence(seed, spawn_key=(kind,)), "members are alike"),
-        (lambda seed, member, kind: np.random.SeedSequence(member // 2, spawn_key=(kind,)), "members are alike"),
+        (
+            lambda seed, member, kind: np.random.SeedSequence(seed, spawn_key=(kind,)),
+            "members are alike",
+        ),
+        (
+            lambda seed, member, kind: np.random.SeedSequence(member // 2, spawn_key=(kind,)),
+            "members are alike",
+        ),
     ],
     ids=["one seed for all", "two members share one"],
 )
-def test_a_seed_that_ignores_the_member_is_noticed(plan: MonteCarlo, monkeypatch, sequence, complaint: str) -> None:
+def test_a_seed_that_ignores_the_member_is_noticed(
+    plan: MonteCarlo, monkeypatch, sequence, complaint: str
+) -> None:
     monkeypatch.setattr(scenario, "_sequence", sequence)
     assert complaint in complaints_about_draws(plan, 300)
 
 
 def test_a_wrong_deviation_is_noticed(plan: MonteCarlo, monkeypatch: pytest.MonkeyPatch) -> None:
     honest = Uncertainty.factors
-    monkeypatch.setattr(Uncertainty, "factors", lambda self, seed, member: honest(self, seed, member) ** 1.2)
+    monkeypatch.setattr(
+        Uncertainty, "factors", lambda self, seed, member: honest(self, seed, member) ** 1.2
+    )
     assert len(complaints_about_draws(plan)) == len(plan.scenario.uncertainty.errors)
 
 
@@ -120,18 +137,33 @@ def test_noise_and_air_are_as_strong_as_asked_for(plan: MonteCarlo) -> None:
 @pytest.mark.parametrize(
     ("make", "said"),
     [
-        (lambda: Uncertainty({"lift_slope": -0.1}), "deviation of lift_slope is -0.1; give a number from 0 on"),
+        (
+            lambda: Uncertainty({"lift_slope": -0.1}),
+            "deviation of lift_slope is -0.1; give a number from 0 on",
+        ),
         (lambda: Scenario(step=0.003), "whole number of steps"),
         (lambda: Scenario(duration=np.inf), "duration is inf"),
         (lambda: OneMinusCosine(10.0, np.nan, 68.0), "peak is nan"),
-        (lambda: Dryden(1.0, 1e-6, 68.0, 0.01, 10, 0), r"scale is 1e-06 ft; .* between 0\.68 and 6\.8e\+05 ft"),
-        (lambda: replace(ACTUATORS, lag=Input(0.1, 0.0, 0.1, 0.1, 0.1)), "lag of aileron_center is 0.0"),
-        (lambda: replace(ACTUATORS, highest=Input(1.0, 1.0, 1.0, -0.5, 1.0)), "positions of elevator_center"),
+        (
+            lambda: Dryden(1.0, 1e-6, 68.0, 0.01, 10, 0),
+            r"scale is 1e-06 ft; .* between 0\.68 and 6\.8e\+05 ft",
+        ),
+        (
+            lambda: replace(ACTUATORS, lag=Input(0.1, 0.0, 0.1, 0.1, 0.1)),
+            "lag of aileron_center is 0.0",
+        ),
+        (
+            lambda: replace(ACTUATORS, highest=Input(1.0, 1.0, 1.0, -0.5, 1.0)),
+            "positions of elevator_center",
+        ),
         (lambda: replace(ACTUATORS, order=3), "the order of the actuators is 3"),
         (lambda: ActuatorFault(damping=np.nan), "damping after a fault is nan"),
         (lambda: replace(ACTUATORS, faults=(ActuatorFault(inputs=("flap",)),)), "no input 'flap'"),
         (lambda: CommandSteps(("speed", "speed"), TIMES, np.zeros((2, 2))), "speed is given twice"),
-        (lambda: CommandSteps(("speed",), TIMES, np.zeros((1, 1))), r"shape \(1, 1\); give 2 finite rows of 1"),
+        (
+            lambda: CommandSteps(("speed",), TIMES, np.zeros((1, 1))),
+            r"shape \(1, 1\); give 2 finite rows of 1",
+        ),
         (
             lambda: gain_law("bad", np.full((5, 6), np.nan)),
             "the gain has shape .*; give inputs x states finite numbers",
@@ -183,8 +215,16 @@ def test_turbulence_has_the_dryden_spectrum() -> None:
     gust = turbulence(0.05, 160_000)
     frequencies, found = welch(sampled(gust, 0.05, gust.ticks), fs=20.0, nperseg=4096)
     reduced = gust.scale * 2 * np.pi * frequencies / gust.speed
-    # One-sided in Hz: Φ(Ω) dΩ with Ω = 2π f / V. A first-order lag of the same variance and scale: the test can tell.
-    dryden = gust.intensity**2 * 2 * gust.scale / gust.speed * (1 + 3 * reduced**2) / (1 + reduced**2) ** 2
+    # One-sided in Hz: Φ(Ω) dΩ with Ω = 2π f / V. A first-order lag of the same variance and scale:
+    # the test can tell.
+    dryden = (
+        gust.intensity**2
+        * 2
+        * gust.scale
+        / gust.speed
+        * (1 + 3 * reduced**2)
+        / (1 + reduced**2) ** 2
+    )
     lag = gust.intensity**2 * 4 * gust.scale / gust.speed / (1 + reduced**2)
     for low, high in ((0.02, 0.1), (0.1, 0.3), (0.3, 1.0), (1.0, 2.0)):
         band = (frequencies >= low) & (frequencies < high)

@@ -1,5 +1,5 @@
-"""The loop: its order, fast modes, its ends; any model without a law, with a delay, in its own disturbances; limit
-cycles."""
+"""The loop: its order, fast modes, its ends; any model without a law, with a delay, in its own
+disturbances; limit cycles."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ from controller.flight.closed_loop import ClosedLoop, LinearPlant, NonlinearPlan
 from controller.flight.envelope import limit_cycle
 from controller.flight.monte_carlo import fly_members
 from controller.flight.nonlinear_flight import NonlinearFlight, fly_within
+from controller.flight.policies import OpenLoop, open_loop
+from controller.flight.signals import Harmonic, Signal
 from controller.flight.simulation import CompiledLoop, Flight
-from controller.policy.policies import OpenLoop, open_loop
-from controller.policy.signals import Harmonic, Signal
+from hfa_aircraft.model import Model, record
 from hfa_model import STATES, State
 from hfa_model.aircraft import HFA
 from hfa_support import BadInputError, NoSolutionError, Signal as Declared
-from hfa_support.model import Model, record
 from trim import OperatingPoint, find_operating_point, linearize
 from trim.point.condition import usual_condition
 from verification import solve_game
@@ -46,7 +46,8 @@ SPEED = STATES.index("speed")
 
 
 class Falling(Plant):
-    """speed' = -1, alpha' = sqrt(0.0105 + speed): not a number from the step on that passes 0.0105 s."""
+    """speed' = -1, alpha' = sqrt(0.0105 + speed): not a number from the step on that passes 0.0105
+    s."""
 
     def __init__(self, point: OperatingPoint) -> None:
         self.point = point
@@ -59,7 +60,10 @@ def fallen(point: OperatingPoint, *, stops: bool, slowest: float = -1e9) -> Nonl
     """0.05 s in steps of 1 ms and ticks of 10."""
     lowest = State(*[-1e9] * 7)._replace(speed=point.states.speed + slowest)
     scenario, law = Scenario(0.05, initial=np.zeros(7)), gain_law("none", np.zeros((5, 6)))
-    loop, envelope = ClosedLoop(Falling(point), law, scenario), Envelope(lowest, State(*[1e9] * 7), HFA)
+    loop, envelope = (
+        ClosedLoop(Falling(point), law, scenario),
+        Envelope(lowest, State(*[1e9] * 7), HFA),
+    )
     lost = None if stops else lambda rows: np.zeros(len(rows.times), dtype=bool)
     return fly_within(CompiledLoop(loop), envelope, lost=lost)
 
@@ -92,11 +96,15 @@ class Pendulum(LinearPlant):
         return ca.vertcat(x[1], -ca.sin(x[0]) - 0.3 * x[1] + u, self.fast * (x[0] - x[2]))
 
 
-def pendulum(fast: float, step: float, *, duration: float = 6.0, observed: float = 0.0) -> CompiledLoop:
+def pendulum(
+    fast: float, step: float, *, duration: float = 6.0, observed: float = 0.0
+) -> CompiledLoop:
     """Pushed by p, which jumps at 3.7 s."""
     plant = Pendulum(np.zeros((3, 3)), np.zeros((3, 1)), fast=fast)
     law = FlownLaw("pushed", OpenLoop(1), np.repeat([[0.5], [-1.0]], [37, 1], axis=0), fastest=fast)
-    return CompiledLoop(ClosedLoop(plant, law, Scenario(duration, step, 0.1, np.array([1.0, 0.0, observed]))))
+    return CompiledLoop(
+        ClosedLoop(plant, law, Scenario(duration, step, 0.1, np.array([1.0, 0.0, observed])))
+    )
 
 
 def test_the_method_is_of_order_4_where_the_constants_jump_too() -> None:
@@ -112,8 +120,12 @@ def test_a_fast_mode_of_the_law_divides_the_steps() -> None:
     np.testing.assert_allclose(flight.times, 0.02 * np.arange(301))
     plain = pendulum(4.0, 0.002).fly()
     np.testing.assert_allclose(flight.states[:, :2], plain.states[::10, :2], atol=1e-6)
-    np.testing.assert_allclose(flight.states[:, 2], flight.states[:, 0] - flight.states[:, 1] / fast, atol=5e-5)
-    with pytest.raises(BadInputError, match=r"a mode of 1e\+09 1/s; at a step of 0.02 s it must be below"):
+    np.testing.assert_allclose(
+        flight.states[:, 2], flight.states[:, 0] - flight.states[:, 1] / fast, atol=5e-5
+    )
+    with pytest.raises(
+        BadInputError, match=r"a mode of 1e\+09 1/s; at a step of 0.02 s it must be below"
+    ):
         pendulum(1e9, 0.02)
 
 
@@ -146,7 +158,11 @@ def stepped(model: Model, scenario: Scenario, **steps: float) -> NonlinearFlight
 
 def test_a_step_without_a_law_is_what_another_integrator_says() -> None:
     result = stepped(NAVION, Scenario(duration=3.0), elevator=0.02, rudder=0.01)
-    x0, u0, step = np.array(result.point.states), np.array(result.point.inputs), np.array([0.0, 0.02, 0.0, 0.01])
+    x0, u0, step = (
+        np.array(result.point.states),
+        np.array(result.point.inputs),
+        np.array([0.0, 0.02, 0.0, 0.01]),
+    )
     f = NAVION.functions(())
     ends = [x0]
     for span, u in (((0.0, 1.0), u0), ((1.0, 3.0), u0 + step)):
@@ -167,15 +183,20 @@ def test_plans_of_models_that_differ_in_their_equations_differ() -> None:
 
         model = replace(NAVION, equations=equations)
         point = find_operating_point(model, usual_condition(model))
-        law = open_loop(CommandSteps((), np.zeros(0), np.zeros((0, 0))), tuple(model.inputs), 0.01, 10)
-        return MonteCarlo(2, 0, model, point, law, Scenario(duration=0.1), flight_envelope(model, point))
+        law = open_loop(
+            CommandSteps((), np.zeros(0), np.zeros((0, 0))), tuple(model.inputs), 0.01, 10
+        )
+        return MonteCarlo(
+            2, 0, model, point, law, Scenario(duration=0.1), flight_envelope(model, point)
+        )
 
     assert plan(1.0) == plan(1.0)
     assert plan(1.0) != plan(2.0)
 
 
 def test_disturbances_are_those_of_the_model() -> None:
-    """x' = -x + u + w: a constant w and a wave, written out; a gust needs a disturbance `updraft`."""
+    """x' = -x + u + w: a constant w and a wave, written out; a gust needs a disturbance
+    `updraft`."""
     model = Model(
         "tank",
         states={"level": Declared("ft")},
@@ -195,20 +216,25 @@ def test_disturbances_are_those_of_the_model() -> None:
     with pytest.raises(BadInputError, match="unknown disturbance 'snow'; choose from rain"):
         stepped(model, Scenario(air={"snow": rain}))
     gust = OneMinusCosine(10.0, 1.0, 10.0)
-    with pytest.raises(BadInputError, match="tank declares no disturbance updraft, which a gust is"):
+    with pytest.raises(
+        BadInputError, match="tank declares no disturbance updraft, which a gust is"
+    ):
         stepped(model, Scenario(gust=gust))
 
 
 @pytest.mark.parametrize("delay", [1.0, 0.25])
 def test_a_delay_is_a_delay(delay: float) -> None:
-    """x' = -x(t - D), x(0) = 1, no command before 0; by the method of steps x = 1 + Σ_k (-1)^k (t - k D)_+^k / k!."""
+    """x' = -x(t - D), x(0) = 1, no command before 0; by the method of steps x = 1 + Σ_k (-1)^k (t -
+    k D)_+^k / k!."""
     tick = 0.005
     scenario = Scenario(3.0, tick / 5, tick, np.ones(1), delay=delay)
     plant, law = LinearPlant(np.zeros((1, 1)), np.ones((1, 1))), gain_law("one", np.ones((1, 1)))
     flight = CompiledLoop(ClosedLoop(plant, law, scenario)).fly()
     t = flight.times
     np.testing.assert_allclose(flight.states[t < delay, 0], 1.0, atol=1e-12)
-    terms = [(-1) ** k * np.maximum(t - k * delay, 0.0) ** k / math.factorial(k) for k in range(1, 16)]
+    terms = [
+        (-1) ** k * np.maximum(t - k * delay, 0.0) ** k / math.factorial(k) for k in range(1, 16)
+    ]
     exact = 1.0 + np.sum(terms, axis=0)
     np.testing.assert_allclose(flight.states[:, 0], exact, atol=2e-5)
     assert np.abs(exact - np.exp(-t)).max() > 0.05  # the delay shows
@@ -216,7 +242,8 @@ def test_a_delay_is_a_delay(delay: float) -> None:
 
 
 def test_what_still_oscillates_is_a_limit_cycle() -> None:
-    """Planted: a sine that lasts, one that decays, one that something drives, one that is too small to be seen."""
+    """Planted: a sine that lasts, one that decays, one that something drives, one that is too small
+    to be seen."""
     plant = NonlinearPlant(NAVION, find_operating_point(NAVION, usual_condition(NAVION)))
     law, t = gain_law("none", np.zeros((4, 8))), np.arange(0.0, 20.0, 0.01)
     columns = len(NAVION.states)
@@ -242,14 +269,22 @@ def test_what_still_oscillates_is_a_limit_cycle() -> None:
 
 
 def test_a_loop_that_its_delay_destabilizes_ends_in_a_limit_cycle() -> None:
-    """Rate-limited surfaces bound what the delay makes grow: not within limits; without the delay it settles."""
+    """Rate-limited surfaces bound what the delay makes grow: not within limits; without the delay
+    it settles."""
     point = find_operating_point(NAVION, usual_condition(NAVION))
     model = linearize(NAVION, point)
-    Q, R = (np.diag([NAVION.signals[n].nominal ** -2.0 for n in each]) for each in (model.states, model.inputs))
+    Q, R = (
+        np.diag([NAVION.signals[n].nominal ** -2.0 for n in each])
+        for each in (model.states, model.inputs)
+    )
     law = gain_law("exact", solve_game(Game(model.A, model.B, np.eye(8), Q, R, math.inf)).K)
     values = record(tuple(NAVION.inputs))
-    lowest, highest = (values(*(getattr(each, end) for each in NAVION.inputs.values())) for end in ("min", "max"))
-    slow = Actuators(values(*[0.1] * 4), lowest, highest, values(math.inf, *[math.radians(60.0)] * 3))
+    lowest, highest = (
+        values(*(getattr(each, end) for each in NAVION.inputs.values())) for end in ("min", "max")
+    )
+    slow = Actuators(
+        values(*[0.1] * 4), lowest, highest, values(math.inf, *[math.radians(60.0)] * 3)
+    )
     start = np.zeros(8)
     start[1] = math.radians(3.0)
     for delay, settles in ((0.0, True), (0.3, False)):

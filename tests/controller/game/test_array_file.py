@@ -1,4 +1,5 @@
-"""Files of matrices: the same mapping from each format, one line for anything else, and units as the plant has them."""
+"""Files of matrices: the same mapping from each format, one line for anything else, and units as
+the plant has them."""
 
 from __future__ import annotations
 
@@ -33,7 +34,9 @@ TREES = {
     "many": np.array([(1.0,), (2.0,)], dtype=[("a", object)]),
 }
 #: Files that MATLAB 4 to 7.4 wrote on several machines, where this SciPy brings them along.
-FILES = sorted((Path(scipy.io.__file__).parent / "matlab" / "tests" / "data").glob("test*_7.4_GLNX86.mat"))[:1]
+FILES = sorted(
+    (Path(scipy.io.__file__).parent / "matlab" / "tests" / "data").glob("test*_7.4_GLNX86.mat")
+)[:1]
 
 
 def mat(form: str = "5", **content: Any) -> bytes:
@@ -65,7 +68,9 @@ def test_cells_of_text_and_structures() -> None:
     assert not {"mixed", "many"} & set(found)
 
 
-def test_a_damaged_file_is_one_line_even_where_it_crashes_scipy(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_damaged_file_is_one_line_even_where_it_crashes_scipy(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     whole, lines = mat(**{**TREES, "full": NUMBERS}), []
     for seed in range(2):
         try:
@@ -73,7 +78,9 @@ def test_a_damaged_file_is_one_line_even_where_it_crashes_scipy(monkeypatch: pyt
         except BadInputError as error:
             lines.append(str(error))
     assert lines
-    assert all(line.startswith("a.mat: cannot be read as .mat (") and "\n" not in line for line in lines)
+    assert all(
+        line.startswith("a.mat: cannot be read as .mat (") and "\n" not in line for line in lines
+    )
     monkeypatch.setattr(array_file, "_CHILD", Path("child.py"))
     for code, longest, said in (
         ("import os; os.abort()", 60.0, "SciPy crashes on it"),
@@ -96,9 +103,17 @@ def test_a_small_file_does_not_fill_the_memory(monkeypatch: pytest.MonkeyPatch) 
 
 
 def test_matrices_without_names_have_those_of_their_files() -> None:
-    for name, value in (("A", -np.eye(2)), ("B", np.ones((2, 1))), ("weights", np.ones(3)), ("other", np.ones(3))):
+    for name, value in (
+        ("A", -np.eye(2)),
+        ("B", np.ones((2, 1))),
+        ("weights", np.ones(3)),
+        ("other", np.ones(3)),
+    ):
         np.save(f"{name}.npy", value)
-    assert {name: value.shape for name, value in read_arrays("A.npy").items()} == {"A": (2, 2), "B": (2, 1)}
+    assert {name: value.shape for name, value in read_arrays("A.npy").items()} == {
+        "A": (2, 2),
+        "B": (2, 1),
+    }
     assert list(read_arrays("weights.npy")) == ["weights"]
     assert list(read_arrays("other.npy")) == ["the array"]
 
@@ -107,7 +122,10 @@ def test_matrices_without_names_have_those_of_their_files() -> None:
 
 A, B = np.array([[0.0, 1.0], [-2.0, -3.0]]), np.array([[0.5], [1.0]])
 BARE = "0,1\n-2,-3\n", ".5\n1e0\n"
-NAMED = ",speed [ft/s],alpha [rad]\nspeed [ft/s],0,1\nalpha [rad],-2,-3\n", ",push\nspeed,0.5\nalpha,1\n"
+NAMED = (
+    ",speed [ft/s],alpha [rad]\nspeed [ft/s],0,1\nalpha [rad],-2,-3\n",
+    ",push\nspeed,0.5\nalpha,1\n",
+)
 HEADED = "speed,alpha\n0,1\n-2,-3\n", '"push"\n0.5\n1\n'
 NAMES = {"states": ["speed", "alpha"], "inputs": ["push"]}
 
@@ -141,8 +159,14 @@ def test_a_plant_with_and_without_names(texts: dict[str, str], names: dict[str, 
         ({"A": "x,y,z\n0,1\n-2,-3\n"}, "A has rows of 2 and of 3 cells"),
         ({"A": "0,1\n-2,x\n"}, "could not convert string to float: 'x'"),
         ({"A": "0;1\n-2;-3\n"}, "could not convert string to float: '-2;-3'"),
-        ({"A": ",x,y\ny,-2,-3\nx,0,1\n"}, "the columns of A are x, y and A has y, x; give one order"),
-        ({"A": NAMED[0], "B": ",push\nalpha,1\nspeed,0.5\n"}, "the rows of B are alpha, speed and A has speed, alpha"),
+        (
+            {"A": ",x,y\ny,-2,-3\nx,0,1\n"},
+            "the columns of A are x, y and A has y, x; give one order",
+        ),
+        (
+            {"A": NAMED[0], "B": ",push\nalpha,1\nspeed,0.5\n"},
+            "the rows of B are alpha, speed and A has speed, alpha",
+        ),
         ({"plant": BARE[0]}, "use .json, .npz or .mat for a table"),
         ({"A": ""}, "A has no numbers"),
     ],

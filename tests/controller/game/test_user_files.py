@@ -14,7 +14,7 @@ from scipy.sparse import csc_matrix
 
 from controller import Game, History, load_critic, load_game, published_game
 from controller.game.user_files import PlantNames, StoredCritic, critic_in, file_scales, stored_game
-from hfa_cli.options.games import diagonal
+from hfa.options.games import diagonal
 from hfa_model import LINEAR_STATES, published_models
 from hfa_support import BadInputError
 
@@ -25,11 +25,17 @@ MODEL: dict[str, Any] = {"A": published_models()[0].A, "B": published_models()[0
 pytestmark = pytest.mark.usefixtures("folder")
 
 
-# Plants -----------------------------------------------------------------------------------------------------------
+# Plants
+# -----------------------------------------------------------------------------------------------------------
 
 
 def test_every_format_gives_the_same_game_and_where_it_comes_from() -> None:
-    full = MODEL | {"E": np.eye(6)[:, :2], "Q": 2.0 * np.eye(6), "R": 3.0 * np.eye(5), "delta": 321.0}
+    full = MODEL | {
+        "E": np.eye(6)[:, :2],
+        "Q": 2.0 * np.eye(6),
+        "R": 3.0 * np.eye(5),
+        "delta": 321.0,
+    }
     block = {"version": "1.2", "parameters": "ab12"}
     flat = {f"provenance.{name}": word for name, word in block.items()}
     for path in (
@@ -44,17 +50,22 @@ def test_every_format_gives_the_same_game_and_where_it_comes_from() -> None:
 
 def test_what_is_missing_comes_from_the_paper() -> None:
     stored("plant.npz", **MODEL)
-    with pytest.warns(UserWarning, match="there is no E, Q, R, delta; taken: E the identity, Q as in the paper, "):
+    with pytest.warns(
+        UserWarning, match="there is no E, Q, R, delta; taken: E the identity, Q as in the paper, "
+    ):
         assert load_game("plant.npz") == published_game(**MODEL)
 
 
 def test_the_paper_s_game_on_a_plant_in_meters() -> None:
-    """Q T⁻² and T E are the same game; a plant that does not name the aircraft's states is left alone."""
+    """Q T⁻² and T E are the same game; a plant that does not name the aircraft's states is left
+    alone."""
     units = ["m/s", "rad", "rad", "rad/s", "rad", "rad/s"]
     stored("si.npz", **MODEL, states=LINEAR_STATES, state_units=units)
     stored("other.npz", **MODEL, states=[f"s{i}" for i in range(6)], state_units=units)
     si = stored_game("si.npz").game
-    np.testing.assert_allclose(np.diag(si.Q), [1000.0 / 0.3048**2, 1000.0, 0.01, 0.01, 1000.0, 0.01], rtol=1e-15)
+    np.testing.assert_allclose(
+        np.diag(si.Q), [1000.0 / 0.3048**2, 1000.0, 0.01, 0.01, 1000.0, 0.01], rtol=1e-15
+    )
     assert np.array_equal(np.diag(si.E), [0.3048, 1.0, 1.0, 1.0, 1.0, 1.0])
     assert stored_game("other.npz").game == published_game(**MODEL)
 
@@ -75,7 +86,9 @@ def test_misnamed_entries_defaults_and_the_matrix_of_a_wind_are_noted() -> None:
         "plant.npz: there is no E, delta; taken: E the identity, delta as in the paper",
     )
     assert stored_game(small("ours.npz", schema="hfa.linear-model/1", modes=[1.0])).notes == ()
-    wind = stored("wind.npz", **PLANT, E=[[1.0], [1.0]], disturbances=["updraft"], schema="hfa.linear-model/1")
+    wind = stored(
+        "wind.npz", **PLANT, E=[[1.0], [1.0]], disturbances=["updraft"], schema="hfa.linear-model/1"
+    )
     game, notes, *_ = stored_game(wind, delta=200.0)
     assert game == Game(**PLANT, E=np.eye(2), delta=200.0)
     assert notes == ("wind.npz: its E is that of the wind and not used; taken: E the identity",)
@@ -94,20 +107,38 @@ def test_a_structure_is_looked_into_only_where_nothing_stands_outside() -> None:
         (load_game, {"A": A2, "Q": A2}, r"there is no B; .* \(found: A, Q\)"),
         (load_game, {}, r"there is no A; .*\(the file is empty\)"),
         (load_game, PLANT | {"B": [[0.0, 1.0]]}, "B is 1 x 2; with this A and B it must be 2 x 2"),
-        (load_game, {"A": A2, "B": B2}, "the model has 2 states and the Q of the paper is for 6; give Q"),
-        (load_game, {"A": A2, "B": B2, "Q": A2}, "the model has 1 inputs and the R of the paper is for 5; give R"),
-        (load_game, PLANT | {"states": ["a\x1b[31m", "b"]}, "states has .* which cannot be printed"),
+        (
+            load_game,
+            {"A": A2, "B": B2},
+            "the model has 2 states and the Q of the paper is for 6; give Q",
+        ),
+        (
+            load_game,
+            {"A": A2, "B": B2, "Q": A2},
+            "the model has 1 inputs and the R of the paper is for 5; give R",
+        ),
+        (
+            load_game,
+            PLANT | {"states": ["a\x1b[31m", "b"]},
+            "states has .* which cannot be printed",
+        ),
         (load_game, PLANT | {"input_labels": ["a\nb"]}, "inputs has .* which cannot be printed"),
         (load_game, PLANT | {"delta": [1.0, 2.0]}, "delta has 2 numbers; give one"),
         (load_game, PLANT | {"dt": [[0.1], 2.0]}, "a model in discrete time"),
         (load_game, PLANT | {"dt": 0.1}, r"dt is 0\.1, a model in discrete time"),
         (load_critic, {"A": A2}, r"there is no W, P or K; .* \(found: A\)"),
-        (load_critic, {"W": [[1.0, 2.0], [3.0, 4.0]]}, r"W has shape \(2, 2\); weights are one row or one column"),
+        (
+            load_critic,
+            {"W": [[1.0, 2.0], [3.0, 4.0]]},
+            r"W has shape \(2, 2\); weights are one row or one column",
+        ),
         (load_critic, {"W": [1.0, math.inf]}, r"W\[1\] is inf"),
         (load_critic, {"P": [1.0, 2.0]}, "P has 1 dimension"),
     ],
 )
-def test_bad_entries_are_refused_in_one_line(load: Callable[[str], Any], content: Any, message: str) -> None:
+def test_bad_entries_are_refused_in_one_line(
+    load: Callable[[str], Any], content: Any, message: str
+) -> None:
     with pytest.raises(BadInputError, match=f"^a.json: .*{message}") as refusal:
         load(stored("a.json", **content))
     assert "\n" not in str(refusal.value)
@@ -136,18 +167,30 @@ def test_damaged_files_are_refused_in_one_line(name: str, content: bytes, said: 
 @pytest.mark.parametrize(
     ("content", "said"),
     [
-        ({"state_units": ["ft/s", "deg"]}, "state 2 is in deg and that of the plant in rad; convert it, or leave"),
-        ({"states": ["alpha", "speed"]}, "its states are in the order alpha, speed; .* are speed, alpha: reorder"),
-        ({"inputs": ["alpha", "speed"]}, "its inputs are in the order alpha, speed; .* are speed, alpha: reorder"),
+        (
+            {"state_units": ["ft/s", "deg"]},
+            "state 2 is in deg and that of the plant in rad; convert it, or leave",
+        ),
+        (
+            {"states": ["alpha", "speed"]},
+            "its states are in the order alpha, speed; .* are speed, alpha: reorder",
+        ),
+        (
+            {"inputs": ["alpha", "speed"]},
+            "its inputs are in the order alpha, speed; .* are speed, alpha: reorder",
+        ),
     ],
 )
-def test_other_units_and_another_order_are_refused(content: dict[str, list[str]], said: str) -> None:
+def test_other_units_and_another_order_are_refused(
+    content: dict[str, list[str]], said: str
+) -> None:
     plant = PlantNames(("speed", "alpha"), ("speed", "alpha"), ("ft/s", "rad"))
     with pytest.raises(BadInputError, match=said):
         file_scales(content, plant)
 
 
-# Critics --------------------------------------------------------------------------------------------------------
+# Critics
+# --------------------------------------------------------------------------------------------------------
 
 
 def test_critics_are_read_by_what_they_hold() -> None:
@@ -161,7 +204,8 @@ def test_critics_are_read_by_what_they_hold() -> None:
             assert read is expected if expected is None else np.array_equal(read, expected)
 
 
-# Critics over time ------------------------------------------------------------------------------------------------
+# Critics over time
+# ------------------------------------------------------------------------------------------------
 
 #: Two states, one input: 3 weights, 4 entries of P, 2 of K.
 GAME = Game(**PLANT, E=np.eye(2), delta=10.0)
@@ -173,7 +217,12 @@ K = np.arange(6.0).reshape(3, 1, 2)
 @pytest.mark.parametrize("suffix", ["npz", "json"])
 def test_rows_with_times_are_a_history_and_one_row_is_a_single_critic(suffix: str) -> None:
     for content in (
-        {"times": TIMES, "weights": W, "W": W[-1], "other": 1.0},  # as `hfa learn` writes it, with the last row
+        {
+            "times": TIMES,
+            "weights": W,
+            "W": W[-1],
+            "other": 1.0,
+        },  # as `hfa learn` writes it, with the last row
         {"t": TIMES, "W": W, "K": K},
         {"time": TIMES, "W": W, "gains": np.moveaxis(K, 0, -1)},
         {"t": TIMES, "W": W, "K": K.reshape(3, 2)},
@@ -185,13 +234,17 @@ def test_rows_with_times_are_a_history_and_one_row_is_a_single_critic(suffix: st
         if "other" not in content:
             np.testing.assert_array_equal(history.K, K)
     for times in ({}, {"t": TIMES}):
-        assert isinstance(critic_in(stored(f"h.{suffix}", W=W[0], P=np.eye(2), **times), GAME), StoredCritic)
+        assert isinstance(
+            critic_in(stored(f"h.{suffix}", W=W[0], P=np.eye(2), **times), GAME), StoredCritic
+        )
 
 
 def test_the_file_names_the_basis_unless_somebody_does() -> None:
     path = stored("h.npz", time=TIMES, weights=np.ones((3, 5)), basis="quadratic+linear")
     assert critic_in(path, GAME).basis == "quadratic+linear"
-    with pytest.raises(BadInputError, match=r"W is 3 x 5; basis 'quadratic' on 2 states has 3 weights"):
+    with pytest.raises(
+        BadInputError, match=r"W is 3 x 5; basis 'quadratic' on 2 states has 3 weights"
+    ):
         critic_in(path, GAME, "quadratic")
 
 
@@ -199,9 +252,15 @@ def test_the_file_names_the_basis_unless_somebody_does() -> None:
     ("content", "said"),
     [
         ({"times": [0.0, 1.0, 0.5], "W": W}, "time is 0.5 s at row 3; it must increase"),
-        ({"times": [-1.0, 0.0, 1.0], "W": W}, "time is -1 s at row 1; it must increase, from 0 s or later"),
+        (
+            {"times": [-1.0, 0.0, 1.0], "W": W},
+            "time is -1 s at row 1; it must increase, from 0 s or later",
+        ),
         ({"times": TIMES, "W": W * [[1.0], [np.inf], [1.0]]}, r"W\[1\]\[0\] is inf; every entry"),
-        ({"times": TIMES, "W": W * [[1.0], [1.0], [1e60]]}, r"W\[2\]\[0\] is 6e\+60; entries must not exceed 1e\+50"),
+        (
+            {"times": TIMES, "W": W * [[1.0], [1.0], [1e60]]},
+            r"W\[2\]\[0\] is 6e\+60; entries must not exceed 1e\+50",
+        ),
         ({"times": TIMES[:2], "W": W}, "W has 3 rows and there are 2 times"),
         ({"times": TIMES, "K": np.eye(3)}, "and W .rows of weights., P or K"),
     ],

@@ -1,4 +1,5 @@
-"""The game as a value: what it refuses, its policies; ψ(z), its gradient, and the way between weights and matrix."""
+"""The game as a value: what it refuses, its policies; ψ(z), its gradient, and the way between
+weights and matrix."""
 
 from __future__ import annotations
 
@@ -24,7 +25,10 @@ from hfa_support import BadInputError
         ({"A": [[1.0, 2.0], [3.0]]}, "A does not consist of rows of real numbers"),
         ({"A": np.ma.masked_equal(np.eye(2), 0.0)}, "A has masked entries"),
         ({"A": [[1.0, math.nan], [0.0, 1.0]]}, r"A\[0\]\[1\] is nan; every entry must be finite"),
-        ({"A": [[1e150, 0.0], [0.0, 1.0]]}, r"A\[0\]\[0\] is 1e\+150; entries must not exceed 1e\+100"),
+        (
+            {"A": [[1e150, 0.0], [0.0, 1.0]]},
+            r"A\[0\]\[0\] is 1e\+150; entries must not exceed 1e\+100",
+        ),
         ({"A": np.zeros((0, 0))}, "a game needs a state and an input"),
         ({"B": [[1.0]]}, "B is 1 x 1; with this A and B it must be 2 x 1"),
         ({"Q": [[1.0, 0.1], [0.0, 1.0]]}, "Q is not symmetric"),
@@ -42,13 +46,16 @@ def test_ill_posed_games_are_refused(change: dict[str, Any], message: str) -> No
     assert "\n" not in str(refusal.value)
 
 
-@pytest.mark.parametrize("R", [np.diag([1e-20, 1e20]), np.diag([1e-90, 1.0]), [[1.0, 1.0 - 1e-12], [1.0 - 1e-12, 1.0]]])
+@pytest.mark.parametrize(
+    "R", [np.diag([1e-20, 1e20]), np.diag([1e-90, 1.0]), [[1.0, 1.0 - 1e-12], [1.0 - 1e-12, 1.0]]]
+)
 def test_weights_of_very_different_size_are_definite(R: Any) -> None:
     assert np.array_equal(Game(**(SMALL | {"B": np.eye(2), "R": R})).R, R)
 
 
 def test_gains_are_the_extremals_of_the_hamiltonian_of_the_game() -> None:
-    """u = -K z and d = L z are where z'Qz + u'Ru - δ²d'd + 2 z'P(Az + Bu + Ed) has no slope in u and d.
+    """u = -K z and d = L z are where z'Qz + u'Ru - δ²d'd + 2 z'P(Az + Bu + Ed) has no slope in u
+    and d.
 
     There it is z' residual(P) z.
     """
@@ -63,7 +70,9 @@ def test_gains_are_the_extremals_of_the_hamiltonian_of_the_game() -> None:
         cost = z @ game.Q @ z + u @ game.R @ u - game.delta**2 * d @ d
         hamiltonian = cost + 2.0 * z @ P @ (game.A @ z + game.B @ u + game.E @ d)
         assert z @ game.residual(P) @ z == pytest.approx(hamiltonian, rel=1e-11)
-        assert z @ P @ game.S @ P @ z == pytest.approx(u @ game.R @ u - game.delta**2 * d @ d, rel=1e-11)
+        assert z @ P @ game.S @ P @ z == pytest.approx(
+            u @ game.R @ u - game.delta**2 * d @ d, rel=1e-11
+        )
 
 
 def test_a_game_cannot_be_changed_from_outside() -> None:
@@ -95,7 +104,9 @@ def test_published_game_has_the_settings_of_the_paper() -> None:
 ALL = [basis(name, 6) for name in BASES]
 
 
-def taylor_slope(psi: Callable[[np.ndarray], np.ndarray], gradient: np.ndarray, z: np.ndarray) -> float:
+def taylor_slope(
+    psi: Callable[[np.ndarray], np.ndarray], gradient: np.ndarray, z: np.ndarray
+) -> float:
     """Order of |ψ(z + h v) - ψ(z) - h ∂ψ v| in h: 2 for a right gradient, 1 for a wrong one."""
     v = np.random.default_rng(3).normal(size=z.shape)
     steps = np.array([1e-2, 1e-3])
@@ -106,7 +117,17 @@ def taylor_slope(psi: Callable[[np.ndarray], np.ndarray], gradient: np.ndarray, 
 def test_quadratic_monomials_come_row_by_row_and_the_others_after_them() -> None:
     z = np.array([2.0, 3.0, 5.0])
     assert basis("quadratic", 3).psi(z).tolist() == [4.0, 6.0, 10.0, 9.0, 15.0, 25.0]
-    assert basis("quadratic+linear", 3).psi(z).tolist() == [4.0, 6.0, 10.0, 9.0, 15.0, 25.0, 2.0, 3.0, 5.0]
+    assert basis("quadratic+linear", 3).psi(z).tolist() == [
+        4.0,
+        6.0,
+        10.0,
+        9.0,
+        15.0,
+        25.0,
+        2.0,
+        3.0,
+        5.0,
+    ]
     assert basis("quadratic+quartic", 3).psi(z)[6:].tolist() == [16.0, 81.0, 625.0]
     z = np.arange(1.0, 7.0)
     extra = [z[LINEAR_STATES.index(name)] ** 4 for name in PAPER_QUARTIC_CHANNELS]
@@ -139,4 +160,6 @@ def test_weights_and_matrix_are_the_same_value_in_any_units() -> None:
         assert np.array_equal(functions.matrix(W), P)
         assert np.array_equal(W[21:], np.zeros(functions.size - 21))
         W = rng.normal(size=functions.size)
-        assert (functions.scaling(scales) * W) @ functions.psi(z) == pytest.approx(W @ functions.psi(scales * z))
+        assert (functions.scaling(scales) * W) @ functions.psi(z) == pytest.approx(
+            W @ functions.psi(scales * z)
+        )

@@ -1,4 +1,5 @@
-"""The certificate: wrong answers planted, each refused for the right reason; eigenvalues at the axis."""
+"""The certificate: wrong answers planted, each refused for the right reason; eigenvalues at the
+axis."""
 
 from __future__ import annotations
 
@@ -24,7 +25,7 @@ from controller.riccati.certificate import (
     solution_checks,
 )
 from controller.riccati.gare_schur import schur_solution
-from hfa_cli.main import FAILED
+from hfa.main import FAILED
 from hfa_support import Check, NoSolutionError
 from verification import minimum_delta, solve_game
 
@@ -37,7 +38,9 @@ def named(certificate: Certificate) -> dict[str, Check]:
 
 def _certify(game: Game, P: np.ndarray, second_P: np.ndarray) -> Certificate:
     """The tests of `certified_solution` on somebody else's P."""
-    return Certificate((*hamiltonian_checks(game), *solution_checks(game, P), agreement_check(game, P, second_P)))
+    return Certificate(
+        (*hamiltonian_checks(game), *solution_checks(game, P), agreement_check(game, P, second_P))
+    )
 
 
 def test_non_stabilizing_root_is_refused(game: Game) -> None:
@@ -71,7 +74,9 @@ def test_indefinite_solutions_that_scipy_returns_are_refused() -> None:
         if np.linalg.eigvalsh(P)[0] > -1e-6 * np.abs(P).max():
             continue
         certificate = _certify(game, P, P)
-        assert {"positive_semidefinite", "control_loop_abscissa"} <= failed_names(certificate.checks)
+        assert {"positive_semidefinite", "control_loop_abscissa"} <= failed_names(
+            certificate.checks
+        )
         assert named(certificate)["residual"].ok
         with pytest.raises(NoSolutionError, match="Lanzon-Feng-Anderson"):
             iterated_solution(game)
@@ -80,7 +85,10 @@ def test_indefinite_solutions_that_scipy_returns_are_refused() -> None:
 
 def test_lqr_solution_is_not_the_game_solution(game: Game) -> None:
     P = solve_game(game.with_delta(math.inf)).P
-    assert failed_names(_certify(game, P, solve_game(game).P).checks) == {"residual", "second_derivation"}
+    assert failed_names(_certify(game, P, solve_game(game).P).checks) == {
+        "residual",
+        "second_derivation",
+    }
 
 
 def test_solution_of_another_game_is_refused(game: Game) -> None:
@@ -113,7 +121,8 @@ def test_disagreement_of_the_derivations_is_refused(game: Game) -> None:
 
 
 def test_hamiltonian_on_the_axis_is_seen_through_rounding() -> None:
-    """At this delta the double eigenvalue 0 of H is computed some 1e-8 off the axis: |Re| would mislead."""
+    """At this delta the double eigenvalue 0 of H is computed some 1e-8 off the axis: |Re| would
+    mislead."""
     critical = Game([[-1.0]], [[0.0]], [[1.0]], [[1.0]], [[1.0]], 1.0)
     rotation = np.linalg.qr(np.random.default_rng(0).standard_normal((3, 3)))[0]
     A = rotation @ np.diag([-1.0, -2.0, -3.0]) @ rotation.T
@@ -152,17 +161,25 @@ def test_the_value_is_exactly_0() -> None:
 def test_the_judge_takes_0_and_nothing_else(key: str) -> None:
     plant = stored("plant.npz", **STABLE)
     shape = (2, 2) if key == "P" else (1, 2)
-    assert answer("verify", "--model", plant, "--weights", stored("zero.npz", **{key: np.zeros(shape)}))["ok"] is True
+    assert (
+        answer(
+            "verify", "--model", plant, "--weights", stored("zero.npz", **{key: np.zeros(shape)})
+        )["ok"]
+        is True
+    )
     wrong = stored("wrong.npz", **{key: 1e-3 * np.eye(*shape)})
     assert {"policy_rel_error", "K_rel_error"} <= {
         name
-        for name, check in checks_of(answer("verify", "--model", plant, "--weights", wrong, code=FAILED)).items()
+        for name, check in checks_of(
+            answer("verify", "--model", plant, "--weights", wrong, code=FAILED)
+        ).items()
         if not check["ok"]
     }
 
 
 def test_a_plant_that_must_be_stabilized_has_another_value() -> None:
-    """0 is a root then too, but not the one whose policy brings the state to rest: a P = 2 a / s."""
+    """0 is a root then too, but not the one whose policy brings the state to rest: a P = 2 a /
+    s."""
     game = Game(np.eye(1), np.eye(1), np.zeros((1, 0)), np.zeros((1, 1)), np.eye(1), np.inf)
     assert solve_game(game).P[0, 0] == pytest.approx(2.0, rel=1e-12)
 
@@ -178,7 +195,8 @@ def hamiltonian(rng: np.random.Generator, n: int) -> np.ndarray:
 
 
 def jordan(rng: np.random.Generator, n: int) -> np.ndarray:
-    """Eigenvalues far from the axis at 1 rad/s, near it beyond 2; the far ones count, because they are defective."""
+    """Eigenvalues far from the axis at 1 rad/s, near it beyond 2; the far ones count, because they
+    are defective."""
     block = np.kron(np.eye(n // 4), [[-1.0, 1.0], [-1.0, -1.0]]) + 3.0 * np.eye(n // 2, k=2)
     turns = np.kron(np.diag(rng.uniform(2.0, 9.0, n // 4)), [[0.0, 1.0], [-1.0, 0.0]])
     spread = turns - 0.01 * np.eye(n // 2)
@@ -196,7 +214,10 @@ def test_the_distance_to_the_axis_is_the_least_over_all_frequencies(
     for seed in range(3):
         found = spectrum(make(np.random.default_rng(seed), n))
         shifts = np.abs(found.eigenvalues.imag)
-        each = [np.linalg.svd(found.balanced - 1j * w * np.eye(len(found.balanced)), compute_uv=False) for w in shifts]
+        each = [
+            np.linalg.svd(found.balanced - 1j * w * np.eye(len(found.balanced)), compute_uv=False)
+            for w in shifts
+        ]
         least = min(values[-1] for values in each) / np.linalg.norm(found.balanced, 2)
         assert len(np.unique(shifts)) > FEW
         assert found.axis_distance() == pytest.approx(least, rel=1e-9, abs=1e-16)

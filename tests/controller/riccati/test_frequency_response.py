@@ -29,7 +29,9 @@ def test_gain_agrees_with_python_control(game: Game) -> None:
     output = np.vstack([np.sqrt(game.Q), np.sqrt(game.R) @ K])  # Q and R are diagonal
     inputs = np.hstack([game.E, np.zeros((6, 5))])  # python-control 0.10 takes square systems only
     system = control.ss(game.A - game.B @ K, inputs, output, 0.0)
-    assert bounded_real_gain(game, K) == pytest.approx(control.system_norm(system, "inf", tol=1e-9), rel=1e-7)
+    assert bounded_real_gain(game, K) == pytest.approx(
+        control.system_norm(system, "inf", tol=1e-9), rel=1e-7
+    )
 
 
 def test_gain_of_a_first_order_loop_in_closed_form() -> None:
@@ -42,11 +44,14 @@ def test_gain_of_a_first_order_loop_in_closed_form() -> None:
 
 @pytest.mark.parametrize("damping", [1e-7, 1e-3, 0.3])
 def test_swept_gain_of_a_resonance_in_closed_form(damping: float) -> None:
-    """1 / (2 ζ sqrt(1 - ζ²)) at sqrt(1 - 2 ζ²) rad/s, which no grid holds, nor its width where ζ is small."""
+    """1 / (2 ζ sqrt(1 - ζ²)) at sqrt(1 - 2 ζ²) rad/s, which no grid holds, nor its width where ζ is
+    small."""
     oscillator = [[0.0, 1.0], [-1.0, -2.0 * damping]]
     game = Game(oscillator, [[0.0], [1.0]], [[0.0], [1.0]], np.diag([1.0, 0.0]), [[1.0]], 10.0)
     found = swept_gain(game, np.zeros((1, 2)))
-    assert found.gain == pytest.approx(1.0 / (2.0 * damping * math.sqrt(1.0 - damping**2)), rel=1e-9)
+    assert found.gain == pytest.approx(
+        1.0 / (2.0 * damping * math.sqrt(1.0 - damping**2)), rel=1e-9
+    )
     assert found.frequency == pytest.approx(math.sqrt(1.0 - 2.0 * damping**2), rel=1e-6)
 
 
@@ -61,7 +66,9 @@ def test_gain_of_an_unstable_loop_is_infinite(first: tuple[Game, np.ndarray]) ->
 
 def test_gain_without_disturbance_or_cost_is_zero() -> None:
     still = Game([[-1.0]], [[1.0]], [[0.0]], [[1.0]], [[1.0]], 1.0)
-    hidden = Game(np.diag([-1.0, -2.0]), [[1.0], [0.0]], [[0.0], [1.0]], np.diag([1.0, 0.0]), [[1.0]], 1.0)
+    hidden = Game(
+        np.diag([-1.0, -2.0]), [[1.0], [0.0]], [[0.0], [1.0]], np.diag([1.0, 0.0]), [[1.0]], 1.0
+    )
     for game, K in ((still, np.zeros((1, 1))), (hidden, np.zeros((1, 2)))):
         assert bounded_real_gain(game, K) == 0.0
         assert not failed_names(gain_checks(game, K))
@@ -78,12 +85,15 @@ def test_a_sweep_that_misses_the_peak_is_noticed(
     first: tuple[Game, np.ndarray], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     game, P = first
-    monkeypatch.setattr("controller.riccati.frequency_response.swept_gain", lambda game, K: SweptGain(100.0, 0.1))
+    monkeypatch.setattr(
+        "controller.riccati.frequency_response.swept_gain", lambda game, K: SweptGain(100.0, 0.1)
+    )
     assert failed_names(gain_checks(game, game.gain(P))) == {"l2_gain_methods_agree"}
 
 
 def test_the_smallest_delta_is_a_bound_on_the_gain() -> None:
-    """K attains its own gain, so delta_min cannot be above it; and the game policy stays below its delta."""
+    """K attains its own gain, so delta_min cannot be above it; and the game policy stays below its
+    delta."""
     rng, tried = np.random.default_rng(6), 0
     while tried < 6:
         game = random_game(rng, scaled=False)
@@ -108,8 +118,13 @@ def test_in_a_stiff_loop_both_are_right(factor: float) -> None:
     K = factor * solve_game(game).K
     bound, swept = bounded_real_gain(game, K), swept_gain(game, K)
     with mpmath.workdps(50):
-        A, B, E, Q, R, gain = (mpmath.matrix(each.tolist()) for each in (game.A, game.B, game.E, game.Q, game.R, K))
-        response = mpmath.inverse(mpmath.mpc(0, swept.frequency) * mpmath.eye(len(game.A)) - A + B * gain) * E
+        A, B, E, Q, R, gain = (
+            mpmath.matrix(each.tolist()) for each in (game.A, game.B, game.E, game.Q, game.R, K)
+        )
+        response = (
+            mpmath.inverse(mpmath.mpc(0, swept.frequency) * mpmath.eye(len(game.A)) - A + B * gain)
+            * E
+        )
         squares = mpmath.eigh(response.H * (Q + gain.T * R * gain) * response, eigvals_only=True)
         exact = float(mpmath.sqrt(max(mpmath.re(each) for each in squares)))
     assert swept.gain == pytest.approx(exact, rel=1e-10)

@@ -1,4 +1,5 @@
-"""The exact solution and the smallest delta: as accurate as claimed, certified or refused for the right reasons."""
+"""The exact solution and the smallest delta: as accurate as claimed, certified or refused for the
+right reasons."""
 
 from __future__ import annotations
 
@@ -24,7 +25,8 @@ OURS = regenerated_models()
 I2 = np.eye(2)
 
 
-# Accuracy ------------------------------------------------------------------------------------------------------------
+# Accuracy
+# ------------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("name", [*MODELS, *OURS])
@@ -34,7 +36,9 @@ def test_P_and_K_are_exact_to_1e12(name: str) -> None:
     assert reference.exists
     assert relative_error(solution.P, reference.P) < 1e-12
     assert relative_error(solution.K, reference.K) < 1e-12
-    units = 1.0 / np.sqrt(np.diag(reference.P))  # and so is every entry, in units that make them alike
+    units = 1.0 / np.sqrt(
+        np.diag(reference.P)
+    )  # and so is every entry, in units that make them alike
     assert np.abs((solution.P - reference.P) * np.outer(units, units)).max() < 1e-12
     assert relative_error(iterated_solution(game), reference.P) < 1e-12  # the second derivation
 
@@ -48,7 +52,9 @@ def test_reference_agrees_with_eigenvectors_by_mpmath(game: Game) -> None:
         top = mpmath.matrix([[vectors[row, i] for i in stable] for row in range(n)])
         bottom = mpmath.matrix([[vectors[n + row, i] for i in stable] for row in range(n)])
         P = np.array((bottom * mpmath.inverse(top)).apply(mpmath.re).tolist(), dtype=float)
-    assert relative_error(reference_solution(game).P, P) < 1e-13  # S was rounded to double on the way
+    assert (
+        relative_error(reference_solution(game).P, P) < 1e-13
+    )  # S was rounded to double on the way
 
 
 def test_policies_eigenvalues_and_json_follow_from_P(game: Game) -> None:
@@ -56,7 +62,9 @@ def test_policies_eigenvalues_and_json_follow_from_P(game: Game) -> None:
     np.testing.assert_allclose(solution.K, np.linalg.inv(game.R) @ game.B.T @ P, rtol=1e-12)
     np.testing.assert_allclose(solution.disturbance_gain, game.E.T @ P / game.delta**2, rtol=1e-12)
     flown = np.linalg.eigvals(game.A - game.B @ solution.K)
-    np.testing.assert_allclose(np.sort(solution.closed_loop_eigenvalues.real), np.sort(flown.real), rtol=1e-9)
+    np.testing.assert_allclose(
+        np.sort(solution.closed_loop_eigenvalues.real), np.sort(flown.real), rtol=1e-9
+    )
     assert solution.worst_case_eigenvalues.real.max() < 0.0
     content = json.loads(json.dumps(solution.to_dict(), allow_nan=False))
     assert np.array_equal(np.array(content["P"]), P)
@@ -66,12 +74,16 @@ def test_policies_eigenvalues_and_json_follow_from_P(game: Game) -> None:
 
 
 def test_delta_to_infinity_gives_lqr(game: Game) -> None:
-    K, P, _ = control.lqr(game.A, game.B, game.Q, game.R, method="scipy")  # slycot, where it is, errs by 4e-11
+    K, P, _ = control.lqr(
+        game.A, game.B, game.Q, game.R, method="scipy"
+    )  # slycot, where it is, errs by 4e-11
     lqr = solve_game(game.with_delta(math.inf))
     assert relative_error(lqr.P, P) < 1e-11
     assert relative_error(lqr.K, K) < 1e-11
     assert not lqr.disturbance_gain.any()
-    distances = [relative_error(solve_game(game.with_delta(delta)).P, lqr.P) for delta in (1e4, 1e5)]
+    distances = [
+        relative_error(solve_game(game.with_delta(delta)).P, lqr.P) for delta in (1e4, 1e5)
+    ]
     assert math.log10(distances[0] / distances[1]) == pytest.approx(2.0, abs=0.01)
 
 
@@ -89,7 +101,8 @@ def test_scalar_game_in_closed_form() -> None:
         assert solve_game(game).P[0, 0] == pytest.approx(exact, rel=1e-13)
 
 
-# Degenerate games ----------------------------------------------------------------------------------------------------
+# Degenerate games
+# ----------------------------------------------------------------------------------------------------
 
 
 def test_double_eigenvalue_and_no_cost_at_all() -> None:
@@ -112,13 +125,35 @@ def test_without_disturbance_matrix_every_delta_will_do(game: Game) -> None:
 @pytest.mark.parametrize(
     ("A", "B", "Q", "message"),
     [
-        (np.diag([0.5, -1.0]), [[0.0], [1.0]], I2, "not stabilizable: no input reaches the mode with eigenvalue 0.5;"),
-        ([[0.5, 1.0], [-1.0, 0.5]], [[0.0], [0.0]], I2, "not stabilizable: .* eigenvalue 0.5 ± 1i;"),
-        ([[0.0, 1.0], [-1.0, 0.0]], [[0.0], [1.0]], 0.0 * I2, "not detectable: .* eigenvalue 0 ± 1i costs nothing"),
-        (np.diag([0.0, -1.0]), [[1.0], [1.0]], np.diag([0.0, 1.0]), "not detectable: .* eigenvalue 0 costs nothing"),
+        (
+            np.diag([0.5, -1.0]),
+            [[0.0], [1.0]],
+            I2,
+            "not stabilizable: no input reaches the mode with eigenvalue 0.5;",
+        ),
+        (
+            [[0.5, 1.0], [-1.0, 0.5]],
+            [[0.0], [0.0]],
+            I2,
+            "not stabilizable: .* eigenvalue 0.5 ± 1i;",
+        ),
+        (
+            [[0.0, 1.0], [-1.0, 0.0]],
+            [[0.0], [1.0]],
+            0.0 * I2,
+            "not detectable: .* eigenvalue 0 ± 1i costs nothing",
+        ),
+        (
+            np.diag([0.0, -1.0]),
+            [[1.0], [1.0]],
+            np.diag([0.0, 1.0]),
+            "not detectable: .* eigenvalue 0 costs nothing",
+        ),
     ],
 )
-def test_problem_without_lqr_solution_names_the_mode(A: object, B: object, Q: object, message: str) -> None:
+def test_problem_without_lqr_solution_names_the_mode(
+    A: object, B: object, Q: object, message: str
+) -> None:
     game = Game(A, B, I2, Q, [[1.0]], 10.0)  # type: ignore[arg-type]
     pattern = message.replace("+", r"\+")
     for solve in (solve_game, minimum_delta):
@@ -128,10 +163,26 @@ def test_problem_without_lqr_solution_names_the_mode(A: object, B: object, Q: ob
 
 
 @pytest.mark.parametrize(
-    "change", [{"A": 1e90}, {"A": 1e-90}, {"B": 1e-90}, {"R": 1e-90}, {"R": 1e90}, {"Q": 1e90}, {"delta": 1e-49}]
+    "change",
+    [
+        {"A": 1e90},
+        {"A": 1e-90},
+        {"B": 1e-90},
+        {"R": 1e-90},
+        {"R": 1e90},
+        {"Q": 1e90},
+        {"delta": 1e-49},
+    ],
 )
 def test_absurd_numbers_end_in_a_solution_or_in_one_line(change: dict[str, float]) -> None:
-    parts = {"A": np.diag([1.0, -1.0]), "B": np.array([[1.0], [0.0]]), "E": I2, "Q": I2, "R": np.eye(1), "delta": 10.0}
+    parts = {
+        "A": np.diag([1.0, -1.0]),
+        "B": np.array([[1.0], [0.0]]),
+        "E": I2,
+        "Q": I2,
+        "R": np.eye(1),
+        "delta": 10.0,
+    }
     parts |= {name: parts[name] * factor for name, factor in change.items()}
     try:
         assert solve_game(Game(**parts)).certificate.ok
@@ -141,7 +192,9 @@ def test_absurd_numbers_end_in_a_solution_or_in_one_line(change: dict[str, float
 
 def test_minimum_delta_brackets_the_exact_one(game: Game) -> None:
     found = minimum_delta(game)
-    assert found.value / found.refused <= 1.000001  # as the page of promises says, whatever `TOLERANCE` is
+    assert (
+        found.value / found.refused <= 1.000001
+    )  # as the page of promises says, whatever `TOLERANCE` is
     assert reference_solution(game.with_delta(found.value)).exists
     assert not reference_solution(game.with_delta(found.refused)).exists
     assert found.margin(game.delta) == pytest.approx(game.delta / found.value)
@@ -185,19 +238,28 @@ def test_a_thousandth_above_the_minimum_is_solved_and_a_millionth_says_why_not(g
     smallest = minimum_delta(game).value
     assert solve_game(game.with_delta(smallest * 1.001)).certificate.ok
     with pytest.raises(
-        NoSolutionError, match=r"not certified: .* is only .* % above delta_min = .*; ask for a larger delta"
+        NoSolutionError,
+        match=r"not certified: .* is only .* % above delta_min = .*; ask for a larger delta",
     ):
         solve_game(game.with_delta(smallest * (1.0 + 3e-6)))
 
 
 @pytest.mark.parametrize("size", [1e-6, 1e-3, 1.0, 1e3, 1e6])
 def test_an_undamped_mode_that_costs_nothing_is_named_in_any_unit_of_time(size: float) -> None:
-    """An oscillator in random coordinates, whose eigenvalues rounding moves off the axis, to either side."""
+    """An oscillator in random coordinates, whose eigenvalues rounding moves off the axis, to either
+    side."""
     for seed in range(10):
         rng = np.random.default_rng(seed)
         modes = rng.standard_normal((3, 3))
         rows = np.linalg.inv(modes)
         A = size * modes @ np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]) @ rows
-        game = Game(A, rng.standard_normal((3, 1)), np.zeros((3, 1)), np.outer(rows[2], rows[2]), np.eye(1), math.inf)
+        game = Game(
+            A,
+            rng.standard_normal((3, 1)),
+            np.zeros((3, 1)),
+            np.outer(rows[2], rows[2]),
+            np.eye(1),
+            math.inf,
+        )
         with pytest.raises(NoSolutionError, match="is not detectable: the undamped mode"):
             solve_game(game)

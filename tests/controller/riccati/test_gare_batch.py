@@ -1,4 +1,5 @@
-"""Batched exact solutions against the one-by-one ones: the same P, the same refusals, little memory."""
+"""Batched exact solutions against the one-by-one ones: the same P, the same refusals, little
+memory."""
 
 import tracemalloc
 

@@ -1,8 +1,9 @@
-"""Continuous-time Riccati equations of the CAREX collection whose solutions are known in closed form.
+"""Continuous-time Riccati equations of the CAREX collection whose solutions are known in closed
+form.
 
-Source of the equations and solutions: Benner, Laub, Mehrmann, A collection of benchmark examples for the numerical
-solution of algebraic Riccati equations I: continuous-time case, SPC 95_22 (1995). The numbers are theirs.
-"""
+Source of the equations and solutions: Benner, Laub, Mehrmann, A collection of benchmark examples
+for the numerical solution of algebraic Riccati equations I: continuous-time case, SPC 95_22 (1995).
+The numbers are theirs."""
 
 from __future__ import annotations
 
@@ -22,24 +23,38 @@ from controller.riccati.smallest_delta import has_value
 from hfa_support import BadInputError, NoSolutionError
 from verification import minimum_delta, solve_game
 
-#: Of the largest entry of X. The scaled ones test what the conditioning of X does, of the order of 1e16.
+#: Of the largest entry of X. The scaled ones test what the conditioning of X does, of the order of
+#: 1e16.
 EXACT = 1e-14
 
 
 def equation(A: object, B: object, Q: object, R: object) -> Game:
     A = np.array(A, float)
-    return Game(A=A, B=np.array(B, float), Q=np.array(Q, float), R=np.array(R, float), E=np.eye(len(A)), delta=math.inf)
+    return Game(
+        A=A,
+        B=np.array(B, float),
+        Q=np.array(Q, float),
+        R=np.array(R, float),
+        E=np.eye(len(A)),
+        delta=math.inf,
+    )
 
 
 def known() -> Iterator[tuple[str, Game, np.ndarray]]:
     """Number of the example and its parameter, equation, solution."""
-    yield "1", equation([[0, 1], [0, 0]], [[0], [1]], np.diag([1, 2]), [[1]]), np.array([[2.0, 1.0], [1.0, 2.0]])
+    yield (
+        "1",
+        equation([[0, 1], [0, 0]], [[0], [1]], np.diag([1, 2]), [[1]]),
+        np.array([[2.0, 1.0], [1.0, 2.0]]),
+    )
     Q = np.array([[9.0, 6.0], [6.0, 4.0]])
     yield "2", equation([[4, 3], [-4.5, -3.5]], [[1], [-1]], Q, [[1]]), (1.0 + math.sqrt(2.0)) * Q
     for small in (1.0, 1e-2, 1e-4, 1e-6, 1e-8):  # (A, B) loses stabilizability
         root = math.sqrt(1.0 + small**2)
         corner = 1.0 / (2.0 + root)
-        X = np.array([[(1.0 + root) / small**2, corner], [corner, 0.25 * (1.0 - (small * corner) ** 2)]])
+        X = np.array(
+            [[(1.0 + root) / small**2, corner], [corner, 0.25 * (1.0 - (small * corner) ** 2)]]
+        )
         yield f"7, {small:g}", equation(np.diag([1, -2]), [[small], [0]], np.ones((2, 2)), [[1]]), X
     for size in (1e-6, 1e-3, 1.0, 1e3, 1e6):
         root = math.sqrt(1.0 + 2.0 * size)
@@ -52,7 +67,11 @@ def known() -> Iterator[tuple[str, Game, np.ndarray]]:
         a = small + 1.0
         x = 0.5 * (2.0 * a + math.sqrt(2.0 * a**2 + 2.0) + math.sqrt(2.0) * small)
         X = np.array([[x, x / (x - a)], [x / (x - a), x]])
-        yield f"10, {small:g}", equation([[a, 1], [1, a]], np.eye(2), small**2 * np.eye(2), np.eye(2)), X
+        yield (
+            f"10, {small:g}",
+            equation([[a, 1], [1, a]], np.eye(2), small**2 * np.eye(2), np.eye(2)),
+            X,
+        )
     V = np.eye(3) - 2.0 / 3.0
     for size in (1.0, 1e3, 1e6):
         cost = np.array([1.0 / size, 1.0, size])
@@ -63,10 +82,16 @@ def known() -> Iterator[tuple[str, Game, np.ndarray]]:
     for n in (8, 24):
         A = -2.0 * np.eye(n) + np.roll(np.eye(n), 1, axis=0) + np.roll(np.eye(n), -1, axis=0)
         values, vectors = np.linalg.eigh(A)
-        yield f"16, {n}", equation(A, *[np.eye(n)] * 3), vectors * (values + np.sqrt(values**2 + 1.0)) @ vectors.T
+        yield (
+            f"16, {n}",
+            equation(A, *[np.eye(n)] * 3),
+            vectors * (values + np.sqrt(values**2 + 1.0)) @ vectors.T,
+        )
 
 
-@pytest.mark.parametrize(("game", "X"), [pytest.param(game, X, id=name) for name, game, X in known()])
+@pytest.mark.parametrize(
+    ("game", "X"), [pytest.param(game, X, id=name) for name, game, X in known()]
+)
 def test_the_known_solution_is_certified(game: Game, X: np.ndarray) -> None:
     P = solve_game(game).P
     assert np.abs(P - X).max() <= EXACT * np.abs(X).max()
@@ -85,9 +110,13 @@ def test_a_loop_within_rounding_of_the_axis_is_refused_with_that_reason() -> Non
     """Example 14 with 1e-6: the slowest poles of the optimum are 5e-13 left of the axis."""
     A = np.kron(np.diag([-1e-6, 1e-6]), np.eye(2)) + np.kron(np.eye(2), [[0, 1], [-1, 0]])
     game = equation(A, np.ones((4, 1)), np.ones((4, 4)), [[1]])
-    with pytest.raises(NoSolutionError, match="eigenvalue within rounding of the imaginary axis at 1 rad/s"):
+    with pytest.raises(
+        NoSolutionError, match="eigenvalue within rounding of the imaginary axis at 1 rad/s"
+    ):
         solve_game(game)
-    assert has_value(game) is None  # neither yes nor no: the search for delta_min must not lean on it
+    assert (
+        has_value(game) is None
+    )  # neither yes nor no: the search for delta_min must not lean on it
 
 
 @pytest.mark.parametrize("size", [1e-99, 1e-8, 1e8, 1e99])
@@ -98,7 +127,8 @@ def test_the_unit_of_the_disturbance_scales_delta_min_and_nothing_else(size: flo
     assert found.refused == pytest.approx(expected.refused * size, rel=3e-6)
 
 
-# Those without a known solution, with the parameters of the report: against 60 digits, or by what is left.
+# Those without a known solution, with the parameters of the report: against 60 digits, or by what
+# is left.
 
 _PRINTED = json.loads(Path(__file__).with_name("carex.json").read_bytes())["examples"]
 #: Examples that SciPy's own tests bring as files.
@@ -155,7 +185,10 @@ def test_an_equation_of_30_to_100_states_is_met(number: int) -> None:
 @pytest.mark.parametrize(
     ("A", "B", "Q"),
     [
-        *[(_PRINTED[number]["A"], _PRINTED[number]["B"], _PRINTED[number]["Q"]) for number in ("3", "4")],
+        *[
+            (_PRINTED[number]["A"], _PRINTED[number]["B"], _PRINTED[number]["Q"])
+            for number in ("3", "4")
+        ],
         ([[3.0, 1.0], [4.0, 2.0]], [[1.0], [1.0]], [[-11.0, -5.0], [-5.0, -2.0]]),
     ],
     ids=["3", "4", "11"],
@@ -168,11 +201,13 @@ def test_a_cost_that_pays_for_errors_is_refused(A: object, B: object, Q: object)
 
 @pytest.mark.slow
 def test_the_one_of_421_states_is_solved_though_its_hamiltonian_is_singular_to_rounding() -> None:
-    """Example 20: a rotor in coordinates whose entries reach 3e11. Its P is right to the rounding of each term of each
-    entry of the equation, evaluated in 64-bit mantissas, and makes the loop Hurwitz.
-    """
+    """Example 20: a rotor in coordinates whose entries reach 3e11. Its P is right to the rounding
+    of each term of each entry of the equation, evaluated in 64-bit mantissas, and makes the loop
+    Hurwitz."""
     game = filed(20)
-    H = scipy.linalg.matrix_balance(np.block([[game.A, -game.S], [-game.Q, -game.A.T]]), permute=False)[0]
+    H = scipy.linalg.matrix_balance(
+        np.block([[game.A, -game.S], [-game.Q, -game.A.T]]), permute=False
+    )[0]
     sizes = np.linalg.svd(H, compute_uv=False)
     assert sizes[-1] <= 1e-16 * sizes[0]
     P = solve_game(game).P

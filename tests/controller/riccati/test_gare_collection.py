@@ -1,4 +1,5 @@
-"""The collection of hard games against the 60-digit reference: none accepted wrongly, hardly one refused wrongly."""
+"""The collection of hard games against the 60-digit reference: none accepted wrongly, hardly one
+refused wrongly."""
 
 from __future__ import annotations
 
@@ -45,7 +46,9 @@ def dense(rng: np.random.Generator, n: int, rank: int | None = None) -> Game:
     m, k = int(rng.integers(1, n + 1)), int(rng.integers(1, n + 1))
     A, B, E = (rng.standard_normal((n, columns)) for columns in (n, m, k))
     C, root = rng.standard_normal((rank or n, n)), rng.standard_normal((m, m))
-    delta = math.inf if rng.random() < 0.05 else math.exp(rng.uniform(math.log(0.3), math.log(1000.0)))
+    delta = (
+        math.inf if rng.random() < 0.05 else math.exp(rng.uniform(math.log(0.3), math.log(1000.0)))
+    )
     return Game(A, B, E, _symmetric(C.T @ C), _symmetric(root @ root.T + 0.1 * np.eye(m)), delta)
 
 
@@ -81,10 +84,14 @@ def ill_scaled(rng: np.random.Generator, n: int) -> Game:
 
 
 def lightly_damped(rng: np.random.Generator, n: int) -> Game:
-    """Oscillators of 0.1 to 100 rad/s with damping ratios of 1e-5 to 0.1, a third of them negative."""
+    """Oscillators of 0.1 to 100 rad/s with damping ratios of 1e-5 to 0.1, a third of them
+    negative."""
     A = np.zeros((n, n))
     for i in range(0, n - 1, 2):
-        frequency, damping = 10.0 ** rng.uniform(-1.0, 2.0), 10.0 ** rng.uniform(-5.0, -1.0) * rng.choice([1, 1, -1])
+        frequency, damping = (
+            10.0 ** rng.uniform(-1.0, 2.0),
+            10.0 ** rng.uniform(-5.0, -1.0) * rng.choice([1, 1, -1]),
+        )
         A[i : i + 2, i : i + 2] = [[0.0, 1.0], [-(frequency**2), -2.0 * damping * frequency]]
     if n % 2:
         A[-1, -1] = -(10.0 ** rng.uniform(-3.0, 0.0))
@@ -92,15 +99,19 @@ def lightly_damped(rng: np.random.Generator, n: int) -> Game:
 
 
 def nilpotent(rng: np.random.Generator, n: int) -> Game:
-    """A with nothing on and below its diagonal: one eigenvalue, 0, whose numerical copies lie far from it."""
+    """A with nothing on and below its diagonal: one eigenvalue, 0, whose numerical copies lie far
+    from it."""
     game = dense(rng, n)
     return replace(game, A=np.triu(game.A, 1))
 
 
 def barely_reached(rng: np.random.Generator, n: int) -> Game:
-    """One unstable mode, or two, that the inputs reach by 1e-11 to 1e-5 of their size, in a basis that hides them."""
+    """One unstable mode, or two, that the inputs reach by 1e-11 to 1e-5 of their size, in a basis
+    that hides them."""
     few = 2 if n > 2 and rng.random() < 0.4 else 1
-    A = np.triu(rng.standard_normal((n, n)), 1) * (rng.random() < 0.5) - np.diag(rng.uniform(0.1, 3.0, n))
+    A = np.triu(rng.standard_normal((n, n)), 1) * (rng.random() < 0.5) - np.diag(
+        rng.uniform(0.1, 3.0, n)
+    )
     A[:few] = 0.0
     rate = rng.uniform(0.05, 2.0)
     A[:few, :few] = np.array([[rate, 1.0], [-1.0, rate]])[:few, :few]
@@ -112,20 +123,27 @@ def barely_reached(rng: np.random.Generator, n: int) -> Game:
 
 
 def marginal(rng: np.random.Generator, n: int) -> Game:
-    """Any of the others; `collection` gives it a delta between a thousandth and a hundredth above the smallest."""
+    """Any of the others; `collection` gives it a delta between a thousandth and a hundredth above
+    the smallest."""
     return list(STRUCTURES.values())[int(rng.integers(0, 7))](rng, n)
 
 
 STRUCTURES: dict[str, Callable[[np.random.Generator, int], Game]] = {
-    make.__name__: make for make in (dense, chain, low_rank, unseen, ill_scaled, lightly_damped, nilpotent, marginal)
+    make.__name__: make
+    for make in (dense, chain, low_rank, unseen, ill_scaled, lightly_damped, nilpotent, marginal)
 }
 #: One structure more, in a collection of its own: the numbers of the others are published.
-BARELY_REACHED: dict[str, Callable[[np.random.Generator, int], Game]] = {"barely_reached": barely_reached}
+BARELY_REACHED: dict[str, Callable[[np.random.Generator, int], Game]] = {
+    "barely_reached": barely_reached
+}
 
 
 def in_other_units(rng: np.random.Generator, game: Game) -> Game:
     """The same game in units of state that differ by up to 1e16, and of input by up to 1e6."""
-    states, inputs = 10.0 ** rng.uniform(-8.0, 8.0, len(game.A)), 10.0 ** rng.uniform(-3.0, 3.0, game.B.shape[1])
+    states, inputs = (
+        10.0 ** rng.uniform(-8.0, 8.0, len(game.A)),
+        10.0 ** rng.uniform(-3.0, 3.0, game.B.shape[1]),
+    )
     return replace(
         game,
         A=game.A * states[:, None] / states,
@@ -136,11 +154,14 @@ def in_other_units(rng: np.random.Generator, game: Game) -> Game:
     )
 
 
-def collection(count: int, seed: int, structures: dict[str, Callable[..., Game]] = STRUCTURES) -> Iterator[Sample]:
-    """Game after game: structures in turn, then sizes; a third in absurd units; deltas on both sides of the smallest.
+def collection(
+    count: int, seed: int, structures: dict[str, Callable[..., Game]] = STRUCTURES
+) -> Iterator[Sample]:
+    """Game after game: structures in turn, then sizes; a third in absurd units; deltas on both
+    sides of the smallest.
 
-    delta is 1e-3 to 1e3 above delta_min in three games of five, relative, and 1e-5 to 1e-1 below in one.
-    """
+    delta is 1e-3 to 1e3 above delta_min in three games of five, relative, and 1e-5 to 1e-1 below in
+    one."""
     names = list(structures)
     for number in range(count):
         rng = np.random.default_rng([seed, number])
@@ -156,7 +177,11 @@ def _with_telling_delta(rng: np.random.Generator, name: str, game: Game) -> Game
         smallest = minimum_delta(game).value
     except NoSolutionError:
         return game
-    above, below, kind = 10.0 ** rng.uniform(-2.9, 3.0), 10.0 ** rng.uniform(-5.0, -1.0), rng.random()
+    above, below, kind = (
+        10.0 ** rng.uniform(-2.9, 3.0),
+        10.0 ** rng.uniform(-5.0, -1.0),
+        rng.random(),
+    )
     if name == "marginal":
         above, kind = 10.0 ** rng.uniform(-2.9, -2.0), 0.0
     if smallest == 0.0 or kind > 0.8:
@@ -172,7 +197,8 @@ def _symmetric(matrix: np.ndarray) -> np.ndarray:
 
 
 def _verdict(sample: Sample, worst: float = WORST_ERROR) -> str:
-    """How the solver does on a game; AssertionError when it accepts a wrong solution, or names a wrong cause."""
+    """How the solver does on a game; AssertionError when it accepts a wrong solution, or names a
+    wrong cause."""
     game, label = sample.game, f"{sample.structure} {sample.number}"
     reference = reference_solution(game)
     try:
@@ -255,14 +281,24 @@ def test_two_thousand_games(seed: int) -> None:
 @pytest.mark.parametrize("count", [12, pytest.param(600, marks=pytest.mark.slow)])
 def test_random_games_and_what_scipy_alone_says(count: int, scaled: bool) -> None:
     """Right to 1e-8 at the edge of existence; a bare call returns other roots without a word."""
-    rng, verdicts, alone = np.random.default_rng(2 if count > 12 else 1), Counter[str](), Counter[bool]()
+    rng, verdicts, alone = (
+        np.random.default_rng(2 if count > 12 else 1),
+        Counter[str](),
+        Counter[bool](),
+    )
     for number in range(count):
         game = random_game(rng, scaled=scaled)
         verdicts[_verdict(Sample("random", number, game), 1e-8)] += 1
-        inputs, weights = np.hstack([game.B, game.E]), block_diag(game.R, -(game.delta**2) * np.eye(game.E.shape[1]))
+        inputs, weights = (
+            np.hstack([game.B, game.E]),
+            block_diag(game.R, -(game.delta**2) * np.eye(game.E.shape[1])),
+        )
         with suppress(LinAlgError, ValueError), warnings.catch_warnings(action="ignore"):
             P = solve_continuous_are(game.A, inputs, game.Q, weights)
-            wrong = relative_residual(game, P) > 1e-6 or np.linalg.eigvalsh(P)[0] < -1e-10 * np.abs(P).max()
+            wrong = (
+                relative_residual(game, P) > 1e-6
+                or np.linalg.eigvalsh(P)[0] < -1e-10 * np.abs(P).max()
+            )
             alone[bool(wrong)] += 1
     assert not verdicts["refused wrongly"]
     assert verdicts["refused at the edge"] <= 0.01 * count
@@ -275,7 +311,9 @@ def test_the_two_derivations_agree_on_existence(games: int) -> None:
     rng, verdicts = np.random.default_rng(3), Counter[tuple[bool, ...]]()
     for number in range(games):
         game = random_game(rng, scaled=number % 2 == 1)
-        verdicts[tuple(_accepts(solver, game) for solver in (certified_solution, iterated_solution))] += 1
+        verdicts[
+            tuple(_accepts(solver, game) for solver in (certified_solution, iterated_solution))
+        ] += 1
     assert set(verdicts) == {(True, True), (False, False)}
     assert min(verdicts.values()) >= 2 * games // 9
 
@@ -295,4 +333,6 @@ def test_the_reference_is_the_solution_of_a_scalar_game() -> None:
     assert reference.exists
     assert relative_error(reference.P, np.array([[p]])) < 1e-15
     assert relative_error(reference.K, np.array([[p / 2.0]])) < 1e-15
-    assert not reference_solution(game.with_delta(0.8)).exists  # delta_min = 1/sqrt(1 + 1/3) = 0.866
+    assert not reference_solution(
+        game.with_delta(0.8)
+    ).exists  # delta_min = 1/sqrt(1 + 1/3) = 0.866

@@ -1,4 +1,5 @@
-"""Degenerate games by name: each is solved as the 60-digit reference has it, or refused with the true cause."""
+"""Degenerate games by name: each is solved as the 60-digit reference has it, or refused with the
+true cause."""
 
 from __future__ import annotations
 
@@ -11,8 +12,8 @@ import pytest
 from reference_riccati import reference_solution
 
 from controller import Game
-from controller.analysis.solution_report import analyse_game
 from controller.riccati.balancing import in_units
+from controller.riccati.solution_report import analyse_game
 from hfa_support import NoSolutionError
 from verification import minimum_delta, solve_game
 
@@ -46,7 +47,8 @@ def chain(n: int, delta: float = 1000.0) -> Game:
 
 @pytest.mark.parametrize("n", [2, 5, 8, 12])
 def test_chains_of_integrators_in_random_coordinates(n: int) -> None:
-    """A is defective, its one eigenvalue 0 n times, and rounding spreads the copies by some 1e-16^(1/n)."""
+    """A is defective, its one eigenvalue 0 n times, and rounding spreads the copies by some
+    1e-16^(1/n)."""
     for seed in range(2):
         game = elsewhere(chain(n), seed)
         assert error(game) <= EXACT
@@ -75,20 +77,27 @@ def test_Q_of_every_rank(rank: int) -> None:
 
 
 @pytest.mark.parametrize("delta", [math.inf, 20.0])
-def test_an_undamped_mode_that_Q_sees_is_solved_and_one_that_it_does_not_is_named(delta: float) -> None:
-    """Two oscillators without damping, of 1 and 3 rad/s, and an integrator; Q pays for all or leaves one out."""
+def test_an_undamped_mode_that_Q_sees_is_solved_and_one_that_it_does_not_is_named(
+    delta: float,
+) -> None:
+    """Two oscillators without damping, of 1 and 3 rad/s, and an integrator; Q pays for all or
+    leaves one out."""
     A = np.zeros((5, 5))
     A[:2, :2], A[2:4, 2:4] = TURN, 3.0 * TURN
     B = np.ones((5, 1))
     for seed in range(3):
-        seen = elsewhere(Game(A, B, 0.1 * B, np.diag([1.0, 0.0, 1.0, 0.0, 1.0]), [[1.0]], delta), seed)
+        seen = elsewhere(
+            Game(A, B, 0.1 * B, np.diag([1.0, 0.0, 1.0, 0.0, 1.0]), [[1.0]], delta), seed
+        )
         assert error(seen) <= EXACT
         for left_out, named in ((0, "0 ± 1i"), (2, "0 ± 3i"), (4, "0")):
             paid = np.diag([1.0, 0.0, 1.0, 0.0, 1.0])
             paid[left_out, left_out] = 0.0
             unseen = Game(A, B, 0.1 * B, paid, [[1.0]], delta)
             assert not reference_solution(unseen.with_delta(math.inf)).exists
-            with pytest.raises(NoSolutionError, match=f"not detectable: the undamped mode with eigenvalue {named} "):
+            with pytest.raises(
+                NoSolutionError, match=f"not detectable: the undamped mode with eigenvalue {named} "
+            ):
                 solve_game(elsewhere(unseen, seed))
 
 
@@ -108,13 +117,18 @@ def test_units_over_16_decades_change_nothing() -> None:
     assert error(in_units(game, states)) <= EXACT
     assert error(in_units(turned, states)) <= EXACT
     for size in (1e-8, 1e8):  # of cost: P goes with it, and delta with its root
-        dearer = replace(game, Q=size * game.Q, R=size * game.R).with_delta(math.sqrt(size) * game.delta)
+        dearer = replace(game, Q=size * game.Q, R=size * game.R).with_delta(
+            math.sqrt(size) * game.delta
+        )
         np.testing.assert_allclose(solve_game(dearer).P, size * plain.P, rtol=1e-12)
 
 
 @pytest.mark.parametrize("reach", [3e-6, 1e-8, 1e-11])
-def test_a_mode_that_the_input_barely_reaches_is_solved_with_a_bound_on_its_pole(reach: float) -> None:
-    """Rates 0.5 and -1; the input along the second but for `reach`. Alone, x' = x/2 + r u moves to -1/2 as r -> 0."""
+def test_a_mode_that_the_input_barely_reaches_is_solved_with_a_bound_on_its_pole(
+    reach: float,
+) -> None:
+    """Rates 0.5 and -1; the input along the second but for `reach`. Alone, x' = x/2 + r u moves to
+    -1/2 as r -> 0."""
     A, modes = np.array([[-0.04, 0.72], [0.72, -0.46]]), np.array([[0.8, 0.6], [-0.6, 0.8]])
     game = Game(A, modes.T @ [[reach], [1.0]], np.zeros((2, 1)), np.eye(2), np.eye(1), math.inf)
     found = analyse_game(game).solution  # confirmed in flight, too
@@ -122,21 +136,35 @@ def test_a_mode_that_the_input_barely_reaches_is_solved_with_a_bound_on_its_pole
     np.testing.assert_allclose(found.K, reference_solution(game).K, rtol=EXACT)
     data = found.to_dict()
     with mpmath.workdps(40):
-        exact = mpmath.matrix(A.tolist()) - mpmath.matrix(game.B.tolist()) * mpmath.matrix(found.K.tolist())
+        exact = mpmath.matrix(A.tolist()) - mpmath.matrix(game.B.tolist()) * mpmath.matrix(
+            found.K.tolist()
+        )
         abscissa = float(max(value.real for value in mpmath.eig(exact, left=False, right=False)))
-    assert abs(abscissa - found.closed_loop_eigenvalues[-1].real) <= data["closed_loop_abscissa_error"] <= 1e-14 / reach
+    assert (
+        abs(abscissa - found.closed_loop_eigenvalues[-1].real)
+        <= data["closed_loop_abscissa_error"]
+        <= 1e-14 / reach
+    )
 
 
 @pytest.mark.parametrize("reach", [0.0, 1e-15])
 def test_a_mode_that_the_input_reaches_by_no_more_than_rounding_is_named(reach: float) -> None:
     turn = np.linalg.qr(np.random.default_rng(3).standard_normal((3, 3)))[0]
     B = turn @ [[reach], [1.0], [1.0]]
-    game = Game(turn @ np.diag([0.5, -1.0, -2.0]) @ turn.T, B, np.zeros((3, 1)), np.eye(3), np.eye(1), math.inf)
+    game = Game(
+        turn @ np.diag([0.5, -1.0, -2.0]) @ turn.T,
+        B,
+        np.zeros((3, 1)),
+        np.eye(3),
+        np.eye(1),
+        math.inf,
+    )
     with pytest.raises(NoSolutionError, match=r"no input reaches the mode with eigenvalue 0.5;"):
         solve_game(game)
 
 
-# A state x' = a x + b u + e d: its smallest delta is e / sqrt(b²/r + min(a, 0)²/q), as exact as that is computed.
+# A state x' = a x + b u + e d: its smallest delta is e / sqrt(b²/r + min(a, 0)²/q), as exact as
+# that is computed.
 
 
 def scalar(a: float, apart: float) -> Game:
@@ -148,9 +176,11 @@ def scalar(a: float, apart: float) -> Game:
 
 @pytest.mark.parametrize("a", [-1.0, 0.0, 2.0])
 @pytest.mark.parametrize("apart", [1e-3, 1e-6, 1e-9, -1e-9, -1e-6, -1e-3])
-def test_at_its_smallest_delta_a_game_is_solved_or_told_on_which_side_it_is(a: float, apart: float) -> None:
-    """Never solved below, always a thousandth above; nearer it is solved to what the condition of P, 1/apart, leaves,
-    or the message says that it is near, and nothing about it that is untrue."""
+def test_at_its_smallest_delta_a_game_is_solved_or_told_on_which_side_it_is(
+    a: float, apart: float
+) -> None:
+    """Never solved below, always a thousandth above; nearer it is solved to what the condition of
+    P, 1/apart, leaves, or the message says that it is near, and nothing about it that is untrue."""
     game = scalar(a, apart)
     exists = reference_solution(game).exists
     assert exists == (apart > 0.0)
@@ -161,7 +191,10 @@ def test_at_its_smallest_delta_a_game_is_solved_or_told_on_which_side_it_is(a: f
         assert not (exists and apart == 1e-3), said
         assert ("no value of the game" in said) <= (not exists), said
         assert ("is below delta_min" in said) <= (not exists), said
-        assert any(text in said for text in ("is below delta_min", "% above delta_min", "too close to delta_min")), said
+        assert any(
+            text in said
+            for text in ("is below delta_min", "% above delta_min", "too close to delta_min")
+        ), said
     else:
         assert error(game, P) <= max(EXACT, 1e-15 / abs(apart))
 

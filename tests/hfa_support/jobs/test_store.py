@@ -1,4 +1,5 @@
-"""A job in a store: the same bits wherever it runs, nothing lost to a kill, no damaged number taken for right."""
+"""A job in a store: the same bits wherever it runs, nothing lost to a kill, no damaged number taken
+for right."""
 
 from __future__ import annotations
 
@@ -25,12 +26,18 @@ NAN = float("nan")
 
 
 def rows(start: int, stop: int) -> Mapping[str, np.ndarray]:
-    """`empty` holds nothing but nan; `pole` is nan+0j in the rows of chunk 1, as where there is no trim."""
+    """`empty` holds nothing but nan; `pole` is nan+0j in the rows of chunk 1, as where there is no
+    trim."""
     numbers = np.arange(start, stop, dtype=float)
     pole = numbers * (1 + 2j)
     pole[(numbers >= 3) & (numbers < 6)] = complex(NAN, 0.0)
     empty = np.full(len(numbers), NAN)
-    return {"square": np.outer(numbers**2, [1, 2]), "empty": empty, "pole": pole, "none": np.ones((len(numbers), 0))}
+    return {
+        "square": np.outer(numbers**2, [1, 2]),
+        "empty": empty,
+        "pole": pole,
+        "none": np.ones((len(numbers), 0)),
+    }
 
 
 def slow_rows(start: int, stop: int) -> Mapping[str, np.ndarray]:
@@ -50,9 +57,15 @@ class Job:
             "pole": Array((), "complex128", complex(NAN, NAN), (), {}),
             "none": Array((0,), "float64", np.nan, ("nothing",), {}),
         }
-        labels = {"side": ("side", ("left", "right")), "side_unit": ("side", ("ft", "rad")), "nothing": ("nothing", ())}
+        labels = {
+            "side": ("side", ("left", "right")),
+            "side_unit": ("side", ("ft", "rad")),
+            "nothing": ("nothing", ()),
+        }
         attributes = {"units": ["ft", "rad"]}
-        return Layout("test/1", "test", ROWS, "row", CHUNK, {"seed": self.seed}, arrays, labels, attributes)
+        return Layout(
+            "test/1", "test", ROWS, "row", CHUNK, {"seed": self.seed}, arrays, labels, attributes
+        )
 
     def task(self, start: int, stop: int) -> tuple[Any, ...]:
         return start, stop
@@ -60,7 +73,11 @@ class Job:
 
 def contents(folder: Path) -> dict[str, bytes]:
     """Every file of a store."""
-    return {str(file.relative_to(folder)): file.read_bytes() for file in folder.rglob("*") if file.is_file()}
+    return {
+        str(file.relative_to(folder)): file.read_bytes()
+        for file in folder.rglob("*")
+        if file.is_file()
+    }
 
 
 @pytest.fixture(scope="module")
@@ -88,10 +105,14 @@ def test_what_was_computed_is_read_in_any_slice(made: Path) -> None:
     assert store.read("pole")[3:6].imag.tolist() == [0.0, 0.0, 0.0]
     for start in (-2, 0, 2, 3, 7, ROWS):
         for stop in (0, 3, 5, 6, ROWS + 1):
-            np.testing.assert_array_equal(store.read("square", slice(start, stop)), expected["square"][start:stop])
+            np.testing.assert_array_equal(
+                store.read("square", slice(start, stop)), expected["square"][start:stop]
+            )
 
 
-def test_two_processes_write_the_bytes_of_one_and_a_resume_changes_none(made: Path, tmp_path: Path) -> None:
+def test_two_processes_write_the_bytes_of_one_and_a_resume_changes_none(
+    made: Path, tmp_path: Path
+) -> None:
     """A chunk without a trim, nan+0j, was read back as nan+nanj, and so reported as damaged."""
     stream(Job(), tmp_path / "two.zarr", count=2)
     assert resumed(tmp_path / "two.zarr").missing() == []  # a warning would be an error
@@ -100,7 +121,9 @@ def test_two_processes_write_the_bytes_of_one_and_a_resume_changes_none(made: Pa
 
 def test_a_dask_cluster_writes_the_bytes_of_one(made: Path, tmp_path: Path) -> None:
     distributed = pytest.importorskip("distributed")
-    with distributed.LocalCluster(n_workers=1, threads_per_worker=4, processes=False, dashboard_address=":0") as known:
+    with distributed.LocalCluster(
+        n_workers=1, threads_per_worker=4, processes=False, dashboard_address=":0"
+    ) as known:
         stream(Job(), tmp_path / "far.zarr", scheduler=known.scheduler_address)
     assert contents(tmp_path / "far.zarr") == contents(made)
 
@@ -136,7 +159,9 @@ if __name__ == "__main__":
 def test_a_kill_leaves_whole_chunks_and_an_honest_list(made: Path, tmp_path: Path) -> None:
     (tmp_path / "killed.py").write_text(KILLED)
     words = [sys.executable, "killed.py", str(Path(__file__).parent)]
-    process = subprocess.Popen(words, cwd=tmp_path, env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)})
+    process = subprocess.Popen(
+        words, cwd=tmp_path, env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    )
     path, deadline = tmp_path / "a.zarr", time.monotonic() + 60
     while time.monotonic() < deadline and not list(path.glob("done/c/*")):
         time.sleep(0.02)
@@ -146,7 +171,9 @@ def test_a_kill_leaves_whole_chunks_and_an_honest_list(made: Path, tmp_path: Pat
     assert 0 < len(left.missing()) < 4
     assert left.damaged() == []
     resumed(path)
-    kept = {name: content for name, content in contents(path).items() if not name.endswith(".partial")}
+    kept = {
+        name: content for name, content in contents(path).items() if not name.endswith(".partial")
+    }
     assert kept == contents(made)
 
 
@@ -170,7 +197,9 @@ def test_a_damaged_chunk_is_noticed_and_computed_again(
         resumed(path)
     else:
         assert (store.missing(), store.damaged()) == ([], [1])
-        with pytest.raises(BadInputError, match=rf"{array} is damaged; compute it again with --resume"):
+        with pytest.raises(
+            BadInputError, match=rf"{array} is damaged; compute it again with --resume"
+        ):
             store.read(array)
         np.testing.assert_array_equal(store.read(array, slice(6, 10)), rows(6, 10)[array])
         with pytest.warns(UserWarning, match="1 of 4 chunks were damaged and are computed again"):
@@ -179,7 +208,8 @@ def test_a_damaged_chunk_is_noticed_and_computed_again(
 
 
 def test_every_bit_of_every_file_counts(made: Path, tmp_path: Path) -> None:
-    """Names, units and attributes too: a store with one flipped bit is refused, or its chunk is computed again."""
+    """Names, units and attributes too: a store with one flipped bit is refused, or its chunk is
+    computed again."""
     whole, rng, outcomes = contents(made), np.random.default_rng(1), {"refused": 0, "computed": 0}
     path = shutil.copytree(made, tmp_path / "a.zarr")
     for name, content in sorted(whole.items()):
@@ -194,7 +224,9 @@ def test_every_bit_of_every_file_counts(made: Path, tmp_path: Path) -> None:
             except BadInputError:
                 outcomes["refused"] += 1
             (path / name).write_bytes(content)
-    described = 11  # zarr.json of the store and of seven arrays, names and units of an axis, the digest
+    described = (
+        11  # zarr.json of the store and of seven arrays, names and units of an axis, the digest
+    )
     assert outcomes == {"refused": 2 * described, "computed": 2 * (len(whole) - described)}
 
 
@@ -215,8 +247,11 @@ def test_a_store_is_neither_overwritten_nor_continued_by_another_job(
     assert open_store(path).missing() == []  # any version reads it
 
 
-def test_a_store_appears_whole_and_takes_no_folder_beside_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A folder such as .a.zarr.my-backup-202612 was taken for a leftover of a killed run and removed."""
+def test_a_store_appears_whole_and_takes_no_folder_beside_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A folder such as .a.zarr.my-backup-202612 was taken for a leftover of a killed run and
+    removed."""
     (tmp_path / ".a.zarr.my-backup-202612").mkdir()
     (tmp_path / ".a.zarr.0123456789abcdef").mkdir()
     theirs = set(tmp_path.iterdir())

@@ -33,7 +33,9 @@ def _gone() -> bool:
 @pytest.mark.parametrize("count", [1, 2])
 def test_every_task_has_its_result(count: int) -> None:
     with workers(count) as run:
-        assert dict(run(_square, ((key, (key,)) for key in range(20)))) == {key: key * key for key in range(20)}
+        assert dict(run(_square, ((key, (key,)) for key in range(20)))) == {
+            key: key * key for key in range(20)
+        }
         assert dict(run(_square, [])) == {}
     assert _gone()
 
@@ -45,7 +47,10 @@ def test_an_error_of_a_task_is_raised_and_no_worker_is_left() -> None:
 
 
 def test_a_worker_that_dies_ends_the_job_in_one_line() -> None:
-    with workers(2) as run, pytest.raises(NoSolutionError, match=r"a worker died; .* continue with --resume"):
+    with (
+        workers(2) as run,
+        pytest.raises(NoSolutionError, match=r"a worker died; .* continue with --resume"),
+    ):
         list(run(_die, ((key, (key,)) for key in range(9))))
     assert _gone()
 
@@ -62,11 +67,17 @@ def test_a_job_that_is_left_leaves_no_worker() -> None:
 def test_a_task_that_kills_the_workers_of_a_cluster_is_one_line() -> None:
     dask, distributed = pytest.importorskip("dask"), pytest.importorskip("distributed")
     with (
-        dask.config.set({"distributed.scheduler.allowed-failures": 0}),  # it gives up after one worker, not four
-        distributed.LocalCluster(n_workers=1, threads_per_worker=1, processes=True, dashboard_address=":0") as cluster,
+        dask.config.set(
+            {"distributed.scheduler.allowed-failures": 0}
+        ),  # it gives up after one worker, not four
+        distributed.LocalCluster(
+            n_workers=1, threads_per_worker=1, processes=True, dashboard_address=":0"
+        ) as cluster,
         workers(scheduler=cluster.scheduler_address) as run,
     ):
-        assert dict(run(abs, [(key, (-key,)) for key in range(9)])) == {key: key for key in range(9)}
+        assert dict(run(abs, [(key, (-key,)) for key in range(9)])) == {
+            key: key for key in range(9)
+        }
         with pytest.raises(NoSolutionError, match="gave a chunk up"):
             list(run(_die, [(0, (0,))]))
 
@@ -76,5 +87,8 @@ def test_what_cannot_work_is_bad_input(monkeypatch: pytest.MonkeyPatch) -> None:
         pass
     pytest.importorskip("distributed")
     monkeypatch.setattr(module, "_ANSWER", "0.1s")
-    with pytest.raises(BadInputError, match="no Dask scheduler answers"), workers(scheduler="tcp://127.0.0.1:9"):
+    with (
+        pytest.raises(BadInputError, match="no Dask scheduler answers"),
+        workers(scheduler="tcp://127.0.0.1:9"),
+    ):
         pass

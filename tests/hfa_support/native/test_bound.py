@@ -1,4 +1,5 @@
-"""Chunks computed by several threads of one process, as workers of a cluster do: the bits of one after the other."""
+"""Chunks computed by several threads of one process, as workers of a cluster do: the bits of one
+after the other."""
 
 from __future__ import annotations
 
@@ -27,7 +28,10 @@ def differing(chunk: Callable[[int], Rows], numbers: Sequence[int]) -> list[int]
     alone = [chunk(number) for number in numbers]
     with ThreadPoolExecutor(4) as threads:
         together = list(threads.map(chunk, numbers))
-    same = [{name: a[name].tobytes() == b[name].tobytes() for name in a} for a, b in zip(alone, together, strict=True)]
+    same = [
+        {name: a[name].tobytes() == b[name].tobytes() for name in a}
+        for a, b in zip(alone, together, strict=True)
+    ]
     return [number for number, names in zip(numbers, same, strict=True) if not all(names.values())]
 
 
@@ -35,8 +39,12 @@ def differing(chunk: Callable[[int], Rows], numbers: Sequence[int]) -> list[int]
 def test_a_sweep(compile_code: bool) -> None:
     def chunk(number: int) -> Rows:
         rng = np.random.default_rng(number)
-        values = np.column_stack([np.radians(rng.uniform(0.0, 20.0, 200)), rng.uniform(25.0, 75.0, 200)])
-        rows = run_points(Aircraft(), ("dihedral", "speed"), values, LEVEL_FLIGHT, None, compile_code)
+        values = np.column_stack(
+            [np.radians(rng.uniform(0.0, 20.0, 200)), rng.uniform(25.0, 75.0, 200)]
+        )
+        rows = run_points(
+            Aircraft(), ("dihedral", "speed"), values, LEVEL_FLIGHT, None, compile_code
+        )
         return {name: rows[name] for name in ("states", "inputs", "A", "B", "eigenvalues")}
 
     assert differing(chunk, range(5)) == []

@@ -1,4 +1,5 @@
-"""Machine code gives the same numbers, is compiled once, and is done without where it cannot be had."""
+"""Machine code gives the same numbers, is compiled once, and is done without where it cannot be
+had."""
 
 from __future__ import annotations
 
@@ -11,7 +12,9 @@ import pytest
 
 from hfa_support.native import machine_code as generated
 
-needs_compiler = pytest.mark.skipif(generated.c_compiler() is None, reason="no C compiler on this machine")
+needs_compiler = pytest.mark.skipif(
+    generated.c_compiler() is None, reason="no C compiler on this machine"
+)
 
 
 @pytest.fixture(autouse=True)
@@ -39,25 +42,39 @@ _BROKEN = {
     "nothing": ("", "[Errno 2]"),
     "exit code": ("exit 1", "returned non-zero exit status 1"),
     "garbage": ('echo garbage > "$o"', "running without"),
-    "another library": ('echo "int x;" > "$o.c"; cc -shared -fPIC "$o.c" -o "$o"', "running without"),
+    "another library": (
+        'echo "int x;" > "$o.c"; cc -shared -fPIC "$o.c" -o "$o"',
+        "running without",
+    ),
     "no home": (without_home, "Could not determine home directory."),
-    "another user": (lambda patched: patched.setattr(generated.os, "geteuid", lambda: -1), "belongs to another user"),
+    "another user": (
+        lambda patched: patched.setattr(generated.os, "geteuid", lambda: -1),
+        "belongs to another user",
+    ),
 }
 
 
 @needs_compiler
 @pytest.mark.parametrize("broken", [*_BROKEN, "no compiler"])
 def test_with_a_broken_compiler_the_virtual_machine_serves_and_says_so(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path, cache: Path, broken: str
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path,
+    cache: Path,
+    broken: str,
 ) -> None:
     does, said = _BROKEN.get(broken, ("", "no C compiler found; running without machine code"))
     compiler = tmp_path / "cc"
     script = does if isinstance(does, str) else 'exec cc "$@"'
     if callable(does):
         does(monkeypatch)
-    compiler.write_text(f'#!/bin/sh\nwhile [ $# -gt 0 ]; do [ "$1" = -o ] && o="$2"; shift; done\n{script}\n')
+    compiler.write_text(
+        f'#!/bin/sh\nwhile [ $# -gt 0 ]; do [ "$1" = -o ] && o="$2"; shift; done\n{script}\n'
+    )
     compiler.chmod(0o755)
-    monkeypatch.setattr(generated, "c_compiler", lambda: None if broken == "no compiler" else str(compiler))
+    monkeypatch.setattr(
+        generated, "c_compiler", lambda: None if broken == "no compiler" else str(compiler)
+    )
     function = cube()
     assert generated.machine_code(function) is function
     err = capsys.readouterr().err
@@ -82,7 +99,9 @@ def test_machine_code_is_compiled_once_and_gives_the_same_numbers(cache: Path) -
 
 @needs_compiler
 @pytest.mark.parametrize("damage", ["cut", "flipped"])
-def test_a_library_that_is_not_what_was_compiled_is_compiled_again(cache: Path, damage: str) -> None:
+def test_a_library_that_is_not_what_was_compiled_is_compiled_again(
+    cache: Path, damage: str
+) -> None:
     """Loading one that is cut ends the process with a bus error."""
     function = cube()
     generated.machine_code(function)

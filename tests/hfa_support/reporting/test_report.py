@@ -1,4 +1,5 @@
-"""A report says the same as text, Markdown, HTML and data; every word is escaped; a picture is drawn once."""
+"""A report says the same as text, Markdown, HTML and data; every word is escaped; a picture is
+drawn once."""
 
 from __future__ import annotations
 
@@ -34,7 +35,11 @@ def report(drawn: list[str]) -> Report:
         title="Title & more\nof it",
         parts=("first", inner),
         notes=("take care",),
-        data={"schema": "hfa.test/1", "values": np.array([0.1, np.inf]), "rows": [{"name": "a"}, {"name": "b"}]},
+        data={
+            "schema": "hfa.test/1",
+            "values": np.array([0.1, np.inf]),
+            "rows": [{"name": "a"}, {"name": "b"}],
+        },
         records=Table(("name", "value"), RowsMade(2, lambda i: (f"row {i}", (i + 1) / 3))),
     )
 
@@ -57,32 +62,46 @@ def test_html_has_real_tables_and_escapes_every_word() -> None:
     drawn: list[str] = []
     found = report(drawn)
     html = found.html(2)
-    assert html.startswith("<h2>Title &amp; more</h2>\n<p>of it</p>\n<p>first</p>\n<h3>Inner</h3>\n")
+    assert html.startswith(
+        "<h2>Title &amp; more</h2>\n<p>of it</p>\n<p>first</p>\n<h3>Inner</h3>\n"
+    )
     assert '<div class="table" role="group" tabindex="0" aria-label="table: load"><table>' in html
     assert '<tr><th scope="row">lift &lt;1&gt;</th><td>2.5</td></tr>' in html
     assert '<img alt="a &quot;picture&quot;" src="data:image/png;base64,' in html
     assert html.endswith("<p>Note: take care</p>")
     assert found.html(2) == html
-    assert found.html().startswith("<h1>Title &amp; more</h1>\n<p>of it</p>\n<p>first</p>\n<h2>Inner</h2>\n")
+    assert found.html().startswith(
+        "<h1>Title &amp; more</h1>\n<p>of it</p>\n<p>first</p>\n<h2>Inner</h2>\n"
+    )
     assert drawn == ["drawn"]
 
 
 def test_json_and_files_hold_the_data(tmp_path: Path) -> None:
     found = report([]).with_data(more=[1])
-    expected = {"schema": "hfa.test/1", "values": [0.1, None], "rows": [{"name": "a"}, {"name": "b"}], "more": [1]}
+    expected = {
+        "schema": "hfa.test/1",
+        "values": [0.1, None],
+        "rows": [{"name": "a"}, {"name": "b"}],
+        "more": [1],
+    }
     assert json.loads(found.json()) == expected
     for suffix in ("json", "npz", "mat", "csv"):
         found.save(tmp_path / f"a.{suffix}")
     assert json.loads((tmp_path / "a.json").read_text(encoding="utf-8")) == expected
     rows = list(csv.DictReader((tmp_path / "a.csv").read_text(encoding="utf-8").splitlines()))
-    assert [(row["name"], float(row["value"])) for row in rows] == [("row 0", 1 / 3), ("row 1", 2 / 3)]
+    assert [(row["name"], float(row["value"])) for row in rows] == [
+        ("row 0", 1 / 3),
+        ("row 1", 2 / 3),
+    ]
     assert [row["about"] for row in rows] == ['{"schema": "hfa.test/1"}', ""]
     with pytest.raises(ValueError, match="unknown suffix"):
         found.save(tmp_path / "a.txt")
 
 
 def test_a_toned_cell_has_its_color_on_a_terminal_and_its_class_in_html() -> None:
-    table = Table(("check", "value", "verdict"), [("a", "1.5", Cell("pass", "good")), ("longer", "2", "-")])
+    table = Table(
+        ("check", "value", "verdict"), [("a", "1.5", Cell("pass", "good")), ("longer", "2", "-")]
+    )
     plain, shown = Report("", (table,)).text(), Report("", (table,)).text(color=True)
     assert plain.splitlines()[1] == "a         1.5     pass"
     assert shown.replace("\033[32m", "").replace("\033[0m", "") == plain
@@ -99,14 +118,19 @@ def test_no_name_reaches_a_terminal_that_it_would_obey(name: str, tmp_path: Path
         lines = text.replace("\n", "")
         assert lines.isprintable()
         assert lines.encode()
-    assert sum("value" in line or line.endswith(" 1") for line in found.text().splitlines()) == 2  # a cell is one line
+    assert (
+        sum("value" in line or line.endswith(" 1") for line in found.text().splitlines()) == 2
+    )  # a cell is one line
 
 
 def test_names_are_no_formulas_links_or_columns(tmp_path: Path) -> None:
     names = ("=cmd|' /C calc'!A0", "@sum", "-x", "+1e", "-1.5", "<script>", "[a](b)")
     table = Table(("name", "value"), [(name, 1.0) for name in names])
     Report("", records=table).save(tmp_path / "a.csv")
-    cells = [row["name"] for row in csv.DictReader((tmp_path / "a.csv").read_text(encoding="utf-8").splitlines())]
+    cells = [
+        row["name"]
+        for row in csv.DictReader((tmp_path / "a.csv").read_text(encoding="utf-8").splitlines())
+    ]
     assert cells == [f"'{name}" for name in names[:4]] + list(names[4:])
     markdown = Report("", (table,)).markdown()
     assert "&lt;script>" in markdown

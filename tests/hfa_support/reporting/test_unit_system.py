@@ -1,4 +1,5 @@
-"""Units: the factors are those of the definitions, names follow, and nothing changes unless it is asked for."""
+"""Units: the factors are those of the definitions, names follow, and nothing changes unless it is
+asked for."""
 
 from __future__ import annotations
 
@@ -7,11 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from hfa.units_of_data import in_si
 from hfa_model.aircraft import HFA
 from hfa_support import Model, Report, Signal, shown_in
 from hfa_support.reporting.text import shown_unit, shown_value
 from hfa_support.reporting.unit_system import english, in_force, si_factor, si_unit, unit_in_force
-from hfa_support.reporting.units_of_data import in_si
 
 #: A pound of 0.45359237 kg weighs 1 lbf at 9.80665 m/s².
 FOOT, FORCE = 0.3048, 0.45359237 * 9.80665
@@ -39,14 +40,24 @@ FOOT, FORCE = 0.3048, 0.45359237 * 9.80665
 def test_a_unit_and_its_size(unit: str, si: str, factor: float) -> None:
     assert (si_unit(unit), si_factor(unit)) == (si, pytest.approx(factor, rel=1e-15))
     assert si_factor(si) == 1.0
-    assert english(english(2.0, unit, unit) * si_factor(unit), si, unit) == pytest.approx(2.0, rel=1e-15)
+    assert english(english(2.0, unit, unit) * si_factor(unit), si, unit) == pytest.approx(
+        2.0, rel=1e-15
+    )
 
 
 def test_only_where_it_is_asked_for() -> None:
-    assert (in_force(68.0, "ft/s"), unit_in_force("ft/s"), shown_value(68.0, "ft/s")) == (68.0, "ft/s", "68")
+    assert (in_force(68.0, "ft/s"), unit_in_force("ft/s"), shown_value(68.0, "ft/s")) == (
+        68.0,
+        "ft/s",
+        "68",
+    )
     with shown_in("si"):
         assert (in_force(68.0, "ft/s"), unit_in_force("ft/s")) == (68.0 * FOOT, "m/s")
-        assert (shown_value(68.0, "ft/s"), shown_unit("ft/s"), shown_unit("rad/s")) == ("20.7264", "m/s", "deg/s")
+        assert (shown_value(68.0, "ft/s"), shown_unit("ft/s"), shown_unit("rad/s")) == (
+            "20.7264",
+            "m/s",
+            "deg/s",
+        )
     assert shown_unit("ft/s") == "ft/s"
     with pytest.raises(ValueError, match="use one of english, si"), shown_in("metric"):
         pass
@@ -67,7 +78,11 @@ def test_only_where_it_is_asked_for() -> None:
     ],
 )
 def test_arrays_by_the_lists_of_units_beside_them(name: str, value: Any, expected: Any) -> None:
-    beside = {"state_units": ["ft/s", "rad"], "input_units": ["lbf"], "output_units": ["ft/s", "rad"]}
+    beside = {
+        "state_units": ["ft/s", "rad"],
+        "input_units": ["lbf"],
+        "output_units": ["ft/s", "rad"],
+    }
     with shown_in("si"):
         found = in_si(Report("", (), data={**beside, name: value}), HFA).data
     np.testing.assert_allclose(found[name], expected, rtol=1e-12)
@@ -81,7 +96,11 @@ def test_arrays_and_names_of_another_model_have_its_units() -> None:
         {"force": Signal("lbf")},
         lambda x, u, p, w: ({"place": x.speed, "speed": u.force}, {}),
     )
-    data = {"operating_states": [[2.0, 3.0]], "operating_inputs": [[4.0]], "residuals": {"place": 5.0, "speed": 6.0}}
+    data = {
+        "operating_states": [[2.0, 3.0]],
+        "operating_inputs": [[4.0]],
+        "residuals": {"place": 5.0, "speed": 6.0},
+    }
     with shown_in("si"):
         found = in_si(Report("", (), data=data), model).data
     np.testing.assert_allclose(found["operating_states"], [[2.0, 3.0 * FOOT]])

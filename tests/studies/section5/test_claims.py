@@ -1,4 +1,5 @@
-"""Claims follow their numbers; docs/experiments.md shows the stored results, and those are of this configuration."""
+"""Claims follow their numbers; docs/experiments.md shows the stored results, and those are of this
+configuration."""
 
 from __future__ import annotations
 
@@ -28,7 +29,9 @@ from studies.section5.claims import (
 from studies.section5.configuration import SECTIONS, section5_configuration
 from studies.section5.flights import EXACT, OWN, FlightPlan, FlightRecord, make_setting
 
-STORED: dict[str, Any] = json.loads((ROOT / "studies/section5/results/claims.json").read_text(encoding="utf-8"))
+STORED: dict[str, Any] = json.loads(
+    (ROOT / "studies/section5/results/claims.json").read_text(encoding="utf-8")
+)
 DOCUMENT = (ROOT / "docs" / "experiments.md").read_text(encoding="utf-8")
 #: A row of the table of numbers: what, the claim, and a number for each law.
 ROW = re.compile(r"^\|[^|]*\| (?:claim|5\.\d-\d+) \|.*\|$", re.M)
@@ -51,20 +54,26 @@ def test_the_document_shows_the_stored_results() -> None:
     assert wrong_numbers(DOCUMENT) == []
     planted = "| | claim | exact |\n|---|---|---|\n| error | 5.1-6 | 0.5 |\n"
     assert wrong_numbers(planted) == ["exact: 0.5"]
-    assert set(re.findall(r"5\.\d-\d+", DOCUMENT)) <= {claim["number"] for claim in STORED["claims"]}
+    assert set(re.findall(r"5\.\d-\d+", DOCUMENT)) <= {
+        claim["number"] for claim in STORED["claims"]
+    }
     counts = ", ".join(f"{count} {verdict}" for verdict, count in STORED["verdicts"].items())
     assert counts in " ".join(DOCUMENT.split())
     assert f"in all {len(STORED['lost_flights'])} flights" in " ".join(DOCUMENT.split())
 
 
 def test_the_stored_results_are_those_of_this_configuration() -> None:
-    """They grow stale when the configuration or a claim changes: run the study and copy claims.json."""
+    """They grow stale when the configuration or a claim changes: run the study and copy
+    claims.json."""
     setting = make_setting(section5_configuration())
     assert STORED["setting"]["reading"] == setting.identity["reading"]
     for stored, model in zip(STORED["setting"]["models"], setting.identity["models"], strict=True):
         np.testing.assert_allclose(stored["A"], model["A"], rtol=1e-9, atol=1e-9)
         np.testing.assert_allclose(stored["B"], model["B"], rtol=1e-9, atol=1e-9)
-    asked = [[claim[key] for key in ("number", "says", "measured", "relation")] for claim in STORED["claims"]]
+    asked = [
+        [claim[key] for key in ("number", "says", "measured", "relation")]
+        for claim in STORED["claims"]
+    ]
     claims = [claim for section in SECTIONS for claim in claims_of(section)]
     assert asked == [[claim.number, claim.says, claim.measured, claim.relation] for claim in claims]
     for section, one in zip(SECTIONS, STORED["experiments"], strict=True):
@@ -75,14 +84,18 @@ def test_the_stored_results_are_those_of_this_configuration() -> None:
 
 @pytest.mark.slow
 def test_the_results_come_out_again(tmp_path: Path) -> None:
-    """Our own laws to 1e-6 on any processor; the paper's chatters at rounding, but its verdicts do not change."""
+    """Our own laws to 1e-6 on any processor; the paper's chatters at rounding, but its verdicts do
+    not change."""
     assert section5.main(["-o", str(tmp_path)]) == 0
     again = json.loads((tmp_path / "claims.json").read_text(encoding="utf-8"))
     for stored, found in zip(STORED["claims"], again["claims"], strict=True):
         assert stored["verdict"] == found["verdict"], stored["number"]
         for law in stored["findings"].keys() & {*OWN}:
             one, other = stored["findings"][law]["value"], found["findings"][law]["value"]
-            assert one == other or other == pytest.approx(one, rel=1e-6, abs=1e-9), (stored["number"], law)
+            assert one == other or other == pytest.approx(one, rel=1e-6, abs=1e-9), (
+                stored["number"],
+                law,
+            )
 
 
 # What is measured.
@@ -92,14 +105,31 @@ EMPTY = Evidence(make_setting(section5_configuration()), "5.3", {})
 
 
 def recorded(plan: FlightPlan, numbers: dict[str, Any], lost_at: float = np.inf) -> FlightRecord:
-    return FlightRecord(plan, np.zeros(1), _NONE, _NONE, _NONE, _NONE, None, np.zeros(1), 0.0, lost_at, numbers, _NONE)
+    return FlightRecord(
+        plan,
+        np.zeros(1),
+        _NONE,
+        _NONE,
+        _NONE,
+        _NONE,
+        None,
+        np.zeros(1),
+        0.0,
+        lost_at,
+        numbers,
+        _NONE,
+    )
 
 
 def evidence_of(*tables: dict[str, float], lost_at: float = np.inf) -> Evidence:
-    """The four flights of 5.3 under the exact law with these numbers, the last one lost at `lost_at`."""
-    plans = [FlightPlan(5.0, EXACT, factor) for factor in EMPTY.setting.configuration.uncertainty.factors]
+    """The four flights of 5.3 under the exact law with these numbers, the last one lost at
+    `lost_at`."""
+    plans = [
+        FlightPlan(5.0, EXACT, factor) for factor in EMPTY.setting.configuration.uncertainty.factors
+    ]
     records = [
-        recorded(plan, {"rms_error": table, "cost": table["a"]}) for plan, table in zip(plans, tables, strict=True)
+        recorded(plan, {"rms_error": table, "cost": table["a"]})
+        for plan, table in zip(plans, tables, strict=True)
     ]
     records[-1] = replace(records[-1], lost_at=lost_at)
     return replace(EMPTY, flown={record.plan: record for record in records})
@@ -125,10 +155,15 @@ def test_measures_look_at_the_right_flights_and_names(said: dict[str, Any], valu
     evidence = evidence_of(*TABLES)
     if "to" in said:  # of the flight without uncertainty to that with the noise
         noisy = recorded(FlightPlan(5.0, EXACT, noise=True), {"rms_error": {"a": 1.0, "b": 3.0}})
-        evidence, said = replace(evidence, flown={**evidence.flown, noisy.plan: noisy}), said | {"to": "noise"}
+        evidence, said = (
+            replace(evidence, flown={**evidence.flown, noisy.plan: noisy}),
+            said | {"to": "noise"},
+        )
     assert measure_of(said | {"in": group})(evidence, EXACT) == value
     with pytest.raises(FlightLostError, match=r"5 deg, exact, A - 0\.2 A: lost at 0\.5 s"):
-        measure_of({"worst": "cost", "in": "every uncertainty"})(evidence_of(*TABLES, lost_at=0.5), EXACT)
+        measure_of({"worst": "cost", "in": "every uncertainty"})(
+            evidence_of(*TABLES, lost_at=0.5), EXACT
+        )
 
 
 @pytest.mark.parametrize(
@@ -153,14 +188,24 @@ def test_a_claim_follows_its_number(must: str, lost_at: float, missing: str, ver
 def test_claims_about_the_print_are_those_of_the_printed_matrices() -> None:
     at_15, at_5 = published_models()
     about = {
-        claim.number: claim for section in SECTIONS for claim in claims_of(section) if claim.subject == "the print"
+        claim.number: claim
+        for section in SECTIONS
+        for claim in claims_of(section)
+        if claim.subject == "the print"
     }
-    measured = {number: measure_of(claim.measure)(EMPTY, "the print") for number, claim in about.items()}
-    ratios = [np.linalg.norm(getattr(at_5, name)[3]) / np.linalg.norm(getattr(at_15, name)[3]) for name in "AB"]
+    measured = {
+        number: measure_of(claim.measure)(EMPTY, "the print") for number, claim in about.items()
+    }
+    ratios = [
+        np.linalg.norm(getattr(at_5, name)[3]) / np.linalg.norm(getattr(at_15, name)[3])
+        for name in "AB"
+    ]
     eigenvalues = np.linalg.eigvals(at_5.A)
     slow = min(eigenvalues[eigenvalues.imag > 0.0], key=abs)
     quoted = np.hypot(abs(slow.real) - 0.016, slow.imag - 0.64)
-    assert measured == pytest.approx({"5.1-8": min(ratios), "5.1-16": np.degrees(0.5), "5.3-1": quoted}, rel=1e-9)
+    assert measured == pytest.approx(
+        {"5.1-8": min(ratios), "5.1-16": np.degrees(0.5), "5.3-1": quoted}, rel=1e-9
+    )
 
 
 def test_a_section_is_run_kept_and_drawn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -171,7 +216,9 @@ def test_a_section_is_run_kept_and_drawn(tmp_path: Path, monkeypatch: pytest.Mon
     words = ["5.4", "--workers", "1", "-o", str(tmp_path)]
     assert section5.main(words) in (0, 1)
     table = json.loads((tmp_path / "claims.json").read_text())
-    assert [claim["number"] for claim in table["claims"]] == [claim.number for claim in claims_of("5.4")]
+    assert [claim["number"] for claim in table["claims"]] == [
+        claim.number for claim in claims_of("5.4")
+    ]
     assert [one["pictures"] for one in table["experiments"]] == [["figure-22", "figure-23"]]
     with np.load(tmp_path / "5.4" / "figure-22.npz") as drawn:
         assert drawn["00 speed z1 = V error, ft_s _ certified _ y"].shape == (101,)
@@ -191,6 +238,8 @@ def test_a_section_is_run_kept_and_drawn(tmp_path: Path, monkeypatch: pytest.Mon
         section5.main([*words, "--resume"])
     picture.write_bytes(whole)
     result = tmp_path / "5.4" / "result.json"
-    result.write_text(result.read_text().replace('"delta_squared": 40000.0', '"delta_squared": 40001.0', 1))
+    result.write_text(
+        result.read_text().replace('"delta_squared": 40000.0', '"delta_squared": 40001.0', 1)
+    )
     with pytest.raises(AssertionError, match="run again"):
         section5.main([*words, "--resume"])

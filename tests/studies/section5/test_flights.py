@@ -1,4 +1,5 @@
-"""Flights of Section 5 against independent integrators, their numbers against another study, learning in flight."""
+"""Flights of Section 5 against independent integrators, their numbers against another study,
+learning in flight."""
 
 from __future__ import annotations
 
@@ -14,8 +15,8 @@ from linear_flight import simulate
 from project import ROOT
 
 from controller import Scenario, Signal, fly, gain_law
-from controller.laws.certified import learned_value
-from controller.policy.signals import Harmonic
+from controller.flight.signals import Harmonic
+from controller.learning.certified import learned_value
 from studies.section5.configuration import PaperFlight, section5_configuration
 from studies.section5.critic_policy import forcing
 from studies.section5.flights import (
@@ -72,12 +73,15 @@ def test_the_signals_are_those_that_the_paper_prints() -> None:
     t, configuration = 3.0, section5_configuration()
     s, c = np.sin(0.3), np.cos(0.3)
     np.testing.assert_allclose(
-        configuration.disturbance.at(t), 1.1 * np.array([0.1 * s, 0.2 * s, 0.2 * c, 0.1 * s, 0.1 * c, 0.1 * s])
+        configuration.disturbance.at(t),
+        1.1 * np.array([0.1 * s, 0.2 * s, 0.2 * c, 0.1 * s, 0.1 * c, 0.1 * s]),
     )
     n = [0.02 * c, *(0.005 * np.array([np.sin(1.5), s, np.cos(1.5), s, np.cos(1.5)]))]
     np.testing.assert_allclose(configuration.noise.at(t), n, rtol=1e-12)
     reference = configuration.reference
-    np.testing.assert_allclose(reference.at(t), [7.03 + 2.0 * np.sin(1.5), 0.1, 0.0, 0.0, 0.5, 0.0], rtol=1e-12)
+    np.testing.assert_allclose(
+        reference.at(t), [7.03 + 2.0 * np.sin(1.5), 0.1, 0.0, 0.0, 0.5, 0.0], rtol=1e-12
+    )
 
 
 @pytest.mark.parametrize(
@@ -92,9 +96,14 @@ def test_the_signals_are_those_that_the_paper_prints() -> None:
 def test_tracking_is_what_another_study_found(
     dihedral: float, law: str, changes: dict[str, Any], expected: tuple[float, float, float]
 ) -> None:
-    """Printed matrices; the study was made with the other sign of one entry of A, which moves the third digit."""
-    errors = flown(COARSE | changes, FlightPlan(dihedral, law), matrices="printed").metrics["rms_error"]
-    assert [errors[state] for state in TRACKED] == pytest.approx(expected, abs=2e-3 if expected[0] > 1e-3 else 3e-3)
+    """Printed matrices; the study was made with the other sign of one entry of A, which moves the
+    third digit."""
+    errors = flown(COARSE | changes, FlightPlan(dihedral, law), matrices="printed").metrics[
+        "rms_error"
+    ]
+    assert [errors[state] for state in TRACKED] == pytest.approx(
+        expected, abs=2e-3 if expected[0] > 1e-3 else 3e-3
+    )
     assert (errors["speed"] < 1e-4) == (expected[0] < 1e-4)
 
 
@@ -104,7 +113,11 @@ def test_a_flight_agrees_with_an_independent_simulation(law: str) -> None:
     setting = make_setting(section5_configuration(COARSE))
     case, configuration = setting.case(5.0), setting.configuration
     record = simulate_plan(setting, FlightPlan(5.0, law), "5.1")
-    reference, disturbance, w = configuration.reference, configuration.disturbance, generator(configuration.reference)
+    reference, disturbance, w = (
+        configuration.reference,
+        configuration.disturbance,
+        generator(configuration.reference),
+    )
     F = feedforward(case, reference) * (law == EXACT_FF)
     other = simulate(
         case.game,
@@ -114,7 +127,9 @@ def test_a_flight_agrees_with_an_independent_simulation(law: str) -> None:
         record.times,
         forcing=forcing(case.game.A, reference).at,
     )
-    assert np.all(np.abs(record.errors - other.states).max(axis=0) <= 1e-5 * np.abs(other.states).max(axis=0))
+    assert np.all(
+        np.abs(record.errors - other.states).max(axis=0) <= 1e-5 * np.abs(other.states).max(axis=0)
+    )
     energy = np.trapezoid(np.sum(other.disturbances**2, axis=1), other.times)
     cost = record.metrics["cost"]
     assert cost == pytest.approx(other.cost[-1] + case.game.delta**2 * energy, rel=1e-3)
@@ -122,7 +137,8 @@ def test_a_flight_agrees_with_an_independent_simulation(law: str) -> None:
 
 
 def test_the_fixed_step_agrees_with_an_adaptive_integrator() -> None:
-    """The paper's step against DOP853 at rtol 1e-10, begun anew at each tick: 1e-6 on every state."""
+    """The paper's step against DOP853 at rtol 1e-10, begun anew at each tick: 1e-6 on every
+    state."""
     from scipy.integrate import solve_ivp
 
     setting = make_setting(section5_configuration(BRIEF))
@@ -134,11 +150,17 @@ def test_the_fixed_step_agrees_with_an_adaptive_integrator() -> None:
         K, F = constants(tick)[:30].reshape(6, 5).T, constants(tick)[30:].reshape(-1, 5).T
 
         def rate(t: float, x: np.ndarray, K: np.ndarray = K, F: np.ndarray = F) -> np.ndarray:
-            return case.game.A @ x + case.game.B @ (F @ w.at(t) - K @ (x - reference.at(t))) + d.at(t)
+            return (
+                case.game.A @ x + case.game.B @ (F @ w.at(t) - K @ (x - reference.at(t))) + d.at(t)
+            )
 
-        rows.append(solve_ivp(rate, span, rows[-1], method="DOP853", rtol=1e-10, atol=1e-12).y[:, -1])
+        rows.append(
+            solve_ivp(rate, span, rows[-1], method="DOP853", rtol=1e-10, atol=1e-12).y[:, -1]
+        )
     adaptive = np.array(rows)
-    assert np.all(np.abs(record.states - adaptive).max(axis=0) <= 1e-6 * np.abs(adaptive).max(axis=0))
+    assert np.all(
+        np.abs(record.states - adaptive).max(axis=0) <= 1e-6 * np.abs(adaptive).max(axis=0)
+    )
 
 
 def test_the_law_as_printed_overflows_at_once() -> None:
@@ -152,7 +174,9 @@ def test_the_law_as_printed_overflows_at_once() -> None:
 def test_the_modified_law_learns_in_flight_and_can_be_frozen() -> None:
     free, frozen = (flown(BRIEF, FlightPlan(5.0, MODIFIED), section) for section in ("5.1", "5.3"))
     assert free.held
-    assert free.metrics["learning"]["late_change"] > 0.0 == frozen.metrics["learning"]["late_change"]
+    assert (
+        free.metrics["learning"]["late_change"] > 0.0 == frozen.metrics["learning"]["late_change"]
+    )
     assert free.critic is not None
     assert frozen.critic is not None
     np.testing.assert_array_equal(free.critic.weights[:50], frozen.critic.weights[:50])
@@ -173,18 +197,28 @@ def test_the_certified_law_applies_a_baseline_and_then_the_exact_gain() -> None:
 def test_integral_learning_applies_its_start_until_it_has_data() -> None:
     setting = default_setting()
     constants = constants_of(setting, INTEGRAL, 5.0)
-    np.testing.assert_allclose(constants(799), constants_of(setting, CERTIFIED, 5.0)(0), rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(
+        constants(799), constants_of(setting, CERTIFIED, 5.0)(0), rtol=1e-9, atol=1e-12
+    )
     lq = solve_game(setting.case(5.0).game.with_delta(np.inf)).K
     assert np.linalg.norm(constants(1999)[:30].reshape(6, 5).T - lq) < 1e-6 * np.linalg.norm(lq)
 
 
 def test_uncertainty_and_noise_reach_the_plant_and_the_sensor() -> None:
-    setting = make_setting(section5_configuration(BRIEF | {"flight": {"duration": 1.0, "step": 1e-3}}))
-    plans = (FlightPlan(5.0, EXACT), FlightPlan(5.0, EXACT, uncertainty=0.3), FlightPlan(5.0, EXACT, noise=True))
+    setting = make_setting(
+        section5_configuration(BRIEF | {"flight": {"duration": 1.0, "step": 1e-3}})
+    )
+    plans = (
+        FlightPlan(5.0, EXACT),
+        FlightPlan(5.0, EXACT, uncertainty=0.3),
+        FlightPlan(5.0, EXACT, noise=True),
+    )
     plain, wrong, noisy = (simulate_plan(setting, plan, "5.3") for plan in plans)
     K, n = setting.case(5.0).exact.K, setting.configuration.noise
     np.testing.assert_allclose(wrong.inputs, -wrong.errors @ K.T, atol=1e-12)
-    np.testing.assert_allclose(noisy.inputs, -(noisy.errors + n.sampled(noisy.times)) @ K.T, atol=1e-12)
+    np.testing.assert_allclose(
+        noisy.inputs, -(noisy.errors + n.sampled(noisy.times)) @ K.T, atol=1e-12
+    )
     assert np.abs(wrong.states - plain.states).max() > 1e-3
 
 
@@ -194,14 +228,23 @@ def test_uncertainty_and_noise_reach_the_plant_and_the_sensor() -> None:
         ("{} without the disturbance", {"disturbance": STILL}),
         (
             "{} with its sign turned",
-            {"disturbance": Signal(STILL.constant, STILL.slope, (Harmonic(WAVE.frequency, -WAVE.sine, -WAVE.cosine),))},
+            {
+                "disturbance": Signal(
+                    STILL.constant,
+                    STILL.slope,
+                    (Harmonic(WAVE.frequency, -WAVE.sine, -WAVE.cosine),),
+                )
+            },
         ),
         ("{} with that of the angle's command turned", (7.0, -0.1, 0.0, 0.0, 0.5, 0.0)),
         ("{} with that of the dihedral's", (7.0, 0.1, 0.0, 0.0, -0.5, 0.0)),
     ],
 )
-def test_the_error_of_alpha_with_other_signs_is_the_one_of_the_document(said: str, changes: Any) -> None:
-    """The angle of attack misses its command whatever the lost signs are, and docs/experiments.md says by how much."""
+def test_the_error_of_alpha_with_other_signs_is_the_one_of_the_document(
+    said: str, changes: Any
+) -> None:
+    """The angle of attack misses its command whatever the lost signs are, and docs/experiments.md
+    says by how much."""
     if isinstance(changes, tuple):
         own = PaperFlight.REFERENCE
         changes = {"reference": Signal(np.array(changes), own.slope, own.harmonics)}
@@ -226,6 +269,14 @@ def test_learning_in_flight_flies_the_baseline_then_certified_gains_and_knows_no
     cut = replace(learned, times=learned.times[:120], weights=learned.weights[:120])
     assert np.array_equal(certified_gains(newton.game, cut, 0.01)[0][:119], gains[:119])
     law = gain_law("learning", gains)
-    result = fly(newton.aircraft, newton.point, law, Scenario(duration=3.0, initial=0.5 * SMALL), newton.envelope)
+    result = fly(
+        newton.aircraft,
+        newton.point,
+        law,
+        Scenario(duration=3.0, initial=0.5 * SMALL),
+        newton.envelope,
+    )
     assert result.departure is None
-    np.testing.assert_allclose(result.flight.inputs[0], -baseline @ result.flight.errors[0], rtol=1e-12)
+    np.testing.assert_allclose(
+        result.flight.inputs[0], -baseline @ result.flight.errors[0], rtol=1e-12
+    )

@@ -1,4 +1,5 @@
-"""Policies of Section 5: the critic in flight is the published update law; the exact feedforward and its optimality."""
+"""Policies of Section 5: the critic in flight is the published update law; the exact feedforward
+and its optimality."""
 
 from __future__ import annotations
 
@@ -16,7 +17,7 @@ from linear_flight import LinearFlight, simulate
 from scipy.integrate import quad
 
 from controller import Game, published_game, random_pool
-from controller.policy.signals import zero
+from controller.flight.signals import zero
 from hfa_model import published_models
 from hfa_support import BadInputError
 from studies.section5.configuration import PaperFlight
@@ -35,7 +36,9 @@ from verification import solve_game
 
 REFERENCE = PaperFlight.REFERENCE
 PAPER = exosystem(
-    REFERENCE.constant, REFERENCE.slope, *((wave.frequency, wave.sine, wave.cosine) for wave in REFERENCE.harmonics)
+    REFERENCE.constant,
+    REFERENCE.slope,
+    *((wave.frequency, wave.sine, wave.cosine) for wave in REFERENCE.harmonics),
 )
 
 
@@ -43,10 +46,14 @@ def law_with(index: int = 0, **changes: Any) -> PublishedLaw:
     model = published_models()[index]
     game = published_game(model.A, model.B)
     chosen = PublishedSettings(**{"gains": (3.0, 5.0), "samples": 30} | changes)
-    return published_law(game, chosen, 0, random_pool(game, 200, 0, np.array([7.0, 0.1, 0.1, 0.1, 0.1, 0.1])))
+    return published_law(
+        game, chosen, 0, random_pool(game, 200, 0, np.array([7.0, 0.1, 0.1, 0.1, 0.1, 0.1]))
+    )
 
 
-def expected(law: PublishedLaw, r: np.ndarray, z: np.ndarray, W: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def expected(
+    law: PublishedLaw, r: np.ndarray, z: np.ndarray, W: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """u and W' of Eq. (46) from `published_equations`, with the drift F = A z + r."""
     e, s = law.equations, law.settings
     y = (z / e.scales)[None, :]
@@ -57,14 +64,22 @@ def expected(law: PublishedLaw, r: np.ndarray, z: np.ndarray, W: np.ndarray) -> 
     n = normaliser(sigma, s.normalisation)
     stored = law.recorded(W)
     everything = Sample(
-        np.vstack([sigma / n[:, None], stored.regressors]), np.concatenate([residual / n, stored.residuals])
+        np.vstack([sigma / n[:, None], stored.regressors]),
+        np.concatenate([residual / n, stored.residuals]),
     )
     u = -0.5 * law.game.R_inverse_B_transposed @ ((gradient[0].T @ W) / e.scales)
     return u, update_direction(everything, s.gamma, *law.gains, s.eta)
 
 
-def flown(policy: CriticPolicy, t: float, z: np.ndarray, W: np.ndarray, p: float) -> tuple[np.ndarray, np.ndarray]:
-    symbols = [ca.SX.sym("t"), ca.SX.sym("z", 6), ca.SX.sym("W", policy.memory_size), ca.SX.sym("p", 1)]
+def flown(
+    policy: CriticPolicy, t: float, z: np.ndarray, W: np.ndarray, p: float
+) -> tuple[np.ndarray, np.ndarray]:
+    symbols = [
+        ca.SX.sym("t"),
+        ca.SX.sym("z", 6),
+        ca.SX.sym("W", policy.memory_size),
+        ca.SX.sym("p", 1),
+    ]
     now, z_, memory, constants = symbols
     told = now, seen(z_), memory, constants
     u_ = policy.control(*told)
@@ -82,7 +97,9 @@ def flown(policy: CriticPolicy, t: float, z: np.ndarray, W: np.ndarray, p: float
         ("squared", "raw", "quadratic+linear", False),
     ],
 )
-def test_the_right_sides_are_equal(normalisation: str, coordinates: str, basis: str, told: bool) -> None:
+def test_the_right_sides_are_equal(
+    normalisation: str, coordinates: str, basis: str, told: bool
+) -> None:
     law = law_with(normalisation=normalisation, coordinates=coordinates, basis=basis)
     r = forcing(law.game.A, REFERENCE) if told else zero(6)
     policy = CriticPolicy(law, r)
@@ -93,7 +110,9 @@ def test_the_right_sides_are_equal(normalisation: str, coordinates: str, basis: 
         u, rate = flown(policy, t, z, W, 1.0)
         u_expected, rate_expected = expected(law, r.at(t), z, W)
         np.testing.assert_allclose(u, u_expected, rtol=1e-12, atol=1e-12 * np.abs(u_expected).max())
-        np.testing.assert_allclose(rate, rate_expected, rtol=1e-10, atol=1e-12 * np.abs(rate_expected).max())
+        np.testing.assert_allclose(
+            rate, rate_expected, rtol=1e-10, atol=1e-12 * np.abs(rate_expected).max()
+        )
 
 
 def test_another_law_is_seen() -> None:
@@ -106,7 +125,9 @@ def test_another_law_is_seen() -> None:
         expected(replace(law, settings=replace(law.settings, eta=0.7)), np.zeros(6), z, W)[1],
     ]
     for other in others:
-        assert np.abs(other - rate).max() > 1e-6 * np.abs(rate).max()  # the agreement above is 1e-12
+        assert (
+            np.abs(other - rate).max() > 1e-6 * np.abs(rate).max()
+        )  # the agreement above is 1e-12
 
 
 def test_forcing_is_the_rate_that_a_reference_adds() -> None:
@@ -122,7 +143,8 @@ def test_forcing_is_the_rate_that_a_reference_adds() -> None:
 
 
 def test_feedforward_satisfies_its_differential_equation(game: Game) -> None:
-    """s' and x_d' by central differences of order 4, independent of Ω; x_d of the signal that is flown."""
+    """s' and x_d' by central differences of order 4, independent of Ω; x_d of the signal that is
+    flown."""
     P = solve_game(game).P
     P_s = exosystem_feedforward(game, P, PAPER)
     loop, step, weights = game.A - game.S @ P, 1e-3, np.array([1.0, -8.0, 8.0, -1.0]) / 12e-3
@@ -130,7 +152,9 @@ def test_feedforward_satisfies_its_differential_equation(game: Game) -> None:
         around = [t + k * step for k in (-2, -1, 1, 2)]
         r = game.A @ REFERENCE.at(t) - weights @ np.array([REFERENCE.at(each) for each in around])
         rate = weights @ np.array([P_s @ PAPER.state(each) for each in around])
-        assert np.abs(rate + loop.T @ P_s @ PAPER.state(t) + P @ r).max() < 1e-9 * np.abs(P @ r).max()
+        assert (
+            np.abs(rate + loop.T @ P_s @ PAPER.state(t) + P @ r).max() < 1e-9 * np.abs(P @ r).max()
+        )
 
 
 def test_a_constant_reference_has_a_constant_feedforward_and_a_free_motion_none(game: Game) -> None:
@@ -146,14 +170,17 @@ def test_a_constant_reference_has_a_constant_feedforward_and_a_free_motion_none(
 def test_references_without_a_bounded_answer_are_refused(game: Game) -> None:
     P = solve_game(game).P
     exploding = Exosystem(np.array([[0.3]]), np.ones((6, 1)), np.ones(1))
-    with pytest.raises(BadInputError, match=r"the reference grows at 0.3 rad/s, the closed loop decays at 0.2"):
+    with pytest.raises(
+        BadInputError, match=r"the reference grows at 0.3 rad/s, the closed loop decays at 0.2"
+    ):
         exosystem_feedforward(game, P, exploding)
     with pytest.raises(BadInputError, match="give the stabilizing P of the game"):
         exosystem_feedforward(game, -P, PAPER)
 
 
 class _Tracking:
-    """The tracking game on the reference of the paper, with its exact policies and a way to leave them."""
+    """The tracking game on the reference of the paper, with its exact policies and a way to leave
+    them."""
 
     def __init__(self, game: Game) -> None:
         self.game, self.P = game, solve_game(game).P
@@ -175,7 +202,9 @@ class _Tracking:
         game = self.game
         return simulate(
             game,
-            lambda t, z: -game.R_inverse_B_transposed @ (self.P @ z + feedforward * self.s(t)) + push(t),
+            lambda t, z: (
+                -game.R_inverse_B_transposed @ (self.P @ z + feedforward * self.s(t)) + push(t)
+            ),
             lambda t, z: game.E.T @ (self.P @ z + self.s(t)) / game.delta**2 + gust(t),
             INITIAL - REFERENCE.at(0.0),
             np.array([0.0, end]),
@@ -189,7 +218,8 @@ class _Tracking:
 
 
 def test_exact_policies_cost_what_the_value_says(game: Game) -> None:
-    """J(0, T) + V(z(T), T) = V(z(0), 0) with c(0) - c(T) = ∫ 2 s'r - s'S s dt; 1 % of s more costs more."""
+    """J(0, T) + V(z(T), T) = V(z(0), 0) with c(0) - c(T) = ∫ 2 s'r - s'S s dt; 1 % of s more costs
+    more."""
     tracking, end = _Tracking(game), 8.0
     flight = tracking.fly(end)
     z = flight.states[0]
@@ -205,7 +235,8 @@ def test_exact_policies_cost_what_the_value_says(game: Game) -> None:
 
 
 def test_leaving_the_feedforward_costs_to_second_order() -> None:
-    """u + ε v costs exactly ε² ∫ v'R v against the exact d, and d + ε g gains exactly -ε² δ² ∫ g'g."""
+    """u + ε v costs exactly ε² ∫ v'R v against the exact d, and d + ε g gains exactly -ε² δ² ∫
+    g'g."""
     game = game_models()[min(game_models())]
     tracking, rng, end = _Tracking(game), np.random.default_rng(0), 6.0
     v, g = rng.standard_normal(5), rng.standard_normal(6)
@@ -214,7 +245,11 @@ def test_leaving_the_feedforward_costs_to_second_order() -> None:
     costs = (("push", v, float(v @ game.R @ v)), ("gust", g, -(game.delta**2) * float(g @ g)))
     for name, way, exact in costs:
         found = [
-            tracking.total(tracking.fly(end, **{name: lambda t, e=e, d=way: e * math.sin(math.pi * t / end) ** 2 * d}))
+            tracking.total(
+                tracking.fly(
+                    end, **{name: lambda t, e=e, d=way: e * math.sin(math.pi * t / end) ** 2 * d}
+                )
+            )
             - best
             for e in (1.0, 0.1)
         ]

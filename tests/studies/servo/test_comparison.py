@@ -1,4 +1,5 @@
-"""The servos against SimVFA, their requirements, and the dynamics of the air: the stored numbers come out again."""
+"""The servos against SimVFA, their requirements, and the dynamics of the air: the stored numbers
+come out again."""
 
 from __future__ import annotations
 
@@ -15,8 +16,8 @@ from project import ROOT
 from servo_cases import A_Z
 
 from controller import OneMinusCosine, design_controller, save_controller
-from controller.design.design import Actuator
-from controller.design.servo_loop import check_margins, loop_margins, servo_loop, servo_plant
+from controller.servo.design import Actuator
+from controller.servo.servo_loop import check_margins, loop_margins, servo_loop, servo_plant
 from hfa_model import Aircraft
 from hfa_support import BadInputError
 from studies.servo.__main__ import main
@@ -36,18 +37,41 @@ def errors(flight: ServoFlight) -> tuple[float, float]:
 
 
 def test_a_case_is_flown_kept_and_resumed(
-    tmp_path: Path, published_aircraft: Aircraft, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path,
+    published_aircraft: Aircraft,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
-    """In 15 s of the fault the paper's policy is lost as findings.md has it; --resume flies nothing again."""
+    """In 15 s of the fault the paper's policy is lost as findings.md has it; --resume flies nothing
+    again."""
 
     def run(*words: str, code: int = 0) -> str:
         monkeypatch.setattr(sys, "argv", ["studies.servo", *words])
         assert main() == code
         return "".join(capsys.readouterr())
 
-    save_controller(tmp_path / "own.npz", reference_servo(published_aircraft, "simvfa-1", np.radians([10.0, 13.0])))
-    words = ("fly", "order-1-fault", "-o", str(tmp_path / "out"), "--duration", "15", "--law", "paper")
-    words = (*words, "--controller", str(tmp_path / "own.npz"), "--law", str(tmp_path / "own.npz"), "--json")
+    save_controller(
+        tmp_path / "own.npz",
+        reference_servo(published_aircraft, "simvfa-1", np.radians([10.0, 13.0])),
+    )
+    words = (
+        "fly",
+        "order-1-fault",
+        "-o",
+        str(tmp_path / "out"),
+        "--duration",
+        "15",
+        "--law",
+        "paper",
+    )
+    words = (
+        *words,
+        "--controller",
+        str(tmp_path / "own.npz"),
+        "--law",
+        str(tmp_path / "own.npz"),
+        "--json",
+    )
     first = json.loads(run(*words))
     (case,) = first["cases"]
     own, paper = case["flights"]
@@ -56,24 +80,32 @@ def test_a_case_is_flown_kept_and_resumed(
     kept = tmp_path / "out" / "order-1-fault.json"
     before = kept.stat().st_mtime_ns
     assert json.loads(run(*words, "--resume")) == first
-    assert (kept.stat().st_mtime_ns, (tmp_path / "out" / "order-1-fault.png").is_file()) == (before, True)
+    assert (kept.stat().st_mtime_ns, (tmp_path / "out" / "order-1-fault.png").is_file()) == (
+        before,
+        True,
+    )
     kept.write_text(kept.read_text("utf-8").replace("pitch_rate", "pitch", 1), encoding="utf-8")
     assert json.loads(run(*words, "--resume"))["cases"][0]["flights"] == case["flights"]
     assert run("fly", "order-3", "-o", "out", code=2).count("\n") == 1
     assert "end after 1051 s" in run("fly", "order-1", "-o", "out", "--duration", "1e5", code=2)
-    with pytest.raises(BadInputError, match="order 2 has no law 'simvfa-1'; choose from simvfa-2, simvfa"):
+    with pytest.raises(
+        BadInputError, match="order 2 has no law 'simvfa-1'; choose from simvfa-2, simvfa"
+    ):
         laws_of(2, {}, ("simvfa-1",))
 
 
 def test_the_findings_have_the_stored_results() -> None:
     stored = json.loads((FOLDER / "results" / "comparison.json").read_bytes())
-    assert [case["case"] for case in stored["cases"] if case["dynamics"] == "published"] == list(CASES)
+    assert [case["case"] for case in stored["cases"] if case["dynamics"] == "published"] == list(
+        CASES
+    )
     for case in stored["cases"]:
         for row in rows_of(case):
             assert f"| {case['case']} | {' | '.join(row)} |" in FINDINGS
 
 
-#: rms error of dihedral, deg, and of A_z, ft/s²: of SimVFA's own simulation, as a port of it states them.
+#: rms error of dihedral, deg, and of A_z, ft/s²: of SimVFA's own simulation, as a port of it states
+#: them.
 THEIRS = {
     ("order-1", "simvfa-1"): (0.380, 0.065),
     ("order-1", "simvfa-1 adaptive"): (0.379, 0.065),
@@ -87,14 +119,18 @@ THEIRS = {
 
 @pytest.mark.slow
 @pytest.mark.parametrize("case", CASES)
-def test_the_numbers_of_simvfa_and_the_stored_ones_come_out_again(published_aircraft: Aircraft, case: str) -> None:
+def test_the_numbers_of_simvfa_and_the_stored_ones_come_out_again(
+    published_aircraft: Aircraft, case: str
+) -> None:
     flights = {flight.law: flight for flight in fly_case(published_aircraft, CASES[case], {})}
     for (where, law), theirs in THEIRS.items():
         if where == case:
             np.testing.assert_allclose(errors(flights[law]), theirs, atol=1e-3)
     found: dict[str, Any] = {"flights": [flight.to_dict() for flight in flights.values()]}
     for law, angle, acceleration, _, outcome in rows_of(found):
-        figures = f"{angle} | {acceleration}" if outcome == "held" else angle  # rounding decides how a lost one ends
+        figures = (
+            f"{angle} | {acceleration}" if outcome == "held" else angle
+        )  # rounding decides how a lost one ends
         assert f"| {case} | {law} | {figures} | " in FINDINGS
         assert (flights[law].lost_at is None) == (outcome == "held")
 
@@ -106,16 +142,28 @@ def test_the_largest_gust_is_where_flights_begin_to_end(published_aircraft: Airc
     assert -60.0 < held < -5.0
     for peak, lost in ((held, False), (held - 1.0, True)):
         gust = OneMinusCosine(150.0, peak, model.point.states.speed, 1.0)
-        assert (flown(published_aircraft, model, controller, acting, gust=gust).departure is not None) == lost
+        assert (
+            flown(published_aircraft, model, controller, acting, gust=gust).departure is not None
+        ) == lost
 
 
 def test_a_loop_ends_at_its_delay_margin(published_aircraft: Aircraft) -> None:
-    """Padé's delay in all inputs agrees with the margin from the frequency response; a little more is unstable."""
+    """Padé's delay in all inputs agrees with the margin from the frequency response; a little more
+    is unstable."""
     controller = designed_servo(published_aircraft)
-    plant = servo_plant(published_aircraft, model_at(11.0), controller, dict.fromkeys(controller.inputs, Actuator(2)))
+    plant = servo_plant(
+        published_aircraft,
+        model_at(11.0),
+        controller,
+        dict.fromkeys(controller.inputs, Actuator(2)),
+    )
     loop = servo_loop(plant, controller)
     margin = loop_margins(loop, controller.inputs, controller.measurements)["all inputs"]
-    assert delayed(loop, 0.98 * margin.delay).abscissa < 0.0 < delayed(loop, 1.02 * margin.delay).abscissa
+    assert (
+        delayed(loop, 0.98 * margin.delay).abscissa
+        < 0.0
+        < delayed(loop, 1.02 * margin.delay).abscissa
+    )
 
 
 @pytest.mark.parametrize("dynamics", ["published", "newton"])
@@ -128,15 +176,20 @@ def test_20_ms_are_stood_at_half_the_effectiveness_and_a_planted_gain_is_not(dyn
 
 @pytest.mark.parametrize("dynamics", ["published", pytest.param("newton", marks=pytest.mark.slow)])
 def test_the_stored_requirements_are_of_the_shipped_design(dynamics: str) -> None:
-    """The margins of the stored table, the smallest of which are at these angles, come out again."""
+    """The margins of the stored table, the smallest of which are at these angles, come out
+    again."""
     aircraft = Aircraft(dynamics=dynamics)
-    stored = json.loads((FOLDER / "results" / f"requirements_{dynamics}.json").read_text(encoding="utf-8"))[
-        "requirements"
-    ]
+    stored = json.loads(
+        (FOLDER / "results" / f"requirements_{dynamics}.json").read_text(encoding="utf-8")
+    )["requirements"]
     reached = {row["what"]: row["reached"] for row in stored}
     table = check_margins(aircraft, designed_servo(aircraft), np.radians([1, 11, 18]), (2.0, 10.0))
-    assert min(each.gain for each in table.single) == pytest.approx(reached["gain margin, dB"], rel=1e-6)
-    assert min(each.phase for each in table.single) == pytest.approx(reached["phase margin, deg"], rel=1e-6)
+    assert min(each.gain for each in table.single) == pytest.approx(
+        reached["gain margin, dB"], rel=1e-6
+    )
+    assert min(each.phase for each in table.single) == pytest.approx(
+        reached["phase margin, deg"], rel=1e-6
+    )
     assert A_Z in table.rows[0].loops
 
 

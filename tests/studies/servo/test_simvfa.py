@@ -1,4 +1,5 @@
-"""SimVFA's servos: what their formulas promise; the adaptive laws against their equations, written again."""
+"""SimVFA's servos: what their formulas promise; the adaptive laws against their equations, written
+again."""
 
 from __future__ import annotations
 
@@ -12,7 +13,7 @@ import numpy as np
 import pytest
 
 from controller import design_model
-from controller.policy.policies import Seen
+from controller.flight.policies import Seen
 from hfa_model import INPUTS, Aircraft
 from studies.servo.simvfa import (
     A0,
@@ -37,17 +38,21 @@ ANGLES = np.radians([0.0, 11.0, 20.0])
 def test_the_error_of_the_mixed_output_is_positive_real_at_order_2_and_above_a_tenth_at_order_1(
     published_aircraft: Aircraft, order: int
 ) -> None:
-    """H(iω) + H(iω)* of H = S C (s - A + L C)⁻¹ B1 is positive definite, as the adaptive law asks for.
+    """H(iω) + H(iω)* of H = S C (s - A + L C)⁻¹ B1 is positive definite, as the adaptive law asks
+    for.
 
-    Of order 1, with the ε that SimVFA has, only above 0.12 rad/s; its stability proof does not cover slower ones.
-    """
+    Of order 1, with the ε that SimVFA has, only above 0.12 rad/s; its stability proof does not
+    cover slower ones."""
     for angle in ANGLES:
         model = level_model(published_aircraft, angle)
-        found = reference_model(design_model(published_aircraft, model, simvfa_design(f"simvfa-{order}")))
+        found = reference_model(
+            design_model(published_aircraft, model, simvfa_design(f"simvfa-{order}"))
+        )
         powers = [np.linalg.matrix_power(found.A, k) @ found.squared_up for k in range(order + 1)]
         B1 = sum(a * each for a, each in zip(ALPHAS[order], powers, strict=True))
         np.testing.assert_allclose(found.squared_up[:, :2], found.B)
-        # The third input has the relative degree of the others: no output moves before derivative `order`.
+        # The third input has the relative degree of the others: no output moves before derivative
+        # `order`.
         for k in range(order):
             moved = found.C @ np.linalg.matrix_power(found.A, k) @ found.squared_up
             assert np.abs(moved).max() < 1e-8 * np.linalg.norm(found.C @ powers[-1])
@@ -63,7 +68,9 @@ def test_the_error_of_the_mixed_output_is_positive_real_at_order_2_and_above_a_t
             return float(np.linalg.eigvalsh(H + H.conj().T).min())
 
         assert min(real_part(frequency) for frequency in np.geomspace(0.12, 1e5, 40)) > 0.0
-        assert (min(real_part(frequency) for frequency in np.logspace(-3, -1, 20)) > 0.0) == (order == 2)
+        assert (min(real_part(frequency) for frequency in np.logspace(-3, -1, 20)) > 0.0) == (
+            order == 2
+        )
 
 
 def test_the_servo_is_the_model_and_its_correction(published_aircraft: Aircraft) -> None:
@@ -76,7 +83,9 @@ def test_the_servo_is_the_model_and_its_correction(published_aircraft: Aircraft)
     e, x, q, z, r = (rng.normal(size=size) for size in (2, 10, 1, 2, 2))
     rate = A @ np.concatenate([e, x]) + B @ np.concatenate([q, z, r])
     off = np.concatenate([q, e]) - found.C @ x
-    expected = found.A @ x - found.B @ found.K @ x + found.L @ off - np.concatenate([np.zeros(8), r])
+    expected = (
+        found.A @ x - found.B @ found.K @ x + found.L @ off - np.concatenate([np.zeros(8), r])
+    )
     np.testing.assert_allclose(rate, np.concatenate([z - r, expected]), rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(C @ np.concatenate([e, x]), -found.K @ x, atol=1e-12)
     assert not D.any()
@@ -102,7 +111,9 @@ def between(models: list[ReferenceModel]) -> tuple[np.ndarray, ...]:
 
 
 def law_of(kind: type[AdaptivePolicy], models: list[ReferenceModel]) -> AdaptivePolicy:
-    outputs = SimpleNamespace(names=("pitch_rate", "dihedral", "A_z"), at=lambda seen: ca.DM(MEASURED))
+    outputs = SimpleNamespace(
+        names=("pitch_rate", "dihedral", "A_z"), at=lambda seen: ca.DM(MEASURED)
+    )
     commands = SimpleNamespace(at=lambda t: ca.DM(R), rate=lambda t: ca.DM(R_RATE))
     return kind(commands, outputs, _BEGUN, _ANGLES, models, _INPUTS)  # type: ignore[arg-type]
 
@@ -112,7 +123,10 @@ def evaluated(law: AdaptivePolicy, memory: np.ndarray) -> tuple[np.ndarray, np.n
     states, nothing = ca.SX(6, 1), ca.SX(0, 1)
     states[4] = _RISEN
     seen, y = Seen(states, states, nothing, nothing), ca.SX.sym("y", law.memory_size)
-    of = [law.control(ca.SX(0), seen, y, nothing), law.memory_rate(ca.SX(0), seen, y, nothing, nothing)]
+    of = [
+        law.control(ca.SX(0), seen, y, nothing),
+        law.memory_rate(ca.SX(0), seen, y, nothing, nothing),
+    ]
     u, rate = (np.array(each).ravel() for each in ca.Function("law", [y], of)(memory))
     assert np.count_nonzero(u) == len(_INPUTS)
     return u[[INPUTS.index(name) for name in _INPUTS]], rate
@@ -121,7 +135,10 @@ def evaluated(law: AdaptivePolicy, memory: np.ndarray) -> tuple[np.ndarray, np.n
 def parts_of(memory: np.ndarray, shapes: tuple[tuple[int, int], ...]) -> list[np.ndarray]:
     """The memory in its parts, matrices column by column."""
     ends = np.cumsum([rows * columns for rows, columns in shapes])[:-1]
-    return [each.reshape(shape, order="F") for each, shape in zip(np.split(memory, ends), shapes, strict=True)]
+    return [
+        each.reshape(shape, order="F")
+        for each, shape in zip(np.split(memory, ends), shapes, strict=True)
+    ]
 
 
 #: Memory in its order: integrals, x_m, v̄, x̄, Λ̂, Ψ1, Ψ2, ē, Ψm; matrices column by column.
@@ -129,7 +146,8 @@ SHAPES_2 = ((2, 1), (10, 1), (2, 1), (8, 1), (2, 2), (6, 2), (8, 2), (3, 1), (3,
 
 
 def by_equations_2(y: np.ndarray, models: list[ReferenceModel]) -> tuple[np.ndarray, np.ndarray]:
-    """u and y', Π f = f + f'/2 of products f with f' by a central difference, which is exact for them."""
+    """u and y', Π f = f + f'/2 of products f with f' by a central difference, which is exact for
+    them."""
     A, B, K, L, S, R_inverse, squared_up, C = between(models)
     integrals, x_m, v_bar, x_bar, _, _, _, e_bar, _ = parts_of(y, SHAPES_2)
     e_y = np.vstack([MEASURED[:1, None], integrals]) - C @ x_m
@@ -156,7 +174,11 @@ def by_equations_2(y: np.ndarray, models: list[ReferenceModel]) -> tuple[np.ndar
         result: np.ndarray = at(y) + (at(y + rate) - at(y - rate)) / 4
         return result
 
-    u = operated(lambda i, m, v, x, effect, psi_1, psi_2, e, psi_m: effect.T @ v - psi_1.T @ x[:6] - psi_2.T @ x)
+    u = operated(
+        lambda i, m, v, x, effect, psi_1, psi_2, e, psi_m: (
+            effect.T @ v - psi_1.T @ x[:6] - psi_2.T @ x
+        )
+    )
     added = squared_up @ operated(lambda i, m, v, x, effect, psi_1, psi_2, e, psi_m: psi_m.T @ e)
     rates[1] = A @ x_m + B @ v + L @ e_y + added - np.concatenate([np.zeros(8), R])[:, None]
     return u.ravel(), np.concatenate([each.ravel(order="F") for each in rates])
@@ -169,7 +191,8 @@ def tuner(rows: int, columns: int) -> tuple[tuple[int, int], ...]:
     return ((rows, columns),) * 3
 
 
-#: Memory in its order: integrals, x_m; ē of two filters, Ψ4, Ψ5; ε, Ψ1; ε̄1, Λ̂2, ε̄12, Ψ6; x̄, Ψ2, Ψ3, v̄, Λ̂.
+#: Memory in its order: integrals, x_m; ē of two filters, Ψ4, Ψ5; ε, Ψ1; ε̄1, Λ̂2, ε̄12, Ψ6; x̄, Ψ2,
+#: Ψ3, v̄, Λ̂.
 SHAPES_3 = (
     *((2, 1), (12, 1)),
     *(*((3, 1),) * 4, *tuner(3, 3), *tuner(3, 3)),
@@ -192,7 +215,9 @@ def operated(psi: Signal, x: Signal) -> np.ndarray:
     return result
 
 
-def by_equations_3(memory: np.ndarray, models: list[ReferenceModel]) -> tuple[np.ndarray, np.ndarray]:
+def by_equations_3(
+    memory: np.ndarray, models: list[ReferenceModel]
+) -> tuple[np.ndarray, np.ndarray]:
     """u and the rate of the memory."""
     A, B, K, L, S, R_inverse, squared_up, C = between(models)
     left, rates = iter(parts_of(memory, SHAPES_3)), []
@@ -207,7 +232,9 @@ def by_equations_3(memory: np.ndarray, models: list[ReferenceModel]) -> tuple[np
         """(α2 s + α1)/Π x."""
         return [A1 * one + A2 * other for one, other in pairwise(signal)]
 
-    def tuned(gamma: float, regressor: np.ndarray, error: np.ndarray, state: list[np.ndarray]) -> Signal:
+    def tuned(
+        gamma: float, regressor: np.ndarray, error: np.ndarray, state: list[np.ndarray]
+    ) -> Signal:
         goal, X, X_rate = state
         g = 1 + MU * float((regressor**2).sum())
         bend = (goal - g * (A0 * X + A1 * X_rate)) / A2
@@ -240,7 +267,9 @@ def by_equations_3(memory: np.ndarray, models: list[ReferenceModel]) -> tuple[np
     bar_12 = filtered(moved, state)
     rates += of_4
     psi_5 = tuned(1000.0, low(bar)[0], mixed, take(3))
-    still = A0 * psi_4[0].T @ high(bar)[0] + operated(psi_4, low(bar_12)) + operated(psi_5, low(bar))
+    still = (
+        A0 * psi_4[0].T @ high(bar)[0] + operated(psi_4, low(bar_12)) + operated(psi_5, low(bar))
+    )
     F_e = along(squared_up, moved, still)
 
     (drift,) = take(1)
@@ -254,7 +283,9 @@ def by_equations_3(memory: np.ndarray, models: list[ReferenceModel]) -> tuple[np
     psi_6 = tuned(-1000.0, bar_12[0], error, take(3))
     F_eps = along(B, moved, A0 * effect_2.T @ bar_1[0] + operated(psi_6, bar_12))
 
-    commanded, commanded_rate = (np.vstack([np.zeros((10, 1)), -each[:, None]]) for each in (R, R_RATE))
+    commanded, commanded_rate = (
+        np.vstack([np.zeros((10, 1)), -each[:, None]]) for each in (R, R_RATE)
+    )
     rates[1] = A @ x + B @ v + commanded + pushed + F_e - F_eps
     slow = filtered(x[:10], take(2))
     third = (rates[1][:10] - A0 * slow[1] - A1 * slow[2]) / A2
@@ -264,7 +295,12 @@ def by_equations_3(memory: np.ndarray, models: list[ReferenceModel]) -> tuple[np
     v_bar = filtered(v, take(2))
     effect = tuned(-5000.0, v_bar[0], error, take(3))
     x_p = [x[:6], (A @ x + commanded)[:6], (A @ (A @ x + commanded - pushed) + commanded_rate)[:6]]
-    u = operated(effect, v_bar) - operated(psi_1, x_p) - operated(psi_2, x_1) - operated(psi_3, low(slow))
+    u = (
+        operated(effect, v_bar)
+        - operated(psi_1, x_p)
+        - operated(psi_2, x_1)
+        - operated(psi_3, low(slow))
+    )
     u -= (A1 * psi_1[1] + A2 * psi_1[2]).T @ drift
     return u.ravel(), np.concatenate([each.ravel(order="F") for each in rates])
 
@@ -273,8 +309,11 @@ def by_equations_3(memory: np.ndarray, models: list[ReferenceModel]) -> tuple[np
     ("kind", "expected", "states", "ones"),
     [(AdaptiveDegree2, by_equations_2, 10, 2), (AdaptiveDegree3, by_equations_3, 12, 6)],
 )
-def test_an_adaptive_law_is_what_its_equations_say(kind: Any, expected: Any, states: int, ones: int) -> None:
-    """At a random memory, on random models; it starts from the nominal effectiveness and nothing else."""
+def test_an_adaptive_law_is_what_its_equations_say(
+    kind: Any, expected: Any, states: int, ones: int
+) -> None:
+    """At a random memory, on random models; it starts from the nominal effectiveness and nothing
+    else."""
     models = random_models(5, states)
     law = law_of(kind, models)
     at = np.random.default_rng(8).normal(size=law.memory_size)

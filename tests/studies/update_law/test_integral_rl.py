@@ -22,7 +22,9 @@ from studies.update_law.integral_rl import (
 
 
 def stable_learning(**changes: Any) -> IntegralLearning:
-    return IntegralLearning(stable_game(), basis("quadratic", 2), IrlSettings(intervals=8, **changes), seed=3)
+    return IntegralLearning(
+        stable_game(), basis("quadratic", 2), IrlSettings(intervals=8, **changes), seed=3
+    )
 
 
 def test_integrals_are_those_of_the_flight() -> None:
@@ -66,7 +68,8 @@ def test_game_of_the_stable_model_from_nothing(seed: int) -> None:
 
 
 def test_an_unstable_plant_needs_a_stabilizing_start() -> None:
-    """The aircraft alone is unstable at 15 deg: the law starts from the policy that keeps it flying."""
+    """The aircraft alone is unstable at 15 deg: the law starts from the policy that keeps it
+    flying."""
     game, exact = published("published-15")
     from_nothing = learn_by_integrals(game)
     assert from_nothing.outcome.startswith("failed: abscissa of A - S P")
@@ -84,7 +87,9 @@ def test_an_unmeasured_disturbance_biases_it(form: str) -> None:
     biased = learn_by_integrals(game, form=form, disturbance_measured=False)
     assert biased.outcome.startswith("failed: ")
     assert relative_error(biased.K, exact.K) > 0.3
-    assert learn_by_integrals(game, form=form, disturbance_measured=False, disturbance=0.0).converged
+    assert learn_by_integrals(
+        game, form=form, disturbance_measured=False, disturbance=0.0
+    ).converged
 
 
 def test_learning_does_not_read_A(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -93,7 +98,9 @@ def test_learning_does_not_read_A(monkeypatch: pytest.MonkeyPatch) -> None:
 
     law = stable_learning()
     recorded = law.record
-    other = IntegralLearning(replace(law.game, A=-3.0 * np.eye(2)), law.basis, law.settings, law.seed)
+    other = IntegralLearning(
+        replace(law.game, A=-3.0 * np.eye(2)), law.basis, law.settings, law.seed
+    )
     monkeypatch.setitem(other.__dict__, "record", recorded)
     assert np.array_equal(run(other).history["weights"], run(law).history["weights"])
 
@@ -105,8 +112,12 @@ def test_data_without_a_result_are_refused() -> None:
     with pytest.raises(BadInputError, match=r"grows beyond 1e\+100; make interval"):
         learn_by_integrals(published("published-15")[0], interval=1000.0)
     law = stable_learning()
-    memory = law.start() | {"weights": np.array([1e200, 0.0, 1e200])}  # the cost of their policies overflows
-    with pytest.raises(NoSolutionError, match="broke down at iteration 8: the policy it evaluates has no value"):
+    memory = law.start() | {
+        "weights": np.array([1e200, 0.0, 1e200])
+    }  # the cost of their policies overflows
+    with pytest.raises(
+        NoSolutionError, match="broke down at iteration 8: the policy it evaluates has no value"
+    ):
         law.advance(7, memory)
 
 
@@ -122,7 +133,9 @@ def test_probing_flight_obeys_the_plant() -> None:
         _, inputs, disturbances = probing_flight(game, 7, np.array([t]), (0.3, 0.2))
         return game.A @ state + game.B @ inputs[0] + game.E @ disturbances[0]
 
-    flown = solve_ivp(rate, (0.0, 1.0), z[0], method="DOP853", t_eval=times, rtol=1e-9, atol=1e-12).y.T
+    flown = solve_ivp(
+        rate, (0.0, 1.0), z[0], method="DOP853", t_eval=times, rtol=1e-9, atol=1e-12
+    ).y.T
     assert np.abs(flown - z).max() < 1e-8
     assert 0.0 < np.abs(u).max() <= 0.3
     assert 0.0 < np.abs(d).max() <= 0.2

@@ -1,4 +1,5 @@
-"""The paper's update law, Eq. (46): its terms, its explicit and implicit steps, and where it ends."""
+"""The paper's update law, Eq. (46): its terms, its explicit and implicit steps, and where it
+ends."""
 
 from __future__ import annotations
 
@@ -29,7 +30,12 @@ from studies.update_law.published_law import (
 )
 
 #: What the law needs to learn alone: implicit steps in scaled coordinates.
-ALONE: dict[str, Any] = {"basis": "quadratic", "coordinates": "scaled", "integrator": "proximal", "step": 0.01}
+ALONE: dict[str, Any] = {
+    "basis": "quadratic",
+    "coordinates": "scaled",
+    "integrator": "proximal",
+    "step": 0.01,
+}
 
 
 def law_of(game: Game, **chosen: Any) -> PublishedLaw:
@@ -47,7 +53,8 @@ def random_sample(seed: int = 0, samples: int = 9, size: int = 4) -> Sample:
 
 
 def test_residual_and_regressor_are_those_of_the_paper() -> None:
-    """σ and e with û, d̂ put in one by one (Eq. 29-33), for a policy that is not that of the weights."""
+    """σ and e with û, d̂ put in one by one (Eq. 29-33), for a policy that is not that of the
+    weights."""
     game = stable_game()
     functions = basis("quadratic+quartic", 2)
     rng = np.random.default_rng(1)
@@ -58,7 +65,9 @@ def test_residual_and_regressor_are_those_of_the_paper() -> None:
     d = game.E.T @ gradient.T @ policy / (2.0 * game.delta**2)
     sigma = gradient @ (game.A @ z + game.B @ u + game.E @ d)
     e = W @ sigma + z @ game.Q @ z + u @ game.R @ u - game.delta**2 * d @ d
-    found = bellman(gradient[None], (game.A @ z)[None], np.array([z @ game.Q @ z]), game.S, W, policy)
+    found = bellman(
+        gradient[None], (game.A @ z)[None], np.array([z @ game.Q @ z]), game.S, W, policy
+    )
     assert found[0][0] == pytest.approx(sigma, rel=1e-12)
     assert found[1][0] == pytest.approx(e, rel=1e-12)
 
@@ -89,7 +98,8 @@ def test_gains_are_those_of_the_theorem() -> None:
 
 @pytest.mark.parametrize("name", PUBLISHED)
 def test_residual_is_quadratic_in_the_weight_error(name: str) -> None:
-    """ε_H of Eq. (35) is -¼ W̃'∂ψ S ∂ψ'W̃ for an exact basis: the ideal case of Theorem 1 does not occur.
+    """ε_H of Eq. (35) is -¼ W̃'∂ψ S ∂ψ'W̃ for an exact basis: the ideal case of Theorem 1 does not
+    occur.
 
     e = W̃'σ + ¼ W̃'M W̃ with M = ∂ψ S ∂ψ', σ at the current weights.
     """
@@ -101,7 +111,9 @@ def test_residual_is_quadratic_in_the_weight_error(name: str) -> None:
     regressors, residuals = law.terms(W_exact + error)
     gradient = np.einsum("jmi,m->ji", equations.gradient, error)
     second = 0.25 * np.sum((gradient @ law.S) * gradient, axis=1)
-    assert residuals - regressors @ error == pytest.approx(second, rel=1e-6, abs=1e-9 * np.abs(second).max())
+    assert residuals - regressors @ error == pytest.approx(
+        second, rel=1e-6, abs=1e-9 * np.abs(second).max()
+    )
     assert np.linalg.norm(second) > 0.01 * np.linalg.norm(residuals)
 
 
@@ -138,7 +150,10 @@ def test_implicit_step_satisfies_its_equation(gain: float) -> None:
     end = proximal_step(at, start, step, gamma, gain, gain, 0.8)
     slope = update_direction(at(end), gamma, gain, gain, 0.8)
     largest = (
-        gamma * np.abs(np.abs(at(end).regressors.T) @ np.abs(signed_powers(at(end).residuals, gain, gain, 0.8))).max()
+        gamma
+        * np.abs(
+            np.abs(at(end).regressors.T) @ np.abs(signed_powers(at(end).residuals, gain, gain, 0.8))
+        ).max()
     )
     assert np.linalg.norm((end - start) / step - slope) < 1e-5 * largest
 
@@ -147,7 +162,10 @@ def test_implicit_step_satisfies_its_equation(gain: float) -> None:
 @pytest.mark.parametrize("policies", ["frozen", "reevaluated"])
 def test_the_papers_settings_overflow_with_the_reason(name: str, policies: str) -> None:
     game, _ = published(name)
-    with pytest.raises(NoSolutionError, match=r"overflowed at step \d+ .*lambda_0 = .*alpha1 = .*explicit step below"):
+    with pytest.raises(
+        NoSolutionError,
+        match=r"overflowed at step \d+ .*lambda_0 = .*alpha1 = .*explicit step below",
+    ):
         run(law_of(game, stack_policies=policies))
 
 
@@ -167,7 +185,12 @@ def test_stored_policies_lead_to_their_own_value_in_the_time_of_the_theorem(kind
     recorded = reference_solution(replace(game, Q=1000.0 * np.eye(6), delta=np.inf)).P
     value = value_of_policies(game, recorded)
     weights = tuple(QUADRATIC.weights(recorded))
-    options = {"normalisation": kind, "predefined_time": 5.0, "initial_weights": 0.0, "recorded_weights": weights}
+    options = {
+        "normalisation": kind,
+        "predefined_time": 5.0,
+        "initial_weights": 0.0,
+        "recorded_weights": weights,
+    }
     result = learned(game, **ALONE | options)
     assert relative_error(result.P, value) < 1e-8
     assert 0.1 < relative_error(result.P, exact.P) < 1.0
@@ -178,7 +201,9 @@ def test_stored_policies_lead_to_their_own_value_in_the_time_of_the_theorem(kind
 
 def test_reevaluated_policies_can_reach_the_game_from_a_stabilizing_start() -> None:
     game, exact = published(PUBLISHED[1])
-    start = tuple(QUADRATIC.weights(reference_solution(replace(game, Q=1000.0 * np.eye(6), delta=np.inf)).P))
+    start = tuple(
+        QUADRATIC.weights(reference_solution(replace(game, Q=1000.0 * np.eye(6), delta=np.inf)).P)
+    )
     options = {"stack_policies": "reevaluated", "predefined_time": 2.0, "initial_weights": start}
     result = learned(game, **ALONE | options)
     assert result.converged
@@ -186,7 +211,8 @@ def test_reevaluated_policies_can_reach_the_game_from_a_stabilizing_start() -> N
 
 
 def test_gains_by_hand_fly_with_the_plant_and_end_uncertified() -> None:
-    """z' = A z + B û runs in parallel with the learning: Euler steps of both, against a hand-written loop."""
+    """z' = A z + B û runs in parallel with the learning: Euler steps of both, against a
+    hand-written loop."""
     game = stable_game()
     functions = basis("quadratic", 2)
     flown = PublishedSettings(
@@ -206,10 +232,17 @@ def test_gains_by_hand_fly_with_the_plant_and_end_uncertified() -> None:
     states, drifts = law.stack.states, law.stack.drifts
     for _ in range(5):
         step = np.zeros(3)
-        for sample, (state, drift) in enumerate([(z, game.A @ z), *zip(states, drifts, strict=True)]):
+        for sample, (state, drift) in enumerate(
+            [(z, game.A @ z), *zip(states, drifts, strict=True)]
+        ):
             policy = W if sample == 0 else np.ones(3)
             sigma, e = bellman(
-                functions.gradient(state)[None], drift[None], np.array([state @ game.Q @ state]), game.S, W, policy
+                functions.gradient(state)[None],
+                drift[None],
+                np.array([state @ game.Q @ state]),
+                game.S,
+                W,
+                policy,
             )
             n = np.sqrt(1.0 + sigma[0] @ sigma[0])
             step += update_direction(Sample(sigma / n, e / n), 0.5, 1.0, 2.0, 0.8)

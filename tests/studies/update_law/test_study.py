@@ -15,10 +15,13 @@ from project import ROOT
 from studies.update_law.__main__ import main, table
 from studies.update_law.study import ROWS, by_rounding, planned, references, summed_up
 
-STORED = json.loads((ROOT / "studies/update_law/results/published_study.json").read_text(encoding="utf-8"))
+STORED = json.loads(
+    (ROOT / "studies/update_law/results/published_study.json").read_text(encoding="utf-8")
+)
 COMMITTED: dict[str, dict[str, Any]] = {row["name"]: row for row in STORED["rows"]}
 FROZEN = "learning alone, frozen, implicit"
-#: An unstable flight learns along: what it ends at hangs on rounding, whether it overflows does not.
+#: An unstable flight learns along: what it ends at hangs on rounding, whether it overflows does
+#: not.
 CHAOTIC = ("gains by hand, raw, W(0) = 100", "gains by hand, scaled, W(0) = 100")
 
 
@@ -46,11 +49,14 @@ def test_the_stored_table_is_todays_and_whole() -> None:
             stack = (reference.dihedral_deg, case.seed, case.box)
             assert (run["dihedral_deg"], run["seed"], run["box"]) == stack
             stored, today = run["settings"], json.loads(json.dumps(asdict(chosen)))
-            for weights in ("initial_weights", "recorded_weights"):  # another processor rounds them in another way
+            for weights in (
+                "initial_weights",
+                "recorded_weights",
+            ):  # another processor rounds them in another way
                 np.testing.assert_allclose(stored[weights], today[weights], rtol=1e-9)
-            assert stored | {weights: 0.0 for weights in stored if "weights" in weights} == today | {
-                weights: 0.0 for weights in today if "weights" in weights
-            }
+            assert stored | {
+                weights: 0.0 for weights in stored if "weights" in weights
+            } == today | {weights: 0.0 for weights in today if "weights" in weights}
 
 
 @pytest.mark.slow
@@ -63,7 +69,13 @@ def test_every_row_run_again_comes_out_the_same(tmp_path: Path) -> None:
 def test_another_outcome_is_seen() -> None:
     row = COMMITTED[FROZEN]
     assert_same_outcome(row, row)
-    for change in ({"overflow": "lost"}, {"certified": True}, {"P_error": 0.2}, {"K_error": 2.0}, {"alpha2": 1.0}):
+    for change in (
+        {"overflow": "lost"},
+        {"certified": True},
+        {"P_error": 0.2},
+        {"K_error": 2.0},
+        {"alpha2": 1.0},
+    ):
         other = copy.deepcopy(row)
         other["runs"][0] |= change
         with pytest.raises(AssertionError):
@@ -80,7 +92,9 @@ def test_ends_that_hang_on_the_ninth_digit_of_the_start_are_told() -> None:
     assert row["ranges"]["P_error"] == [min(errors), max(errors)]
     assert f"{min(errors):.1e}" == "1.7e-13"
     error = hanging[0]["P_error"]
-    assert [by_rounding(hanging[0] | {"P_errors_nearby": [factor * error]}) for factor in (1.01, 1.1)] == [False, True]
+    assert [
+        by_rounding(hanging[0] | {"P_errors_nearby": [factor * error]}) for factor in (1.01, 1.1)
+    ] == [False, True]
 
 
 def test_the_document_shows_the_stored_numbers() -> None:

@@ -1,5 +1,5 @@
-"""A to F of the HFA against the equations: Taylor remainders and differences of high order, row by row, at
-random states far from any trim. A wrong entry is seen in its row, and in no other."""
+"""A to F of the HFA against the equations: Taylor remainders and differences of high order, row by
+row, at random states far from any trim. A wrong entry is seen in its row, and in no other."""
 
 from __future__ import annotations
 
@@ -24,7 +24,8 @@ LINEAR = 1e-10
 
 
 def points(count: int, seed: int) -> np.ndarray:
-    """Random states beside inputs in still air, where the density has derivatives of all orders around them."""
+    """Random states beside inputs in still air, where the density has derivatives of all orders
+    around them."""
     states, inputs = random_points(count, seed)
     altitude = np.clip(states[:, 2], 500.0, 64_500.0)
     altitude[np.abs(altitude - TROPOPAUSE) < 500.0] += 1000.0
@@ -35,7 +36,13 @@ def points(count: int, seed: int) -> np.ndarray:
 def at(aircraft: Aircraft, z: np.ndarray, *, ground_drag: bool = False) -> np.ndarray:
     """Rates and outputs at states, inputs and winds, by the equations in numbers."""
     winds = winds_named(NAMES, z[12:].tolist(), ground_drag=ground_drag)
-    moment = moment_of(State(*z[:7].tolist()), Input(*z[7:12].tolist()), aircraft.parameters, aircraft.variant, winds)
+    moment = moment_of(
+        State(*z[:7].tolist()),
+        Input(*z[7:12].tolist()),
+        aircraft.parameters,
+        aircraft.variant,
+        winds,
+    )
     return np.array([*moment.rates, *outputs_of(moment).values()], dtype=float)
 
 
@@ -47,8 +54,11 @@ def blocks(aircraft: Aircraft, z: np.ndarray, *, ground_drag: bool = False) -> n
     return np.block([[found.A, found.B, found.E], [found.C, found.D, found.F]]) * SCALES
 
 
-def slopes(aircraft: Aircraft, count: int, planted: tuple[int, int] | None = None, **how: bool) -> np.ndarray:
-    """Of log |f(z + h d) - f(z) - h J d| over log h, (count, rows): 2 when J is exact, 1 when it is not."""
+def slopes(
+    aircraft: Aircraft, count: int, planted: tuple[int, int] | None = None, **how: bool
+) -> np.ndarray:
+    """Of log |f(z + h d) - f(z) - h J d| over log h, (count, rows): 2 when J is exact, 1 when it is
+    not."""
     rng, found = np.random.default_rng(3), np.full((count, len(ROWS)), 2.0)
     for slope, z in zip(found, points(count, seed=11), strict=True):
         J, direction = blocks(aircraft, z, **how), rng.normal(size=len(COLUMNS))
@@ -63,8 +73,11 @@ def slopes(aircraft: Aircraft, count: int, planted: tuple[int, int] | None = Non
 
 
 @pytest.mark.parametrize("ground_drag", [False, True])
-def test_the_remainder_of_every_row_is_of_second_order(aircraft: Aircraft, ground_drag: bool) -> None:
-    """In a direction where the second order cancels the third is left, and between them anything: the median counts."""
+def test_the_remainder_of_every_row_is_of_second_order(
+    aircraft: Aircraft, ground_drag: bool
+) -> None:
+    """In a direction where the second order cancels the third is left, and between them anything:
+    the median counts."""
     found = slopes(aircraft, 100, ground_drag=ground_drag)
     typical = np.median(found, axis=0)
     assert typical.min() >= 1.9, ROWS[typical.argmin()]
@@ -84,7 +97,9 @@ def test_the_remainder_of_every_row_is_of_second_order(aircraft: Aircraft, groun
         ("lift_outer", "updraft_outer"),
     ],
 )
-def test_one_wrong_entry_is_seen_in_its_row(published_aircraft: Aircraft, row: str, column: str) -> None:
+def test_one_wrong_entry_is_seen_in_its_row(
+    published_aircraft: Aircraft, row: str, column: str
+) -> None:
     at_row, at_column = ROWS.index(row), COLUMNS.index(column)
     typical = np.median(slopes(published_aircraft, 20, (at_row, at_column)), axis=0)
     assert typical[at_row] < 1.5

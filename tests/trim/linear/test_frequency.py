@@ -60,7 +60,8 @@ def test_zeros_are_those_of_slicot(model: LinearModel) -> None:
 
 
 def test_a_known_zero_is_found_and_cancels() -> None:
-    """(s - 3) / ((s + 1) (s + 2)), and the same beside a state that nothing moves: -5 is pole and zero."""
+    """(s - 3) / ((s + 1) (s + 2)), and the same beside a state that nothing moves: -5 is pole and
+    zero."""
     A, B = np.diag([-1.0, -2.0, -5.0]), np.array([[1.0], [1.0], [0.0]])
     C, D = np.array([[-4.0, 5.0, 1.0]]), np.zeros((1, 1))
     zeros, rank = transmission_zeros(A, B, C, D)
@@ -73,15 +74,24 @@ def test_a_known_zero_is_found_and_cancels() -> None:
 
 
 def test_residualized_models_are_those_of_python_control(model: LinearModel) -> None:
-    keep, follow = tuple(name for name in model.states if name not in ("alpha", "pitch_rate")), ("alpha", "pitch_rate")
+    keep, follow = (
+        tuple(name for name in model.states if name not in ("alpha", "pitch_rate")),
+        ("alpha", "pitch_rate"),
+    )
     found, whole = model.select(residualize=follow), model.to_control()
-    peer = control.model_reduction(whole, elim_states=list(follow), method="matchdc", warn_unstable=False)
+    peer = control.model_reduction(
+        whole, elim_states=list(follow), method="matchdc", warn_unstable=False
+    )
     for name in "ABCD":
-        np.testing.assert_allclose(getattr(found, name), getattr(peer, name), rtol=1e-10, atol=1e-12)
+        np.testing.assert_allclose(
+            getattr(found, name), getattr(peer, name), rtol=1e-10, atol=1e-12
+        )
     assert found.states == keep
     np.testing.assert_allclose(found.to_control()(0), whole(0), rtol=1e-8, atol=1e-10)
     slow = 1e-2j
-    errors = [np.abs(each.to_control()(slow) - whole(slow)).max() for each in (found, model.select(keep))]
+    errors = [
+        np.abs(each.to_control()(slow) - whole(slow)).max() for each in (found, model.select(keep))
+    ]
     assert errors[0] < 0.1 * errors[1]
 
 
@@ -91,7 +101,9 @@ def test_what_cannot_be_done_is_said() -> None:
         model.select(residualize=("pitch",))
     with pytest.raises(BadInputError, match="no state is left in the model"):
         model.select(residualize=model.states)
-    with pytest.raises(BadInputError, match="the model has no inputs: there is no Bode plot to draw"):
+    with pytest.raises(
+        BadInputError, match="the model has no inputs: there is no Bode plot to draw"
+    ):
         model.select(inputs=()).bode()
     navion = linearize(NAVION, trimmed(NAVION), outputs=("beta",)).select(inputs=("thrust",))
     with pytest.raises(BadInputError, match="no chosen input reaches a chosen output"):
@@ -101,15 +113,22 @@ def test_what_cannot_be_done_is_said() -> None:
 def test_the_command_shows_what_the_model_has(tmp_path: Path) -> None:
     chosen = "--inputs", "throttle,elevator_center", "--outputs", "gamma,speed"
     words = "linearize", "--dihedral", "10", "--bode", *chosen
-    data, si = answer(*words, "--picture", str(tmp_path / "bode.svg")), answer(*words, "--units", "si")
+    data, si = (
+        answer(*words, "--picture", str(tmp_path / "bode.svg")),
+        answer(*words, "--units", "si"),
+    )
     assert (tmp_path / "bode.svg").read_text().count("<svg") == 1
     point = level_model(Aircraft(), float(np.radians(10.0))).point
     first = linearize(Aircraft(), point, outputs=("gamma", "speed")).transfers()[0]
     assert data["transfers"][0]["gain"] == first.gain
     assert data["transfers"][0]["zeros"] == [[zero.real, zero.imag] for zero in first.zeros]
     assert si["transfers"][:2] == data["transfers"][:2]  # angles and percent: no feet
-    meters = data["transfers"][2] | {name: 0.3048 * data["transfers"][2][name] for name in ("gain", "static")}
+    meters = data["transfers"][2] | {
+        name: 0.3048 * data["transfers"][2][name] for name in ("gain", "static")
+    }
     assert si["transfers"][2] == meters | {"unit": "(m/s)/(1)"}
     assert {"n/alpha", "CAP", "phugoid damping"} < {*data["handling_qualities"]}
     both = ("--states", "alpha", "--residualize", "alpha")
-    assert_refused(hfa("linearize", "--dihedral", "10", *both), 2, "alpha is in --states and in --residualize")
+    assert_refused(
+        hfa("linearize", "--dihedral", "10", *both), 2, "alpha is in --states and in --residualize"
+    )

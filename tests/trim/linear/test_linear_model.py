@@ -1,4 +1,5 @@
-"""The printed matrices regenerated and beside the model; bands of a model; its winds, by panel and in SimVFA."""
+"""The printed matrices regenerated and beside the model; bands of a model; its winds, by panel and
+in SimVFA."""
 
 from __future__ import annotations
 
@@ -10,12 +11,12 @@ import pytest
 from known_models import model_at, released_simulation
 
 from controller.flight.closed_loop import LinearPlant
+from hfa_aircraft.model import Model
 from hfa_model import LINEAR_STATES, STATES, Aircraft, Parameters, published_models
 from hfa_model.kinematics import DISTURBANCES
 from hfa_model.parameters import ParameterSet
 from hfa_model.printed_matrices import PublishedModel
 from hfa_support import BadInputError
-from hfa_support.model import Model
 from trim import (
     LinearModel,
     OperatingPoint,
@@ -26,11 +27,19 @@ from trim import (
     linearize,
     regenerate,
 )
+from trim.hfa.printed import (
+    Bands,
+    bands_known,
+    eigenvalue_errors,
+    matrices_beside_the_print,
+    printed_at,
+)
 from trim.identification import IDENTIFIED
-from trim.linear.printed import Bands, bands_known, eigenvalue_errors, matrices_beside_the_print, printed_at
 
 MODELS = published_models()
-PRINTED = pytest.mark.parametrize("published", MODELS, ids=lambda published: f"{published.dihedral_deg:g}deg")
+PRINTED = pytest.mark.parametrize(
+    "published", MODELS, ids=lambda published: f"{published.dihedral_deg:g}deg"
+)
 
 
 def half_units(model: LinearModel, published: PublishedModel) -> float:
@@ -41,23 +50,30 @@ def half_units(model: LinearModel, published: PublishedModel) -> float:
 
 
 @PRINTED
-def test_every_printed_entry_is_regenerated(published_aircraft: Aircraft, published: PublishedModel) -> None:
+def test_every_printed_entry_is_regenerated(
+    published_aircraft: Aircraft, published: PublishedModel
+) -> None:
     computed = regenerate(published_aircraft, published)
     assert half_units(computed, published) <= 3.0
     rows = compare(computed, published)
     assert len(rows) == 66
-    assert max(abs(row.half_units) for row in rows) == pytest.approx(half_units(computed, published), rel=1e-12)
+    assert max(abs(row.half_units) for row in rows) == pytest.approx(
+        half_units(computed, published), rel=1e-12
+    )
 
 
 @PRINTED
 @pytest.mark.parametrize("name", IDENTIFIED)
-def test_a_parameter_one_percent_off_is_seen(parameters: Parameters, published: PublishedModel, name: str) -> None:
+def test_a_parameter_one_percent_off_is_seen(
+    parameters: Parameters, published: PublishedModel, name: str
+) -> None:
     wrong = Aircraft(parameters._replace(**{name: getattr(parameters, name) * 1.01}))
     assert half_units(regenerate(wrong, published), published) > 3.0
 
 
 def test_quoted_eigenvalues_at_5_degrees(published_aircraft: Aircraft) -> None:
-    """The paper quotes |λ| of 7.11, 0.019 and 4.82 ± 18.66i from Ma and Peng (2021): met to a last digit.
+    """The paper quotes |λ| of 7.11, 0.019 and 4.82 ± 18.66i from Ma and Peng (2021): met to a last
+    digit.
 
     Its fourth pair, 0.016 ± 0.64i, is not that of the printed matrix, which has 0.0144 ± 0.751i.
     """
@@ -72,7 +88,9 @@ def test_quoted_eigenvalues_at_5_degrees(published_aircraft: Aircraft) -> None:
 
 
 def test_at_printed_angles_alone_it_is_that_print(aircraft: Aircraft) -> None:
-    found = [printed_at(model_at(degrees, aircraft.variant.name).point) for degrees in (15.0, 10.0, 5.0)]
+    found = [
+        printed_at(model_at(degrees, aircraft.variant.name).point) for degrees in (15.0, 10.0, 5.0)
+    ]
     assert [each.dihedral_deg if each else None for each in found] == [15.0, None, 5.0]
 
 
@@ -86,7 +104,11 @@ def test_a_planted_error_changes_the_tone_of_its_entry_and_of_no_other() -> None
         return [[getattr(cell, "tone", "") for cell in row[1:]] for row in rows]
 
     expected = tones(model)
-    assert {tone for row in expected for tone in row} == {"", "good", "near"}  # the worst is off by 1.21 half units
+    assert {tone for row in expected for tone in row} == {
+        "",
+        "good",
+        "near",
+    }  # the worst is off by 1.21 half units
     for half_units, tone in ((0.9, "good"), (1.9, "near"), (-2.9, "far"), (3.1, "bad")):
         A = model.A.copy()
         A[3, 1] = published.A[3, 1] + half_units * published.half_unit_A[3, 1]
@@ -101,7 +123,9 @@ CONDITION = level_flight(np.radians(10.0))
 
 def bands_of(parameters: ParameterSet, dynamics: str = "published") -> Bands:
     aircraft = Aircraft(parameters.values, dynamics)
-    return entry_bands(parameters, CONDITION, linearize(aircraft, find_operating_point(aircraft, CONDITION)))
+    return entry_bands(
+        parameters, CONDITION, linearize(aircraft, find_operating_point(aircraft, CONDITION))
+    )
 
 
 @pytest.mark.parametrize(("dynamics", "widest"), [("published", 9.02e-5), ("newton", 2.055e-3)])
@@ -119,7 +143,9 @@ def test_a_band_is_two_standard_errors_of_the_rounding(
     for name in parameter_set.identified:
         step = 1e-5 * getattr(parameter_set.values, name)
         high, low = (getattr(parameter_set.values, name) + side * step for side in (1, -1))
-        there, back = (entries(parameter_set.values._replace(**{name: value})) for value in (high, low))
+        there, back = (
+            entries(parameter_set.values._replace(**{name: value})) for value in (high, low)
+        )
         columns.append((there - back) / (2 * step))
     jacobian = np.stack(columns, axis=-1)
     errors = np.sqrt(np.einsum("ijk,kl,ijl->ij", jacobian, parameter_set.covariance, jacobian))
@@ -139,7 +165,9 @@ def test_the_same_identification_elsewhere_has_the_same_bands_and_an_edited_copy
 
     elsewhere = heavier(1 + 1e-9)
     assert bands_known(elsewhere)
-    np.testing.assert_allclose(bands_of(elsewhere).A, bands_of(parameter_set).A, rtol=0.01, atol=1e-6)
+    np.testing.assert_allclose(
+        bands_of(elsewhere).A, bands_of(parameter_set).A, rtol=0.01, atol=1e-6
+    )
     for factor in (1.1, 1 + 1e-6):
         with pytest.raises(BadInputError, match="bands are known for the identified parameters"):
             bands_of(heavier(factor))
@@ -148,12 +176,21 @@ def test_the_same_identification_elsewhere_has_the_same_bands_and_an_edited_copy
 # Winds by panel, and those of the released simulation.
 
 NAMES = tuple(DISTURBANCES)
-#: Entries of the wind columns of SimVFA (B. Thomsen, 2018, data/VFA_trimData.mat) at 68 ft/s and 11 deg.
+#: Entries of the wind columns of SimVFA (B. Thomsen, 2018, data/VFA_trimData.mat) at 68 ft/s and 11
+#: deg.
 PEER: dict[str, dict[str, float]] = {
     "headwind_center": {"speed": 0.0, "alpha": -4.25540178e-03, "pitch_rate": -3.53879464e-03},
-    "updraft_center": {"speed": 2.11937536e-02, "alpha": -4.49771578e-02, "pitch_rate": -3.63933427e-01},
+    "updraft_center": {
+        "speed": 2.11937536e-02,
+        "alpha": -4.49771578e-02,
+        "pitch_rate": -3.63933427e-01,
+    },
     "headwind_outer": {"speed": 0.0, "alpha": -9.64155891e-03, "dihedral_rate": 5.30927866e-03},
-    "updraft_outer": {"speed": 4.01027033e-02, "pitch_rate": -1.55866503, "dihedral_rate": 4.77260822e-02},
+    "updraft_outer": {
+        "speed": 4.01027033e-02,
+        "pitch_rate": -1.55866503,
+        "dihedral_rate": 4.77260822e-02,
+    },
 }
 
 
@@ -161,7 +198,9 @@ def point_of(aircraft: Aircraft, degrees: float = 11.0, **given: float) -> Opera
     return find_operating_point(aircraft, level_flight(math.radians(degrees), **given))
 
 
-def test_select_takes_rows_and_columns_by_name(published_aircraft: Aircraft, point: OperatingPoint) -> None:
+def test_select_takes_rows_and_columns_by_name(
+    published_aircraft: Aircraft, point: OperatingPoint
+) -> None:
     model = linearize(published_aircraft, point, full=True)
     part = model.select(("pitch_rate", "speed"))
     rows = [STATES.index("pitch_rate"), STATES.index("speed")]
@@ -173,8 +212,12 @@ def test_select_takes_rows_and_columns_by_name(published_aircraft: Aircraft, poi
         model.select(("speed", "yaw"))
 
 
-def test_a_point_of_other_dynamics_is_refused(parameters: Parameters, point: OperatingPoint) -> None:
-    with pytest.raises(BadInputError, match="trimmed with 'published' dynamics, the aircraft has 'newton'"):
+def test_a_point_of_other_dynamics_is_refused(
+    parameters: Parameters, point: OperatingPoint
+) -> None:
+    with pytest.raises(
+        BadInputError, match="trimmed with 'published' dynamics, the aircraft has 'newton'"
+    ):
         linearize(Aircraft(parameters, "newton"), point)
 
 
@@ -196,22 +239,32 @@ def test_panels_add_up_to_the_uniform_wind(aircraft: Aircraft) -> None:
     assert np.abs(otherwise.E - model.E).max() > 1e-2  # a drag of the wrong speed would show
     gust = LinearPlant.at(aircraft, point, ("updraft",)).E["updraft"]
     np.testing.assert_allclose(column["updraft"], gust, rtol=1e-12, atol=1e-15)
-    # In level trim all forces balance, so that a wind from ahead does what more speed over ground does.
-    np.testing.assert_allclose(column["headwind"], model.A[:, STATES.index("speed")], rtol=1e-9, atol=1e-12)
-    assert np.array_equal(linearize(aircraft, point, full=True, outputs=("alpha",)).E[:, 0], column["updraft"])
+    # In level trim all forces balance, so that a wind from ahead does what more speed over ground
+    # does.
+    np.testing.assert_allclose(
+        column["headwind"], model.A[:, STATES.index("speed")], rtol=1e-9, atol=1e-12
+    )
+    assert np.array_equal(
+        linearize(aircraft, point, full=True, outputs=("alpha",)).E[:, 0], column["updraft"]
+    )
     assert np.abs(column["outward_outer"]).max() > 0.1  # raised panels meet it
     flat = linearize(aircraft, point_of(aircraft, 0.0), disturbances=("outward_outer",))
     assert np.abs(flat.E).max() <= 1e-15  # level ones do not
 
 
 def peer_errors(*, ground_drag: bool) -> dict[str, float]:
-    """Column -> its largest relative error, with the parameters and the density of the released simulation."""
+    """Column -> its largest relative error, with the parameters and the density of the released
+    simulation."""
     aircraft, altitude = released_simulation()
     point = point_of(aircraft, altitude=altitude)
-    model = linearize(over_ground(aircraft) if ground_drag else aircraft, point, disturbances=tuple(PEER))
+    model = linearize(
+        over_ground(aircraft) if ground_drag else aircraft, point, disturbances=tuple(PEER)
+    )
     found = {}
     for name, column in zip(model.disturbances, model.E.T, strict=True):
-        errors = [abs(column[LINEAR_STATES.index(row)] - value) for row, value in PEER[name].items()]
+        errors = [
+            abs(column[LINEAR_STATES.index(row)] - value) for row, value in PEER[name].items()
+        ]
         found[name] = max(errors) / max(map(abs, PEER[name].values()))
     return found
 
@@ -222,4 +275,6 @@ def test_four_columns_of_the_released_simulation_come_out_with_drag_over_ground(
     assert same["updraft_outer"] <= 4e-9  # half a unit of the last digit here
     assert through_the_air["headwind_center"] > 1.0
     assert through_the_air["headwind_outer"] > 1.0
-    assert through_the_air["updraft_outer"] <= 4e-9  # to first order a wind from below changes no speed in level flight
+    assert (
+        through_the_air["updraft_outer"] <= 4e-9
+    )  # to first order a wind from below changes no speed in level flight

@@ -1,5 +1,6 @@
-"""Modes: exact numbers of known systems, names and participation of the aircraft's; a column of a sweep is one mode
-through crossings, in any order of the solver, along any grid. Handling qualities as printed, and by nonlinear trims."""
+"""Modes: exact numbers of known systems, names and participation of the aircraft's; a column of a
+sweep is one mode through crossings, in any order of the solver, along any grid. Handling qualities
+as printed, and by nonlinear trims."""
 
 from __future__ import annotations
 
@@ -12,10 +13,18 @@ from random_points import STATE_SCALES
 
 from hfa_model import LINEAR_STATES, Aircraft
 from hfa_support import Model
-from trim import OperatingPoint, TrimCondition, find_operating_point, level_model, linearize, modes_of, sweep
+from trim import (
+    OperatingPoint,
+    TrimCondition,
+    find_operating_point,
+    level_model,
+    linearize,
+    modes_of,
+    sweep,
+)
+from trim.hfa.printed import eigenvalue_errors
 from trim.linear.handling_qualities import handling_qualities
 from trim.linear.modes import track_modes
-from trim.linear.printed import eigenvalue_errors
 
 
 @pytest.mark.parametrize("damping", [0.1, 0.7, -0.2])
@@ -34,7 +43,8 @@ def test_an_oscillator_has_its_textbook_numbers(damping: float) -> None:
 
 
 def test_participation_is_the_sensitivity_of_the_eigenvalue() -> None:
-    """|∂λ_i/∂a_kk|, normalized: differentiated here by a small change of the diagonal instead of eigenvectors."""
+    """|∂λ_i/∂a_kk|, normalized: differentiated here by a small change of the diagonal instead of
+    eigenvectors."""
     A = np.array([[-1.0, 2.0, 0.3], [-3.0, -0.5, 0.1], [0.2, 0.4, -0.1]])
     states = ("alpha", "pitch_rate", "speed")
     h = 1e-6
@@ -45,7 +55,9 @@ def test_participation_is_the_sensitivity_of_the_eigenvalue() -> None:
             near = [values[np.argmin(np.abs(values - mode.eigenvalue))] for values in moved]
             shifts.append(abs(near[0] - near[1]) / (2 * h))
         expected = np.array(shifts) / sum(shifts)
-        np.testing.assert_allclose([mode.participation[name] for name in states], expected, atol=1e-8)
+        np.testing.assert_allclose(
+            [mode.participation[name] for name in states], expected, atol=1e-8
+        )
 
 
 @pytest.mark.parametrize("degrees", [0.0, 1.0, 2.5, 5.0, 7.5, 10.0, 12.5, 15.0, 16.0, 17.5, 20.0])
@@ -74,18 +86,22 @@ STATES = ("alpha", "pitch_rate", "speed")
 #: Three shapes, far from parallel in units of `STATE_SCALES`.
 SHAPES = np.array([[1.0, 0.2, 0.3], [0.1, 1.0, -0.4], [0.3, -0.2, 1.0]])
 #: Two of them two degrees apart.
-NEARLY_PARALLEL = np.array([[1.0, np.cos(np.radians(2)), 0.0], [0.0, np.sin(np.radians(2)), 0.0], [0.0, 0.0, 1.0]])
+NEARLY_PARALLEL = np.array(
+    [[1.0, np.cos(np.radians(2)), 0.0], [0.0, np.sin(np.radians(2)), 0.0], [0.0, 0.0, 1.0]]
+)
 
 
 def models_with(eigenvalues: np.ndarray, shapes: np.ndarray = SHAPES) -> np.ndarray:
-    """(N, 3, 3) matrices of given eigenvectors, the columns of shapes (3, 3), and eigenvalues (N, 3)."""
+    """(N, 3, 3) matrices of given eigenvectors, the columns of shapes (3, 3), and eigenvalues (N,
+    3)."""
     scales = np.array([getattr(STATE_SCALES, name) for name in STATES])
     vectors = scales[:, None] * shapes
     return np.einsum("ik,nk,kj->nij", vectors, eigenvalues, np.linalg.inv(vectors))
 
 
 def test_eigenvalues_that_cross_keep_their_columns() -> None:
-    """At the crossing the other mode's eigenvalue is the nearer one: only the shape tells them apart."""
+    """At the crossing the other mode's eigenvalue is the nearer one: only the shape tells them
+    apart."""
     s = np.linspace(0.0, 2.0, 8)
     expected = np.stack([-3.0 + s, -1.0 - s, np.full_like(s, -0.1)], axis=1)
     nearest = np.abs(expected[3, 0] - expected[4, 1]) < np.abs(expected[3, 0] - expected[4, 0])
@@ -96,12 +112,15 @@ def test_eigenvalues_that_cross_keep_their_columns() -> None:
 def test_shapes_that_hardly_differ_leave_the_word_to_the_eigenvalues() -> None:
     """Two modes two degrees apart in shape trade shapes: their speed tells which is which."""
     values = np.array([[-5.0, -1.0, -0.1]])
-    A = np.concatenate([models_with(values, NEARLY_PARALLEL), models_with(values, NEARLY_PARALLEL[:, [1, 0, 2]])])
+    A = np.concatenate(
+        [models_with(values, NEARLY_PARALLEL), models_with(values, NEARLY_PARALLEL[:, [1, 0, 2]])]
+    )
     np.testing.assert_allclose(track_modes(A, STATES), np.repeat(values, 2, axis=0), atol=1e-9)
 
 
 def test_a_pair_is_followed_as_a_pair() -> None:
-    """The F-16: beyond 400 ft/s its short period is two real eigenvalues, far to both sides of the phugoid's pair."""
+    """The F-16: beyond 400 ft/s its short period is two real eigenvalues, far to both sides of the
+    phugoid's pair."""
     result = sweep(F16, {"speed": [300.0, 502.0], "altitude": [0.0, 10_000.0]}, listed=True)
     names = np.array(result.mode_names)
     short, phugoid = (result.eigenvalues[1, names == name] for name in ("short period", "phugoid"))
@@ -110,10 +129,14 @@ def test_a_pair_is_followed_as_a_pair() -> None:
 
 
 @pytest.mark.parametrize("sizes", [(5,), (3, 4), (2, 3, 4), (4, 1, 3)])
-def test_a_grid_is_followed_from_neighbour_to_neighbour(published_aircraft: Aircraft, sizes: tuple[int, ...]) -> None:
+def test_a_grid_is_followed_from_neighbour_to_neighbour(
+    published_aircraft: Aircraft, sizes: tuple[int, ...]
+) -> None:
     """Each step along an axis pairs the eigenvalues as a sweep of that step alone does."""
     ranges = {"dihedral": (0.05, 0.3), "speed": (64.0, 72.0), "altitude": (39_000.0, 41_000.0)}
-    grid = {name: np.linspace(*ranges[name], size) for name, size in zip(ranges, sizes, strict=False)}
+    grid = {
+        name: np.linspace(*ranges[name], size) for name, size in zip(ranges, sizes, strict=False)
+    }
     result = sweep(published_aircraft, grid)
     assert result.trimmed.all()
     index = np.arange(len(result.A)).reshape(sizes)
@@ -134,13 +157,16 @@ def values(aircraft: Aircraft | Model, point: OperatingPoint) -> dict[str, float
 
 
 def n_per_alpha(model: Model, point: OperatingPoint, pitching: str, step: float = 1e-4) -> float:
-    """By trims: alpha moved by the elevator until alpha and pitch rate rest, everything else held."""
+    """By trims: alpha moved by the elevator until alpha and pitch rate rest, everything else
+    held."""
     loads = []
     for side in (1, -1):
         held = {**point.states._asdict(), **point.inputs._asdict()}
         held["alpha"] += side * step
         for name, output in model.replaced.items():
-            held[output] = model.outputs_at(list(held.values())[: len(model.states)], point.inputs, [output])[output]
+            held[output] = model.outputs_at(
+                list(held.values())[: len(model.states)], point.inputs, [output]
+            )[output]
             del held[name]
         del held["pitch_rate"], held[pitching]
         condition = TrimCondition(held, {"alpha": 0.0, "pitch_rate": 0.0}, model=model)
@@ -149,19 +175,28 @@ def n_per_alpha(model: Model, point: OperatingPoint, pitching: str, step: float 
     return (loads[0] - loads[1]) / (2 * step)
 
 
-@pytest.mark.parametrize("model", [F16.with_parameters(xcg=0.3), NAVION], ids=lambda model: model.name)
+@pytest.mark.parametrize(
+    "model", [F16.with_parameters(xcg=0.3), NAVION], ids=lambda model: model.name
+)
 def test_printed_modes_and_load_factors(model: Model) -> None:
     """The modes are those printed in the books, in tests/trim/test_own_models.py."""
     point = trimmed(model)
-    found, roots = values(model, point), {mode.name: mode.eigenvalue for mode in linearize(model, point).modes}
+    found, roots = (
+        values(model, point),
+        {mode.name: mode.eigenvalue for mode in linearize(model, point).modes},
+    )
     for name in ("short period", "phugoid", "dutch roll"):
         assert found[f"{name} frequency"] == pytest.approx(abs(roots[name]), rel=1e-12)
-        assert found[f"{name} damping"] == pytest.approx(-roots[name].real / abs(roots[name]), rel=1e-12)
+        assert found[f"{name} damping"] == pytest.approx(
+            -roots[name].real / abs(roots[name]), rel=1e-12
+        )
     exact = n_per_alpha(model, point, "elevator")
     assert found["n/alpha"] == pytest.approx(exact, rel=1e-5)
     assert found["CAP"] == pytest.approx(found["short period frequency"] ** 2 / exact, rel=1e-5)
     assert found["roll time constant"] == pytest.approx(-1 / roots["roll"].real, rel=1e-12)
-    assert found["spiral time to half"] == pytest.approx(-math.log(2) / roots["spiral"].real, rel=1e-12)
+    assert found["spiral time to half"] == pytest.approx(
+        -math.log(2) / roots["spiral"].real, rel=1e-12
+    )
 
 
 def test_two_real_eigenvalues_have_the_frequency_of_their_product() -> None:
@@ -170,5 +205,7 @@ def test_two_real_eigenvalues_have_the_frequency_of_their_product() -> None:
     roots = [mode.eigenvalue for mode in model.modes if mode.name.startswith("short period")]
     found = values(Aircraft(), model.point)
     assert len(roots) == 2
-    assert found["short period frequency"] == pytest.approx(math.sqrt(abs(np.prod(roots))), rel=1e-12)
+    assert found["short period frequency"] == pytest.approx(
+        math.sqrt(abs(np.prod(roots))), rel=1e-12
+    )
     assert "roll time constant" not in found

@@ -1,4 +1,5 @@
-"""Interpolated models against exact ones, and linear models along a flight against the difference of two flights."""
+"""Interpolated models against exact ones, and linear models along a flight against the difference
+of two flights."""
 
 from __future__ import annotations
 
@@ -32,23 +33,39 @@ def test_it_is_exact_at_the_points_and_bilinear_between(model: InterpolatedModel
     here = model.at(dihedral=GRID["dihedral"][2], speed=68.0)
     np.testing.assert_allclose(here.A, exact.A, rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(here.inputs, exact.input_offsets, rtol=1e-9, atol=1e-12)
-    ends = [model.at(dihedral=eta, speed=speed).B for eta in GRID["dihedral"][:2] for speed in (60.0, 68.0)]
+    ends = [
+        model.at(dihedral=eta, speed=speed).B
+        for eta in GRID["dihedral"][:2]
+        for speed in (60.0, 68.0)
+    ]
     between = model.at(dihedral=np.radians(1.25), speed=66.0).B
     weights = np.outer([0.75, 0.25], [0.25, 0.75]).ravel()
-    np.testing.assert_allclose(between, sum(w * B for w, B in zip(weights, ends, strict=True)), rtol=1e-12)
+    np.testing.assert_allclose(
+        between, sum(w * B for w, B in zip(weights, ends, strict=True)), rtol=1e-12
+    )
 
 
 @needs_gcc
 def test_the_same_in_c(model: InterpolatedModel, folder: Path) -> None:
     """At random places, at the points, and beyond an end, where the last value holds."""
     model.to_casadi().generate("models.c")
-    subprocess.run([str(COMPILER), "-shared", "-fPIC", "-o", "models.so", "models.c", "-lm"], check=True)
+    subprocess.run(
+        [str(COMPILER), "-shared", "-fPIC", "-o", "models.so", "models.c", "-lm"], check=True
+    )
     function = ca.external("models", "./models.so")
     rng, eta = np.random.default_rng(4), GRID["dihedral"]
-    places = [*zip(rng.uniform(0, eta[-1], 20), rng.uniform(60, 76, 20), strict=True), (eta[1], 68.0), (eta[-1], 76.0)]
+    places = [
+        *zip(rng.uniform(0, eta[-1], 20), rng.uniform(60, 76, 20), strict=True),
+        (eta[1], 68.0),
+        (eta[-1], 76.0),
+    ]
     for place in places:
-        for one, other in zip(function(list(place)), model.at(dihedral=place[0], speed=place[1]), strict=True):
-            np.testing.assert_allclose(np.array(one).reshape(other.shape), other, rtol=1e-12, atol=1e-12)
+        for one, other in zip(
+            function(list(place)), model.at(dihedral=place[0], speed=place[1]), strict=True
+        ):
+            np.testing.assert_allclose(
+                np.array(one).reshape(other.shape), other, rtol=1e-12, atol=1e-12
+            )
     np.testing.assert_array_equal(function([0.5, 80.0])[2], function([eta[-1], 76.0])[2])
 
 
@@ -57,17 +74,23 @@ def test_the_error_falls_with_the_square_of_the_step(model: InterpolatedModel) -
     finer = {name: np.linspace(axis[0], axis[-1], 2 * len(axis) - 1) for name, axis in GRID.items()}
     errors = []
     for each in (model, InterpolatedModel(sweep(Aircraft(), finer))):
-        middles = {name: (axis[1:] + axis[:-1]) / 2 for name, axis in zip(GRID, each.axes, strict=True)}
+        middles = {
+            name: (axis[1:] + axis[:-1]) / 2 for name, axis in zip(GRID, each.axes, strict=True)
+        }
         exact = sweep(Aircraft(), middles)
         near = each.at(**dict(zip(GRID, exact.values.T, strict=True)))
         pairs = (near.A, exact.A), (near.B, exact.B)
-        errors.append([(np.abs(a - b).max(axis=(1, 2)) / np.abs(b).max(axis=(1, 2))).max() for a, b in pairs])
+        errors.append(
+            [(np.abs(a - b).max(axis=(1, 2)) / np.abs(b).max(axis=(1, 2))).max() for a, b in pairs]
+        )
     ratios = np.divide(*errors)
     assert ((ratios > 3.0) & (ratios < 5.0)).all(), ratios
 
 
 def test_what_cannot_be_interpolated_is_named(model: InterpolatedModel) -> None:
-    with pytest.raises(BadInputError, match="speed lies outside of the sweep, which goes from 60 ft/s to 76 ft/s"):
+    with pytest.raises(
+        BadInputError, match="speed lies outside of the sweep, which goes from 60 ft/s to 76 ft/s"
+    ):
         model.at(dihedral=0.1, speed=50.0)
     with pytest.raises(BadInputError, match="give dihedral, speed, by name"):
         model.at(speed=68.0)
@@ -76,7 +99,8 @@ def test_what_cannot_be_interpolated_is_named(model: InterpolatedModel) -> None:
 
 
 def test_along_a_flight_small_deviations_follow_the_linear_model() -> None:
-    """The Navion after a step of elevator and rudder: two flights differ by δx of δx' = A(t) δx, to second order."""
+    """The Navion after a step of elevator and rudder: two flights differ by δx of δx' = A(t) δx, to
+    second order."""
     point = trimmed(NAVION)
     u = np.array(point.inputs) + np.array([0.0, -0.05, 0.0, 0.05])
     function = NAVION.functions(())
@@ -88,7 +112,10 @@ def test_along_a_flight_small_deviations_follow_the_linear_model() -> None:
         times = np.linspace(0.0, 3.0, 121)
         return solve_ivp(rates, (0.0, 3.0), x, t_eval=times, rtol=1e-10, atol=1e-12).y.T
 
-    states, start = flown(np.array(point.states)), np.array([1.0, 0.01, 0.0, 0.0, 0.02, 0.0, 0.0, 0.0])
+    states, start = (
+        flown(np.array(point.states)),
+        np.array([1.0, 0.01, 0.0, 0.0, 0.02, 0.0, 0.0, 0.0]),
+    )
     along = models_along(NAVION, states, np.tile(u, (len(states), 1)))
     np.testing.assert_allclose(along.rates, [rates(0.0, x) for x in states], rtol=1e-12, atol=1e-12)
 

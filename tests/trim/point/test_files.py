@@ -1,4 +1,5 @@
-"""Operating points and conditions in files: they come back, and what is wrong in a file is named."""
+"""Operating points and conditions in files: they come back, and what is wrong in a file is
+named."""
 
 from __future__ import annotations
 
@@ -16,7 +17,9 @@ from verification import released_trims
 
 
 def test_round_trip_is_bit_for_bit(point: OperatingPoint, tmp_path: Path) -> None:
-    awkward = replace(point, inputs=point.inputs._replace(throttle=0.1 + 0.2, aileron_center=-5e-324))
+    awkward = replace(
+        point, inputs=point.inputs._replace(throttle=0.1 + 0.2, aileron_center=-5e-324)
+    )
     for each in (point, awkward):
         path = tmp_path / "point.json"
         each.save(path)

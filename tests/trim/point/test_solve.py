@@ -1,4 +1,5 @@
-"""Trim: every equation balances by name, what was imposed is there, and what cannot be trimmed says why."""
+"""Trim: every equation balances by name, what was imposed is there, and what cannot be trimmed says
+why."""
 
 from __future__ import annotations
 
@@ -10,14 +11,22 @@ from hfa_model import STATES, Aircraft, Input, State
 from hfa_model.aerodynamics import aircraft_loads
 from hfa_model.dynamics import rates_from_loads
 from hfa_support import BadInputError, NoSolutionError
-from trim import OperatingPoint, TrimCondition, TrimError, find_operating_point, level_flight, release
+from trim import (
+    OperatingPoint,
+    TrimCondition,
+    TrimError,
+    find_operating_point,
+    level_flight,
+    release,
+)
 from trim.sweeps.points import BEYOND_LIMITS, TRIMMED, trim_points
 
 BASE = level_flight(float(np.radians(15.0)))
 
 
 def assert_meets(aircraft: Aircraft, condition: TrimCondition, point: OperatingPoint) -> None:
-    """The specification, recomputed from the aircraft: balance, imposed values, limits, what the point reports."""
+    """The specification, recomputed from the aircraft: balance, imposed values, limits, what the
+    point reports."""
     assert point.status == "trimmed"
     rates = dict(zip(STATES, aircraft.rates(point.states, point.inputs).tolist(), strict=True))
     for name, imposed in condition.rates.items():
@@ -38,16 +47,24 @@ def effort(point: OperatingPoint) -> float:
 
 
 @pytest.mark.parametrize(("degrees", "climb"), [(0.0, 0.0), (5.0, 0.0), (20.0, 0.0), (15.0, 1.0)])
-def test_the_papers_condition_level_and_in_a_climb(aircraft: Aircraft, degrees: float, climb: float) -> None:
+def test_the_papers_condition_level_and_in_a_climb(
+    aircraft: Aircraft, degrees: float, climb: float
+) -> None:
     condition = level_flight(float(np.radians(degrees)), gamma=float(np.radians(climb)))
     point = find_operating_point(aircraft, condition)
     assert_meets(aircraft, condition, point)
-    assert (point.states.speed, point.states.altitude, point.inputs.aileron_center) == (68.0, 40_000.0, 0.0)
+    assert (point.states.speed, point.states.altitude, point.inputs.aileron_center) == (
+        68.0,
+        40_000.0,
+        0.0,
+    )
     assert np.degrees(point.states.alpha) == pytest.approx(2.8, rel=1e-15)
     assert np.degrees(point.states.dihedral) == pytest.approx(degrees, rel=1e-15)
     rates = aircraft.rates(point.states, point.inputs)
     assert rates[2] == pytest.approx(68.0 * np.sin(np.radians(climb)), rel=1e-12, abs=1e-12)
-    warm = find_operating_point(aircraft, condition, find_operating_point(aircraft, level_flight(0.25)))
+    warm = find_operating_point(
+        aircraft, condition, find_operating_point(aircraft, level_flight(0.25))
+    )
     np.testing.assert_allclose(warm.states, point.states, rtol=1e-10, atol=1e-12)
     np.testing.assert_allclose(warm.inputs, point.inputs, rtol=1e-10, atol=1e-12)
 
@@ -57,7 +74,11 @@ def test_a_point_that_is_not_trimmed_does_not_meet_the_specification(aircraft: A
     point = find_operating_point(aircraft, BASE)
     off = point.inputs._replace(elevator_outer=point.inputs.elevator_outer + np.radians(1e-3))
     with pytest.raises(AssertionError):
-        assert_meets(aircraft, BASE, OperatingPoint(point.states, off, point.residuals, point.dynamics, point.status))
+        assert_meets(
+            aircraft,
+            BASE,
+            OperatingPoint(point.states, off, point.residuals, point.dynamics, point.status),
+        )
 
 
 @pytest.mark.parametrize("free", ["alpha", "dihedral", "speed", "altitude"])
@@ -73,14 +94,19 @@ def test_a_state_set_free_finds_the_same_flight_again(aircraft: Aircraft, free: 
 # More unknowns than equations.
 
 
-@pytest.mark.parametrize("extra", [("aileron_center",), ("aileron_center", "alpha"), ("aileron_center", "dihedral")])
+@pytest.mark.parametrize(
+    "extra", [("aileron_center",), ("aileron_center", "alpha"), ("aileron_center", "dihedral")]
+)
 def test_least_effort_is_a_minimum(aircraft: Aircraft, extra: tuple[str, ...]) -> None:
-    """Any of the spare unknowns held a little elsewhere, the rest free again: more effort, by a second-order amount."""
+    """Any of the spare unknowns held a little elsewhere, the rest free again: more effort, by a
+    second-order amount."""
     condition = release(BASE, free=extra)
     point = find_operating_point(aircraft, condition)
     assert_meets(aircraft, condition, point)
     for name in extra:
-        aside = [release(condition, hold={name: point.values[name] + step}) for step in (-1e-3, 1e-3)]
+        aside = [
+            release(condition, hold={name: point.values[name] + step}) for step in (-1e-3, 1e-3)
+        ]
         dearer = [effort(find_operating_point(aircraft, each)) for each in aside]
         assert min(dearer) > effort(point), name
         # At a minimum both sides cost the same to second order.
@@ -89,13 +115,23 @@ def test_least_effort_is_a_minimum(aircraft: Aircraft, extra: tuple[str, ...]) -
 
 @pytest.mark.parametrize(
     ("limited", "limits"),
-    [("elevator_outer", (-0.02, 0.5)), ("aileron_outer", (0.01, 0.02)), ("aileron_outer", (0.04, 0.3))],
+    [
+        ("elevator_outer", (-0.02, 0.5)),
+        ("aileron_outer", (0.01, 0.02)),
+        ("aileron_outer", (0.04, 0.3)),
+    ],
 )
-def test_least_effort_stays_within_limits(aircraft: Aircraft, limited: str, limits: tuple[float, float]) -> None:
+def test_least_effort_stays_within_limits(
+    aircraft: Aircraft, limited: str, limits: tuple[float, float]
+) -> None:
     """The unlimited minimum lies outside these: the limited one lies on the nearer limit."""
-    unlimited = find_operating_point(aircraft, release(BASE, free=("aileron_center",))).values[limited]
+    unlimited = find_operating_point(aircraft, release(BASE, free=("aileron_center",))).values[
+        limited
+    ]
     assert not limits[0] <= unlimited <= limits[1]
-    condition = release(level_flight(float(np.radians(15.0)), limits={limited: limits}), free=("aileron_center",))
+    condition = release(
+        level_flight(float(np.radians(15.0)), limits={limited: limits}), free=("aileron_center",)
+    )
     point = find_operating_point(aircraft, condition)
     assert_meets(aircraft, condition, point)
     assert point.values[limited] == pytest.approx(np.clip(unlimited, *limits), abs=1e-9)
@@ -116,7 +152,9 @@ def test_a_binding_limit_is_named(aircraft: Aircraft, extra: tuple[str, ...]) ->
     assert message.startswith("no trim: these rates do not balance: speed by -0.3")
     assert attempt.status == "failed"
     assert attempt.inputs.throttle == pytest.approx(30.0, rel=1e-15)
-    assert aircraft.rates(attempt.states, attempt.inputs)[0] == pytest.approx(attempt.residuals["speed"], rel=1e-12)
+    assert aircraft.rates(attempt.states, attempt.inputs)[0] == pytest.approx(
+        attempt.residuals["speed"], rel=1e-12
+    )
 
 
 def test_too_few_unknowns_name_the_equations_and_the_amounts(aircraft: Aircraft) -> None:
@@ -137,8 +175,11 @@ def test_an_equation_that_nothing_moves_is_named(aircraft: Aircraft) -> None:
         find_operating_point(aircraft, release(BASE, hold={"pitch_rate": 0.1}))
 
 
-def test_the_cheaper_of_two_minima_is_found(published_aircraft: Aircraft, point: OperatingPoint) -> None:
-    """With three variables free least effort has two minima: wings a little down (0.248), and at their highest."""
+def test_the_cheaper_of_two_minima_is_found(
+    published_aircraft: Aircraft, point: OperatingPoint
+) -> None:
+    """With three variables free least effort has two minima: wings a little down (0.248), and at
+    their highest."""
     condition = release(level_flight(float(np.radians(10.0))), free=("speed", "dihedral", "gamma"))
     for start in (None, point):
         found = find_operating_point(published_aircraft, condition, start)
@@ -154,15 +195,29 @@ def test_the_cheaper_of_two_minima_is_found(published_aircraft: Aircraft, point:
     [
         ({"speed": 0.0}, "speed is 0 ft/s; it must lie between 1 ft/s and 500 ft/s"),
         ({"speed": 0.0, "limits": {"speed": (-1.0, 1.0)}}, "speed is 0 ft/s; it must be positive"),
-        ({"altitude": 300_000.0, "limits": {"altitude": (0.0, 1e6)}}, "the atmosphere covers 0 to 65000 ft"),
-        ({"dihedral": np.pi / 2, "limits": {"dihedral": (-3.0, 3.0)}}, "dihedral is 90 deg; it must be above -90 and"),
-        ({"dihedral": -np.pi / 2, "limits": {"dihedral": (-3.0, 3.0)}}, "dihedral is -90 deg; it must be above -90 a"),
+        (
+            {"altitude": 300_000.0, "limits": {"altitude": (0.0, 1e6)}},
+            "the atmosphere covers 0 to 65000 ft",
+        ),
+        (
+            {"dihedral": np.pi / 2, "limits": {"dihedral": (-3.0, 3.0)}},
+            "dihedral is 90 deg; it must be above -90 and",
+        ),
+        (
+            {"dihedral": -np.pi / 2, "limits": {"dihedral": (-3.0, 3.0)}},
+            "dihedral is -90 deg; it must be above -90 a",
+        ),
         ({"dihedral": float("nan")}, "dihedral is nan; give a finite number"),
         ({"limits": {"rudder": (-1.0, 1.0)}}, "unknown trim variable 'rudder'"),
-        ({"limits": {"alpha": (0.5, 0.1)}}, "limits of alpha are 28.6479 deg to 5.72958 deg; the first must be"),
+        (
+            {"limits": {"alpha": (0.5, 0.1)}},
+            "limits of alpha are 28.6479 deg to 5.72958 deg; the first must be",
+        ),
     ],
 )
-def test_bad_conditions_are_refused(aircraft: Aircraft, changes: dict[str, float], words: str) -> None:
+def test_bad_conditions_are_refused(
+    aircraft: Aircraft, changes: dict[str, float], words: str
+) -> None:
     with pytest.raises(BadInputError) as caught:
         find_operating_point(aircraft, level_flight(**({"dihedral": 0.1} | changes)))  # type: ignore[arg-type]
     assert words in str(caught.value)
@@ -182,7 +237,9 @@ def test_contradictions_are_refused() -> None:
 def test_a_control_that_moves_nothing_is_named(aircraft: Aircraft) -> None:
     """Ailerons without effect leave a column of zeros."""
     without = aircraft.parameters._replace(aileron_lift=0.0, aileron_moment=0.0)
-    with pytest.raises(TrimError, match=r"no trim: .*; aileron_outer moves none of them, set something else free\)"):
+    with pytest.raises(
+        TrimError, match=r"no trim: .*; aileron_outer moves none of them, set something else free\)"
+    ):
         find_operating_point(Aircraft(without, aircraft.variant), BASE)
     with pytest.raises(TrimError) as refusal:
         find_operating_point(aircraft, release(BASE, hold={"aileron_outer": 0.3}))
@@ -190,14 +247,17 @@ def test_a_control_that_moves_nothing_is_named(aircraft: Aircraft) -> None:
 
 
 def test_controls_that_cannot_be_told_apart_are_named(aircraft: Aircraft) -> None:
-    """Tails that are small and far away only pitch: the outer ones can do nothing that the center one cannot."""
+    """Tails that are small and far away only pitch: the outer ones can do nothing that the center
+    one cannot."""
     p = aircraft.parameters
     far = p._replace(tail_area=p.tail_area * 1e-14, boom_length=p.boom_length * 1e14)
     alike = Aircraft(far, aircraft.variant)
     same = "elevator_outer moves them only as elevator_center does; set something else free"
     with pytest.raises(TrimError, match=rf"^no trim: .*; {same}\); 8 other starts failed too$"):
         find_operating_point(alike, BASE)
-    find_operating_point(alike, release(BASE, free=("aileron_center",), hold={"elevator_outer": 0.0}))
+    find_operating_point(
+        alike, release(BASE, free=("aileron_center",), hold={"elevator_outer": 0.0})
+    )
 
 
 @pytest.mark.parametrize("degrees", [0.0, 89.9999, -89.9999])
@@ -217,14 +277,25 @@ def test_without_air_it_falls(aircraft: Aircraft, dihedral: float) -> None:
     assert (loads.lift, loads.drag, loads.pitching_moment) == (0.0, 0.0, 0.0)
     rates, gamma = rates_from_loads(x, loads, p, aircraft.variant), x.pitch - x.alpha
     assert rates.speed == pytest.approx(-p.gravity * np.sin(gamma), rel=1e-14)
-    assert rates.pitch - rates.alpha == pytest.approx(-p.gravity * np.cos(gamma) / x.speed, rel=1e-14)
+    assert rates.pitch - rates.alpha == pytest.approx(
+        -p.gravity * np.cos(gamma) / x.speed, rel=1e-14
+    )
     assert rates.pitch_rate == 0.0
 
 
 # The pitch angle, alpha + gamma: the same limits in single trims and in sweeps.
 
-#: Flight-path angle and angle of attack, deg, around a pitch angle of 60 deg; the last beyond 60 deg of path only.
-ANGLES = [(57.1, 2.8), (57.3, 2.8), (59.0, 2.8), (59.0, 0.9), (60.5, 2.0), (61.0, 0.5), (60.2, -0.3)]
+#: Flight-path angle and angle of attack, deg, around a pitch angle of 60 deg; the last beyond 60
+#: deg of path only.
+ANGLES = [
+    (57.1, 2.8),
+    (57.3, 2.8),
+    (59.0, 2.8),
+    (59.0, 0.9),
+    (60.5, 2.0),
+    (61.0, 0.5),
+    (60.2, -0.3),
+]
 
 
 @pytest.fixture(scope="module")
@@ -244,7 +315,10 @@ def test_a_chunk_and_a_trim_agree(strong: Aircraft, gamma: float, alpha: float) 
         assert find_operating_point(strong, condition).status == "trimmed"
         assert chunk.status[0] == TRIMMED
     else:
-        with pytest.raises(TrimError, match=r"pitch would have to be .* deg, it must lie between -60 deg and 60 deg$"):
+        with pytest.raises(
+            TrimError,
+            match=r"pitch would have to be .* deg, it must lie between -60 deg and 60 deg$",
+        ):
             find_operating_point(strong, condition)
         assert chunk.status[0] == BEYOND_LIMITS
 
@@ -255,5 +329,7 @@ def test_limits_that_hold_only_together_are_checked(strong: Aircraft) -> None:
     lifted = find_operating_point(strong, steep)
     held = {name: getattr(lifted.inputs, name) for name in ("throttle", "aileron_outer")}
     both = release(level_flight(0.0), free=("alpha", "gamma"), hold=held)
-    with pytest.raises(TrimError, match=r"pitch would have to be 64\.8 deg, it must lie between -60 deg and 60 deg"):
+    with pytest.raises(
+        TrimError, match=r"pitch would have to be 64\.8 deg, it must lie between -60 deg and 60 deg"
+    ):
         find_operating_point(strong, both, lifted)

@@ -1,5 +1,5 @@
-"""What a trim says: for people every variable, limit and verdict in 100 columns; for files the same in numbers; loads,
-performance and the view from the front, each by a second route."""
+"""What a trim says: for people every variable, limit and verdict in 100 columns; for files the same
+in numbers; loads, performance and the view from the front, each by a second route."""
 
 from __future__ import annotations
 
@@ -19,8 +19,16 @@ from random_points import RATE_SCALES
 from hfa_model import Aircraft
 from hfa_model.aircraft import HFA
 from hfa_support import Report
-from trim import OperatingPoint, TrimCondition, find_operating_point, level_flight, release, trim_figure, trim_report
-from trim.point.hfa_report import panels_from_the_front, performance
+from trim import (
+    OperatingPoint,
+    TrimCondition,
+    find_operating_point,
+    level_flight,
+    release,
+    trim_figure,
+    trim_report,
+)
+from trim.hfa.hfa_report import panels_from_the_front, performance
 from trim.point.trim_report import all_margins
 
 BASE = level_flight(float(np.radians(10.0)))
@@ -31,23 +39,34 @@ def reported(aircraft: Aircraft, condition: TrimCondition) -> tuple[OperatingPoi
     return point, trim_report(aircraft, condition, point)
 
 
-def test_every_variable_is_shown_with_its_limits_and_the_margin_to_one(published_aircraft: Aircraft) -> None:
+def test_every_variable_is_shown_with_its_limits_and_the_margin_to_one(
+    published_aircraft: Aircraft,
+) -> None:
     condition = release(BASE, free=("alpha",), hold={"aileron_outer": 0.0})
     point, report = reported(published_aircraft, condition)
     said = report.text()
     for name, margin in all_margins(condition, point).items():
         factor = math.degrees(1.0) if HFA.unit(name).startswith("rad") else 1.0
-        limits = "" if math.isinf(margin.lowest) else f" +{margin.lowest * factor:.6g} +{margin.highest * factor:.6g}"
+        limits = (
+            ""
+            if math.isinf(margin.lowest)
+            else f" +{margin.lowest * factor:.6g} +{margin.highest * factor:.6g}"
+        )
         to = f" +{margin.distance * factor:.5f} +{margin.nearer}" if margin.nearer else ""
         role = "imposed" if margin.role == "held" else margin.role
-        assert re.search(rf"^{name} +{margin.value * factor:.5f} +\S+ +{role}{limits}{to}$", said, re.M), name
+        assert re.search(
+            rf"^{name} +{margin.value * factor:.5f} +\S+ +{role}{limits}{to}$", said, re.M
+        ), name
     assert re.search(r"^alpha +3\.18040 +deg +free +-20 +20 +16\.81960 +highest$", said, re.M)
     assert re.search(r"^pitch +3\.18040 +deg +follows +-60 +60 +56\.81960 +highest$", said, re.M)
-    assert re.search(r"^aileron_outer +0\.00000 +deg +imposed +-20 +20 +20\.00000 +lowest$", said, re.M)
+    assert re.search(
+        r"^aileron_outer +0\.00000 +deg +imposed +-20 +20 +20\.00000 +lowest$", said, re.M
+    )
 
 
 def test_a_limit_that_binds_is_named_first(published_aircraft: Aircraft) -> None:
-    """Least effort wants the outer elevator at -2.8 deg; it may go to -2 deg only, and stays there."""
+    """Least effort wants the outer elevator at -2.8 deg; it may go to -2 deg only, and stays
+    there."""
     limit = math.radians(-2.0)
     limited = level_flight(BASE.imposed["dihedral"], limits={"elevator_outer": (limit, 0.5)})
     condition = release(limited, free=("aileron_center",))
@@ -57,7 +76,9 @@ def test_a_limit_that_binds_is_named_first(published_aircraft: Aircraft) -> None
     first = found["elevator_outer"]
     assert (first.nearer, first.nearer_limit, first.at_limit) == ("lowest", limit, True)
     assert not any(found[name].at_limit for name in data["nearest_limits"][1:])
-    assert re.search(r"^elevator_outer, lowest +-2 +0\.00000 +deg +0\.0 % +BINDS$", report.text(), re.M)
+    assert re.search(
+        r"^elevator_outer, lowest +-2 +0\.00000 +deg +0\.0 % +BINDS$", report.text(), re.M
+    )
 
 
 def test_each_equation_has_its_tolerance_and_its_verdict(published_aircraft: Aircraft) -> None:
@@ -77,21 +98,33 @@ def test_each_equation_has_its_tolerance_and_its_verdict(published_aircraft: Air
             assert failed == ([name] if verdict == "FAIL" else [])
 
 
-def test_the_report_has_the_loads_of_the_whole_and_of_each_panel(published_aircraft: Aircraft) -> None:
+def test_the_report_has_the_loads_of_the_whole_and_of_each_panel(
+    published_aircraft: Aircraft,
+) -> None:
     point, report = reported(published_aircraft, BASE)
     loads = published_aircraft.loads(point.states, point.inputs)
-    rows = {line.split("  ")[0]: re.findall(r"-?\d[\d.]*", line) for line in report.text().splitlines()}
-    weight, lift, coefficient = (np.array(rows[name][:3], float) for name in ("weight", "lift", "lift coefficient"))
+    rows = {
+        line.split("  ")[0]: re.findall(r"-?\d[\d.]*", line) for line in report.text().splitlines()
+    }
+    weight, lift, coefficient = (
+        np.array(rows[name][:3], float) for name in ("weight", "lift", "lift coefficient")
+    )
     np.testing.assert_allclose(lift, [loads.lift, loads.center.lift, loads.outer.lift], atol=6e-5)
     pressure = float(rows["dynamic pressure q"][0])
-    np.testing.assert_allclose(coefficient * pressure * np.array([1920.0, 640.0, 640.0]), lift, rtol=5e-4)
+    np.testing.assert_allclose(
+        coefficient * pressure * np.array([1920.0, 640.0, 640.0]), lift, rtol=5e-4
+    )
     assert weight[0] == pytest.approx(weight[1] + 2 * weight[2], abs=2e-4)
-    assert (rows["Mach number"][0], rows["with hinge spring"]) == (f"{68.0 / (295.07 / 0.3048):.4g}", ["0.0000"])
+    assert (rows["Mach number"][0], rows["with hinge spring"]) == (
+        f"{68.0 / (295.07 / 0.3048):.4g}",
+        ["0.0000"],
+    )
 
 
 @pytest.mark.parametrize("command", ["trim", "linearize"])
 def test_a_trim_that_fails_is_data_too(command: str) -> None:
-    """The nearest point within the limits, what binds and why; exit code 1 and the sentence as without --json."""
+    """The nearest point within the limits, what binds and why; exit code 1 and the sentence as
+    without --json."""
     words = (command, "--dihedral", "10", "--limit", "throttle=0:30")
     found, plain = hfa(*words, "--json"), hfa(*words)
     assert (found.code, plain.code, plain.out) == (1, 1, "")
@@ -110,7 +143,9 @@ def test_the_pitch_angle_follows_and_limits_gamma(published_aircraft: Aircraft) 
     assert re.search(r"^throttle, lowest +0 +0\.00000 +1 +0\.0 % +held there$", report.text(), re.M)
     assert report.data["binding"] == []
     assert (found["pitch"].role, found["gamma"].role) == ("follows", "free")
-    np.testing.assert_allclose(np.degrees([found["gamma"].lowest, found["gamma"].highest]), (-62.8, 57.2), rtol=1e-12)
+    np.testing.assert_allclose(
+        np.degrees([found["gamma"].lowest, found["gamma"].highest]), (-62.8, 57.2), rtol=1e-12
+    )
     assert found["pitch"].distance == pytest.approx(np.radians(60.0) - abs(point.states.pitch))
     assert found["gamma"].distance == pytest.approx(found["pitch"].distance, rel=1e-12)
 
@@ -119,29 +154,54 @@ METRE_PER_FOOT = 0.3048
 
 
 LEVEL = level_flight(math.radians(11.0), speed=70.0, altitude=20_000.0)
-CLIMB, GLIDE = release(LEVEL, hold={"gamma": 0.05}), release(LEVEL, free=("gamma",), hold={"throttle": 0.0})
+CLIMB, GLIDE = (
+    release(LEVEL, hold={"gamma": 0.05}),
+    release(LEVEL, free=("gamma",), hold={"throttle": 0.0}),
+)
 
 
 @pytest.mark.parametrize("condition", [LEVEL, CLIMB, GLIDE], ids=["level", "climb", "glide"])
-def test_performance_is_that_of_the_loads_in_steady_flight(aircraft: Aircraft, condition: TrimCondition) -> None:
-    """Forces are coefficient times pressure times area; L + T sin α = W cos γ, T cos α - D = W sin γ, n = cos γ."""
+def test_performance_is_that_of_the_loads_in_steady_flight(
+    aircraft: Aircraft, condition: TrimCondition
+) -> None:
+    """Forces are coefficient times pressure times area; L + T sin α = W cos γ, T cos α - D = W sin
+    γ, n = cos γ."""
     point = find_operating_point(aircraft, condition)
     gamma = point.values["gamma"]
-    found, p, alpha = SimpleNamespace(**performance(aircraft, point)), aircraft.parameters, point.states.alpha
+    found, p, alpha = (
+        SimpleNamespace(**performance(aircraft, point)),
+        aircraft.parameters,
+        point.states.alpha,
+    )
     loads = aircraft.loads(point.states, point.inputs)
-    air, metres_per_second = Atmosphere(point.states.altitude * METRE_PER_FOOT), point.states.speed * METRE_PER_FOOT
+    air, metres_per_second = (
+        Atmosphere(point.states.altitude * METRE_PER_FOOT),
+        point.states.speed * METRE_PER_FOOT,
+    )
     pressure = 0.5 * float(air.density[0]) * metres_per_second**2  # Pa
-    assert found.speed_of_sound * METRE_PER_FOOT == pytest.approx(float(air.speed_of_sound[0]), rel=1e-6)
+    assert found.speed_of_sound * METRE_PER_FOOT == pytest.approx(
+        float(air.speed_of_sound[0]), rel=1e-6
+    )
     assert found.mach == pytest.approx(metres_per_second / float(air.speed_of_sound[0]), rel=1e-6)
     assert found.dynamic_pressure == pytest.approx(pressure / 47.880259, rel=2e-6)
-    assert found.dynamic_pressure == pytest.approx(found.density * point.states.speed**2 / 2, rel=1e-14)
+    assert found.dynamic_pressure == pytest.approx(
+        found.density * point.states.speed**2 / 2, rel=1e-14
+    )
     assert found.wing_area == pytest.approx(1920.0, rel=1e-5)  # three panels of 80 ft by 8 ft
-    assert found.lift_coefficient * found.dynamic_pressure * found.wing_area == pytest.approx(loads.lift, rel=1e-13)
-    assert found.drag_coefficient * found.dynamic_pressure * found.wing_area == pytest.approx(loads.drag, rel=1e-13)
+    assert found.lift_coefficient * found.dynamic_pressure * found.wing_area == pytest.approx(
+        loads.lift, rel=1e-13
+    )
+    assert found.drag_coefficient * found.dynamic_pressure * found.wing_area == pytest.approx(
+        loads.drag, rel=1e-13
+    )
     assert found.lift_over_drag == pytest.approx(loads.lift / loads.drag, rel=1e-13)
     assert found.weight == pytest.approx(3 * p.panel_mass * 32.174, rel=1e-3)
-    assert loads.lift + loads.thrust * math.sin(alpha) == pytest.approx(found.weight * math.cos(gamma), rel=1e-9)
-    assert loads.thrust * math.cos(alpha) - loads.drag == pytest.approx(found.weight * math.sin(gamma), abs=1e-6)
+    assert loads.lift + loads.thrust * math.sin(alpha) == pytest.approx(
+        found.weight * math.cos(gamma), rel=1e-9
+    )
+    assert loads.thrust * math.cos(alpha) - loads.drag == pytest.approx(
+        found.weight * math.sin(gamma), abs=1e-6
+    )
     assert found.load_factor == pytest.approx(math.cos(gamma), rel=1e-9)
     assert found.hinge_moment_total == pytest.approx(0.0, abs=1e-6)
     elastic = p.hinge_stiffness * point.states.dihedral
@@ -155,14 +215,19 @@ def test_lift_is_across_each_panel_carries_the_weight_and_is_drawn_to_scale(
     point = model_at(degrees).point
     panels = panels_from_the_front(published_aircraft, point)
     loads = published_aircraft.loads(point.states, point.inputs)
-    for panel, lift in zip(panels, (loads.outer.lift, loads.center.lift, loads.outer.lift), strict=True):
+    for panel, lift in zip(
+        panels, (loads.outer.lift, loads.center.lift, loads.outer.lift), strict=True
+    ):
         assert np.linalg.norm(panel.lift) == pytest.approx(lift)
         assert panel.lift @ (panel.ends[1] - panel.ends[0]) == pytest.approx(0.0, abs=1e-9)
     lift, weight = (sum(getattr(panel, name) for panel in panels) for name in ("lift", "weight"))
-    # What is missing to the whole weight is the lift's tilt by alpha, drag and thrust: a few thousandths.
+    # What is missing to the whole weight is the lift's tilt by alpha, drag and thrust: a few
+    # thousandths.
     np.testing.assert_allclose(lift, -weight, rtol=5e-3, atol=1e-9)
     axes = trim_figure(published_aircraft, point).axes[0]
-    drawn = [np.subtract(each.xy, each.xyann) for each in axes.texts if each.arrow_patch is not None]
+    drawn = [
+        np.subtract(each.xy, each.xyann) for each in axes.texts if each.arrow_patch is not None
+    ]
     forces = [force for panel in panels for force in (panel.lift, panel.weight)]
     scale = np.linalg.norm(drawn[0]) / np.linalg.norm(forces[0])
     np.testing.assert_allclose(drawn, np.array(forces) * scale, atol=1e-9)

@@ -1,4 +1,5 @@
-"""Many points: those of single trims under any condition, their status, modes and refusals; in memory, in a store."""
+"""Many points: those of single trims under any condition, their status, modes and refusals; in
+memory, in a store."""
 
 from __future__ import annotations
 
@@ -17,7 +18,16 @@ from hfa_model.aircraft import HFA
 from hfa_model.vectors import LINEAR_ROWS, STATE_UNITS
 from hfa_support import BadInputError
 from hfa_support.linear_table import LinearTable
-from trim import TrimCondition, TrimError, find_operating_point, level_flight, linearize, load_condition, release, sweep
+from trim import (
+    TrimCondition,
+    TrimError,
+    find_operating_point,
+    level_flight,
+    linearize,
+    load_condition,
+    release,
+    sweep,
+)
 from trim.point.condition import LEVEL_FLIGHT
 from trim.sweeps import points as many
 from trim.sweeps.points import BEYOND_LIMITS, NO_TRIM, TRIMMED, condition_at, is_square, trim_points
@@ -35,17 +45,26 @@ CASES: dict[str, tuple[dict[str, list[float]], TrimCondition, bool]] = {
     "released simulation": ({"dihedral": [0.1, 0.3]}, load_condition("simvfa-64"), False),
     "dihedral held": ({"speed": [64.0, 68.0]}, release(LEVEL_FLIGHT, hold={"dihedral": 0.2}), True),
     "alpha free": ({"dihedral": [0.1, 0.2]}, ALPHA_FREE, True),
-    "alpha free, limited": ({"speed": [40.0, 68.0]}, release(ALPHA_FREE, limits={"alpha": (0.0, 0.09)}), True),
+    "alpha free, limited": (
+        {"speed": [40.0, 68.0]},
+        release(ALPHA_FREE, limits={"alpha": (0.0, 0.09)}),
+        True,
+    ),
     "least effort": ({"speed": [64.0, 68.0]}, release(LEVEL_FLIGHT, free=("alpha",)), False),
     "center aileron": ({"dihedral": [0.1], "aileron_center": [0.0, 0.02]}, LEVEL_FLIGHT, True),
-    "slow": ({"dihedral": [0.0, 0.2], "speed": [30.0, 50.0, 68.0], "altitude": [5e3, 4e4]}, LEVEL_FLIGHT, True),
+    "slow": (
+        {"dihedral": [0.0, 0.2], "speed": [30.0, 50.0, 68.0], "altitude": [5e3, 4e4]},
+        LEVEL_FLIGHT,
+        True,
+    ),
     "mass": ({"panel_mass": [10.0, 11.0], "dihedral": [0.1]}, LEVEL_FLIGHT, True),
 }
 
 
 @pytest.mark.parametrize("name", CASES)
 def test_each_point_is_that_of_a_single_trim(aircraft: Aircraft, name: str) -> None:
-    """Without a trim the same reason: which rates do not balance, which limits bind, what it would take beyond them."""
+    """Without a trim the same reason: which rates do not balance, which limits bind, what it would
+    take beyond them."""
     grid, condition, square = CASES[name]
     assert is_square(aircraft.model, tuple(grid), condition) == square
     result = sweep(aircraft, grid, condition=condition)
@@ -71,16 +90,34 @@ def test_each_point_is_that_of_a_single_trim(aircraft: Aircraft, name: str) -> N
     ("grid", "condition", "words"),
     [
         ({"throttle": [0.0, 50.0]}, LIMITED, "throttle is 50; it must lie between 0 and 40"),
-        ({"dihedral": [0.1, 0.5]}, load_condition("simvfa-64"), "alpha is given from 0 deg to 20 deg of dihedral"),
+        (
+            {"dihedral": [0.1, 0.5]},
+            load_condition("simvfa-64"),
+            "alpha is given from 0 deg to 20 deg of dihedral",
+        ),
         ({"flaps": [0.1]}, LEVEL_FLIGHT, "cannot sweep 'flaps'; choose from speed, alpha"),
-        ({"dihedral": [5.0, 15.0]}, LEVEL_FLIGHT, "dihedral is 286.479 deg; it must lie between -60 deg and 60 deg"),
-        ({"speed": np.ma.masked_less([60.0, 68.0], 65.0)}, LEVEL_FLIGHT, "speed has masked entries"),
-        ({"panel_mass": [-1.0]}, LEVEL_FLIGHT, "panel_mass is -1 slug in the sweep; it must lie between 0 slug"),
+        (
+            {"dihedral": [5.0, 15.0]},
+            LEVEL_FLIGHT,
+            "dihedral is 286.479 deg; it must lie between -60 deg and 60 deg",
+        ),
+        (
+            {"speed": np.ma.masked_less([60.0, 68.0], 65.0)},
+            LEVEL_FLIGHT,
+            "speed has masked entries",
+        ),
+        (
+            {"panel_mass": [-1.0]},
+            LEVEL_FLIGHT,
+            "panel_mass is -1 slug in the sweep; it must lie between 0 slug",
+        ),
         ({}, LEVEL_FLIGHT, "nothing to sweep"),
         ({"speed": []}, LEVEL_FLIGHT, "give a list of numbers"),
     ],
 )
-def test_what_no_trim_takes_no_sweep_takes(published_aircraft: Aircraft, grid, condition, words: str) -> None:
+def test_what_no_trim_takes_no_sweep_takes(
+    published_aircraft: Aircraft, grid, condition, words: str
+) -> None:
     with pytest.raises(BadInputError, match=words):
         sweep(published_aircraft, grid, condition=condition)
 
@@ -100,12 +137,19 @@ def eigenvalues_in(line: str) -> list[complex]:
 @pytest.fixture(scope="module")
 def over_two(published_aircraft: Aircraft) -> Sweep:
     """Fast modes meet in conjugate pairs at one altitude and not at another."""
-    grid = {"dihedral": [20 * DEGREE], "speed": np.arange(60.0, 81.0, 5.0), "altitude": [0.0, 20_000.0, 40_000.0]}
+    grid = {
+        "dihedral": [20 * DEGREE],
+        "speed": np.arange(60.0, 81.0, 5.0),
+        "altitude": [0.0, 20_000.0, 40_000.0],
+    }
     return sweep(published_aircraft, grid, condition=release(LEVEL_FLIGHT, free=("alpha",)))
 
 
-def test_every_eigenvalue_of_every_point_is_shown_once(published_aircraft: Aircraft, over_two: Sweep) -> None:
-    """Beyond 28 deg the pair of the short period becomes two real eigenvalues; two modes may meet in a pair."""
+def test_every_eigenvalue_of_every_point_is_shown_once(
+    published_aircraft: Aircraft, over_two: Sweep
+) -> None:
+    """Beyond 28 deg the pair of the short period becomes two real eigenvalues; two modes may meet
+    in a pair."""
     steep = sweep(published_aircraft, {"dihedral": np.radians(np.arange(0.0, 60.1, 5.0))})
     for shown in (steep, over_two):
         lines = [line for line in shown.report().text().splitlines() if re.match(r"\d", line)]
@@ -117,17 +161,25 @@ def test_every_eigenvalue_of_every_point_is_shown_once(published_aircraft: Aircr
 
 
 def test_modes_do_not_jump_in_a_sweep_over_two_variables(over_two: Sweep) -> None:
-    """Along each line of speeds the columns move smoothly; walked in one line over both variables they jumped."""
+    """Along each line of speeds the columns move smoothly; walked in one line over both variables
+    they jumped."""
     fast = over_two.eigenvalues.reshape(5, 3, 6)[:, 0]
     assert over_two.mode_names[0] == "short period (fast)"
-    np.testing.assert_allclose(fast[:, 0], [-26.9628, -29.2923, -31.6144, -33.9310, -36.2431], atol=1e-3)
+    np.testing.assert_allclose(
+        fast[:, 0], [-26.9628, -29.2923, -31.6144, -33.9310, -36.2431], atol=1e-3
+    )
     assert (np.abs(np.diff(fast, axis=0)) < 0.2 * np.abs(fast[:-1]) + 0.2).all()
 
 
 @pytest.mark.parametrize(("lowest", "warned"), [(-15.0, False), (-16.0, True)])
-def test_a_sweep_warns_beyond_the_papers_range(published_aircraft: Aircraft, lowest: float, warned: bool) -> None:
+def test_a_sweep_warns_beyond_the_papers_range(
+    published_aircraft: Aircraft, lowest: float, warned: bool
+) -> None:
     notes = sweep(published_aircraft, {"dihedral": np.radians([lowest, 15.0])}).report().notes
-    assert list(notes) == ["dihedral -16 deg lies beyond the paper's range, which ends at 15 deg"] * warned
+    assert (
+        list(notes)
+        == ["dihedral -16 deg lies beyond the paper's range, which ends at 15 deg"] * warned
+    )
 
 
 LISTS = [
@@ -140,16 +192,21 @@ LISTS = [
 
 
 @pytest.mark.parametrize(("text", "words"), LISTS)
-def test_a_fault_in_a_list_of_points_is_named_by_row_and_column(text: str, words: str, tmp_path: Path) -> None:
+def test_a_fault_in_a_list_of_points_is_named_by_row_and_column(
+    text: str, words: str, tmp_path: Path
+) -> None:
     path = tmp_path / "points.csv"
     path.write_text(text, encoding="utf-8")
     assert_refused(hfa("sweep", "--condition", str(path)), 2, f"hfa: {path}: {words}")
 
 
 def test_a_list_of_points_is_swept_row_by_row(published_aircraft: Aircraft, tmp_path: Path) -> None:
-    """Degrees typed; each row is the single trim of its values; in a store the same; nothing is named twice."""
+    """Degrees typed; each row is the single trim of its values; in a store the same; nothing is
+    named twice."""
     path = tmp_path / "points.csv"
-    path.write_text("speed,dihedral,climb_rate,panel_mass\n64,5,0,9.33\n68,10,1,9.3\n", encoding="utf-8")
+    path.write_text(
+        "speed,dihedral,climb_rate,panel_mass\n64,5,0,9.33\n68,10,1,9.3\n", encoding="utf-8"
+    )
     words = ("sweep", "--condition", str(path), "--free", "gamma")
     data = json.loads(hfa(*words, "--json").out)
     columns = {"speed": [64.0, 68.0], "dihedral": np.radians([5.0, 10.0]), "climb_rate": [0.0, 1.0]}
@@ -165,7 +222,9 @@ def test_a_list_of_points_is_swept_row_by_row(published_aircraft: Aircraft, tmp_
     stored = hfa(*words, "-o", str(tmp_path / "points.zarr"), "--json")
     assert json.loads(stored.out)["counts"]["trimmed"] == 2
     assert_refused(hfa(*words, "--hold", "speed=60"), 2, "speed has a column or a range beside ")
-    assert_refused(hfa("trim", "--dihedral", "5", *words[1:3]), 2, "is a list of points; `hfa sweep` takes it")
+    assert_refused(
+        hfa("trim", "--dihedral", "5", *words[1:3]), 2, "is a list of points; `hfa sweep` takes it"
+    )
     path.write_text("dihedral,speed\n5,64\n10,680\n", encoding="utf-8")
     assert_refused(hfa(*words[:3]), 2, "speed is 680 ft/s")
     with pytest.raises(BadInputError, match="have \\[2, 1\\] values"):
@@ -176,7 +235,9 @@ def test_a_list_of_points_is_swept_row_by_row(published_aircraft: Aircraft, tmp_
 
 LEVEL = ("dihedral", "speed", "altitude", "alpha", "gamma")
 LOWEST, HIGHEST = [0.0, 60.0, 20_000.0, 0.035, -0.05], [0.35, 75.0, 45_000.0, 0.07, 0.05]
-GLIDE = release(LEVEL_FLIGHT, free=("alpha", "gamma"), hold={"throttle": 0.0, "elevator_outer": 0.0})
+GLIDE = release(
+    LEVEL_FLIGHT, free=("alpha", "gamma"), hold={"throttle": 0.0, "elevator_outer": 0.0}
+)
 WORDS = "the equations overflow or divide by zero at this condition with these parameters"
 
 
@@ -201,7 +262,8 @@ def test_many_points_are_those_of_the_robust_solver(dynamics, compile_code, vari
 
 
 def test_no_row_depends_on_its_neighbours(aircraft: Aircraft) -> None:
-    """Bit for bit: alone, with few and with many others; parameters may vary from point to point."""
+    """Bit for bit: alone, with few and with many others; parameters may vary from point to
+    point."""
     random = np.random.default_rng(1)
     variables = ("dihedral", "speed", "panel_mass")
     values = random.uniform([0.0, 55.0, 9.5], [0.35, 75.0, 11.5], (600, 3))
@@ -211,11 +273,14 @@ def test_no_row_depends_on_its_neighbours(aircraft: Aircraft) -> None:
         np.testing.assert_array_equal(part.A, whole.A[rows])
         np.testing.assert_array_equal(part.inputs, whole.inputs[rows])
     heavy = Aircraft(aircraft.parameters._replace(panel_mass=values[7, 2]), aircraft.variant)
-    np.testing.assert_array_equal(trim_points(heavy, variables[:2], values[7:8, :2]).A, whole.A[7:8])
+    np.testing.assert_array_equal(
+        trim_points(heavy, variables[:2], values[7:8, :2]).A, whole.A[7:8]
+    )
 
 
 def test_each_point_carries_its_status(aircraft: Aircraft) -> None:
-    """Speed ft/s, gamma and alpha rad: climb, dive, too slow, too steep an alpha, level, no air speed."""
+    """Speed ft/s, gamma and alpha rad: climb, dive, too slow, too steep an alpha, level, no air
+    speed."""
     statuses = {
         (68.0, 0.35, 0.0489): BEYOND_LIMITS,
         (68.0, -0.35, 0.0489): BEYOND_LIMITS,
@@ -227,7 +292,9 @@ def test_each_point_carries_its_status(aircraft: Aircraft) -> None:
     values = np.array(list(statuses))
     found = trim_points(aircraft, ("speed", "gamma", "alpha"), values)
     assert found.status.tolist() == list(statuses.values())
-    assert np.isfinite(found.A).all(axis=(1, 2)).tolist() == [status == TRIMMED for status in statuses.values()]
+    assert np.isfinite(found.A).all(axis=(1, 2)).tolist() == [
+        status == TRIMMED for status in statuses.values()
+    ]
     limits = np.array([HFA.limits[name] for name in (*STATES, *INPUTS)])
     at = np.hstack([found.states, found.inputs])[:5]
     within = ((at >= limits[:, 0]) & (at <= limits[:, 1])).all(axis=1)
@@ -245,17 +312,30 @@ def test_what_newton_leaves_open_the_robust_solver_settles(
     """Here Newton's method on many points balances nothing."""
     monkeypatch.setattr(many, "_key", lambda *_: None)
     idle, angles = published_aircraft, np.radians([5.0, 15.0])
-    found, result = trim_points(idle, ("dihedral",), angles[:, None]), sweep(idle, {"dihedral": angles})
+    found, result = (
+        trim_points(idle, ("dihedral",), angles[:, None]),
+        sweep(idle, {"dihedral": angles}),
+    )
     for i, angle in enumerate(angles):
         point = find_operating_point(idle, level_flight(float(angle)))
-        for points, model in ((found, linearize(idle, point, full=True)), (result, linearize(idle, point))):
-            assert (points.states[i].tolist(), points.inputs[i].tolist()) == (list(point.states), list(point.inputs))
+        for points, model in (
+            (found, linearize(idle, point, full=True)),
+            (result, linearize(idle, point)),
+        ):
+            assert (points.states[i].tolist(), points.inputs[i].tolist()) == (
+                list(point.states),
+                list(point.inputs),
+            )
             np.testing.assert_array_equal(points.A[i], model.A)
             np.testing.assert_array_equal(points.B[i], model.B)
     masses = idle.parameters.panel_mass * np.array([[1.0], [1.1]])
     heavier = Aircraft(idle.parameters._replace(panel_mass=float(masses[1, 0])))
     inputs = trim_points(idle, ("panel_mass",), masses).inputs
-    assert inputs[1].tolist() == list(find_operating_point(heavier, level_flight(0.0)).inputs) != inputs[0].tolist()
+    assert (
+        inputs[1].tolist()
+        == list(find_operating_point(heavier, level_flight(0.0)).inputs)
+        != inputs[0].tolist()
+    )
 
 
 @pytest.mark.parametrize(("name", "value"), [("lift_slope", 1e200), ("inertia_pitch", 1e-300)])
@@ -265,11 +345,17 @@ def test_an_extreme_parameter_is_refused(
 ) -> None:
     """One at which the first guess, the rates or their Jacobian overflow."""
     with pytest.raises(BadInputError, match=f"{WORDS}; take values"):
-        find_operating_point(Aircraft(parameters._replace(**{name: value})), release(level_flight(0.0), free=free))
+        find_operating_point(
+            Aircraft(parameters._replace(**{name: value})), release(level_flight(0.0), free=free)
+        )
     # In a sweep it is a row.
-    reasons = sweep(Aircraft(parameters._replace(**{name: value})), {"dihedral": [0.0, 0.2]}).reasons
+    reasons = sweep(
+        Aircraft(parameters._replace(**{name: value})), {"dihedral": [0.0, 0.2]}
+    ).reasons
     assert WORDS in reasons[0]
-    found = trim_points(Aircraft(parameters), (name,), np.array([[value], [getattr(parameters, name)]]))
+    found = trim_points(
+        Aircraft(parameters), (name,), np.array([[value], [getattr(parameters, name)]])
+    )
     assert found.status.tolist() == [NO_TRIM, TRIMMED]
     assert np.isfinite(found.A[1]).all()
 
@@ -293,14 +379,24 @@ def test_a_store_has_names_and_units(tmp_path: Path, parameters: Parameters) -> 
     assert counts == {"missing": 0, "trimmed": 4, "beyond limits": 0, "no trim": 0}
     attributes = zarr.open_group(str(tmp_path / "a.zarr"), mode="r").attrs
     assert (attributes["schema"], attributes["state_units"][0]) == ("hfa.sweep-store/1", "ft/s")
-    assert (attributes["variables"], attributes["variable_units"]) == (["dihedral", "speed"], ["rad", "ft/s"])
+    assert (attributes["variables"], attributes["variable_units"]) == (
+        ["dihedral", "speed"],
+        ["rad", "ft/s"],
+    )
     assert attributes["status"] == ["trimmed", "beyond limits", "no trim"]
     read = xarray.open_zarr(tmp_path / "a.zarr", consolidated=False).load()
     assert read.A.dims == ("point", "rate", "state")
     assert read.eigenvalues.dims == ("point", "mode")
-    assert (read.dihedral.dims, read.dihedral.attrs["units"], read.speed.attrs["units"]) == (("point",), "rad", "ft/s")
+    assert (read.dihedral.dims, read.dihedral.attrs["units"], read.speed.attrs["units"]) == (
+        ("point",),
+        "rad",
+        "ft/s",
+    )
     assert {"dihedral", "speed", "state_unit", "rate_unit", "input_unit"} <= set(read.coords)
-    assert (read.input.values.tolist(), read.state_unit.values.tolist()) == (list(INPUTS), list(STATE_UNITS))
+    assert (read.input.values.tolist(), read.state_unit.values.tolist()) == (
+        list(INPUTS),
+        list(STATE_UNITS),
+    )
     pushed = store.read("B")[:, STATES.index("pitch_rate"), INPUTS.index("elevator_center")]
     np.testing.assert_array_equal(read.B.sel(rate="pitch_rate", input="elevator_center"), pushed)
     fast = read.where(read.speed == 68.0, drop=True)
@@ -313,23 +409,31 @@ def test_a_store_has_names_and_units(tmp_path: Path, parameters: Parameters) -> 
 
 def test_a_plan_gives_any_slice_of_the_whole(parameters: Parameters) -> None:
     dihedrals = tuple(np.radians(np.linspace(0, 20, 7)).tolist())
-    plan = SweepPlan({"dihedral": dihedrals, "speed": (25.0, 60.0, 68.0, 75.0)}, Aircraft(parameters))
+    plan = SweepPlan(
+        {"dihedral": dihedrals, "speed": (25.0, 60.0, 68.0, 75.0)}, Aircraft(parameters)
+    )
     whole = plan.values(0, 28)
     assert (plan.count, len(whole), whole[:4, 1].tolist()) == (28, 28, [25.0, 60.0, 68.0, 75.0])
     assert np.array_equal(whole[10:13], plan.values(10, 13))
 
 
 def test_a_range_too_long_or_too_far_is_refused(parameters: Parameters) -> None:
-    with pytest.raises(BadInputError, match=r"dihedral is 80\.2\d* deg; it must lie between -60 deg and 60 deg"):
+    with pytest.raises(
+        BadInputError, match=r"dihedral is 80\.2\d* deg; it must lie between -60 deg and 60 deg"
+    ):
         SweepPlan({"dihedral": Steps(0.0, 0.1, 15)}, Aircraft(parameters))
     with pytest.raises(BadInputError, match="has 1,234,570,000 points, at most 1,000,000,000"):
-        SweepPlan({"dihedral": Steps(0.0, 1e-9, 123457), "speed": Steps(60.0, 1e-6, 10**4)}, Aircraft(parameters))
+        SweepPlan(
+            {"dihedral": Steps(0.0, 1e-9, 123457), "speed": Steps(60.0, 1e-6, 10**4)},
+            Aircraft(parameters),
+        )
 
 
 def test_a_store_has_the_points_of_a_sweep_in_memory_and_is_continued_as_no_other(
     published_aircraft: Aircraft, tmp_path: Path
 ) -> None:
-    """The condition, the limits, where the search begins (it decides the last bits), and the order of the points."""
+    """The condition, the limits, where the search begins (it decides the last bits), and the order
+    of the points."""
     axes = {"dihedral": (5 * DEGREE, 10 * DEGREE), "speed": (64.0, 68.0)}
     plan = SweepPlan(axes, published_aircraft, condition=ALPHA_FREE)
     store = stream_sweep(plan, tmp_path / "a.zarr")
@@ -338,11 +442,17 @@ def test_a_store_has_the_points_of_a_sweep_in_memory_and_is_continued_as_no_othe
     attributes = dict(zarr.open_group(str(tmp_path / "a.zarr"), mode="r").attrs)
     assert attributes["grid"]["speed"] == {"values": [64.0, 68.0], "unit": "ft/s"}
     assert attributes["condition"] == ALPHA_FREE.to_dict()
-    steeper = release(release(LEVEL_FLIGHT, hold={"alpha": 0.06}), free=("alpha",), hold={"aileron_outer": 0.0})
+    steeper = release(
+        release(LEVEL_FLIGHT, hold={"alpha": 0.06}), free=("alpha",), hold={"aileron_outer": 0.0}
+    )
     for other in (
         SweepPlan(axes, published_aircraft),
         SweepPlan(axes, published_aircraft, condition=release(ALPHA_FREE, hold={"gamma": 0.01})),
-        SweepPlan(axes, published_aircraft, condition=release(ALPHA_FREE, limits={"throttle": (0.0, 40.0)})),
+        SweepPlan(
+            axes,
+            published_aircraft,
+            condition=release(ALPHA_FREE, limits={"throttle": (0.0, 40.0)}),
+        ),
         SweepPlan(axes, published_aircraft, condition=steeper),
         SweepPlan(axes, published_aircraft, condition=ALPHA_FREE, start=model_at(15.0).point),
         SweepPlan(dict(reversed(axes.items())), published_aircraft, condition=ALPHA_FREE),

@@ -1,4 +1,5 @@
-"""The judge of critics: the exact one passes, each planted mistake is refused, in any units; no error hides."""
+"""The judge of critics: the exact one passes, each planted mistake is refused, in any units; no
+error hides."""
 
 from __future__ import annotations
 
@@ -17,15 +18,27 @@ from controller import Game, History, basis, learn
 from controller.game.basis import BASES
 from controller.game.learning_result import Excitation, LearningResult
 from controller.riccati.balancing import balanced_units
-from hfa_cli.main import BAD_INPUT, DONE, FAILED
+from hfa.main import BAD_INPUT, DONE, FAILED
 from hfa_model import INPUTS, LINEAR_STATES
 from hfa_support import BadInputError, NoSolutionError
-from verification import check_critic, check_history, from_gain, from_value, from_weights, solve_discounted
+from verification import (
+    check_critic,
+    check_history,
+    from_gain,
+    from_value,
+    from_weights,
+    solve_discounted,
+)
 from verification.critic import diagnosis
 from verification.critic.candidate import Candidate
 from verification.critic.check_result import check_figure
 from verification.critic.critic_check import LIMIT, check_discounted, settling_time
-from verification.critic.critic_errors import ORDINARY_DEVIATIONS, box_errors, matrix_errors, ordinary_box
+from verification.critic.critic_errors import (
+    ORDINARY_DEVIATIONS,
+    box_errors,
+    matrix_errors,
+    ordinary_box,
+)
 
 QUADRATIC = basis("quadratic", 6)
 RICHER = pytest.mark.parametrize("name", ["quadratic+linear", "quadratic+quartic", "paper"])
@@ -35,7 +48,8 @@ pytestmark = pytest.mark.usefixtures("folder")
 
 @pytest.fixture
 def no_cause(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The search for a cause, which takes most of the time and no part in the verdict, is left out."""
+    """The search for a cause, which takes most of the time and no part in the verdict, is left
+    out."""
     monkeypatch.setattr(diagnosis, "diagnose", lambda *_: "")
 
 
@@ -44,7 +58,9 @@ def failed(game: Game, candidate: Candidate, **how: Any) -> set[str]:
 
 
 def over_the_box(game: Game, candidate: Candidate) -> dict[str, float]:
-    return {check.name: check.value for check in box_errors(game, candidate, solved(game), BOX, LIMIT)}
+    return {
+        check.name: check.value for check in box_errors(game, candidate, solved(game), BOX, LIMIT)
+    }
 
 
 @pytest.mark.parametrize("name", BASES)
@@ -67,7 +83,8 @@ def test_the_value_of_a_state_that_costs_nothing_may_be_0() -> None:
 
 
 def test_the_exact_critic_of_a_barely_controllable_plant_passes_and_a_wrong_one_does_not() -> None:
-    """Unstable at +0.5, reached by 3e-6: the rounding of P moves the cost by more than the saddle checks allow."""
+    """Unstable at +0.5, reached by 3e-6: the rounding of P moves the cost by more than the saddle
+    checks allow."""
     A, B = np.array([[-0.04, 0.72], [0.72, -0.46]]), np.array([[-0.5999976], [0.8000018]])
     game = Game(A, B, np.zeros((2, 1)), np.eye(2), np.eye(1), math.inf)
     assert check_critic(game, from_value(game, value(game))).ok
@@ -101,7 +118,8 @@ def test_another_root_with_a_tiny_residual_is_refused(game: Game) -> None:
 
 
 def rank_deficient_weights(game: Game) -> tuple[np.ndarray, float]:
-    """Weights whose Bellman residual vanishes on 15 samples, found by Newton steps of least norm from the LQR's."""
+    """Weights whose Bellman residual vanishes on 15 samples, found by Newton steps of least norm
+    from the LQR's."""
     z = np.random.default_rng(3).standard_normal((15, 6)) / np.sqrt(np.diag(value(game)))
     weights = weights_of(value(game.with_delta(math.inf)) * 1.2)
     for _ in range(30):
@@ -109,14 +127,18 @@ def rank_deficient_weights(game: Game) -> tuple[np.ndarray, float]:
         residual = np.einsum("ni,ij,nj->n", z, game.residual(P), z)
         sigma = np.einsum("nmi,ni->nm", QUADRATIC.gradient(z), z @ (game.A - game.S @ P).T)
         weights = weights - np.linalg.pinv(sigma) @ residual
-    return weights, float(np.abs(residual).max() / np.abs(np.einsum("ni,ij,nj->n", z, game.Q, z)).max())
+    return weights, float(
+        np.abs(residual).max() / np.abs(np.einsum("ni,ij,nj->n", z, game.Q, z)).max()
+    )
 
 
 def result_of(game: Game, weights: np.ndarray, rank: int) -> LearningResult:
     P, ends = QUADRATIC.matrix(weights), np.array([1.0, 1e-12])
     richness = Excitation(rank, 21, 50, 1e-3, 1e3, 1e-12)
     rows = np.array([0.0, 1.0]), np.array([1.1 * weights, weights]), ends, ends
-    return LearningResult("certified", "quadratic", *rows, P, game.gain(P), richness, 1.0, (), {}, 0)
+    return LearningResult(
+        "certified", "quadratic", *rows, P, game.gain(P), richness, 1.0, (), {}, 0
+    )
 
 
 def test_a_critic_of_too_few_data_is_refused_however_small_its_residual(game: Game) -> None:
@@ -134,9 +156,16 @@ def test_a_run_is_also_checked_for_its_settling_time_computed_anew(game: Game) -
     assert check_critic(game, candidate, run=run, predefined_time=2.0).ok
     late = check_critic(game, candidate, run=run, predefined_time=0.5)
     assert failed_names(late.checks) == {"settling_time"}
-    assert late.diagnosis == ""  # the critic is the game's: no mistake of its numbers explains the delay
+    assert (
+        late.diagnosis == ""
+    )  # the critic is the game's: no mistake of its numbers explains the delay
     boasting = replace(run, settling_time=0.0)
-    for factors, settled in (((1.1, 1.0), 1.0), ((1.0, 1.0 + 1e-6), math.inf), ((1, 1), 0.0), ((1, np.nan), math.inf)):
+    for factors, settled in (
+        ((1.1, 1.0), 1.0),
+        ((1.0, 1.0 + 1e-6), math.inf),
+        ((1, 1), 0.0),
+        ((1, np.nan), math.inf),
+    ):
         history = np.outer(factors, weights)
         assert settling_time(game, replace(boasting, weights=history), QUADRATIC) == settled
 
@@ -144,32 +173,55 @@ def test_a_run_is_also_checked_for_its_settling_time_computed_anew(game: Game) -
 # Numbers of any size, wrong shapes, games without a solution.
 
 
-@pytest.mark.filterwarnings("ignore:Input")  # SciPy, on a Lyapunov equation that rounding makes singular
+@pytest.mark.filterwarnings(
+    "ignore:Input"
+)  # SciPy, on a Lyapunov equation that rounding makes singular
 @pytest.mark.usefixtures("no_cause")
 def test_critics_that_overflow_or_are_no_numbers_fail(game: Game) -> None:
     for size in (1e40, 1e60, 1e300):  # finite, and P S P is not
-        for candidate in (from_value(game, size * value(game)), from_gain(game, -size * gain(game))):
+        for candidate in (
+            from_value(game, size * value(game)),
+            from_gain(game, -size * gain(game)),
+        ):
             assert "K_rel_error" in failed(game, candidate)
     for number in (np.nan, np.inf):
         weights = weights_of(value(game))
         weights[2] = number
         with np.errstate(invalid="ignore"):
-            assert {"K_rel_error", "control_loop_abscissa"} <= failed(game, from_weights(game, weights))
+            assert {"K_rel_error", "control_loop_abscissa"} <= failed(
+                game, from_weights(game, weights)
+            )
     P = value(game).copy()
-    P[0, 0] += 1e30  # the search for a perturbation that costs little went on for ever, or ended in a traceback
-    assert {"saddle_control_loses", "saddle_control_slope_error"} <= failed(game, from_value(game, P))
+    P[0, 0] += (
+        1e30  # the search for a perturbation that costs little went on for ever, or ended in a traceback
+    )
+    assert {"saddle_control_loses", "saddle_control_slope_error"} <= failed(
+        game, from_value(game, P)
+    )
 
 
-def test_wrong_shapes_numbers_that_are_not_real_and_a_game_without_a_solution_are_named(game: Game) -> None:
+def test_wrong_shapes_numbers_that_are_not_real_and_a_game_without_a_solution_are_named(
+    game: Game,
+) -> None:
     """NumPy would drop the imaginary part, with a warning, and the rest would pass."""
-    makers = {"W": (from_weights, np.ones(21)), "P": (from_value, np.eye(6)), "K": (from_gain, np.ones((5, 6)))}
-    shapes = {"W": (np.ones(20), "20 weights"), "P": (np.eye(5), "P is 5 x 5"), "K": (np.ones((6, 5)), "K is 6 x 5")}
+    makers = {
+        "W": (from_weights, np.ones(21)),
+        "P": (from_value, np.eye(6)),
+        "K": (from_gain, np.ones((5, 6))),
+    }
+    shapes = {
+        "W": (np.ones(20), "20 weights"),
+        "P": (np.eye(5), "P is 5 x 5"),
+        "K": (np.ones((6, 5)), "K is 6 x 5"),
+    }
     for held, (make, right) in makers.items():
         wrong, said = shapes[held]
         with pytest.raises(BadInputError, match=said):
             make(game, wrong)
         for wrong in (right + 1j, [[1.0], [1.0, 2.0]], right.astype(str)):
-            with pytest.raises(BadInputError, match=f"{held} does not consist of rows of real numbers"):
+            with pytest.raises(
+                BadInputError, match=f"{held} does not consist of rows of real numbers"
+            ):
                 make(game, wrong)
     with pytest.raises(NoSolutionError, match="delta_min"):
         check_critic(game.with_delta(50.0), from_gain(game, np.zeros((5, 6))))
@@ -181,7 +233,11 @@ def test_the_report_shows_the_entries_that_are_farthest_off(game: Game) -> None:
     P[1, 4] = P[4, 1] = P[1, 4] * 1.01
     K[3, 2] *= 1.01
     report = check_critic(game, replace(from_value(game, P), K=K)).report()
-    for words in ("\nP(x2, x5) ", "\nK(u4, x3) ", "the 3 of 51 entries that are farthest off; -o FILE has all"):
+    for words in (
+        "\nP(x2, x5) ",
+        "\nK(u4, x3) ",
+        "the 3 of 51 entries that are farthest off; -o FILE has all",
+    ):
         assert words in report.text()
     assert len(report.records.rows) == 36 + 30
 
@@ -190,7 +246,8 @@ def test_the_report_shows_the_entries_that_are_farthest_off(game: Game) -> None:
 
 
 def game_in(state: float, of_input: float = 1.0) -> Game:
-    """A plant of two states and two inputs with numbers near 1, the second of each in other units."""
+    """A plant of two states and two inputs with numbers near 1, the second of each in other
+    units."""
     u, v = np.array([1.0, state]), np.array([1.0, of_input])
     A = np.array([[-1.0, 0.2], [0.1, -1.0]])
     weights = np.diag(u**-2), np.diag(v**-2)
@@ -199,12 +256,17 @@ def game_in(state: float, of_input: float = 1.0) -> Game:
 
 @pytest.mark.usefixtures("no_cause")
 @pytest.mark.parametrize(("state", "of_input"), [(1e-8, 1e3), (1e8, 1e-3)])
-def test_a_wrong_part_of_the_gain_or_entry_of_the_value_is_seen(state: float, of_input: float) -> None:
+def test_a_wrong_part_of_the_gain_or_entry_of_the_value_is_seen(
+    state: float, of_input: float
+) -> None:
     game = game_in(state, of_input)
     assert check_critic(game, from_gain(game, gain(game))).ok
     for factor in (-1.0, 0.0, 1.0 + 1e-4):
         for change in ([1.0, factor], [factor, 1.0], [[1.0], [factor]], [[factor], [1.0]]):
-            assert failed(game, from_gain(game, gain(game) * change)) >= {"K_balanced_error", "policy_rel_error"}
+            assert failed(game, from_gain(game, gain(game) * change)) >= {
+                "K_balanced_error",
+                "policy_rel_error",
+            }
     for i, j in ((0, 0), (0, 1), (1, 1)):
         wrong = value(game).copy()
         wrong[i, j] = wrong[j, i] = wrong[i, j] * (1.0 + 1e-3)
@@ -216,7 +278,10 @@ def test_mistakes_are_named_in_any_units(state: float) -> None:
     game = game_in(state)
     assert "LQR" in check_critic(game, from_value(game, value(game.with_delta(np.inf)))).diagnosis
     assert "wrong sign" in check_critic(game, from_gain(game, -gain(game))).diagnosis
-    assert check_critic(game, from_gain(game, gain(game) * [1.0, -1.0])).diagnosis == "state 2 has the wrong sign"
+    assert (
+        check_critic(game, from_gain(game, gain(game) * [1.0, -1.0])).diagnosis
+        == "state 2 has the wrong sign"
+    )
     swapped = from_weights(game, weights_of(value(game))[[1, 0, 2]])
     assert "weights 1 and 2 are interchanged" in check_critic(game, swapped).diagnosis
 
@@ -233,14 +298,18 @@ def test_mistakes_are_named_in_any_units(state: float) -> None:
         ("PK", {"P": 1.1}, "every entry of P is 1.1 times the exact one"),
     ],
 )
-def test_no_part_of_a_file_hides_another(game: Game, held: str, factors: dict[str, float], said: str) -> None:
+def test_no_part_of_a_file_hides_another(
+    game: Game, held: str, factors: dict[str, float], said: str
+) -> None:
     parts = {"W": weights_of(value(game)), "P": value(game), "K": gain(game)}
     file = stored("all.npz", **{key: factors.get(key, 1.0) * parts[key] for key in held})
     data = answer("verify", *AT_15, "--weights", file, code=FAILED if said else DONE)
     assert data["diagnosis"].startswith(said)
     assert bool(data["diagnosis"]) == bool(said)
     for name in "PK":
-        assert data[f"{name}_rel_error"] == pytest.approx(abs(factors.get(name, 1.0) - 1.0), rel=1e-6, abs=1e-12)
+        assert data[f"{name}_rel_error"] == pytest.approx(
+            abs(factors.get(name, 1.0) - 1.0), rel=1e-6, abs=1e-12
+        )
 
 
 def test_parts_that_contradict_each_other_or_do_not_fit_are_refused(game: Game) -> None:
@@ -251,18 +320,22 @@ def test_parts_that_contradict_each_other_or_do_not_fit_are_refused(game: Game) 
     assert "K is 6 x 5" in hfa(*words, stored("pk.npz", P=P, K=np.ones((6, 5)))).err
 
 
-# No error hides: beyond the quadratic weights, in directions without inputs, or behind larger entries.
+# No error hides: beyond the quadratic weights, in directions without inputs, or behind larger
+# entries.
 
 
 @RICHER
 def test_every_weight_beyond_the_quadratic_ones_is_seen(game: Game, name: str) -> None:
-    """B has zero rows for pitch and dihedral: a weight of the dihedral changes neither P, nor K, nor the policy."""
+    """B has zero rows for pitch and dihedral: a weight of the dihedral changes neither P, nor K,
+    nor the policy."""
     functions = basis(name, 6)
     exact, at_corner = functions.weights(value(game)), functions.scaling(BOX)
     for place in range(21, functions.size):
         weights = exact.copy()
         weights[place] = 1e-5 * np.abs(weights * at_corner).sum() / at_corner[place]
-        assert over_the_box(game, from_weights(game, weights, functions))["value_rel_error"] > LIMIT, place
+        assert (
+            over_the_box(game, from_weights(game, weights, functions))["value_rel_error"] > LIMIT
+        ), place
     exact[24 if name == "paper" else 25] = 1e12
     unseen = from_weights(game, exact, functions)
     assert over_the_box(game, unseen)["policy_rel_error"] <= 1e-12
@@ -291,19 +364,26 @@ def test_every_entry_of_the_value_and_of_the_gain_is_seen(game: Game) -> None:
 
 @RICHER
 @pytest.mark.parametrize("disturbances", [6, 2])
-def test_the_bounds_hold_at_every_state_of_the_box(game: Game, name: str, disturbances: int) -> None:
+def test_the_bounds_hold_at_every_state_of_the_box(
+    game: Game, name: str, disturbances: int
+) -> None:
     """V, its slopes and both policies, sampled in the box: no error exceeds its bound."""
     game = replace(game, E=game.E[:, :disturbances])
     functions, rng, solution = basis(name, 6), np.random.default_rng(0), solved(game)
     exact = functions.weights(solution.P)
-    weights = exact * (1.0 + 0.1 * rng.standard_normal(exact.shape)) + rng.standard_normal(exact.shape)
+    weights = exact * (1.0 + 0.1 * rng.standard_normal(exact.shape)) + rng.standard_normal(
+        exact.shape
+    )
     found = over_the_box(game, from_weights(game, weights, functions))
     z = rng.choice([-1.0, 1.0, 0.3], size=(2000, 6)) * BOX
     change = weights - exact
     V, slopes = functions.psi(z) @ change, np.swapaxes(functions.gradient(z), -1, -2) @ change
     sizes = np.abs(exact) * functions.scaling(BOX)
     assert np.abs(V).max() <= found["value_rel_error"] * sizes.sum()
-    assert np.all(np.abs(slopes * BOX).max(axis=0) <= found["gradient_rel_error"] * (sizes @ functions.exponents))
+    assert np.all(
+        np.abs(slopes * BOX).max(axis=0)
+        <= found["gradient_rel_error"] * (sizes @ functions.exponents)
+    )
     u = -0.5 * slopes @ game.R_inverse_B_transposed.T
     d = 0.5 * slopes @ game.E / game.delta**2
     assert np.all(np.abs(u).max(axis=0) <= found["policy_rel_error"] * (np.abs(solution.K) @ BOX))
@@ -330,7 +410,9 @@ Names = tuple[str, ...]
         (LINEAR_STATES, tuple("abcde"), (), None),
     ],
 )
-def test_names_and_units_decide(states: Names, inputs: Names, units: Names, speed: float | None) -> None:
+def test_names_and_units_decide(
+    states: Names, inputs: Names, units: Names, speed: float | None
+) -> None:
     Q = np.diag([1.0, 1e6, 1.0, 1.0, 1.0, 1.0])
     game = Game(-np.diag(np.arange(1.0, 7.0)), np.ones((6, 5)), np.eye(6), Q, np.eye(5), 5.0)
     box = ordinary_box(game, states, inputs, units)
@@ -357,7 +439,10 @@ def test_the_exact_discounted_critic_passes_and_planted_mistakes_are_named(game:
         (from_value(game, exact.P / DT), "every entry of P is 100 times the exact one"),
         (from_value(game, -exact.P), "the value has the wrong sign"),
         (from_gain(game, -exact.K), "the gain has the wrong sign"),
-        (from_value(game, value(game)), "this is the solution in continuous time, without discount"),
+        (
+            from_value(game, value(game)),
+            "this is the solution in continuous time, without discount",
+        ),
         (from_gain(game, gain(game)), "this is the gain in continuous time, without discount"),
     ):
         check = check_discounted(game, wrong, DISCOUNT, DT)
@@ -382,11 +467,18 @@ def test_the_cost_lost_is_that_of_the_steps_summed_up(game: Game) -> None:
 
 
 def test_the_command_compares_with_the_problem_that_is_given_and_never_guesses(game: Game) -> None:
-    words = ("verify", *AT_15, "--weights", stored("P.npz", P=solve_discounted(game, DISCOUNT, DT).P))
+    words = (
+        "verify",
+        *AT_15,
+        "--weights",
+        stored("P.npz", P=solve_discounted(game, DISCOUNT, DT).P),
+    )
     problem = ("--discount", str(DISCOUNT), "--dt", str(DT))
     found = answer(*words, *problem)
     assert (found["ok"], found["schema"], found["dt"]) == (True, "hfa.discounted-check/1", DT)
-    assert hfa(*words, *problem).out.startswith("PASS by the error limit 1e-06: exact within 1e-06, stabilizing, ")
+    assert hfa(*words, *problem).out.startswith(
+        "PASS by the error limit 1e-06: exact within 1e-06, stabilizing, "
+    )
     assert answer(*words, code=FAILED)["ok"] is False
     one = hfa(*words, *problem[:2])
     assert one.code == BAD_INPUT
@@ -431,7 +523,9 @@ def test_a_history_passes_where_it_settles_in_time(
     else:
         in_time = settled <= predefined_time
         assert check.ok == data["predefined_time_kept"] == in_time
-        assert [row.name for row in check.checks if not row.ok] == ([] if in_time else ["settling_time"])
+        assert [row.name for row in check.checks if not row.ok] == (
+            [] if in_time else ["settling_time"]
+        )
 
 
 def test_an_error_beyond_the_quadratic_weights_counts(game: Game) -> None:
@@ -451,7 +545,9 @@ def test_a_run_of_our_own_is_a_history_that_keeps_its_time(game: Game) -> None:
     result = learn(game, predefined_time=2.0, tick=0.1)
     told: list[tuple[int, int]] = []
     history = History(result.times, W=result.weights, K=result.K)
-    check = check_history(game, history, predefined_time=2.0, progress=lambda *now: told.append(now))
+    check = check_history(
+        game, history, predefined_time=2.0, progress=lambda *now: told.append(now)
+    )
     assert check.ok
     assert check.history is not None
     assert check.history.settling_time == pytest.approx(result.settling_time)
@@ -461,8 +557,14 @@ def test_a_run_of_our_own_is_a_history_that_keeps_its_time(game: Game) -> None:
     assert len(check.report().records.rows) == 21
 
 
-def test_the_last_row_is_judged_with_its_gain_and_rows_of_another_length_are_refused(game: Game) -> None:
-    history = History(TIMES, W=np.tile(weights_of(value(game)), (len(TIMES), 1)), K=1.01 * gain(game))
+def test_the_last_row_is_judged_with_its_gain_and_rows_of_another_length_are_refused(
+    game: Game,
+) -> None:
+    history = History(
+        TIMES, W=np.tile(weights_of(value(game)), (len(TIMES), 1)), K=1.01 * gain(game)
+    )
     assert not check_history(game, history).ok
-    with pytest.raises(BadInputError, match="there are 20 weights; basis 'quadratic' on 6 states has 21"):
+    with pytest.raises(
+        BadInputError, match="there are 20 weights; basis 'quadratic' on 6 states has 21"
+    ):
         check_history(game, History(TIMES, W=np.ones((len(TIMES), 20))))

@@ -20,7 +20,7 @@ from planted_critics import NAMED, UNNAMED, candidate_of, gain, solved, value, w
 
 from controller import Game, basis
 from examples.train_a_network import fit
-from hfa_cli.main import FAILED
+from hfa.main import FAILED
 from verification import check_critic, from_gain, from_network, from_value, from_weights
 from verification.critic.candidate import Candidate
 from verification.critic.critic_check import LIMIT
@@ -35,13 +35,17 @@ FALSE_CAUSES = 1
 
 
 def named(
-    game: Game, candidate: Candidate, at: Callable[[float], Game] | None = None, box: np.ndarray | None = None
+    game: Game,
+    candidate: Candidate,
+    at: Callable[[float], Game] | None = None,
+    box: np.ndarray | None = None,
 ) -> str:
     return diagnose(game, solved(game), candidate, LIMIT, at, box)
 
 
 def wrong(game: Game, candidate: Candidate) -> bool:
-    """Whether its errors refuse it, which `test_critic_check.py` and `test_networks.py` turn into the verdict."""
+    """Whether its errors refuse it, which `test_critic_check.py` and `test_networks.py` turn into
+    the verdict."""
     return not all(check.ok for check in critic_errors(game, candidate, solved(game), LIMIT))
 
 
@@ -54,19 +58,26 @@ def test_a_planted_mistake_is_refused_and_named(game: Game, mistake: str) -> Non
 
 
 @pytest.mark.parametrize(
-    "mistake", [pytest.param(each, marks=[SLOW] * (place % 3 > 0)) for place, each in enumerate(UNNAMED)]
+    "mistake",
+    [pytest.param(each, marks=[SLOW] * (place % 3 > 0)) for place, each in enumerate(UNNAMED)],
 )
-def test_a_mistake_that_is_not_recognized_is_refused_without_a_cause(game: Game, mistake: str) -> None:
+def test_a_mistake_that_is_not_recognized_is_refused_without_a_cause(
+    game: Game, mistake: str
+) -> None:
     candidate = candidate_of(game, *UNNAMED[mistake])
     assert wrong(game, candidate)
     assert named(game, candidate) == ""
 
 
-@pytest.mark.parametrize("mistake", ["degrees, P", "column order", "another delta, K", "thousandfold"])
+@pytest.mark.parametrize(
+    "mistake", ["degrees, P", "column order", "another delta, K", "thousandfold"]
+)
 def test_a_critic_of_four_digits_is_named_too(game: Game, mistake: str) -> None:
     kind, plant, words = NAMED[mistake]
     rng = np.random.default_rng(1)
-    wrong = candidate_of(game, kind, lambda game: plant(game) * (1.0 + 1e-6 * rng.standard_normal(plant(game).shape)))
+    wrong = candidate_of(
+        game, kind, lambda game: plant(game) * (1.0 + 1e-6 * rng.standard_normal(plant(game).shape))
+    )
     assert words in named(game, wrong)
 
 
@@ -141,7 +152,9 @@ def test_a_weight_beyond_the_quadratic_ones_is_named(game: Game) -> None:
 
 
 def test_a_transposed_gain_of_a_square_plant_is_named() -> None:
-    game = Game([[-1.0, 0.4], [0.1, -2.0]], np.eye(2), np.eye(2), np.eye(2), np.diag([1.0, 3.0]), 5.0)
+    game = Game(
+        [[-1.0, 0.4], [0.1, -2.0]], np.eye(2), np.eye(2), np.eye(2), np.diag([1.0, 3.0]), 5.0
+    )
     assert named(game, from_gain(game, gain(game).T)) == "K is transposed"
 
 
@@ -153,14 +166,18 @@ def test_one_number_is_not_taken_for_another_game() -> None:
 
 def test_three_numbers_are_enough_to_tell_another_game_and_two_are_not() -> None:
     other = SMALL.with_delta(4.0)
-    assert "this is the solution of another game, at delta = 4" in named(SMALL, from_value(SMALL, value(other)))
+    assert "this is the solution of another game, at delta = 4" in named(
+        SMALL, from_value(SMALL, value(other))
+    )
     assert named(SMALL, from_gain(SMALL, gain(other))) == ""
 
 
-# Networks fitted to the game at 15 deg by examples/train_a_network.py, right and with a mistake planted in each.
+# Networks fitted to the game at 15 deg by examples/train_a_network.py, right and with a mistake
+# planted in each.
 
-# trained/: V, gradient and policy are 6-32-32-k; gamma_120, steps_of_0.1_s and at_8_deg are 6-16-16-5 policies of other
-# problems. All are tanh, float32, and take z / (7 ft/s, 0.1 rad, 0.1 rad/s).
+# trained/: V, gradient and policy are 6-32-32-k; gamma_120, steps_of_0.1_s and at_8_deg are
+# 6-16-16-5 policies of other problems. All are tanh, float32, and take z / (7 ft/s, 0.1 rad, 0.1
+# rad/s).
 TRAINED = Path(__file__).parent / "trained"
 BOX = np.array([7.0, *[0.1] * 5])
 DEGREES = np.array([1.0, *[np.pi / 180.0] * 5])
@@ -169,32 +186,65 @@ SCALE = ",".join(map(str, 1.0 / BOX))
 NETWORK = ("--set", "activation=tanh", "--set", f"scale={SCALE}")
 
 
-def layers(name: str, out: Any = 1.0, states: Any = slice(None), outputs: Any = slice(None)) -> dict[str, Any]:
+def layers(
+    name: str, out: Any = 1.0, states: Any = slice(None), outputs: Any = slice(None)
+) -> dict[str, Any]:
     """The state dict with its outputs multiplied, its states and its outputs in another order."""
     with np.load(TRAINED / f"{name}.npz") as stored:
         found = dict(stored)
     first, *_, weight, bias = found
     found[first] = found[first][:, states]
     factors = np.broadcast_to(np.asarray(out, dtype="float32"), found[bias].shape)
-    found[weight], found[bias] = (found[weight] * factors[:, None])[outputs], (found[bias] * factors)[outputs]
+    found[weight], found[bias] = (
+        (found[weight] * factors[:, None])[outputs],
+        (found[bias] * factors)[outputs],
+    )
     return found
 
 
 #: What was done to which network, how it is read, what must be named.
 MISTAKES: dict[str, tuple[dict[str, Any], dict[str, Any], str]] = {
-    "outputs swapped": ({"name": "policy", "outputs": [0, 2, 1, 4, 3]}, {}, "inputs are in the order 1, 3, 2, 5, 4"),
-    "slopes swapped": ({"name": "gradient", "outputs": [0, 2, 1, 4, 3, 5]}, {}, "slopes are in the order 1, 3, 2, 5"),
-    "no input scaling": ({"name": "policy"}, {"scale": np.ones(6)}, "the states look scaled by 6.9"),
-    "no input scaling, dV/dz": ({"name": "gradient"}, {"scale": np.ones(6)}, "the states look scaled by 6.9"),
-    "ReLU for tanh": ({"name": "policy"}, {"activation": "relu"}, "the activation is tanh, not relu"),
+    "outputs swapped": (
+        {"name": "policy", "outputs": [0, 2, 1, 4, 3]},
+        {},
+        "inputs are in the order 1, 3, 2, 5, 4",
+    ),
+    "slopes swapped": (
+        {"name": "gradient", "outputs": [0, 2, 1, 4, 3, 5]},
+        {},
+        "slopes are in the order 1, 3, 2, 5",
+    ),
+    "no input scaling": (
+        {"name": "policy"},
+        {"scale": np.ones(6)},
+        "the states look scaled by 6.9",
+    ),
+    "no input scaling, dV/dz": (
+        {"name": "gradient"},
+        {"scale": np.ones(6)},
+        "the states look scaled by 6.9",
+    ),
+    "ReLU for tanh": (
+        {"name": "policy"},
+        {"activation": "relu"},
+        "the activation is tanh, not relu",
+    ),
     "ReLU for tanh, V": ({"name": "V"}, {"activation": "relu"}, "the activation is tanh, not relu"),
     "u = +K z": ({"name": "policy", "out": -1.0}, {}, "the gain has the wrong sign"),
     "gamma": ({"name": "gamma_120"}, {}, "this is the gain of another game, at delta = 1"),
-    "degrees": ({"name": "policy"}, {"scale": DEGREES / BOX}, "states 2, 3, 4, 5 and 6 are in degrees"),
+    "degrees": (
+        {"name": "policy"},
+        {"scale": DEGREES / BOX},
+        "states 2, 3, 4, 5 and 6 are in degrees",
+    ),
     "discrete time": ({"name": "steps_of_0.1_s"}, {}, "in discrete time, a step of 0.1"),
     "sign of V": ({"name": "V", "out": -1.0}, {}, "the value has the wrong sign"),
     "half cost": ({"name": "V", "out": 0.5}, {}, "the value is half the exact one"),
-    "states permuted": ({"name": "policy", "states": ORDER}, {}, "the states are in the order 1, 3, 2, 4, 6, 5"),
+    "states permuted": (
+        {"name": "policy", "states": ORDER},
+        {},
+        "the states are in the order 1, 3, 2, 4, 6, 5",
+    ),
     "no R": ({"name": "policy", "out": [100, 400, 400, 400, 50]}, {}, "R⁻¹ is missing"),
     "another angle": ({"name": "at_8_deg"}, {}, "this is the gain of another game, at dihedral 8."),
 }
@@ -204,8 +254,12 @@ MISTAKES: dict[str, tuple[dict[str, Any], dict[str, Any], str]] = {
 RARE = ("discrete time", "another angle", "no input scaling, dV/dz", "ReLU for tanh, V")
 
 
-@pytest.mark.parametrize("mistake", [pytest.param(each, marks=[SLOW] * (each in RARE)) for each in MISTAKES])
-def test_a_mistake_planted_in_a_trained_network_is_refused_and_named(game: Game, mistake: str) -> None:
+@pytest.mark.parametrize(
+    "mistake", [pytest.param(each, marks=[SLOW] * (each in RARE)) for each in MISTAKES]
+)
+def test_a_mistake_planted_in_a_trained_network_is_refused_and_named(
+    game: Game, mistake: str
+) -> None:
     changes, how, words = MISTAKES[mistake]
     path = torch_file("critic.pt", layers(**changes))
     candidate = from_network(game, path, **({"activation": "tanh", "scale": 1.0 / BOX} | how))
@@ -213,23 +267,33 @@ def test_a_mistake_planted_in_a_trained_network_is_refused_and_named(game: Game,
     assert words in named(game, candidate, game_at, BOX)
 
 
-@pytest.mark.parametrize("name", ["policy", *(pytest.param(each, marks=SLOW) for each in ("V", "gradient"))])
+@pytest.mark.parametrize(
+    "name", ["policy", *(pytest.param(each, marks=SLOW) for each in ("V", "gradient"))]
+)
 def test_the_right_networks_have_no_cause_but_what_v_hides(game: Game, name: str) -> None:
-    candidate = from_network(game, torch_file("critic.pt", layers(name)), activation="tanh", scale=1.0 / BOX)
+    candidate = from_network(
+        game, torch_file("critic.pt", layers(name)), activation="tanh", scale=1.0 / BOX
+    )
     found = named(game, candidate, None, BOX)
     assert found.startswith("V is near and its policy off by") if name == "V" else found == ""
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["V", "policy", "gradient"])
-def test_a_network_is_made_again_and_one_of_64_64_is_judged_within_5_seconds(game: Game, name: str) -> None:
+def test_a_network_is_made_again_and_one_of_64_64_is_judged_within_5_seconds(
+    game: Game, name: str
+) -> None:
     """The stored weights come from the example, but for what rounding makes of its steps."""
     again = fit(game, name, points=1500, steps=800)
     with np.load(TRAINED / f"{name}.npz") as kept:
-        assert {key: each.shape for key, each in again.items()} == {key: each.shape for key, each in kept.items()}
+        assert {key: each.shape for key, each in again.items()} == {
+            key: each.shape for key, each in kept.items()
+        }
     np.savez("again.npz", **again)
     errors = [
-        check_critic(game, from_network(game, path, activation="tanh", scale=1.0 / BOX), flights=1).largest_error
+        check_critic(
+            game, from_network(game, path, activation="tanh", scale=1.0 / BOX), flights=1
+        ).largest_error
         for path in ("again.npz", TRAINED / f"{name}.npz")
     ]
     assert errors[0] == pytest.approx(errors[1], rel=0.5)
@@ -240,14 +304,18 @@ def test_a_network_is_made_again_and_one_of_64_64_is_judged_within_5_seconds(gam
     assert (found["network"]["precision"], found["network"]["output"]) == ("float32", name)
 
 
-@pytest.mark.parametrize(("name", "points"), [("V", 4), *(pytest.param(x, 8, marks=SLOW) for x in ("V", "policy"))])
+@pytest.mark.parametrize(
+    ("name", "points"), [("V", 4), *(pytest.param(x, 8, marks=SLOW) for x in ("V", "policy"))]
+)
 def test_the_search_finds_what_a_grid_finds(game: Game, name: str, points: int) -> None:
     """The errors of V and of the policy, at four or eight values of each state."""
     exact, b = solved(game), ordinary_box(game).half_widths
     z = np.array(np.meshgrid(*[np.linspace(-1.0, 1.0, points)] * 6)).reshape(6, -1) * b[:, None]
     largest = np.sqrt(game.R.diagonal()) * (np.abs(exact.K) @ b)
     u_size = np.maximum(largest, 1e-5 * largest.max()) / np.sqrt(game.R.diagonal())
-    about = from_network(game, TRAINED / f"{name}.npz", activation="tanh", scale=1.0 / BOX).nonlinear
+    about = from_network(
+        game, TRAINED / f"{name}.npz", activation="tanh", scale=1.0 / BOX
+    ).nonlinear
     assert about is not None
     errors = {"policy": (about.policy(game) + ca.DM(exact.K) @ about.z) / ca.DM(u_size)}
     if about.V is not None:
@@ -259,12 +327,26 @@ def test_the_search_finds_what_a_grid_finds(game: Game, name: str, points: int) 
         assert found[kind] * (1.0 + 1e-9) >= np.abs(on_grid).max()
 
 
-def test_several_critics_and_a_folder_of_checkpoints_are_in_one_table_and_a_learning_curve(game: Game) -> None:
+def test_several_critics_and_a_folder_of_checkpoints_are_in_one_table_and_a_learning_curve(
+    game: Game,
+) -> None:
     Path("runs").mkdir()
     for step, share in ((2, 3.0), (10, 1.5)):
         np.savez(f"runs/step_{step}.npz", **layers("gamma_120", out=share))
     right, twice = stored("right.npz", P=value(game)), stored("P.npz", P=2 * value(game))
-    said = hfa("verify", *AT_15, "--weights", "runs", right, twice, *NETWORK, "-o", "a.json", "--picture", "curve.png")
+    said = hfa(
+        "verify",
+        *AT_15,
+        "--weights",
+        "runs",
+        right,
+        twice,
+        *NETWORK,
+        "-o",
+        "a.json",
+        "--picture",
+        "curve.png",
+    )
     assert said.code == FAILED
     found = json.loads(Path("a.json").read_text(encoding="utf-8"))["critics"]
     names = ["runs/step_2.npz", "runs/step_10.npz", right, twice]

@@ -1,4 +1,5 @@
-"""Critics and policies that are neural networks: read as other tools write them, differentiated, searched, judged."""
+"""Critics and policies that are neural networks: read as other tools write them, differentiated,
+searched, judged."""
 
 from __future__ import annotations
 
@@ -22,7 +23,7 @@ from planted_critics import gain, value, weights_of
 
 from controller import Game, load_game
 from controller.game.user_files import StoredCritic, critic_in
-from hfa_cli.main import BAD_INPUT, DONE, FAILED
+from hfa.main import BAD_INPUT, DONE, FAILED
 from hfa_support import BadInputError
 from verification import check_critic, from_network, from_weights, solve_game
 from verification.critic.candidate import Candidate, Nonlinear, features_of
@@ -91,7 +92,11 @@ def test_the_operators_are_those_of_onnx_runtime() -> None:
     rng, count = np.random.default_rng(0), len(_OPERATORS)
     sizes = {"W": (8, 6), "b": (8,), "c": (1,), "rest": (12 * count, 1)}
     constants = {key: rng.normal(size=size).astype("float32") for key, size in sizes.items()}
-    constants |= {"shape": np.array([0, 2, -1]), "begin": np.array([2 * count]), "end": np.array([4 * count])}
+    constants |= {
+        "shape": np.array([0, 2, -1]),
+        "begin": np.array([2 * count]),
+        "end": np.array([4 * count]),
+    }
     constants |= {"axis": np.array([2]), "back": np.array([1, 12 * count])}
     nodes: list[tuple[Any, ...]] = [
         ("Gemm", "x W b", "h", {"transB": 1, "alpha": 0.5, "beta": 2.0}),
@@ -121,11 +126,16 @@ def test_graphs_of_old_and_new_operator_sets_are_those_of_onnx_runtime(opset: in
         ("Unsqueeze", "s" if opset < 13 else "s zero", "w", axes),
         ("Cast", "w", "c", {"to": 1}),
         ("Gather", "c place", "g", {"axis": 1}),
-        ("Clip", "g", "k", {"min": -0.5, "max": 0.5}) if opset < 11 else ("Clip", "g low high", "k"),
+        ("Clip", "g", "k", {"min": -0.5, "max": 0.5})
+        if opset < 11
+        else ("Clip", "g low high", "k"),
         ("Erf", "k", "e"),
         ("Identity", "e", "y"),
     ]
-    constants = {key: RNG.normal(size=size).astype("float32") for key, size in {"W": (6, 4), "b": (4,)}.items()}
+    constants = {
+        key: RNG.normal(size=size).astype("float32")
+        for key, size in {"W": (6, 4), "b": (4,)}.items()
+    }
     constants |= {"place": np.array([0, 2]), "zero": np.array([0])}
     constants |= {"low": np.array(-0.5, "float32"), "high": np.array(0.5, "float32")}
     used = {word for _, inputs, *_ in nodes for word in inputs.split()}
@@ -138,7 +148,12 @@ def test_smooth_activations_have_their_derivatives_at_zero_and_far_away(name: st
     x = ca.SX.sym("x")
     y = ACTIVATIONS[name](np.array([x], dtype=object))[0]
     f = ca.Function("f", [x], [ca.gradient(y, x), ca.gradient(ca.gradient(y, x), x)])
-    at_zero = {"tanh": (1, 0), "sigmoid": (0.25, 0), "softplus": (0.5, 0.25), "gelu": (0.5, math.sqrt(2 / math.pi))}
+    at_zero = {
+        "tanh": (1, 0),
+        "sigmoid": (0.25, 0),
+        "softplus": (0.5, 0.25),
+        "gelu": (0.5, math.sqrt(2 / math.pi)),
+    }
     assert [float(each) for each in f(0.0)] == pytest.approx(at_zero[name], abs=1e-12)
     assert all(math.isfinite(each) for far in (-1e4, 1e4) for each in map(float, f(far)))
 
@@ -149,7 +164,9 @@ def test_smooth_activations_have_their_derivatives_at_zero_and_far_away(name: st
 def test_a_network_that_is_the_value_passes(game: Game) -> None:
     """Weights in float32 too: their rounding is below the limit."""
     wide, narrow = (
-        onnx_file(f"{kind}.onnx", QUADRATIC, {"P": value(game).astype(kind), "ones": ONES.astype(kind)})
+        onnx_file(
+            f"{kind}.onnx", QUADRATIC, {"P": value(game).astype(kind), "ones": ONES.astype(kind)}
+        )
         for kind in ("float64", "float32")
     )
     check = check_critic(game, from_network(game, wide), flights=4)
@@ -160,14 +177,19 @@ def test_a_network_that_is_the_value_passes(game: Game) -> None:
     assert pickle.loads(pickle.dumps(check)).to_dict()["network"] == check.to_dict()["network"]
     assert about(from_network(game, narrow)).precision == "float32"
     said = hfa("verify", *AT_15, "--weights", narrow).out
-    assert said.startswith("PASS by the error limit 1e-06: exact within 1e-06, stabilizing, no cost lost")
+    assert said.startswith(
+        "PASS by the error limit 1e-06: exact within 1e-06, stabilizing, no cost lost"
+    )
     assert "(searched, 1000 starts; not a bound)" in said
 
 
 def test_safetensors_sorts_names_and_the_layers_keep_their_order(game: Game) -> None:
-    """As the library writes them, "10.weight" comes before "2.weight"; wide enough, either order would fit."""
+    """As the library writes them, "10.weight" comes before "2.weight"; wide enough, either order
+    would fit."""
     rng = np.random.default_rng(3)
-    tensors = {f"{place}.weight": rng.normal(size=(6, 6)) for place in (0, 2, 10)} | {"12.weight": np.ones((1, 6))}
+    tensors = {f"{place}.weight": rng.normal(size=(6, 6)) for place in (0, 2, 10)} | {
+        "12.weight": np.ones((1, 6))
+    }
     sorted_names = {name: tensors[name] for name in sorted(tensors)}
     expected = from_network(game, torch_file("a.pt", tensors), activation="tanh").K
     found = from_network(game, safetensors_file("a.safetensors", sorted_names), activation="tanh").K
@@ -178,7 +200,9 @@ def test_safetensors_sorts_names_and_the_layers_keep_their_order(game: Game) -> 
 def test_gradients_and_policies_pass(game: Game) -> None:
     for name, write in (("a.pt", torch_file), ("a.safetensors", safetensors_file)):
         for output, weight in (("gradient", 2.0 * value(game)), ("policy", -gain(game))):
-            critic = from_network(game, write(name, {"actor.0.weight": weight, "actor.0.bias": np.zeros(len(weight))}))
+            critic = from_network(
+                game, write(name, {"actor.0.weight": weight, "actor.0.bias": np.zeros(len(weight))})
+            )
             assert about(critic).output == output
             assert check_critic(game, critic, flights=1).ok
 
@@ -189,7 +213,10 @@ def test_an_almost_linear_tanh_network_passes(game: Game) -> None:
     path = torch_file("actor.pth", tensors)
     assert check_critic(game, from_network(game, path, activation="tanh"), flights=1).ok
     assert not check_critic(game, from_network(game, path, activation="relu"), flights=1).ok
-    for activation, said in ((None, "give --set activation=tanh|relu"), ("cosh", "unknown activation 'cosh'")):
+    for activation, said in (
+        (None, "give --set activation=tanh|relu"),
+        ("cosh", "unknown activation 'cosh'"),
+    ):
         with pytest.raises(BadInputError, match=re.escape(said)):
             from_network(game, path, activation=activation)
 
@@ -206,8 +233,16 @@ def test_the_scale_of_the_inputs_counts(game: Game) -> None:
 
 def test_a_network_right_at_the_origin_alone_fails(game: Game) -> None:
     """u = -K z + 5 z_1³/7³ in the first input: K is exact, and the search finds the corner."""
-    nodes = [("MatMul", "x K", "u"), ("MatMul", "x first", "h"), ("Mul", "h h", "s"), ("Mul", "s h", "c")]
-    constants = {"K": -gain(game).T, "first": 5.0 ** (1 / 3) / 7.0 * np.eye(6)[:, :1] @ np.eye(5)[:1]}
+    nodes = [
+        ("MatMul", "x K", "u"),
+        ("MatMul", "x first", "h"),
+        ("Mul", "h h", "s"),
+        ("Mul", "s h", "c"),
+    ]
+    constants = {
+        "K": -gain(game).T,
+        "first": 5.0 ** (1 / 3) / 7.0 * np.eye(6)[:, :1] @ np.eye(5)[:1],
+    }
     critic = from_network(game, onnx_file("bent.onnx", [*nodes, ("Add", "u c", "y")], constants, 5))
     box = ordinary_box(game)
     check = check_critic(game, critic)
@@ -222,32 +257,62 @@ def test_a_network_right_at_the_origin_alone_fails(game: Game) -> None:
 
 
 def test_a_value_that_is_not_a_number_somewhere_fails(game: Game) -> None:
-    nodes = [*QUADRATIC[:2], ("MatMul", "terms ones", "V"), ("Slice", "x a b c", "s"), ("Pow", "s half", "r")]
-    constants = {"P": value(game), "ones": ONES, "a": np.array([0]), "b": np.array([1]), "c": np.array([1])}
+    nodes = [
+        *QUADRATIC[:2],
+        ("MatMul", "terms ones", "V"),
+        ("Slice", "x a b c", "s"),
+        ("Pow", "s half", "r"),
+    ]
+    constants = {
+        "P": value(game),
+        "ones": ONES,
+        "a": np.array([0]),
+        "b": np.array([1]),
+        "c": np.array([1]),
+    }
     constants |= {"half": np.array(2.5), "zero": np.array(1e-30)}
     path = onnx_file("nan.onnx", [*nodes, ("Mul", "r zero", "n"), ("Add", "V n", "y")], constants)
     critic, exact = from_network(game, path), solve_game(game)
-    found = {each.name: each.error for each in search(game, about(critic), exact, ordinary_box(game).half_widths)[1]}
+    found = {
+        each.name: each.error
+        for each in search(game, about(critic), exact, ordinary_box(game).half_widths)[1]
+    }
     assert found["value"] == math.inf
 
 
-def test_the_cost_in_flight_is_that_of_the_linear_loop_where_the_network_is_linear(game: Game) -> None:
-    """From 40 starts, under the disturbance of the exact policies: no more than the worst of all."""
+def test_the_cost_in_flight_is_that_of_the_linear_loop_where_the_network_is_linear(
+    game: Game,
+) -> None:
+    """From 40 starts, under the disturbance of the exact policies: no more than the worst of
+    all."""
     critic, exact = from_network(game, linear(-1.2 * gain(game))), solve_game(game)
     check = check_critic(game, critic, flights=40)
     assert check.network is not None
-    assert 0.1 * check.flight.mean < check.network.cost_lost_flown_percent <= check.flight.worst * (1 + 1e-6)
+    assert (
+        0.1 * check.flight.mean
+        < check.network.cost_lost_flown_percent
+        <= check.flight.worst * (1 + 1e-6)
+    )
     away = from_network(game, torch_file("b.pt", {"weight": -gain(game), "bias": np.full(5, 0.5)}))
-    assert flown_losses(game, away.K, about(away), exact, ordinary_box(game).half_widths, 40).max() > 1.0
+    assert (
+        flown_losses(game, away.K, about(away), exact, ordinary_box(game).half_widths, 40).max()
+        > 1.0
+    )
 
 
 def test_the_published_weights_of_gops() -> None:
-    """V = W'psi + a constant; the exact ones as printed, the learned ones off by 1.6 % and nearly free of cost."""
+    """V = W'psi + a constant; the exact ones as printed, the learned ones off by 1.6 % and nearly
+    free of cost."""
     plant = stored("plant.json", **GOPS["plant"])
     words = ("verify", "--model", plant, "--network", "V=value", "--weights")
-    for name, weights, bias in (("exact", GOPS["exact"], 0.0), ("learned", GOPS["learned"], GOPS["learned_bias"])):
+    for name, weights, bias in (
+        ("exact", GOPS["exact"], 0.0),
+        ("learned", GOPS["learned"], GOPS["learned_bias"]),
+    ):
         one = {"v.weight": np.array([weights], "float32"), "v.bias": np.array([bias], "float32")}
-        both = {f"{part}.{key}": each for part in ("value", "value_target") for key, each in one.items()}
+        both = {
+            f"{part}.{key}": each for part in ("value", "value_target") for key, each in one.items()
+        }
         torch_file(f"{name}.pkl", both)
     exact = answer(*words, "exact.pkl")
     assert (exact["ok"], exact["P_rel_error"]) == (True, pytest.approx(1.6e-7, rel=0.1))
@@ -260,14 +325,17 @@ def test_the_published_weights_of_gops() -> None:
     assert hfa(*words, "learned.pkl", "--limit-cost", "0.001").code == DONE
 
 
-# Files as other tools write them: names, several networks in one, old operator sets, bases in words.
+# Files as other tools write them: names, several networks in one, old operator sets, bases in
+# words.
 
 
 def layers(name: str, of: int = 1) -> dict[str, Any]:
     """Linear layers 6-4-k of a network with this name."""
     weights = {f"{name}.0": RNG.normal(size=(4, 6)), f"{name}.2": RNG.normal(size=(of, 4))}
     return {
-        f"{key}.{kind}": W if kind == "weight" else W[:, 0] for key, W in weights.items() for kind in ("weight", "bias")
+        f"{key}.{kind}": W if kind == "weight" else W[:, 0]
+        for key, W in weights.items()
+        for kind in ("weight", "bias")
     }
 
 
@@ -277,13 +345,19 @@ def test_names_of_layers_are_free(name: str) -> None:
     found = network_in(torch_file("critic.pt", tensors), 6, "tanh").functions[""]
     first, bias, last, end = tensors.values()
     for x in X:
-        assert float(found(x)) == pytest.approx(float((last @ np.tanh(first @ x + bias) + end)[0]), rel=1e-12)
+        assert float(found(x)) == pytest.approx(
+            float((last @ np.tanh(first @ x + bias) + end)[0]), rel=1e-12
+        )
 
 
 def test_actors_and_critics_of_one_file_and_of_stable_baselines() -> None:
     """A3C-like heads: each network by a word in its names, parts with + between them."""
     value_net, policy = layers("mlp_extractor.value_net", 3), layers("mlp_extractor.policy_net", 3)
-    heads = {"action_net.weight": np.ones((5, 3)), "action_net.bias": np.zeros(5), "log_std": np.zeros(5)}
+    heads = {
+        "action_net.weight": np.ones((5, 3)),
+        "action_net.bias": np.zeros(5),
+        "log_std": np.zeros(5),
+    }
     heads |= {"value_net.weight": np.ones((1, 3)), "value_net.bias": np.ones(1)}
     torch_file("policy.pth", policy | value_net | heads)
     with zipfile.ZipFile("ppo.zip", "w") as archive:
@@ -305,14 +379,23 @@ def test_actors_and_critics_of_one_file_and_of_stable_baselines() -> None:
 
 def test_v_and_a_policy_are_judged_together(game: Game) -> None:
     """Two outputs of one graph: a right V does not hide a policy of the wrong sign."""
-    nodes = [("MatMul", "x P", "h"), ("Mul", "x h", "t"), ("ReduceSum", "t axes", "V"), ("MatMul", "x K", "u")]
+    nodes = [
+        ("MatMul", "x P", "h"),
+        ("Mul", "x h", "t"),
+        ("ReduceSum", "t axes", "V"),
+        ("MatMul", "x K", "u"),
+    ]
     for sign, ok in ((-1.0, True), (1.0, False)):
         constants = {"P": value(game), "axes": np.array([1]), "K": sign * gain(game).T}
         path = onnx_file("both.onnx", [*nodes, ("Concat", "V u", "y", {"axis": 1})], constants, 6)
         check = check_critic(game, from_network(game, path, network="V+policy="), flights=1)
         assert check.ok == ok
-        assert check.diagnosis == ("" if ok else "the gain has the wrong sign: the policy is u = -K z")
-    assert from_network(game, path).nonlinear is not None  # six outputs of six states are a gradient unless it is said
+        assert check.diagnosis == (
+            "" if ok else "the gain has the wrong sign: the policy is u = -K z"
+        )
+    assert (
+        from_network(game, path).nonlinear is not None
+    )  # six outputs of six states are a gradient unless it is said
 
 
 FEATURES = ", ".join(["1", *(f"x{i}*x{j}" for i in range(1, 7) for j in range(i, 7))])
@@ -320,7 +403,14 @@ FEATURES = ", ".join(["1", *(f"x{i}*x{j}" for i in range(1, 7) for j in range(i,
 
 def test_a_basis_in_words_or_as_a_function_and_a_constant(game: Game) -> None:
     plant, P = small("plant.json", states=["speed", "alpha"]), solve_game(load_game("plant.json")).P
-    words = ("verify", "--model", plant, "--weights", stored("W.npz", weights=[*weights_of(P), -1.0]), "--basis")
+    words = (
+        "verify",
+        "--model",
+        plant,
+        "--weights",
+        stored("W.npz", weights=[*weights_of(P), -1.0]),
+        "--basis",
+    )
     assert answer(*words, "speed**2, speed*x2, x2**2, sin(alpha)**4", code=FAILED)["ok"] is False
     weights = np.append(-3.0, weights_of(value(game)))
     check = check_critic(game, from_weights(game, weights, features_of(FEATURES, 6)), flights=1)
@@ -330,11 +420,15 @@ def test_a_basis_in_words_or_as_a_function_and_a_constant(game: Game) -> None:
     z = ca.SX.sym("z", 6)
     squares = ca.Function("squares", [z], [z**2])
     assert not check_critic(game, from_weights(game, np.diag(value(game)), squares), flights=1).ok
-    with pytest.raises(BadInputError, match="there are 6 weights and 6 states; the features are 22 functions"):
+    with pytest.raises(
+        BadInputError, match="there are 6 weights and 6 states; the features are 22 functions"
+    ):
         from_weights(game, np.ones(6), features_of(FEATURES, 6))
 
 
-@pytest.mark.parametrize("text", ["__import__('os')", "x7", "x1.real", "x1 if x1 else x2", "[x1]", "x1**", ""])
+@pytest.mark.parametrize(
+    "text", ["__import__('os')", "x7", "x1.real", "x1 if x1 else x2", "[x1]", "x1**", ""]
+)
 def test_what_is_no_basis_is_refused_and_not_run(text: str) -> None:
     with pytest.raises(BadInputError, match="features") as caught:
         features_of(text, 6)
@@ -348,7 +442,10 @@ def test_an_npy_file_of_any_name_is_what_its_shape_says(game: Game) -> None:
         assert isinstance(found, StoredCritic)
         assert np.array_equal(getattr(found, entry), right)
     np.save("odd.npy", np.ones((4, 3)))
-    assert "odd.npy: the array of shape (4, 3) is neither" in hfa("verify", *AT_15, "--weights", "odd.npy").err
+    assert (
+        "odd.npy: the array of shape (4, 3) is neither"
+        in hfa("verify", *AT_15, "--weights", "odd.npy").err
+    )
 
 
 # Refused in one line.
@@ -376,7 +473,9 @@ def test_a_pickle_that_would_run_code_is_refused_and_nothing_runs(packed: bool) 
                 archive.writestr("evil/data.pkl", content)
         else:
             path.write_bytes(content)
-        assert ("mkdir, which is not done: save state_dict() alone" if packed else "since torch 1.6") in refused(path)
+        assert (
+            "mkdir, which is not done: save state_dict() alone" if packed else "since torch 1.6"
+        ) in refused(path)
         assert not Path("executed").exists()
     pickle.loads(content)  # as torch.load without weights_only
     assert Path("executed").exists()
@@ -388,15 +487,28 @@ def test_wrong_state_dicts_are_refused() -> None:
         "has 10 inputs": {"weight": np.zeros((1, 10))},
         "is float16; give weights as float32": {"weight": good.astype("float16")},
         "not finite": {"weight": good + np.nan},
-        "'conv.weight' (3, 1, 1) is no weight or bias": {"0.weight": good, "conv.weight": np.zeros((3, 1, 1))},
-        "'1.weight' (4,) is no weight or bias": {"0.weight": np.zeros((4, 6)), "1.weight": np.ones(4)},
+        "'conv.weight' (3, 1, 1) is no weight or bias": {
+            "0.weight": good,
+            "conv.weight": np.zeros((3, 1, 1)),
+        },
+        "'1.weight' (4,) is no weight or bias": {
+            "0.weight": np.zeros((4, 6)),
+            "1.weight": np.ones(4),
+        },
         "has more than 200000 numbers": {"weight": np.zeros((40_000, 6))},
         "the layer before gives 1": {"0.weight": good, "1.weight": good},
     }
     for said, tensors in wrong.items():
         assert said in refused(torch_file("wrong.pt", tensors)), said
-    assert "is float16" in refused(safetensors_file("half.safetensors", {"weight": good.astype("float16")}))
-    for name, content in (("a.pt", b"PK\3\4"), ("b.pt", b"text"), ("c.safetensors", b"\xff" * 20), ("d.pkl", b"")):
+    assert "is float16" in refused(
+        safetensors_file("half.safetensors", {"weight": good.astype("float16")})
+    )
+    for name, content in (
+        ("a.pt", b"PK\3\4"),
+        ("b.pt", b"text"),
+        ("c.safetensors", b"\xff" * 20),
+        ("d.pkl", b""),
+    ):
         Path(name).write_bytes(content)
         refused(name)
     with Path("large.pt").open("wb") as stream:
@@ -412,7 +524,10 @@ def test_wrong_graphs_are_refused() -> None:
     onnx = pytest.importorskip("onnx", reason="the package onnx is not installed")
     constants = {"P": np.eye(6, dtype="float32"), "ones": ONES.astype("float32")}
     half = {name: each.astype("float16") for name, each in constants.items()}
-    ten, not_a_number = {"P": np.ones((10, 1), "float32")}, {"P": np.full((6, 6), np.nan, "float32")}
+    ten, not_a_number = (
+        {"P": np.ones((10, 1), "float32")},
+        {"P": np.full((6, 6), np.nan, "float32")},
+    )
     for said, nodes, numbers, states in (
         ("has 10 inputs and the plant 6 states", [("MatMul", "x P", "y")], ten, 10),
         ("operator Loop is not known", [("Loop", "x", "y")], constants, 6),
@@ -424,12 +539,17 @@ def test_wrong_graphs_are_refused() -> None:
     network_in("good.onnx", 6)
     onnx.save(model, "outside.onnx", save_as_external_data=True, size_threshold=0)
     assert "is in another file; export the weights inside" in refused("outside.onnx")
-    assert "belongs to a state dict" in hfa("verify", *AT_15, "--weights", "good.onnx", "--set", "activation=tanh").err
+    assert (
+        "belongs to a state dict"
+        in hfa("verify", *AT_15, "--weights", "good.onnx", "--set", "activation=tanh").err
+    )
     Path("damaged.onnx").write_bytes(Path("good.onnx").read_bytes()[:-40])
     refused("damaged.onnx")
 
 
-def test_without_the_package_onnx_its_files_alone_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_the_package_onnx_its_files_alone_are_refused(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.setitem(sys.modules, "onnx", None)
     Path("a.onnx").write_bytes(b"")
     assert "install hfa with the extra [networks]" in refused("a.onnx")
@@ -442,6 +562,9 @@ def test_outputs_that_fit_nothing_or_two_things_are_refused(game: Game) -> None:
     plant = stored("plant.json", **GOPS["plant"])
     path = linear(-np.ones((1, 3)))
     said = hfa("verify", "--model", plant, "--weights", path)
-    assert (said.code, "1 outputs may be V or policy; say which, as --network V=" in said.err) == (BAD_INPUT, True)
+    assert (said.code, "1 outputs may be V or policy; say which, as --network V=" in said.err) == (
+        BAD_INPUT,
+        True,
+    )
     assert hfa("verify", "--model", plant, "--weights", path, "--network", "policy=").code == FAILED
     assert "has no setting 'activation'" in hfa("verify", *AT_15, "--set", "activation=tanh").err

@@ -1,4 +1,5 @@
-"""The recoverable set is what single flights say, edge by edge; the gain schedule and the slow change that it flies."""
+"""The recoverable set is what single flights say, edge by edge; the gain schedule and the slow
+change that it flies."""
 
 from __future__ import annotations
 
@@ -13,7 +14,7 @@ from known_models import FlownCase, flown, seen, signal
 from controller import Scenario, flight_envelope, published_game
 from controller.flight.closed_loop import NonlinearPlant
 from controller.flight.nonlinear_flight import NonlinearFlight
-from controller.policy.policies import Seen
+from controller.flight.policies import Seen
 from hfa_model import INPUTS, LINEAR_STATES, STATES, Aircraft
 from hfa_model.aircraft import HFA
 from hfa_support import BadInputError, NoSolutionError
@@ -51,7 +52,8 @@ def alone(newton: FlownCase, seconds: float, **start: float) -> NonlinearFlight:
 
 
 def test_the_map_is_what_single_flights_say(newton: FlownCase, recoverable: RecoverableMap) -> None:
-    """The compiled flights, at their longer step, against `fly`: who leaves, what leaves, and when."""
+    """The compiled flights, at their longer step, against `fly`: who leaves, what leaves, and
+    when."""
     found = recoverable.starts["nonlinear"]
     left, held = found["left_first"], found["held"]
     for i, dihedral in enumerate(recoverable.axes["dihedral"]):
@@ -67,14 +69,17 @@ def test_the_map_is_what_single_flights_say(newton: FlownCase, recoverable: Reco
 def test_the_edges_are_where_flights_begin_to_leave_or_to_exceed(
     newton: FlownCase, recoverable: RecoverableMap
 ) -> None:
-    """Where an edge says that a state leaves or an input exceeds its limit, `fly` says the same, and names the same."""
+    """Where an edge says that a state leaves or an input exceeds its limit, `fly` says the same,
+    and names the same."""
     edges = {(edge.plant, edge.axis, edge.sign): edge for edge in recoverable.edges}
     for sign in (-1, 1):
         edge = edges["nonlinear", "speed", sign]
         assert 0.0 < edge.within_limits < edge.inside < edge.returned
         for part in (0.97, 1.03):
             departure = alone(newton, 2.0, speed=sign * part * edge.inside).departure
-            assert (None if departure is None else departure.state) == (None if part < 1.0 else edge.state)
+            assert (None if departure is None else departure.state) == (
+                None if part < 1.0 else edge.state
+            )
             near = alone(newton, 2.0, speed=sign * part * edge.within_limits)
             assert near.within_limits == (part < 1.0)
             assert [each.input for each in near.exceeded] == [edge.control] * (part > 1.0)
@@ -99,7 +104,12 @@ def test_a_gain_that_does_not_stabilize_is_refused(newton: FlownCase) -> None:
     starts, commands = {"speed": np.zeros(1), "dihedral": np.zeros(1)}, {"dihedral": np.zeros(1)}
     with pytest.raises(BadInputError, match="abscissa"):
         recoverable_map(
-            newton.aircraft, newton.point, -newton.law.gains[0], newton.envelope, starts=starts, commands=commands
+            newton.aircraft,
+            newton.point,
+            -newton.law.gains[0],
+            newton.envelope,
+            starts=starts,
+            commands=commands,
         )
 
 
@@ -131,7 +141,8 @@ def slope_at_trim(certified: Schedule, index: int, policy_of: type[ScheduledPoli
 
 
 def test_about_a_grid_point_the_policy_is_its_gain_and_its_trim(certified: Schedule) -> None:
-    """No hidden coupling: the derivative with respect to the measured dihedral is the gain's own column."""
+    """No hidden coupling: the derivative with respect to the measured dihedral is the gain's own
+    column."""
     for index in range(3):
         u, slope = slope_at_trim(certified, index, ScheduledPolicy)
         inputs = certified.tables[1].values
@@ -161,7 +172,9 @@ def test_hidden_coupling_is_seen(certified: Schedule) -> None:
 # Certificates.
 
 
-def test_every_grid_point_is_certified_and_the_points_between_are_stable(certified: Schedule) -> None:
+def test_every_grid_point_is_certified_and_the_points_between_are_stable(
+    certified: Schedule,
+) -> None:
     assert [row.certificates for row in certified.grid] == [8, 8, 8]
     assert all(row.control_abscissa < -0.3 and row.game_abscissa < -0.2 for row in certified.grid)
     assert certified.between < -0.3
@@ -170,20 +183,26 @@ def test_every_grid_point_is_certified_and_the_points_between_are_stable(certifi
 def test_a_point_without_certificate_stops_the_schedule(published_aircraft: Aircraft) -> None:
     with pytest.raises(NoSolutionError, match="delta_min"):
         certified_schedule(
-            published_aircraft, radians(5.0, 15.0), game=lambda model: published_game(model.A, model.B, delta=100.0)
+            published_aircraft,
+            radians(5.0, 15.0),
+            game=lambda model: published_game(model.A, model.B, delta=100.0),
         )
 
 
 # The flight.
 
 
-def through_the_change(aircraft: Aircraft, certified: Schedule, start: float, end: float) -> NonlinearFlight:
+def through_the_change(
+    aircraft: Aircraft, certified: Schedule, start: float, end: float
+) -> NonlinearFlight:
     change = change_over(aircraft.model, float(np.radians(start)), float(np.radians(end)), 60.0)
     envelope = flight_envelope(aircraft, certified.at(change.start).point)
     return fly_schedule(aircraft, certified, change, Scenario(duration=80.0, step=0.002), envelope)
 
 
-@pytest.mark.parametrize(("start", "end"), [(5.0, 15.0), pytest.param(15.0, 5.0, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    ("start", "end"), [(5.0, 15.0), pytest.param(15.0, 5.0, marks=pytest.mark.slow)]
+)
 def test_the_schedule_flies_the_change(
     published_aircraft: Aircraft, certified: Schedule, start: float, end: float
 ) -> None:

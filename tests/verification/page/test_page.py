@@ -1,4 +1,5 @@
-"""The page: verdicts that can fail, the claims that were stored, and plots with the numbers of the models."""
+"""The page: verdicts that can fail, the claims that were stored, and plots with the numbers of the
+models."""
 
 from __future__ import annotations
 
@@ -29,7 +30,9 @@ from verification.page.plots import front_view, in_script, locus_plot
 @pytest.fixture(scope="module")
 def job(parameter_set: ParameterSet) -> MainJob:
     """Without games: both pairs, five angles, one of them without a trim."""
-    return main_job(parameter_set, "published", asked=(), swept=np.radians([5.0, 10.0, 15.0, 20.0, 59.0]))
+    return main_job(
+        parameter_set, "published", asked=(), swept=np.radians([5.0, 10.0, 15.0, 20.0, 59.0])
+    )
 
 
 STORED = ROOT / "studies" / "section5" / "results"
@@ -38,8 +41,12 @@ STORED = ROOT / "studies" / "section5" / "results"
 def test_a_pair_that_is_not_regenerated_fails(job: MainJob) -> None:
     assert [row[1] for row in verdicts(job).rows] == ["PASS"] * 3
     pair = job.regeneration.pairs[0]
-    wrong = replace(pair, checks=(pair.checks[0]._replace(ok=False, reason="planted"), *pair.checks[1:]))
-    planted = replace(job, regeneration=replace(job.regeneration, pairs=(wrong, *job.regeneration.pairs[1:])))
+    wrong = replace(
+        pair, checks=(pair.checks[0]._replace(ok=False, reason="planted"), *pair.checks[1:])
+    )
+    planted = replace(
+        job, regeneration=replace(job.regeneration, pairs=(wrong, *job.regeneration.pairs[1:]))
+    )
     assert [row[1] for row in verdicts(planted).rows] == ["FAIL", "PASS", "PASS"]
     assert not planted.ok
 
@@ -65,7 +72,9 @@ def claims() -> Claims:
 def test_a_row_each_with_the_verdict_that_is_stored(job: MainJob, claims: Claims) -> None:
     said, table = claims_section(claims, job.regeneration).parts
     stored = claims.data["claims"]
-    assert [(row[0], row[-1]) for row in table.rows] == [(claim["number"], claim["verdict"]) for claim in stored]
+    assert [(row[0], row[-1]) for row in table.rows] == [
+        (claim["number"], claim["verdict"]) for claim in stored
+    ]
     assert {row[-1].tone for row in table.rows if row[-1] == "not confirmed"} == {"bad"}
     assert "the same matrices as" in said
     assert "28 not confirmed" in str(verdicts(replace(job, claims=claims)).rows[-1][0])
@@ -87,7 +96,9 @@ def test_another_aircraft_is_noticed(job: MainJob, claims: Claims) -> None:
         (["claims", 0, "findings", "published, modified", "value"], "1"),
     ],
 )
-def test_a_damaged_table_is_refused(place: list[Any], value: Any, claims: Claims, tmp_path: Path) -> None:
+def test_a_damaged_table_is_refused(
+    place: list[Any], value: Any, claims: Claims, tmp_path: Path
+) -> None:
     data = copy.deepcopy(claims.data)
     *path, last = place
     reduce(getitem, path, data)[last] = value
@@ -111,8 +122,13 @@ def test_plotly_takes_it_and_the_arrows_are_to_scale(job: MainJob) -> None:
             continue
         loads = job.aircraft.loads(point.model.point.states, point.model.point.inputs)
         p = job.aircraft.parameters
-        lengths = [np.hypot(np.diff(each["x"])[::3], np.diff(each["y"])[::3]) for each in (lift, weight)]
-        forces = np.array([loads.outer.lift, loads.center.lift, loads.outer.lift]), p.panel_mass * p.gravity
+        lengths = [
+            np.hypot(np.diff(each["x"])[::3], np.diff(each["y"])[::3]) for each in (lift, weight)
+        ]
+        forces = (
+            np.array([loads.outer.lift, loads.center.lift, loads.outer.lift]),
+            p.panel_mass * p.gravity,
+        )
         for length, force in zip(lengths, forces, strict=True):
             assert length * float(found[1]) == pytest.approx(force, rel=2e-3)
         assert sizes["text"][1] == f"{loads.center.lift:.1f} lbf"
@@ -142,9 +158,17 @@ def test_hover_shows_the_modes(job: MainJob) -> None:
             if np.isfinite(frequency):
                 point = next(point for point in job.points if point.dihedral_deg == angle)
                 modes = modes_of(point.model.A, point.model.states)
-                assert min(abs(mode.frequency - frequency) + abs(mode.damping - damping) for mode in modes) < 1e-4
+                assert (
+                    min(
+                        abs(mode.frequency - frequency) + abs(mode.damping - damping)
+                        for mode in modes
+                    )
+                    < 1e-4
+                )
 
 
-def test_where_nothing_is_trimmed_there_is_no_plot(job: MainJob, published_aircraft: Aircraft) -> None:
+def test_where_nothing_is_trimmed_there_is_no_plot(
+    job: MainJob, published_aircraft: Aircraft
+) -> None:
     assert front_view(job.aircraft, job.points[-1:]) is None
     assert locus_plot(sweep(published_aircraft, {"dihedral": np.radians([59.0])})) is None

@@ -1,1 +1,0 @@
-"""What a solution means: cost, saddle point, gain, margins."""

@@ -1,1 +1,0 @@
-"""What a controller is designed for: the aircraft with actuators, integrals of outputs and weights."""

@@ -1,0 +1,206 @@
+"""Vectors that vary with time in a known way: references, disturbances, noise, commands through a
+filter."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from typing import Any, NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from controller.servo.design import COMMAND_FILTER
+from hfa_support.errors import BadInputError, refuse_unless_positive
+from hfa_support.reporting.fields import Shown
+
+#: What a loop asks of its reference, disturbance and noise: `size` n, and `at(t)`, the value (n,)
+#: at an expression; `until`, s, when it comes to rest, inf unless given.
+TimeVector = Any
+
+
+class Harmonic(NamedTuple):
+    """sine sin(ω t) + cosine cos(ω t): frequency ω in rad/s, amplitudes (n,)."""
+
+    frequency: float
+    sine: np.ndarray
+    cosine: np.ndarray
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Signal(Shown):
+    """s(t) = constant + slope t + Σ_i (sine_i sin ω_i t + cosine_i cos ω_i t), (n,).
+
+    BadInputError when the parts differ in length or are not finite.
+    """
+
+    constant: np.ndarray
+    slope: np.ndarray
+    harmonics: tuple[Harmonic, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Check the shapes once."""
+        size = np.shape(self.constant)
+        for part in (
+            self.constant,
+            self.slope,
+            *(row for h in self.harmonics for row in (h.sine, h.cosine)),
+        ):
+            if len(size) != 1 or np.shape(part) != size:
+                raise BadInputError(
+                    f"a signal has parts of shape {size} and {np.shape(part)}; make them one length"
+                )
+            if not np.all(np.isfinite(part)):
+                raise BadInputError("a signal has an entry that is not finite; give numbers")
+
+    @property
+    def size(self) -> int:
+        """Number of channels."""
+        return len(self.constant)
+
+    @property
+    def until(self) -> float:
+        """When it comes to rest, s: never where it has a wave."""
+        return math.inf if self.harmonics else 0.0
+
+    # NumPy's answer to a number and CasADi's to an expression have no type in common.
+    def at(self, t: Any) -> Any:
+        """s(t): (n,) at a number, a CasADi column at a CasADi expression."""
+        if not isinstance(t, (ca.SX, ca.MX)):
+            return self.sampled(np.array([t]))[0]
+        value: Any = ca.DM(self.constant) + ca.DM(self.slope) * t
+        for h in self.harmonics:
+            value = (
+                value
+                + ca.DM(h.sine) * ca.sin(h.frequency * t)
+                + ca.DM(h.cosine) * ca.cos(h.frequency * t)
+            )
+        return value
+
+    def sampled(self, times: np.ndarray) -> np.ndarray:
+        """s at many times, (N, n)."""
+        value = self.constant + np.outer(times, self.slope)
+        for h in self.harmonics:
+            value = value + np.outer(np.sin(h.frequency * times), h.sine)
+            value = value + np.outer(np.cos(h.frequency * times), h.cosine)
+        return np.asarray(value)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The formula as data for JSON."""
+        return {
+            "constant": self.constant,
+            "slope": self.slope,
+            "harmonics": [harmonic._asdict() for harmonic in self.harmonics],
+        }
+
+
+def zero(size: int) -> Signal:
+    """The zero signal."""
+    return Signal(np.zeros(size), np.zeros(size))
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class CommandSteps(Shown):
+    """r'' = ω² (r_step(t) - r) - 2 ζ ω r' from rest, so that r(t) = Σ_i (R_i - R_i-1) s(t - t_i),
+    R_-1 = 0.
+
+    s: the step response of the filter. names: outputs, as deviations from trim. times: t_i (S,), s,
+    increasing, from 0 on. values: R (S, k), in the outputs' units. bandwidth ω, rad/s; damping ζ.
+    BadInputError when a number or a shape is wrong, or a name is given twice."""
+
+    names: tuple[str, ...]
+    times: np.ndarray
+    values: np.ndarray
+    bandwidth: float = COMMAND_FILTER[0]
+    damping: float = COMMAND_FILTER[1]
+
+    def __post_init__(self) -> None:
+        """Check once."""
+        if np.shape(self.values) != (len(self.times), len(self.names)) or not np.all(
+            np.isfinite(self.values)
+        ):
+            raise BadInputError(
+                f"the commands have values of shape {np.shape(self.values)}; give {len(self.times)} finite rows of"
+                f" {len(self.names)}"
+            )
+        for name in self.names:
+            if self.names.count(name) > 1:
+                raise BadInputError(f"the command of {name} is given twice; give it once")
+        if len(self.times) and not (self.times[0] >= 0.0 and np.all(np.diff(self.times) > 0.0)):
+            raise BadInputError("the times of the commands must increase, from 0 on")
+        for name in ("bandwidth", "damping"):
+            refuse_unless_positive(f"the {name} of the command filter", getattr(self, name))
+
+    def at(self, t: Any) -> ca.SX:
+        """r(t), (k,), at a CasADi expression."""
+        return self._summed(t, lambda late: self._response(late)[0])
+
+    def rate(self, t: Any) -> ca.SX:
+        """r'(t), (k,)."""
+        return self._summed(t, lambda late: self._response(late)[1])
+
+    def end(self, t: Any) -> ca.SX:
+        """r_step(t), (k,): what the filter is on its way to."""
+        return self._summed(t, lambda late: late >= 0.0)
+
+    def sampled(self, times: np.ndarray) -> np.ndarray:
+        """r at many times, (N, k)."""
+        t = ca.SX.sym("t")
+        function = ca.Function("commands", [t], [self.at(t)]).map(len(times))
+        return np.array(function(times[None])).T.reshape(len(times), len(self.names))
+
+    def _summed(self, t: Any, response: Callable[[Any], Any]) -> ca.SX:
+        """Σ_i (R_i - R_i-1) response(t - t_i), (k,); the response to a step that is still to come
+        is 0."""
+        total = ca.SX.zeros(len(self.names))
+        jumps = np.diff(self.values, axis=0, prepend=np.zeros((1, len(self.names))))
+        for begin, jump in zip(self.times.tolist(), jumps, strict=True):
+            total = total + ca.DM(jump) * response(t - begin)
+        return total
+
+    def _response(self, late: Any) -> tuple[Any, Any]:
+        """s and s' of the late time τ >= 0: 1 - e c - ζω e σ and ω² e σ with e = exp(-ζωτ), c =
+        cosh(vτ), σ = sinh(vτ)/v and v² = ω² (ζ² - 1)."""
+        middle, tau = self.damping * self.bandwidth, ca.fmax(late, 0.0)
+        v = self.bandwidth * math.sqrt(abs(self.damping**2 - 1))
+        if self.damping > 1.0:  # written so that nothing overflows
+            slow, fast = ca.exp(-(middle - v) * tau), ca.exp(-(middle + v) * tau)
+            even, odd = (slow + fast) / 2, (slow - fast) / (2 * v)
+        else:
+            decay = ca.exp(-middle * tau)
+            even, odd = decay * ca.cos(v * tau), decay * (ca.sin(v * tau) / v if v else tau)
+        return 1 - even - middle * odd, self.bandwidth**2 * odd
+
+
+@dataclass(frozen=True, eq=False)
+class CommandedStates:
+    """x_d(t), (k,): the commands of these states, 0 for the others; the reference of a flight.
+
+    filtered: whether they go through the command filter; else they are steps.
+    """
+
+    commands: CommandSteps
+    states: tuple[str, ...]
+    filtered: bool = True
+
+    @property
+    def size(self) -> int:
+        """Number of states."""
+        return len(self.states)
+
+    @property
+    def until(self) -> float:
+        """When the last step is commanded, s."""
+        return float(self.commands.times[-1]) if len(self.commands.times) else 0.0
+
+    def to_dict(self) -> dict[str, Any]:
+        """The steps as data for JSON."""
+        return asdict(self.commands)
+
+    def at(self, t: Any) -> ca.SX:
+        """x_d(t)."""
+        names = self.commands.names
+        chosen = np.array([[float(name == state) for name in names] for state in self.states])
+        value = self.commands.at(t) if self.filtered else self.commands.end(t)
+        return ca.mtimes(ca.DM(chosen.reshape(self.size, len(names))), value)

@@ -1,0 +1,223 @@
+"""The Bellman residual of every recorded sample as a function of the weights, in scaled
+coordinates."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from controller.game.basis import Basis
+from controller.game.learning_result import Excitation
+from controller.game.zero_sum import Game
+from controller.learning.recording import Stack, excitation
+
+
+class PartialGame(NamedTuple):
+    """Which game is being solved: discount β >= 0 [1/s] and the share s in [0, 1] of the final
+    1/δ²."""
+
+    discount: float
+    share: float
+
+
+#: The LQ problem without discount, and the game itself.
+LQ, GAME = PartialGame(0.0, 0.0), PartialGame(0.0, 1.0)
+
+
+class Residuals(NamedTuple):
+    """regressors: (N_h, M), σ_j. residuals: (N_h,), e_j. size: (N_h,), sum of the magnitudes of
+    e_j's terms."""
+
+    regressors: np.ndarray
+    residuals: np.ndarray
+    size: np.ndarray
+
+    @property
+    def relative(self) -> float:
+        """|e| over the size of the terms that cancel in it."""
+        return float(np.linalg.norm(self.residuals) / np.linalg.norm(self.size))
+
+
+@dataclass(frozen=True, eq=False)
+class StackEquations:
+    """e_j(W) = W'σ_j + z_j'Q z_j + z_j'P S_s P z_j,  σ_j = ∂ψ_j (F_j - β z_j - S_s P z_j),  S_s =
+    S_u - s S_d/δ².
+
+    P is the quadratic part of W: u = -R⁻¹B'P z and d = s δ⁻²E'P z are its extremals, so for a
+    quadratic basis this is the paper's residual (Eq. 32-34) with policies re-evaluated at the
+    stored states, and ∂e_j/∂W = σ_j. With the discount, F_j - β z_j is the drift of A - βI, and β =
+    0, s = 1 is the game itself.
+
+    All matrices are in the coordinates y = z / scales. control (n, m) and disturbance (n, k): roots
+    of S_u and S_d/δ², S_u = G G'. Where few inputs hold a large P in check, P S_u P is a small
+    difference of large numbers and |G'P z|² is not. drift_matrix: least-squares fit of F = A z to
+    the stack, used only to test whether a policy stabilizes."""
+
+    basis: Basis
+    scales: np.ndarray
+    states: np.ndarray
+    drifts: np.ndarray
+    gradient: np.ndarray
+    control: np.ndarray
+    disturbance: np.ndarray
+    Q: np.ndarray
+    drift_matrix: np.ndarray
+
+    @classmethod
+    def build(cls, game: Game, basis: Basis, stack: Stack, scales: np.ndarray) -> StackEquations:
+        """The equations of a stack; from the game only B, E, Q, R and δ are read, never A."""
+        states, drifts = stack.states / scales, stack.drifts / scales
+        outer = np.outer(scales, scales)
+        return cls(
+            basis=basis,
+            scales=scales,
+            states=states,
+            drifts=drifts,
+            gradient=basis.gradient(states),
+            control=control_root(game) / scales[:, None],
+            disturbance=game.E / game.delta / scales[:, None],
+            Q=game.Q * outer,
+            drift_matrix=Stack(states, drifts).drift_fit(),
+        )
+
+    def excitation(self, weights: np.ndarray) -> Excitation:
+        """Richness of the stack at scaled weights (M,), with the policies of the game."""
+        with np.errstate(over="ignore"):  # regressors that overflow when squared count as nothing
+            return excitation(self.at(weights, GAME).regressors, self.basis.psi(self.states))
+
+    def at(self, weights: np.ndarray, problem: PartialGame) -> Residuals:
+        """Regressors and residuals of all samples at scaled weights (M,), which are not written to
+        afterwards.
+
+        The last answer is kept: a law asks for the same weights several times a tick.
+        """
+        asked, of, found = self._last
+        if asked is weights and of == problem:
+            return found
+        pushed, policy_cost = self._policies(self.states @ self.basis.matrix(weights), problem)
+        regressors = self.along(self.drifts - problem.discount * self.states - pushed)
+        change, cost = regressors @ weights, self.state_cost
+        found = Residuals(
+            regressors, change + cost + policy_cost, np.abs(change) + cost + np.abs(policy_cost)
+        )
+        self._last[:] = weights, problem, found
+        return found
+
+    @cached_property
+    def _last(self) -> list[Any]:
+        """Weights, problem and answer of the last `at`."""
+        return [None, None, None]
+
+    @cached_property
+    def state_cost(self) -> np.ndarray:
+        """z_j'Q z_j, (N_h,)."""
+        return np.asarray(np.einsum("ji,ji->j", self.states @ self.Q, self.states))
+
+    def _policies(
+        self, half_gradient: np.ndarray, problem: PartialGame
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """S_s ½∇V, (N_h, n), and ½∇V' S_s ½∇V, (N_h,): what both extremals do to the state, and
+        what they cost."""
+        inputs = half_gradient @ self.control
+        pushed, cost = inputs @ self.control.T, _squares(inputs)
+        if problem.share == 0.0:
+            return pushed, cost
+        gusts = half_gradient @ self.disturbance
+        return pushed - problem.share * (
+            gusts @ self.disturbance.T
+        ), cost - problem.share * _squares(gusts)
+
+    def along_step(
+        self, weights: np.ndarray, step: np.ndarray, found: Residuals, problem: PartialGame
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """l and q of the exact e_j(W - f N) = e_j(W) + f l_j + f² q_j, (N_h,) each.
+
+        For a quadratic basis l = -σN and q_j = -(P_N z_j)' S_s (P_N z_j).
+        """
+        pushed, policy_cost = self._policies(self.states @ self.basis.matrix(step), problem)
+        linear = -found.regressors @ step
+        quadratic = -policy_cost
+        beyond = slice(self.basis.quadratic_size, None)
+        if self.basis.size > self.basis.quadratic_size:
+            change = self.along(pushed)[:, beyond]
+            linear = linear + change @ weights[beyond]
+            quadratic = quadratic - change @ step[beyond]
+        return linear, quadratic
+
+    def along(self, rates: np.ndarray) -> np.ndarray:
+        """∂ψ_j rates_j, (N_h, M)."""
+        product: np.ndarray = (self.gradient @ rates[:, :, None])[..., 0]
+        return product
+
+    def closed_loop_eigenvalues(self, weights: np.ndarray, problem: PartialGame) -> np.ndarray:
+        """Eigenvalues of A - βI - S_s P with A from the stack, (n,), 1/s."""
+        pushed, _ = self._policies(self.basis.matrix(weights), problem)
+        return np.linalg.eigvals(self.drift_matrix - pushed.T) - problem.discount
+
+    def margin(self, weights: np.ndarray, problem: PartialGame) -> float:
+        """Distance of the closed-loop eigenvalues from the imaginary axis, 1/s; positive when
+        stable."""
+        return -float(self.closed_loop_eigenvalues(weights, problem).real.max())
+
+    def scaled(self, weights: np.ndarray) -> np.ndarray:
+        """Weights of the model's coordinates z -> weights of y = z / scales."""
+        return weights * self._scaling
+
+    def unscaled(self, weights: np.ndarray) -> np.ndarray:
+        """Weights of y = z / scales -> weights of the model's coordinates z."""
+        return weights / self._scaling
+
+    @cached_property
+    def _scaling(self) -> np.ndarray:
+        return self.basis.scaling(self.scales)
+
+    def reported_residuals(self, weights: np.ndarray) -> dict[str, float]:
+        """What all laws report of the residual e of the game's Hamilton-Jacobi-Isaacs equation,
+        with all of ∇V = ∂ψ'W.
+
+        e_j = ∇V'F_j + z'Qz - ¼ ∇V' S ∇V (paper Eq. 33 with the extremal policies put in).
+        residual_norm: |e| over |z'Qz|. settling_residual: over the size of the terms that cancel in
+        e, in [0, 1]: it tells a settled critic; against z'Qz alone, rounding would never count as
+        settled where Q is small compared with the value."""
+        gradient = np.einsum("jmi,m->ji", self.gradient, weights)
+        change, cost = gradient * self.drifts, self.state_cost
+        _, policy_cost = self._policies(0.5 * gradient, GAME)
+        norm = float(np.linalg.norm(change.sum(axis=1) + cost - policy_cost))
+        size = np.abs(change).sum(axis=1) + cost + np.abs(policy_cost)
+        return {
+            "residual_norm": norm / float(np.linalg.norm(cost)),
+            "settling_residual": norm / float(np.linalg.norm(size)),
+        }
+
+
+def _squares(rows: np.ndarray) -> np.ndarray:
+    """|row|² of each row."""
+    return np.asarray(np.einsum("ji,ji->j", rows, rows))
+
+
+def control_root(game: Game) -> np.ndarray:
+    """G with G G' = B R⁻¹B', (n, m)."""
+    root: np.ndarray = np.linalg.solve(np.linalg.cholesky(game.R), game.B.T).T
+    return root
+
+
+def newton_step(found: Residuals, normaliser: np.ndarray) -> np.ndarray:
+    """N with σ̄ N = ē in the least-squares sense, (M,): W - N is the full policy-iteration step.
+
+    σ̄ = σ/n, ē = e/n. Solved by QR of (σ̄, ē) without dropping singular values: near the edge of
+    stability σ̄ is nearly singular, and the direction that a pseudo-inverse with a tolerance would
+    drop is the one that matters. Raises numpy.linalg.LinAlgError when σ̄ is singular."""
+    from scipy.linalg.lapack import dtrtrs
+
+    size = found.regressors.shape[1]
+    both = np.column_stack([found.regressors, found.residuals]) / normaliser[:, None]
+    factored = np.linalg.qr(both, mode="raw")[
+        0
+    ].T  # R on and above its diagonal, and Q'ē in its last column
+    step, failed = dtrtrs(factored[:size, :size], factored[:size, size])
+    if failed:
+        raise np.linalg.LinAlgError("the regressors are singular")
+    return np.asarray(step)

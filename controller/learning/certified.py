@@ -1,0 +1,528 @@
+"""The certified law: recorded data to the exact game solution within a predefined time.
+
+Newton (policy-iteration) steps on the recorded stack, guarded where theory says that they keep
+stability, lead from the discounted LQ problem to the game: the discount is removed first, then 1/δ²
+is raised. In between the law of one number, y' = -k (y^(1-η) + y^(1+η)), makes the residual of the
+stack vanish at the predefined time."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, fields, replace
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from controller.game.basis import Basis, basis
+from controller.game.learning_result import LearningResult
+from controller.game.zero_sum import Game, checked_matrix
+from controller.learning import recording
+from controller.learning.bellman_equations import GAME, LQ, PartialGame, StackEquations, newton_step
+from controller.learning.certify import Riccati, Run, conclude, run
+from controller.learning.recording import Stack
+from hfa_support.errors import (
+    BadInputError,
+    NoSolutionError,
+    refuse_unknown,
+    refuse_unless_positive,
+)
+from hfa_support.progress import Progress
+
+
+def decay_rate(time: float, eta: float, theta: float) -> float:
+    """k = π / (2 η θ T): with it y' = -k (y^(1-η) + y^(1+η)) is 0 from θT on, whatever y(0)."""
+    return math.pi / (2.0 * eta * theta * time)
+
+
+def after(y: float, rate: float, eta: float, step: float) -> float:
+    """Exact value of y' = -rate (y^(1-η) + y^(1+η)) after `step` seconds from y >= 0.
+
+    x = y^η obeys x' = -η rate (1 + x²), so that y₊ = tan(max(0, atan(y^η) - η rate step))^(1/η).
+    """
+    return math.tan(max(0.0, math.atan(y**eta) - eta * rate * step)) ** (1.0 / eta)
+
+
+def fraction_to_reach(
+    constant: np.ndarray, linear: np.ndarray, quadratic: np.ndarray, target: float
+) -> float:
+    """The smallest f in (0, 1] with |constant + f linear + f² quadratic| = target, else the best f
+    in (0, 1].
+
+    The vectors are residuals along a Newton direction, (N_h,). When no f reaches the target, the f
+    with the smallest norm is returned (exact line search; Benner & Byers 1998), or 1 when no step
+    lowers it."""
+    square = np.array(
+        [
+            quadratic @ quadratic,
+            2.0 * linear @ quadratic,
+            linear @ linear + 2.0 * constant @ quadratic,
+            2.0 * constant @ linear,
+            constant @ constant,
+        ]
+    )
+    reached = (
+        _roots_in_unit_interval(square - np.array([0.0, 0.0, 0.0, 0.0, target**2]))
+        if target > 0.0
+        else []
+    )
+    if reached:
+        return reached[0]
+    lowest = min(
+        [1.0, *_roots_in_unit_interval(np.polyder(square))],
+        key=lambda f: float(np.polyval(square, f)),
+    )
+    return lowest
+
+
+def _roots_in_unit_interval(polynomial: np.ndarray) -> list[float]:
+    """Roots f in (0, 1] of a polynomial, ascending; found as 1/f, whose leading coefficient is
+    never the small one."""
+    reversed_ = polynomial[::-1] / np.abs(polynomial).max()
+    if not np.all(np.isfinite(reversed_)):
+        return []
+    inverse = np.roots(reversed_)
+    real = inverse.real[np.abs(inverse.imag) <= 1e-9 * np.abs(inverse)]
+    return sorted(1.0 / float(root) for root in real if root >= 1.0)
+
+
+#: A Newton correction below this fraction of |W| ends the iteration on the way (the next one is its
+#: square).
+TRACKING = 1e-5
+#: Below this fraction of |W| a correction that no longer halves is rounding, or noise in the data.
+SETTLED = 1e-6
+#: How often a step that loses stability is halved.
+MOST_HALVINGS = 30
+#: The smallest relative step of β and of the share of 1/δ²: below it the ramp has reached the end
+#: of its road.
+SMALLEST_STEP = 1e-9
+#: A first step of the share that is too large even here belongs to no plant.
+NO_STEP = 1e-30
+
+
+class Point(NamedTuple):
+    """Where the learning is. weights: (M,), scaled coordinates."""
+
+    weights: np.ndarray
+    problem: PartialGame
+
+
+def iterate(
+    equations: StackEquations,
+    here: Point,
+    normaliser: np.ndarray,
+    *,
+    to_the_floor: bool,
+    most: int = 100,
+) -> tuple[Point, bool]:
+    """Full Newton steps W <- W - N at a fixed problem; the last point and whether it converged.
+
+    to_the_floor: go on until the correction no longer halves, otherwise stop at TRACKING. On an LQ
+    problem (share 0) the steps are those of Kleinman (1968), which converge from every stabilizing
+    policy, and each is guarded by `stabilizing_step`."""
+    last = np.inf
+    for _ in range(most):
+        try:
+            step = newton_step(equations.at(here.weights, here.problem), normaliser)
+        except np.linalg.LinAlgError:
+            return here, False
+        correction = float(np.linalg.norm(step) / np.linalg.norm(here.weights - step))
+        if not np.isfinite(correction):
+            return here, False
+        if last < SETTLED and correction > 0.5 * last:
+            return here, True
+        if here.problem.share == 0.0:
+            here = stabilizing_step(equations, here, step, 1.0)
+        else:
+            here = here._replace(weights=here.weights - step)
+        last = correction
+        if not to_the_floor and correction <= TRACKING:
+            return here, True
+    return here, last < SETTLED
+
+
+def stabilizing_step(
+    equations: StackEquations, here: Point, step: np.ndarray, fraction: float
+) -> Point:
+    """W - f N, with f halved until the policy stabilizes the recorded plant.
+
+    On the LQ problem every f in (0, 1] does so in exact arithmetic with exact data; rounding and
+    noise can break it. Raises NoSolutionError when no step does."""
+    for _ in range(MOST_HALVINGS):
+        trial = here.weights - fraction * step
+        if equations.margin(trial, here.problem) > 0.0:
+            return here._replace(weights=trial)
+        fraction *= 0.5
+    raise NoSolutionError(
+        "no step of the learning law keeps the recorded plant stable; check that the recorded drifts are F = A z"
+        " of one linear plant, without the reference forcing and with little noise"
+    )
+
+
+def discount_at(progress: float, start: float) -> float:
+    """β(p) = β₀ (1 - p) / (1 + 2 β₀ p), 1/s: β₀ at p = 0, 0 at p = 1, and slow where P changes (β
+    below 1)."""
+    return start * (1.0 - progress) / (1.0 + 2.0 * start * progress)
+
+
+def lower_discount(
+    equations: StackEquations, here: Point, target: float, normaliser: np.ndarray
+) -> Point:
+    """Follow the LQ solution to a smaller discount β.
+
+    A step of at most half the stability margin keeps the policy stabilizing, and from a stabilizing
+    policy the full Newton iteration of an LQ problem converges, so only a plant that no input can
+    stabilize stops this: NoSolutionError."""
+    while here.problem.discount > target:
+        discount = here.problem.discount
+        lower = max(target, discount - 0.5 * equations.margin(here.weights, here.problem))
+        if lower > target and discount - lower <= SMALLEST_STEP * min(discount, 1.0):
+            raise _not_brought_to_rest(discount)
+        there = here._replace(problem=here.problem._replace(discount=lower))
+        here, converged = iterate(equations, there, normaliser, to_the_floor=False)
+        if not converged:
+            raise _not_brought_to_rest(lower)
+    return here
+
+
+def _not_brought_to_rest(discount: float) -> NoSolutionError:
+    return NoSolutionError(
+        f"the discount cannot be lowered below {discount:.6g} 1/s: the policies learned there do not bring a mode to"
+        " rest; check that (A, B) is stabilizable and that Q sees the mode"
+    )
+
+
+def raise_disturbance(
+    equations: StackEquations, here: Point, target: float, normaliser: np.ndarray, delta: float
+) -> Point:
+    """Follow the game solution to a larger share s of 1/δ².
+
+    For δ above its minimum the solution exists for every s in [0, 1] and grows with s (monotonicity
+    of the H-infinity Riccati equation in δ; Basar & Bernhard 1995). A step is taken only when the
+    iteration converged to P >= 0 with A - S_s P Hurwitz, of which there is one, and is halved
+    otherwise.
+
+    Raises NoSolutionError with the δ at which the solution is lost.
+    """
+    step = target - here.problem.share
+    while here.problem.share < target:
+        share = min(target, here.problem.share + step)
+        trial = here._replace(problem=here.problem._replace(share=share))
+        found, converged = iterate(equations, trial, normaliser, to_the_floor=False, most=8)
+        if converged and equations.margin(found.weights, found.problem) > 0.0:
+            eigenvalues = np.linalg.eigvalsh(equations.basis.matrix(found.weights))
+            if eigenvalues[0] > -1e-12 * eigenvalues[-1]:  # but for rounding
+                here, step = found, 2.0 * step
+                continue
+        step *= 0.5
+        if step < max(SMALLEST_STEP * here.problem.share, NO_STEP):
+            end = delta / np.sqrt(here.problem.share) if here.problem.share > 0.0 else np.inf
+            raise NoSolutionError(
+                f"delta = {delta:g} is out of reach: followed down from infinity, the game solution is lost at"
+                f" delta = {end:.6g}; raise delta above that, unless the smallest possible one (hfa solve) lies below"
+            )
+    return here
+
+
+#: Where the learning stands, n_j of its stage (N_h,), and the discount of the start, 1/s.
+Memory = tuple[Point, np.ndarray, float]
+#: A start counts as stabilizing when its margin is at least this fraction of the fastest
+#: closed-loop rate. Closer to the edge the regressors are singular to rounding and the first Newton
+#: direction is noise.
+RELATIVE_MARGIN = 1e-8
+#: Margin that the discount leaves, 1/s, beside 1e-6 of the fastest closed-loop rate.
+DISCOUNT_MARGIN = 0.5
+#: Most sub-steps in one tick, and the fraction of |ē| that a sub-step must fall below for another
+#: one.
+MOST_SUBSTEPS, STALLED = 50, 0.999
+#: A relative residual below this is rounding: the stage has come to rest.
+AT_REST = 1e-13
+
+
+#: Weights beyond this overflow when they are squared twice.
+LARGEST_WEIGHT = 1e60
+#: More recorded samples than this fill the memory, and add nothing.
+MOST_SAMPLES = 100_000
+
+
+def enough_for(weights: int, least: int) -> int:
+    """How many samples are taken for M weights where no number is given: `least`, or half as many
+    again as weights."""
+    return max(least, weights + (weights + 1) // 2)
+
+
+def initial_weights(value: Any, basis: Basis) -> np.ndarray:
+    """W(0), (M,): one number for all weights. Raises BadInputError for another size or too large an
+    entry."""
+    all_of_them = np.full(basis.size, value) if np.isscalar(value) else value
+    weights = checked_matrix("initial_weights", all_of_them, LARGEST_WEIGHT, ndim=1)
+    if weights.size != basis.size:
+        raise BadInputError(
+            f"there are {weights.size} initial_weights; basis '{basis.name}' has {basis.size} weights"
+        )
+    return weights
+
+
+@dataclass(frozen=True)
+class CertifiedSettings:
+    """predefined_time T_w, tick: s. eta in (0, 1). theta in (0, 1): the share of each stage's time
+    that is used.
+
+    samples: N_h >= M, chosen from a pool of `pool_samples` random states; None means 50 of 500, and
+    more where the basis has more than 33 weights (`enough_for`). initial_weights: W(0) in the
+    model's units, a number for all or (M,)."""
+
+    predefined_time: float = 10.0
+    tick: float = 0.01
+    eta: float = 0.8
+    theta: float = 0.9
+    basis: str = "quadratic"
+    samples: int | None = None
+    pool_samples: int | None = None
+    initial_weights: float | tuple[float, ...] = 100.0
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot run, naming the setting."""
+        for name in ("predefined_time", "tick", "eta", "theta"):
+            refuse_unless_positive(name, getattr(self, name))
+        for name in ("eta", "theta"):
+            if getattr(self, name) >= 1.0:
+                raise BadInputError(f"{name} is {getattr(self, name)}; it must be less than 1")
+        if self.tick > self.predefined_time:
+            raise BadInputError(
+                f"tick is {self.tick} s; it must not exceed predefined_time, {self.predefined_time} s"
+            )
+        for name, value in {"samples": self.samples, "pool_samples": self.pool_samples}.items():
+            whole = isinstance(value, (int, np.integer)) and value is not True
+            if value is not None and not (whole and 1 <= value <= MOST_SAMPLES):
+                raise BadInputError(
+                    f"{name} is {value}; give a whole number from 1 to {MOST_SAMPLES}"
+                )
+
+
+@dataclass(frozen=True, eq=False)
+class CertifiedLaw:
+    """Two stages of T = T_w/2 each on the recorded stack (z_j, F_j); from the game only B, E, Q, R,
+    δ are read.
+
+    Stage 1, the LQ problem (1/δ² = 0): W' = -pinv(σ̄) k (|ē|^(1-η) + |ē|^(1+η)) ē/|ē|, k = π/(2 η θ
+    T), with the normaliser n_j = sqrt(1 + σ_j'σ_j) of the start of the stage. σ̄W' moves ē along
+    itself, so |ē| obeys the scalar law y' = -k (y^(1-η) + y^(1+η)) and is 0 from θT on. In a tick,
+    Newton sub-steps W <- W - f N are taken with the f that puts |ē| on the exact scalar value;
+    while it is out of reach, f minimizes |ē|. For f in (0, 1] such a step keeps a stabilizing
+    policy stabilizing: with P₁ = P - N the full step and A_f = A - S(P - fN), A_f'P₁ + P₁A_f = -Q -
+    (1-f) PSP - f P₁SP₁ - f (P-P₁)S(P-P₁). A start that is not stabilizing gets the discount β = its
+    abscissa + margin, i.e. drift F - βz.
+
+    Stage 2: β is lowered to 0, then 1/δ² raised to its value along a clock that ends at T + θT,
+    with Newton steps that follow the solution (`policy_iteration`)."""
+
+    game: Game
+    stack: Stack
+    drift_misfit: float
+    basis: Basis
+    settings: CertifiedSettings
+    seed: int
+
+    @cached_property
+    def equations(self) -> StackEquations:
+        """The Bellman residuals of the stack."""
+        return StackEquations.build(self.game, self.basis, self.stack, self.stack.channel_scales())
+
+    @property
+    def stage_time(self) -> float:
+        """T = T_w/2, s."""
+        return 0.5 * self.settings.predefined_time
+
+    @property
+    def ticks(self) -> int:
+        """T_w over the tick, rounded up; the last tick is cut at T_w."""
+        return int(np.ceil(self.settings.predefined_time / self.settings.tick - 1e-9))
+
+    def time(self, tick: int) -> float:
+        """Time after `tick` ticks, s."""
+        return min(tick * self.settings.tick, self.settings.predefined_time)
+
+    def start(self) -> Memory:
+        """W(0) with the discount that makes it stabilizing."""
+        weights = self.equations.scaled(initial_weights(self.settings.initial_weights, self.basis))
+        eigenvalues = self.equations.closed_loop_eigenvalues(weights, LQ)
+        abscissa, fastest = float(eigenvalues.real.max()), float(np.abs(eigenvalues).max())
+        stabilizing = abscissa < 0.0 and -abscissa >= RELATIVE_MARGIN * fastest
+        discount = 0.0 if stabilizing else max(0.0, abscissa) + DISCOUNT_MARGIN + 1e-6 * fastest
+        here = Point(weights, PartialGame(discount, 0.0))
+        return here, self._normaliser(here), discount
+
+    def _normaliser(self, here: Point) -> np.ndarray:
+        """n_j = sqrt(1 + σ_j'σ_j), (N_h,)."""
+        regressors = self.equations.at(here.weights, here.problem).regressors
+        return np.sqrt(1.0 + np.sum(regressors**2, axis=1))
+
+    def advance(self, tick: int, memory: Memory) -> Memory:
+        """One tick: stage 1 up to T, stage 2 after it; a tick that holds T does both."""
+        begin, end, T = self.time(tick), self.time(tick + 1), self.stage_time
+        here, normaliser, first_discount = memory
+        if begin < self.settings.theta * T:
+            here = self._stage_one(here, normaliser, begin, end)
+            if end >= self.settings.theta * T:
+                normaliser = self._normaliser(here)
+        if end > T and here.problem != GAME:
+            here = self._stage_two(
+                here, normaliser, first_discount, (end - T) / (self.settings.theta * T)
+            )
+        return here, normaliser, first_discount
+
+    def _stage_one(self, here: Point, normaliser: np.ndarray, begin: float, end: float) -> Point:
+        s = self.settings
+        residual = self._law_residual(here, normaliser)
+        rate = decay_rate(self.stage_time, s.eta, s.theta)
+        target = (
+            after(residual, rate, s.eta, end - begin) if end < s.theta * self.stage_time else 0.0
+        )
+        if target > 0.0:
+            return self._descend(here, normaliser, target)
+        if self.equations.at(here.weights, here.problem).relative <= AT_REST:
+            return here
+        return iterate(self.equations, here, normaliser, to_the_floor=True)[0]
+
+    def _law_residual(self, here: Point, normaliser: np.ndarray) -> float:
+        """|ē| of the problem that is being solved now."""
+        return float(
+            np.linalg.norm(self.equations.at(here.weights, here.problem).residuals / normaliser)
+        )
+
+    def _descend(self, here: Point, normaliser: np.ndarray, target: float) -> Point:
+        """Newton sub-steps until |ē| is at its target, or no longer falls (noisy data have a
+        floor)."""
+        last = np.inf
+        for _ in range(MOST_SUBSTEPS):
+            found = self.equations.at(here.weights, here.problem)
+            residuals = found.residuals / normaliser
+            size = float(np.linalg.norm(residuals))
+            if size <= target * (1.0 + 1e-9) or size > STALLED * last:
+                break
+            last = size
+            step = newton_step(found, normaliser)
+            linear, quadratic = self.equations.along_step(here.weights, step, found, here.problem)
+            fraction = fraction_to_reach(
+                residuals, linear / normaliser, quadratic / normaliser, target
+            )
+            here = stabilizing_step(self.equations, here, step, fraction)
+        return here
+
+    def _stage_two(
+        self, here: Point, normaliser: np.ndarray, first_discount: float, clock: float
+    ) -> Point:
+        """Follow the ramp to its state at `clock` (1 at the end): half of it for β when there is
+        one, then 1/δ²."""
+        clock = 1.0 if clock >= 1.0 - 1e-12 else clock
+        split = 0.5 if first_discount > 0.0 else 0.0
+        if here.problem.discount > 0.0:
+            lower = discount_at(min(1.0, clock / split), first_discount)
+            here = lower_discount(self.equations, here, lower, normaliser)
+        if clock > split:
+            share = (clock - split) / (1.0 - split)
+            here = raise_disturbance(self.equations, here, share, normaliser, self.game.delta)
+        if clock == 1.0:
+            here = iterate(self.equations, here, normaliser, to_the_floor=True)[0]
+            # Where P is large in one direction, a sample shows the other ones as a small
+            # difference; the entries of the Riccati equation of the drifts' linear fit show each by
+            # itself, with the last digits.
+            e, quadratic = self.equations, self.basis.quadratic_size
+            P = Riccati(e.drift_matrix, e.control, e.disturbance, e.Q).refined(
+                self.basis.matrix(here.weights)
+            )
+            weights = np.concatenate([self.basis.weights(P)[:quadratic], here.weights[quadratic:]])
+            here = here._replace(weights=weights)
+        return here
+
+    def observe(self, tick: int, memory: Memory) -> Mapping[str, Any]:
+        """See `certify.run`."""
+        here, normaliser, _ = memory
+        return {
+            "time": self.time(tick),
+            "weights": self.equations.unscaled(here.weights),
+            **self.equations.reported_residuals(here.weights),
+            "law_residual_norm": self._law_residual(here, normaliser),
+        }
+
+    def conclude(self, finished: Run) -> LearningResult:
+        """The result of a finished run with its certificates."""
+        here, _, first_discount = finished.memory
+        diagnostics = {"discount_at_start": first_discount, "drift_misfit": self.drift_misfit}
+        of = "certified", self.game, self.equations, finished.history
+        return conclude(
+            *of,
+            self.equations.excitation(here.weights),
+            asdict(self.settings),
+            self.seed,
+            diagnostics,
+        )
+
+
+def certified_law(
+    game: Game, chosen: CertifiedSettings, seed: int, pool: Stack | None = None
+) -> CertifiedLaw:
+    """The law on a pool of recorded samples, by default random states (`recording.random_pool`).
+
+    The drifts are replaced by their linear fit over the whole pool: the game is on a linear plant,
+    so exact drifts stay as they are, and noise of relative size ε in 500 samples moves P by about ε
+    instead of tens of ε. Of the pool the `samples` most different ones are kept. Raises
+    BadInputError when the pool has not rank M."""
+    functions = basis(chosen.basis, game.A.shape[0])
+    samples = enough_for(functions.size, 50) if chosen.samples is None else chosen.samples
+    pool_samples = max(500, 5 * samples) if chosen.pool_samples is None else chosen.pool_samples
+    recorded = recording.random_pool(game, pool_samples, seed) if pool is None else pool
+    fitted, misfit = recorded.linear()
+    chosen = replace(chosen, samples=samples, pool_samples=pool_samples)
+    return CertifiedLaw(
+        game, recording.choose(fitted, functions, samples), misfit, functions, chosen, seed
+    )
+
+
+def learn(
+    game: Game,
+    law: str = "certified",
+    seed: int = 0,
+    *,
+    pool: Stack | None = None,
+    progress: Progress | None = None,
+    **options: Any,
+) -> LearningResult:
+    """Learn the value z'Pz and the gain K of a game with the certified law (a law of your own:
+    `run`).
+
+    pool: recorded samples (z, F) to learn from; by default states drawn with `seed`. options:
+    `CertifiedSettings`. progress is called with (fraction done, 1, residual).
+
+    The result says "failed: reason" when the law ran to its end and a certificate does not hold.
+    Raises BadInputError for an unknown law or option and for data that cannot determine the
+    weights; NoSolutionError when the law cannot reach its end: no game value at this delta, (A, B)
+    not stabilizable, overflow."""
+    refuse_unknown("unknown law", law, ("certified",))
+    known = [field.name for field in fields(CertifiedSettings)]
+    for name in options:
+        refuse_unknown(f"law '{law}' has no setting", name, known)
+    if not game.Q.any():
+        raise BadInputError(
+            "Q is zero: every law measures its residual against z'Qz; give some state a cost"
+        )
+    if not isinstance(pool, Stack | None):
+        raise BadInputError(f"pool is {pool!r}; pool must be a Stack of recorded samples")
+    process = certified_law(game, CertifiedSettings(**options), seed, pool)
+    return process.conclude(run(process, progress=progress))
+
+
+def learned_value(
+    game: Game, law: str, seed: int, progress: Progress | None = None, **settings: Any
+) -> LearningResult:
+    """The learning of a law on a game; settings: of the law.
+
+    Raises NoSolutionError, naming the certificate, when what was learned is not certified."""
+    result = learn(game, law, seed, progress=progress, **settings)
+    if not result.converged:
+        raise NoSolutionError(
+            f"law '{law}' is not certified here ({result.outcome}); choose another law or model"
+        )
+    return result

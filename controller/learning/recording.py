@@ -1,0 +1,207 @@
+"""The recorded stack (z_j, F_j): where it comes from, which samples are kept, and whether it is
+rich enough."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from controller.game.basis import Basis
+from controller.game.learning_result import Excitation
+from controller.game.zero_sum import LARGEST, Game, checked_matrix
+from hfa_support.errors import BadInputError
+from hfa_support.reporting.fields import Shown
+
+#: Singular values of the unit regressors below this fraction of the largest count as zero. Rounding
+#: of 1e-16 in a sample reaches the weights divided by this fraction, so a stack that passes leaves
+#: eight digits.
+RANK_TOLERANCE = 1e-8
+#: By how much the row that begins a choice is longer than the others, far above rounding and far
+#: below any difference.
+_AHEAD = 1e-6
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Stack(Shown):
+    """N_h recorded samples: states z_j (N_h, n) and drifts F_j (N_h, n), F = z' - B u - E d.
+
+    F must not carry the reference forcing r(t) = A x_d - x_d': the value z'Pz answers F = A z
+    alone. Raises BadInputError when the shapes differ or a number is not finite."""
+
+    states: np.ndarray
+    drifts: np.ndarray
+
+    def __post_init__(self) -> None:
+        """Check both arrays once and make them read-only."""
+        for name in ("states", "drifts"):
+            object.__setattr__(
+                self, name, checked_matrix(f"stack {name}", getattr(self, name), LARGEST)
+            )
+        if self.states.shape != self.drifts.shape:
+            raise BadInputError(
+                f"states are {self.states.shape} and drifts {self.drifts.shape}; both must be (N_h, n)"
+            )
+
+    @property
+    def samples(self) -> int:
+        """N_h, how many samples there are."""
+        return int(self.states.shape[0])
+
+    def drift_fit(self) -> np.ndarray:
+        """Â with F = Â z in the least-squares sense, (n, n)."""
+        fit: np.ndarray = np.linalg.lstsq(self.states, self.drifts, rcond=None)[0].T
+        return fit
+
+    def linear(self) -> tuple[Stack, float]:
+        """The stack with its drifts replaced by Â z_j, and the misfit |F - Â z| / |F| that this
+        removed.
+
+        The misfit is rounding when the drifts are exact; noise leaves its size, and so does a
+        reference forcing."""
+        fitted = self.states @ self.drift_fit().T
+        size = float(np.linalg.norm(self.drifts))
+        misfit = float(np.linalg.norm(self.drifts - fitted)) / size if size > 0.0 else 0.0
+        return Stack(self.states, fitted), misfit
+
+    def channel_scales(self) -> np.ndarray:
+        """Root mean square of each channel, (n,): the scales in which the learning laws work.
+
+        Raises BadInputError when a channel is zero in every sample: nothing can be learned about
+        it."""
+        scales = np.sqrt(np.mean(self.states**2, axis=0))
+        if np.any(scales == 0.0):
+            raise BadInputError(
+                f"state {int(np.argmin(scales))} is 0 in every recorded sample; record it moving"
+            )
+        return scales
+
+
+def record(game: Game, states: np.ndarray) -> Stack:
+    """The stack F_j = A z_j at given states (N, n): what noise-free derivatives of the plant
+    give."""
+    states = np.asarray(states, dtype=float)
+    if states.ndim != 2 or states.shape[1] != game.A.shape[0]:
+        raise BadInputError(
+            f"recorded states are {states.shape}; they must be (N, {game.A.shape[0]})"
+        )
+    return Stack(states, states @ game.A.T)
+
+
+def random_pool(game: Game, count: int, seed: int, half_widths: np.ndarray | None = None) -> Stack:
+    """`count` states drawn uniformly from a box, with their drifts; half_widths: (n,), by default
+    `natural_spread`."""
+    n = game.A.shape[0]
+    widths = natural_spread(game) if half_widths is None else np.asarray(half_widths, dtype=float)
+    if widths.shape != (n,) or not np.all((widths > 0.0) & np.isfinite(widths)):
+        raise BadInputError(f"the box needs {n} positive half-widths, not {widths.tolist()}")
+    return record(game, np.random.default_rng(seed).uniform(-widths, widths, (count, n)))
+
+
+def natural_spread(game: Game) -> np.ndarray:
+    """How far white inputs and disturbances spread each state, (n,): sqrt of the diagonal of X with
+
+    (A - βI) X + X (A - βI)' + B R⁻¹B' + EE'/δ² = 0, β = max(abscissa of A, 0) + a tenth of its
+    spectral radius.
+
+    A change of units of the states changes it in the same way, so that the samples suit any units.
+    A state that neither reaches gets 1."""
+    from scipy.linalg import matrix_balance, solve_continuous_lyapunov
+
+    balanced, (units, _) = matrix_balance(game.A, permute=False, separate=True)
+    eigenvalues = np.linalg.eigvals(balanced)
+    fastest = float(np.abs(eigenvalues).max())
+    forgetting = max(float(eigenvalues.real.max()), 0.0) + 0.1 * (fastest if fastest > 0.0 else 1.0)
+    push = (game.S_control + game.S_disturbance / game.delta**2) / np.outer(units, units)
+    spread = solve_continuous_lyapunov(balanced - forgetting * np.eye(len(units)), -push)
+    variances = np.diag(spread)
+    return units * np.sqrt(np.where(variances > 0.0, variances, 1.0))
+
+
+def choose(pool: Stack, basis: Basis, samples: int) -> Stack:
+    """The `samples` most different rows of a pool: pivoted QR on the unit basis vectors
+    ψ(z_j)/|ψ(z_j)|.
+
+    Each sample is the one with the largest part that the samples before it do not span; after M
+    samples the next M are chosen in the same way from the rest, and so on. All rows have the length
+    1: the first one left begins, lest rounding, which differs from processor to processor, decides.
+    Source: Golub & Van Loan, Matrix Computations, section 5.4.2.
+
+    Raises BadInputError when samples < M, when the pool is smaller, or when even the chosen rows
+    have not rank M."""
+    from scipy.linalg import qr
+
+    if samples < basis.size:
+        raise BadInputError(
+            f"{samples} samples cannot determine {basis.size} weights; record at least {basis.size}"
+        )
+    if pool.samples < samples:
+        raise BadInputError(
+            f"the pool holds {pool.samples} samples and {samples} were asked for; record more"
+        )
+    rows = unit_rows(basis.psi(pool.states / pool.channel_scales()))
+    chosen: list[int] = []
+    left = np.arange(pool.samples)
+    while len(chosen) < samples:
+        first = np.ones(len(left))
+        first[0] += _AHEAD
+        _, order = qr((rows[left] * first[:, None]).T, mode="r", pivoting=True)
+        block = left[order[: min(basis.size, samples - len(chosen))]]
+        chosen.extend(int(index) for index in block)
+        left = np.setdiff1d(left, block)
+    refuse_poor(rank(rows[chosen]), basis.size, "the recorded stack")
+    return Stack(pool.states[chosen], pool.drifts[chosen])
+
+
+def unit_rows(matrix: np.ndarray) -> np.ndarray:
+    """Each row divided by its length; a row of zeros stays."""
+    lengths = np.linalg.norm(matrix, axis=1, keepdims=True)
+    return matrix / np.where(lengths > 0.0, lengths, 1.0)
+
+
+def rank(rows: np.ndarray) -> int:
+    """Numerical rank: how many singular values exceed RANK_TOLERANCE times the largest."""
+    values = np.linalg.svd(rows, compute_uv=False)
+    return int(np.sum(values > RANK_TOLERANCE * values[0]))
+
+
+def excitation(regressors: np.ndarray, samples: np.ndarray) -> Excitation:
+    """Richness of a stack.
+
+    regressors: (N_h, M), σ_j; the eigenvalues are of Σ = Σ_j σ̄_j σ̄_j' with σ̄ = σ / sqrt(1 +
+    σ'σ). samples: (N_h, M), ψ(z_j); rank and condition are of these, with unit rows: σ = L'ψ with L
+    the Lyapunov operator of the closed loop, invertible for every stabilizing policy, so that the
+    rank of the regressors is the rank of ψ and does not hang on rounding when the closed loop is
+    stiff."""
+    rows = unit_rows(samples)
+    count, size = rows.shape
+    values = _singular_values(rows)
+    normalised = _singular_values(
+        regressors / np.sqrt(1.0 + np.sum(regressors**2, axis=1, keepdims=True))
+    )
+    return Excitation(
+        rank=rank(rows),
+        size=size,
+        samples=count,
+        smallest_eigenvalue=float(normalised[-1] ** 2),
+        condition=float(values[0] / values[-1]) if values[-1] > 0.0 else np.inf,
+        rounding=float((count * np.finfo(float).eps * normalised[0]) ** 2),
+    )
+
+
+def _singular_values(matrix: np.ndarray) -> np.ndarray:
+    """The M singular values of an (N_h, M) matrix, descending; those beyond N_h are 0."""
+    values = np.zeros(matrix.shape[1])
+    found = np.linalg.svd(matrix, compute_uv=False)
+    values[: len(found)] = found
+    return values
+
+
+def refuse_poor(found: int, needed: int, what: str) -> None:
+    """Raise BadInputError unless the rank is full: with less, a small residual says nothing about
+    the weights."""
+    if found < needed:
+        raise BadInputError(
+            f"{what} has rank {found} of {needed} (singular values below {RANK_TOLERANCE:g} of the largest"
+            " do not count); record more or more varied states"
+        )

@@ -1,1 +1,0 @@
-"""What flies a plant: policies, their signals, gains scheduled over a variable."""

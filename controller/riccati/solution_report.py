@@ -1,0 +1,149 @@
+"""What the exact solution of a game says: the policies in flight, and their margins."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from controller.game.zero_sum import Game
+from controller.riccati.balancing import in_units, normal_form, reached
+from controller.riccati.cost import cost_checks, saddle_checks
+from controller.riccati.frequency_response import gain_checks
+from controller.riccati.gare import GameSolution, solve_game
+from controller.riccati.margins import DiskMargin, LoopMargin, disk_margin, disk_sizes, loop_margins
+from controller.riccati.smallest_delta import DeltaMin, minimum_delta
+from hfa_support.errors import NoSolutionError
+from hfa_support.jsonable import finite_or_none
+from hfa_support.progress import Progress
+from hfa_support.reporting.checks import Check, checks_block
+from hfa_support.reporting.fields import Shown
+from hfa_support.reporting.report import Report
+from hfa_support.reporting.text import Table, eigenvalue_text, entry_rows, matrix_table
+
+SCHEMA = "hfa.game-solution/1"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class AnalysedGame(Shown):
+    """The certified solution, the smallest delta, what the policies do in simulation, and their
+    margins."""
+
+    solution: GameSolution
+    delta_min: DeltaMin
+    meaning: tuple[Check, ...]
+    loops: tuple[LoopMargin, ...]
+    disk: DiskMargin
+
+
+def analyse_game(game: Game, progress: Progress | None = None) -> AnalysedGame:
+    """Solve, then simulate and analyse the solution, in balanced units of state and with R = I: the
+    verdict must not depend on the user's units, and the flight starts at one unit of each.
+    progress: of the search for delta_min.
+
+    Raises NoSolutionError when it is not certified, or when its policies do not mean what the
+    certificate says."""
+    solution, (inside, _) = solve_game(game, progress), reached(game)
+    smallest = minimum_delta(game, progress)
+    found, form = solution if inside is game else solve_game(inside), normal_form(inside)
+    alike = replace(in_units(inside, form.units), B=form.B, R=np.eye(form.B.shape[1]))
+    meaning = meaning_checks(
+        alike, found.P * np.outer(form.units, form.units), np.ones(len(form.units))
+    )
+    for check in meaning:
+        if not check.ok:
+            unconfirmed = f"certified, but not confirmed in flight: {check.name}: {check.reason}"
+            raise NoSolutionError(f"{unconfirmed}; {smallest.advice(game.delta)}")
+    return AnalysedGame(
+        solution, smallest, meaning, loop_margins(inside, found.K), disk_margin(inside, found.K)
+    )
+
+
+def meaning_checks(game: Game, P: np.ndarray, initial: np.ndarray) -> tuple[Check, ...]:
+    """Cost of the policies equals z0'P z0, neither player gains by deviating, and the L2 gain is
+    below delta.
+
+    P: (n, n), exact or learned; initial z0: (n,).  With delta = inf (no disturbance) the gain is
+    not limited. A game of value 0 has no costs to compare, and no saddle checks."""
+    return (
+        *cost_checks(game, P, initial),
+        *(saddle_checks(game, P, initial) if game.Q.any() or P.any() else ()),
+        *gain_checks(game, game.gain(P)),
+    )
+
+
+def solution_report(
+    found: AnalysedGame,
+    states: tuple[str, ...],
+    inputs: tuple[str, ...],
+    origin: str,
+    state_units: tuple[str, ...] = (),
+    input_units: tuple[str, ...] = (),
+) -> Report:
+    """P, K, certificate, meaning and margins; origin: what the plant is called; a unit is "" where
+    it is not known."""
+    units = state_units or ("",) * len(states), input_units or ("",) * len(inputs)
+    solution, disk, smallest, delta = (
+        found.solution,
+        found.disk,
+        found.delta_min,
+        found.solution.delta,
+    )
+    margin = smallest.margin(delta)
+    doubt = (
+        f" (rounding leaves it open down to {smallest.refused:.7g})" if smallest.uncertain else ""
+    )
+    loops = [
+        (
+            name,
+            f"{loop.gain_low:.3g} to {loop.gain_high:.3g}",
+            f"{loop.phase:.4g}",
+            f"{loop.disk:.4g}",
+        )
+        for name, loop in zip(inputs, found.loops, strict=True)
+    ]
+    eigenvalues = ", ".join(
+        eigenvalue_text(value) for value in solution.closed_loop_eigenvalues if value.imag >= 0
+    )
+    return Report(
+        title=f"Exact game solution for {origin}\n"
+        f"delta {delta:.6g}, smallest possible {smallest.value:.7g}{doubt}, margin {margin:.4g}",
+        parts=(
+            matrix_table("P", states, states, solution.P, (units[0], -1), (units[0], -1)),
+            matrix_table("K", inputs, states, solution.K, (units[1], 1), (units[0], -1)),
+            f"closed loop A - B K, 1/s: {eigenvalues}",
+            checks_block(solution.certificate.checks),
+            checks_block(found.meaning),
+            Table(("margins at the input", "gain", "phase deg", "disk"), loops),
+            f"All inputs at once: disk {disk.disk:.4g}, gain {disk.gain:.4g}, phase {disk.phase:.4g} deg, "
+            f"at {disk.frequency:.4g} rad/s",
+        ),
+        data={
+            "schema": SCHEMA,
+            "states": list(states),
+            "inputs": list(inputs),
+            **solution.to_dict(),
+            "delta_min": smallest.value,
+            "delta_margin": finite_or_none(margin),
+            "meaning": [check.to_dict() for check in found.meaning],
+            "loop_margins": dict(zip(inputs, map(_loop_data, found.loops), strict=True)),
+            "disk_margin": _finite(disk._asdict()),
+            "state_units": list(units[0]),
+            "input_units": list(units[1]),
+        },
+        records=Table(
+            ("matrix", "row", "column", "value", "unit"),
+            entry_rows((solution.P,), (solution.K,), (states, inputs), units),
+        ),
+    )
+
+
+def _loop_data(margin: LoopMargin) -> dict[str, Any]:
+    gain, phase = disk_sizes(margin.disk)
+    return _finite({**margin._asdict(), "disk_gain": gain, "disk_phase": phase})
+
+
+def _finite(margins: dict[str, float]) -> dict[str, Any]:
+    """Ready for JSON; infinite values become null."""
+    return {key: finite_or_none(value) for key, value in margins.items()}

@@ -1,0 +1,2 @@
+"""What a controller is designed for: the aircraft with actuators, integrals of outputs and
+weights."""

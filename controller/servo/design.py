@@ -1,0 +1,341 @@
+"""The choices of a design: which inputs act through which actuators, which outputs are integrated,
+at what weight; and the files that hold them, those of the package and the user's own, for any
+`Model`.
+
+Names of states and signals say their unit.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from types import MappingProxyType
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from hfa_aircraft.model import Model
+from hfa_model.aircraft import HFA
+from hfa_support.errors import (
+    BadInputError,
+    refuse_unknown,
+    refuse_unless_positive,
+    said_of,
+    shortened,
+)
+from hfa_support.schema import NUMBER, POSITIVE, Number, checked, read_named
+
+#: Designs that come with the package: name -> file.
+NAMED = {"paper": "paper.toml", "servo": "servo.toml"}
+#: Where the disturbance of the game enters, beside the disturbances of the model.
+DISTURBANCES = ("states", "commands")
+#: Bandwidth, rad/s, and damping of the command filter unless said: those of SimVFA (Thomsen 2018).
+COMMAND_FILTER = (0.5, 2.0)
+#: How names end -> what the unit of the rest is multiplied with.
+_ENDS = {
+    "_command_end": "",
+    "_rate": "/s",
+    "_command": "",
+    "_estimate": "",
+    "_integral": " s",
+    "_position": "",
+}
+
+
+@dataclass(frozen=True)
+class Actuator:
+    """order 1: a' = -ω a + ω λ u.  order 2: a'' = -ω² a - 2 ζ ω a' + ω² λ u.
+
+    bandwidth ω: rad/s. damping ζ: 1, of order 2. effectiveness λ: 1, the share of the command that
+    arrives. BadInputError when the order is another or a number is not positive."""
+
+    order: int = 1
+    bandwidth: float = 2.0
+    damping: float = 0.7
+    effectiveness: float = 1.0
+
+    def __post_init__(self) -> None:
+        """Check that it is an actuator."""
+        if self.order not in (1, 2):
+            raise BadInputError(f"the order of an actuator is {self.order}; it must be 1 or 2")
+        for name in ("bandwidth", "damping", "effectiveness"):
+            refuse_unless_positive(f"the {name} of an actuator", getattr(self, name))
+
+
+class OutputWeight(NamedTuple):
+    """gain (1 + corner/s) / (1 + lag s): in 1/unit of the output, rad/s, s."""
+
+    gain: float
+    corner: float = 0.0
+    lag: float = 0.0
+
+
+class Following(NamedTuple):
+    """How commands of `outputs` are to be followed: weights of their squared errors, of states, of
+    the rates of inputs.
+
+    filter: bandwidth (rad/s) and damping of the command filter. bandwidth: of the actuators, of
+    order 1, rad/s."""
+
+    outputs: Mapping[str, float]
+    rates: Mapping[str, float]
+    states: Mapping[str, float] = MappingProxyType({})
+    filter: Sequence[float] = COMMAND_FILTER
+    bandwidth: float = 2.0
+
+
+class Shaping(NamedTuple):
+    """Loop shaping: gain of each input, weight of each measured output, γ / γ_min, and the values
+    of the scheduling variable (angles in rad) between which the controller is interpolated.
+    schedule: output -> factor on its gain at each of them."""
+
+    inputs: Mapping[str, float]
+    outputs: Mapping[str, OutputWeight]
+    places: tuple[float, ...]
+    following: Following
+    factor: float = 1.1
+    schedule: Mapping[str, Sequence[float]] = MappingProxyType({})
+
+    def outputs_at(self, place: float) -> dict[str, OutputWeight]:
+        """The weights with their gains at a value of the scheduling variable."""
+        factors = {
+            name: float(np.interp(place, self.places, row)) for name, row in self.schedule.items()
+        }
+        return {
+            name: each._replace(gain=each.gain * factors.get(name, 1.0))
+            for name, each in self.outputs.items()
+        }
+
+
+@dataclass(frozen=True)
+class Design:
+    """The design model is the linear model with `inputs` alone, their actuators, and e' = y for
+    `integrals`.
+
+    inputs: all of the model unless given. actuators: input -> actuator; an input without one acts
+    at once. disturbances: where they enter -> intensity, which scales the squared columns of E;
+    "states": the rates of the linear states (the paper's), "commands": the inputs, or a disturbance
+    of the model. state_weights, input_weights: diagonal of Q and R by name, in the names of
+    `states` and `inputs`; a state without a weight has 0. delta: of the game, inf for an LQR.
+    sensors: state or output -> intensity of its noise. shaping: of a controller by loop shaping,
+    which has no game. variants: name of a model's equations -> what the design is for them. model:
+    whose names these are. BadInputError when a name is unknown or given twice."""
+
+    name: str
+    inputs: tuple[str, ...] = ()
+    actuators: Mapping[str, Actuator] = field(default_factory=dict)
+    integrals: tuple[str, ...] = ()
+    disturbances: Mapping[str, float] = field(default_factory=lambda: {"states": 1.0})
+    state_weights: Mapping[str, float] = field(default_factory=dict)
+    input_weights: Mapping[str, float] = field(default_factory=dict)
+    delta: float = math.inf
+    sensors: Mapping[str, float] = field(default_factory=dict)
+    shaping: Shaping | None = None
+    variants: Mapping[str, Design] = field(default_factory=dict)
+    model: Model = field(default=HFA, compare=False)
+
+    def of(self, model: Model) -> Design:
+        """This design for a model: what its file has for equations of that name, in that model's
+        names."""
+        return replace(self.variants.get(model.name, self), model=model)
+
+    def __post_init__(self) -> None:
+        """Check the declaration before anything is built."""
+        model, where = self.model, f"design {self.name}:"
+        object.__setattr__(self, "inputs", tuple(self.inputs or model.inputs))
+        seen, shaping = (*self.plant_states, *self.integral_states, *model.measurable), self.shaping
+        known: list[tuple[str, Sequence[str], Sequence[str]]] = [
+            ("input", self.inputs, [*model.inputs]),
+            ("integrated output", self.integrals, model.measurable),
+            ("actuator", [*self.actuators], self.inputs),
+            ("weight of a state", [*self.state_weights], self.states),
+            ("weight of an input", [*self.input_weights], self.inputs),
+            ("sensor", [*self.sensors], seen),
+            ("disturbance", [*self.disturbances], (*DISTURBANCES, *model.disturbances)),
+        ]
+        needed: dict[str, Mapping[str, Any]] = {"weight": self.input_weights}
+        if shaping is not None:
+            following, outputs = shaping.following, [*shaping.outputs]
+            known += [
+                ("rate of an input", [*following.rates], self.inputs),
+                ("weight of a state", [*following.states], model.linear),
+                ("scheduled output", [*shaping.schedule], outputs),
+                ("followed output, which must be measured", [*following.outputs], outputs),
+            ]
+            needed |= {
+                "actuator": self.actuators,
+                "weight in shaping.following.rates": following.rates,
+            }
+            for name, factors in shaping.schedule.items():
+                if len(factors) != len(shaping.places):
+                    raise BadInputError(
+                        f"{where} shaping.schedule.{name} needs one factor for each {model.schedule}"
+                    )
+            if len(following.filter) != 2 or list(shaping.places) != (
+                sorted({*shaping.places}) or [0]
+            ):
+                raise BadInputError(
+                    f"{where} shaping.following.filter is a bandwidth and a damping, and the {model.schedule}s increase"
+                )
+        for what, names, choices in known:
+            for name in names:
+                refuse_unknown(f"{where} unknown {what}", name, choices)
+                if names.count(name) > 1:
+                    raise BadInputError(f"{where} {what} {name} is named twice; name it once")
+        for what, numbers in (
+            ("noise of sensor", self.sensors),
+            ("intensity of disturbance", self.disturbances),
+        ):
+            for name, value in numbers.items():
+                refuse_unless_positive(f"{where} the {what} {name}", value)
+        for what, table in needed.items():
+            for name in self.inputs:
+                if name not in table:
+                    raise BadInputError(
+                        f"{where} input {name} has no {what}; every input needs one"
+                    )
+
+    @property
+    def plant_states(self) -> tuple[str, ...]:
+        """Those of the linear model, then actuator positions, actuator rates."""
+        moving = [name for name in self.inputs if name in self.actuators]
+        second = [name for name in moving if self.actuators[name].order == 2]
+        return (
+            *self.model.linear,
+            *(f"{name}_position" for name in moving),
+            *(f"{name}_rate" for name in second),
+        )
+
+    @property
+    def integral_states(self) -> tuple[str, ...]:
+        """Integrals of outputs."""
+        return tuple(f"{name}_integral" for name in self.integrals)
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """Those of the plant, integrals."""
+        return (*self.plant_states, *self.integral_states)
+
+
+def signal_unit(model: Model, name: str) -> str:
+    """ft/s of speed_estimate, ft/s^2 s of the integral of an acceleration; "" of a name that says
+    none."""
+    rest = re.sub(r"_lag_\d+$", "", name).removeprefix("model_")
+    if (known := model.part(rest)[0]) in model.signals:
+        return model.unit(known)
+    for end, times in _ENDS.items():
+        if rest.endswith(end):
+            unit = signal_unit(model, rest.removesuffix(end))
+            return re.sub(r"^(.*/.*)/s$", r"(\1)/s", f"{unit}{times}") if unit else ""
+    return ""
+
+
+_WEIGHTS, _POSITIVE = {str: Number(0.0, 1e100)}, {str: POSITIVE}
+_FILE = {
+    "description": str,
+    "source": str,
+    "inputs": [str],
+    "integrals": [str],
+    "disturbance": None,
+    "delta": Number(0.0, above=True, infinite=True),
+    "actuators": {str: {each.name: NUMBER for each in fields(Actuator)}},
+    "weights": {"states": _WEIGHTS, "inputs": _WEIGHTS},
+    "sensors": _WEIGHTS,
+    "shaping": {
+        "factor": Number(1.0, above=True),
+        "schedule": {str: [POSITIVE]},
+        "inputs*": _POSITIVE,
+        "outputs*": {str: {"gain*": POSITIVE, "corner": Number(0.0), "lag": Number(0.0)}},
+        "following*": {
+            "outputs*": _POSITIVE,
+            "states": _WEIGHTS,
+            "rates*": _POSITIVE,
+            "filter": [POSITIVE],
+            "bandwidth": POSITIVE,
+        },
+    },
+}
+
+
+def load_design(name: str, model: Model = HFA) -> Design:
+    """A design that comes with the package, by its name in `NAMED`, or one of the user's, by its
+    file, for a model.
+
+    inputs, integrals: lists of names. disturbance: where it enters, "states", "commands" or one of
+    the model's, or the table [disturbance] of several with their intensities. delta: a number, inf
+    for none. [actuators.INPUT]: order, bandwidth (rad/s), damping, effectiveness. [weights.states],
+    [weights.inputs]: name = weight. [sensors]: output or state = its intensity. Or [shaping]:
+    factor, dihedrals (deg; speeds where the model is scheduled over speed); [shaping.inputs],
+    [shaping.outputs.NAME] gain, corner, lag; [shaping.schedule]; [shaping.following] filter,
+    bandwidth, and by name outputs, states, rates: `Shaping`, `Following`. [newton.TABLE]: entries
+    that replace those above for these equations. BadInputError names the file, the entry and the
+    fault."""
+    return design_of(
+        name, read_named("design", name, NAMED, "controller.servo", {...: None}), model
+    )
+
+
+def design_of(name: str, data: Mapping[str, Any], model: Model = HFA) -> Design:
+    """The design of the entries of a file; BadInputError as `load_design`."""
+    changes, places = (
+        {key: data[key] for key in model.variants if key in data},
+        f"{model.schedule}s",
+    )
+    form = {**_FILE, "shaping": {**_FILE["shaping"], f"{places}*": [NUMBER]}}  # type: ignore[dict-item]
+    data = checked(name, {key: value for key, value in data.items() if key not in changes}, form)
+    entering = data.get("disturbance", "states")
+    several = (
+        entering
+        if isinstance(entering, dict)
+        else {checked(name, entering, str, "disturbance"): 1.0}
+    )
+    weights, shaping = data.get("weights", {}), None
+    if "shaping" in data:
+        for other in ("integrals", "disturbance", "delta", "weights", "sensors"):
+            if other in data:
+                raise BadInputError(
+                    f"{name}: {other} belongs to a game, [shaping] has none; leave one of them out"
+                )
+        table = dict(data["shaping"])
+        table["places"] = tuple(
+            map(math.radians if model.schedule_unit == "deg" else float, table.pop(places))
+        )
+        table["outputs"] = {
+            output: OutputWeight(**each) for output, each in table["outputs"].items()
+        }
+        shaping = Shaping(**table | {"following": Following(**table["following"])})
+    actuators = {}
+    for key, each in data.get("actuators", {}).items():
+        with said_of(f"{name}: actuators.{shortened(key)}"):
+            actuators[key] = Actuator(
+                **each | ({"order": int(each["order"])} if each.get("order") in (1, 2) else {})
+            )
+    return Design(
+        name=name,
+        inputs=tuple(data.get("inputs", ())),
+        integrals=tuple(data.get("integrals", ())),
+        disturbances=checked(name, several, _WEIGHTS, "disturbance"),
+        delta=data.get("delta", math.inf),
+        actuators=actuators,
+        state_weights=weights.get("states", {}),
+        input_weights=weights.get("inputs", {}) if shaping is None else shaping.inputs,
+        sensors=data.get("sensors", {}) if shaping is None else dict.fromkeys(shaping.outputs, 1.0),
+        shaping=shaping,
+        variants={
+            key: design_of(name, _merged(data, checked(name, each, {...: None}, key)), model)
+            for key, each in changes.items()
+        },
+        model=model,
+    )
+
+
+def _merged(whole: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    """The entries with these in place of theirs, table by table."""
+    both = {
+        key: _merged(whole[key], each)
+        for key, each in changes.items()
+        if isinstance(whole.get(key), dict)
+    }
+    return {**whole, **changes, **both}

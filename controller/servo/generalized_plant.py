@@ -1,0 +1,525 @@
+"""H-infinity control of a generalized plant, as `hinfsyn` takes it: state or output feedback,
+certified.
+
+x' = A x + B1 w + B2 u,  z = C1 x + D11 w + D12 u,  y = C2 x + D21 w + D22 u;  wanted: ‖z‖ < δ ‖w‖
+for every w.
+
+Completing the squares in u and then in w makes each Riccati equation that of a `Game`, which is
+solved and certified as any other: [C1 D11] is split into what u can cancel and the rest, whose
+feedthrough D becomes a change of A, B1 and C1. Source: Zhou, Doyle and Glover, Robust and Optimal
+Control, Theorem 17.1 and Section 17.2; Glover and Doyle 1988."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from controller.game.array_file import read_arrays
+from controller.game.user_files import entries_of, one_number
+from controller.game.zero_sum import LARGEST, Game, check_definite, checked_matrix
+from controller.riccati.balancing import RANK, balanced_units, spectrum
+from controller.riccati.frequency_response import (
+    peak_gain,
+    responses,
+    square_root,
+    without_feedthrough,
+)
+from controller.riccati.gare import solve_certified
+from controller.riccati.smallest_delta import (
+    DeltaMin,
+    bracketed,
+    has_value,
+    obstacle,
+    solution_that_holds,
+)
+from hfa_support.errors import (
+    BadInputError,
+    NoSolutionError,
+    refuse_unless_positive,
+    said_of,
+    shortened,
+)
+from hfa_support.reporting.checks import Check, at_most, below
+from hfa_support.reporting.fields import Shown
+
+#: The two derivations of the controller differ by rounding alone: largest relative difference of
+#: their responses.
+DERIVATIONS_AGREE = 1e-8
+#: Of delta_min, relative.
+TOLERANCE = 2.5e-7
+
+#: On the control side and on the filter side: a mode that is not stable and cannot be moved, a zero
+#: on the axis.
+_OBSTACLES = (
+    (
+        "no input reaches the {}, which is not stable; change B2",
+        "z does not show the {}, which does not decay (a zero from u to z on the imaginary axis); let z weigh it",
+    ),
+    (
+        "the sensors do not see the {}, which is not stable; measure more",
+        "the disturbance does not reach the {}, which does not decay, so its estimate would never settle; "
+        "let the disturbance enter there",
+    ),
+)
+
+#: Ak, Bk, Ck, Dk.
+Controller = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
+
+
+class _Side(NamedTuple):
+    """x' = A x + E w + B u, z = C x + D w + N u: of the plant, or of its transpose, which is the
+    filter's."""
+
+    A: np.ndarray
+    E: np.ndarray
+    B: np.ndarray
+    C: np.ndarray
+    D: np.ndarray
+    N: np.ndarray
+
+    def reduced(self) -> tuple[np.ndarray, ...]:
+        """N⁺, and A, E, C, D of the problem that is left with u = v - N⁺ (C x + D w): there v is
+        paid for apart."""
+        Q, R = np.linalg.qr(self.N, mode="complete")
+        m = self.N.shape[1]
+        past, rest = np.linalg.solve(R[:m], Q[:, :m].T), Q[:, m:].T
+        into, left = self.B @ past, rest @ self.C
+        left[:, np.linalg.norm(left, axis=0) <= RANK * np.linalg.norm(self.C, axis=0)] = (
+            0.0  # rounding is no cost
+        )
+        return past, self.A - into @ self.C, self.E - into @ self.D, left, rest @ self.D
+
+    def game(self, delta: float) -> Game:
+        """The game whose Riccati equation is this side's."""
+        _, A, E, C, D = self.reduced()
+        A, E, Q = without_feedthrough(A, E, C, D, delta)
+        return Game(A=A, B=self.B, E=E, Q=(Q + Q.T) / 2.0, R=self.N.T @ self.N, delta=delta)
+
+    def policies(self, X: np.ndarray, delta: float) -> tuple[np.ndarray, np.ndarray]:
+        """F1 and F2 with the worst w = F1 x and the best u = F2 x for the value x'X x."""
+        past, _, E, C, D = self.reduced()
+        F1 = np.linalg.solve(
+            np.eye(D.shape[1]) - D.T @ D / delta**2, (D.T @ C + E.T @ X) / delta**2
+        )
+        return F1, -past @ (self.C + self.D @ F1) - np.linalg.solve(self.N.T @ self.N, self.B.T @ X)
+
+    @property
+    def feedthrough(self) -> float:
+        """σ_max of what w reaches in z at once, whatever u does."""
+        return float(np.linalg.norm(self.reduced()[4], 2)) if min(self.reduced()[4].shape) else 0.0
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class GeneralizedPlant(Shown):
+    """The plant of the module's equations; without C2 every state is measured and nothing else
+    (state feedback).
+
+    A: (n, n), B1: (n, k), B2: (n, m), C1: (r, n), D12: (r, m), C2: (p, n), D21: (p, k); D11: (r, k)
+    and D22: (p, m) are 0 where not given, C2 has then no rows. BadInputError for a wrong shape, and
+    where D12 has not the rank m or D21 not the rank p."""
+
+    A: np.ndarray
+    B1: np.ndarray
+    B2: np.ndarray
+    C1: np.ndarray
+    D12: np.ndarray
+    C2: Any = None
+    D21: Any = None
+    D11: Any = None
+    D22: Any = None
+
+    def __post_init__(self) -> None:
+        """Check everything once, so that no solver has to."""
+        given = {each.name: getattr(self, each.name) for each in fields(self)}
+        found = {
+            name: checked_matrix(name, M, LARGEST) for name, M in given.items() if M is not None
+        }
+        for name in ("A", "B1", "B2", "C1", "D12", *["D21"] * ("C2" in found)):
+            if name not in found:
+                raise BadInputError(
+                    f"there is no {name}; a plant has A, B1, B2, C1, D12, with measurements C2 and D21"
+                )
+        if "C2" not in found and ("D21" in found or "D22" in found):
+            raise BadInputError(
+                "there is a D21 or D22 and no C2; give C2, or none of them for state feedback"
+            )
+        n, k, m, r = len(found["A"]), found["B1"].shape[1], found["B2"].shape[1], len(found["C1"])
+        p = len(found.get("C2", ()))
+        shapes = {
+            "A": (n, n),
+            "B1": (n, k),
+            "B2": (n, m),
+            "C1": (r, n),
+            "D12": (r, m),
+            "D11": (r, k),
+        }
+        for name, shape in (shapes | {"C2": (p, n), "D21": (p, k), "D22": (p, m)}).items():
+            matrix = found.get(name, np.zeros(shape))
+            if matrix.shape != shape:
+                raise BadInputError(
+                    f"{name} has shape {matrix.shape}; with the other matrices it must be {shape}"
+                )
+            object.__setattr__(self, name, matrix)
+        if 0 in (n, m):
+            raise BadInputError("a plant needs a state and an input u")
+        _check_rank("D12", self.D12, "column", "every u needs a cost of its own in z")
+        if p:
+            _check_rank("D21", self.D21.T, "row", "every y needs noise of its own from w")
+
+    @cached_property
+    def sides(self) -> tuple[_Side, ...]:
+        """The control side, and with measurements the filter side."""
+        control = _Side(self.A, self.B1, self.B2, self.C1, self.D11, self.D12)
+        if not len(self.C2):
+            return (control,)
+        return control, _Side(self.A.T, self.C1.T, self.C2.T, self.B1.T, self.D11.T, self.D21.T)
+
+    @property
+    def floor(self) -> float:
+        """No δ up to this will do, because of D11 alone."""
+        if not len(self.C2):
+            return float(np.linalg.norm(self.D11, 2)) if self.D11.size else 0.0
+        return max(side.feedthrough for side in self.sides)
+
+    @classmethod
+    def measured(
+        cls, game: Game, C: np.ndarray, V: np.ndarray, D: np.ndarray | None = None
+    ) -> GeneralizedPlant:
+        """The game of who sees only y = C z + D u + n, n noise of intensity V: from w = (d, v) to z
+        = (Q^½ x, R^½ u) with n = V^½ v. C: (p, n), D: (p, m) or 0, V: (p, p) positive definite. Its
+        controller is the LQG one at δ inf."""
+        V = checked_matrix("V", V, LARGEST)
+        check_definite("V", V, strictly=True)
+        (n, m), k, p = game.B.shape, game.E.shape[1], len(V)
+        return cls(
+            A=game.A,
+            B1=np.hstack([game.E, np.zeros((n, p))]),
+            B2=game.B,
+            C1=np.vstack([scaled_root(game.Q).T, np.zeros((m, n))]),
+            D12=np.vstack([np.zeros((n, m)), square_root(game.R)]),
+            C2=C,
+            D21=np.hstack([np.zeros((p, k)), square_root(V)]),
+            D22=D,
+        )
+
+    def transposed(self) -> GeneralizedPlant:
+        """The plant whose controller is the transpose of this one's."""
+        return GeneralizedPlant(
+            self.A.T,
+            self.C1.T,
+            self.C2.T,
+            self.B1.T,
+            self.D21.T,
+            self.B2.T,
+            self.D12.T,
+            self.D11.T,
+            self.D22.T,
+        )
+
+    @classmethod
+    def from_control(cls, system: Any, measurements: int, inputs: int) -> GeneralizedPlant:
+        """Of a state-space system whose last outputs are y and whose last inputs are u, as in
+        `hinfsyn`."""
+        A, B, C, D = (np.asarray(getattr(system, name), dtype=float) for name in "ABCD")
+        r, k = len(C) - measurements, B.shape[1] - inputs
+        return cls(A, B[:, :k], B[:, k:], C[:r], D[:r, k:], C[r:], D[r:, :k], D[:r, :k], D[r:, k:])
+
+    def in_units(self, units: np.ndarray) -> GeneralizedPlant:
+        """The same in the state y, x_i = u_i y_i; units: (n,)."""
+        rows = {name: getattr(self, name) / units[:, None] for name in ("A", "B1", "B2")}
+        columns = {name: getattr(self, name) * units for name in ("C1", "C2")}
+        return replace(self, **rows | columns | {"A": rows["A"] * units})
+
+
+def stored_plant(
+    path: str | Path, found: dict[str, Any] | None = None
+) -> tuple[GeneralizedPlant, float | None, tuple[str, ...]]:
+    """The generalized plant in a file with A, B1, B2, C1, D12 and optionally C2, D21, D11, D22,
+    delta; its delta or None, and what to know of it.
+
+    found: what `read_arrays` has read of it already. BadInputError names the file.
+    """
+    names = [field.name for field in fields(GeneralizedPlant)]
+    with said_of(path):
+        stored, notes = entries_of(read_arrays(path) if found is None else found, {"A", "B2"})
+        unused = sorted(
+            set(stored) - {*names, "delta", "states", "inputs", "state_units", "input_units"}
+        )
+        notes += [f"{shortened(', '.join(unused), 200)} not used"] if unused else []
+        plant = GeneralizedPlant(**{name: stored.get(name) for name in names})  # type: ignore[arg-type]
+        delta = one_number("delta", stored["delta"]) if "delta" in stored else None
+        if delta is not None and delta != math.inf:
+            refuse_unless_positive("delta", delta)
+    return plant, delta, tuple(f"{path}: {note}" for note in notes)
+
+
+def _check_rank(name: str, matrix: np.ndarray, kind: str, needed: str) -> None:
+    sizes = np.linalg.norm(matrix, axis=0)
+    empty = np.flatnonzero(sizes == 0.0)
+    if empty.size:
+        raise BadInputError(
+            f"{name} has only zeros in {kind} {empty[0] + 1}: {needed}; give it some"
+        )
+    rank = np.linalg.matrix_rank(matrix / sizes, rtol=RANK)
+    if rank < matrix.shape[1]:
+        raise BadInputError(
+            f"{name} has rank {rank} and {matrix.shape[1]} {kind}s: {needed}; give more"
+        )
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class OutputFeedback(Shown):
+    """x̂' = Ak x̂ + Bk y,  u = Ck x̂ + Dk y, and what certifies it.
+
+    X, Y: (n, n), stabilizing solutions of the control and the filter equation. coupling: ρ(X Y) /
+    δ², below 1. checks: of the two equations' certificates, the coupling, the closed loop and the
+    second derivation."""
+
+    Ak: np.ndarray
+    Bk: np.ndarray
+    Ck: np.ndarray
+    Dk: np.ndarray
+    X: np.ndarray
+    Y: np.ndarray
+    delta: float
+    coupling: float
+    checks: tuple[Check, ...]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class StateFeedback(Shown):
+    """u = -K x with the stabilizing solution P, the worst disturbance w = L x, and what certifies
+    them."""
+
+    P: np.ndarray
+    K: np.ndarray
+    disturbance_gain: np.ndarray
+    delta: float
+    checks: tuple[Check, ...]
+
+
+def solve_plant(plant: GeneralizedPlant, delta: float) -> OutputFeedback | StateFeedback:
+    """The central controller with ‖z‖ < δ ‖w‖, or without C2 the gain K. delta = inf: the H2
+    optimal one (LQG).
+
+    Where nothing crosses and D11 = 0:  A'X + XA + C1'C1 - X (B2 R⁻¹B2' - δ⁻²B1 B1') X = 0, Y the
+    same of the transposed plant,  Ck = -R⁻¹B2'X,  Bk = (I - δ⁻² Y X)⁻¹ Y C2'V⁻¹,  Ak = A + δ⁻²B1
+    B1'X + B2 Ck - Bk C2, R = D12'D12, V = D21 D21'. Source: Doyle, Glover, Khargonekar, Francis,
+    IEEE Trans. Automatic Control 34 (1989), 831-847, Theorem 3.
+
+    Conditions: δ above what D11 lets past every controller, X >= 0 and Y >= 0 stabilize, ρ(XY) <
+    δ². NoSolutionError names the one that fails with delta_min, the mode that violates an
+    assumption, or the check."""
+    check_modes(plant)
+    try:
+        return _certified(plant, delta)
+    except NoSolutionError as failure:
+        raise NoSolutionError(f"{failure}; {minimum_of_plant(plant).advice(delta)}") from failure
+
+
+def _certified(plant: GeneralizedPlant, delta: float) -> OutputFeedback | StateFeedback:
+    if not delta > plant.floor:
+        past = f"D11 alone lets {plant.floor:.6g} past every controller"
+        raise NoSolutionError(f"the feedthrough condition fails: {past}")
+    values, checks = [], list[Check]()
+    for side, name in zip(plant.sides, ("control", "filter"), strict=False):
+        try:
+            found = solve_certified(side.game(delta))
+        except NoSolutionError as error:
+            raise NoSolutionError(f"the {name} Riccati equation: {error}") from error
+        values.append(found.P)
+        checks += [
+            check._replace(name=f"{name}_{check.name}") for check in found.certificate.checks
+        ]
+    # The controller is made and checked in balanced units; x̂ has the user's.
+    u, X = balanced_units(plant.sides[0].game(math.inf)), values[0]
+    squared, there = np.outer(u, u), plant.in_units(u)
+    if not len(plant.C2):
+        L, F = there.sides[0].policies(X * squared, delta)
+        loop = there.A + there.B2 @ F, there.B1, there.C1 + there.D12 @ F, there.D11
+        own = loop_checks(*loop, delta)
+        result: Any = StateFeedback(X, -F / u, L / u, delta, (*checks, *own))
+    else:
+        Y, radius = values[1], _radius(*values)
+        if not radius < delta**2:
+            raise NoSolutionError(
+                f"the coupling condition fails: rho(XY) = {radius:.6g} is not below {delta**2:.6g}"
+            )
+        X_there, Y_there = X * squared, Y / squared
+        controller = central_controller(there, X_there, Y_there, delta)
+        other = central_controller(there.transposed(), Y_there, X_there, delta)
+        apart = _response_difference(controller, (other[0].T, other[2].T, other[1].T, other[3].T))
+        reason = f"the two derivations of the controller differ by {apart:.2g} of their response"
+        own = (
+            below("coupling", radius, delta**2, f"rho(XY) = {radius:.6g} is not below delta^2"),
+            *loop_checks(*closed_loop(there, controller), delta),
+            at_most("derivations_agree", apart, DERIVATIONS_AGREE, reason),
+        )
+        Ak, Bk, Ck, Dk = controller
+        Ak, Bk, Ck = Ak * u[:, None] / u, Bk * u[:, None], Ck / u
+        result = OutputFeedback(Ak, Bk, Ck, Dk, X, Y, delta, radius / delta**2, (*checks, *own))
+    for check in own:
+        if not check.ok:
+            raise NoSolutionError(f"the controller is not certified: {check.reason}")
+    return result
+
+
+def central_controller(
+    plant: GeneralizedPlant, X: np.ndarray, Y: np.ndarray, delta: float
+) -> Controller:
+    """From X and Y, whatever they are: nothing is certified.
+
+    With F1, F2 of X, L1, L2 of Y and Z = (I - δ⁻² Y X)⁻¹, D22 = 0:  Ck = F2 - Dk (C2 + D21 F1), Bk
+    = Z ((B2 + L1 D12) Dk - L2),  Ak = A + B1 F1 + B2 F2 - Bk (C2 + D21 F1), and Dk the best against
+    D11 alone."""
+    control, filter_ = plant.sides
+    F1, F2 = control.policies(X, delta)
+    L1, L2 = (each.T for each in filter_.policies(Y, delta))
+    seen = plant.C2 + plant.D21 @ F1
+    Dk = _feedthrough(plant, delta)
+    Bk = np.linalg.solve(np.eye(len(X)) - Y @ X / delta**2, (plant.B2 + L1 @ plant.D12) @ Dk - L2)
+    Ak, Ck = plant.A + plant.B1 @ F1 + plant.B2 @ F2 - Bk @ seen, F2 - Dk @ seen
+    # What u does to y at once is known, and taken off.
+    known = np.eye(len(Dk)) + Dk @ plant.D22
+    if np.linalg.cond(known) > 1.0 / RANK:
+        raise NoSolutionError(
+            "the central controller and D22 make an algebraic loop without a solution; change delta"
+        )
+    Ck, Dk = np.linalg.solve(known, Ck), np.linalg.solve(known, Dk)
+    return Ak - Bk @ plant.D22 @ Ck, Bk - Bk @ plant.D22 @ Dk, Ck, Dk
+
+
+def _feedthrough(plant: GeneralizedPlant, delta: float) -> np.ndarray:
+    """Dk that makes D11 + D12 Dk D21 smallest, and with it the controller central: in orthonormal
+    axes of z and w
+
+    -D22 - D21 D11' (δ² I - D11 D11')⁻¹ D12 of the four blocks D11 D12 D21 D22 of D11, the last what
+    u and y both reach."""
+    m, p = plant.D12.shape[1], len(plant.D21)
+    (U, R), (V, S) = (np.linalg.qr(each, mode="complete") for each in (plant.D12, plant.D21.T))
+    D = U.T @ plant.D11 @ V
+    a, b, c, d = D[m:, p:], D[m:, :p], D[:m, p:], D[:m, :p]
+    inner = -d - c @ a.T @ np.linalg.solve(np.eye(len(a)) - a @ a.T / delta**2, b) / delta**2
+    return np.asarray(np.linalg.solve(R[:m], np.linalg.solve(S[:p], inner.T).T))
+
+
+def closed_loop(plant: GeneralizedPlant, controller: Controller) -> Controller:
+    """A, B, C, D from w to z of plant and controller, states [x; x̂]."""
+    Ak, Bk, Ck, Dk = controller
+    n = np.linalg.inv(np.eye(len(Dk)) - Dk @ plant.D22)
+    u = np.hstack([n @ Dk @ plant.C2, n @ Ck])  # u and y by the states, and by w
+    y = np.hstack([plant.C2, np.zeros((len(plant.C2), len(Ak)))]) + plant.D22 @ u
+    u_w = n @ Dk @ plant.D21
+    y_w = plant.D21 + plant.D22 @ u_w
+    A = np.vstack([plant.B2 @ u, Bk @ y])
+    A[: len(plant.A), : len(plant.A)] += plant.A
+    A[len(plant.A) :, len(plant.A) :] += Ak
+    C = plant.D12 @ u
+    C[:, : len(plant.A)] += plant.C1
+    return A, np.vstack([plant.B1 + plant.B2 @ u_w, Bk @ y_w]), C, plant.D11 + plant.D12 @ u_w
+
+
+def loop_checks(
+    A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, delta: float
+) -> tuple[Check, ...]:
+    """The closed loop is stable and, by the bounded-real lemma, of gain below δ."""
+    abscissa = spectrum(A).abscissa
+    found = [
+        below(
+            "closed_loop_abscissa",
+            abscissa,
+            0.0,
+            f"the closed loop has a pole at {abscissa:.3g} 1/s",
+        )
+    ]
+    if math.isfinite(delta):
+        kept = abscissa < 0.0 and peak_gain(A, B, C, D, delta) < delta
+        reason = f"the closed loop's gain from disturbance to what is paid for is not below delta = {delta:.6g}"
+        found.append(at_most("gain_above_delta", 0.0 if kept else 1.0, 0.0, reason))
+    return tuple(found)
+
+
+def minimum_of_plant(plant: GeneralizedPlant) -> DeltaMin:
+    """`minimum_delta` of a plant: bisection of log δ on the conditions of `solve_plant`, to
+    `TOLERANCE`."""
+    check_modes(plant)
+    found = _conditions(plant, math.inf)
+    if found[0] is False:
+        raise NoSolutionError(
+            f"rounding hides the solution of the {found[1]} without disturbance: some costs in D12 or noises in D21 "
+            "are too small beside the rest; make them larger or check the scaling"
+        )
+    said = ""
+
+    def good(delta: float) -> bool | None:
+        nonlocal said
+        held, fails = _conditions(plant, delta)
+        said = said if held else fails
+        return held
+
+    return DeltaMin(*bracketed(good, max(1.0, 2.0 * plant.floor), TOLERANCE), said or "none")
+
+
+def check_modes(plant: GeneralizedPlant) -> None:
+    """u reaches and y sees every mode that is not stable; neither u to z nor w to y has a zero on
+    the imaginary axis.
+
+    NoSolutionError names the mode or the zero: without that a Riccati equation has no stabilizing
+    solution."""
+    for side, sentences in zip(plant.sides, _OBSTACLES, strict=False):
+        if said := obstacle(side.game(math.inf), *sentences)[0]:
+            raise NoSolutionError(said)
+
+
+def _response_difference(one: Controller, other: Controller) -> float:
+    """Largest |K1(jω) - K2(jω)| / |K1(jω)|, or |K2(jω)| where K1 is zero, over the frequencies of
+    K1."""
+    poles = np.abs(np.linalg.eigvals(one[0]))
+    grid = np.geomspace(1e-2 * max(poles.min(), 1e-6), 1e2 * poles.max(), 60)
+    first, second = (C @ responses(A, B, grid) + D for A, B, C, D in (one, other))
+    size = np.linalg.norm(first, axis=(1, 2))
+    return float(
+        (np.linalg.norm(first - second, axis=(1, 2)) / np.where(size > 0.0, size, 1.0)).max()
+    )
+
+
+def _conditions(plant: GeneralizedPlant, delta: float) -> tuple[bool | None, str]:
+    """Whether the conditions hold, None where rounding hides it, and the first that does not; no
+    certificates."""
+    if not delta > plant.floor * (1.0 + 1e-9):
+        return False, "feedthrough condition"
+    games = [side.game(delta) for side in plant.sides]
+    for which, game in zip(("control", "filter"), games, strict=False):
+        if not (found := has_value(game)):
+            return found, f"{which} Riccati equation" + " (rounding leaves it open)" * (
+                found is None
+            )
+    if len(games) == 1 or math.isinf(delta):
+        return True, ""
+    X, Y = map(solution_that_holds, games)
+    if X is None or Y is None:
+        return None, "accuracy of a Riccati solution"
+    return (True, "") if _radius(X, Y) < delta**2 else (False, "coupling condition")
+
+
+def _radius(X: np.ndarray, Y: np.ndarray) -> float:
+    """ρ(XY), real and not negative for X, Y >= 0, in whatever units."""
+    half = scaled_root(Y)
+    product = half.T @ X @ half
+    return float(np.linalg.eigvalsh((product + product.T) / 2.0)[-1])
+
+
+def scaled_root(M: np.ndarray) -> np.ndarray:
+    """F with F F' = M, (n, n), for M positive semidefinite: rows in the units of M, whatever they
+    are.
+
+    M = diag(d) N diag(d) with d_i = sqrt(M_ii), F = diag(d) N^½: a change of units scales F row by
+    row, and no small entry is lost beside a large one."""
+    d = np.sqrt(np.diag(M).clip(0.0))
+    safe = np.where(d > 0.0, d, 1.0)
+    return np.asarray(d[:, None] * square_root(M / np.outer(safe, safe)))

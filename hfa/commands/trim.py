@@ -1,0 +1,33 @@
+"""The command `hfa trim`."""
+
+from __future__ import annotations
+
+import argparse
+
+from hfa.options import trims
+from hfa.options.parser import Options, command
+from hfa.output import draw, failure_as_data, show
+from hfa_aircraft.model import Model
+from trim.hfa.hfa_report import trim_figure
+from trim.point.trim_report import trim_report
+
+
+def _options() -> Options:
+    picture = trims.picture("the aircraft from the front with its loads")
+    return {**trims.trim(required=True), **picture, **trims.output()}
+
+
+@command(_options)
+def trim(arguments: argparse.Namespace) -> int:
+    """Trim the aircraft and report variables, limits, what binds, each equation's verdict, loads
+    and performance."""
+    aircraft = trims.aircraft_of(arguments)
+    if isinstance(aircraft, Model):
+        trims.refuse(
+            arguments, ("picture",), "draws the HFA from the front; leave it out with --aircraft"
+        )
+    with failure_as_data(arguments, aircraft):
+        point = trims.point_of(arguments, aircraft)
+    draw(arguments, lambda: trim_figure(trims.hfa_of(arguments), point))
+    show(trim_report(aircraft, trims.condition_of(arguments), point), arguments)
+    return 0

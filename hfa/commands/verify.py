@@ -1,0 +1,208 @@
+"""The command `hfa verify`."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import re
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from controller.game.basis import basis
+from hfa.options import games, trims
+from hfa.options.argument_types import input_file, number, positive
+from hfa.options.games import NamedGame
+from hfa.options.parser import Option, Options, command
+from hfa.output import ProgressLine, draw, show
+from hfa_support.errors import BadInputError, refuse_unknown, said_of
+from hfa_support.files import MATRIX_FILES
+from verification.critic.candidate import (
+    NETWORK_FILES,
+    Candidate,
+    features_of,
+    from_stored,
+    from_weights,
+    is_network,
+)
+from verification.critic.check_result import CriticCheck, check_figure, checks_figure, checks_report
+from verification.critic.critic_check import LIMIT, check_critic, check_discounted, check_history
+from verification.critic.critic_errors import ordinary_box
+
+if TYPE_CHECKING:
+    from controller.game.user_files import History
+
+#: Of more files than this, each network is flown from a few starts.
+_MANY, _FEW_FLIGHTS = 5, 10
+#: What --set says of a file of --weights -> the kind of its value; of networks the last two.
+_SETTINGS: dict[str, Callable[[str], Any]] = {
+    "predefined_time": positive,
+    "activation": str,
+    "scale": lambda text: [number(each) for each in text.split(",")],
+}
+
+
+def _critics(text: str) -> list[Path]:
+    """A file; of a folder those with a known suffix, in the order of the numbers in their names."""
+    known, folder = (*MATRIX_FILES, *NETWORK_FILES), Path(text)
+    if not folder.is_dir():
+        return [input_file(*known)(text)]
+    found = sorted(each for each in folder.iterdir() if each.suffix.lower() in known)
+    if not found:
+        raise BadInputError(f"{text}: there is no critic in the folder ({' '.join(known)})")
+    return sorted(found, key=lambda each: [int(part) for part in re.findall(r"\d+", each.name)])
+
+
+def _options() -> Options:
+    files = f"critics from elsewhere: W, P or K, with `time` also over time ({' '.join(MATRIX_FILES)}), or a network "
+    files += f"of V, dV/dx or u ({' '.join(NETWORK_FILES)}); of several, or of a folder of checkpoints, one table"
+    settings = (
+        "a setting of the law; of --weights predefined_time=S, of a network scale=a,b,... (times each state) and "
+        "of a state dict activation=tanh|relu|... between its layers, after a comma at its output"
+    )
+    functions = "of --weights: a name (default quadratic), or a list 'x1**2, x1*x2, sin(x3)'"
+    network = "which part of a file is what: value, V=critic,policy=actor, gradient=; default: by its number of outputs"
+    discount = "of the discounted problem in discrete time: factor of a step; with --dt"
+    cost = "exit 0 when the critic costs at most this much more than the optimum"
+    return {
+        **games.game_options(),
+        **games.learning(about=settings, own=_SETTINGS),
+        "--weights": Option(files, "FILE", _critics, more={"nargs": "+"}),
+        "--basis": Option(functions, "BASIS"),
+        "--network": Option(network, "[V=]NAME", default=""),
+        "--discount": Option(discount, "NUMBER", positive),
+        "--dt": Option("length of a step of that problem; with --discount", "S", positive),
+        "--limit-error": Option(
+            f"limit of the relative errors; default {LIMIT:g}", "X", positive, LIMIT
+        ),
+        "--limit-cost": Option(cost, "PERCENT", positive),
+        **trims.picture(
+            "P learned, exact, difference, and errors over time; of several critics their errors"
+        ),
+        **trims.output(),
+    }
+
+
+@command(_options)
+def verify(arguments: argparse.Namespace) -> int:
+    """Compare a critic with the exact game solution: our own laws, or weights, P, K or networks
+    from elsewhere.
+
+    Exit code 0 only when every check passes, or with --limit-cost when the critic costs no more
+    than that."""
+    paths = [path for each in arguments.weights or [] for path in each]
+    _refuse_unused(arguments, paths)
+    named = games.game_of(arguments)
+
+    @cache
+    def at_dihedral(degrees: float) -> Any:
+        return games.game_of(
+            argparse.Namespace(**vars(arguments) | {"at": math.radians(degrees)})
+        ).game
+
+    how: dict[str, Any] = {
+        "limit": arguments.limit_error,
+        "box": ordinary_box(named.game, named.states, named.inputs, named.state_units),
+        "at_dihedral": None if arguments.at is None else at_dihedral,
+    }
+    cost, found, told = arguments.limit_cost, dict[str, CriticCheck](), ProgressLine("compare")
+    if not paths:
+        result = games.run_learning(arguments, named.game)
+        time = result.settings.get("predefined_time")
+        candidate = from_weights(named.game, result.weights[-1], result.basis)
+        found[""] = check_critic(named.game, candidate, run=result, predefined_time=time, **how)
+    for count, path in enumerate(paths):
+        if len(paths) > 1:
+            told(count, len(paths))
+        found[str(path)] = _check_file(path, arguments, named, how, len(paths))
+    if len(found) == 1:
+        (check,) = found.values()
+        draw(arguments, lambda: check_figure(check, *named.names))
+        report = check.report(*named.names, limit_cost=cost)
+    else:
+        draw(arguments, lambda: checks_figure(found, named.origin))
+        report = checks_report(found, named.origin, cost)
+    show(report.with_data(**named.labels()), arguments, notes=named.warnings)
+    return 0 if all(check.holds(cost) for check in found.values()) else 1
+
+
+def _refuse_unused(arguments: argparse.Namespace, paths: list[Path]) -> None:
+    """BadInputError for options that would change nothing."""
+    if not any(map(is_network, paths)):
+        trims.refuse(arguments, ("network",), "belongs to a network; give its file by --weights")
+        for name in ("activation", "scale") if paths else ():
+            if name in arguments.set:
+                raise BadInputError(
+                    f"--set {name} belongs to networks; give the file of one by --weights"
+                )
+    if (arguments.discount is None) != (arguments.dt is None):
+        raise BadInputError("--discount and --dt belong together; neither has a default")
+    if arguments.discount is not None:
+        trims.refuse(arguments, ("picture",), "does not go with --discount; leave it out")
+        if len(paths) != 1:
+            raise BadInputError("--discount needs one file of --weights")
+        if "predefined_time" in arguments.set:
+            raise BadInputError("--set predefined_time does not go with --discount; leave it out")
+    if not paths:
+        trims.refuse(arguments, ("basis",), "belongs to --weights; for a law, use --set basis=...")
+        return
+    trims.refuse(arguments, ("law", "seed"), "belongs to a law; leave it out with --weights")
+    for name in arguments.set:
+        refuse_unknown("a critic of a file has no setting", name, _SETTINGS)
+
+
+def _candidate(
+    path: Path, arguments: argparse.Namespace, named: NamedGame, files: int
+) -> Candidate | History:
+    """The critic in a file, or its `History`."""
+    from controller.game.user_files import History, critic_in
+
+    game, name, settings = named.game, arguments.basis, arguments.set
+    listed = name is not None and re.search(r"[^a-z+]", name) is not None
+    n = len(game.A)
+    functions: Any = features_of(name, n, named.states) if listed else basis(name or "quadratic", n)
+    if is_network(path):
+        from verification.critic.network_file import from_network
+
+        activation = settings.get("activation")
+        if files == 1 and path.suffix.lower() == ".onnx" and activation is not None:
+            raise BadInputError(
+                f"{path}: --set activation belongs to a state dict; an ONNX file says it"
+            )
+        how: dict[str, Any] = {"network": arguments.network, "activation": activation}
+        return from_network(game, path, features=functions, scale=settings.get("scale"), **how)
+    found = critic_in(path, game, None if listed else name, named.plant)
+    with said_of(path):
+        if listed and (isinstance(found, History) or found.W is None):
+            raise BadInputError(
+                "a list of --basis belongs to weights W without times; there are none"
+            )
+        return found if isinstance(found, History) else from_stored(game, found, functions)
+
+
+def _check_file(
+    path: Path, arguments: argparse.Namespace, named: NamedGame, how: dict[str, Any], files: int
+) -> CriticCheck:
+    """The critic in a file, or each of its rows where it has a time; of `files` files."""
+    time, game, discount = arguments.set.get("predefined_time"), named.game, arguments.discount
+    found = _candidate(path, arguments, named, files)
+    if discount is not None:
+        if not isinstance(found, Candidate):
+            raise BadInputError(
+                f"{path}: --discount judges one critic and this is over time; give one row of it"
+            )
+        return check_discounted(game, found, discount, arguments.dt, limit=arguments.limit_error)
+    if not isinstance(found, Candidate):
+        with said_of(path):
+            return check_history(
+                game, found, predefined_time=time, progress=ProgressLine("compare"), **how
+            )
+    if time is not None:
+        raise BadInputError(
+            f"--set predefined_time belongs to a critic over time; {path} has no time"
+        )
+    flown: dict[str, Any] = {"flights": _FEW_FLIGHTS} if files > _MANY else {}
+    if found.nonlinear is not None and named.nonlinear is not None:
+        flown["plant"] = named.nonlinear()
+    return check_critic(game, found, **flown, **how)

@@ -1,0 +1,51 @@
+"""Where the process of `hfa` begins: Ctrl-C, SIGTERM and SIGHUP end it in one line, from here to
+its end."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+
+INTERRUPTED, TERMINATED = 130, 143
+_ENDING = {"SIGINT": INTERRUPTED, "SIGTERM": TERMINATED, "SIGHUP": TERMINATED}
+
+
+def main() -> int:
+    """Run `hfa` in this process; its exit code."""
+    for name in _ENDING:
+        number = getattr(signal, name, None)  # not every system has each
+        # Who began us with a signal ignored (nohup) wants it ignored.
+        if number is not None and signal.getsignal(number) in (
+            signal.SIG_DFL,
+            signal.default_int_handler,
+        ):
+            signal.signal(number, _end)
+    try:
+        from hfa.main import main as run
+    except ImportError as error:
+        print(
+            f"hfa: {error} (a file here with the name of one of our packages hides it)",
+            file=sys.stderr,
+        )
+        return 2
+    return run()
+
+
+def _end(number: int, _: object) -> None:
+    """Remove temporary files, say it and end at once; workers end with this process.
+
+    No exception is raised: libraries drop one, or make another of it, where they call Python.
+    """
+    code = _ENDING[signal.Signals(number).name]
+    try:
+        files = sys.modules.get("hfa_support.files")
+        if files is not None:
+            files.remove_unfinished()
+        if sys.stderr is not None:
+            os.write(
+                sys.stderr.fileno(),
+                b"hfa: interrupted\n" if code == INTERRUPTED else b"hfa: terminated\n",
+            )
+    finally:
+        os._exit(code)

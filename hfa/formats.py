@@ -1,0 +1,75 @@
+"""The published formats of what `--json` prints and `-o FILE.json` writes: a JSON Schema."""
+
+from __future__ import annotations
+
+import json
+import sys
+import tomllib
+from functools import cache
+from importlib.resources import files
+from typing import Any
+
+#: Types of JSON.
+_PLAIN = {"object", "array", "string", "number", "integer", "boolean", "null"}
+
+
+@cache
+def formats() -> dict[str, Any]:
+    """The schema of the declarations in formats.toml: every output is one of its `oneOf`, by the
+    key `schema`."""
+    declared = tomllib.loads(files("hfa").joinpath("formats.toml").read_text("utf-8"))
+    tables = declared["parts"] | declared["outputs"]
+    objects = {name: _object(table, declared["keys"]) for name, table in tables.items()}
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "$id": declared["id"],
+        "title": declared["title"],
+        "description": declared["description"],
+        "type": "object",
+        "required": ["schema"],
+        "oneOf": [{"$ref": f"#/$defs/{name}"} for name in declared["outputs"]],
+        "$defs": {name: _value(text) for name, text in declared["types"].items()} | objects,
+    }
+
+
+def _object(table: dict[str, Any], shared: dict[str, str]) -> dict[str, Any]:
+    """The schema of a table of keys, those with * required."""
+    found = {"title": table["title"]} if "title" in table else {}
+    properties = {"schema": {"const": table["schema"]}} if "schema" in table else {}
+    names, own = table["keys"].split(), table.get("own", {})
+    for name in (each.removesuffix("*") for each in names):
+        properties[name] = _value(own.get(name) or shared[name])
+    required = ["schema"] * ("schema" in table) + [
+        name.removesuffix("*") for name in names if name.endswith("*")
+    ]
+    return {**found, "type": "object", "required": required, "properties": properties}
+
+
+def _value(text: str) -> dict[str, Any]:
+    """The schema of "type: meaning"."""
+    kind, _, meaning = text.partition(": ")
+    return _type(kind) | ({"description": meaning} if meaning else {})
+
+
+def _type(kind: str) -> dict[str, Any]:
+    """Of "number or null", "list of matrix", "by name value", "'english' or 'si'", the name of a
+    table, "any"."""
+    for begin, form, inside in (
+        ("list of ", "array", "items"),
+        ("by name ", "object", "additionalProperties"),
+    ):
+        if kind.startswith(begin):
+            return {"type": form, inside: _type(kind.removeprefix(begin))}
+    words = kind.split(" or ")
+    if kind.startswith("'"):
+        plain = [word.strip("'") for word in words]
+        return {"const": plain[0]} if len(plain) == 1 else {"enum": plain}
+    if set(words) <= _PLAIN:
+        return {"type": kind if len(words) == 1 else words}
+    if len(words) > 1:
+        return {"oneOf": [_type(word) for word in words]}
+    return {} if kind == "any" else {"$ref": f"#/$defs/{kind}"}
+
+
+if __name__ == "__main__":
+    sys.stdout.write(json.dumps(formats(), indent=1, ensure_ascii=False) + "\n")

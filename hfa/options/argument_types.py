@@ -1,0 +1,190 @@
+"""Kinds of options: one word of a command line becomes a value in internal units, or BadInputError
+says why not.
+
+Its message is the rest of a sentence that begins with the option: "--delay" and "is 'short'; give a
+finite number". `quantity` and `numbers` convert degrees and SI; no other module converts typed
+numbers."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from contextvars import ContextVar
+from functools import partial
+from pathlib import Path
+
+from hfa_aircraft.model import Model
+from hfa_support.errors import BadInputError, shortened
+from hfa_support.reporting.unit_system import typed
+from hfa_support.schema import NUMBER, POSITIVE, Number
+
+#: The user's own aircraft that --aircraft names; None is the HFA.
+OWN: ContextVar[Model | None] = ContextVar("own", default=None)
+PICTURES = (".png", ".svg", ".pdf")
+_LARGEST_WHOLE = 10**18
+
+
+def number(text: str, declared: Number = NUMBER) -> float:
+    """A number as declared."""
+    try:
+        value = declared.of(float(text))
+    except ValueError:
+        value = None
+    if value is None:
+        raise BadInputError(f"is {shortened(text)!r}; give {declared}")
+    return value
+
+
+positive = partial(number, declared=POSITIVE)
+
+
+def model() -> Model:
+    """Whose names and units options have."""
+    if (own := OWN.get()) is not None:
+        return own
+    from hfa_model.aircraft import HFA
+
+    return HFA
+
+
+def quantity(name: str, text: str) -> float:
+    """What was typed for a name of the model, in the shown unit of the one that it declares:
+    degrees of rad, m of ft with --units si; a plain number where there is none."""
+    known = {**model().rates, **model().signals}
+    unit = known[name].unit if name in known else "1"
+    return math.radians(number(text)) if unit.startswith("rad") else typed(number(text), unit)
+
+
+def place(text: str) -> float:
+    """The value of the scheduling variable of one trim; a list or range is refused with the command
+    that takes it."""
+    if "," in text or ":" in text:
+        raise BadInputError(
+            f"is {shortened(text)!r}; give one number: `hfa sweep` takes lists and ranges"
+        )
+    return quantity(model().schedule, text)
+
+
+def places(text: str) -> tuple[float, ...]:
+    """`LOW:HIGH` or one place, as written: a proof is about these numbers."""
+    ends = tuple(number(part) for part in text.split(":"))
+    if len(ends) > 2 or (len(ends) == 2 and not ends[0] < ends[1]):
+        raise BadInputError(f"is {shortened(text)!r}; give LOW:HIGH, the lower end first")
+    return ends
+
+
+def span(name: str, text: str) -> tuple[float, float]:
+    """`LOW:HIGH` of a named variable, low < high."""
+    low, colon, high = text.partition(":")
+    if not colon or ":" in high:
+        raise BadInputError(f"is {shortened(text)!r}; give LOW:HIGH")
+    lowest, highest = quantity(name, low), quantity(name, high)
+    if not lowest < highest:
+        raise BadInputError(f"is {shortened(text)!r}; the first limit must be the lower one")
+    return lowest, highest
+
+
+def whole(lowest: int, highest: int = _LARGEST_WHOLE) -> Callable[[str], int]:
+    """The kind of whole numbers from `lowest` to `highest`."""
+
+    def convert(text: str) -> int:
+        value = number(text)
+        # From the digits where there are only digits: a float would round the large ones.
+        result = int(text) if text.strip().isdigit() else int(value)
+        if value != int(value) or not lowest <= result <= highest:
+            raise BadInputError(
+                f"is {shortened(text)}; give a whole number from {lowest} to {highest:.6g}"
+            )
+        return result
+
+    return convert
+
+
+def one_of(*words: str) -> Callable[[str], str]:
+    """The kind of a word among those named."""
+
+    def convert(text: str) -> str:
+        if text not in words:
+            raise BadInputError(f"is {shortened(text)!r}; use one of {', '.join(words)}")
+        return text
+
+    return convert
+
+
+def some_of(*known: str) -> Callable[[str], tuple[str, ...]]:
+    """The kind of names with commas between them, each one known and named once."""
+
+    def convert(text: str) -> tuple[str, ...]:
+        names = tuple(text.split(","))
+        for name in names:
+            if name not in known:
+                raise BadInputError(f"names {shortened(name)!r}; choose from {', '.join(known)}")
+            if names.count(name) > 1:
+                raise BadInputError(f"names {name} twice; name it once")
+        return names
+
+    return convert
+
+
+def input_file(*suffixes: str) -> Callable[[str], Path]:
+    """The kind of files that are there, with one of the suffixes."""
+
+    def convert(text: str) -> Path:
+        path = Path(text)
+        if path.suffix.lower() not in suffixes:
+            raise BadInputError(
+                f"{text}: the suffix {path.suffix!r} is not known; use {', '.join(suffixes)}"
+            )
+        if not path.is_file():
+            raise BadInputError(f"{text}: there is no such file")
+        return path
+
+    return convert
+
+
+def output_file(*suffixes: str, folder: bool = False) -> Callable[[str], Path]:
+    """The kind of files with one of the suffixes that can be written; where `folder`, of folders
+    without suffix too.
+
+    So a place is refused before anything is computed.
+    """
+
+    def convert(text: str) -> Path:
+        path, where = Path(text), text or "''"
+        if folder and text and not path.suffix:
+            if not path.is_dir() and (path.exists() or not path.parent.is_dir()):
+                raise BadInputError(
+                    f"{where}: cannot make the folder; choose another, in a folder that exists"
+                )
+            return path
+        if path.suffix.lower() not in suffixes:
+            known = ", ".join(suffixes) + ", or a folder, whose name has no suffix" * folder
+            raise BadInputError(f"{where}: unknown suffix {path.suffix!r}; use one of {known}")
+        if not path.parent.is_dir():
+            raise BadInputError(
+                f"{where}: the folder {path.parent} does not exist; create it first"
+            )
+        store = path.is_dir() and path.suffix.lower() == ".zarr"
+        if path.exists() and not path.is_file() and not store:
+            raise BadInputError(
+                f"{where}: it is {'a folder' if path.is_dir() else 'no regular file'}; name another"
+            )
+        return path
+
+    return convert
+
+
+def numbers(
+    form: str, *units: str, otherwise: tuple[float, ...] = ()
+) -> Callable[[str], tuple[float, ...]]:
+    """The kind of numbers between colons, with the internal unit of each; the last may be left out,
+    `otherwise`."""
+
+    def convert(text: str) -> tuple[float, ...]:
+        parts, least = text.split(":"), len(units) - len(otherwise)
+        if not least <= len(parts) <= len(units):
+            raise BadInputError(f"is {text!r}; give {form}")
+        given = (typed(number(part), unit) for part, unit in zip(parts, units, strict=False))
+        return (*given, *otherwise[len(parts) - least :])
+
+    return convert

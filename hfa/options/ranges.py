@@ -1,0 +1,50 @@
+"""The words `start:stop:step`, `a,b,c` or one number: many values of a named variable."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from hfa.options.argument_types import number, quantity
+from hfa_support.errors import BadInputError, shortened
+from trim.sweeps.sweep_plan import MOST_POINTS, Steps
+
+#: Listed values or evenly spaced ones; internal units.
+Range = tuple[float, ...] | Steps
+
+
+def value_range(name: str, text: str) -> Range:
+    """`a,b,c`, one number or `start:stop:step` of a name; the last value is at or before stop."""
+    parts = text.split(":")
+    if len(parts) == 1:
+        return tuple(quantity(name, word) for word in text.split(","))
+    if len(parts) != 3:
+        raise BadInputError(
+            f"is {shortened(text)!r}; give start:stop:step, a list a,b,c or one number"
+        )
+    start, stop, step = map(number, parts)
+    if step <= 0:
+        raise BadInputError(f"step is {step:g}; it must be positive")
+    if stop < start:
+        raise BadInputError(f"runs backwards from {start:g} to {stop:g}; give the lower end first")
+    intervals = (stop - start) / step
+    if intervals >= MOST_POINTS:
+        said = f"{np.floor(intervals) + 1.0:,.15g}"
+        raise BadInputError(
+            f"is a range of {said} points; at most {MOST_POINTS:,} are allowed, take a larger step"
+        )
+    unit, count = quantity(name, "1"), math.floor(intervals + 1e-9) + 1
+    spacing = min(step * unit, (stop - start) * unit / (count - 1)) if count > 1 else step * unit
+    while start * unit + spacing * (count - 1) > stop * unit:  # by rounding: stop may be a limit
+        spacing = np.nextafter(spacing, 0.0)
+    return Steps(start * unit, float(spacing), count)
+
+
+def array_of(name: str, values: Range, most: int) -> np.ndarray:
+    """A range as one array, (N,); BadInputError when there are more than `most`."""
+    if len(values) > most:
+        raise BadInputError(
+            f"{name} has {len(values):,} points; at most {most:,} are allowed, take fewer"
+        )
+    return np.asarray(values[np.arange(values.count)] if isinstance(values, Steps) else values)

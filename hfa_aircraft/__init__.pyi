@@ -1,0 +1,3 @@
+"""What an aircraft is to every package: the declaration of a model, how it is loaded and converted."""
+
+from .model import Model as Model, Signal as Signal

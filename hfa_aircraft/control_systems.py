@@ -1,0 +1,105 @@
+"""Models to and from python-control's `NonlinearIOSystem`."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import casadi as ca
+import numpy as np
+
+from hfa_aircraft.model import Model, Signal, components
+from hfa_support.errors import BadInputError
+
+if TYPE_CHECKING:
+    import control
+
+
+def to_control(model: Model, outputs: Sequence[str] | None = None) -> control.NonlinearIOSystem:
+    """x' = f(x, u, p), y = the named states and outputs, by default all; without disturbances.
+    Names are kept."""
+    import control
+
+    seen = [*model.states, *model.outputs] if outputs is None else list(outputs)
+    vectors = model.layout.symbols("x", "u", "p")
+    f, y = model.layout.expressions(list(map(components, vectors)), seen)
+    function, names = ca.Function("system", vectors, [f, y]), tuple(model.parameters)
+
+    def at(x: np.ndarray, u: np.ndarray, params: dict[str, float], result: int) -> np.ndarray:
+        return np.array(function(x, u, [params[name] for name in names])[result]).ravel()
+
+    return control.nlsys(
+        lambda _, x, u, params: at(x, u, params, 0),
+        lambda _, x, u, params: at(x, u, params, 1),
+        name="".join(each if each.isalnum() else "_" for each in model.title),
+        states=list(model.states),
+        inputs=list(model.inputs),
+        outputs=seen,
+        params={name: signal.start for name, signal in model.parameters.items()},
+    )
+
+
+def from_control(
+    system: control.NonlinearIOSystem, units: Mapping[str, str | Signal], **declared: Any
+) -> Model:
+    """The model of a system whose functions take CasADi's symbols in the place of numbers: they are
+    called with arrays of them. units: name -> unit, or all that is known of it; others have unit 1.
+    declared: fields of `Model`.
+
+    BadInputError, one line, for a system in discrete time, one that depends on time, and one that
+    cannot be traced."""
+    name = str(system.name)
+    if getattr(system, "updfcn", None) is None:
+        raise BadInputError(f"{name} has no update function; give a system of control.nlsys")
+    if system.dt:
+        raise BadInputError(f"{name} is in discrete time; give a system in continuous time")
+    states, inputs, constants = system.state_labels, system.input_labels, dict(system.params)
+    outputs = [label for label in system.output_labels if label not in (*states, *inputs)]
+
+    def values(time: Any, x: Any, u: Any, p: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+        arrays = []
+        for vector in (x, u):  # one by one: NumPy would look into a symbol
+            arrays.append(np.empty(len(vector), dtype=object))
+            arrays[-1][:] = list(vector)
+        arguments = (time, *arrays, {**constants, **dict(zip(constants, p, strict=True))})
+        found = [
+            list(system.updfcn(*arguments)),
+            list(system.outfcn(*arguments)) if system.outfcn else list(x),
+        ]
+        rates, seen = (
+            dict(zip(states, found[0], strict=True)),
+            dict(zip(system.output_labels, found[1], strict=True)),
+        )
+        return rates, {label: seen[label] for label in outputs}
+
+    def signal(label: str, start: float = 0.0) -> Signal:
+        known = units.get(label, "1")
+        return known if isinstance(known, Signal) else Signal(known, start=start)
+
+    model = Model(
+        name=name,
+        states={label: signal(label) for label in states},
+        inputs={label: signal(label) for label in inputs},
+        parameters={label: signal(label, float(value)) for label, value in constants.items()},
+        outputs={label: signal(label) for label in outputs},
+        equations=lambda x, u, p, w: values(0.0, x, u, p),
+        **declared,
+    )
+    time, vectors = ca.SX.sym("t"), model.layout.symbols("x", "u", "p")
+    try:
+        columns = list(map(components, vectors))
+        model.layout.expressions(columns, outputs)
+        with warnings.catch_warnings(
+            action="ignore", category=FutureWarning
+        ):  # CasADi's, of functions of NumPy
+            rates, seen = values(time, *columns)
+    except BadInputError as error:
+        raise BadInputError(f"{name} cannot be traced with CasADi's symbols: {error}") from error
+    if ca.depends_on(ca.vertcat(*map(ca.SX, (*rates.values(), *seen.values()))), time):
+        raise BadInputError(f"{name} depends on time; make what it does over time an input")
+    if model.layout.has_nan:
+        raise BadInputError(
+            f"{name} cannot be traced: float or math makes numbers of symbols; use NumPy's functions"
+        )
+    return model

@@ -1,5 +1,0 @@
-"""The games that the meaning of a solution is tested on: those of the two printed models."""
-
-from game_samples import first, game
-
-__all__ = ["first", "game"]

@@ -1,0 +1,399 @@
+"""The certified law: exact solution in predefined time, from anywhere, or a clear refusal."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import mpmath
+import numpy as np
+import pytest
+from game_samples import random_game
+from known_models import game_at
+from learning_samples import (
+    PUBLISHED,
+    QUADRATIC,
+    abscissa,
+    assert_exact,
+    build,
+    lq,
+    published,
+    random_start,
+    start_at_the_edge,
+)
+from reference_riccati import reference_solution, relative_error
+from scipy.integrate import solve_ivp
+
+from controller import Game, Stack, basis, learn, random_pool, record, run
+from controller.game.basis import BASES
+from controller.learning import certified
+from controller.learning.bellman_equations import LQ, StackEquations, newton_step
+from controller.learning.certified import CertifiedSettings, Point, after, certified_law, decay_rate
+from hfa_model import VARIANTS
+from hfa_support import BadInputError, NoSolutionError
+from studies.update_law.integral_rl import probing_flight
+from verification import solve_game
+
+# The solution.
+
+
+@pytest.mark.parametrize("name", PUBLISHED)
+@pytest.mark.parametrize(
+    ("predefined_time", "tick", "start"),
+    [
+        (0.5, 0.1, 100.0),
+        (60.0, 0.1, 100.0),
+        (10.0, 0.01, 100.0),
+        (1.0, 0.3, 100.0),
+        pytest.param(10.0, 0.01, 0.0, marks=pytest.mark.slow),
+        *(
+            pytest.param(time, 0.001, 100.0, marks=pytest.mark.slow)
+            for time in (0.5, 2.0, 10.0, 60.0)
+        ),
+    ],
+)
+def test_published_models_settle_within_any_predefined_time(
+    name: str, predefined_time: float, tick: float, start: float
+) -> None:
+    game, exact = published(name)
+    result = learn(game, predefined_time=predefined_time, tick=tick, initial_weights=start)
+    assert_exact(result, exact, limit=1e-11)
+    if tick != 0.001:  # else rows are left out
+        assert result.times == pytest.approx(
+            np.append(np.arange(0.0, predefined_time - 1e-9, tick), predefined_time)
+        )
+    assert result.times[-1] == predefined_time
+    assert result.weights[0] == pytest.approx(np.full(21, start))
+    assert len(result.certificates) == 7
+
+
+@pytest.mark.parametrize("starts", [8, pytest.param(1000, marks=pytest.mark.slow)])
+def test_random_starts_end_at_the_solution(starts: int) -> None:
+    stabilizing = 0
+    for index in range(starts):
+        game, exact = published(PUBLISHED[index // 4 % 2])
+        weights = random_start(index, game, exact.P)
+        stabilizing += abscissa(game.A - game.S_control @ QUADRATIC.matrix(weights)) < 0.0
+        samples = 21 + index % 80
+        assert_exact(
+            learn(game, seed=index, tick=0.2, samples=samples, initial_weights=tuple(weights)),
+            exact,
+        )
+    assert 0.05 * starts < stabilizing < 0.95 * starts
+
+
+@pytest.mark.parametrize("name", [name for name in BASES if name != "quadratic"])
+def test_richer_bases_learn_that_the_value_is_quadratic(name: str) -> None:
+    game, exact = published(PUBLISHED[0])
+    result = learn(game, basis=name, tick=0.1)
+    assert_exact(result, exact)
+    assert result.weights.shape[1] == basis(name, 6).size
+    assert np.abs(result.weights[-1][21:]).max() < 1e-9 * np.abs(result.weights[-1]).max()
+    assert np.all(result.weights[0] == pytest.approx(100.0))
+
+
+@pytest.mark.parametrize("games", [4, pytest.param(24, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("scaled", [False, True])
+def test_random_games_are_solved_or_refused_rightly(scaled: bool, games: int) -> None:
+    rng = np.random.default_rng(5)
+    solved = refused = 0
+    for index in range(games):
+        game = random_game(rng, scaled=scaled)
+        exact = reference_solution(game)
+        if exact.exists:
+            result = learn(game, seed=index, tick=0.2, initial_weights=0.0)
+            assert relative_error(result.P, exact.P) < 1e-7
+            assert result.converged or "Newton correction" in result.outcome
+            solved += result.converged
+        else:
+            with pytest.raises(NoSolutionError):
+                learn(game, seed=index, tick=0.2, initial_weights=0.0)
+            refused += 1
+    assert min(solved, refused) >= max(1, games // 5)
+
+
+@pytest.mark.parametrize("name", PUBLISHED)
+def test_without_disturbance_it_is_the_lq_problem(name: str) -> None:
+    game, exact = lq(name)
+    assert_exact(learn(game, tick=0.1), exact)
+
+
+@pytest.mark.parametrize("dynamics", VARIANTS)
+@pytest.mark.parametrize(
+    "degrees", [5, *(pytest.param(i, marks=pytest.mark.slow) for i in range(21) if i != 5)]
+)
+def test_at_every_dihedral_angle_with_both_equations(dynamics: str, degrees: int) -> None:
+    game = game_at(degrees, dynamics)
+    assert_exact(learn(game), solve_game(game))
+
+
+# The law.
+
+
+@pytest.mark.parametrize("name", PUBLISHED)
+@pytest.mark.parametrize("start", [100.0, -3.0])
+def test_residual_follows_the_scalar_law_at_every_tick(name: str, start: float) -> None:
+    game, _ = published(name)
+    law = certified_law(game, CertifiedSettings(initial_weights=start, tick=0.05), seed=0)
+    residual = run(law).history["law_residual_norm"]
+    rate = decay_rate(law.stage_time, 0.8, 0.9)
+    in_stage = range(int(0.9 * law.stage_time / 0.05) - 1)
+    reached = [(residual[tick + 1], after(residual[tick], rate, 0.8, 0.05)) for tick in in_stage]
+    moving = [(found, exact) for found, exact in reached if exact > 0.0]
+    assert len(moving) > 20
+    assert max(abs(found / exact - 1.0) for found, exact in moving) < 1e-7
+    assert residual[int(0.9 * law.stage_time / 0.05)] < 1e-10 * residual[0]
+
+
+def test_riccati_residual_contracts_as_a_whole() -> None:
+    """R(P(t)) = c(t) R(P₀) of the flow; sub-steps leave it by an amount that falls with the
+    tick."""
+    game, exact = lq(PUBLISHED[1])
+
+    def departure(tick: float) -> float:
+        weights = tuple(QUADRATIC.weights(3.0 * exact.P))
+        law = certified_law(
+            game, CertifiedSettings(initial_weights=weights, tick=tick, predefined_time=4.0), seed=0
+        )
+        history = run(law).history
+        middle = round(0.3 / tick)
+        first, later = (
+            game.residual(QUADRATIC.matrix(history["weights"][row])) for row in (0, middle)
+        )
+        ratio = float(np.sum(first * later) / np.sum(first * first))
+        assert 0.01 < ratio < 0.5
+        return float(np.linalg.norm(later - ratio * first) / np.linalg.norm(later))
+
+    coarse, fine = departure(0.05), departure(0.0125)
+    assert fine < 0.35 * coarse
+    assert fine < 0.05
+
+
+def test_policies_are_stabilizing_throughout_stage_one() -> None:
+    game, _ = published(PUBLISHED[0])
+    law = certified_law(game, CertifiedSettings(tick=0.05), seed=0)
+    finished = run(law)
+    discount = finished.memory[2]
+    assert discount > 0.5
+    for weights in finished.history["weights"][: law.ticks // 2]:
+        assert abscissa(game.A - game.S_control @ QUADRATIC.matrix(weights)) < discount
+
+
+def test_discount_only_where_the_start_does_not_stabilize() -> None:
+    for name in PUBLISHED:
+        game, _ = published(name)
+        unstable = abscissa(game.A)
+        assert (unstable > 0.0) == (name == "published-15")
+        runs = (learn(game, tick=0.1, initial_weights=start) for start in (0.0, 100.0))
+        at_0, at_100 = (run.diagnostics["discount_at_start"] for run in runs)
+        assert at_0 == (pytest.approx(unstable + 0.5, rel=1e-3) if unstable > 0.0 else 0.0)
+        assert at_100 > 0.5
+
+
+# What it uses.
+
+
+def test_learning_reads_the_recorded_data_and_not_A() -> None:
+    """The same stack under a game with another A gives the same bits; the certificates then refuse
+    the answer."""
+    game, _ = published(PUBLISHED[0])
+    stack = random_pool(game, 200, seed=1)
+    other = replace(game, A=game.A - 0.5 * np.eye(6))
+    right, wrong = (learn(g, tick=0.2, pool=stack) for g in (game, other))
+    assert np.array_equal(right.weights, wrong.weights)
+    assert right.converged
+    assert "Riccati residual" in wrong.outcome
+
+
+@pytest.mark.parametrize("name", PUBLISHED)
+@pytest.mark.parametrize("duration", [5.0, 20.0])
+def test_one_probing_flight_is_enough(name: str, duration: float) -> None:
+    game, exact = published(name)
+    for seed in range(2):
+        states, _, _ = probing_flight(game, seed, np.linspace(0.0, duration, 500), (0.05, 0.05))
+        assert_exact(learn(game, tick=0.2, pool=record(game, states)), exact)
+
+
+def test_no_riccati_solver_is_called(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("solve_continuous_are", "solve_discrete_are"):
+        monkeypatch.delattr(f"scipy.linalg.{name}")
+    assert learn(published(PUBLISHED[0])[0], tick=0.2).converged
+
+
+@pytest.mark.parametrize("noise", [1e-4, 1e-2])
+def test_noisy_derivatives_give_a_stabilizing_gain_and_no_certificate(noise: float) -> None:
+    for name in PUBLISHED:
+        game, exact = published(name)
+        pool = random_pool(game, 500, seed=3)
+        disturbed = np.random.default_rng(4).normal(size=pool.drifts.shape) * pool.drifts.std(
+            axis=0
+        )
+        result = learn(game, tick=0.2, pool=Stack(pool.states, pool.drifts + noise * disturbed))
+        assert result.outcome.startswith("failed: relative Riccati residual")
+        assert relative_error(result.P, exact.P) < 5.0 * noise
+        assert abscissa(game.A - game.B @ result.K) < 0.0
+        assert result.diagnostics["drift_misfit"] == pytest.approx(noise, rel=0.2)
+
+
+RATE, ETA = decay_rate(time=5.0, eta=0.8, theta=0.9), 0.8
+
+
+@pytest.mark.parametrize("start", [1e-3, 0.5, 3.0, 40.0])
+def test_step_is_exact(start: float) -> None:
+    """Against an integration of y' = -k (y^(1-η) + y^(1+η)) by other means, before it settles."""
+    settle = math.atan(start**ETA) / (ETA * RATE)
+    times = np.linspace(0.0, 0.9 * settle, 7)
+    flow = solve_ivp(
+        lambda _, y: -RATE * (y ** (1.0 - ETA) + y ** (1.0 + ETA)),
+        (0.0, times[-1]),
+        [start],
+        t_eval=times,
+        rtol=1e-11,
+        atol=1e-15,
+    )
+    assert [after(start, RATE, ETA, t) for t in times] == pytest.approx(flow.y[0], rel=1e-7)
+
+
+@pytest.mark.parametrize("start", [1e-30, 1.0, 1e300])
+@pytest.mark.parametrize("eta", [0.2, 0.8])
+def test_zero_within_theta_T_from_anywhere(start: float, eta: float) -> None:
+    rate = decay_rate(time=5.0, eta=eta, theta=0.9)
+    assert after(start, rate, eta, 0.9 * 5.0 * (1.0 + 1e-12)) == 0.0
+    assert 0.0 < after(start, rate, eta, 1e-12 * min(1.0, start**eta)) <= start
+    assert after(1e12, RATE, ETA, 0.9 * 5.0 * 0.999) > 0.0  # the bound is sharp
+
+
+# The edge of stability.
+
+
+def exact_direction(game: Game, equations: StackEquations, weights: np.ndarray) -> np.ndarray:
+    """Newton direction of the LQ problem with 60 digits, scaled coordinates."""
+    scales, eye = equations.scales, np.eye(len(game.A), dtype=int)
+    outer = np.outer(scales, scales)
+    with mpmath.workdps(60):
+        digits = np.vectorize(mpmath.mpf, otypes=[object])
+        A, P = (
+            digits(game.A * scales[None, :] / scales[:, None]),
+            digits(equations.basis.matrix(weights)),
+        )
+        S, Q = digits(game.S_control / outer), digits(game.Q * outer)
+        closed, residual = A - S @ P, A.T @ P + P @ A + Q - P @ S @ P
+        operator = np.kron(closed.T, eye) + np.kron(eye, closed.T)
+        step = mpmath.lu_solve(
+            mpmath.matrix(operator.tolist()), mpmath.matrix(residual.ravel().tolist())
+        )
+        return equations.basis.weights(np.array([float(x) for x in step]).reshape(closed.shape))
+
+
+def test_near_the_edge_a_truncated_pseudo_inverse_points_elsewhere() -> None:
+    """Why directions come from QR: the singular value that a tolerance drops is the one that
+    matters."""
+    game, exact = lq(PUBLISHED[1])
+    errors = []
+    for seed in range(3):
+        equations = build(game, seed=seed)
+        weights = equations.scaled(start_at_the_edge(game, exact.P, seed, margin=1e-11))
+        found = equations.at(weights, LQ)
+        n = np.sqrt(1.0 + np.sum(found.regressors**2, axis=1))
+        truncated = np.linalg.pinv(found.regressors / n[:, None]) @ (found.residuals / n)
+        right = exact_direction(game, equations, weights)
+        errors.append([relative_error(step, right) for step in (truncated, newton_step(found, n))])
+    truncated_errors, qr_errors = np.array(errors).T
+    assert np.median(truncated_errors) > 0.9
+    assert np.median(qr_errors) < 0.02
+
+
+@pytest.mark.parametrize("margin", [1e-1, 1e-4, 1e-8, 1e-12])
+def test_starts_at_the_edge_of_stability_end_at_the_solution(margin: float) -> None:
+    for seed in range(4):
+        game, exact = published(PUBLISHED[seed % 2])
+        start = tuple(start_at_the_edge(game, exact.P, seed, margin))
+        assert_exact(learn(game, seed=seed, tick=0.2, initial_weights=start), exact)
+
+
+def test_without_the_discount_at_the_edge_an_answer_is_lost_or_refused(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The planted cause: truncated directions, and every start with a negative abscissa trusted."""
+
+    def truncated(found: Any, normaliser: np.ndarray) -> np.ndarray:
+        return np.asarray(
+            np.linalg.pinv(found.regressors / normaliser[:, None]) @ (found.residuals / normaliser)
+        )
+
+    def unguarded(
+        equations: StackEquations, here: Point, step: np.ndarray, fraction: float
+    ) -> Point:
+        return here._replace(weights=here.weights - fraction * step)
+
+    monkeypatch.setattr(certified, "RELATIVE_MARGIN", 0.0)
+    monkeypatch.setattr(certified, "newton_step", truncated)
+    monkeypatch.setattr(certified, "stabilizing_step", unguarded)
+    lost = 0
+    for seed in (4, 5):
+        game, exact = lq(PUBLISHED[seed % 2])
+        start = tuple(start_at_the_edge(game, exact.P, seed, margin=1e-11))
+        try:
+            result = learn(game, seed=seed, tick=0.2, initial_weights=start)
+        except NoSolutionError:
+            lost += 1
+            continue
+        assert result.converged == (relative_error(result.P, exact.P) <= 1e-9)
+        lost += not result.converged
+    assert lost > 0
+
+
+# No solution, and bad requests.
+
+
+@pytest.mark.parametrize("name", PUBLISHED)
+def test_too_small_a_delta_is_refused_with_the_smallest_one(name: str) -> None:
+    game, _ = published(name)
+    with pytest.raises(
+        NoSolutionError, match=r"delta = 50 is out of reach.*raise delta"
+    ) as refusal:
+        learn(game.with_delta(50.0), tick=0.1)
+    least = float(str(refusal.value).split("lost at delta = ")[1].split(";")[0])
+    assert reference_solution(game.with_delta(1.001 * least)).exists
+    assert not reference_solution(game.with_delta(0.999 * least)).exists
+    assert learn(game.with_delta(1.001 * least), tick=0.1).converged
+    with pytest.raises(NoSolutionError, match="out of reach"):
+        learn(game.with_delta(0.999 * least), tick=0.1)
+
+
+def test_a_plant_that_no_input_stabilizes_is_refused() -> None:
+    game = Game(
+        A=np.diag([0.3, -1.0]), B=[[0.0], [1.0]], E=np.eye(2), Q=np.eye(2), R=[[1.0]], delta=np.inf
+    )
+    with pytest.raises(NoSolutionError, match=r"cannot be lowered below 0\.3.*stabilizable"):
+        learn(game, tick=0.1)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"predefined_time": 0.0}, "predefined_time is 0.0"),
+        ({"tick": 11.0}, "tick is 11.0 s; it must not exceed predefined_time"),
+        ({"eta": 1.0}, "eta is 1.0"),
+        ({"samples": 20}, "20 samples cannot determine 21 weights"),
+        ({"samples": 30.5}, "samples is 30.5"),
+        ({"pool_samples": 40}, "the pool holds 40 samples and 50 were asked for"),
+        (
+            {"pool_samples": 10**11},
+            "pool_samples is 100000000000; give a whole number from 1 to 100000",
+        ),
+        ({"pool": 40}, "pool must be a Stack"),
+        ({"basis": "cubic"}, "unknown basis 'cubic'"),
+        ({"initial_weights": (1.0, 2.0)}, "there are 2 initial_weights; basis 'quadratic' has 21"),
+        ({"initial_weights": np.nan}, r"initial_weights\[0\] is nan"),
+        (
+            {"gamma": 0.01},
+            "law 'certified' has no setting 'gamma'; choose from predefined_time, tick",
+        ),
+        ({"law": "magic"}, "unknown law 'magic'; choose from certified"),
+    ],
+)
+def test_bad_requests_name_the_setting(options: dict[str, Any], message: str) -> None:
+    with pytest.raises(BadInputError, match=message):
+        learn(published(PUBLISHED[0])[0], **options)

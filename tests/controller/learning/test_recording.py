@@ -1,0 +1,205 @@
+"""The recorded stack: exact data, rich choices, refusals; and the residuals on it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from learning_samples import PUBLISHED, QUADRATIC, build, published, stable_game
+
+from controller import Game, Stack, basis, random_pool, record
+from controller.game.basis import BASES
+from controller.learning.bellman_equations import GAME, LQ, PartialGame
+from controller.learning.recording import choose, excitation, natural_spread, rank, unit_rows
+from hfa_support import BadInputError
+from studies.update_law.integral_rl import probing_flight
+
+
+def worst_condition(stack: Stack) -> float:
+    rows = unit_rows(QUADRATIC.psi(stack.states / stack.channel_scales()))
+    return float(np.linalg.cond(rows))
+
+
+def test_random_pool_stays_in_its_box_and_follows_its_seed() -> None:
+    game = stable_game()
+    pool = random_pool(game, 300, seed=2, half_widths=np.array([2.0, 0.1]))
+    assert np.all(np.abs(pool.states) <= [2.0, 0.1])
+    assert np.all(np.abs(pool.states).max(axis=0) > [1.9, 0.095])
+    assert np.array_equal(pool.states, random_pool(game, 300, 2, np.array([2.0, 0.1])).states)
+    assert not np.array_equal(pool.states, random_pool(game, 300, 3, np.array([2.0, 0.1])).states)
+    assert pool.drifts == pytest.approx(pool.states @ game.A.T, rel=1e-13)
+
+
+def test_natural_spread_changes_with_the_units_of_the_states() -> None:
+    game, _ = published(PUBLISHED[0])
+    units = np.array([1e4, 1e-4, 3.0, 1e-2, 1.0, 1e3])
+    rows = units[:, None]
+    other = Game(
+        game.A * rows / units,
+        game.B * rows,
+        game.E * rows,
+        game.Q / (rows * units),
+        game.R,
+        game.delta,
+    )
+    assert natural_spread(other) / units == pytest.approx(natural_spread(game), rel=1e-6)
+
+
+def test_natural_spread_solves_its_equation() -> None:
+    game = stable_game()
+    beta = 0.1 * np.abs(np.linalg.eigvals(game.A)).max()
+    shifted, push = game.A - beta * np.eye(2), game.S_control + game.S_disturbance / game.delta**2
+    times = np.linspace(0.0, 60.0, 12_001)
+    step = (
+        np.eye(2)
+        + (times[1] - times[0]) * shifted
+        + 0.5 * (times[1] - times[0]) ** 2 * shifted @ shifted
+    )
+    X, current = np.zeros((2, 2)), np.eye(2)
+    for _ in times:
+        X = X + current @ push @ current.T * (times[1] - times[0])
+        current = step @ current
+    assert natural_spread(game) == pytest.approx(np.sqrt(np.diag(X)), rel=5e-3)
+
+
+@pytest.mark.parametrize("samples", [21, 30, 60])
+def test_chosen_samples_are_richer_than_the_first_ones(samples: int) -> None:
+    game, _ = published(PUBLISHED[0])
+    pool = random_pool(game, 500, seed=0)
+    chosen = choose(pool, QUADRATIC, samples)
+    first = Stack(pool.states[:samples], pool.drifts[:samples])
+    assert chosen.samples == samples
+    assert len(np.unique(chosen.states, axis=0)) == samples
+    assert worst_condition(chosen) < 0.8 * worst_condition(first)
+
+
+@pytest.mark.parametrize("name", PUBLISHED)
+@pytest.mark.parametrize("functions", ["quadratic", "paper"])
+def test_rounding_does_not_decide_the_choice(name: str, functions: str) -> None:
+    """Another processor rounds otherwise: the same seed must give the same samples there."""
+    game, _ = published(name)
+    pool, rng = random_pool(game, 500, seed=0), np.random.default_rng(1)
+    chosen = choose(pool, basis(functions, 6), 50)
+    for _ in range(3):
+        rounded = Stack(
+            pool.states * (1.0 + 1e-15 * rng.normal(size=pool.states.shape)), pool.drifts
+        )
+        assert choose(rounded, basis(functions, 6), 50).states == pytest.approx(
+            chosen.states, rel=1e-12
+        )
+
+
+def test_pivoting_finds_the_rich_moments_of_an_unprobed_flight() -> None:
+    """Evenly spaced samples of 20 s of free response have rank 10 of 21: the fast modes are over
+    early."""
+    game, _ = published("published-5")
+    pool = record(game, probing_flight(game, 0, np.linspace(0.0, 20.0, 2001), (0.0, 0.0))[0])
+    even = Stack(pool.states[::95], pool.drifts[::95])
+    assert even.samples == 22
+    assert rank(unit_rows(QUADRATIC.psi(even.states / even.channel_scales()))) < 15
+    assert worst_condition(choose(pool, QUADRATIC, 21)) < 1e9
+
+
+def test_poor_stacks_are_refused() -> None:
+    game, _ = published(PUBLISHED[0])
+    rng = np.random.default_rng(0)
+    in_a_plane = rng.normal(size=(200, 5)) @ rng.normal(size=(5, 6))
+    with pytest.raises(BadInputError, match=r"rank 15 of 21 .*record more"):
+        choose(record(game, in_a_plane), QUADRATIC, 30)
+
+
+def test_excitation_of_a_known_stack() -> None:
+    regressors = np.array([[3.0, 0.0], [0.0, 0.5], [0.0, 0.5]])
+    found = excitation(regressors, samples=np.array([[2.0, 0.0], [0.0, 1.0], [0.0, 7.0]]))
+    assert (found.rank, found.size, found.samples) == (2, 2, 3)
+    assert found.smallest_eigenvalue == pytest.approx(2.0 * 0.25 / 1.25)
+    assert found.condition == pytest.approx(np.sqrt(2.0))
+    assert 0.0 < found.rounding < 1e-28
+
+
+def test_linear_fit_removes_noise_and_reports_it_and_a_forcing() -> None:
+    game, _ = published(PUBLISHED[1])
+    exact = random_pool(game, 500, seed=0)
+    fitted, misfit = exact.linear()
+    assert misfit < 1e-13
+    assert np.abs(fitted.drifts - exact.drifts).max() < 1e-12 * np.abs(exact.drifts).max()
+    noise = np.random.default_rng(1).normal(size=exact.drifts.shape) * exact.drifts.std(axis=0)
+    noisy, misfit = Stack(exact.states, exact.drifts + 1e-3 * noise).linear()
+    assert misfit == pytest.approx(1e-3, rel=0.1)
+    assert np.linalg.norm(noisy.drifts - exact.drifts) < 0.2 * 1e-3 * np.linalg.norm(noise)
+    forced = Stack(
+        exact.states, exact.drifts + np.array([0.3, 0.0, 0.0, 0.0, 0.0, 0.0])
+    )  # of a reference
+    assert forced.linear()[1] > 1e-3
+
+
+def test_malformed_stacks_are_refused() -> None:
+    game = stable_game()
+    with pytest.raises(BadInputError, match=r"both must be \(N_h, n\)"):
+        Stack(np.zeros((4, 2)), np.zeros((4, 3)))
+    with pytest.raises(
+        BadInputError, match=r"stack drifts\[0\]\[0\] is nan; every entry must be finite"
+    ):
+        Stack(np.zeros((1, 2)), np.array([[np.nan, 0.0]]))
+    with pytest.raises(BadInputError, match=r"must be \(N, 2\)"):
+        record(game, np.zeros((4, 3)))
+    with pytest.raises(BadInputError, match="2 positive half-widths"):
+        random_pool(game, 10, 0, np.array([1.0, 0.0]))
+    with pytest.raises(BadInputError, match="state 1 is 0 in every recorded sample"):
+        record(game, np.array([[1.0, 0.0]])).channel_scales()
+
+
+# Residuals: their derivative, their course along a step, and the Riccati equation behind them.
+
+
+@pytest.mark.parametrize("name", BASES)
+def test_regressor_is_the_derivative_of_the_residual(name: str) -> None:
+    """∂e_j/∂W = σ_j where the value is quadratic, with any policy terms re-evaluated: remainder of
+    order 2."""
+    game, exact = published(PUBLISHED[0])
+    equations = build(game, name)
+    weights = equations.scaled(equations.basis.weights(1.5 * exact.P))
+    direction = np.random.default_rng(1).normal(size=equations.basis.size) * np.abs(weights).max()
+    for problem in (GAME, LQ, PartialGame(0.7, 0.3)):
+        found = equations.at(weights, problem)
+        moved = [
+            equations.at(weights + h * direction, problem).residuals - found.residuals
+            for h in (1e-5, 1e-6)
+        ]
+        for error, lowest, highest in (
+            (0.0, 1.99, 2.01),
+            (0.1 * np.abs(found.regressors).max(), 0.5, 1.9),
+        ):
+            slopes = (found.regressors + error) @ direction
+            coarse, fine = (
+                np.linalg.norm(change - h * slopes)
+                for h, change in zip((1e-5, 1e-6), moved, strict=True)
+            )
+            assert lowest < np.log10(coarse / fine) < highest
+
+
+@pytest.mark.parametrize("name", BASES)
+def test_residual_along_a_step_is_an_exact_parabola(name: str) -> None:
+    game, _ = published(PUBLISHED[1])
+    equations = build(game, name)
+    rng = np.random.default_rng(2)
+    weights, step = rng.normal(size=(2, equations.basis.size)) * 100.0
+    problem = PartialGame(0.4, 0.6)
+    found = equations.at(weights, problem)
+    linear, quadratic = equations.along_step(weights, step, found, problem)
+    for f in (0.3, 1.0, -2.0):
+        exact = equations.at(weights - f * step, problem).residuals
+        assert np.linalg.norm(
+            found.residuals + f * linear + f * f * quadratic - exact
+        ) < 1e-12 * np.linalg.norm(exact)
+
+
+def test_residuals_are_those_of_the_discounted_riccati_equation() -> None:
+    game, exact = published(PUBLISHED[0])
+    equations = build(game)
+    P, problem = 0.7 * exact.P, PartialGame(0.3, 0.4)
+    S = game.S_control - 0.4 * game.S_disturbance / game.delta**2
+    A = game.A - 0.3 * np.eye(6)
+    residual = A.T @ P + P @ A + game.Q - P @ S @ P
+    z = equations.states * equations.scales
+    found = equations.at(equations.scaled(QUADRATIC.weights(P)), problem).residuals
+    assert found == pytest.approx(np.sum((z @ residual) * z, axis=1), rel=1e-9)

@@ -1,0 +1,229 @@
+"""Costs of policies, the saddle point, and what a critic loses in flight: each computed in another
+way."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from game_samples import INITIAL, failed_names, game_models
+
+from controller import Game
+from controller.riccati.balancing import balanced_units, in_units
+from controller.riccati.cost import (
+    CHANGE,
+    RATIO,
+    cost_checks,
+    cost_matrix,
+    flight_cost,
+    loss_matrix,
+    saddle_checks,
+    simulated_cost,
+)
+from controller.riccati.solution_report import meaning_checks
+from hfa_support import BadInputError, NoSolutionError
+from verification import bounded_real_gain, check_critic, from_value, solve_game
+
+
+def test_cost_is_exact_far_beyond_its_limit(game: Game) -> None:
+    for initial in (INITIAL, np.array([-3.0, 0.1, -0.2, 0.3, 0.05, -0.4])):
+        lyapunov, simulated = cost_checks(game, solve_game(game).P, initial)
+        assert lyapunov.value < 1e-12
+        assert simulated.value < 1e-9
+
+
+def test_cost_of_a_value_that_is_off_by_a_millionth_is_noticed(
+    first: tuple[Game, np.ndarray],
+) -> None:
+    game, P = first
+    assert failed_names(cost_checks(game, P * (1.0 + 1e-6), INITIAL)) == {
+        "cost_lyapunov",
+        "cost_simulated",
+    }
+
+
+def test_policies_that_do_not_come_to_rest_have_no_cost(first: tuple[Game, np.ndarray]) -> None:
+    game, P = first
+    checks = cost_checks(game, -P, INITIAL)
+    assert failed_names(checks) == {"cost_lyapunov", "cost_simulated"}
+    assert "do not bring the state to rest" in checks[0].reason
+    for cost in (cost_matrix, lambda *policies: simulated_cost(*policies, INITIAL)):
+        with pytest.raises(
+            NoSolutionError, match=r"abscissa \+.* cost of these policies is infinite"
+        ):
+            cost(game, -game.gain(P), game.disturbance_gain(P))
+    assert failed_names(saddle_checks(game, -P, INITIAL)) == {"saddle_finite_cost"}
+
+
+def test_cost_of_a_scalar_policy_in_closed_form() -> None:
+    game = Game(
+        [[-1.0]], [[1.0]], [[1.0]], [[2.0]], [[3.0]], 2.0
+    )  # u = -z/2, d = z/4: z' = -1.25 z
+    exact = (2.0 + 3.0 / 4.0 - 4.0 / 16.0) / 2.5
+    policies = np.array([[0.5]]), np.array([[0.25]])
+    assert cost_matrix(game, *policies)[0, 0] == pytest.approx(exact, rel=1e-14)
+    assert simulated_cost(game, *policies, np.array([3.0])) == pytest.approx(9.0 * exact, rel=1e-11)
+
+
+def test_each_player_loses_to_second_order(game: Game) -> None:
+    checks = {check.name: check for check in saddle_checks(game, solve_game(game).P, INITIAL)}
+    # The larger change lies between CHANGE / 4 and CHANGE, the smaller is RATIO² below.
+    for player in ("control", "disturbance"):
+        assert CHANGE / 5.0 < checks[f"saddle_{player}_loses"].value * RATIO**2 < 1.1 * CHANGE
+    assert checks["saddle_control_slope_error"].value < 0.02
+    assert checks["saddle_disturbance_slope_error"].value < 0.02
+
+
+def test_one_percent_off_is_no_saddle_point(first: tuple[Game, np.ndarray]) -> None:
+    game, P = first
+    failed = failed_names(saddle_checks(game, 1.01 * P, INITIAL))
+    assert "saddle_control_slope_error" in failed
+    assert "saddle_control_loses" in failed
+
+
+def test_lqr_value_is_no_saddle_point_of_a_hard_game() -> None:
+    """Near the smallest delta the disturbance gains by leaving the policy that the LQR value gives
+    it."""
+    game = game_models()["published-15"].with_delta(120.0)
+    P = solve_game(game.with_delta(math.inf)).P
+    failed = failed_names(saddle_checks(game, P, INITIAL))
+    assert "saddle_disturbance_slope_error" in failed
+
+
+def test_a_flight_that_costs_nothing_is_refused(first: tuple[Game, np.ndarray]) -> None:
+    game, P = first
+    with pytest.raises(BadInputError, match="costs nothing; choose another initial state"):
+        saddle_checks(game, P, np.zeros(6))
+
+
+def test_a_player_who_does_not_matter_cannot_lose() -> None:
+    """The disturbance does not reach the state: its own price is all that a deviation brings."""
+    game = Game([[-1.0]], [[1.0]], [[0.0]], [[1.0]], [[1.0]], 3.0)
+    assert not failed_names(saddle_checks(game, solve_game(game).P, np.array([2.0])))
+
+
+@pytest.mark.parametrize("seed", [6, 40, 41, 42, 43, 44])
+def test_rounding_in_a_stiff_plant_is_not_taken_for_an_error(seed: int) -> None:
+    """Poles at -3e4 and 0.09, in random coordinates; errors planted in P are seen as in any other
+    plant."""
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(2, 5))
+    modes, poles = rng.standard_normal((n, n)), -np.geomspace(1.0, 100.0, n)
+    poles[0], poles[-1] = 0.09, -3e4
+    A, B = modes @ np.diag(poles) @ np.linalg.inv(modes), rng.standard_normal((n, 1))
+    game = Game(A, B, rng.standard_normal((n, 1)), np.eye(n), np.eye(1), math.inf)
+    found = check_critic(game, from_value(game, solve_game(game).P))
+    assert found.ok, failed_names(found.checks)
+    units = balanced_units(game)
+    alike, P = in_units(game, units), solve_game(game).P * np.outer(units, units)
+    assert (
+        max(check.value for check in saddle_checks(alike, P, np.ones(n)) if "slope" in check.name)
+        < 1e-3
+    )
+    assert "saddle_control_slope_error" in failed_names(saddle_checks(alike, 1.01 * P, np.ones(n)))
+
+
+def test_exact_solution_means_what_it_says(game: Game) -> None:
+    checks = meaning_checks(game, solve_game(game).P, INITIAL)
+    assert not failed_names(checks), [check.reason for check in checks if not check.ok]
+    assert {check.name for check in checks} == {
+        "cost_lyapunov",
+        "cost_simulated",
+        "saddle_control_loses",
+        "saddle_control_slope_error",
+        "saddle_disturbance_loses",
+        "saddle_disturbance_slope_error",
+        "l2_gain",
+        "l2_gain_methods_agree",
+    }
+
+
+def test_only_a_game_of_value_zero_has_no_saddle_checks() -> None:
+    """An unstable plant without a weight on its states still costs the control that brings it to
+    rest."""
+    one = np.eye(1)
+    for a, has_value in ((1.0, True), (-1.0, False)):
+        game = Game(A=a * one, B=one, E=one, Q=0 * one, R=one, delta=10.0)
+        checks = meaning_checks(game, solve_game(game).P, np.ones(1))
+        assert not failed_names(checks)
+        assert any(check.name.startswith("saddle") for check in checks) is has_value
+
+
+GAME = game_models()["published-15"]
+EXACT = solve_game(GAME)
+NOISE = np.random.default_rng(0).standard_normal(EXACT.K.shape)
+
+
+@pytest.mark.parametrize("size", [1e-3, 1e-1, 0.3])
+@pytest.mark.parametrize("delta", [200.0, math.inf])
+def test_the_loss_is_that_of_the_cost_equation_of_the_gain(size: float, delta: float) -> None:
+    """P* + D is the value of the game in which the control is fixed to -K z and only the
+    disturbance plays."""
+    game = GAME.with_delta(delta)
+    exact = solve_game(game)
+    K = exact.K * (1.0 + size * NOISE)
+    D = loss_matrix(game, exact, K)
+    assert D is not None
+    fixed = replace(game, A=game.A - game.B @ K, B=0.0 * game.B, Q=game.Q + K.T @ game.R @ K)
+    residual = fixed.residual(exact.P + D)
+    assert np.abs(residual).max() <= 1e-9 * np.abs(fixed.Q).max()
+    assert np.linalg.eigvalsh(D)[0] >= -1e-10 * np.abs(D).max()
+
+
+def test_the_loss_grows_with_the_square_of_the_error() -> None:
+    one, ten = (flight_cost(GAME, EXACT, EXACT.K * (1.0 + size * NOISE)) for size in (1e-4, 1e-3))
+    assert ten.worst / one.worst == pytest.approx(100.0, rel=0.05)
+    assert 0.0 < one.mean < one.worst
+
+
+def test_a_start_is_found_that_costs_what_is_said() -> None:
+    K = EXACT.K * (1.0 + 0.1 * NOISE)
+    D, found = loss_matrix(GAME, EXACT, K), flight_cost(GAME, EXACT, K)
+    assert D is not None
+    starts = np.random.default_rng(1).standard_normal((4000, 6)) @ np.linalg.inv(
+        np.linalg.cholesky(EXACT.P)
+    )
+    lost = (
+        100.0
+        * np.einsum("ni,ij,nj->n", starts, D, starts)
+        / np.einsum("ni,ij,nj->n", starts, EXACT.P, starts)
+    )
+    assert lost.max() <= found.worst * (1.0 + 1e-9)
+    assert lost.max() >= 0.8 * found.worst
+    assert lost.mean() == pytest.approx(found.mean, rel=0.1)
+
+
+def test_the_exact_critic_costs_nothing() -> None:
+    found = flight_cost(GAME, EXACT, EXACT.K)
+    assert (found.worst, found.mean) == (0.0, 0.0)
+    assert found.gain == found.exact_gain == bounded_real_gain(GAME, EXACT.K)
+    assert found.distance == found.exact_distance > 0.0
+
+
+def test_a_gain_beyond_delta_or_unstable_costs_without_bound() -> None:
+    tight = GAME.with_delta(151.0)
+    loose = flight_cost(tight, solve_game(tight), 0.3 * solve_game(tight).K)
+    assert loose.worst == loose.mean == math.inf
+    for K in (-EXACT.K, np.full_like(EXACT.K, np.nan)):
+        lost = flight_cost(GAME, EXACT, K)
+        assert (lost.worst, lost.gain, lost.distance) == (math.inf, math.inf, 0.0)
+        assert lost.to_dict()["cost_lost_worst_percent"] is None
+
+
+def test_a_game_that_costs_nothing() -> None:
+    game = Game(-np.eye(2), np.eye(2), np.eye(2), np.zeros((2, 2)), np.eye(2), 5.0)
+    assert flight_cost(game, solve_game(game), np.zeros((2, 2))).worst == 0.0
+
+
+def test_an_indefinite_value_within_the_allowed_error_passes() -> None:
+    """The second state costs nothing: its value 0 may be off by what the limit allows, and not by
+    more."""
+    game = Game(-np.eye(2), np.eye(2), np.eye(2), np.diag([1.0, 0.0]), np.eye(2), 5.0)
+    P = solve_game(game).P - np.diag([0.0, 1e-8])
+    sign = {limit: check_critic(game, from_value(game, P), limit=limit) for limit in (1e-6, 1e-2)}
+    named = {limit: {row.name: row.ok for row in check.checks} for limit, check in sign.items()}
+    assert named[1e-6]["P_smallest_eigenvalue"] is False
+    assert named[1e-2]["P_smallest_eigenvalue"] is True
+    assert sign[1e-2].ok

@@ -1,0 +1,188 @@
+"""Margins: of one loop, of all at once, and that they are tight."""
+
+from __future__ import annotations
+
+import math
+import warnings
+
+import control
+import numpy as np
+import pytest
+from game_samples import game_models
+from scipy.optimize import minimize
+
+from controller import Game
+from controller.riccati.balancing import in_units
+from controller.riccati.margins import best_scaling, loop_margins, margin_of, scaled_norm
+from hfa_support import NoSolutionError
+from verification import bounded_real_gain, disk_margin, minimum_delta, solve_game
+
+
+def test_margins_of_lqr_are_the_textbook_ones(game: Game) -> None:
+    """|1 + L_i| >= 1 for each loop of an LQR with diagonal R: gain (1/2, inf), phase 60 degrees."""
+    K = solve_game(game.with_delta(math.inf)).K
+    for margin in loop_margins(game, K):
+        assert margin.gain_low <= 0.5
+        assert margin.gain_high == math.inf
+        assert margin.phase >= 60.0 - 1e-9
+
+
+def test_loop_margins_are_where_the_loop_loses_stability(game: Game) -> None:
+    K = solve_game(game).K
+    for i, margin in enumerate(loop_margins(game, K)):
+        for factor, stable in (
+            (margin.gain_low * 1.001, True),
+            (margin.gain_low * 0.999, margin.gain_low == 0.0),
+            (min(margin.gain_high * 0.999, 1e3), True),
+        ):
+            assert (_abscissa(game, K, np.eye(5)[i] * (factor - 1.0) + 1.0) < 0.0) == stable
+        if math.isfinite(margin.phase):
+            late, early = (np.exp(-1j * np.radians(margin.phase * part)) for part in (1.001, 0.999))
+            assert _abscissa(game, K, np.eye(5)[i] * (early - 1.0) + 1.0) < 0.0
+            worst = max(
+                _abscissa(game, K, np.eye(5)[i] * (f - 1.0) + 1.0) for f in (late, late.conjugate())
+            )
+            assert worst > 0.0
+
+
+def test_single_loop_disk_margin_is_that_of_python_control() -> None:
+    game = Game([[0.0, 1.0], [0.0, -1.0]], [[0.0], [1.0]], np.eye(2), np.eye(2), [[1.0]], 10.0)
+    K = np.array([[4.0, 0.5]])
+    loop = control.ss(game.A, game.B, K, 0.0)
+    alpha, gain_db, phase = control.disk_margins(loop, np.geomspace(1e-2, 1e3, 20001))
+    one, (each,) = disk_margin(game, K), loop_margins(game, K)
+    assert one.disk == pytest.approx(alpha, rel=1e-3)
+    assert each.disk == pytest.approx(alpha, rel=1e-3)
+    assert 20.0 * math.log10(one.gain) == pytest.approx(gain_db, rel=1e-3)
+    assert one.phase == pytest.approx(phase, rel=1e-3)
+
+
+def test_every_factor_within_the_disk_leaves_the_loop_stable(game: Game) -> None:
+    K = solve_game(game).K
+    alpha = disk_margin(game, K).disk
+    rng = np.random.default_rng(7)
+    for _ in range(300):
+        disk = alpha * 0.999 * np.exp(2j * np.pi * rng.random(5)) * rng.choice([1.0, 0.9], 5)
+        assert _abscissa(game, K, (2.0 + disk) / (2.0 - disk)) < 0.0
+
+
+def test_disk_margin_is_tight(game: Game) -> None:
+    """At its frequency, phases of the five factors exist that take the loop to the edge just
+    outside the disk."""
+    K, margin = solve_game(game).K, disk_margin(game, solve_game(game).K)
+    closed = 1j * margin.frequency * np.eye(6) - game.A + game.B @ K
+    M = 0.5 * np.eye(5) - K @ np.linalg.solve(closed, game.B)
+
+    def radius(phases: np.ndarray) -> float:
+        return -float(np.abs(np.linalg.eigvals(M * np.exp(1j * phases))).max())
+
+    starts = np.random.default_rng(2).uniform(-np.pi, np.pi, (8, 5))
+    largest = max(
+        -minimize(radius, start, method="Nelder-Mead", options={"maxiter": 3000}).fun
+        for start in starts
+    )
+    assert largest <= 1.0 / margin.disk * (1.0 + 1e-9)
+    assert largest >= 0.97 / margin.disk
+
+
+@pytest.mark.parametrize("size", [2, 3, 5, 8])
+@pytest.mark.parametrize("scale", [1e-8, 1.0, 1e8])
+@pytest.mark.parametrize("draws", [3, pytest.param(30, marks=pytest.mark.slow)])
+def test_structured_bound_reaches_what_is_known_at_kinks_and_at_infinity(
+    size: int, scale: float, draws: int
+) -> None:
+    """A unitary M in other units: 1, where all singular values meet. A triangular one: its
+    diagonal, D without end."""
+    rng = np.random.default_rng(size)
+    for _ in range(draws):
+        M = rng.standard_normal((size, size)) + 1j * rng.standard_normal((size, size))
+        units = np.exp(3.0 * rng.standard_normal(size))
+        unitary = np.linalg.qr(M)[0] * units / units[:, None]
+        assert _structured_bound(scale * unitary) == pytest.approx(scale, rel=1e-8)
+        for triangular in (np.triu(M), np.triu(M.real) * units, np.triu(M.real) * units[:, None]):
+            exact = scale * np.abs(np.diag(triangular)).max()
+            assert _structured_bound(scale * triangular) == pytest.approx(exact, rel=1e-5)
+
+
+def test_weak_gain_has_smaller_margins_and_unstable_loops_none(game: Game) -> None:
+    K = solve_game(game).K
+    assert disk_margin(game, 0.05 * K).disk < disk_margin(game, K).disk
+    for margins in (loop_margins, disk_margin):
+        with pytest.raises(NoSolutionError, match="an unstable loop has no margins"):
+            margins(game, -K)
+
+
+def _structured_bound(M: np.ndarray) -> float:
+    return float(scaled_norm(M, best_scaling(M)))
+
+
+def _abscissa(game: Game, K: np.ndarray, factors: np.ndarray) -> float:
+    return float(np.linalg.eigvals(game.A - (game.B * factors) @ K).real.max())
+
+
+def test_speeds_in_metres_leave_what_has_no_unit_alone(game: Game) -> None:
+    """Gain and phase of each loop, the disk, poles, gains; and what a search brackets, as far as
+    that goes."""
+    units = np.array([1 / 0.3048, 1.0, 1.0, 1.0, 1.0, 1.0])
+    si = in_units(game, units)
+    here, there = solve_game(game), solve_game(si)
+    exact = [(there.K, here.K * units), (loop_margins(si, there.K), loop_margins(game, here.K))]
+    exact += [(disk_margin(si, there.K), disk_margin(game, here.K))]
+    exact += [
+        (
+            np.sort_complex(there.closed_loop_eigenvalues),
+            np.sort_complex(here.closed_loop_eigenvalues),
+        )
+    ]
+    for found, expected in exact:
+        np.testing.assert_allclose(np.array(found), np.array(expected), rtol=1e-12)
+    assert bounded_real_gain(si, there.K) == pytest.approx(
+        bounded_real_gain(game, here.K), rel=1e-8
+    )
+    assert minimum_delta(si).value == pytest.approx(minimum_delta(game).value, rel=1e-6)
+    assert np.abs(there.K / here.K - 1.0).max() > 2.0  # K itself has units
+
+
+def test_a_third_order_loop_in_closed_form() -> None:
+    """L = 4 / (s + 1)³: real at ω = √3, where it is -1/2; of size one at ω² = 4^(2/3) - 1."""
+    system = control.ss(control.tf([4.0], [1.0, 3.0, 3.0, 1.0]))
+    game = Game(system.A, system.B, np.eye(3), np.eye(3), [[1.0]], 10.0)
+    (margin,) = loop_margins(game, system.C)
+    assert (margin.gain_low, margin.gain_high) == (0.0, pytest.approx(2.0, rel=1e-12))
+    omega = math.sqrt(4 ** (2 / 3) - 1)
+    assert margin.phase == pytest.approx(180.0 - 3.0 * math.degrees(math.atan(omega)), rel=1e-10)
+
+
+@pytest.mark.parametrize("factor", [0.3, 1.0, 3.0])
+@pytest.mark.parametrize("name", sorted(game_models()))
+def test_margins_are_those_of_python_control(name: str, factor: float) -> None:
+    game = game_models()[name]
+    K = factor * solve_game(game).K
+    if np.linalg.eigvals(game.A - game.B @ K).real.max() >= 0.0:
+        pytest.skip("the scaled gain does not stabilize")
+    for i, margin in enumerate(loop_margins(game, K)):
+        others = [j for j in range(game.B.shape[1]) if j != i]
+        loop = control.ss(game.A - game.B[:, others] @ K[others], game.B[:, [i]], K[[i]], 0.0)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # where a loop has no crossover
+            found, phases, *_ = control.stability_margins(loop, returnall=True)
+        gains, phases = np.asarray(found), np.abs(np.asarray(phases))
+        low, high = gains[(gains < 1.0) & (gains > 1e-12)], gains[gains > 1.0]
+        assert margin.gain_low == pytest.approx(low.max(initial=0.0), rel=1e-6)
+        assert margin.gain_high == pytest.approx(high.min(initial=math.inf), rel=1e-6)
+        assert margin.phase == pytest.approx(
+            np.minimum(phases, 360 - phases).min(initial=math.inf), rel=1e-6
+        )
+
+
+def test_nine_loops_that_change_alike_have_the_margin_of_the_slackest() -> None:
+    """Loops l = k / (s (s + 1)), in an order that changes from frequency to frequency."""
+    gains, frequencies = np.linspace(0.5, 4.5, 9), np.geomspace(1e-3, 100.0, 400)
+
+    def shifted(omega: np.ndarray, count: int = 9) -> np.ndarray:
+        loops = gains[-count:] / (1j * omega * (1j * omega + 1.0))[:, None]
+        return np.random.default_rng(len(omega)).permuted(1.0 / (1.0 + loops) - 0.5, axis=1)
+
+    together = margin_of(shifted, frequencies)
+    alone = margin_of(lambda omega: shifted(omega, 1), frequencies)
+    assert together[1:] == pytest.approx(alone[1:], rel=1e-12)  # all but the lowest gain, 0 at rest

@@ -1,0 +1,375 @@
+"""What `hfa` answers: text for people, JSON for scripts with the aircraft that it is about, and
+exit codes."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import zarr
+from cli import answer, hfa
+from game_files import AT_15
+
+from hfa.main import COMMANDS, DONE, FAILED
+from hfa_model import (
+    INPUTS,
+    LINEAR_STATES,
+    STATES,
+    Aircraft,
+    default_parameters,
+    load_parameters,
+    save_parameters,
+)
+from hfa_model.aircraft import HFA
+from hfa_model.provenance import parameter_hash
+from hfa_model.unsteady import LAG_STATES, UNSTEADY
+from hfa_model.vectors import INPUT_UNITS, STATE_UNITS
+from trim import find_operating_point, level_flight, linearize
+from trim.identification import ASSUMED
+
+LINEAR_MODEL_KEYS = {
+    *(
+        "schema",
+        "dihedral_deg",
+        "dynamics",
+        "operating_point",
+        "states",
+        "inputs",
+        "state_units",
+        "input_units",
+    ),
+    *("A", "B", "modes"),
+}
+
+
+def text(*words: str, code: int = DONE) -> str:
+    """What `hfa words...` prints for a person: no escape codes, nothing on standard error."""
+    result = hfa(*words)
+    assert (result.code, result.err) == (code, "")
+    assert not re.search(r"[\x00-\x08\x0b-\x1f\x7f]", result.out)
+    assert all(line == line.rstrip() for line in result.out.splitlines())
+    return result.out
+
+
+def test_help_names_every_command_and_every_command_has_help() -> None:
+    overview = text("--help")
+    assert text() == overview
+    for command in COMMANDS:
+        assert re.search(rf"^  {command} +\w", overview, re.M)
+        short, long = text(command, "--help"), text(command, "--help", "more")
+        assert short.startswith(f"usage: hfa {command} ")
+        assert short.count("\n") <= 48, "it fits on a screen"
+        assert set(re.findall(r"--[a-z-]+", long)) <= set(re.findall(r"--[a-z-]+", short))
+
+
+def test_trim_json() -> None:
+    data = answer("trim", "--dihedral", "10")
+    point = data["operating_point"]
+    assert data["dihedral_deg"] == pytest.approx(10.0, rel=1e-15)
+    assert data["dynamics"] == point["dynamics"] == "published"
+    assert list(point["states"]) == list(point["state_units"]) == list(STATES)
+    assert (
+        list(point["inputs"]) == list(point["input_units"]) == list(data["margins"]) == list(INPUTS)
+    )
+    assert list(point["residuals"]) == list(data["scaled_residuals"]) == list(HFA.steady)
+    assert max(map(abs, data["scaled_residuals"].values())) <= data["balance_limit"] == 1e-10
+    assert (point["states"]["speed"], point["states"]["altitude"]) == (68.0, 40000.0)
+    assert (
+        point["states"]["alpha"]
+        == point["states"]["pitch"]
+        == pytest.approx(np.radians(2.8), rel=1e-15)
+    )
+
+
+def test_degrees_go_in_and_radians_come_out() -> None:
+    held = ("--hold", "gamma=-1.5", "--hold", "aileron_center=2")
+    words = ("--dihedral", "10", *held, "--limit", "elevator_outer=-25:25")
+    point = answer("trim", *words)["operating_point"]
+    assert point["states"]["dihedral"] == pytest.approx(np.radians(10.0), rel=1e-15)
+    assert point["states"]["pitch"] - point["states"]["alpha"] == pytest.approx(
+        np.radians(-1.5), rel=1e-12
+    )
+    assert point["inputs"]["aileron_center"] == pytest.approx(np.radians(2.0), rel=1e-15)
+    margin = np.radians(25.0) - abs(point["inputs"]["elevator_outer"])
+    assert answer("trim", *words)["margins"]["elevator_outer"] == pytest.approx(margin, rel=1e-12)
+
+
+@pytest.mark.parametrize("command", ["trim", "linearize"])
+def test_a_saved_point_starts_the_next_trim(command: str) -> None:
+    assert hfa(command, "--dihedral", "14", "-o", "saved.json").code == DONE
+    words = ("linearize", "--dihedral", "15")
+    again, plain = answer(*words, "--start", "saved.json"), answer(*words)
+    np.testing.assert_allclose(again["A"], plain["A"], atol=1e-9)
+    inputs = (list(each["operating_point"]["inputs"].values()) for each in (again, plain))
+    np.testing.assert_allclose(*inputs, rtol=1e-9, atol=1e-12)
+
+
+def test_linearize_json_keeps_the_contract() -> None:
+    data = answer("linearize", "--dihedral", "15")
+    assert set(data) >= LINEAR_MODEL_KEYS
+    assert {"states", "inputs", "residuals"} <= set(data["operating_point"])
+    assert (data["states"], data["inputs"]) == (list(LINEAR_STATES), list(INPUTS))
+    assert data["state_units"] == [getattr(STATE_UNITS, name) for name in LINEAR_STATES]
+    assert data["input_units"] == list(INPUT_UNITS)
+    assert (np.shape(data["A"]), np.shape(data["B"])) == ((6, 6), (6, 5))
+    assert (np.shape(data["A_band"]), np.shape(data["B_band"])) == ((6, 6), (6, 5))
+    assert np.abs(np.subtract(data["A"], data["printed"]["A"])).max() < 1.5e-4
+    eigenvalues = np.linalg.eigvals(data["A"])
+    for mode in data["modes"]:
+        assert np.abs(eigenvalues - complex(*mode["eigenvalue"])).min() < 1e-9
+    assert sum(2 if mode["eigenvalue"][1] else 1 for mode in data["modes"]) == 6
+    assert "printed" not in answer("linearize", "--dihedral", "15", "--hold", "speed=70")
+
+
+def test_sweep_text_and_json() -> None:
+    said = text("sweep", "--dihedral", "0:15:5")
+    assert said.startswith("Sweep, published dynamics: 4 of 4 points trimmed\n")
+    assert re.search(
+        r"^dihedral deg +short period 1/s +dihedral \(fast\) 1/s +phugoid 1/s +dihedral \(slow\) 1/s$",
+        said,
+        re.M,
+    )
+    data = answer("sweep", "--dihedral", "0:15:5")
+    np.testing.assert_allclose(np.degrees(data["values"]).ravel(), [0, 5, 10, 15], atol=1e-12)
+    for A, pairs in zip(data["A"], data["eigenvalues"], strict=True):
+        found = np.sort_complex([complex(*pair) for pair in pairs])
+        np.testing.assert_allclose(
+            found, np.sort_complex(np.linalg.eigvals(A)), rtol=1e-9, atol=1e-9
+        )
+
+
+def test_sweep_keeps_failed_points_as_rows() -> None:
+    data = answer("sweep", "--dihedral", "0", "--hold", "speed=20,68")
+    assert data["reasons"][0].startswith("no trim")
+    assert data["reasons"][1] == ""
+    assert {value for row in data["A"][0] for value in row} == {None}
+    assert None not in {value for row in data["A"][1] for value in row}
+    said = text("sweep", "--dihedral", "0", "--hold", "speed=20,68")
+    assert "1 of 2 points trimmed" in said
+    assert re.search(r"^0 +20( +-)+$", said, re.M)
+    assert "20: no trim" in said
+
+
+def test_regenerate_passes_with_the_shipped_parameters() -> None:
+    said = text("regenerate")
+    assert "\nBoth pairs regenerated: yes\n" in said
+    assert said.count(" PASS\n") == 8
+    assert "FAIL" not in said
+    data = answer("regenerate")
+    assert data["ok"] is True
+    assert [case["dihedral_deg"] for case in data["cases"]] == [15.0, 5.0]
+    assert [len(case["entries"]) for case in data["cases"]] == [66, 66]
+    assert (
+        max(abs(entry["half_units"]) for case in data["cases"] for entry in case["entries"]) < 1.3
+    )
+
+
+@pytest.mark.parametrize(
+    "name", ["panel_mass", *ASSUMED]
+)  # the other identified ones: test_linear_model.py
+def test_regenerate_fails_with_one_parameter_changed_by_one_percent(
+    tmp_path: Path, name: str
+) -> None:
+    shipped = default_parameters()
+    changed = shipped.values._replace(**{name: 1.01 * getattr(shipped.values, name)})
+    path = tmp_path / "changed.toml"
+    save_parameters(replace(shipped, values=changed), path, "one parameter changed")
+    result = hfa("regenerate", "--parameters", str(path))
+    assert (result.code, result.err) == (FAILED, "")
+    assert "FAIL" in result.out
+    assert "\nBoth pairs regenerated: NO\n" in result.out
+
+
+# Outputs, inputs and states by name.
+
+CHOSEN = (
+    "--outputs",
+    "load_factor,dihedral",
+    "--inputs",
+    "elevator_center,throttle",
+    "--states",
+    "dihedral,alpha",
+)
+
+
+def test_without_names_every_state_is_an_output() -> None:
+    data = answer("linearize", *AT_15)
+    assert (data["outputs"], data["output_units"]) == (data["states"], data["state_units"])
+    np.testing.assert_array_equal(data["C"], np.eye(6))
+    np.testing.assert_array_equal(data["D"], np.zeros((6, 5)))
+    assert (data["disturbances"], set(data["disturbance_units"])) == (
+        list(HFA.disturbances),
+        {"ft/s"},
+    )
+    assert (np.shape(data["E"]), data["F"]) == ((6, 7), [[0.0] * 7] * 6)
+    full = answer("linearize", *AT_15, "--states", ",".join(STATES))
+    assert (full["outputs"], np.shape(full["E"]), np.shape(full["C"])) == (
+        full["states"],
+        (7, 7),
+        (7, 7),
+    )
+    assert "C  " not in hfa("linearize", *AT_15).out
+
+
+def test_names_choose_rows_and_columns_in_their_order() -> None:
+    whole = answer("linearize", *AT_15, "--outputs", "load_factor,dihedral")
+    part = answer("linearize", *AT_15, *CHOSEN)
+    rows = [LINEAR_STATES.index(name) for name in ("dihedral", "alpha")]
+    columns = [INPUTS.index(name) for name in ("elevator_center", "throttle")]
+    for name, pick in (
+        ("A", (rows, rows)),
+        ("B", (rows, columns)),
+        ("C", ([0, 1], rows)),
+        ("D", ([0, 1], columns)),
+    ):
+        np.testing.assert_array_equal(part[name], np.array(whole[name])[np.ix_(*pick)])
+    np.testing.assert_array_equal(part["E"], np.array(whole["E"])[rows])
+    assert (part["states"], part["outputs"]) == (["dihedral", "alpha"], ["load_factor", "dihedral"])
+    assert part["output_units"] == ["1", "rad"]
+    assert part["output_offsets"] == pytest.approx([1.0, np.radians(15.0)])
+    assert "A_band" in whole
+    assert not {"A_band", "printed"} & set(part)  # they are of the whole model
+
+
+def test_every_file_has_the_columns_of_all_winds(published_aircraft: Aircraft) -> None:
+    assert "E  " not in hfa("linearize", *AT_15, *CHOSEN, "-o", "model.npz").out
+    point = find_operating_point(published_aircraft, level_flight(np.radians(15.0)))
+    winds = tuple(HFA.disturbances)
+    model = linearize(
+        published_aircraft,
+        point,
+        full=True,
+        outputs=("load_factor", "dihedral"),
+        disturbances=winds,
+    )
+    with np.load("model.npz") as stored:
+        assert tuple(stored["disturbances"]) == winds
+        np.testing.assert_array_equal(
+            stored["E"], model.E[[STATES.index(name) for name in ("dihedral", "alpha")]]
+        )
+        np.testing.assert_array_equal(stored["F"], model.F)
+
+
+def test_the_wind_in_a_file_is_not_the_disturbance_of_its_game() -> None:
+    assert hfa("linearize", *AT_15, "--outputs", "gamma", "-o", "model.mat").code == 0
+    assert answer("solve", "--model", "model.mat")["P"] == answer("solve", *AT_15)["P"]
+
+
+# The third dynamics.
+
+UNSTEADY_11 = ("--dihedral", "11", "--dynamics", "unsteady")
+
+
+def test_trims_models_and_games_have_the_lag_states() -> None:
+    trimmed = answer("trim", *UNSTEADY_11)["operating_point"]
+    assert list(trimmed["states"])[7:] == list(LAG_STATES)
+    model = answer("linearize", *UNSTEADY_11)
+    assert model["states"] == list(UNSTEADY.linear)
+    assert "E" not in model
+    gusts = [name for name in LAG_STATES if name not in UNSTEADY.linear]
+    windy = answer("linearize", *UNSTEADY_11, "--states", ",".join([*UNSTEADY.linear, *gusts]))
+    assert np.array(windy["E"]).shape == (25, len(UNSTEADY.disturbances))
+    game = answer("solve", *UNSTEADY_11)
+    assert game["certificate"]["ok"]
+    assert game["delta_min"] == pytest.approx(141.95, abs=0.01)
+    assert game["states"] == model["states"]
+
+
+def test_effects_are_parameters_and_sweeps_have_them() -> None:
+    off = [
+        word
+        for name in ("local_motion", "apparent_mass", "lift_lag")
+        for word in ("--hold", f"{name}=0")
+    ]
+    off += [
+        word
+        for name in ("gust_lag", "finite_span", "downwash_share")
+        for word in ("--hold", f"{name}=0")
+    ]
+    plain = answer("linearize", *UNSTEADY_11, *off, "--states", ",".join(LINEAR_STATES))
+    newton = answer("linearize", "--dihedral", "11", "--dynamics", "newton")
+    np.testing.assert_allclose(plain["A"], newton["A"], rtol=1e-9, atol=1e-10)
+    found = answer(
+        "sweep", "--dihedral", "20", "--dynamics", "unsteady", "--hold", "apparent_mass=0,1"
+    )
+    assert found["reasons"] == [""] * 2
+    with_mass = answer(
+        "solve", "--dihedral", "20", "--dynamics", "unsteady", "--hold", "apparent_mass=1"
+    )
+    assert with_mass["delta_min"] == pytest.approx(138.72, abs=0.01)
+
+
+# Which aircraft an output is about; test_files.py has that a file has what the JSON has.
+
+
+@pytest.fixture(scope="module")
+def heavy(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The identified aircraft with heavier panels."""
+    known = default_parameters()
+    path = tmp_path_factory.mktemp("heavy") / "heavy.toml"
+    heavier = replace(
+        known, values=known.values._replace(panel_mass=10.5), covariance=np.zeros((0, 0))
+    )
+    save_parameters(heavier, path, "Heavier panels.")
+    return path
+
+
+def hash_of(path: Path) -> str:
+    return parameter_hash(load_parameters(path).values)
+
+
+def test_text_says_which_aircraft(heavy: Path) -> None:
+    plain, edited = (
+        hfa("solve", "--dihedral", "12"),
+        hfa("solve", "--dihedral", "12", "--parameters", str(heavy)),
+    )
+    assert (
+        f"parameters identified ({parameter_hash(default_parameters().values)})"
+        in plain.out.splitlines()[-1]
+    )
+    assert f"({hash_of(heavy)})" in edited.out.splitlines()[-2]
+    assert (
+        edited.out.splitlines()[-1]
+        == "not the identified aircraft: panel_mass 10.5 slug (identified: 9.32593)"
+    )
+
+
+def test_json_has_the_whole_condition(heavy: Path) -> None:
+    words = (
+        "--dihedral",
+        "12",
+        "--hold",
+        "speed=66",
+        "--free",
+        "alpha",
+        "--hold",
+        "aileron_outer=1",
+    )
+    found = answer("linearize", *words, "--limit", "throttle=0:60", "--parameters", str(heavy))[
+        "provenance"
+    ]
+    assert found["parameter_hash"] == hash_of(heavy)
+    assert found["changed"]["panel_mass"]["value"] == 10.5
+    assert found["condition"]["imposed"]["speed"] == 66.0
+    assert found["condition"]["imposed"]["aileron_outer"] == pytest.approx(np.radians(1.0))
+    assert "alpha" in found["condition"]["free"]
+    assert set(found["condition"]["limits"]) == set(found["condition"]["free"])
+    assert found["condition"]["limits"]["throttle"] == [0.0, 60.0]
+    assert found["command"].startswith("hfa linearize --dihedral 12 --hold speed=66")
+    assert (found["date"], found["dynamics"]) == ("2026-09-21T14:13:20Z", "published")
+
+
+@pytest.mark.parametrize("command", ["sweep", pytest.param("monte-carlo", marks=pytest.mark.slow)])
+def test_a_store_has_it(command: str, heavy: Path, tmp_path: Path) -> None:
+    path = tmp_path / "out.zarr"
+    words = {
+        "sweep": ("--dihedral", "0:10:5"),
+        "monte-carlo": ("--dihedral", "12", "--samples", "2", "--duration", "0.1"),
+    }
+    assert hfa(command, *words[command], "--parameters", str(heavy), "-o", str(path)).code == 0
+    assert zarr.open_group(str(path), mode="r").attrs["provenance"]["parameter_hash"] == hash_of(
+        heavy
+    )

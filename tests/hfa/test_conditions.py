@@ -1,0 +1,156 @@
+"""One flight condition, named the same way in every command that trims, one point or a grid."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import zarr
+from cli import answer, assert_refused, hfa
+from scipy.io import loadmat
+
+
+def test_it_matters_which_variable_is_held() -> None:
+    """At 10 deg and 60 ft/s: alpha held as in the paper, or free with the outer aileron at 0."""
+    words = ("--dihedral", "10", "--hold", "speed=60")
+    held, free = (
+        answer("linearize", *words),
+        answer("linearize", *words, "--free", "alpha", "--hold", "aileron_outer=0"),
+    )
+    short_periods = [
+        next(mode for mode in found["modes"] if mode["name"] == "short period")["eigenvalue"]
+        for found in (held, free)
+    ]
+    assert short_periods[0] == pytest.approx([-4.64, 9.13], abs=5e-3)
+    assert short_periods[1] == pytest.approx([-3.64, 9.48], abs=5e-3)
+
+
+@pytest.mark.parametrize("command", ["trim", "solve"])
+def test_every_command_takes_the_condition(command: str, tmp_path: Path) -> None:
+    """A condition that cannot be trimmed is refused by each: so each has used it."""
+    words = (
+        "--dihedral",
+        "10",
+        "--hold",
+        "speed=60",
+        "--free",
+        "alpha",
+        "--hold",
+        "aileron_outer=0.5",
+    )
+    assert hfa(command, *words).code == 0
+    refused = hfa(command, *words, "--limit", "throttle=0:5")
+    assert (refused.code, refused.out) == (1, "")
+    assert refused.err.startswith("hfa: no trim: ")
+    own = tmp_path / "own.toml"
+    own.write_text("[impose]\nspeed = 5.0\n", encoding="utf-8")
+    assert hfa(command, "--dihedral", "10", "--condition", str(own)).code == 1
+    own.write_text("[impose]\nspeeed = 5.0\n", encoding="utf-8")
+    wrong = hfa(command, "--dihedral", "10", "--condition", str(own))
+    assert (wrong.code, wrong.err.count("\n")) == (2, 1)
+    assert "unknown trim variable 'speeed'" in wrong.err
+
+
+def test_a_held_alpha_that_is_in_the_way_is_said() -> None:
+    refused = hfa("solve", "--dihedral", "10", "--hold", "speed=50")
+    assert refused.code == 1
+    assert refused.err.rstrip().endswith(
+        "alpha is held at 2.8 deg, free it trims at 5.21893 deg: add --free alpha"
+    )
+    given = hfa("trim", "--dihedral", "10", "--hold", "speed=50", "--hold", "alpha=2")
+    assert given.err.rstrip().endswith("leave --hold alpha out and add --free alpha")
+    assert hfa("trim", "--dihedral", "10", "--hold", "speed=50", "--free", "alpha").code == 0
+
+
+GRID = ("--hold", "gamma=-2:2:2", "--dihedral", "0:20:10")
+ALPHA_FREE = ("--free", "alpha", "--hold", "aileron_outer=0")
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("--limit", "elevator_outer=-2:2"),
+        ("--condition", "simvfa-64"),
+        ("--parameters", "gibson-2011-simulation", *ALPHA_FREE),
+    ],
+)
+def test_a_point_of_a_sweep_is_that_of_linearize(words: tuple[str, ...]) -> None:
+    swept = hfa("sweep", "--dihedral", "10", *words, "--json")
+    single = hfa("linearize", "--dihedral", "10", *words, "--json")
+    assert swept.code == single.code
+    if single.code:
+        assert single.err.startswith("hfa: " + json.loads(swept.out)["reasons"][0])
+        return
+    found, expected = json.loads(swept.out), json.loads(single.out)
+    np.testing.assert_allclose(found["A"][0], expected["A"], rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(found["B"][0], expected["B"], rtol=1e-9, atol=1e-9)
+
+
+def test_whatever_is_held_can_be_swept(tmp_path: Path) -> None:
+    target = tmp_path / "glide.npz"
+    found = answer(
+        "sweep",
+        "--dihedral",
+        "10",
+        "--hold",
+        "throttle=0:40:20",
+        "--free",
+        "gamma",
+        "-o",
+        str(target),
+    )
+    assert found["variables"] == ["dihedral", "throttle"]
+    assert found["grid"]["throttle"] == {"values": [0.0, 20.0, 40.0], "unit": "1"}
+    # From pitch = alpha + gamma: the glide is -2.55 deg without thrust, nearly level with the
+    # throttle of level flight.
+    states = np.array(found["operating_states"])
+    np.testing.assert_allclose(
+        np.degrees(states[[0, 2], 3] - states[[0, 2], 1]), [-2.55286, 0.0], atol=0.01
+    )
+    with np.load(target) as arrays:
+        np.testing.assert_array_equal(arrays["grid.throttle.values"], [0.0, 20.0, 40.0])
+        assert arrays["A"].shape == (3, 6, 6)
+
+
+def test_a_range_ends_at_or_before_its_stop() -> None:
+    for words, values in (
+        ("60:70:4", [60.0, 64.0, 68.0]),
+        ("60:70:5", [60.0, 65.0, 70.0]),
+        ("70,60", [70.0, 60.0]),
+    ):
+        assert (
+            answer("sweep", "--dihedral", "5", "--hold", f"speed={words}")["grid"]["speed"][
+                "values"
+            ]
+            == values
+        )
+
+
+def test_matrices_are_stacked_as_matlab_does(tmp_path: Path) -> None:
+    target = tmp_path / "grid.mat"
+    found = answer("sweep", *GRID, "-o", str(target))
+    loaded = loadmat(target, simplify_cells=True)
+    assert (loaded["A"].shape, loaded["B"].shape) == ((6, 6, 9), (6, 5, 9))
+    for i, A in enumerate(found["A"]):
+        np.testing.assert_array_equal(loaded["A"][:, :, i], A)
+    np.testing.assert_array_equal(loaded["values"], found["values"])
+    np.testing.assert_allclose(loaded["grid"]["dihedral"]["values"], np.radians([0.0, 10.0, 20.0]))
+    assert (list(loaded["grid"]), loaded["grid"]["gamma"]["unit"]) == (["dihedral", "gamma"], "rad")
+
+
+def test_a_store_obeys_the_condition_and_keeps_to_it(tmp_path: Path) -> None:
+    store = str(tmp_path / "a.zarr")
+    words = ("sweep", *GRID, *ALPHA_FREE, "-o", store)
+    assert hfa(*words, "--workers", "2").code == 0
+    group = zarr.open_group(store, mode="r")
+    found = answer("sweep", *GRID, *ALPHA_FREE)
+    np.testing.assert_allclose(
+        group["A"][:][:, [0, 1]][:, :, [0, 1]], np.array(found["A"])[:, :2, :2], rtol=1e-12
+    )
+    gamma = group.attrs["grid"]["gamma"]
+    assert (gamma["start"], gamma["count"], gamma["unit"]) == (np.radians(-2.0), 3, "rad")
+    assert group.attrs["condition"]["free"] == ["alpha"]
+    assert hfa(*words, "--resume").code == 0
+    assert_refused(hfa("sweep", *GRID, "-o", store, "--resume"), 2, "another sweep")

@@ -1,0 +1,165 @@
+"""Files that `hfa` writes: full precision, names, units, offsets and schema; the same bytes every
+time; pictures."""
+
+from __future__ import annotations
+
+import contextlib
+import csv
+import json
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from cli import hfa, leaves
+from scipy.io import loadmat
+
+from hfa.main import DONE, FAILED
+from hfa_model import STATES
+
+SUFFIXES = ("json", "npz", "mat", "csv")
+COMMANDS = {
+    "linearize": ("linearize", "--dihedral", "11.1"),
+    "full": (
+        "linearize",
+        "--dihedral",
+        "11.1",
+        "--states",
+        ",".join(STATES),
+        "--dynamics",
+        "newton",
+    ),
+    "failing": ("sweep", "--dihedral", "0", "--hold", "speed=20,68"),
+    "plane": ("sweep", "--dihedral", "0:20:10", "--hold", "speed=66,70"),
+    "trim": ("trim", "--dihedral", "11.1"),
+}
+
+
+def written(folder: Path, name: str, suffix: str) -> tuple[Path, Any]:
+    """The file that a command writes, and the JSON that it prints beside."""
+    folder.mkdir(exist_ok=True)
+    path = folder / f"{name}.{suffix}"
+    with contextlib.chdir(folder):  # an output bears its command: the same words in every folder
+        result = hfa(*COMMANDS[name], "--json", "-o", path.name)
+    assert result.code == DONE
+    assert [entry.name for entry in folder.iterdir()] == [path.name], (
+        "nothing else, and no temporary file"
+    )
+    return path, json.loads(result.out)
+
+
+def numbers(data: Any) -> list[float]:
+    """Every number of a tree of JSON data, in order; null is nan, true and false are 1 and 0."""
+    return [
+        np.nan if value is None else float(value)
+        for _, value in leaves(data)
+        if not isinstance(value, str)
+    ]
+
+
+def texts(data: Any) -> list[str]:
+    return [value for _, value in leaves(data) if isinstance(value, str)]
+
+
+def plain(value: Any) -> Any:
+    """What `loadmat` makes of structs, cells and arrays, as JSON data."""
+    if isinstance(value, dict):
+        return {key: plain(item) for key, item in value.items() if not key.startswith("__")}
+    if isinstance(value, (np.ndarray, list)):
+        return [plain(item) for item in value]
+    return value.item() if isinstance(value, np.generic) else value
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_npz_keeps_every_number_and_name(tmp_path: Path, name: str) -> None:
+    path, data = written(tmp_path, name, "npz")
+    assert data["schema"].startswith("hfa.")
+    with np.load(path, allow_pickle=False) as archive:
+        arrays = {key: archive[key] for key in archive}
+    assert str(arrays["schema"]) == data["schema"]
+    found = [
+        value
+        for array in arrays.values()
+        if array.dtype.kind in "fib"
+        for value in array.ravel().tolist()
+    ]
+    np.testing.assert_array_equal(found, numbers(data))
+    words = [
+        value
+        for array in arrays.values()
+        if array.dtype.kind == "U"
+        for value in array.ravel().tolist()
+    ]
+    assert words == texts(data)
+
+
+@pytest.mark.parametrize("name", ["full", "trim"])  # of stacked matrices test_conditions.py
+def test_mat_keeps_every_number_and_name(tmp_path: Path, name: str) -> None:
+    path, data = written(tmp_path, name, "mat")
+    loaded = plain(loadmat(path, simplify_cells=True))
+    assert list(loaded) == list(data)
+    np.testing.assert_array_equal(numbers(loaded), numbers(data))
+    assert [word for word in texts(loaded) if word] == [word for word in texts(data) if word]
+
+
+def rows_of(path: Path) -> list[dict[str, str]]:
+    with path.open(encoding="utf-8", newline="") as stream:
+        rows = list(csv.DictReader(stream, strict=True))
+    assert json.loads(rows[0]["about"])["schema"].startswith("hfa.")
+    # A sweep's columns carry their units in brackets: "A(alpha, speed) [(rad/s)/(ft/s)]".
+    return [{name.partition(" [")[0]: cell for name, cell in row.items()} for row in rows]
+
+
+@pytest.mark.parametrize("name", ["plane", "failing"])
+def test_sweep_csv(tmp_path: Path, name: str) -> None:
+    path, data = written(tmp_path, name, "csv")
+    rows = rows_of(path)
+    assert len(rows) == len(data["values"])
+    for index, row in enumerate(rows):
+        assert [float(row[variable]) for variable in data["variables"]] == data["values"][index]
+        assert row["reason"] == data["reasons"][index]
+        assert row["status"] == ("failed" if row["reason"] else "trimmed")
+        A = np.array([[float(row[f"A({i}, {j})"]) for j in data["states"]] for i in data["states"]])
+        B = np.array([[float(row[f"B({i}, {j})"]) for j in data["inputs"]] for i in data["states"]])
+        np.testing.assert_array_equal(A, np.array(data["A"][index], dtype=float))
+        np.testing.assert_array_equal(B, np.array(data["B"][index], dtype=float))
+        point = [float(row[f"state {state}"]) for state in STATES]
+        np.testing.assert_array_equal(point, np.array(data["operating_states"][index], dtype=float))
+
+
+@pytest.mark.parametrize(
+    ("name", "suffix"),
+    [
+        pytest.param(
+            name, suffix, marks=[pytest.mark.slow] * (suffix != "npz" and name != "failing")
+        )
+        for name in ("full", "failing")
+        for suffix in SUFFIXES
+    ],
+)
+def test_two_runs_write_the_same_bytes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, suffix: str
+) -> None:
+    first, data = written(tmp_path / "first", name, suffix)
+    # Another day: nothing in a file may tell when it was written.
+    monkeypatch.setattr(time, "asctime", lambda *_: "Thu Jan  1 00:00:00 1970")
+    monkeypatch.setattr(time, "time", lambda: 0.0)
+    second, again = written(tmp_path / "second", name, suffix)
+    assert again == data
+    assert second.read_bytes() == first.read_bytes()
+
+
+def test_a_failed_check_still_delivers_its_file(tmp_path: Path) -> None:
+    path = tmp_path / "newton.json"
+    assert hfa("regenerate", "--dynamics", "newton", "-o", str(path)).code == FAILED
+    assert json.loads(path.read_text(encoding="utf-8"))["ok"] is False
+
+
+@pytest.mark.parametrize(("name", "opening"), [("a.md", "|---|"), ("a.html", "<table>")])
+def test_a_report_is_written_as_text(name: str, opening: str) -> None:
+    assert hfa("solve", "--dihedral", "15", "-o", name).code == DONE
+    assert [path.name for path in Path().iterdir()] == [name]
+    text = Path(name).read_text(encoding="utf-8")
+    assert opening in text
+    assert "![" not in text  # no picture lies beside it

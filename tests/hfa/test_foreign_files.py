@@ -1,0 +1,131 @@
+"""Plants and gains of other tools, solved and checked; our tables in pandas and polars."""
+
+from __future__ import annotations
+
+import csv
+import json
+import shlex
+from pathlib import Path
+from typing import Any
+
+import control
+import numpy as np
+import pytest
+from cli import assert_refused, hfa
+
+#: What writes .csv files; the columns of numbers in it that have no unit.
+_ENTRIES = ("half_units", "percent")
+_ERRORS = ("P_rel_error", "K_rel_error", "riccati_residual", "largest_error")
+_LEARNED = ("residual_norm", "law_residual_norm")
+TABLES = {
+    "linearize --dihedral 10 --outputs load_factor,gamma": (),
+    "sweep --dihedral 5,60 --hold alpha=1,2": (),
+    "trim --dihedral 10": (),
+    "regenerate": _ENTRIES,
+    "solve --dihedral 10": (),
+    "verify --dihedral 10 --weights learn.npz": _ERRORS,
+    "fly --dihedral 10 --duration 0.1": (),
+}
+SLOW_TABLES = {
+    "learn --dihedral 10 --set predefined_time=2": _LEARNED,
+    "verify --dihedral 10": (),
+    "validate": _ENTRIES,
+    "schedule --dihedral 5 --to 5.1:0.1:2 --duration 5.2": (),
+    "map --dihedral 10 --initial speed=-1:1:1 --initial dihedral=0 --command dihedral=0,1": (
+        "held",
+        "returned",
+        "within_limits",
+    ),
+    "lpv --dihedral 10:11": (),
+    "identify": _ENTRIES,
+}
+
+
+@pytest.fixture(scope="module")
+def known() -> dict[str, Any]:
+    """What `hfa solve` finds, without the print."""
+    model = json.loads(hfa("linearize", "--dihedral", "10", "--json").out)
+    return model | {"K": json.loads(hfa("solve", "--dihedral", "10", "--json").out)["K"]}
+
+
+def assert_solved_and_checked(plant: Path, gain: Path, known: dict[str, Any]) -> None:
+    solved = json.loads(hfa("solve", "--model", str(plant), "-q", "--json").out)
+    np.testing.assert_allclose(solved["K"], known["K"], rtol=1e-8, atol=1e-10)
+    assert (solved["states"], solved["inputs"]) == (known["states"], known["inputs"])
+    result = hfa("verify", "--model", str(plant), "--weights", str(gain), "-q", "--json")
+    assert (result.code, json.loads(result.out)["ok"]) == (0, True)
+
+
+def test_a_system_of_python_control_as_json(known: dict[str, Any], tmp_path: Path) -> None:
+    names = {"states": known["states"], "inputs": known["inputs"]}
+    system = control.ss(known["A"], known["B"], np.eye(6), 0, **names)
+    content = {
+        name: getattr(system, name)
+        for name in ("A", "B", "C", "D", "dt", "state_labels", "input_labels")
+    }
+    plant, gain = tmp_path / "plant.json", tmp_path / "gain.json"
+    plant.write_text(json.dumps(content, default=np.ndarray.tolist), encoding="utf-8")
+    gain.write_text(json.dumps({"K": known["K"]}), encoding="utf-8")
+    assert_solved_and_checked(plant, gain, known)
+    plant.write_text(json.dumps(content | {"dt": 0.1}, default=np.ndarray.tolist), encoding="utf-8")
+    assert_refused(hfa("solve", "--model", str(plant)), 2, "dt is 0.1", "x' = A x + B u")
+
+
+def test_plain_csv_files(known: dict[str, Any], tmp_path: Path) -> None:
+    for name, columns in (("A", known["states"]), ("B", known["inputs"]), ("K", known["states"])):
+        np.savetxt(
+            tmp_path / f"{name}.csv",
+            known[name],
+            "%.17g",
+            ",",
+            header=",".join(columns),
+            comments="",
+        )
+    assert_solved_and_checked(tmp_path / "A.csv", tmp_path / "K.csv", known)
+
+
+@pytest.mark.parametrize(
+    "command", [*TABLES, *(pytest.param(each, marks=pytest.mark.slow) for each in SLOW_TABLES)]
+)
+def test_tables_are_read_as_they_are(
+    command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Numbers are numbers, to the last digit, and each has its unit: in its name, or in the column
+    "unit"."""
+    if "learn.npz" in command:
+        assert (
+            hfa("learn", "--dihedral", "10", "--set", "predefined_time=2", "-o", "learn.npz").code
+            == 0
+        )
+    hfa(*shlex.split(command), "-q", "-o", "table.csv")
+    with Path("table.csv").open(encoding="utf-8", newline="") as stream:
+        header, *rows = csv.reader(stream)
+    for library in ("pandas", "polars"):
+        table = pytest.importorskip(library).read_csv("table.csv")
+        assert list(table.columns) == header
+        for name, cells in zip(header, zip(*rows, strict=True), strict=True):
+            if any(cells) and all(map(is_number, cells)):
+                known = [float(cell or "nan") for cell in cells]
+                np.testing.assert_allclose(
+                    table[name].to_numpy().astype(float), known, rtol=1e-15, err_msg=name
+                )
+                assert has_unit(name, header) != (name in (TABLES | SLOW_TABLES)[command]), name
+        about = json.loads(table["about"][0])
+        assert about["schema"].startswith("hfa.")
+        assert about["provenance"]["command"].startswith(f"hfa {command}")
+
+
+def is_number(cell: str) -> bool:
+    """Or nothing."""
+    try:
+        float(cell or "nan")
+    except ValueError:
+        return False
+    return True
+
+
+def has_unit(name: str, header: list[str]) -> bool:
+    beside = (
+        name in ("value", "band", "learned", "exact", "printed", "computed") and "unit" in header
+    )
+    return beside or name.endswith("]") or name.endswith("_deg")

@@ -1,0 +1,89 @@
+"""Hostile inputs by every way in: a result, or one line and nothing left; `make fuzz` makes many
+more of them."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import hostile
+import pytest
+from cli import Result, hfa
+from hostile import WAYS, attempt, case, said_wrongly, seeds
+
+from hfa.commands import trim
+from hfa.options.parser import Command
+
+#: Warnings are what the command makes of them, as they are for its users.
+pytestmark = pytest.mark.filterwarnings("default")
+#: Inputs of each way in, and the number of the first of them.
+INPUTS, FIRST = (
+    int(os.environ.get("HOSTILE_INPUTS", "2")),
+    int(os.environ.get("HOSTILE_FIRST", "0")),
+)
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_a_hostile_input_is_a_result_or_one_line(way: str) -> None:
+    faults = {number: attempt(*case(way, number)) for number in range(FIRST, FIRST + INPUTS)}
+    assert {
+        number: (case(way, number)[0], fault) for number, fault in faults.items() if fault
+    } == {}
+
+
+@pytest.mark.parametrize("way", [way for way in WAYS if WAYS[way]])
+def test_what_is_made_hostile_is_accepted_as_it_was(way: str) -> None:
+    for name, content in seeds().items():
+        Path(name).parent.mkdir(parents=True, exist_ok=True)
+        Path(name).write_bytes(content)
+    result = hfa(*(way if word == "{}" else word for word in WAYS[way]))
+    assert result.code in (0, 1), result.err  # 1: a controller that is unstable somewhere
+    assert result.out
+
+
+def _raise(_: object) -> int:
+    raise KeyError("x")
+
+
+def _write(path: str, text: str = "{}") -> int:
+    Path(path).write_text(text)
+    print("done")
+    return 0
+
+
+def _hang(_: object) -> int:
+    while True:
+        pass
+
+
+@pytest.mark.parametrize(
+    ("run", "said"),
+    [
+        (_raise, "KeyError: 'x'"),
+        (lambda _: _write("a.json", "{"), "not whole: a.json"),
+        (lambda _: _write("../b.json"), "left outside: ['b.json']"),
+        (lambda _: _write("c.json"), "left, and nobody asked: c.json"),
+        (lambda _: 1, "exit code 1, and not a word"),
+        (lambda _: 3, "exit code 3"),
+        (_hang, "no end after 0.05 s"),
+    ],
+)
+def test_planted_faults_are_seen(monkeypatch: pytest.MonkeyPatch, run, said: str) -> None:
+    monkeypatch.setattr(trim, "trim", Command(trim.trim.options, run))
+    monkeypatch.setattr(hostile, "LONGEST", 0.05 if run is _hang else 10.0)
+    assert said in (attempt(["trim", "--dihedral", "5", "-o", "a.json"], {}) or "")
+
+
+@pytest.mark.parametrize(
+    ("result", "said"),
+    [
+        (Result(2, "", "hfa: a\nhfa: b\n"), "more than one line"),
+        (Result(2, "out", "hfa: a\n"), "not one line alone"),
+        (Result(0, "out", "RuntimeWarning: overflow\n"), "more than one line"),
+        (Result(2, "", "hfa: \x1b[31m\n"), "not printable"),
+        (Result(2, "", f"hfa: {'x' * 2000}\n"), "too long"),
+    ],
+)
+def test_wrong_words_are_seen(result: Result, said: str) -> None:
+    assert said in (said_wrongly(result) or "")
+    assert said_wrongly(Result(2, "", "hfa: a\n")) is None

@@ -1,0 +1,38 @@
+"""`hfa identify`: one run, held against the committed parameters, with its JSON and its file of
+parameters."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from cli import answer
+
+from hfa_model import default_parameters, load_parameters
+from trim.identification import ALTERNATIVES
+
+
+def test_it_writes_the_committed_parameters() -> None:
+    data = answer("identify", "-o", "mine.TOML")
+    # Not the same bits: another processor rounds the linear algebra in another order.
+    found, committed = load_parameters("mine.TOML"), default_parameters()
+    assert found.sources == committed.sources
+    assert found.notes == committed.notes
+    assert found.values._asdict() == pytest.approx(committed.values._asdict(), rel=1e-8)
+    assert found.standard_errors == pytest.approx(committed.standard_errors, rel=1e-4)
+    assert {
+        name: row["value"] for name, row in data["parameters"].items()
+    } == found.values._asdict()
+    errors = {
+        name: row["standard_error"]
+        for name, row in data["parameters"].items()
+        if row["standard_error"]
+    }
+    assert errors == pytest.approx(found.standard_errors, rel=1e-12)
+    assert len(data["entries"]) == 132
+    assert np.sum([entry["half_units"] ** 2 for entry in data["entries"]]) == pytest.approx(
+        data["sum_of_squares"]
+    )
+    assert [row["description"] for row in data["structures"]] == [
+        "published",
+        *(name for name, _ in ALTERNATIVES),
+    ]

@@ -1,0 +1,78 @@
+"""Notes on standard error and on terminals: notes, colors, progress."""
+
+from __future__ import annotations
+
+import json
+import re
+
+import pytest
+from cli import Terminal, hfa
+
+from hfa import output
+from hfa.output import ProgressLine
+
+NOTE = "dihedral 16 deg lies beyond the paper's range, which ends at 15 deg"
+COMMANDS = (
+    ("solve",),
+    ("fly", "--law", "exact", "--duration", "0.1"),
+    ("monte-carlo", "--law", "exact", "--duration", "0.1", "--samples", "2"),
+)
+
+
+@pytest.mark.parametrize("words", COMMANDS, ids=lambda words: words[0])
+def test_a_command_says_once_that_a_dihedral_lies_beyond_the_paper(words: tuple[str, ...]) -> None:
+    for degrees, warnings in (("16", [NOTE]), ("15", [])):
+        result = hfa(*words, "--dihedral", degrees, "--json")
+        assert result.err == "".join(f"hfa: note: {note}\n" for note in warnings)
+        assert json.loads(result.out)["warnings"] == warnings
+
+
+def test_quiet_says_no_note_and_no_progress_but_errors() -> None:
+    words = ("sweep", "--dihedral", "14:20:2")
+    for quiet in ("-q", "--quiet"):
+        terminal = Terminal()
+        assert hfa(*words, quiet, err=terminal) == hfa(*words)._replace(err="")
+    refused = hfa("trim", "--quiet", "--dihedral", "15", "--hold", "speed=20")
+    assert (refused.code, refused.out, refused.err[:13]) == (1, "", "hfa: no trim:")
+
+
+def test_a_stored_sweep_has_it_of_its_farthest_dihedral_in_its_store() -> None:
+    import zarr
+
+    result = hfa("sweep", "--dihedral", "14:20:2", "--json", "-o", "far.zarr")
+    warnings = [NOTE.replace("16", "20")]
+    assert result.err == f"hfa: note: {warnings[0]}\n"
+    assert json.loads(result.out)["warnings"] == warnings
+    assert zarr.open_group("far.zarr", mode="r").attrs["warnings"] == warnings
+
+
+TRIM = ("trim", "--dihedral", "15")
+COLOR = re.compile("\033\\[[0-9;]*m")
+
+
+@pytest.mark.parametrize(("environment", "colored"), [({}, True), ({"NO_COLOR": "1"}, False)])
+def test_a_terminal_gets_colors(
+    environment: dict[str, str], colored: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("NO_COLOR", raising=False)
+    monkeypatch.setenv("TERM", "xterm")
+    for name, value in environment.items():
+        monkeypatch.setenv(name, value)
+    shown, plain = hfa(*TRIM, out=Terminal()).out, hfa(*TRIM).out
+    assert bool(COLOR.search(shown)) == colored
+    assert not COLOR.search(plain + hfa(*TRIM, "--json", out=Terminal()).out)
+    assert COLOR.sub("", shown).split() == plain.split()
+
+
+def test_what_takes_more_than_a_minute_is_announced_once(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    clock = iter(range(0, 1000, 2))
+    monkeypatch.setattr(output.time, "monotonic", lambda: float(next(clock)))
+    long, short = ProgressLine("fly"), ProgressLine("fly")
+    for done in range(1, 10):
+        long(done, 183)
+    assert capsys.readouterr().err == "hfa: note: fly: about 6 minutes more; Ctrl-C ends it\n"
+    for done in range(1, 10):
+        short(done, 20)
+    assert capsys.readouterr().err == ""

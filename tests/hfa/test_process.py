@@ -1,0 +1,110 @@
+"""`hfa` as a child process: exit codes, pipes, full disks, poor terminals, and what it does not
+import."""
+
+from __future__ import annotations
+
+import os
+import pty
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from cli import SCRIPT, hfa, hfa_process
+
+from hfa.main import BAD_INPUT, DONE, FAILED
+
+
+def test_the_module_is_the_command(tmp_path: Path) -> None:
+    words = ("trim", "--dihedrl", "15")
+    run = [sys.executable, "-m", "hfa", *words]
+    done = subprocess.run(run, cwd=tmp_path, capture_output=True, text=True, timeout=60)
+    assert (done.returncode, done.stdout, done.stderr) == hfa(*words)
+
+
+def test_a_process_says_the_same_as_any_other(tmp_path: Path) -> None:
+    words = ("sweep", "--dihedral", "14:16:1")
+    inside = hfa(*words)
+    assert inside.code == DONE
+    environment = {"PYTHONHASHSEED": "2", "FORCE_COLOR": "1", "TERM": "xterm-256color"}
+    assert hfa_process(*words, folder=tmp_path, **environment) == inside
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "unbuffered"),
+    [
+        ("--help", DONE, ""),
+        ("sweep --dihedral 0:20:0.5 --json -q", DONE, ""),
+        ("sweep --dihedral 60 -q", FAILED, "1"),
+    ],
+)
+def test_a_reader_that_leaves_changes_no_exit_code(words: str, code: int, unbuffered: str) -> None:
+    reader, writer = os.pipe()
+    os.close(reader)
+    with os.fdopen(writer, "wb") as pipe:
+        done = subprocess.run(
+            [SCRIPT, *words.split()],
+            stdout=pipe,
+            stderr=subprocess.PIPE,
+            env={**os.environ, "PYTHONUNBUFFERED": unbuffered},
+            timeout=60,
+        )
+    assert (done.returncode, done.stderr) == (code, b"")
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no full device")
+def test_a_full_disk_is_one_line() -> None:
+    with Path("/dev/full").open("wb") as full:
+        done = subprocess.run(
+            [SCRIPT, "trim", "--dihedral", "15"],
+            stdout=full,
+            stderr=subprocess.PIPE,
+            timeout=60,
+        )
+    assert done.returncode == BAD_INPUT
+    assert re.fullmatch(rb"hfa: [^\n]*No space left on device\n", done.stderr)
+
+
+def test_progress_on_a_real_terminal_leaves_a_clean_line(tmp_path: Path) -> None:
+    controller, terminal = pty.openpty()
+    with os.fdopen(terminal, "wb") as stream:
+        done = subprocess.run(
+            [SCRIPT, "solve", "--dihedral", "15"], stdout=subprocess.PIPE, stderr=stream, timeout=60
+        )
+    seen = os.read(controller, 65536).decode()
+    os.close(controller)
+    assert done.returncode == DONE
+    assert seen.endswith("\r\x1b[K")
+    assert "\n" not in seen
+    assert b"\x1b" not in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("commands", "unwanted"),
+    [
+        (
+            ["--help", "--version", "frobnicate"],
+            ["casadi", "control", "matplotlib", "numpy", "scipy"],
+        ),
+        (["trim --dihedral 15", "trim --dihedral abc"], ["control", "matplotlib", "scipy"]),
+        (
+            ["solve --dihedral 15", "verify --dihedral 15"],
+            ["control", "matplotlib", "scipy.optimize"],
+        ),
+    ],
+)
+def test_what_commands_do_not_import(commands: list[str], unwanted: list[str]) -> None:
+    run = f"for words in {commands}: main(words.split())"
+    program = (
+        f"import sys\nfrom hfa.main import main\n{run}\nprint('imported', *sorted(sys.modules))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=True
+    )
+    imported = done.stdout.splitlines()[-1].split()
+    assert imported[0] == "imported"
+    assert "hfa.main" in imported
+    assert [
+        name for name in imported if f"{name}.".startswith(tuple(f"{each}." for each in unwanted))
+    ] == []

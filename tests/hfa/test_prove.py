@@ -1,0 +1,170 @@
+"""`hfa prove`: statements, certificates, and one line for everything that goes wrong."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cli import assert_refused, hfa
+from proof_cases import unstable_between
+
+
+@pytest.fixture(scope="module")
+def certificate(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("prove") / "certificate.json"
+    result = hfa("prove", "schedule", "--dihedral", "14:14.25", "--rate", "-o", str(path), "--json")
+    assert (result.code, result.err) == (0, "")
+    data = json.loads(result.out)
+    assert data["proved"] is True
+    assert data["loop"]["proved"] == [{"from_deg": 14.0, "to_deg": 14.25, "unstable": 0}]
+    return path
+
+
+@pytest.fixture(scope="module")
+def certificates(certificate: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """One certificate of each kind."""
+    folder = tmp_path_factory.mktemp("kinds")
+    solved = folder / "solved.json"
+    assert hfa("solve", "--dihedral", "15", "-o", str(solved)).code == 0
+    words = {
+        "solution": ("prove", "solution", "--dihedral", "15", "-o"),
+        "critic": ("prove", "critic", "--dihedral", "15", str(solved), "-o"),
+        "errors": ("prove", "schedule", "--dihedral", "14:14.25", "--error", "1", "-o"),
+        "lpv": ("lpv", "--dihedral", "14:14.0625", "-o"),
+    }
+    found = {kind: folder / f"{kind}.json" for kind in words}
+    for kind, each in words.items():
+        result = hfa(*each, str(found[kind]))
+        assert (result.code, result.err) == (0, ""), kind
+    return {"schedule": certificate} | found
+
+
+@pytest.mark.parametrize("kind", ["schedule", "errors", "solution", "critic", "lpv"])
+def test_a_certificate_of_each_kind_is_verified(certificates: dict[str, Path], kind: str) -> None:
+    result = hfa("prove", "--check", str(certificates[kind]), "--json")
+    assert result.code == 0
+    data, origin = json.loads(result.out), json.loads(certificates[kind].read_text())["provenance"]
+    assert data["proved"] is True
+    assert data["written"] == {key: origin[key] for key in ("version", "command", "date")}
+    assert origin["command"].endswith(
+        str(certificates[kind]) + (" --json" if kind == "schedule" else "")
+    )
+    assert (origin["date"], origin["dynamics"]) == ("2026-09-21T14:13:20Z", "published")
+    assert origin["parameter_hash"] == data["parameter_hash"]
+
+
+def test_a_certificate_is_bound_to_ones_own_data(
+    certificates: dict[str, Path], tmp_path: Path
+) -> None:
+    """The same gains, weights and angles pass; others are exit 1, and what it does not state is
+    exit 2."""
+    critic, schedule = str(certificates["critic"]), str(certificates["schedule"])
+    solved, table = str(certificates["critic"].parent / "solved.json"), tmp_path / "table.npz"
+    stated = json.loads(Path(schedule).read_text())["statement"]["table"]
+    gains = {"dihedral_deg": np.array(stated["places"]), "K": np.array(stated["K"])}
+    np.savez(table, **gains)
+    same = hfa(
+        "prove",
+        "--check",
+        critic,
+        "--weights",
+        solved,
+        "--delta",
+        "200",
+        "--dihedral",
+        "15",
+        "--json",
+    )
+    data = json.loads(same.out)
+    assert (same.code, data["game"]["delta"], len(data["table_sha256"])) == (0, 200.0, 64)
+    assert data["limits"]["throttle"] == [0.0, 200.0]
+    assert hfa("prove", "--check", schedule, "--weights", str(table)).code == 0
+    gains["K"][0, 0, 0] = np.nextafter(gains["K"][0, 0, 0], 1.0)
+    np.savez(table, **gains)
+    for words, code in (
+        ((schedule, "--weights", str(table)), 1),
+        ((schedule, "--dihedral", "14:15"), 1),
+        ((critic, "--delta", "201"), 1),
+        ((critic, "--Q", "1,2,3,4,5,6"), 1),
+        ((schedule, "--delta", "200"), 2),
+        ((schedule, "--hold", "speed=70"), 2),
+    ):
+        assert_refused(hfa("prove", "--check", *words), code, "certificate")
+
+
+def test_what_is_checked_is_the_aircraft_of_the_certificate(tmp_path: Path) -> None:
+    certificate = str(tmp_path / "newton.json")
+    of_certificate = (
+        "--dynamics",
+        "newton",
+        "--parameters",
+        "gibson-2011-simulation",
+        "--hold",
+        "speed=70",
+    )
+    assert (
+        hfa("prove", "solution", "--dihedral", "12", *of_certificate, "-o", certificate).code == 0
+    )
+    assert_refused(hfa("prove", "solution", "--check", certificate), 2, "leave the statement out")
+    result = hfa("prove", "--check", certificate)
+    assert (
+        f"on 2026-09-21T14:13:20Z: hfa prove solution --dihedral 12 {' '.join(of_certificate)} -o "
+        in result.out
+    )
+    assert "newton dynamics, parameters gibson-2011-simulation (" in result.out
+    assert "trims at speed 70 ft/s, alpha 2.8 deg" in result.out
+    assert "published" not in result.out
+    data = json.loads(hfa("prove", "--check", certificate, "--json").out)
+    assert (data["dynamics"], data["parameters"]) == ("newton", "gibson-2011-simulation")
+    assert data["provenance"]["dynamics"] == ""
+
+
+def test_the_digest_is_of_the_proof_and_an_edited_date_shows(
+    certificate: Path, tmp_path: Path
+) -> None:
+    again = tmp_path / "again.json"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("SOURCE_DATE_EPOCH", "0")
+        assert (
+            hfa("prove", "schedule", "--dihedral", "14:14.25", "--rate", "-o", str(again)).code == 0
+        )
+    first, second = (json.loads(path.read_text()) for path in (certificate, again))
+    assert first["digest"] == second["digest"]
+    assert (first["provenance"]["date"], second["provenance"]["date"]) == (
+        "2026-09-21T14:13:20Z",
+        "1970-01-01T00:00:00Z",
+    )
+    assert {key for key in first if first[key] != second[key]} == {"provenance", "checksum"}
+    again.write_text(again.read_text().replace("1970-01-01", "1971-01-01"))
+    assert_refused(hfa("prove", "--check", str(again)), 2, "again.json", "edited")
+
+
+def test_a_finished_certificate_is_resumed_at_once(certificate: Path, tmp_path: Path) -> None:
+    copy = tmp_path / "copy.json"
+    copy.write_text(certificate.read_text())
+    result = hfa(
+        "prove", "schedule", "--dihedral", "14:14.25", "--rate", "-o", str(copy), "--resume"
+    )
+    assert result.code == 0
+    assert json.loads(copy.read_text())["digest"] == json.loads(certificate.read_text())["digest"]
+    edited = copy.read_text().replace('"rate": 0.3', '"rate": 0.4', 1)
+    copy.write_text(edited)
+    assert_refused(
+        hfa("prove", "schedule", "--dihedral", "14:14.25", "-o", str(copy), "--resume"), 2, "edited"
+    )
+    assert copy.read_text() == edited
+    copy.write_text(certificate.read_text())
+    other = hfa("prove", "schedule", "--dihedral", "14:14.5", "-o", str(copy), "--resume")
+    assert_refused(other, 2, "another statement or version")
+
+
+def test_a_table_that_is_unstable_between_its_angles_is_refuted(tmp_path: Path) -> None:
+    table = unstable_between(15.0, 15.03)
+    path = tmp_path / "table.json"
+    path.write_text(json.dumps({"dihedral_deg": table.places.tolist(), "K": table.K.tolist()}))
+    result = hfa("prove", "schedule", "--dihedral", "15.014:15.016", "--weights", str(path))
+    assert result.code == 1
+    assert result.out.startswith("Refuted")
+    assert "unstable modes at every angle from 15.014 to 15.016 deg" in result.out

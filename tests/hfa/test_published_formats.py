@@ -1,0 +1,78 @@
+"""The published formats: valid, complete, and the document says the same."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import zarr
+from cli import complaints_about, hfa
+from controllers import small_controller
+from jsonschema import Draft202012Validator
+from project import project_sources
+
+from controller import save_controller
+from hfa.formats import formats
+from hfa_model import Aircraft
+from hfa_support.jsonable import jsonable
+
+
+@pytest.fixture(scope="module")
+def trim() -> dict[str, Any]:
+    data: dict[str, Any] = json.loads(hfa("trim", "--dihedral", "15", "--json").out)
+    return data
+
+
+def test_the_schema_is_valid_and_knows_every_format() -> None:
+    Draft202012Validator.check_schema(formats())
+    published = {
+        each["properties"]["schema"]["const"]
+        for each in formats()["$defs"].values()
+        if "title" in each
+    }
+    sources = " ".join(project_sources().values())
+    assert {name for name in published if f'"{name}"' not in sources} == set()
+    properties = [each.get("properties", {}) for each in formats()["$defs"].values()]
+    parts = {each["schema"]["const"] for each in properties if "schema" in each}
+    assert set(re.findall(r'"(hfa\.[a-z-]+/\d+)"', sources)) <= parts, (
+        "publish it in hfa/formats.toml"
+    )
+    outputs = {entry["$ref"] for entry in formats()["oneOf"]}
+    assert {
+        f"#/$defs/{name}" for name, each in formats()["$defs"].items() if "title" in each
+    } == outputs
+
+
+def test_an_output_is_one_of_them(trim: dict[str, Any]) -> None:
+    assert list(Draft202012Validator(formats()).iter_errors(trim)) == []
+    assert complaints_about(trim) == []
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"news": 1}, "news is not published"),
+        ({"dihedral_deg": "15"}, "$.dihedral_deg"),
+        ({"schema": "hfa.other/1"}, "hfa.other/1 is not published"),
+        ({"operating_point": {}}, "required property"),
+    ],
+)
+def test_planted_faults_are_seen(change: dict[str, Any], said: str, trim: dict[str, Any]) -> None:
+    assert said in " ".join(complaints_about(trim | change))
+
+
+def test_a_controller_and_the_attributes_of_a_store_are_published(
+    tmp_path: Path, published_aircraft: Aircraft
+) -> None:
+    save_controller(tmp_path / "a.npz", small_controller(published_aircraft))
+    kept = jsonable(dict(np.load(tmp_path / "a.npz")))
+    assert complaints_about(kept) == []
+    assert complaints_about(kept | {"A": [[1.0]]}) != []
+    assert hfa("sweep", "--dihedral", "5,15", "-o", str(tmp_path / "a.zarr")).code == 0
+    attributes = dict(zarr.open_group(str(tmp_path / "a.zarr"), mode="r").attrs)
+    assert complaints_about(attributes) == []
+    assert complaints_about(attributes | {"rows": "2"}) != []

@@ -1,0 +1,210 @@
+"""What `hfa` refuses: exit code 1 or 2, one line that names cause and remedy, nothing written."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from cli import assert_refused, hfa
+from game_files import small, stored
+
+from hfa.main import BAD_INPUT, COMMANDS, FAILED
+
+DIGITS = "9" * 5000
+
+
+def snapshot(folder: Path) -> dict[str, bytes | None]:
+    """Every path below a folder, with its content."""
+    return {
+        str(path): path.read_bytes() if path.is_file() else None
+        for path in sorted(folder.rglob("*"))
+    }
+
+
+@pytest.fixture(autouse=True)
+def untouched(tmp_path: Path) -> Iterator[None]:
+    """Work in a folder with a few things in it, the same afterwards; files `given...` are a test's
+    own."""
+    for name in ("folder.json", "folder.png", "folder.html"):
+        (tmp_path / name).mkdir()
+    (tmp_path / "file").write_text("a file", encoding="utf-8")
+    before = snapshot(tmp_path)
+    yield
+    after = {
+        path: content
+        for path, content in snapshot(tmp_path).items()
+        if not Path(path).name.startswith("given")
+    }
+    assert after == before
+
+
+REFUSED = {
+    "trim": [
+        ("", "the following arguments are required: --dihedral (see `hfa trim --help`)"),
+        ("15", "unrecognized arguments: 15 (see `hfa trim --help`)"),
+        ("--dihedral", "--dihedral expected one argument"),
+        ("--dihedrl 15", "unknown option --dihedrl; did you mean --dihedral?"),
+        ("--dihedral abc --quite", "unknown option --quite; did you mean --quiet?"),
+        (f"--{'x' * 5000}", "unknown option --xxxx"),
+        ("--\x1b[31m", "unknown option --\\x1b[31m"),
+        (f"--dihedral {DIGITS}", "--dihedral is '9999"),
+        ("--dihedral 15 --parameters folder.json", "folder.json"),
+        ("--dihedral 15 --hold alpha", "'alpha' is not NAME=VALUE"),
+        (
+            "--dihedral 15 --hold flaps=3",
+            "unknown trim variable 'flaps'; choose from speed, alpha, altitude, gamma,",
+        ),
+        (
+            "--dihedral 15 --hold dihedral=10",
+            "dihedral is given twice, by --dihedral and by --hold",
+        ),
+        ("--dihedral 15 --hold gamma=1 --free gamma", "gamma is both set free and held"),
+    ],
+    "linearize": [
+        ("--dihedral 95", "dihedral is 95 deg"),
+        (
+            "--dihedral 0:20:1",
+            "dihedral is '0:20:1'; give one number: `hfa sweep` takes lists and ranges",
+        ),
+        (
+            "--dihedral 15 --dynamics aristotle",
+            "unknown dynamics 'aristotle'; choose from published, newton, unsteady",
+        ),
+        ("--dihedral 15 --limit throttle=1", "throttle is '1'; give LOW:HIGH"),
+        ("--dihedral 15 --outputs lift", "--outputs names 'lift'; choose from speed, alpha"),
+        ("--dihedral 15 -o result.xyz", "'.xyz'"),
+        ("--dihedral 15 -o folder.json", "it is a folder"),
+    ],
+    "sweep": [
+        ("", "nothing to sweep"),
+        ("--dihedral 20:0:1", "runs backwards from 20 to 0"),
+        ("--dihedral 0:1000:1e-6", "1,000,000,001 points"),
+        ("--dihedral 0:20", "dihedral is '0:20'; give start:stop:step"),
+        ("--dihedral 0::1", "--dihedral is ''; give a finite number"),
+        ("--dihedral 0:20:0.01 --hold speed=50:80:0.01", "points"),
+        ("--dihedral 5 --free dihedral", "dihedral is given by --dihedral and set free by --free"),
+    ],
+    "solve": [
+        ("", "either --dihedral DEG or --model FILE"),
+        ("--dihedral 15 --delta 0", "delta is 0.0; it must be a positive number"),
+        (
+            "--dihedral 15 --R 100,400,400,400,0",
+            "R is not positive definite (smallest eigenvalue 0); make every",
+        ),
+        ("--dihedral 15 --Q 1,two,3,4,5,6", "--Q is 'two'; give a finite number"),
+        (
+            "--model given.json --hold speed=70",
+            "--hold belongs to the aircraft; leave it out with --model",
+        ),
+        ("--model given.json --units si", "--units belongs to the aircraft"),
+    ],
+    "learn": [
+        ("--dihedral 15 --law sarsa", "--law is 'sarsa'; use one of certified"),
+        (
+            "--dihedral 15 --set samples=20",
+            "20 samples cannot determine 21 weights; record at least 21",
+        ),
+        ("--dihedral 15 --set tick=1e-320", "a number is too large or too small to compute with"),
+    ],
+    "verify": [
+        ("--dihedral 15 --basis quadratic", "use --set basis="),
+        (
+            "--dihedral 15 --weights given.npz --law certified",
+            "--law belongs to a law; leave it out with --weights",
+        ),
+    ],
+    "design": [
+        ("given.npz", "given.npz: this is no controller file"),
+        ("--design paper --dihedral 0:5", "--dihedral is '0:5'; give start:stop:step"),
+        ("--design servo --units si -o a.npz", "a controller is in ft, slug, lbf"),
+    ],
+    "fly": [
+        ("--dihedral 15 --law exact --seed 3", "here nothing is random"),
+        ("--dihedral 15 --gust 400:10 --turbulence 5:1750", "do not go together"),
+        ("--dihedral 15 --fault 0.2:0.5", "--fault belongs to --actuators"),
+        ("--dihedral 15 --command gamma=1:1", "a gain follows no command of 'gamma'"),
+        (
+            "--dihedral 15 --duration 1e8",
+            "duration is 1e+08 s; with a step of 0.001 s it must not exceed 10000 s",
+        ),
+    ],
+    "schedule": [
+        ("--dihedral 15 --to 15", "two different ones"),
+        ("--dihedral 15 --to 16:5 --duration 1", "ends at 10 s"),
+    ],
+    "map": [
+        ("--dihedral 15 --initial alpha=1", "--initial alpha is not among speed, dihedral"),
+    ],
+    "monte-carlo": [
+        ("--dihedral 15 --resume", "-o FILE.zarr"),
+        ("--dihedral 15 --units si -o a.zarr", "a store is in ft"),
+    ],
+    "export": [
+        ("", "the following arguments are required: --output"),
+        (
+            "-o aircraft.zip",
+            "aircraft.zip: unknown suffix '.zip'; use one of .fmu, .m, or a folder",
+        ),
+        ("-o out --set samples=30", "--set belongs to a learning law"),
+        ("-o out --actuators 0.5:60", "--actuators belongs to --controller; leave it out"),
+    ],
+    "report": [
+        ("", "--output FILE.html or --output FOLDER"),
+        ("-o file", "cannot make the folder"),
+        ("-o a.html --free dihedral", "the angles of a report are given by --dihedral and --sweep"),
+        ("-o a.html --dihedral 5 --dynamics unsteady", "more than seven states"),
+    ],
+    "regenerate": [("--dynamics unsteady", "more than seven states")],
+    "identify": [
+        ("--seed 1.5", "--seed is 1.5"),
+        ("--units si -o a.toml", "a parameters file is in ft, slug, lbf"),
+    ],
+    "prove": [("--units si", "unknown option --units")],
+}
+
+
+@pytest.mark.parametrize(
+    ("command", "words", "named"),
+    [(command, *each) for command, some in REFUSED.items() for each in some],
+)
+def test_bad_requests(command: str, words: str, named: str) -> None:
+    small("given.json")
+    stored("given.npz", W=np.ones(21))
+    result = hfa(command, *words.split())
+    assert_refused(result, BAD_INPUT, named)
+    assert result.err.rstrip("\n").isprintable()
+    assert len(result.err) < 700
+
+
+@pytest.mark.parametrize(
+    ("words", "named"),
+    [
+        ("--frobnicate", "unknown option --frobnicate (see `hfa --help`)"),
+        ("frobnicate", "unknown command 'frobnicate' (see `hfa --help`)"),
+        ("montecarlo", "unknown command 'montecarlo'; did you mean monte-carlo?"),
+        ("x" * 5000, "unknown command 'xxxx"),
+        *((f"{command} --frobnicate", f"hfa {command} --help") for command in COMMANDS),
+    ],
+)
+def test_unknown_commands_and_options(words: str, named: str) -> None:
+    assert_refused(hfa(*words.split()), BAD_INPUT, named)
+
+
+@pytest.mark.parametrize(
+    ("changes", "code", "named"),
+    [
+        ({"A": [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]}, BAD_INPUT, "A is 2 x 3; it must be square"),
+        ({"E": [[1.0]]}, BAD_INPUT, "E is 1 x 1; with this A and B it must be 2 x 1"),
+        ({"R": [[-1.0]]}, BAD_INPUT, "R is not positive definite"),
+        ({"Q": [[1.0, 2.0], [2.0, 1.0]]}, BAD_INPUT, "Q is not positive semidefinite"),
+        ({"delta": -1.0}, BAD_INPUT, "delta is -1.0; it must be a positive number"),
+        ({"A": [[1.0, 0.0], [0.0, -1.0]]}, FAILED, "stabilizable"),
+    ],
+)
+def test_bad_plants(changes: dict[str, Any], code: int, named: str) -> None:
+    assert_refused(
+        hfa("solve", "--model", small("given.json", **changes), "-o", "result.json"), code, named
+    )

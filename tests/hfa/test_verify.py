@@ -1,0 +1,149 @@
+"""Critics judged through the command line: right ones pass, planted mistakes are refused with their
+reason."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cli import answer, assert_refused, hfa
+from game_files import AT_15, LABELS, QUICK, checks_of, small, stored
+
+from controller import Game, load_game
+from hfa.main import BAD_INPUT, DONE, FAILED
+from verification import solve_game
+
+# Verify.
+
+
+def test_verify_keeps_the_contract() -> None:
+    data = answer("verify", *AT_15)
+    assert data["ok"] is True
+    assert max(data["P_rel_error"], data["K_rel_error"]) <= 1e-11
+    assert all(
+        set(check) >= {"name", "value", "limit", "ok"} and check["ok"] for check in data["checks"]
+    )
+    assert set(checks_of(data)) >= {"data_rank", "settling_time", "l2_gain", "saddle_control_loses"}
+    assert (
+        set(data) >= {"schema", "diagnosis", "P", "K", "P_exact", "K_exact", "disk_margin"} | LABELS
+    )
+    assert data["diagnosis"] == ""
+
+
+@pytest.mark.parametrize(("kind", "suffix"), [("P", "npz"), ("K", "mat"), ("W", "json")])
+def test_verify_passes_an_exact_critic_from_elsewhere(game: Game, kind: str, suffix: str) -> None:
+    exact = solve_game(game)
+    row, column = np.triu_indices(6)
+    weights = np.where(row == column, 1.0, 2.0) * exact.P[row, column]
+    file = stored(f"critic.{suffix}", **{kind: {"W": weights, "P": exact.P, "K": exact.K}[kind]})
+    data = answer("verify", *AT_15, "--weights", file)
+    assert data["ok"] is True
+    assert data["K_rel_error"] <= 1e-14
+    assert (data["P_rel_error"] is None) == (kind == "K")
+    assert not {"data_rank", "settling_time"} & set(checks_of(data))
+
+
+def test_a_weight_that_leaves_P_and_K_alone_is_refused_with_its_reason(game: Game) -> None:
+    P = solve_game(game).P
+    row, column = np.triu_indices(6)
+    weights = np.concatenate([np.where(row == column, 1.0, 2.0) * P[row, column], np.zeros(4)])
+    assert (
+        answer("verify", *AT_15, "--weights", stored("W.npz", W=weights), "--basis", "paper")["ok"]
+        is True
+    )
+    weights[-4] = 1e-3 * abs(weights[0])
+    wrong = answer(
+        "verify", *AT_15, "--weights", stored("W.npz", W=weights), "--basis", "paper", code=FAILED
+    )
+    failed = [check for check in wrong["checks"] if not check["ok"]]
+    assert {check["name"] for check in failed} == {
+        f"{what}_rel_error" for what in ("policy", "value", "gradient", "disturbance")
+    }
+    assert all(check["reason"] for check in failed)
+    assert "the value is quadratic" in wrong["diagnosis"]
+
+
+def test_the_limit_of_errors_is_the_users(game: Game) -> None:
+    file = stored("P.json", P=(1.0 + 1e-5) * solve_game(game).P)
+    assert answer("verify", *AT_15, "--weights", file, code=FAILED)["P_rel_error"] == pytest.approx(
+        1e-5, rel=1e-6
+    )
+    assert answer("verify", *AT_15, "--weights", file, "--limit-error", "2e-5")["ok"] is True
+
+
+# Pictures.
+
+
+def test_verify_draws_a_run() -> None:
+    assert (
+        hfa("verify", "--model", small("plant.json"), *QUICK, "--picture", "check.png").code == DONE
+    )
+    assert Path("check.png").read_bytes().startswith(b"\x89PNG\r\n")
+
+
+# A critic over time.
+
+
+def test_a_critic_over_time_is_held_to_its_time() -> None:
+    plant, exact = small("plant.json"), solve_game(load_game("plant.json")).P
+    times = np.arange(0.0, 4.5, 0.5)
+    sizes = np.where(times < 2.0, 0.5, 1e-9)
+    weights = np.outer(1.0 + sizes, [exact[0, 0], 2.0 * exact[0, 1], exact[1, 1]])
+    words = ("verify", "--model", plant, "--weights", stored("history.npz", time=times, W=weights))
+    data = answer(
+        *words, "--set", "predefined_time=2", "--picture", "over_time.svg", "-o", "out.csv"
+    )
+    settling = checks_of(data)["settling_time"]
+    assert (settling["value"], settling["limit"], settling["ok"]) == (2.0, 2.0, True)
+    assert data["history"]["predefined_time_kept"] is True
+    assert data["history"]["K_rel_error"] == pytest.approx(sizes, rel=1e-4)
+    assert "T_w = 2 s" in Path("over_time.svg").read_text(encoding="utf-8")
+    with Path("out.csv").open(encoding="utf-8") as file:
+        assert [float(row["time [s]"]) for row in csv.DictReader(file)] == times.tolist()
+    late = hfa(*words, "--set", "predefined_time=1.9")
+    assert late.code == FAILED
+    assert (
+        "FAIL settling_time: the largest error stays within 1e-06 from 2 s on; T_w is 1.9 s"
+        in late.out
+    )
+    discounted = ("--discount", "0.99", "--dt", "0.1")
+    assert_refused(
+        hfa(*words, *discounted), BAD_INPUT, "--discount judges one critic and this is over time"
+    )
+    single = stored("single.npz", P=exact)
+    refused = hfa("verify", "--model", plant, "--weights", single, "--set", "predefined_time=2")
+    assert_refused(refused, BAD_INPUT, "single.npz has no time")
+    refused = hfa(
+        "verify", "--model", plant, "--weights", single, "--set", "predefined_time=2", *discounted
+    )
+    assert_refused(refused, BAD_INPUT, "--set predefined_time does not go with --discount")
+    refused = hfa("verify", "--model", plant, "--set", "predefined_time=2")
+    assert refused.err == ""
+
+
+# What a critic costs in flight.
+
+
+def test_the_cost_of_a_critic_is_told_and_can_decide(game: Game) -> None:
+    file = stored("P.json", P=1.004 * solve_game(game).P)
+    words = ("verify", *AT_15, "--weights", file)
+    graded = answer(*words, code=FAILED)["graded"]
+    assert 0.0 < graded["cost_lost_mean_percent"] < graded["cost_lost_worst_percent"] < 0.01
+    assert graded["l2_gain"] == pytest.approx(graded["l2_gain_exact"], rel=0.01)
+    assert graded["distance_to_instability"] == pytest.approx(
+        graded["distance_to_instability_exact"], rel=0.02
+    )
+    kept = answer(*words, "--limit-cost", "0.01")
+    assert (kept["ok"], kept["graded"]["ok"], kept["graded"]["limit_cost_percent"]) == (
+        False,
+        True,
+        0.01,
+    )
+    assert answer(*words, "--limit-cost", "1e-9", code=FAILED)["graded"]["ok"] is False
+    said = hfa(*words, "--limit-cost", "0.01").out
+    assert (
+        "PASS by the cost limit 0.01 percent: not exact (K is off by 0.004), stabilizing, " in said
+    )
+    assert "\ncost lost, worst start, percent " in said

@@ -1,0 +1,320 @@
+"""A linear model beside the printed matrices, entry by entry, and how far the rounding of the print
+reaches: through the parameters and the trim, into every entry."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from hfa_aircraft.model import Layout, components
+from hfa_model.aircraft import HFA, Aircraft, Equations
+from hfa_model.parameters import Parameters, ParameterSet, default_parameters
+from hfa_model.printed_matrices import PublishedModel, published_models
+from hfa_model.variants import variant_named
+from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_ROWS, LINEAR_STATES, LINEAR_UNITS, STATES
+from hfa_support.errors import BadInputError
+from hfa_support.native.bound import BoundFunction, cached_per_thread
+from hfa_support.reporting.fields import ByValue
+from hfa_support.reporting.report import Report, Reported
+from hfa_support.reporting.text import TONES, Cell, Table, four_decimals, matrix_table
+from hfa_support.reporting.unit_system import entries_in_force
+from trim.linear.linear_model import LinearModel, level_model
+from trim.point.condition import TrimCondition, level_flight
+from trim.point.operating_point import OperatingPoint
+
+#: Parameters identified with another seed, or on another machine, differ by less than this from the
+#: packaged ones.
+_SAME = 1e-7
+#: Half units up to which an entry has each tone but the last: it prints the same, one off, at most
+#: two off.
+MOST_HALF_UNITS = (1.0, 2.0, 3.0)
+
+
+@dataclass(frozen=True)
+class EntryRow:
+    """One entry of A or B: what the paper prints, what was computed, half a unit of the last
+    printed digit."""
+
+    matrix: str
+    row: str
+    column: str
+    printed: float
+    computed: float
+    half_unit: float
+
+    @property
+    def half_units(self) -> float:
+        """(computed - printed) / half unit: within ±1 the entry prints the same."""
+        return (self.computed - self.printed) / self.half_unit
+
+    @property
+    def percent(self) -> float:
+        """Difference in percent of the print; nan where the print is zero."""
+        return (
+            100 * (self.computed - self.printed) / abs(self.printed)
+            if self.printed
+            else float("nan")
+        )
+
+    @property
+    def is_zero(self) -> bool:
+        """Whether the entry is printed 0 and is 0 but for rounding: nothing to compare."""
+        return self.printed == 0.0 and abs(self.half_units) < 1e-6
+
+    @property
+    def name(self) -> str:
+        """For example A(alpha, pitch_rate)."""
+        return f"{self.matrix}({self.row}, {self.column})"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Ready for JSON."""
+        return {
+            name: getattr(self, name)
+            for name in ("name", "printed", "computed", "half_units", "percent")
+        }
+
+
+def compare(model: LinearModel, published: PublishedModel) -> tuple[EntryRow, ...]:
+    """All 66 entries of A (6 x 6) and B (6 x 5), row by row."""
+    parts = (
+        ("A", LINEAR_STATES, model.A, published.A, published.half_unit_A),
+        ("B", INPUTS, model.B, published.B, published.half_unit_B),
+    )
+    return tuple(
+        EntryRow(
+            matrix, row, column, float(printed[i, j]), float(computed[i, j]), float(half_unit[i, j])
+        )
+        for matrix, columns, computed, printed, half_unit in parts
+        for i, row in enumerate(LINEAR_STATES)
+        for j, column in enumerate(columns)
+    )
+
+
+def regenerate(aircraft: Aircraft, published: PublishedModel) -> LinearModel:
+    """The linear model of an aircraft in the paper's trim at a printed dihedral angle."""
+    return level_model(aircraft, published.dihedral)
+
+
+def eigenvalue_errors(computed: np.ndarray, reference: np.ndarray) -> np.ndarray:
+    """|λ_computed - λ_reference| of the best pairing of two spectra, in the order of the
+    reference."""
+    from scipy.optimize import linear_sum_assignment
+
+    distance = np.abs(reference[:, None] - computed[None, :])
+    _, columns = linear_sum_assignment(distance)
+    return distance[np.arange(len(reference)), columns]
+
+
+def printed_at(point: OperatingPoint) -> PublishedModel | None:
+    """The printed pair of exactly this flight condition, if the paper prints one."""
+    for published in published_models():
+        paper = level_flight(published.dihedral).imposed
+        if all(
+            abs(point.values[name] - value) <= 1e-9 * (1 + abs(value))
+            for name, value in paper.items()
+        ):
+            return published
+    return None
+
+
+def beside_the_print(report: Report, model: LinearModel, published: PublishedModel) -> Report:
+    """The report of a model with the printed pair of its condition."""
+    printed = {"A": published.A.tolist(), "B": published.B.tolist()}
+    beside = replace(
+        report, title="", parts=(report, comparison_table(model, published)), notes=report.notes
+    )
+    return beside.with_data(printed=printed)
+
+
+def matrices_beside_the_print(model: LinearModel, published: PublishedModel) -> tuple[Table, ...]:
+    """A and B, the printed row below each computed one; an entry's tone says how many half units it
+    is off."""
+    entries, tables = iter(compare(model, published)), []
+    for name, columns in (("A", LINEAR_STATES), ("B", INPUTS)):
+        lines: list[tuple[str, ...]] = []
+        for row in LINEAR_STATES:
+            found = [next(entries) for _ in columns]
+            lines += [
+                (row, *map(_toned, found)),
+                ("printed", *(four_decimals(each.printed) for each in found)),
+            ]
+        tables.append(Table((name, *columns), lines))
+    return tuple(tables)
+
+
+def _toned(entry: EntryRow) -> str:
+    """The computed entry; an entry that is 0 and printed 0 has no tone."""
+    shown = four_decimals(entry.computed)
+    if entry.is_zero:
+        return shown
+    tones = zip(TONES, (*MOST_HALF_UNITS, math.inf), strict=True)
+    return Cell(shown, next(tone for tone, most in tones if abs(entry.half_units) <= most))
+
+
+def comparison_table(model: LinearModel, published: PublishedModel) -> Table:
+    """The table of entries of a model beside its print."""
+    return entries_table(f"at {published.dihedral_deg:g} deg", {"": compare(model, published)})
+
+
+def entries_table(title: str, entries: Mapping[str, Iterable[EntryRow]]) -> Table:
+    """Printed, computed, difference in half units of the last digit and in percent; what begins
+    each row -> entries."""
+    rows = [
+        (
+            *(
+                f"{begin}{entry.name}",
+                f"{entry.printed:.4f}",
+                f"{entry.computed:.6f}",
+                f"{entry.half_units:+.2f}",
+            ),
+            f"{entry.percent:+.4f}" if entry.printed else "-",
+        )
+        for begin, group in entries.items()
+        for entry in group
+        if not entry.is_zero
+    ]
+    return Table((title, "printed", "computed", "half units", "percent"), rows)
+
+
+def entries_records(entries: Mapping[float, Iterable[EntryRow]]) -> Table:
+    """The same with all digits; printed angle (deg) -> entries."""
+    rows = [
+        (angle, *entry.to_dict().values(), HFA.entry_unit(entry.row, entry.column))
+        for angle, group in entries.items()
+        for entry in group
+    ]
+    return Table(
+        ("dihedral_deg", "entry", "printed", "computed", "half_units", "percent", "unit"), rows
+    )
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Bands(ByValue, Reported):
+    """Half widths of the bands of a linear model's entries, A (6, 6) and B (6, 5), in their units:
+    two standard errors, propagated from the rounding of the print through the parameters and the
+    trim. The equations are taken as they are: `docs/validation.md` says where they were tested."""
+
+    A: np.ndarray
+    B: np.ndarray
+
+    def report(self) -> Report:
+        """The half width of every entry."""
+        tables = [
+            matrix_table(f"{name} ±", LINEAR_STATES, across, getattr(self, name))
+            for name, across in (("A", LINEAR_STATES), ("B", INPUTS))
+        ]
+        return Report(
+            "Two standard errors of each entry from the rounding of the printed matrices; rad, ft, s",
+            tables,
+        )
+
+
+def trust_in(
+    bands: Bands | None, model: LinearModel | None = None, other: LinearModel | None = None
+) -> str:
+    """How far the entries of a six-state model may be off: by the rounding of the print, and by the
+    choice of the dynamics, `other` being the model of the other ones at the same condition."""
+    said = [
+        "No bands of the rounding of the print: only the six printed states of the identified aircraft have them"
+    ]
+    if bands is not None:
+        said = [
+            f"Largest band of an entry from the rounding of the print: {_largest(bands.A, bands.B)}"
+        ]
+    if model is not None and other is not None:
+        difference = _largest(np.abs(other.A - model.A), np.abs(other.B - model.B))
+        said.append(
+            f"Largest difference of an entry to {other.point.dynamics} dynamics: {difference}"
+        )
+    known = bands is not None or len(said) > 1
+    return "\n".join(said) + " (every entry: --json or -o)" * known
+
+
+def _largest(A: np.ndarray, B: np.ndarray) -> str:
+    """The largest entry of both, in the units in force, and which it is."""
+    A = entries_in_force(A, (LINEAR_UNITS, 1), (LINEAR_UNITS, -1))
+    B = entries_in_force(B, (LINEAR_UNITS, 1), (tuple(INPUT_UNITS), -1))
+    name, columns, largest = ("A", LINEAR_STATES, A) if A.max() >= B.max() else ("B", INPUTS, B)
+    row, column = np.unravel_index(largest.argmax(), largest.shape)
+    return f"{largest[row, column]:.2g} in {name}({LINEAR_STATES[row]}, {columns[column]})"
+
+
+def bands_known(parameters: ParameterSet) -> bool:
+    """Whether these parameters have bands: the identified values (to 1e-7), with their covariance.
+
+    The covariance is that of the parameters that the print gives. Beside an edited value it is the
+    uncertainty of another aircraft."""
+    same = np.allclose(parameters.values, default_parameters().values, rtol=_SAME, atol=0.0)
+    return same and parameters.covariance.size > 0
+
+
+def entry_bands(parameters: ParameterSet, condition: TrimCondition, model: LinearModel) -> Bands:
+    """Bands of the entries of a six-state linear model, made with these parameters at a trim of
+    this condition.
+
+    2 sqrt(diag(J C J')), J = ∂(A, B)/∂p + ∂(A, B)/∂v dv/dp, dv/dp = -(∂f/∂v)⁻¹ ∂f/∂p (implicit
+    function theorem), C the covariance of the identified parameters p, v the free variables of the
+    trim. BadInputError when the parameters have no bands (`bands_known`), or the model is not of
+    the paper's six states."""
+    if model.states != LINEAR_STATES:
+        raise BadInputError(
+            f"bands are known for the states {', '.join(LINEAR_STATES)} only; select them"
+        )
+    if not bands_known(parameters):
+        raise BadInputError(
+            "bands are known for the identified parameters with their covariance only; "
+            "use the parameters.toml of `hfa identify`, unchanged"
+        )
+    own = replace(HFA, equations=Equations(variant_named(model.point.dynamics)))
+    at = np.array([model.point.values[name] for name in own.variables]), np.array(parameters.values)
+    free = [own.variables.index(name) for name in condition.free]
+    rows = [STATES.index(name) for name in condition.equations[0]]
+    known = [Parameters._fields.index(name) for name in parameters.identified]
+    jacobian = entries_at(own.layout, *at, free, rows)[1][:, known]
+    both = 2 * np.sqrt(np.einsum("ij,jk,ik->i", jacobian, parameters.covariance, jacobian))
+    return Bands(
+        *np.split(both.reshape(len(LINEAR_STATES), -1, order="F"), [len(LINEAR_STATES)], axis=1)
+    )
+
+
+def entries_at(
+    layout: Layout, v: np.ndarray, p: np.ndarray, free: Sequence[int], rows: Sequence[int]
+) -> tuple[np.ndarray, np.ndarray]:
+    """vec(A, B) of the paper's six states, column by column (66,), and its derivative by the
+    parameters p (66, P) along the trim: the variables v that are free (numbers) follow from the
+    rates of some states (numbers of rows)."""
+    zero = tuple(i for i in np.flatnonzero(v == 0.0).tolist() if i not in free)
+    bound = _derivatives(layout, tuple(free), zero)
+    bound.inputs[0][:], bound.inputs[1][:] = v, p
+    bound()
+    columns = len(free), len(p), len(free), len(p)
+    by_v, by_p, rates_by_v, rates_by_p = (
+        part.reshape(-1, width, order="F")
+        for part, width in zip(bound.results[1:], columns, strict=True)
+    )
+    free_by_p = -np.linalg.lstsq(rates_by_v[rows], rates_by_p[rows])[0]
+    return bound.results[0].copy(), by_p + by_v @ free_by_p
+
+
+@cached_per_thread(maxsize=16)
+def _derivatives(layout: Layout, free: tuple[int, ...], zero: tuple[int, ...]) -> BoundFunction:
+    """(v, p) -> e = vec(A, B) of the six states, ∂e/∂v, ∂e/∂p, ∂f/∂v, ∂f/∂p; v: the variables of a
+    trim, on which state and input depend; derivatives by the free ones. zero: those that are always
+    0."""
+    (x, u, p), v = layout.symbols("x", "u", "p"), ca.SX.sym("v", len(layout.variables))
+    values = {name: ca.SX(0) if i in zero else v[i] for i, name in enumerate(layout.variables)}
+    f, _ = layout.expressions(list(map(components, (x, u, p))), ())
+    A, B = ca.jacobian(f, x)[LINEAR_ROWS, LINEAR_ROWS], ca.jacobian(f, u)[LINEAR_ROWS, :]
+    entries = ca.vertcat(ca.vec(ca.densify(A)), ca.vec(ca.densify(B)))
+    at = layout.in_variables(values, p, ())[:2]
+    entries, f = ca.substitute([entries, f], [x, u], at)
+    moving = ca.vertcat(*(v[i] for i in free))
+    jacobians = [ca.jacobian(part, by) for part in (entries, f) for by in (moving, p)]
+    return BoundFunction(
+        ca.Function("entry_derivatives", [v, p], list(map(ca.densify, (entries, *jacobians))))
+    )

@@ -1,0 +1,26 @@
+"""Numbers with proof: balls, Taylor models of them, and functions run on them; the prover and the
+checker share it."""
+
+from typing import Any
+
+from hfa_support.errors import BadInputError
+
+#: Bits of a midpoint. Doubles carry 53; what is left absorbs the rounding of some ten thousand
+#: operations.
+PRECISION = 192
+
+
+def flint_or_refusal() -> Any:
+    """The module `flint` with its precision set; BadInputError, one line, when it is not
+    installed."""
+    try:
+        import flint
+    except ImportError as error:
+        raise BadInputError(
+            "proofs need python-flint; install it with `pip install .[proof]`"
+        ) from error
+    flint.ctx.prec = PRECISION
+    return flint
+
+
+flint_or_refusal()

@@ -1,0 +1,146 @@
+"""A CasADi function, instruction by instruction, on balls or on power series of balls."""
+
+from __future__ import annotations
+
+import operator
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import casadi as ca
+from flint import arb, arb_series
+
+from hfa_support.errors import BadInputError, NoSolutionError
+
+
+class Undecided(NoSolutionError):
+    """The balls are too wide for what shall be enclosed; narrower ones may do."""
+
+
+class BallFunction:
+    """The same function as a CasADi `SX` function, for `flint.arb`, `flint.arb_series` and Taylor
+    models.
+
+    A series represents its Taylor polynomial in one variable, so that running the instructions on
+    series differentiates automatically. Numbers in the function are the doubles that CasADi holds.
+    BadInputError names an operation that is not known here."""
+
+    def __init__(self, function: ca.Function, name: str = "") -> None:
+        self._name, self._size = name or function.name(), function.sz_w()
+        self._sizes = [function.nnz_out(index) for index in range(function.n_out())]
+        self._inputs = [function.nnz_in(index) for index in range(function.n_in())]
+        self._steps: list[tuple[int, Any, list[int], list[int]]] = []
+        for index in range(function.n_instructions()):
+            code = function.instruction_id(index)
+            operation: Any = None
+            if code == ca.OP_CONST:
+                operation = arb(function.instruction_constant(index))
+            elif code not in (ca.OP_INPUT, ca.OP_OUTPUT):
+                operation = _operation(code, self._name)
+            self._steps.append(
+                (
+                    code,
+                    operation,
+                    function.instruction_output(index),
+                    function.instruction_input(index),
+                )
+            )
+
+    def __call__(self, *arguments: Sequence[Any]) -> list[list[Any]]:
+        """The outputs, each as a list of its nonzeros in CasADi's order (column by column)."""
+        if [len(argument) for argument in arguments] != self._inputs:
+            raise ValueError(f"{self._name} takes arguments of {self._inputs} entries")
+        try:
+            return self._run(arguments)
+        except (
+            ValueError,
+            ZeroDivisionError,
+        ) as error:  # a divisor or a root that may be 0 on this box
+            raise Undecided(
+                f"{self._name} may not be defined on all of this box ({error})"
+            ) from error
+
+    def _run(self, arguments: Sequence[Sequence[Any]]) -> list[list[Any]]:
+        work: list[Any] = [None] * self._size
+        results: list[list[Any]] = [[None] * size for size in self._sizes]
+        for code, operation, out, source in self._steps:
+            if code == ca.OP_CONST:
+                work[out[0]] = operation
+            elif code == ca.OP_INPUT:
+                work[out[0]] = arguments[source[0]][source[1]]
+            elif code == ca.OP_OUTPUT:
+                results[out[0]][out[1]] = work[source[0]]
+            elif len(source) == 1:
+                work[out[0]] = operation(work[source[0]])
+            else:
+                work[out[0]] = operation(work[source[0]], work[source[1]])
+        return results
+
+
+def _operation(code: int, name: str) -> Callable[..., Any]:
+    if code not in _OPERATIONS:
+        word = next(
+            (word for word in dir(ca) if word.startswith("OP_") and getattr(ca, word) == code),
+            str(code),
+        )
+        raise BadInputError(
+            f"{name}: its equations use {word.removeprefix('OP_').lower()}, which a proof does not take; put a "
+            "polynomial in place of a table or a switch"
+        )
+    return _OPERATIONS[code]
+
+
+def constant_part(value: Any) -> Any:
+    """The ball that a power series takes at 0, or a Taylor model on its box; a ball is its own."""
+    if isinstance(value, arb):
+        return value
+    return value[0] if isinstance(value, arb_series) else value.range()
+
+
+def _sorted(x: Any, y: Any) -> tuple[Any, Any]:
+    """The smaller and the larger one, for certain."""
+    first, second = constant_part(x), constant_part(y)
+    if not (first <= second or first > second):
+        raise Undecided("a comparison in the equations is not decided on this box")
+    return (x, y) if first <= second else (y, x)
+
+
+def _arctangent(y: Any, x: Any) -> Any:
+    """atan2(y, x) = atan(y / x), which holds for x > 0 only."""
+    if not constant_part(x) > 0:
+        raise Undecided("atan2 with a second argument that may not be positive")
+    return (y / x).atan()
+
+
+def _power(x: Any, y: Any) -> Any:
+    """x^y = exp(y log x), x > 0."""
+    if not constant_part(x) > 0:
+        raise Undecided("a power of a base that may not be positive")
+    return (y * x.log()).exp()
+
+
+_OPERATIONS: dict[int, Callable[..., Any]] = {
+    ca.OP_ASSIGN: lambda x: x,
+    ca.OP_ADD: operator.add,
+    ca.OP_SUB: operator.sub,
+    ca.OP_MUL: operator.mul,
+    ca.OP_DIV: operator.truediv,
+    ca.OP_NEG: operator.neg,
+    ca.OP_TWICE: lambda x: x + x,
+    ca.OP_SQ: lambda x: x * x,
+    ca.OP_INV: lambda x: 1 / x,
+    ca.OP_SQRT: lambda x: x.sqrt(),
+    ca.OP_EXP: lambda x: x.exp(),
+    ca.OP_LOG: lambda x: x.log(),
+    ca.OP_SIN: lambda x: x.sin(),
+    ca.OP_COS: lambda x: x.cos(),
+    ca.OP_TAN: lambda x: x.tan(),
+    ca.OP_ASIN: lambda x: x.asin(),
+    ca.OP_ACOS: lambda x: x.acos(),
+    ca.OP_ATAN: lambda x: x.atan(),
+    ca.OP_ATAN2: _arctangent,
+    ca.OP_POW: _power,
+    ca.OP_CONSTPOW: _power,
+    ca.OP_FMIN: lambda x, y: _sorted(x, y)[0],
+    ca.OP_FMAX: lambda x, y: _sorted(x, y)[1],
+    ca.OP_LE: lambda x, y: arb(int(_sorted(x, y)[0] is x)),
+}

@@ -1,0 +1,1 @@
+"""Statements, the search for their proofs, certificates and reports."""
