@@ -4,7 +4,7 @@ also from a file."""
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -15,6 +15,7 @@ from hfa_model.aircraft import HFA
 from hfa_support.errors import BadInputError, is_finite, pair_of, refuse_unknown, said_of, shown
 from hfa_support.linear_table import LinearTable
 from hfa_support.schema import NUMBER, checked, read_named
+from trim.limits import Limits
 
 #: Conditions that come with the package: name -> file; what a file holds.
 NAMED = {"paper": "paper.toml", "simvfa-64": "simvfa_64.toml", "simvfa-30": "simvfa_30.toml"}
@@ -73,14 +74,14 @@ class TrimCondition:
                 said = f"limits of {name} are {describe(name, lowest)} to {describe(name, highest)}"
                 raise BadInputError(f"{said}; the first must be the lower one")
         for name, value in self.imposed.items():
-            lowest, highest = self.limits_of(name)
-            for each in value.values.tolist() if isinstance(value, LinearTable) else [value]:
-                if not is_finite(each):
-                    raise BadInputError(f"{name} is {shown(each)}; give a finite number")
-                if not lowest <= each <= highest:
-                    between = f"{describe(name, lowest)} and {describe(name, highest)}"
+            limits = self.limits_on((name,))
+            for number in value.values.tolist() if isinstance(value, LinearTable) else [value]:
+                if not is_finite(number):
+                    raise BadInputError(f"{name} is {shown(number)}; give a finite number")
+                if not limits.within([number])[0]:
                     raise BadInputError(
-                        f"{name} is {describe(name, each)}; it must lie between {between}"
+                        f"{name} is {describe(name, number)}; it must lie between "
+                        f"{limits.between(name)}"
                     )
 
     @property
@@ -170,6 +171,10 @@ class TrimCondition:
             for name, (low, high) in self.limits.items()
         ]
         return ", ".join(words)
+
+    def limits_on(self, names: Sequence[str]) -> Limits:
+        """The limits of these variables, states and outputs."""
+        return Limits.of(self.model, names, self.limits)
 
     def limits_of(self, name: str) -> tuple[float, float]:
         """Lowest and highest value of a variable, a state or an output."""

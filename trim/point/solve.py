@@ -149,11 +149,8 @@ class TrimProblem:
 
     def solved(self, unknowns: np.ndarray) -> bool:
         """Balanced, and within the limits (a rounding error beyond a limit is within it)."""
-        slack = 1e-12 * (1 + np.abs(unknowns))
-        lowest, highest = self.limits
-        if not (np.all(unknowns >= lowest - slack) and np.all(unknowns <= highest + slack)):
-            return False
-        return self.balanced(unknowns) and not self.beyond(unknowns)
+        within = self.condition.limits_on(self.free).within(unknowns * self.scales)
+        return bool(within.all()) and self.balanced(unknowns) and not self.beyond(unknowns)
 
     def balanced(self, unknowns: np.ndarray) -> bool:
         """Every residual within `BALANCE`, whatever the limits say."""
@@ -162,19 +159,9 @@ class TrimProblem:
     def beyond(self, unknowns: np.ndarray) -> list[str]:
         """The watched states and outputs that lie beyond their limits, in words; `clip` keeps
         them."""
-        say, found = self.model.describe, []
-        for name, value in zip(self.watched, self.at(unknowns).y.tolist(), strict=True):
-            lowest, highest = self.condition.limits_of(name)
-            slack = 1e-8 * self.model.signals[name].nominal
-            if (
-                name not in self.condition.imposed
-                and not lowest - slack <= value <= highest + slack
-            ):
-                between = f"{say(name, lowest)} and {say(name, highest)}"
-                found.append(
-                    f"{name} would have to be {say(name, value)}, it must lie between {between}"
-                )
-        return found
+        outputs = len(self.condition.equations[1])
+        limits = self.condition.limits_on(self.watched[outputs:])
+        return limits.broken(self.at(unknowns).y[outputs:])
 
     def unknowns_at(self, values: Mapping[str, float]) -> np.ndarray:
         """The unknowns among the values of all variables."""

@@ -91,8 +91,7 @@ def trim_points(
     else:
         flat = _newton(model, variables, values, condition, key, start, compile_code)
     balanced = (np.abs(flat[:, ends[-1] :]) <= BALANCE).all(axis=1)
-    lowest, highest = np.array([condition.limits_of(name) for name in seen]).T
-    within = ((flat[:, : len(seen)] >= lowest) & (flat[:, : len(seen)] <= highest)).all(axis=1)
+    within = condition.limits_on(seen).within(flat[:, : len(seen)]).all(axis=1)
     status = np.where(balanced & within, TRIMMED, NO_TRIM).astype(np.int8)
     if set(condition.free) - set(variables) <= set(model.inputs):
         status[balanced & ~within] = BEYOND_LIMITS

@@ -1,0 +1,47 @@
+"""Limits: one definition of "within", for single trims and for sweeps."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from hfa_model import Aircraft
+from trim import TrimError, find_operating_point, level_flight, sweep
+from trim.limits import SLACK, Limits
+
+
+@pytest.mark.parametrize(
+    ("highest", "reason"),
+    [
+        (2.8, ""),
+        (
+            2.7999,
+            "no trim within limits: pitch would have to be 2.8 deg, "
+            "it must lie between -60 deg and 2.7999 deg",
+        ),
+    ],
+)
+def test_a_trim_and_a_sweep_agree_at_a_limit(
+    published_aircraft: Aircraft, highest: float, reason: str
+) -> None:
+    """The pitch angle alpha + gamma is the limit itself, or rounding beyond it."""
+    limits = {"pitch": (float(np.radians(-60.0)), float(np.radians(highest)))}
+    angles = {name: float(np.radians(value)) for name, value in (("alpha", 2.7), ("gamma", 0.1))}
+    condition = level_flight(float(np.radians(5.0)), limits=limits, **angles)
+    swept = sweep(published_aircraft, {"dihedral": [np.radians(5.0)]}, condition=condition)
+    assert swept.reasons == (reason,)
+    if reason:
+        with pytest.raises(TrimError) as refusal:
+            find_operating_point(published_aircraft, condition)
+        assert str(refusal.value) == reason
+    else:
+        assert find_operating_point(published_aircraft, condition).status == "trimmed"
+
+
+def test_within_allows_rounding_and_no_more(published_aircraft: Aircraft) -> None:
+    model = published_aircraft.model
+    limits = Limits.of(model, ("speed", "throttle", "gamma"), {"gamma": (-np.inf, 0.1)})
+    slack = SLACK * (model.signals["speed"].nominal + 500.0)
+    values = np.array([[500.0 + 0.9 * slack, 0.0, -9.0], [500.0 + 1.1 * slack, np.nan, 0.2]])
+    assert limits.within(values).tolist() == [[True, True, True], [False, False, False]]
+    assert limits.at_highest(values[0]).tolist() == [True, False, False]

@@ -1,0 +1,86 @@
+"""Between which values the signals of a model must lie: the one definition of "within"."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from hfa_aircraft.model import Model
+
+#: How far beyond a limit a value still counts as within: this part of (nominal size + |limit|).
+#: It covers the rounding of a trim, whose equations balance to 1e-10 of their scales.
+SLACK = 1e-9
+#: How near to a limit a value lies at it, in the same measure.
+NEAR = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Limits:
+    """Lowest and highest values of named signals, in the units of their model.
+
+    model: whose signals these are
+    names: (k,), states, inputs, outputs or parameters
+    lowest: (k,), -inf where there is no limit
+    highest: (k,), inf where there is no limit
+    """
+
+    model: Model
+    names: tuple[str, ...]
+    lowest: np.ndarray
+    highest: np.ndarray
+
+    @staticmethod
+    def of(
+        model: Model,
+        names: Sequence[str],
+        changes: Mapping[str, tuple[float, float]] | None = None,
+    ) -> Limits:
+        """The limits of the named signals: min and max of their declarations, or the pairs in
+        `changes`, name -> (lowest, highest)."""
+        ends = {name: (model.signals[name].min, model.signals[name].max) for name in names}
+        for name in ends:
+            if changes and name in changes:
+                ends[name] = changes[name]
+        pairs = np.array(list(ends.values()), dtype=float).reshape(-1, 2)
+        return Limits(model, tuple(names), pairs[:, 0], pairs[:, 1])
+
+    def within(self, values: np.ndarray | Sequence[float]) -> np.ndarray:
+        """Which of the values (..., k) lie between their limits, give or take `SLACK`; nan does
+        not."""
+        array = np.asarray(values)
+        above = array >= self.lowest - SLACK * self._measure(self.lowest)
+        below = array <= self.highest + SLACK * self._measure(self.highest)
+        return np.asarray(above & below)
+
+    def at_lowest(self, values: np.ndarray | Sequence[float]) -> np.ndarray:
+        """Which of the values (..., k) lie at their lowest limit or below, give or take `NEAR`."""
+        return np.asarray(np.asarray(values) <= self.lowest + NEAR * self._measure(self.lowest))
+
+    def at_highest(self, values: np.ndarray | Sequence[float]) -> np.ndarray:
+        """Which of the values (..., k) lie at their highest limit or above, give or take `NEAR`."""
+        return np.asarray(np.asarray(values) >= self.highest - NEAR * self._measure(self.highest))
+
+    def between(self, name: str) -> str:
+        """The limits of one signal in words: "-60 deg and 60 deg"."""
+        index = self.names.index(name)
+        lowest = self.model.describe(name, float(self.lowest[index]))
+        highest = self.model.describe(name, float(self.highest[index]))
+        return f"{lowest} and {highest}"
+
+    def broken(self, values: np.ndarray | Sequence[float]) -> list[str]:
+        """One sentence for each of the values (k,) that is not within its limits."""
+        sentences = []
+        for name, value, within in zip(self.names, values, self.within(values), strict=True):
+            if not within:
+                needed = self.model.describe(name, float(value))
+                sentences.append(
+                    f"{name} would have to be {needed}, it must lie between {self.between(name)}"
+                )
+        return sentences
+
+    def _measure(self, limit: np.ndarray) -> np.ndarray:
+        """(k,) nominal + |limit|; 0 where there is no limit."""
+        nominal = np.array([self.model.signals[name].nominal for name in self.names])
+        return np.where(np.isfinite(limit), nominal + np.abs(limit), 0.0)
