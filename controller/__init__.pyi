@@ -2,6 +2,7 @@
 
 from .flight.actuators import ActuatorFault as ActuatorFault, Actuators as Actuators
 from .flight.envelope import Envelope as Envelope, flight_envelope as flight_envelope
+from .flight.flight_figure import flight_figure as flight_figure
 from .flight.gusts import Dryden as Dryden, OneMinusCosine as OneMinusCosine
 from .flight.monte_carlo import MonteCarlo as MonteCarlo
 from .flight.nonlinear_flight import fly as fly

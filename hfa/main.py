@@ -56,7 +56,6 @@ GROUPS = {
         {
             "fly": "simulate a policy on the nonlinear aircraft and compare with the linear prediction",
             "schedule": "simulate a slow change of dihedral under a schedule of certified gains",
-            "map": "how far from trim a policy works: initial speeds and dihedrals, dihedral commands",
             "monte-carlo": "simulate many members of one flight with parameter errors, noise and turbulence",
             "design": "the certified controller of a design at every dihedral angle, as one file",
         },
@@ -80,7 +79,7 @@ COMMANDS = {name: about for _, commands in GROUPS.values() for name, about in co
 MODULES = {
     **dict.fromkeys(("identify", "regenerate", "validate"), "printed"),
     **dict.fromkeys(("solve", "learn"), "game"),
-    **dict.fromkeys(("fly", "schedule", "map", "monte-carlo"), "flight"),
+    **dict.fromkeys(("fly", "schedule", "monte-carlo"), "flight"),
     "lpv": "prove",
 }
 

@@ -19,8 +19,6 @@ from .exact_solution import (
     solve_games as solve_games,
     solve_plant as solve_plant,
 )
-from .flights.flight_figures import flight_figure as flight_figure
-from .flights.recoverable_map import recoverable_map as recoverable_map
 from .proof.checker.checker import check_certificate as check_certificate
 from .proof.enclosures.trim_branch import Family as Family
 from .proof.search.lpv_grid import coarsest_grid as coarsest_grid

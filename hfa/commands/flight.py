@@ -1,4 +1,4 @@
-"""The commands that fly: `hfa fly`, `schedule`, `map`, `monte-carlo`."""
+"""The commands that fly: `hfa fly`, `schedule`, `monte-carlo`."""
 
 from __future__ import annotations
 
@@ -10,14 +10,11 @@ import numpy as np
 
 from controller.flight.envelope import flight_envelope
 from hfa.options import flights, games, trims
-from hfa.options.argument_types import OWN, model, number, output_file, quantity, whole
+from hfa.options.argument_types import model, number, output_file, quantity, whole
 from hfa.options.parser import Option, Options, command
-from hfa.options.ranges import array_of, value_range
 from hfa.output import ProgressLine, draw, provenance, show
 from hfa_support.errors import BadInputError, shortened
 from hfa_support.files import temporary_folder
-from hfa_support.reporting.unit_system import shown_in
-from trim.linear.linear_model import linearize
 from trim.point.operating_point import OperatingPoint
 from trim.point.solve import find_operating_point
 
@@ -29,12 +26,6 @@ if TYPE_CHECKING:
 _MOST_POINTS = 1000
 _MOST_MEMBERS = 10_000_000
 _TO = "VALUE[:S[:POINTS]]"
-#: Option of a map -> what it varies of the HFA, off trim, ft/s and degrees, with the ranges unless
-#: given.
-_RANGES = {
-    "initial": {"speed": "-4:8:0.25", "dihedral": "-40:40:2.5"},
-    "command": {"dihedral": "-40:40:2.5"},
-}
 
 
 def _flight() -> Options:
@@ -51,8 +42,7 @@ def fly(arguments: argparse.Namespace) -> int:
     Exit code 0 when every state stays inside its envelope, every input within its control limits,
     and no oscillation is left that does not decay; else 1, and the report names the state that left
     first and the inputs that exceeded their limits. `--law none --command elevator=1:2,2:-2,3:0`
-    flies a doublet without a law. See `hfa schedule` for a slow change of dihedral and `hfa map`
-    for how far from trim the policy works."""
+    flies a doublet without a law. See `hfa schedule` for a slow change of dihedral."""
     from controller.flight.nonlinear_flight import fly
 
     aircraft, point, law, scenario, envelope = flights.flight_of(arguments)
@@ -67,7 +57,7 @@ def _tell(
     arguments: argparse.Namespace,
 ) -> int:
     """Draw, print and write a flight; the exit code, 1 when it did not stay within its limits."""
-    from verification.flights.flight_figures import flight_figure
+    from controller.flight.flight_figure import flight_figure
 
     draw(arguments, lambda: flight_figure(result, report.title))
     show(report, arguments, only_in_files=result.history(), points=points)
@@ -150,73 +140,6 @@ def schedule(arguments: argparse.Namespace) -> int:
     )
     name = arguments.law if path is None else f"gain of {path}"
     return _tell(result, scheduling.schedule_report(result, name), ends, arguments)
-
-
-def _varied() -> Options:
-    own, varied = OWN.get(), dict[str, Option]()
-    for option, ranges in _RANGES.items():
-        known = (
-            tuple(ranges) if own is None else tuple((own.states, own.linear)[option == "command"])
-        )
-        about = f"off trim; default {', '.join(f'{name}={text}' for name, text in ranges.items())}"
-        with shown_in("english"):
-            default = (
-                {name: value_range(name, text) for name, text in ranges.items()}
-                if own is None
-                else {}
-            )
-        kind = flights.among(known, value_range)
-        varied[f"--{option}"] = Option(about, "NAME=RANGE", kind, default, named=True)
-    policy, end = (
-        {**flights.law(), **flights.weights()},
-        {**trims.picture("the map"), **trims.output()},
-    )
-    return {**trims.trim(required=True), **policy, **varied, **flights.ENVELOPE, **end}
-
-
-@command(_varied)
-def map(arguments: argparse.Namespace) -> int:
-    """How far from trim u = -K z works: many initial states and commands, simulated nonlinear and
-    linear.
-
-    A flight lasts eight time constants of the slowest mode of the linear loop. The report counts
-    the starts that stay inside the envelope and within the control limits, and names the limits
-    that the others exceed. Of the HFA both sets of equations are flown; of --aircraft two states of
-    --initial and one of --command are to be named."""
-    from hfa_model.aircraft import Aircraft
-    from hfa_model.variants import VARIANTS
-    from verification.flights.flight_figures import map_figure
-    from verification.flights.recoverable_map import map_report, recoverable_map
-
-    flights.check_policy(arguments)
-    starts, commands = (
-        {
-            name: array_of(f"--{option} {name}", each, _MOST_POINTS)
-            for name, each in getattr(arguments, option).items()
-        }
-        for option in _RANGES
-    )
-    aircraft, found, law_name = trims.aircraft_of(arguments), [], ""
-    flown = [aircraft]
-    if isinstance(aircraft, Aircraft):
-        flown = [Aircraft(aircraft.parameters, dynamics) for dynamics in VARIANTS]
-    for each in flown:
-        point = trims.point_of(arguments, each)
-        law = flights.flown_law_of(arguments, linearize(each, point))
-        envelope, progress = (
-            flight_envelope(each, point, arguments.envelope),
-            ProgressLine(f"map, {point.dynamics}"),
-        )
-        gain, law_name = law.gains[-1], law.name
-        found.append(
-            recoverable_map(
-                each, point, gain, envelope, starts=starts, commands=commands, progress=progress
-            )
-        )
-    report = map_report(tuple(found), law_name)
-    draw(arguments, lambda: map_figure(tuple(found), report.title))
-    show(report, arguments, points=[each.point for each in found])
-    return 0
 
 
 def _members() -> Options:

@@ -31,11 +31,6 @@ SLOW_TABLES = {
     "verify --dihedral 10": (),
     "validate": _ENTRIES,
     "schedule --dihedral 5 --to 5.1:0.1:2 --duration 5.2": (),
-    "map --dihedral 10 --initial speed=-1:1:1 --initial dihedral=0 --command dihedral=0,1": (
-        "held",
-        "returned",
-        "within_limits",
-    ),
     "lpv --dihedral 10:11": (),
     "identify": _ENTRIES,
 }

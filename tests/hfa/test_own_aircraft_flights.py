@@ -1,4 +1,4 @@
-"""`hfa fly`, `schedule`, `map`, `monte-carlo` and `export` with `--aircraft FILE.py:NAME`."""
+"""`hfa fly`, `schedule`, `monte-carlo` and `export` with `--aircraft FILE.py:NAME`."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ import pytest
 from cli import assert_refused, hfa
 
 from hfa_support.jobs.store import open_store
-from verification.flights import recoverable_map
 
 NAVION, F16 = "navion.py:NAVION", "f16.py:F16"
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -86,9 +85,7 @@ def test_members_are_drawn_by_workers_and_a_changed_file_is_noticed() -> None:
     assert_refused(hfa(*noisy, "--resume"), 2, "another Monte Carlo")
 
 
-def test_a_schedule_over_the_speed_and_a_map_of_two_states(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(recoverable_map, "_SCAN", 2)
-    monkeypatch.setattr(recoverable_map, "_HALVINGS", 1)
+def test_a_schedule_over_the_speed() -> None:
     result = hfa("schedule", "--aircraft", NAVION, "--law", "exact", "--to", "190:20:2", "--duration", "26",
                  "--json")  # fmt: skip
     data = json.loads(result.out)
@@ -109,12 +106,6 @@ def test_a_schedule_over_the_speed_and_a_map_of_two_states(monkeypatch: pytest.M
     assert len(json.loads(hfa(*same, "--json").out)["schedule"]["dihedrals"]) == 2
     np.savez("gains.npz", **gains | {"speed": np.array([170.0, 180.0])})
     assert_refused(hfa(*same), 2, "the gains cover 170 ft/s to 180 ft/s, not 176 ft/s to 190 ft/s")
-    ranges = ("--initial", "speed=-5,5", "--initial", "alpha=-2,0,2", "--command", "speed=-5,5")
-    data = json.loads(hfa("map", "--aircraft", NAVION, "--law", "exact", *ranges, "--json").out)[
-        "maps"
-    ]["Navion"]
-    assert (data["speeds"], np.shape(data["nonlinear"]["held"])) == ([-5.0, 5.0], (3, 2))
-    assert np.all(data["nonlinear"]["held"])
 
 
 def test_exports_have_its_names() -> None:
@@ -138,8 +129,6 @@ def test_exports_have_its_names() -> None:
         ("fly --delay 0.0105", "make it a whole number of ticks"),
         ("schedule --to 176", "begins and ends at 176 ft/s"),
         ("schedule --to 190 --dihedral 5", "unknown option --dihedral"),
-        ("map --initial speed=1", "name two with --initial and one with --command"),
-        ("map --law none", "--law is 'none'; use one of exact, certified"),
     ],
 )
 def test_what_does_not_fit_the_model_is_one_line(words: str, named: str) -> None:

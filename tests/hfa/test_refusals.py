@@ -135,9 +135,6 @@ REFUSED = {
         ("--dihedral 15 --to 15", "two different ones"),
         ("--dihedral 15 --to 16:5 --duration 1", "ends at 10 s"),
     ],
-    "map": [
-        ("--dihedral 15 --initial alpha=1", "--initial alpha is not among speed, dihedral"),
-    ],
     "monte-carlo": [
         ("--dihedral 15 --resume", "-o FILE.zarr"),
         ("--dihedral 15 --units si -o a.zarr", "a store is in ft"),

@@ -17,7 +17,6 @@ from servo_cases import SIMVFA
 from hfa.main import COMMANDS
 from hfa.options.trims import IN_FEET
 from hfa_support.reporting import unit_system as units
-from verification.flights import recoverable_map
 
 FOOT, POUND_FORCE, SLUG = 0.3048, 4.4482216152605, 14.593902937206364
 TRIM = ("trim", "--dihedral", "12")
@@ -148,17 +147,6 @@ RUNS: dict[str, tuple[str, ...]] = {
     "design": ("--design", "servo", "--dihedral", "5,10"),
     "fly": (*AT, *FLIGHT, "--gust", "200ft:5ft", "--command", "speed=0:0.01ft"),
     "schedule": ("--dihedral", "5", "--to", "6:1:2", "--law", "exact", "--duration", "7"),
-    "map": (
-        *AT,
-        "--law",
-        "exact",
-        "--initial",
-        "speed=-1ft:1ft:1ft",
-        "--initial",
-        "dihedral=0",
-        "--command",
-        "dihedral=0",
-    ),
     "monte-carlo": (*AT, *FLIGHT, "--samples", "2", "--turbulence", "3ft:200ft"),
     "identify": (),
     "report": (*AT, "--sweep", "10,12"),
@@ -178,10 +166,9 @@ OWN: dict[str, tuple[str, ...]] = {
         "{}.json",
     ),
     "schedule": (*NAVION, "--to", "190ft:20:2", "--duration", "26", "-o", "{}.json"),
-    "map": (*NAVION, "--initial", "speed=5ft", "--initial", "alpha=2", "--command", "speed=5ft"),
     "monte-carlo": (*NAVION, "--duration", "1", "--samples", "2", "--initial", "speed=5ft"),
 }
-LONG = ("identify", "report", "map", "design", "validate", "learn", "schedule", "monte-carlo")
+LONG = ("identify", "report", "design", "validate", "learn", "schedule", "monte-carlo")
 #: What a number with a unit may be multiplied with: of lengths and their squares, of forces,
 #: moments, masses.
 FACTORS = (
@@ -270,15 +257,12 @@ def test_what_has_a_unit_changes_and_nothing_else(name: str) -> None:
     [
         ("fly", "final history.states scenario.initial"),
         pytest.param("schedule", "final schedule.dihedrals history.errors", marks=pytest.mark.slow),
-        pytest.param("map", "speeds commands edges.0.inside", marks=pytest.mark.slow),
         ("monte-carlo", "peak_error effort rms_error"),
     ],
 )
 def test_what_a_model_declares_in_feet_and_pounds_changes_and_nothing_else(
-    name: str, moved: str, monkeypatch: pytest.MonkeyPatch
+    name: str, moved: str
 ) -> None:
-    monkeypatch.setattr(recoverable_map, "_SCAN", 2)
-    monkeypatch.setattr(recoverable_map, "_HALVINGS", 1)
     before, after = (answer(*typed((name, *OWN[name]), system)) for system in ("english", "si"))
     if "-o" in OWN[name]:  # with its history
         before, after = (
@@ -299,7 +283,6 @@ def test_what_a_model_declares_in_feet_and_pounds_changes_and_nothing_else(
     "words",
     [
         ("fly", *RUNS["fly"], "--picture"),
-        pytest.param(("map", *RUNS["map"], "--picture"), marks=pytest.mark.slow),
         pytest.param(("trim", *AT, "--picture"), marks=pytest.mark.slow),
     ],
     ids=lambda words: words[0],

@@ -1,4 +1,4 @@
-"""Pictures of nonlinear flights and of recoverable sets; draws, computes nothing."""
+"""The picture of a nonlinear flight; draws, computes nothing."""
 
 from __future__ import annotations
 
@@ -11,18 +11,11 @@ from controller.flight.gusts import UPDRAFT
 from controller.flight.nonlinear_flight import NonlinearFlight
 from hfa_support.reporting.figure import new_figure
 from hfa_support.reporting.text import shown_unit, shown_values
-from trim.point.operating_point import at_scheduled
-from verification.flights.recoverable_map import RecoverableMap
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-#: One color a state, in the order of the states of the HFA, the same in every map.
-_COLORS = ("C0", "C1", "C7", "C4", "C3", "C2", "C5", "C6", "C8", "C9")
-_PALE = 0.3
-#: One gray an input that exceeds its limits.
-_GRAYS = ("0.95", "0.5", "0.65", "0.78", "0.9")
 #: A legend beside no curve: on the upper edge of its axes.
 _ABOVE: dict[str, Any] = {"bbox_to_anchor": (0.0, 1.0), "frameon": False, "borderaxespad": 0.0}
 _SMALL: dict[str, Any] = {"loc": "right", "fontsize": 6, "pad": 2}
@@ -124,69 +117,6 @@ def _limit_lines(axes: Axes, limited: np.ndarray, limits: tuple[float, float], u
             axes.axhline(
                 float(shown_values(limit, unit)), color="black", linestyle="--", linewidth=0.8
             )
-
-
-def map_figure(maps: tuple[RecoverableMap, ...], title: str) -> Figure:
-    """One column a set of equations: what becomes of the starts."""
-    figure = new_figure(5.2 * len(maps), 5.6)
-    panels = figure.subplots(1, len(maps), squeeze=False)
-    handles: dict[str, Any] = {}
-    for column, each in enumerate(maps):
-        handles |= _start_map(panels[0, column], each)
-    figure.legend(
-        handles=list(handles.values()), loc="outside upper center", ncols=3, fontsize=8, title=title
-    )
-    return figure
-
-
-def _start_map(axes: Axes, each: RecoverableMap) -> dict[str, Any]:
-    """Label -> its mark in the legend."""
-    from matplotlib.colors import to_rgb
-    from matplotlib.lines import Line2D
-    from matplotlib.patches import Patch
-
-    found, model = each.starts["nonlinear"], each.envelope.model
-    states, inputs = tuple(model.states), tuple(model.inputs)
-    inside, returned, left, exceeded = (
-        found[name] for name in ("held", "returned", "left_first", "exceeded")
-    )
-    picture = np.ones((*inside.shape, 3))
-    handles: dict[str, Any] = {}
-
-    def fill(where: np.ndarray, color: Any, label: str) -> None:
-        picture[where] = to_rgb(color)
-        handles[label] = Patch(facecolor=color, edgecolor="gray", label=label)
-
-    fill(found["within_limits"], "white", "stayed within limits")
-    for index in np.unique(exceeded[inside & (exceeded >= 0)]).tolist():
-        label = f"{inputs[index]} exceeded its limits, inside the envelope"
-        fill(inside & (exceeded == index), _GRAYS[index % len(_GRAYS)], label)
-    for index, back in sorted(
-        set(zip(left[~inside].tolist(), returned[~inside].tolist(), strict=True))
-    ):
-        name = (*states, "no state")[index]
-        label = f"came back, {name} had left" if back else f"lost, {name} left first"
-        color = np.array(to_rgb("0.6" if index < 0 else _COLORS[index % len(_COLORS)]))
-        fill(
-            ~inside & (left == index) & (returned == back),
-            _PALE * color + 1 - _PALE if back else color,
-            label,
-        )
-    across, down = (shown_values(values, model.unit(name)) for name, values in each.axes.items())
-    axes.pcolormesh(across, down, picture, shading="nearest")
-    linear = each.starts["linear"]["held"].astype(float)
-    if min(linear.shape) > 1 and 0.0 < linear.mean() < 1.0:
-        axes.contour(
-            across, down, linear, levels=[0.5], colors="black", linestyles="--", linewidths=1.2
-        )
-    label = "linear model inside the envelope"
-    handles[label] = Line2D([], [], color="black", linestyle="--", label=label)
-    axes.plot(0, 0, "+", color="black")
-    along, up = (f"initial {name} off trim, {shown_unit(model.unit(name))}" for name in each.axes)
-    axes.set_xlabel(along)
-    axes.set_ylabel(up)
-    axes.set_title(f"{each.point.called}, trim {at_scheduled(each.point)}", fontsize=10)
-    return handles
 
 
 def _finish(axes: Axes, label: str) -> None:
