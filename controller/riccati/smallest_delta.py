@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -23,9 +23,6 @@ from controller.riccati.certificate import (
 from controller.riccati.frequency_response import bounded_real_gain, swept_gain
 from hfa_support.errors import NoSolutionError
 from hfa_support.progress import Progress
-
-if TYPE_CHECKING:
-    from controller.servo.generalized_plant import GeneralizedPlant
 
 #: An eigenvalue of X1'X2 up to this is rounding, a hundred times that of a well-conditioned Schur
 #: form,
@@ -123,20 +120,16 @@ class DeltaMin(NamedTuple):
         return f"delta = {delta:.9g} is {where}; {what}"
 
 
-def minimum_delta(problem: Game | GeneralizedPlant, progress: Progress | None = None) -> DeltaMin:
-    """The smallest δ of a game or of a generalized plant, to 1e-6 relative: bisection of log δ.
+def minimum_delta(problem: Game, progress: Progress | None = None) -> DeltaMin:
+    """The smallest δ of a game, to 1e-6 relative: bisection of log δ.
 
-    Of a game on `has_value`; its own delta plays no part.
+    By `has_value`; the delta of the game itself plays no part.
 
     The set of good δ is an interval (delta_min, inf]: a disturbance that pays more can do less. The
     search starts above the L2 gain of the LQR policy, which is never below delta_min because that
     policy attains it. Where that policy cannot be certified the policy of the game itself serves as
     well. Raises NoSolutionError when neither can, naming the mode if one is found that rules out
     every solution. Source: Basar and Bernhard, H-infinity Optimal Control, Theorem 4.11."""
-    if not isinstance(problem, Game):
-        from controller.servo.generalized_plant import minimum_of_plant
-
-        return minimum_of_plant(problem)
     game, _ = reached(problem)
     K = game.gain(_some_solution(game, problem))
     if not game.E.any():

@@ -119,10 +119,12 @@ def controller_at(
     if design.sensors:
         problem = GeneralizedPlant.measured(problem, built.C, built.V, built.D)
         exact: Any = solve_plant(problem, design.delta)
+        smallest = problem.minimum_delta()
         seen, checks = built.sensors, exact.checks
         Ak, Bk, Ck, Dk, wound = exact.Ak, exact.Bk, exact.Ck, exact.Dk, built.B - exact.Bk @ built.D
     else:
         exact = solve_game(problem)
+        smallest = minimum_delta(problem)
         seen, checks = design.states, exact.certificate.checks
         Ak, Bk, Ck, Dk, wound = (
             np.zeros((0, 0)),
@@ -145,7 +147,7 @@ def controller_at(
         C=np.hstack([Ck, Dk @ of_e]),
         D=np.hstack([Dk @ of_y, np.zeros((m, q))]),
         W=np.vstack([wound, np.zeros((q, m))]),
-        limit=minimum_delta(problem).value,
+        limit=smallest.value,
         checks=checks,
     )
 

@@ -27,6 +27,7 @@ from controller.riccati.frequency_response import (
     peak_gain,
     responses,
     square_root,
+    system_gain,
     without_feedthrough,
 )
 from controller.riccati.gare import solve_certified
@@ -235,6 +236,35 @@ class GeneralizedPlant(Shown):
         columns = {name: getattr(self, name) * units for name in ("C1", "C2")}
         return replace(self, **rows | columns | {"A": rows["A"] * units})
 
+    def minimum_delta(self) -> DeltaMin:
+        """The smallest δ for which `solve_plant` has a controller, to `TOLERANCE` relative.
+
+        Found by bisection of log δ. Raises NoSolutionError when no δ will do.
+        """
+        check_modes(self)
+        held, condition = _conditions(self, math.inf)
+        if held is False:
+            raise NoSolutionError(
+                f"rounding hides the solution of the {condition} without disturbance: some costs"
+                " in D12 or noises in D21 are too small beside the rest; make them larger or"
+                " check the scaling"
+            )
+        last_failure = "none"
+
+        def is_good(delta: float) -> bool | None:
+            nonlocal last_failure
+            held, condition = _conditions(self, delta)
+            if not held:
+                last_failure = condition
+            return held
+
+        begin = max(1.0, 2.0 * self.floor)
+        gain = _gain_of_optimal_loop(self)
+        if 0.0 < gain < math.inf:
+            begin = 2.0 * gain
+        value, refused = bracketed(is_good, begin, TOLERANCE)
+        return DeltaMin(value, refused, last_failure)
+
 
 def stored_plant(
     path: str | Path, found: dict[str, Any] | None = None
@@ -319,7 +349,7 @@ def solve_plant(plant: GeneralizedPlant, delta: float) -> OutputFeedback | State
     try:
         return _certified(plant, delta)
     except NoSolutionError as failure:
-        raise NoSolutionError(f"{failure}; {minimum_of_plant(plant).advice(delta)}") from failure
+        raise NoSolutionError(f"{failure}; {plant.minimum_delta().advice(delta)}") from failure
 
 
 def _certified(plant: GeneralizedPlant, delta: float) -> OutputFeedback | StateFeedback:
@@ -444,25 +474,32 @@ def loop_checks(
     return tuple(found)
 
 
-def minimum_of_plant(plant: GeneralizedPlant) -> DeltaMin:
-    """`minimum_delta` of a plant: bisection of log δ on the conditions of `solve_plant`, to
-    `TOLERANCE`."""
-    check_modes(plant)
-    found = _conditions(plant, math.inf)
-    if found[0] is False:
-        raise NoSolutionError(
-            f"rounding hides the solution of the {found[1]} without disturbance: some costs in D12 or noises in D21 "
-            "are too small beside the rest; make them larger or check the scaling"
+def _gain_of_optimal_loop(plant: GeneralizedPlant) -> float:
+    """The L2 gain from w to z under the H2-optimal controller, which is not below δ_min.
+
+    The search for δ_min starts above it: it has the units of δ, whatever these are. inf where
+    rounding hides that controller.
+    """
+    games = [side.game(math.inf) for side in plant.sides]
+    values = [solution_that_holds(game) for game in games]
+    if any(value is None for value in values):
+        return math.inf
+    units = balanced_units(games[0])
+    balanced_plant = plant.in_units(units)
+    X = values[0] * np.outer(units, units)
+    if len(values) == 1:
+        _, F = balanced_plant.sides[0].policies(X, math.inf)
+        loop = (
+            balanced_plant.A + balanced_plant.B2 @ F,
+            balanced_plant.B1,
+            balanced_plant.C1 + balanced_plant.D12 @ F,
+            balanced_plant.D11,
         )
-    said = ""
-
-    def good(delta: float) -> bool | None:
-        nonlocal said
-        held, fails = _conditions(plant, delta)
-        said = said if held else fails
-        return held
-
-    return DeltaMin(*bracketed(good, max(1.0, 2.0 * plant.floor), TOLERANCE), said or "none")
+    else:
+        Y = values[1] / np.outer(units, units)
+        controller = central_controller(balanced_plant, X, Y, math.inf)
+        loop = closed_loop(balanced_plant, controller)
+    return system_gain(*loop)
 
 
 def check_modes(plant: GeneralizedPlant) -> None:

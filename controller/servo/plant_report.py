@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from controller.riccati.balancing import spectrum
-from controller.riccati.smallest_delta import minimum_delta
 from controller.servo.generalized_plant import (
     GeneralizedPlant,
     StateFeedback,
@@ -29,7 +28,7 @@ def plant_report(plant: GeneralizedPlant, delta: float | None, origin: str) -> R
 
     Raises NoSolutionError that names the assumption or the condition that fails.
     """
-    smallest = minimum_delta(plant)
+    smallest = plant.minimum_delta()
     found = solve_plant(plant, (USUAL_MARGIN * smallest.value or 1.0) if delta is None else delta)
     states, inputs = numbered("x", len(plant.A)), numbered("u", plant.B2.shape[1])
     if isinstance(found, StateFeedback):

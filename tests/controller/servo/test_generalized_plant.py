@@ -60,7 +60,7 @@ def random_plant(seed: int, feedthrough: float = 1.0) -> GeneralizedPlant:
 
 @cache
 def smallest_of(seed: int, feedthrough: float = 1.0) -> DeltaMin:
-    return minimum_delta(random_plant(seed, feedthrough))
+    return random_plant(seed, feedthrough).minimum_delta()
 
 
 def of_slycot(plant: GeneralizedPlant) -> tuple[float, float]:
@@ -143,7 +143,7 @@ def test_state_feedback_is_the_game_where_nothing_crosses(game: Game) -> None:
         np.vstack([np.zeros((n, m)), np.sqrt(game.R)]),
     )
     plant = GeneralizedPlant(game.A, game.E, game.B, C1, D12)
-    assert minimum_delta(plant).value == pytest.approx(minimum_delta(game).value, rel=3e-6)
+    assert plant.minimum_delta().value == pytest.approx(minimum_delta(game).value, rel=3e-6)
     found, exact = solve_plant(plant, game.delta), solve_game(game)
     assert relative_error(found.K, exact.K) < 1e-10
     assert relative_error(found.disturbance_gain, exact.disturbance_gain) < 1e-10
@@ -154,14 +154,14 @@ def test_state_feedback_is_the_limit_of_measuring_every_state_ever_better(seed: 
     """With cross terms and D11, whose whole size bounds delta: the gain does not see w."""
     plant = random_plant(seed, 0.3)
     state = replace(plant, C2=None, D21=None, D22=None)
-    smallest, (n, k) = minimum_delta(state), plant.B1.shape
+    smallest, (n, k) = state.minimum_delta(), plant.B1.shape
     assert smallest.value >= np.linalg.norm(plant.D11, 2)
     r, D21 = len(plant.C1), np.hstack([np.zeros((n, k)), 1e-4 * np.eye(n)])
     noisy = GeneralizedPlant(
         plant.A, np.hstack([plant.B1, np.zeros((n, n))]), plant.B2, plant.C1, plant.D12, np.eye(n), D21,
         np.hstack([plant.D11, np.zeros((r, n))]),
     )  # fmt: skip
-    assert smallest.value == pytest.approx(minimum_delta(noisy).value, rel=1e-4)
+    assert smallest.value == pytest.approx(noisy.minimum_delta().value, rel=1e-4)
     found: Any = solve_plant(state, 1.01 * smallest.value)
     loop = control.ss(
         plant.A - plant.B2 @ found.K, plant.B1, plant.C1 - plant.D12 @ found.K, plant.D11
@@ -173,7 +173,7 @@ def test_state_feedback_is_the_limit_of_measuring_every_state_ever_better(seed: 
 def test_what_u_adds_to_y_at_once_changes_nothing() -> None:
     plant, smallest = random_plant(8), smallest_of(8).value
     without = replace(plant, D22=np.zeros_like(plant.D22))
-    assert minimum_delta(without).value == pytest.approx(smallest, rel=2e-6)
+    assert without.minimum_delta().value == pytest.approx(smallest, rel=2e-6)
     loops = []
     for each in (plant, without):
         found: Any = solve_plant(each, 2.0 * smallest)
@@ -270,14 +270,14 @@ def test_the_plants_of_public_issues_are_refused_by_name() -> None:
     ):
         GeneralizedPlant.from_control(no_cost, 1, 1)
     with pytest.raises(NoSolutionError, match=r"no input reaches the mode with eigenvalue 0,"):
-        minimum_delta(with_noise(octave_13(), 0.1))
+        with_noise(octave_13(), 0.1).minimum_delta()
 
 
 @pytest.mark.parametrize("size", [1e-3, 0.1])
 @pytest.mark.parametrize("system", [python_control_367, octave_14, lambda: octave_14(False)])
 def test_the_plants_of_public_issues_with_noise_agree_with_slycot(system: Any, size: float) -> None:
     plant = with_noise(system(), size)
-    smallest = minimum_delta(plant).value
+    smallest = plant.minimum_delta().value
     assert of_slycot(plant)[0] == pytest.approx(smallest, rel=1e-6)
     assert gain_of(plant, solve_plant(plant, 1.001 * smallest)) < 1.001 * smallest
 
@@ -310,7 +310,7 @@ def test_mixed_sensitivity_agrees_with_slycot(
     G, W1, W2 = (control.ss(control.tf(*each)) for each in (plant, error, ([effort], [1.0])))
     W3 = control.ss(control.tf(*noise)) if noise else None
     augmented = GeneralizedPlant.from_control(control.augw(G, W1, W2, W3), 1, 1)
-    smallest = minimum_delta(augmented).value
+    smallest = augmented.minimum_delta().value
     assert of_slycot(augmented)[0] == pytest.approx(smallest, rel=1e-6)
     assert gain_of(augmented, solve_plant(augmented, 1.001 * smallest)) < 1.001 * smallest
 
@@ -334,7 +334,7 @@ def test_mixed_sensitivity_agrees_with_slycot(
 )
 def test_modes_that_rule_out_every_delta_are_named(changes: dict[str, Any], words: str) -> None:
     plant = GeneralizedPlant(**DOUBLE | changes)
-    for solve in (minimum_delta, lambda each: solve_plant(each, 1e3)):
+    for solve in (GeneralizedPlant.minimum_delta, lambda each: solve_plant(each, 1e3)):
         with pytest.raises(NoSolutionError, match=words):
             solve(plant)
 
@@ -362,7 +362,7 @@ def test_the_command_solves_a_file_and_says_what_to_change(tmp_path: Any) -> Non
     path = tmp_path / "plant.json"
     path.write_text(json.dumps(DOUBLE), "utf-8")
     data = json.loads(hfa("solve", "--model", str(path), "--json").out)
-    smallest = minimum_delta(GeneralizedPlant(**DOUBLE)).value
+    smallest = GeneralizedPlant(**DOUBLE).minimum_delta().value
     assert (data["feedback"], data["delta_min"], data["certificate"]["ok"]) == (
         "output",
         smallest,
@@ -440,8 +440,18 @@ def test_a_scalar_plant_by_hand() -> None:
     assert parts == pytest.approx([X, Y, X * Y / 9, gain, Ak], rel=1e-12)
 
 
+@pytest.mark.parametrize("size", [1e-14, 1e14])
+def test_the_smallest_delta_is_found_whatever_its_size(size: float) -> None:
+    """The unit of z scales delta with it; the search starts above a gain that is attained."""
+    plant = random_plant(8)
+    expected = plant.minimum_delta().value
+    scaled = replace(plant, C1=size * plant.C1, D11=size * plant.D11, D12=size * plant.D12)
+    assert scaled.minimum_delta().value == pytest.approx(size * expected, rel=2e-6)
+    assert all(check.ok for check in solve_plant(scaled, 2.0 * size * expected).checks)
+
+
 def test_the_smallest_delta_of_a_scalar_plant_and_its_report() -> None:
-    smallest, refused, condition = minimum_delta(scalar())
+    smallest, refused, condition = scalar().minimum_delta()
     assert refused < smallest <= refused * (1 + 1e-6)
     assert condition == "coupling condition"
     below, above = (
@@ -499,7 +509,7 @@ def test_with_every_state_measured_well_it_is_the_state_feedback_game(game: Game
     plants = [
         GeneralizedPlant.measured(game, np.eye(n), noise * np.eye(n)) for noise in (1e-6, 1e-10)
     ]
-    excess = [minimum_delta(plant).value / smallest - 1 for plant in plants]
+    excess = [plant.minimum_delta().value / smallest - 1 for plant in plants]
     assert excess[0] > excess[1] > -2e-6
     assert excess[1] < 1e-3
     found: Any = solve_plant(plants[1], game.delta)
@@ -521,7 +531,7 @@ def test_units_of_the_states_over_16_decades_change_nothing(seed: int) -> None:
     one, other = (
         GeneralizedPlant.measured(each, c, np.eye(2)) for each, c in ((game, C), (scaled, C * u))
     )
-    smallest, found = minimum_delta(one), minimum_delta(other)
+    smallest, found = one.minimum_delta(), other.minimum_delta()
     assert found.refused < found.value <= found.refused * (1 + 2e-6)
     assert found.value == pytest.approx(smallest.value, rel=2e-6)
     assert found.condition == smallest.condition
