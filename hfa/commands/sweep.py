@@ -174,9 +174,13 @@ def _in_store(plan: SweepPlan, arguments: argparse.Namespace) -> tuple[Report, b
     """The report of the store, and whether any point has a trim."""
     from trim.sweeps.sweep_store import stored_sweep_report, stream_sweep
 
-    about = {"provenance": provenance(arguments).to_dict(), "progress": ProgressLine("sweep")}
-    store = stream_sweep(
-        plan, arguments.output, **arguments.workers, resume=arguments.resume, **about
+    dataset = stream_sweep(
+        plan,
+        arguments.output,
+        workers=arguments.workers.get("scheduler", arguments.workers.get("count", 1)),
+        resume=arguments.resume,
+        provenance=provenance(arguments).to_dict(),
+        progress=ProgressLine("sweep"),
     )
-    report = stored_sweep_report(plan, store, arguments.output)
+    report = stored_sweep_report(plan, dataset, arguments.output)
     return report, bool(report.data["counts"]["trimmed"])

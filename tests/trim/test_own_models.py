@@ -300,7 +300,7 @@ def test_kinks_are_reported_with_both_slopes_and_where_they_are(tmp_path: Path) 
     (note,) = found.report().notes
     assert note.endswith("slopes below and above are -35 and -35 (1 of 3 points, the first at 0)")
     store = stream_sweep(found.plan, tmp_path / "a.zarr")
-    assert store.read("kinks").tolist() == [0, 1, 0]
+    assert store.kinks.values.tolist() == [0, 1, 0]
     assert "kinks at 1 points" in stored_sweep_report(found.plan, store, tmp_path).notes[0]
 
 

@@ -30,6 +30,7 @@ from trim.sweeps.points import (
     parameters_at,
     trim_points,
 )
+from trim.sweeps.sweep_arrays import ARRAYS, labels_of
 from trim.sweeps.sweep_plan import SweepPlan
 
 if TYPE_CHECKING:
@@ -252,32 +253,32 @@ class Sweep(ByValue, Reported):
         the grid, or over the points of a list, with names, units and reasons. Needs xarray."""
         import xarray
 
-        from trim.sweeps.sweep_store import arrays_of
-
-        plan, model = self.plan, self.model
-        place, shape = (
-            (("point",), (plan.count,)) if plan.listed else (plan.variables, tuple(plan.sizes))
+        plan = self.plan
+        axes: tuple[str, ...] = ("point",)
+        if plan.listed:
+            coordinates = {name: ("point", self.values[:, i]) for i, name in enumerate(plan.axes)}
+        else:
+            axes = plan.variables
+            coordinates = {name: (name, np.array(plan.axes[name])) for name in plan.axes}
+        dataset = xarray.Dataset(
+            coords={
+                **coordinates,
+                **labels_of(self.model, rates=self.model.linear),
+                "linear_state": list(self.model.linear),
+            },
+            attrs={"model": self.model.title},
         )
-        names = {
-            "state": tuple(model.states),
-            "input": tuple(model.inputs),
-            "mode": self.mode_names,
-        }
-        names |= {"rate": self.model.linear, "linear_state": self.model.linear}
-        coordinates: dict[str, Any] = {name: list(each) for name, each in names.items() if each}
-        coordinates |= {
-            f"{name}_unit": (name, list(model.units(names[name]))) for name in ("state", "input")
-        }
-        for i, (name, unit) in enumerate(zip(plan.variables, plan.units, strict=True)):
-            axis = plan.axes[name]
-            along = self.values[:, i] if plan.listed else [axis[k] for k in range(len(axis))]
-            coordinates[name] = (place[0] if plan.listed else name, along, {"units": unit})
-        data: dict[str, Any] = {"reason": (place, np.array(self.reasons).reshape(shape))}
-        for name in ("states", "inputs", "A", "B", "eigenvalues"):
-            array, about = getattr(self, name), arrays_of(plan)[name]
-            axes = ("rate", "linear_state") if name == "A" else about.axes
-            data[name] = ((*place, *axes), array.reshape(*shape, *array.shape[1:]), about.about)
-        return xarray.Dataset(data, coordinates, {"model": model.title})
+        if self.mode_names:
+            dataset.coords["mode"] = list(self.mode_names)
+        dataset["reason"] = (axes, np.array(self.reasons).reshape(plan.sizes))
+        for name, array in ARRAYS.items():
+            values = getattr(self, name)
+            own_axes = ("rate", "linear_state") if name == "A" else array.axes
+            reshaped = values.reshape(*plan.sizes, *values.shape[1:])
+            dataset[name] = ((*axes, *own_axes), reshaped, array.attributes)
+        for name, unit in zip(plan.variables, plan.units, strict=True):
+            dataset[name].attrs["units"] = unit
+        return dataset
 
     def to_dict(self) -> dict[str, Any]:
         """Names, units and arrays; complex eigenvalues as [real, imaginary]."""

@@ -1,130 +1,115 @@
-"""A sweep that outgrows memory: its points in a store, under names and with units."""
+"""A sweep that outgrows memory: its points in a Zarr store, under names and with units."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from functools import cached_property
+import json
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from hfa_support.jobs.store import Array, Layout, Store, Task, described, stream
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Table
+from hfa_support.zarr_store import RowJob, array_of_rows, fill_store
 from trim.sweeps.points import STATUS, is_square
 from trim.sweeps.sweep import run_points
+from trim.sweeps.sweep_arrays import ARRAYS, labels_of
 from trim.sweeps.sweep_plan import SweepPlan
 
 #: Points of a chunk: half a second of work or more, about 90 MB of results.
 CHUNK = 100_000
 #: The same where each point is trimmed on its own: seconds of work.
 SLOW_CHUNK = 1_000
-_NAN = float("nan")
+#: Value of `status` at a point that is not computed yet.
+MISSING = -1
+_POINT = "point"
 
 
-def arrays_of(plan: SweepPlan) -> dict[str, Array]:
-    """What `run_points` makes of a plan: one row a point."""
-    sizes = {
-        "variable": len(plan.variables),
-        "state": len(plan.model.states),
-        "input": len(plan.model.inputs),
+def stream_sweep(plan: SweepPlan, path: Path, **options: Any) -> Any:
+    """Every point of the plan in the store at `path`, as `xarray.Dataset`; options of
+    `fill_store`."""
+    job = RowJob("sweep", _POINT, _template(plan), run_points, plan.task)
+    return fill_store(job, path, **options)
+
+
+def _template(plan: SweepPlan) -> Any:
+    """The `xarray.Dataset` of a store that holds nothing yet."""
+    model = plan.model
+    states = tuple(model.states)
+    inputs = tuple(model.inputs)
+    chunk = CHUNK if is_square(model, plan.variables, plan.condition) else SLOW_CHUNK
+    chunk = min(chunk, plan.count)
+    sizes = {"state": len(states), "rate": len(states), "mode": len(states), "input": len(inputs)}
+
+    arrays = {}
+    for name, array in ARRAYS.items():
+        shape = (plan.count, *(sizes[axis] for axis in array.axes))
+        fill = complex(np.nan, np.nan) if name == "eigenvalues" else np.nan
+        axes = (_POINT, *array.axes)
+        if 0 not in shape:  # a model without inputs has no B
+            arrays[name] = array_of_rows(axes, shape, fill, chunk, array.attributes)
+    status = {
+        "long_name": "how the trim came out",
+        "flag_values": list(range(len(STATUS))),
+        "flag_meanings": " ".join(word.replace(" ", "_") for word in STATUS),
     }
-    sizes |= {"rate": sizes["state"]}
+    kinks = {"long_name": "entries of A and B at a kink, -1 where not looked for"}
+    fill_status = np.int8(MISSING)
+    arrays["status"] = array_of_rows((_POINT,), (plan.count,), fill_status, chunk, status)
+    arrays["kinks"] = array_of_rows((_POINT,), (plan.count,), np.int16(-1), chunk, kinks)
 
-    def numbers(meaning: str, units: str, *axes: str) -> Array:
-        about = described(meaning, **{"units_of" if axes else "units": units})
-        return Array(tuple(map(sizes.__getitem__, axes)), "float64", _NAN, axes, about)
-
-    words = " ".join(each.replace(" ", "_") for each in STATUS)  # by the CF conventions
-    flags = {"flag_values": list(range(len(STATUS))), "flag_meanings": words}
-    status = described("how the trim came out") | flags
-    poles = described("of A, fastest first", "1/s")
-    kinks = described("entries of A and B whose one-sided slopes differ, -1 where not looked for")
-    varied = zip(plan.variables, plan.units, strict=True)
-    return {name: numbers("what is varied", unit) for name, unit in varied} | {
-        "values": numbers("what is varied", "variable_unit", "variable"),
-        "status": Array((), "int8", -1, (), status),
-        "states": numbers("X0", "state_unit", "state"),
-        "inputs": numbers("U0", "input_unit", "input"),
-        "A": numbers("dx'/dx", "rate_unit / state_unit", "rate", "state"),
-        "B": numbers("dx'/du", "rate_unit / input_unit", "rate", "input"),
-        "eigenvalues": Array(
-            (sizes["state"],), "complex128", complex(_NAN, _NAN), ("mode",), poles
-        ),
-        "kinks": Array((), "int16", -1, (), kinks),
+    coordinates: dict[str, Any] = dict(labels_of(model, rates=states))
+    for name, unit in zip(plan.variables, plan.units, strict=True):
+        about = {"long_name": "what is varied", "units": unit}
+        coordinates[name] = array_of_rows((_POINT,), (plan.count,), np.nan, chunk, about)
+    attributes = {
+        "schema": "hfa.sweep-store/2",
+        **plan.varied,
+        "states": list(states),
+        "state_units": list(model.units(states)),
+        "inputs": list(inputs),
+        "input_units": list(model.units(inputs)),
+        "status": [str(word) for word in STATUS],
+        "warnings": plan.warnings,
+        "plan": json.dumps(plan.to_dict()),
     }
 
+    import xarray
 
-@dataclass(frozen=True, eq=False)
-class SweepJob:
-    """A plan as a job of `stream`."""
-
-    plan: SweepPlan
-
-    @cached_property
-    def layout(self) -> Layout:
-        """The arrays of `arrays_of`, the names on their axes and the units of these."""
-        plan, model = self.plan, self.plan.model
-        states, inputs = tuple(model.states), tuple(model.inputs)
-        named = {
-            "variable": (plan.variables, plan.units),
-            "state": (states, model.units(states)),
-            "rate": (states, tuple(map(model.rate_unit, states))),
-            "input": (inputs, model.units(inputs)),
-        }
-        labels = {axis: (axis, names) for axis, (names, _) in named.items()}
-        labels |= {f"{axis}_unit": (axis, units) for axis, (_, units) in named.items()}
-        attributes = {
-            "coordinates": " ".join((*plan.variables, *(f"{axis}_unit" for axis in named))),
-            **plan.varied,
-            **{"states": list(states), "state_units": list(model.units(states))},
-            **{"inputs": list(inputs), "input_units": list(model.units(inputs))},
-            **{"status": list(STATUS), "warnings": plan.warnings},
-        }
-        chunk = CHUNK if is_square(model, plan.variables, plan.condition) else SLOW_CHUNK
-        data = plan.to_dict(), arrays_of(plan), labels, attributes
-        return Layout("hfa.sweep-store/1", "sweep", plan.count, "point", chunk, *data)
-
-    @property
-    def function(self) -> Callable[..., Mapping[str, np.ndarray]]:
-        """What workers run."""
-        return run_points
-
-    def task(self, start: int, stop: int) -> Task:
-        """Its arguments for some rows."""
-        return self.plan.task(start, stop)
+    return xarray.Dataset(arrays, coordinates, attributes)
 
 
-def stream_sweep(plan: SweepPlan, path: Path, **options: Any) -> Store:
-    """Every point of the plan in the store at `path`; options of `stream`."""
-    return stream(SweepJob(plan), path, **options)
+def stored_sweep_report(plan: SweepPlan, dataset: Any, path: Path) -> Report:
+    """Points by status, "missing" for those not computed yet; how many lie at a kink.
 
-
-def stored_sweep_report(plan: SweepPlan, store: Store, path: Path) -> Report:
-    """Points by status, "missing" for those not computed yet; how many lie at a kink."""
-    totals, kinks, notes = np.zeros(len(STATUS) + 1, dtype=int), 0, plan.warnings
-    for start in range(0, plan.count, store.chunk):
-        rows = slice(start, start + store.chunk)
-        totals += np.bincount(store.read("status", rows) + 1, minlength=len(totals))
-        kinks += int(np.count_nonzero(store.read("kinks", rows) > 0))
+    dataset: what `stream_sweep` returned for the plan, from the store at `path`.
+    """
+    totals = np.zeros(len(STATUS) + 1, dtype=int)
+    kinks = 0
+    for start in range(0, plan.count, CHUNK):
+        part = dataset.isel({_POINT: slice(start, start + CHUNK)})
+        totals += np.bincount(part.status.values - MISSING, minlength=len(totals))
+        kinks += int(np.count_nonzero(part.kinks.values > 0))
+    notes = plan.warnings
     if kinks:
         notes.append(
-            f"kinks at {kinks} points: one-sided slopes differ from A or B (the array kinks counts entries)"
+            f"kinks at {kinks} points: one-sided slopes differ from A or B (the array kinks counts "
+            "entries)"
         )
     counts = dict(zip(("missing", *STATUS), totals.tolist(), strict=True))
+    rows = [(status, str(count)) for status, count in counts.items()]
     data = {
         "schema": "hfa.sweep-summary/1",
         "store": str(path),
         "dynamics": plan.model.name,
         **plan.varied,
+        "points": plan.count,
+        "counts": counts,
+        "warnings": notes,
     }
     return Report(
         title=f"Sweep over {', '.join(plan.variables)}, {plan.model.title}, in {path}",
-        parts=(
-            Table(("status", "points"), [(status, str(count)) for status, count in counts.items()]),
-        ),
+        parts=(Table(("status", "points"), rows),),
         notes=notes,
-        data=data | {"points": plan.count, "counts": counts, "warnings": notes},
+        data=data,
     )

@@ -1,0 +1,207 @@
+"""Where independent tasks run: in this process, in child processes, or on a Dask cluster."""
+
+from __future__ import annotations
+
+import logging
+import os
+import signal
+import threading
+import traceback
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import (
+    FIRST_COMPLETED,
+    CancelledError,
+    Executor,
+    Future,
+    ThreadPoolExecutor,
+    wait,
+)
+from contextlib import contextmanager, suppress
+from functools import partial
+from itertools import islice
+from typing import Any
+
+from hfa_support.errors import BadInputError, NoSolutionError
+
+#: Tasks in flight for each worker: enough to keep it busy, few enough to keep memory flat.
+_AHEAD = 2
+#: How often Dask runs a task again whose worker was lost.
+_RETRIES = 3
+#: Within which a scheduler must answer.
+_ANSWER = "10s"
+_ADVICE = "continue with --resume what was written to a store"
+
+#: (key, arguments of the function) of each task.
+Tasks = Iterable[tuple[int, tuple[Any, ...]]]
+#: (function, tasks) -> (key, function(*arguments)) of each task, in the order in which they finish.
+Run = Callable[[Callable[..., Any], Tasks], Iterator[tuple[int, Any]]]
+
+
+@contextmanager
+def open_workers(workers: int | str = 1) -> Iterator[Run]:
+    """What runs tasks until the block ends.
+
+    workers: 1 for this process, a number of child processes, or the address of a Dask scheduler,
+    tcp://host:port.
+
+    BadInputError when the number is not positive, Dask is not installed or the scheduler does not
+    answer. Running tasks raises NoSolutionError when a worker dies or the cluster gives up a task.
+    """
+    if isinstance(workers, str):
+        with _cluster(workers) as run:
+            yield run
+    elif workers < 1:
+        raise BadInputError(f"the number of workers is {workers}; it must be at least 1")
+    elif workers == 1:
+        yield _run_here
+    else:
+        with _processes(workers) as run:
+            yield run
+
+
+def _run_here(function: Callable[..., Any], tasks: Tasks) -> Iterator[tuple[int, Any]]:
+    for key, arguments in tasks:
+        yield key, function(*arguments)
+
+
+def _run_in(
+    pool: Executor, in_flight: int, function: Callable[..., Any], tasks: Tasks
+) -> Iterator[tuple[int, Any]]:
+    """Run the tasks in a pool, with at most `in_flight` of them submitted at a time."""
+    waiting = iter(tasks)
+    keys: dict[Future[Any], int] = {}
+
+    def submit(count: int) -> None:
+        for key, arguments in islice(waiting, count):
+            keys[pool.submit(function, *arguments)] = key
+
+    submit(in_flight)
+    while keys:
+        finished, _ = wait(keys, return_when=FIRST_COMPLETED)
+        for future in finished:
+            yield keys.pop(future), future.result()
+            submit(1)
+
+
+@contextmanager
+def _processes(count: int) -> Iterator[Run]:
+    """`count` child processes, each served by a thread of this one through a pipe.
+
+    Not `ProcessPoolExecutor`: it cannot kill its workers, and its semaphores are reported as leaked
+    when this process is ended by a signal.
+    """
+    import multiprocessing
+
+    # Not fork: CasADi and NumPy hold threads, which a forked child would inherit broken.
+    context = multiprocessing.get_context("spawn")
+    children: list[Any] = []
+    of_thread = threading.local()
+
+    def start() -> None:
+        of_thread.connection, end = context.Pipe()
+        child = context.Process(target=_serve, args=(end,), daemon=True)
+        with _signals_held():
+            child.start()
+        children.append(child)
+        end.close()
+
+    def call(function: Callable[..., Any], *arguments: Any) -> Any:
+        try:
+            of_thread.connection.send((function, arguments))
+            result, error = of_thread.connection.recv()
+        except (EOFError, ConnectionError) as lost:
+            raise NoSolutionError(f"a worker died; {_ADVICE}") from lost
+        if error is not None:
+            raise error
+        return result
+
+    pool = ThreadPoolExecutor(count, initializer=start)
+    try:
+        yield lambda function, tasks: _run_in(pool, count, partial(call, function), tasks)
+    finally:
+        for child in children:
+            child.kill()
+        pool.shutdown(cancel_futures=True)
+
+
+@contextmanager
+def _signals_held() -> Iterator[None]:
+    """Signals wait until the block ends.
+
+    A process that starts in the block inherits that for good: a terminal sends Ctrl-C to every
+    process of a run, and only the one that started the others shall answer.
+    """
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    from multiprocessing import resource_tracker
+
+    # It is started with the first process, and would let signals through again.
+    resource_tracker.ensure_running()
+    ending = {signal.SIGINT, signal.SIGTERM, signal.SIGHUP}
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, ending)
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _serve(connection: Any) -> None:
+    """Answer each (function, arguments) with (result, None) or (None, error).
+
+    The process ends when the one that started it is gone, however that ended.
+    """
+    import multiprocessing
+
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+
+    def end_with_parent() -> None:
+        parent.join()
+        os._exit(1)
+
+    threading.Thread(target=end_with_parent, daemon=True).start()
+    with suppress(EOFError, OSError):  # of a pipe whose other end is gone
+        while True:
+            function, arguments = connection.recv()
+            try:
+                answer: tuple[Any, Exception | None] = (function(*arguments), None)
+            except Exception as error:
+                error.add_note(traceback.format_exc())  # a traceback does not go through a pipe
+                answer = (None, error)
+            connection.send(answer)
+
+
+@contextmanager
+def _cluster(address: str) -> Iterator[Run]:
+    """The workers of the Dask cluster whose scheduler has this address."""
+    try:
+        from dask.distributed import Client
+        from distributed.comm import CommClosedError
+        from distributed.scheduler import KilledWorker
+    except ImportError as error:
+        raise BadInputError(
+            "a scheduler needs Dask; install it with `pip install .[distributed]`"
+        ) from error
+
+    logging.disable()  # Dask logs a lost connection in tracebacks; one line of ours says it
+    try:
+        try:
+            client = Client(address, timeout=_ANSWER, set_as_default=False)
+        except (OSError, ValueError) as error:
+            raise BadInputError(
+                f"no Dask scheduler answers at {address} ({error}); start one, or use --workers"
+            ) from None
+        with client:
+            threads = sum(client.nthreads().values())
+            if not threads:
+                raise BadInputError(f"the Dask scheduler at {address} has no workers; start some")
+            try:
+                pool = client.get_executor(pure=False, retries=_RETRIES)
+                yield partial(_run_in, pool, _AHEAD * threads)
+            except (KilledWorker, CancelledError, CommClosedError) as error:
+                raise NoSolutionError(
+                    f"the cluster gave up a chunk ({type(error).__name__}); {_ADVICE}"
+                ) from error
+    finally:
+        logging.disable(logging.NOTSET)

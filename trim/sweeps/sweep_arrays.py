@@ -1,0 +1,62 @@
+"""Names, axes and units of the arrays of a sweep, in memory and in a store."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import NamedTuple
+
+import numpy as np
+
+from hfa_aircraft.model import Model
+
+
+class SweepArray(NamedTuple):
+    """One array over the points of a sweep.
+
+    axes: its axes beside those of the points.
+    units: of all entries; or the name of the coordinate that holds the unit of each.
+    meaning: in words.
+    """
+
+    axes: tuple[str, ...]
+    units: str
+    meaning: str
+
+    @property
+    def attributes(self) -> dict[str, str]:
+        """As the CF conventions name them; `units_of` where each entry has a unit of its own."""
+        kind = "units" if self.units == "1/s" else "units_of"
+        return {"long_name": self.meaning, kind: self.units}
+
+
+ARRAYS = {
+    "states": SweepArray(("state",), "state_unit", "X0"),
+    "inputs": SweepArray(("input",), "input_unit", "U0"),
+    "A": SweepArray(("rate", "state"), "rate_unit / state_unit", "dx'/dx"),
+    "B": SweepArray(("rate", "input"), "rate_unit / input_unit", "dx'/du"),
+    "eigenvalues": SweepArray(("mode",), "1/s", "of A, fastest first"),
+}
+
+
+def labels_of(model: Model, rates: tuple[str, ...]) -> dict[str, tuple[str, np.ndarray]]:
+    """Coordinates of the axes, as xarray takes them: (axis, names), and (axis, unit of each).
+
+    rates: names of the states whose rates are the rows of A and B.
+    """
+    states = tuple(model.states)
+    inputs = tuple(model.inputs)
+    labels = {
+        "state": ("state", _words(states)),
+        "state_unit": ("state", _words(model.units(states))),
+        "rate": ("rate", _words(rates)),
+        "rate_unit": ("rate", _words(model.rate_unit(name) for name in rates)),
+    }
+    if inputs:
+        labels["input"] = ("input", _words(inputs))
+        labels["input_unit"] = ("input", _words(model.units(inputs)))
+    return labels
+
+
+def _words(words: Iterable[str]) -> np.ndarray:
+    """Words of any length, which Zarr stores as such."""
+    return np.array([*words], dtype=object)
