@@ -1,5 +1,6 @@
 """How the aircraft is controlled: the game, the critics that learn its value, and the simulated closed loop."""
 
+from .critic.critic_file import critic_in as critic_in, critics_over_time as critics_over_time
 from .flight.actuators import ActuatorFault as ActuatorFault, Actuators as Actuators
 from .flight.envelope import Envelope as Envelope, flight_envelope as flight_envelope
 from .flight.flight_figure import flight_figure as flight_figure
@@ -11,7 +12,7 @@ from .flight.scenario import Scenario as Scenario, Uncertainty as Uncertainty
 from .flight.signals import CommandSteps as CommandSteps, Signal as Signal
 from .game.basis import basis as basis
 from .game.gain_schedule import GainTable as GainTable
-from .game.user_files import History as History, load_critic as load_critic, load_game as load_game
+from .game.user_files import load_game as load_game
 from .game.zero_sum import Game as Game, published_game as published_game
 from .learning.certified import learn as learn
 from .learning.certify import run as run

@@ -1,5 +1,11 @@
 """Trims, exact linear models and games of aircraft, and critics checked against the exact solution."""
 
+from controller.critic.critic import (
+    from_gain as from_gain,
+    from_value as from_value,
+    from_weights as from_weights,
+)
+from controller.critic.network import from_network as from_network
 from controller.game.zero_sum import Game as Game
 from controller.learning.certified import learn as learn
 from controller.riccati.gare import solve_game as solve_game
@@ -9,10 +15,4 @@ from trim.linear.linear_model import linearize as linearize
 from trim.point.condition import level_flight as level_flight
 from trim.point.solve import find_operating_point as find_operating_point
 from trim.sweeps.sweep import sweep as sweep
-from verification.critic.candidate import (
-    from_gain as from_gain,
-    from_value as from_value,
-    from_weights as from_weights,
-)
 from verification.critic.critic_check import check_critic as check_critic
-from verification.critic.network_file import from_network as from_network

@@ -1,13 +1,13 @@
 """Is it true: the exact game solution with its certificate, and everything that is checked against it."""
 
-from .critic.candidate import (
+from .critic.critic_check import check_critic as check_critic, check_history as check_history
+from .critic.critic_errors import relative_error as relative_error
+from .critics import (
     from_gain as from_gain,
+    from_network as from_network,
     from_value as from_value,
     from_weights as from_weights,
 )
-from .critic.critic_check import check_critic as check_critic, check_history as check_history
-from .critic.critic_errors import relative_error as relative_error
-from .critic.network_file import from_network as from_network
 from .exact_solution import (
     GeneralizedPlant as GeneralizedPlant,
     analyse_game as analyse_game,

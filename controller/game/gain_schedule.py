@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from controller.game.array_file import read_arrays
-from controller.game.user_files import PlantNames, file_scales, load_critic, words
+from controller.game.user_files import PlantNames, file_scales, words
+from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, checked_matrix
 from hfa_aircraft.model import Model
 from hfa_model.aircraft import HFA
 from hfa_support.errors import BadInputError, numbers_in, said_of
@@ -93,12 +94,12 @@ def load_gains(path: Path, model: Model = HFA) -> GainTable:
     with said_of(path):
         K = numbers_in("K", stored["K"]) if "K" in stored else np.zeros(0)
         if K.ndim != 3:
-            found = load_critic(path, plant).K if "K" in stored else None
-            if found is None or found.shape != (m, n):
+            if K.shape != (m, n):
                 raise BadInputError(
                     f"there is no K of {m} x {n}, nor {key} and K at each of its values"
                 )
-            return GainTable(np.zeros(1), found[None], model)
+            gain = checked_matrix("K", K, LARGEST_CRITIC_ENTRY) * file_scales(stored, plant)
+            return GainTable(np.zeros(1), gain[None], model)
         if key not in stored:
             raise BadInputError(f"there is no {key}; a table of gains K holds the value of each")
         places = np.ravel(numbers_in(key, stored[key]))

@@ -3,22 +3,18 @@ time."""
 
 from __future__ import annotations
 
-import math
 import warnings
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from controller.game.array_file import UNKNOWN, read_arrays
-from controller.game.basis import Basis, basis
-from controller.game.zero_sum import LARGEST, LARGEST_CRITIC_ENTRY, Game, checked_matrix, shape_text
+from controller.game.array_file import read_arrays
+from controller.game.zero_sum import LARGEST, Game, checked_matrix
 from hfa_model.printed_matrices import published_data
 from hfa_model.vectors import LINEAR_STATES, LINEAR_UNITS
 from hfa_support.errors import BadInputError, numbers_in, said_of, shortened
-from hfa_support.reporting.fields import Shown
 from hfa_support.reporting.unit_system import si_factor, si_unit
 
 MODEL_KEYS = ("A", "B", "E", "Q", "R", "delta")
@@ -255,196 +251,3 @@ def _provenance(stored: dict[str, Any]) -> dict[str, str]:
     }
     texts = {name: words(found, name) for name in found}
     return {name: said[0] for name, said in texts.items() if len(said) == 1 and said[0]}
-
-
-# Critics.
-
-
-class StoredCritic(NamedTuple):
-    """What a file says about a controller: weights W (M,), a value matrix P (n, n), a gain K (m,
-    n); not all None."""
-
-    W: np.ndarray | None
-    P: np.ndarray | None
-    K: np.ndarray | None
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class History(Shown):
-    """times: (N,), s, increasing. W: (N, M) weights in `basis`, P: (N, n, n), K: (N, m, n); at
-    least one of them.
-
-    A single W (M,), P (n, n) or K (m, n) is that of the last row. BadInputError when a number is
-    not finite or too large, the times do not increase from 0 on, or the number of rows differs."""
-
-    times: np.ndarray
-    W: np.ndarray | None = None
-    P: np.ndarray | None = None
-    K: np.ndarray | None = None
-    basis: str = "quadratic"
-
-    def __post_init__(self) -> None:
-        """Name the first entry, or row, that is wrong."""
-        for name in ("times", *_NDIM):
-            if (value := getattr(self, name)) is not None:
-                array = checked_matrix(
-                    name.replace("times", "time"), value, LARGEST_CRITIC_ENTRY, ndim=None
-                )
-                object.__setattr__(self, name, array)
-        times, rows = self.times, self._rows()
-        if times.ndim != 1 or not len(times) or not rows:
-            raise BadInputError(
-                "a history needs a time for each row, and W (rows of weights), P or K (matrices)"
-            )
-        for row in np.flatnonzero(np.diff(times, prepend=-np.finfo(float).tiny) <= 0.0):
-            raise BadInputError(
-                f"time is {times[row]:g} s at row {row + 1}; it must increase, from 0 s or later"
-            )
-        for name, values in rows.items():
-            if len(values) != len(times):
-                raise BadInputError(
-                    f"{name} has {len(values)} rows and there are {len(times)} times"
-                )
-
-    def row(self, index: int) -> StoredCritic:
-        """What is known at one time; of the last row, -1, also its single matrices."""
-        rows = self._rows()
-        alone = {name: getattr(self, name) for name in _NDIM} if index == -1 else {}
-        return StoredCritic(
-            *(rows[name][index] if name in rows else alone.get(name) for name in _NDIM)
-        )
-
-    def _rows(self) -> dict[str, np.ndarray]:
-        given = {name: getattr(self, name) for name in _NDIM}
-        return {
-            name: each
-            for name, each in given.items()
-            if each is not None and each.ndim == _NDIM[name] + 1
-        }
-
-
-def critic_in(
-    path: str | Path, game: Game, functions: str | None = None, plant: PlantNames = UNNAMED
-) -> StoredCritic | History:
-    """The history in a file, or where it has no times the single critic of `load_critic`.
-
-    `time` (or `times`, `t`) and W (N, M) (or `weights`), P (N, n, n) or K (N, m, n) (or `gains`);
-    matrices also row by row, (N, m n), or as MATLAB stacks them, (m, n, N). An array without a name
-    is what its shape says. functions: name of the basis of W; by default the one that the file
-    names, or `quadratic`. A file that says other units than the plant is converted. Raises
-    BadInputError, one line that names the file."""
-    stored = _entries(path)
-    with said_of(path):
-        if UNKNOWN in stored:
-            stored = {_by_shape(stored[UNKNOWN], game): stored[UNKNOWN]}
-        # Beside the rows over time a file may hold the last of them.
-        rows = stored | {own: stored[key] for key, own in _ALSO.items() if key in stored}
-        history = (
-            _history(rows, game, functions, plant)
-            if "time" in rows and {*_NDIM} & set(rows)
-            else None
-        )
-        return history or _single(stored, plant, basis(functions or "quadratic", len(game.A)))
-
-
-def load_critic(
-    path: str | Path, plant: PlantNames = UNNAMED, functions: Basis | None = None
-) -> StoredCritic:
-    """The critic in a file: its W (or `weights`), P and K, as many as it holds. Raises
-    BadInputError, one line.
-
-    A file that says other units than the plant is converted, W as weights of `functions`.
-    """
-    stored = _entries(path)
-    with said_of(path):
-        return _single(stored, plant, functions)
-
-
-def _entries(path: str | Path) -> dict[str, Any]:
-    stored = read_arrays(path)
-    return {own: stored[key] for key, own in _ALSO.items() if key in stored} | stored
-
-
-def _by_shape(array: np.ndarray, game: Game) -> str:
-    """W, P or K, which the shape of an array without a name is."""
-    fitting = [
-        name for name, shape in (("P", game.A.shape), ("K", game.B.T.shape)) if array.shape == shape
-    ]
-    fitting = fitting or ["W"] * (max(array.shape, default=1) == array.size)
-    if len(fitting) != 1:
-        said = " or ".join(fitting) or "neither weights, nor P, nor K of this plant"
-        raise BadInputError(
-            f"the array of shape {array.shape} is {said}; name the file W.npy, P.npy or K.npy"
-        )
-    return fitting[0]
-
-
-def _single(stored: dict[str, Any], plant: PlantNames, functions: Basis | None) -> StoredCritic:
-    given = {key: numbers_in(key, stored[key]) for key in _NDIM if key in stored}
-    if not given:
-        raise BadInputError(
-            f"there is no W, P or K; a weights file holds one of them{found_in(stored)}"
-        )
-    for key, values in given.items():
-        if not values.size or (key == "W" and max(values.shape, default=1) != values.size):
-            raise BadInputError(
-                f"{key} has shape {values.shape}; weights are one row or one column, P and K matrices"
-            )
-        given[key] = checked_matrix(
-            key, values.reshape(-1) if key == "W" else values, LARGEST_CRITIC_ENTRY, _NDIM[key]
-        )
-    given = _in_scales(given, file_scales(stored, plant), functions)
-    return StoredCritic(**{key: given.get(key) for key in _NDIM})
-
-
-def _in_scales(
-    critic: dict[str, np.ndarray], scales: np.ndarray, functions: Basis | None
-) -> dict[str, np.ndarray]:
-    """W ψ(s x), (s x)' P (s x) and K s x as functions of x: W (..., M), P (..., n, n), K (..., m,
-    n) by name.
-
-    functions: of W; an array of another shape than the plant's is kept, and refused where it is
-    used."""
-    by = {"K": scales, "P": np.outer(scales, scales)}
-    if functions is not None and len(scales) == functions.states:
-        by["W"] = functions.scaling(scales)
-    return critic | {
-        key: critic[key] * factors
-        for key, factors in by.items()
-        if key in critic and critic[key].shape[-factors.ndim :] == factors.shape
-    }
-
-
-def _history(
-    stored: dict[str, Any], game: Game, functions: str | None, plant: PlantNames
-) -> History | None:
-    """None where beside its times the file holds the last row alone."""
-    times = np.ravel(numbers_in("time", stored["time"]))
-    said = words(stored, "basis") if "basis" in stored else ("quadratic",)
-    if functions is None and len(said) != 1:
-        raise BadInputError("basis must be one name, such as 'quadratic'")
-    (n, m), psi = game.B.shape, basis(functions or said[0], len(game.A))
-    sizes = {"W": (psi.size,), "P": (n, n), "K": (m, n)}
-    said_of_W = f"basis {psi.name!r} on {n} states has {psi.size} weights"
-    found = {
-        key: _rows(key, stored[key], len(times), sizes[key], said_of_W)
-        for key in _NDIM
-        if key in stored
-    }
-    if all(values.shape == sizes[key] for key, values in found.items()):
-        return None
-    return History(times, **_in_scales(found, file_scales(stored, plant), psi), basis=psi.name)
-
-
-def _rows(name: str, value: Any, count: int, size: tuple[int, ...], said: str) -> np.ndarray:
-    """(N, *size), or the matrix of the last row alone."""
-    array = numbers_in(name, value)
-    if array.shape in ((count, *size), size):
-        return array
-    if len(size) == 2 and array.shape == (*size, count):
-        return np.moveaxis(array, -1, 0)
-    if array.shape == (count, math.prod(size)):
-        return array.reshape(count, *size)
-    of = f"{said} and there" if name == "W" else "there"
-    wanted = f"{of} are {count} times, so it must be {shape_text((count, *size))}"
-    raise BadInputError(f"{name} is {shape_text(array.shape)}; {wanted}")

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from controller.game.basis import basis
 from controller.game.gain_schedule import load_gains
-from controller.game.user_files import UNNAMED, PlantNames, load_critic
+from controller.game.user_files import UNNAMED, PlantNames
 from controller.servo.scheduled_controller import load_controller
 from hfa.options import games, trims
 from hfa.options.argument_types import OWN, input_file, model, number, one_of, places, positive
@@ -166,9 +166,12 @@ def _require_same(found: Verified, arguments: argparse.Namespace) -> None:
     if found.kind == "game":
         of = found.model
         plant = PlantNames(of.linear, tuple(of.inputs), of.units(of.linear)) if of else UNNAMED
-        stored = load_critic(arguments.weights, plant, basis("quadratic", len(claim["game"]["Q"])))
-        own = {key: value for key, value in stored._asdict().items() if value is not None}
-        own |= {"W": own["W"][:, None]} if "W" in own else {}
+        from controller.critic.critic_file import stored_parts
+
+        functions = basis("quadratic", len(claim["game"]["Q"]))
+        own = dict(stored_parts(arguments.weights, plant, functions))
+        if "W" in own:
+            own["W"] = own["W"][:, None]
     else:
         assert found.model is not None
         actuators = claim.get("actuators") or {}
@@ -262,10 +265,11 @@ def _game(arguments: argparse.Namespace) -> int:
         family.check(place, place)
         of = (family, place)
     if critic:
-        functions = basis(arguments.basis, len(named.game.A))
-        stored = load_critic(arguments.file, named.plant, functions)
+        from controller.critic.critic_file import Reading, critic_in
+
+        stored = critic_in(arguments.file, named.game, named.plant, Reading(arguments.basis))
         with said_of(arguments.file):
-            proof = prove_critic(named.game, stored, functions, *of)
+            proof = prove_critic(named.game, stored, *of)
     else:
         proof = prove_solution(named.game, *of)
     if arguments.output is not None and proof.proved:

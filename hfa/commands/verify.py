@@ -8,9 +8,10 @@ import re
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from controller.game.basis import basis
+from controller.critic.critic import from_weights
+from controller.critic.critic_file import NETWORK_FILES, Reading, critics_in, is_network
 from hfa.options import games, trims
 from hfa.options.argument_types import input_file, number, positive
 from hfa.options.games import NamedGame
@@ -18,20 +19,9 @@ from hfa.options.parser import Option, Options, command
 from hfa.output import ProgressLine, draw, show
 from hfa_support.errors import BadInputError, refuse_unknown, said_of
 from hfa_support.files import MATRIX_FILES
-from verification.critic.candidate import (
-    NETWORK_FILES,
-    Candidate,
-    features_of,
-    from_stored,
-    from_weights,
-    is_network,
-)
 from verification.critic.check_result import CriticCheck, check_figure, checks_figure, checks_report
 from verification.critic.critic_check import LIMIT, check_critic, check_discounted, check_history
 from verification.critic.critic_errors import ordinary_box
-
-if TYPE_CHECKING:
-    from controller.game.user_files import History
 
 #: Of more files than this, each network is flown from a few starts.
 _MANY, _FEW_FLIGHTS = 5, 10
@@ -152,57 +142,39 @@ def _refuse_unused(arguments: argparse.Namespace, paths: list[Path]) -> None:
         refuse_unknown("a critic of a file has no setting", name, _SETTINGS)
 
 
-def _candidate(
-    path: Path, arguments: argparse.Namespace, named: NamedGame, files: int
-) -> Candidate | History:
-    """The critic in a file, or its `History`."""
-    from controller.game.user_files import History, critic_in
-
-    game, name, settings = named.game, arguments.basis, arguments.set
-    listed = name is not None and re.search(r"[^a-z+]", name) is not None
-    n = len(game.A)
-    functions: Any = features_of(name, n, named.states) if listed else basis(name or "quadratic", n)
-    if is_network(path):
-        from verification.critic.network_file import from_network
-
-        activation = settings.get("activation")
-        if files == 1 and path.suffix.lower() == ".onnx" and activation is not None:
-            raise BadInputError(
-                f"{path}: --set activation belongs to a state dict; an ONNX file says it"
-            )
-        how: dict[str, Any] = {"network": arguments.network, "activation": activation}
-        return from_network(game, path, features=functions, scale=settings.get("scale"), **how)
-    found = critic_in(path, game, None if listed else name, named.plant)
-    with said_of(path):
-        if listed and (isinstance(found, History) or found.W is None):
-            raise BadInputError(
-                "a list of --basis belongs to weights W without times; there are none"
-            )
-        return found if isinstance(found, History) else from_stored(game, found, functions)
-
-
 def _check_file(
     path: Path, arguments: argparse.Namespace, named: NamedGame, how: dict[str, Any], files: int
 ) -> CriticCheck:
     """The critic in a file, or each of its rows where it has a time; of `files` files."""
-    time, game, discount = arguments.set.get("predefined_time"), named.game, arguments.discount
-    found = _candidate(path, arguments, named, files)
-    if discount is not None:
-        if not isinstance(found, Candidate):
+    game = named.game
+    settings = arguments.set
+    time = settings.get("predefined_time")
+    activation = settings.get("activation")
+    if files == 1 and path.suffix.lower() == ".onnx" and activation is not None:
+        raise BadInputError(
+            f"{path}: --set activation belongs to a state dict; an ONNX file says it"
+        )
+    reading = Reading(arguments.basis, arguments.network, activation, settings.get("scale"))
+    critics = critics_in(path, game, named.plant, reading)
+    is_history = critics[-1].time is not None
+    if arguments.discount is not None:
+        if is_history:
             raise BadInputError(
                 f"{path}: --discount judges one critic and this is over time; give one row of it"
             )
-        return check_discounted(game, found, discount, arguments.dt, limit=arguments.limit_error)
-    if not isinstance(found, Candidate):
+        return check_discounted(
+            game, critics[0], arguments.discount, arguments.dt, limit=arguments.limit_error
+        )
+    if is_history:
         with said_of(path):
             return check_history(
-                game, found, predefined_time=time, progress=ProgressLine("compare"), **how
+                game, critics, predefined_time=time, progress=ProgressLine("compare"), **how
             )
     if time is not None:
         raise BadInputError(
             f"--set predefined_time belongs to a critic over time; {path} has no time"
         )
     flown: dict[str, Any] = {"flights": _FEW_FLIGHTS} if files > _MANY else {}
-    if found.nonlinear is not None and named.nonlinear is not None:
+    if critics[0].network and named.nonlinear is not None:
         flown["plant"] = named.nonlinear()
-    return check_critic(game, found, **flown, **how)
+    return check_critic(game, critics[0], **flown, **how)

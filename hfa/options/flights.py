@@ -23,7 +23,7 @@ from hfa.options.parser import Option, Options
 from hfa.output import ProgressLine
 from hfa_aircraft.model import Model, record
 from hfa_model.aircraft import Aircraft
-from hfa_support.errors import BadInputError, refuse_unknown, said_of
+from hfa_support.errors import BadInputError, refuse_unknown
 from hfa_support.files import MATRIX_FILES
 from trim.linear.linear_model import LinearModel, linearize
 from trim.point.operating_point import OperatingPoint
@@ -182,12 +182,11 @@ def check_policy(arguments: argparse.Namespace) -> None:
 
 def flown_law_of(arguments: argparse.Namespace, linear: LinearModel) -> FlownLaw:
     """The gain that is used: of a file, exact, or learned on the linear model."""
+    from controller.critic.critic_file import critic_in
     from controller.flight.policies import gain_law
-    from controller.game.basis import basis
-    from controller.game.user_files import PlantNames, load_critic
+    from controller.game.user_files import PlantNames
     from controller.learning.certified import learned_value
     from controller.riccati.gare import solve_game
-    from verification.critic.candidate import from_gain, from_stored
 
     game, law, path = (
         games.game_on(arguments, linear),
@@ -200,21 +199,9 @@ def flown_law_of(arguments: argparse.Namespace, linear: LinearModel) -> FlownLaw
         return gain_law(
             law, learned_value(game, law, arguments.seed, ProgressLine("learn"), **arguments.set).K
         )
-    functions = basis("quadratic", len(game.A))
-    stored = load_critic(
-        path, PlantNames(linear.states, linear.inputs, linear.state_units), functions
-    )
-    if stored.W is not None and stored.W.size != functions.size:
-        raise BadInputError(
-            f"{path}: there are {stored.W.size} weights; a simulation takes the {functions.size} of the quadratic basis"
-        )
-    with said_of(path):
-        K = (
-            from_stored(game, stored, functions).K
-            if stored.K is None
-            else from_gain(game, stored.K).K
-        )
-    return gain_law(f"{'weights' if stored.K is None else 'gain'} of {path}", K)
+    critic = critic_in(path, game, PlantNames(linear.states, linear.inputs, linear.state_units))
+    kind = "gain" if critic.feedback is None else "weights"
+    return gain_law(f"{kind} of {path}", critic.K)
 
 
 def flight_of(

@@ -32,7 +32,7 @@ SHOWN = {
     "GameSolution": "Exact game solution, delta 200",
     "CriticCheck": "Critic on the plant, against the exact game solution",
     "Game": "Game: J = ∫ z'Qz + u'Ru - δ² d'd dt,  z' = A z + B u + E d,",
-    "Candidate": "functions: Basis",
+    "Critic": "origin: K",
     "AnalysedGame": "cost_simulated",
     "PublishedModel": "dihedral: 0.261799",
     "Proof": "Proved: every dihedral from 15 to 15.25 deg, published dynamics",

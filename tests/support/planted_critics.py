@@ -12,8 +12,8 @@ from learning_samples import value_of_policies
 from scipy.linalg import solve_continuous_are, solve_continuous_lyapunov
 
 from controller import Game, basis
+from controller.critic.critic import Critic
 from verification import from_gain, from_value, from_weights, solve_game
-from verification.critic.candidate import Candidate
 from verification.critic.diagnosis import discounted, held
 from verification.exact_solution import GameSolution
 
@@ -336,5 +336,5 @@ UNNAMED: dict[str, tuple[str, Plant]] = {
 _KINDS = {"W": from_weights, "P": from_value, "K": from_gain}
 
 
-def candidate_of(game: Game, kind: str, plant: Plant) -> Candidate:
+def candidate_of(game: Game, kind: str, plant: Plant) -> Critic:
     return _KINDS[kind](game, plant(game))

@@ -14,7 +14,7 @@ import numpy as np
 from known_models import exact_gain, game_at, model_at
 
 from controller import Game, basis, published_game
-from controller.game.user_files import StoredCritic
+from controller.critic.critic import from_parts
 from hfa_model import Aircraft, default_parameters
 from hfa_model.provenance import Provenance
 from verification import (
@@ -145,8 +145,8 @@ def _with_memory() -> LoopTable:
 def _critic(game: Game, *flights: Any) -> Proof:
     """W and K that are off by 1e-6 and 1e-3."""
     exact, functions = solve_game(game), basis("quadratic", len(game.A))
-    stored = StoredCritic(functions.weights(exact.P) * (1 + 1e-6), None, exact.K * (1 + 1e-3))
-    return prove_critic(game, stored, functions, *flights)
+    parts = {"W": functions.weights(exact.P) * (1 + 1e-6), "K": exact.K * (1 + 1e-3)}
+    return prove_critic(game, from_parts(game, parts), *flights)
 
 
 PLANT = Game(

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from controller.critic.critic import Critic
+from controller.game.basis import basis
 from controller.game.learning_result import LearningResult, settled_at
 from controller.riccati.cost import FlightCost
 from controller.riccati.gare import GameSolution
@@ -21,7 +23,6 @@ from hfa_support.reporting.figure import new_figure
 from hfa_support.reporting.report import Part, Report, Reported
 from hfa_support.reporting.text import Table, entry_rows, numbered
 from hfa_support.reporting.unit_system import entries_in_force, in_force, unit_in_force
-from verification.critic.candidate import Candidate
 from verification.critic.critic_errors import Box, relative_error
 
 if TYPE_CHECKING:
@@ -102,7 +103,7 @@ class CriticCheck(Checked, Reported):
     (s): of the discounted problem in discrete time, which has no margins, flight and box."""
 
     exact: GameSolution | DiscountedSolution
-    candidate: Candidate
+    candidate: Critic
     checks: tuple[Check, ...]
     diagnosis: str
     lost: float
@@ -381,7 +382,7 @@ def check_figure(
     run, history, exact_P = check.run, check.history, check.exact.P
     curves, times = dict[str, np.ndarray](), np.empty(0)
     if run is not None:
-        times, values = run.times, map(check.candidate.functions.matrix, run.weights)
+        times, values = run.times, map(basis(run.basis, len(exact_P)).matrix, run.weights)
         curves = {"residual |e| / |z'Qz|": run.residual_norm}
         curves["error |P - P exact| / |P exact|"] = np.array(
             [relative_error(P, exact_P) for P in values]

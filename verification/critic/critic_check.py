@@ -4,13 +4,14 @@ should."""
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
 
+from controller.critic.critic import Critic
 from controller.game.basis import Basis, basis
 from controller.game.learning_result import LearningResult, settled_at
 from controller.game.zero_sum import Game
@@ -22,12 +23,10 @@ from controller.riccati.margins import disk_margin
 from hfa_support.errors import BadInputError, refuse_unless_positive
 from hfa_support.progress import Progress, told
 from hfa_support.reporting.checks import Check, at_least, at_most, below
-from verification.critic.candidate import Candidate, from_stored
 from verification.critic.check_result import HISTORY, CriticCheck, HistoryErrors
 from verification.critic.critic_errors import Box, critic_errors, matrix_errors, ordinary_box
 
 if TYPE_CHECKING:
-    from controller.game.user_files import History
     from controller.riccati.discrete import DiscountedSolution
 
 #: Default limit of the errors of P, K, V, its slopes and the policies, and of the Riccati residual.
@@ -40,7 +39,7 @@ SETTLED = 1e-9
 
 def check_critic(
     game: Game,
-    candidate: Candidate,
+    candidate: Critic,
     *,
     limit: float = LIMIT,
     box: Box | None = None,
@@ -72,12 +71,12 @@ def check_critic(
     abscissa = spectrum(game.A - game.B @ K).abscissa if finite else math.inf
     errors = critic_errors(game, candidate, exact, limit, box)
     searched, network = list[Check](), None
-    if candidate.nonlinear is not None:
+    if candidate.network or candidate.origin.startswith("network"):
         from verification.critic.network_check import network_checks
 
-        about, flown = candidate.nonlinear, flights * (abscissa < 0.0)
+        flown = flights if abscissa < 0.0 else 0
         searched, network = network_checks(
-            game, candidate, about, exact, box.half_widths, limit, flown, plant
+            game, candidate, exact, box.half_widths, limit, flown, plant
         )
     checks = [
         *errors,
@@ -94,7 +93,7 @@ def check_critic(
         checks.append(below("l2_gain", flight.gain, game.delta, said))
     diagnosis = ""
     if run is not None:
-        run_checks = _run_checks(game, run, candidate.functions, predefined_time)
+        run_checks = _run_checks(game, run, predefined_time)
         checks, diagnosis = [*checks, *run_checks], run_checks[0].reason
     checks += searched
     if not diagnosis and finite and not all(check.ok for check in (*errors, *searched)):
@@ -103,7 +102,7 @@ def check_critic(
         diagnosis = diagnose(game, exact, candidate, limit, at_dihedral, box.half_widths)
     return CriticCheck(
         exact=exact,
-        candidate=replace(candidate, nonlinear=None),  # CasADi's symbols do not pickle
+        candidate=candidate,
         checks=tuple(_explained(checks, diagnosis)),
         diagnosis=diagnosis,
         lost=max(flight.worst, 0.0 if network is None else network.cost_lost_flown_percent),
@@ -119,7 +118,7 @@ def check_critic(
 
 def check_history(
     game: Game,
-    history: History,
+    history: Sequence[Critic],
     *,
     limit: float = LIMIT,
     box: Box | None = None,
@@ -132,13 +131,11 @@ def check_history(
 
     predefined_time: T_w, s, by which every error must be within the limit for good; None: no such
     check. progress: rows done, rows. BadInputError when a row does not fit the game."""
-    functions, units = basis(history.basis, len(game.A)), balanced_units(game)
-    last = from_stored(game, history.row(-1), functions)
-    check = check_critic(game, last, limit=limit, box=box, at_dihedral=at_dihedral)
+    units = balanced_units(game)
+    check = check_critic(game, history[-1], limit=limit, box=box, at_dihedral=at_dihedral)
     assert isinstance(check.exact, GameSolution)
     balanced, squared, rows = in_units(game, units), np.outer(units, units), []
-    for index in told(range(len(history.times)), progress):
-        candidate = from_stored(game, history.row(index), functions)
+    for candidate in told(history, progress):
         errors = {
             each.name: each.value
             for each in critic_errors(game, candidate, check.exact, limit, check.box)
@@ -154,8 +151,9 @@ def check_history(
                 max(errors.values()),
             )
         )
+    times = np.array([critic.time for critic in history], dtype=float)
     columns = dict(zip(HISTORY, np.array(rows).T, strict=True))
-    found, checks = HistoryErrors(history.times, columns, limit, predefined_time), check.checks
+    found, checks = HistoryErrors(times, columns, limit, predefined_time), check.checks
     if predefined_time is not None:
         late = f"{found.said}; T_w is {predefined_time:g} s"
         checks = (*checks, at_most("settling_time", found.settling_time, predefined_time, late))
@@ -163,7 +161,7 @@ def check_history(
 
 
 def check_discounted(
-    game: Game, candidate: Candidate, discount: float, dt: float, *, limit: float = LIMIT
+    game: Game, candidate: Critic, discount: float, dt: float, *, limit: float = LIMIT
 ) -> CriticCheck:
     """A critic of the discounted problem in discrete time against the exact solution of that
     problem.
@@ -179,10 +177,10 @@ def check_discounted(
     step, K, P, root = exact.game, candidate.K, candidate.P, math.sqrt(discount)
     if not candidate.finite:
         raise BadInputError("the critic has numbers that are too large or not finite")
-    if P is not None and candidate.derived:
+    if P is not None and candidate.feedback is not None:
         with np.errstate(all="ignore"):
             K = policies_of_step(step, (P + P.T) / 2.0, discount)[0]
-    candidate = Candidate(K, P, candidate.functions, candidate.weights)
+    candidate = replace(candidate, K=K, feedback=None, network={})
     radius = (
         float(np.abs(np.linalg.eigvals(root * (step.A - step.B @ K))).max())
         if np.isfinite(K).all()
@@ -293,7 +291,7 @@ def _explained(checks: list[Check], diagnosis: str) -> Iterator[Check]:
 
 
 def _run_checks(
-    game: Game, run: LearningResult, functions: Basis, predefined_time: float | None
+    game: Game, run: LearningResult, predefined_time: float | None
 ) -> tuple[Check, ...]:
     """The richness of the data, as the run says it; the settling time only of a law that promises
     one."""
@@ -302,7 +300,7 @@ def _run_checks(
     rich = at_least("data_rank", rank.rank, rank.size, poor)
     if predefined_time is None:
         return (rich,)
-    settled = settling_time(game, run, functions)
+    settled = settling_time(game, run, basis(run.basis, len(game.A)))
     late = (
         f"the residual settles at {settled:.4g} s"
         if math.isfinite(settled)

@@ -13,13 +13,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from controller.critic.critic import Critic
 from controller.game.zero_sum import Game
 from controller.riccati.balancing import balanced_units
 from controller.riccati.gare import GameSolution
 from hfa_model.vectors import INPUTS, LINEAR_STATES, STATE_UNITS
 from hfa_support.reporting.checks import Check, at_most
 from hfa_support.reporting.unit_system import in_force, si_factor, si_unit, unit_in_force
-from verification.critic.candidate import Candidate
 
 #: Half widths of the box of ordinary deviations of the aircraft, the judge's own: ft/s, rad and
 #: rad/s, in the order of `LINEAR_STATES`; the size of the commands of Section 5.1, less for the
@@ -98,20 +98,17 @@ def entry_error(difference: np.ndarray, exact: np.ndarray) -> float:
 
 
 def critic_errors(
-    game: Game, candidate: Candidate, exact: GameSolution, limit: float, box: Box | None = None
+    game: Game, critic: Critic, exact: GameSolution, limit: float, box: Box | None = None
 ) -> tuple[Check, ...]:
     """Every error of a critic: of K, of P where it has one, and over the box (default
     `ordinary_box`) but of a network."""
-    bounded = candidate.nonlinear is None or candidate.nonlinear.z is None
-    return (
-        *matrix_errors(game, "K", candidate.K, exact.K, limit),
-        *(
-            box_errors(game, candidate, exact, (box or ordinary_box(game)).half_widths, limit)
-            if bounded
-            else ()
-        ),
-        *(matrix_errors(game, "P", candidate.P, exact.P, limit) if candidate.P is not None else ()),
-    )
+    checks = list(matrix_errors(game, "K", critic.K, exact.K, limit))
+    if not critic.network:
+        half_widths = (box or ordinary_box(game)).half_widths
+        checks += box_errors(game, critic, exact, half_widths, limit)
+    if critic.P is not None:
+        checks += matrix_errors(game, "P", critic.P, exact.P, limit)
+    return tuple(checks)
 
 
 def matrix_errors(
@@ -146,7 +143,7 @@ def matrix_errors(
 
 
 def box_errors(
-    game: Game, candidate: Candidate, exact: GameSolution, box: np.ndarray, limit: float
+    game: Game, critic: Critic, exact: GameSolution, box: np.ndarray, limit: float
 ) -> tuple[Check, ...]:
     """Bounds over the box, box: (n,), of the errors of V, of each ∂V/∂z_i, and of each entry of u
     and d.
@@ -154,39 +151,46 @@ def box_errors(
     V relative to the sum of its terms at the corner of the box, the others to their largest value
     in the box. u = -½ R⁻¹B'∂V/∂z as it would be flown, or -K z of a gain; d = ½ δ⁻²E'∂V/∂z, the
     worst disturbance."""
-    psi, beyond = candidate.functions, candidate.functions.quadratic_size
-    exact_weights = psi.weights(exact.P)
+    corner = np.outer(box, box)
+    P = exact.P if critic.P is None else (critic.P + critic.P.T) / 2.0  # alone z'Pz depends on it
+    K = critic.K if critic.feedback is None else game.gain(P)
+    higher_value, higher_slopes = _higher_terms(critic, box)
     with np.errstate(all="ignore"):  # what is not finite fails
-        given = exact_weights if candidate.weights is None else candidate.weights
-        if candidate.weights is None and candidate.P is not None:
-            given = psi.weights((candidate.P + candidate.P.T) / 2.0)  # on which alone z'Pz depends
-        reach = REACH ** np.abs(psi.exponents.sum(axis=1) - 2)
-        errors = np.abs(given - exact_weights) * psi.scaling(box) * reach
-        sizes = np.abs(exact_weights) * psi.scaling(box)
-        higher = 0.5 * errors[beyond:] @ psi.exponents[beyond:] / box
-        P = psi.matrix(given)
-        K = candidate.K if candidate.weights is None else game.gain(P)
-        u_errors = np.abs(K - exact.K) @ box + np.abs(game.R_inverse_B_transposed) @ higher
-        d_errors = (
-            np.abs(game.disturbance_gain(P - exact.P)) @ box
-            + np.abs(game.E.T) @ higher / game.delta**2
-        )
+        V_errors = np.abs(P - exact.P) * corner
+        V_sizes = np.abs(exact.P) * corner
+        u_errors = np.abs(K - exact.K) @ box
+        if critic.feedback is not None:
+            u_errors += 0.5 * np.abs(game.R_inverse_B_transposed) @ (higher_slopes / box)
+        d_errors = np.abs(game.disturbance_gain(P - exact.P)) @ box
+        d_errors += 0.5 * np.abs(game.E.T) @ (higher_slopes / box) / game.delta**2
     u_scale = np.sqrt(np.diag(game.R))
-    found = {
-        "policy": (
-            entry_error(u_scale * u_errors, u_scale * (np.abs(exact.K) @ box)),
-            "the policy is off by {:.2g} of an input's largest in the box",
-        )
-    }
-    if candidate.P is not None:
-        V = entry_error(errors.sum(keepdims=True), sizes.sum(keepdims=True))
-        F = entry_error(errors @ psi.exponents, sizes @ psi.exponents)
-        found["value"] = V, "V is off by {:.2g} in the box"
-        found["gradient"] = F, "a slope of V is off by {:.2g} in the box"
-        if math.isfinite(game.delta) and game.E.size:
-            worst = entry_error(d_errors, np.abs(exact.disturbance_gain) @ box)
-            found["disturbance"] = worst, "the worst disturbance is off by {:.2g} in the box"
-    return tuple(
-        at_most(f"{name}_rel_error", error, limit, said.format(error))
-        for name, (error, said) in found.items()
-    )
+    error = entry_error(u_scale * u_errors, u_scale * (np.abs(exact.K) @ box))
+    reason = f"the policy is off by {error:.2g} of an input's largest in the box"
+    checks = [at_most("policy_rel_error", error, limit, reason)]
+    if critic.P is None:
+        return tuple(checks)
+    error = entry_error(np.atleast_1d(V_errors.sum() + higher_value), np.atleast_1d(V_sizes.sum()))
+    reason = f"V is off by {error:.2g} in the box"
+    checks.append(at_most("value_rel_error", error, limit, reason))
+    error = entry_error(2.0 * V_errors.sum(axis=1) + higher_slopes, 2.0 * V_sizes.sum(axis=1))
+    reason = f"a slope of V is off by {error:.2g} in the box"
+    checks.append(at_most("gradient_rel_error", error, limit, reason))
+    if math.isfinite(game.delta) and game.E.size:
+        error = entry_error(d_errors, np.abs(exact.disturbance_gain) @ box)
+        reason = f"the worst disturbance is off by {error:.2g} in the box"
+        checks.append(at_most("disturbance_rel_error", error, limit, reason))
+    return tuple(checks)
+
+
+def _higher_terms(critic: Critic, box: np.ndarray) -> tuple[float, np.ndarray]:
+    """Bounds over the box, and over the boxes λb, of the terms of V that are not quadratic, and
+    (n,) of b_i times their slopes."""
+    psi = critic.basis
+    if critic.weights is None or psi is None or psi.size == psi.quadratic_size:
+        return 0.0, np.zeros(len(box))
+    exponents = psi.exponents[psi.quadratic_size :]
+    sizes = np.abs(critic.weights[psi.quadratic_size :])
+    with np.errstate(all="ignore"):
+        reach = REACH ** np.abs(exponents.sum(axis=1) - 2)
+        terms = sizes * np.prod(box**exponents, axis=1) * reach
+    return float(terms.sum()), terms @ exponents

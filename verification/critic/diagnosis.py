@@ -18,7 +18,8 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from controller.game.basis import Basis
+from controller.critic.critic import Critic
+from controller.game.basis import Basis, basis
 from controller.game.zero_sum import Game
 from controller.riccati.balancing import balanced_units, in_units, spectrum
 from controller.riccati.certificate import relative_residual
@@ -28,7 +29,6 @@ from controller.riccati.gare_schur import quick_solution
 from controller.riccati.smallest_delta import minimum_delta
 from hfa_model.printed_matrices import published_models
 from hfa_support.errors import BadInputError, NoSolutionError
-from verification.critic.candidate import Candidate
 from verification.critic.critic_errors import SMALL, matrix_errors, relative_error
 
 #: A residual below this marks a root of the Riccati equation, if not the right one.
@@ -141,7 +141,7 @@ _OF_SLOPES: _Sides = (("slope", (0,), 1.0 / _DEGREE), ("state", (1,), _DEGREE))
 def diagnose(
     game: Game,
     exact: GameSolution,
-    candidate: Candidate,
+    candidate: Critic,
     limit: float,
     at_dihedral: GameAt | None = None,
     box: np.ndarray | None = None,
@@ -150,12 +150,8 @@ def diagnose(
 
     limit: of the errors. at_dihedral: degrees -> the game there, to recognize a critic of another
     angle. box: (n,), half widths of the box of states, of a network."""
-    about, P, others = (
-        candidate.nonlinear,
-        candidate.P,
-        lru_cache(lambda: _families(game, at_dihedral)),
-    )
-    if about is not None and about.z is not None and box is not None:
+    P, others = candidate.P, lru_cache(lambda: _families(game, at_dihedral))
+    if candidate.network and box is not None:
         return _of_network(game, exact, candidate, box, others)
     value, gain = _seen(game, candidate, exact.P, exact.K)
     if value is None:
@@ -163,7 +159,7 @@ def diagnose(
     assert P is not None
     together = gain.error(gain.given + exact.K - game.gain(P)) <= limit
     if all(check.ok for check in matrix_errors(game, "P", P, exact.P, limit)):
-        beyond = candidate.functions.quadratic_size
+        beyond = len(P) * (len(P) + 1) // 2
         if candidate.weights is not None and candidate.weights[beyond:].any():
             place = beyond + int(np.argmax(np.abs(candidate.weights[beyond:])))
             return (
@@ -175,8 +171,8 @@ def diagnose(
         return "P is not symmetric: the value z'Pz depends on (P + P')/2 alone"
     of_weights = (
         ()
-        if candidate.weights is None
-        else repairs_of_weights(candidate.weights, exact.P, candidate.functions)
+        if candidate.weights is None or candidate.basis is None
+        else repairs_of_weights(candidate.weights, exact.P, candidate.basis)
     )
     named = _cause(game, value, others, of_weights)
     units, abscissa = balanced_units(game), spectrum(game.A - game.S @ P).abscissa
@@ -189,7 +185,7 @@ def diagnose(
     return f"this is another root of the Riccati equation: {said}"
 
 
-def repaired(game: Game, P: np.ndarray, K: np.ndarray, candidate: Candidate) -> str:
+def repaired(game: Game, P: np.ndarray, K: np.ndarray, candidate: Critic) -> str:
     """The mistake of a critic whose right answer is P and K, of whatever problem: that of its
     value, else of its gain, else that it is the answer in continuous time; or ""."""
     value, gain = _seen(game, candidate, P, K)
@@ -208,7 +204,7 @@ def _cause(
 
 
 def _seen(
-    game: Game, candidate: Candidate, P: np.ndarray, K: np.ndarray
+    game: Game, candidate: Critic, P: np.ndarray, K: np.ndarray
 ) -> tuple[_Seen | None, _Seen]:
     """What a polynomial has of P and of K, in balanced units."""
     units, given = balanced_units(game), candidate.P
@@ -220,22 +216,22 @@ def _seen(
 def _of_network(
     game: Game,
     exact: GameSolution,
-    candidate: Candidate,
+    candidate: Critic,
     box: np.ndarray,
     others: Callable[[], list[_Family]],
 ) -> str:
     """The mistake that explains most, of the network at the origin or over the box. V, slopes and
     inputs count by their size in the box."""
-    about = candidate.nonlinear
-    assert about is not None
+    own_policy = "policy" in candidate.network
+    has_value = "V" in candidate.network
 
     def rows(matrix: np.ndarray) -> np.ndarray:
         sizes = np.linalg.norm(matrix * box, axis=1, keepdims=True)
         return box / np.maximum(sizes, SMALL * sizes.max())
 
-    def views(of: Candidate) -> list[list[_Seen]]:
+    def views(of: Critic) -> list[list[_Seen]]:
         """At the origin and over the box: P, if there is any, and K."""
-        sizes = {"P": rows(exact.P) if about.V is None else np.outer(box, box), "K": rows(exact.K)}
+        sizes = {"P": rows(exact.P) if not has_value else np.outer(box, box), "K": rows(exact.K)}
         return [
             [
                 _Seen(kind, getattr(answer, kind), getattr(exact, kind), size, _OF_NETWORKS)
@@ -247,17 +243,17 @@ def _of_network(
 
     seen, own = (
         views(candidate),
-        slice(None if about.u is not None else -1),
+        slice(None if own_policy else -1),
     )  # a K that follows from P is not judged
     origin, over = ([each.error(each.given) for each in view] for view in seen)
-    if max(origin[0], origin[-1] if about.u is not None else 0.0) <= SMALL:
+    if max(origin[0], origin[-1] if own_policy else 0.0) <= SMALL:
         return "it is right at the origin and wrong away from it"
     named = [(math.inf, "")]
     for each in (*seen[0][own], *seen[1][own]):
-        slopes = _repairs_of_sides(each, _OF_SLOPES) if each.kind == "P" and about.V is None else ()
+        slopes = _repairs_of_sides(each, _OF_SLOPES) if each.kind == "P" and not has_value else ()
         named.append(each.named([*repairs(game, each), *slopes]))
     if min(named)[0] > _OF_NETWORKS.clear:
-        for said, read in about.variants.items():
+        for said, read in candidate.variants.items():
             with contextlib.suppress(BadInputError):  # the file is gone
                 other = views(read())
                 named += [
@@ -266,35 +262,34 @@ def _of_network(
                 ]
     if min(named)[0] > _OF_NETWORKS.clear:
         named += [each.named(_other_games(each, others())) for each in seen[1][own]]
-    if about.F is not None and about.u is None and over[0] <= NEAR and over[-1] > FAR:
+    if candidate.gradient is not None and not own_policy and over[0] <= NEAR and over[-1] > FAR:
         hidden = f"V is near and its policy off by {over[-1]:.2g}: u = -½ R⁻¹B'∂V/∂z amplifies what V hardly shows"
         named.append((_OF_NETWORKS.explained, hidden))
     return min(named)[1]
 
 
-def fitted(game: Game, candidate: Candidate, box: np.ndarray) -> Answer:
+def fitted(game: Game, candidate: Critic, box: np.ndarray) -> Answer:
     """The quadratic V and the linear u nearest to a network over the box, by least squares, without
     what is constant and, of V, linear."""
-    about = candidate.nonlinear
-    assert about is not None
     z = np.random.default_rng(2).uniform(-1.0, 1.0, (_SAMPLES, len(box)))
-    shown = [each for each in (about.V, about.F, about.u) if each is not None]
-    sampled = ca.Function("sampled", [about.z], [ca.densify(ca.vertcat(*shown))])((z * box).T)
+    network, symbols = candidate.network, ca.SX.sym("z", len(box))
+    shown = [network[name](symbols) for name in ("V", "gradient", "policy") if name in network]
+    sampled = ca.Function("sampled", [symbols], [ca.vertcat(*shown)])((z * box).T)
     values, ones = (
         np.nan_to_num(np.array(sampled).T, posinf=0.0, neginf=0.0),
         np.ones((_SAMPLES, 1)),
     )
     linear = np.linalg.lstsq(np.hstack([z, ones]), values, rcond=None)[0][:-1].T / box
-    if about.F is None:
+    if candidate.gradient is None:
         return Answer(None, -linear)
     P = linear[: len(box)] / 2.0
-    if about.V is not None:
-        functions = candidate.functions
+    if "V" in network:
+        functions = basis("quadratic", len(box))
         terms = np.hstack([functions.psi(z), z, ones])
         P = functions.matrix(np.linalg.lstsq(terms, values[:, 0], rcond=None)[0]) / np.outer(
             box, box
         )
-    return Answer(P, game.gain(P) if about.u is None else -linear[-about.u.numel() :])
+    return Answer(P, -linear[-len(candidate.K) :] if "policy" in network else game.gain(P))
 
 
 def repairs_of_weights(

@@ -13,12 +13,12 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
+from controller.critic.critic import Critic
 from controller.game.zero_sum import Game
 from controller.riccati.balancing import spectrum
 from controller.riccati.gare import GameSolution
 from hfa_support.native.bound import BoundFunction
 from hfa_support.reporting.checks import Check, at_most
-from verification.critic.candidate import Candidate, Nonlinear
 from verification.critic.critic_errors import SMALL
 
 #: States from which the search starts, half of them corners of the box, and from how many of each
@@ -93,8 +93,7 @@ class NetworkSearch(NamedTuple):
 
 def network_checks(
     game: Game,
-    candidate: Candidate,
-    about: Nonlinear,
+    critic: Critic,
     exact: GameSolution,
     b: np.ndarray,
     limit: float,
@@ -106,11 +105,13 @@ def network_checks(
 
     plant: (z, u) -> z', the nonlinear plant about its trim. flights: 0 where the linear loop is
     unstable."""
-    facts = NetworkSearch(about.output, about.precision, about.constant)
-    if about.z is None:
+    outputs = ("gradient",) if "V" not in critic.network else ("V",)
+    output = " and ".join(name for name in (*outputs, "policy") if name in critic.network)
+    facts = NetworkSearch(output or "V", critic.precision, critic.constant)
+    if not critic.network:
         return [], facts
-    origin, found = search(game, about, exact, b)
-    off = "u is" if about.F is None else "the slopes of V are"
+    origin, found = search(game, critic, exact, b)
+    off = "u is" if critic.gradient is None else "the slopes of V are"
     checks = [
         at_most(
             "origin_error",
@@ -130,11 +131,9 @@ def network_checks(
         )
     if not flights:
         return checks, NetworkSearch(*facts[:3], found, 0, math.inf, math.inf, reach=0.0)
-    losses, z, u = (
-        flown_losses(game, candidate.K, about, exact, b, flights),
-        about.z,
-        about.policy(game),
-    )
+    losses = flown_losses(game, critic, exact, b, flights)
+    z = ca.SX.sym("z", len(b))
+    u = critic.policy(z)
     rates = [ca.DM(game.A) @ z + ca.DM(game.B) @ u]
     rates += [plant(z, each) for each in (u, -ca.DM(exact.K) @ z) if plant is not None]
     mean, *far = float(losses.mean()), *(reach(_Flight(z, each), exact, game, b) for each in rates)
@@ -142,7 +141,7 @@ def network_checks(
 
 
 def search(
-    game: Game, about: Nonlinear, exact: GameSolution, b: np.ndarray
+    game: Game, critic: Critic, exact: GameSolution, b: np.ndarray
 ) -> tuple[float, tuple[Found, ...]]:
     """The largest error at the origin, and those found over the box |z_i| <= b_i: of V, of any
     dV/dz_i, of any input.
@@ -152,7 +151,8 @@ def search(
     others are where L-BFGS-B starts to climb."""
     from scipy.optimize import minimize
 
-    z, (names, errors) = about.z, _errors(game, about, exact, b)
+    z = ca.SX.sym("z", len(b))
+    names, errors = _errors(game, critic, exact, b, z)
     w = ca.SX.sym("w", len(names))
     values = ca.Function("values", [z], [errors])
     slopes = ca.Function("slopes", [z, w], [ca.jtimes(errors, z, w, True)])
@@ -193,19 +193,25 @@ def search(
 
 
 def _errors(
-    game: Game, about: Nonlinear, exact: GameSolution, b: np.ndarray
+    game: Game, critic: Critic, exact: GameSolution, b: np.ndarray, z: ca.SX
 ) -> tuple[list[str], Any]:
     """Names of the relative errors, and the errors themselves, of the symbols z."""
-    z, P = about.z, ca.DM(exact.P)
+    P = ca.DM(exact.P)
     scale, parts = np.sqrt(np.diag(game.R)), []
-    if about.V is not None:
+    if critic.value is not None:
         parts.append(
-            ("value", about.V - about.constant - z.T @ P @ z, b[None] @ np.abs(exact.P) @ b)
+            (
+                "value",
+                critic.value(z) - critic.constant - z.T @ P @ z,
+                b[None] @ np.abs(exact.P) @ b,
+            )
         )
-    if about.F is not None:
-        parts.append(("gradient", about.F - 2.0 * P @ z, _floored(2.0 * np.abs(exact.P) @ b)))
+    if critic.gradient is not None:
+        parts.append(
+            ("gradient", critic.gradient(z) - 2.0 * P @ z, _floored(2.0 * np.abs(exact.P) @ b))
+        )
     sizes = _floored(scale * (np.abs(exact.K) @ b)) / scale
-    parts.append(("policy", about.policy(game) + ca.DM(exact.K) @ z, sizes))
+    parts.append(("policy", critic.policy(z) + ca.DM(exact.K) @ z, sizes))
     names = [name for name, _, sizes in parts for _ in sizes]
     return names, ca.vertcat(*(error / ca.DM(sizes) for _, error, sizes in parts))
 
@@ -266,7 +272,7 @@ def _starts(b: np.ndarray, count: int, seed: int = 1) -> np.ndarray:
 
 
 def flown_losses(
-    game: Game, K: np.ndarray, about: Nonlinear, exact: GameSolution, b: np.ndarray, flights: int
+    game: Game, critic: Critic, exact: GameSolution, b: np.ndarray, flights: int
 ) -> np.ndarray:
     """Percent of V* that u(z), with the gain K at the origin, costs more than u* from each start in
     the box: (flights,); all inf where it does not return from one.
@@ -275,13 +281,15 @@ def flown_losses(
     What comes after the end is that of the linear loop."""
     from scipy.linalg import solve_continuous_lyapunov
 
-    A, u, lost = game.A + game.E @ exact.disturbance_gain, about.policy(game), []
-    loop, change = A - game.B @ K, K - exact.K
+    A, lost = game.A + game.E @ exact.disturbance_gain, []
+    z = ca.SX.sym("z", len(b))
+    u = critic.policy(z)
+    loop, change = A - game.B @ critic.K, critic.K - exact.K
     if spectrum(loop).abscissa >= 0.0:
         return np.full(flights, math.inf)
     rest = solve_continuous_lyapunov(loop.T, -change.T @ game.R @ change)
-    away = u + ca.DM(exact.K) @ about.z
-    flight = _Flight(about.z, ca.DM(A) @ about.z + ca.DM(game.B) @ u, away.T @ ca.DM(game.R) @ away)
+    away = u + ca.DM(exact.K) @ z
+    flight = _Flight(z, ca.DM(A) @ z + ca.DM(game.B) @ u, away.T @ ca.DM(game.R) @ away)
     for start in _starts(b, flights):
         if (found := flight.returned(start, exact, game)) is None:
             return np.full(flights, math.inf)

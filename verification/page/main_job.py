@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from controller.critic.critic import from_weights
 from controller.game.zero_sum import published_game
 from controller.learning.certified import learn
 from controller.riccati.solution_report import AnalysedGame, analyse_game
@@ -23,7 +24,6 @@ from trim.point.condition import LEVEL_FLIGHT, TrimCondition
 from trim.point.operating_point import OperatingPoint
 from trim.point.solve import find_operating_point
 from trim.sweeps.sweep import Sweep, sweep
-from verification.critic.candidate import from_weights
 from verification.critic.check_result import CriticCheck
 from verification.critic.critic_check import check_critic
 from verification.page.claims import Claims

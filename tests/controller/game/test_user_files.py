@@ -1,4 +1,4 @@
-"""A user's plant and critic from files: entries read, filled in and refused."""
+"""A user's plant from files: entries read, filled in and refused."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ import pytest
 from game_files import small, stored
 from scipy.sparse import csc_matrix
 
-from controller import Game, History, load_critic, load_game, published_game
-from controller.game.user_files import PlantNames, StoredCritic, critic_in, file_scales, stored_game
+from controller import Game, load_game, published_game
+from controller.game.user_files import PlantNames, file_scales, stored_game
 from hfa.options.games import diagonal
 from hfa_model import LINEAR_STATES, published_models
 from hfa_support import BadInputError
@@ -126,14 +126,6 @@ def test_a_structure_is_looked_into_only_where_nothing_stands_outside() -> None:
         (load_game, PLANT | {"delta": [1.0, 2.0]}, "delta has 2 numbers; give one"),
         (load_game, PLANT | {"dt": [[0.1], 2.0]}, "a model in discrete time"),
         (load_game, PLANT | {"dt": 0.1}, r"dt is 0\.1, a model in discrete time"),
-        (load_critic, {"A": A2}, r"there is no W, P or K; .* \(found: A\)"),
-        (
-            load_critic,
-            {"W": [[1.0, 2.0], [3.0, 4.0]]},
-            r"W has shape \(2, 2\); weights are one row or one column",
-        ),
-        (load_critic, {"W": [1.0, math.inf]}, r"W\[1\] is inf"),
-        (load_critic, {"P": [1.0, 2.0]}, "P has 1 dimension"),
     ],
 )
 def test_bad_entries_are_refused_in_one_line(
@@ -187,92 +179,3 @@ def test_other_units_and_another_order_are_refused(
     plant = PlantNames(("speed", "alpha"), ("speed", "alpha"), ("ft/s", "rad"))
     with pytest.raises(BadInputError, match=said):
         file_scales(content, plant)
-
-
-# Critics
-# --------------------------------------------------------------------------------------------------------
-
-
-def test_critics_are_read_by_what_they_hold() -> None:
-    W, P, K = np.arange(21.0), np.eye(6), np.ones((5, 6))
-    for path, parts in {
-        stored("all.npz", W=W, P=P, K=K): (W, P, K),
-        stored("row.npz", weights=W): (W, None, None),
-        stored("gain.json", K=K, delta=200.0, certificate={"ok": True}): (None, None, K),
-    }.items():
-        for read, expected in zip(load_critic(path), parts, strict=True):
-            assert read is expected if expected is None else np.array_equal(read, expected)
-
-
-# Critics over time
-# ------------------------------------------------------------------------------------------------
-
-#: Two states, one input: 3 weights, 4 entries of P, 2 of K.
-GAME = Game(**PLANT, E=np.eye(2), delta=10.0)
-TIMES = np.array([0.0, 0.1, 0.3])
-W = np.arange(9.0).reshape(3, 3)
-K = np.arange(6.0).reshape(3, 1, 2)
-
-
-@pytest.mark.parametrize("suffix", ["npz", "json"])
-def test_rows_with_times_are_a_history_and_one_row_is_a_single_critic(suffix: str) -> None:
-    for content in (
-        {
-            "times": TIMES,
-            "weights": W,
-            "W": W[-1],
-            "other": 1.0,
-        },  # as `hfa learn` writes it, with the last row
-        {"t": TIMES, "W": W, "K": K},
-        {"time": TIMES, "W": W, "gains": np.moveaxis(K, 0, -1)},
-        {"t": TIMES, "W": W, "K": K.reshape(3, 2)},
-    ):
-        history = critic_in(stored(f"h.{suffix}", **content), GAME)
-        assert isinstance(history, History)
-        np.testing.assert_array_equal(history.times, TIMES)
-        np.testing.assert_array_equal(history.W, W)
-        if "other" not in content:
-            np.testing.assert_array_equal(history.K, K)
-    for times in ({}, {"t": TIMES}):
-        assert isinstance(
-            critic_in(stored(f"h.{suffix}", W=W[0], P=np.eye(2), **times), GAME), StoredCritic
-        )
-
-
-def test_the_file_names_the_basis_unless_somebody_does() -> None:
-    path = stored("h.npz", time=TIMES, weights=np.ones((3, 5)), basis="quadratic+linear")
-    assert critic_in(path, GAME).basis == "quadratic+linear"
-    with pytest.raises(
-        BadInputError, match=r"W is 3 x 5; basis 'quadratic' on 2 states has 3 weights"
-    ):
-        critic_in(path, GAME, "quadratic")
-
-
-@pytest.mark.parametrize(
-    ("content", "said"),
-    [
-        ({"times": [0.0, 1.0, 0.5], "W": W}, "time is 0.5 s at row 3; it must increase"),
-        (
-            {"times": [-1.0, 0.0, 1.0], "W": W},
-            "time is -1 s at row 1; it must increase, from 0 s or later",
-        ),
-        ({"times": TIMES, "W": W * [[1.0], [np.inf], [1.0]]}, r"W\[1\]\[0\] is inf; every entry"),
-        (
-            {"times": TIMES, "W": W * [[1.0], [1.0], [1e60]]},
-            r"W\[2\]\[0\] is 6e\+60; entries must not exceed 1e\+50",
-        ),
-        ({"times": TIMES[:2], "W": W}, "W has 3 rows and there are 2 times"),
-        ({"times": TIMES, "K": np.eye(3)}, "and W .rows of weights., P or K"),
-    ],
-)
-def test_what_is_no_history_is_refused(content: dict[str, Any], said: str) -> None:
-    with pytest.raises(BadInputError, match=said):
-        History(**content)
-
-
-def test_a_single_matrix_belongs_to_the_last_row() -> None:
-    history = History(TIMES, W=W, K=np.eye(3))
-    assert (history.row(2).K, history.row(-1).P) == (None, None)
-    np.testing.assert_array_equal(history.row(-1).K, np.eye(3))
-    np.testing.assert_array_equal(history.row(1).W, W[1])
-    np.testing.assert_array_equal(history.row(-1).W, W[2])

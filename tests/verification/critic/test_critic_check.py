@@ -14,7 +14,8 @@ from game_files import AT_15, stored
 from game_samples import failed_names
 from planted_critics import gain, other_root, solved, value, weights_of
 
-from controller import Game, History, basis, learn
+from controller import Game, basis, critics_over_time, learn
+from controller.critic.critic import Critic
 from controller.game.basis import BASES
 from controller.game.learning_result import Excitation, LearningResult
 from controller.riccati.balancing import balanced_units
@@ -30,7 +31,6 @@ from verification import (
     solve_discounted,
 )
 from verification.critic import diagnosis
-from verification.critic.candidate import Candidate
 from verification.critic.check_result import check_figure
 from verification.critic.critic_check import LIMIT, check_discounted, settling_time
 from verification.critic.critic_errors import (
@@ -53,11 +53,11 @@ def no_cause(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(diagnosis, "diagnose", lambda *_: "")
 
 
-def failed(game: Game, candidate: Candidate, **how: Any) -> set[str]:
+def failed(game: Game, candidate: Critic, **how: Any) -> set[str]:
     return failed_names(check_critic(game, candidate, **how).checks)
 
 
-def over_the_box(game: Game, candidate: Candidate) -> dict[str, float]:
+def over_the_box(game: Game, candidate: Critic) -> dict[str, float]:
     return {
         check.name: check.value for check in box_errors(game, candidate, solved(game), BOX, LIMIT)
     }
@@ -232,7 +232,7 @@ def test_the_report_shows_the_entries_that_are_farthest_off(game: Game) -> None:
     P, K = value(game).copy(), gain(game).copy()
     P[1, 4] = P[4, 1] = P[1, 4] * 1.01
     K[3, 2] *= 1.01
-    report = check_critic(game, replace(from_value(game, P), K=K)).report()
+    report = check_critic(game, replace(from_value(game, P), K=K, feedback=None)).report()
     for words in (
         "\nP(x2, x5) ",
         "\nK(u4, x3) ",
@@ -491,10 +491,10 @@ TIMES = 0.25 * np.arange(41)
 SETTLES = np.where(TIMES < 4.1, 0.1, 1e-9)
 
 
-def planted(game: Game, sizes: np.ndarray, of: str = "W") -> History:
+def planted(game: Game, sizes: np.ndarray, of: str = "W") -> tuple[Critic, ...]:
     """The exact critic times 1 + sizes at each time."""
     exact = {"W": weights_of(value(game)), "P": value(game), "K": gain(game)}[of]
-    return History(TIMES, **{of: np.multiply.outer(1.0 + sizes, exact)})
+    return critics_over_time(game, TIMES, **{of: np.multiply.outer(1.0 + sizes, exact)})
 
 
 @pytest.mark.parametrize(
@@ -533,7 +533,7 @@ def test_an_error_beyond_the_quadratic_weights_counts(game: Game) -> None:
     functions = basis("quadratic+quartic", 6)
     weights = np.tile(functions.weights(value(game)), (len(TIMES), 1))
     weights[TIMES < 5.0, -1] = 1e6
-    check = check_history(game, History(TIMES, W=weights, basis=functions.name))
+    check = check_history(game, critics_over_time(game, TIMES, functions.name, W=weights))
     assert check.history is not None
     assert check.history.errors["P_rel_error"].max() < 1e-12
     assert check.history.settling_time == 5.0
@@ -544,7 +544,7 @@ def test_a_run_of_our_own_is_a_history_that_keeps_its_time(game: Game) -> None:
     """The judge of histories and the judge of runs agree on when the law settles."""
     result = learn(game, predefined_time=2.0, tick=0.1)
     told: list[tuple[int, int]] = []
-    history = History(result.times, W=result.weights, K=result.K)
+    history = critics_over_time(game, result.times, W=result.weights, K=result.K)
     check = check_history(
         game, history, predefined_time=2.0, progress=lambda *now: told.append(now)
     )
@@ -560,11 +560,11 @@ def test_a_run_of_our_own_is_a_history_that_keeps_its_time(game: Game) -> None:
 def test_the_last_row_is_judged_with_its_gain_and_rows_of_another_length_are_refused(
     game: Game,
 ) -> None:
-    history = History(
-        TIMES, W=np.tile(weights_of(value(game)), (len(TIMES), 1)), K=1.01 * gain(game)
+    history = critics_over_time(
+        game, TIMES, W=np.tile(weights_of(value(game)), (len(TIMES), 1)), K=1.01 * gain(game)
     )
     assert not check_history(game, history).ok
     with pytest.raises(
         BadInputError, match="there are 20 weights; basis 'quadratic' on 6 states has 21"
     ):
-        check_history(game, History(TIMES, W=np.ones((len(TIMES), 20))))
+        check_history(game, critics_over_time(game, TIMES, W=np.ones((len(TIMES), 20))))

@@ -19,10 +19,10 @@ from network_files import torch_file
 from planted_critics import NAMED, UNNAMED, candidate_of, gain, solved, value, weights_of
 
 from controller import Game, basis
+from controller.critic.critic import Critic
 from examples.train_a_network import fit
 from hfa.main import FAILED
 from verification import check_critic, from_gain, from_network, from_value, from_weights
-from verification.critic.candidate import Candidate
 from verification.critic.critic_check import LIMIT
 from verification.critic.critic_errors import critic_errors, ordinary_box
 from verification.critic.diagnosis import diagnose
@@ -36,14 +36,14 @@ FALSE_CAUSES = 1
 
 def named(
     game: Game,
-    candidate: Candidate,
+    candidate: Critic,
     at: Callable[[float], Game] | None = None,
     box: np.ndarray | None = None,
 ) -> str:
     return diagnose(game, solved(game), candidate, LIMIT, at, box)
 
 
-def wrong(game: Game, candidate: Candidate) -> bool:
+def wrong(game: Game, candidate: Critic) -> bool:
     """Whether its errors refuse it, which `test_critic_check.py` and `test_networks.py` turn into
     the verdict."""
     return not all(check.ok for check in critic_errors(game, candidate, solved(game), LIMIT))
@@ -104,7 +104,7 @@ def test_random_errors_of_a_gain_beside_its_value_get_no_cause(game: Game) -> No
     rng = np.random.default_rng(2)
     for size in 10.0 ** rng.uniform(-4.0, -1.0, 20):
         wrong = gain(game) * (1.0 + size * rng.standard_normal(gain(game).shape))
-        found = named(game, Candidate(wrong, value(game), basis("quadratic", len(game.A))))
+        found = named(game, Critic(wrong, value(game), "P and K"))
         assert found == "" or "do not belong together" in found
 
 
@@ -313,17 +313,15 @@ def test_the_search_finds_what_a_grid_finds(game: Game, name: str, points: int) 
     z = np.array(np.meshgrid(*[np.linspace(-1.0, 1.0, points)] * 6)).reshape(6, -1) * b[:, None]
     largest = np.sqrt(game.R.diagonal()) * (np.abs(exact.K) @ b)
     u_size = np.maximum(largest, 1e-5 * largest.max()) / np.sqrt(game.R.diagonal())
-    about = from_network(
-        game, TRAINED / f"{name}.npz", activation="tanh", scale=1.0 / BOX
-    ).nonlinear
-    assert about is not None
-    errors = {"policy": (about.policy(game) + ca.DM(exact.K) @ about.z) / ca.DM(u_size)}
-    if about.V is not None:
-        exact_V = ca.bilin(ca.DM(exact.P), about.z, about.z)
-        errors["value"] = (about.V - about.constant - exact_V) / (b @ np.abs(exact.P) @ b)
-    found = {each.name: each.error for each in search(game, about, exact, b)[1]}
+    critic = from_network(game, TRAINED / f"{name}.npz", activation="tanh", scale=1.0 / BOX)
+    at = ca.SX.sym("z", 6)
+    errors = {"policy": (critic.policy(at) + ca.DM(exact.K) @ at) / ca.DM(u_size)}
+    if critic.value is not None:
+        exact_V = ca.bilin(ca.DM(exact.P), at, at)
+        errors["value"] = (critic.value(at) - critic.constant - exact_V) / (b @ np.abs(exact.P) @ b)
+    found = {each.name: each.error for each in search(game, critic, exact, b)[1]}
     for kind, error in errors.items():
-        on_grid = np.array(ca.Function(kind, [about.z], [error])(z))
+        on_grid = np.array(ca.Function(kind, [at], [error])(z))
         assert found[kind] * (1.0 + 1e-9) >= np.abs(on_grid).max()
 
 

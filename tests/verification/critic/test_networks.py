@@ -21,15 +21,15 @@ from game_files import AT_15, small, stored
 from network_files import onnx_file, safetensors_file, torch_file
 from planted_critics import gain, value, weights_of
 
-from controller import Game, load_game
-from controller.game.user_files import StoredCritic, critic_in
+from controller import Game, critic_in, load_game
+from controller.critic.activations import ACTIVATIONS
+from controller.critic.features import features_of
+from controller.critic.network_file import network_in
 from hfa.main import BAD_INPUT, DONE, FAILED
 from hfa_support import BadInputError
 from verification import check_critic, from_network, from_weights, solve_game
-from verification.critic.candidate import Candidate, Nonlinear, features_of
 from verification.critic.critic_errors import ordinary_box
 from verification.critic.network_check import flown_losses, search
-from verification.critic.network_file import ACTIVATIONS, network_in
 
 HERE = Path(__file__).parent
 DATA = json.loads((HERE / "networks.json").read_text(encoding="utf-8"))
@@ -42,11 +42,6 @@ X = RNG.normal(size=(7, 6)).astype("float32")
 pytestmark = pytest.mark.usefixtures("folder")
 
 
-def about(critic: Candidate) -> Nonlinear:
-    assert critic.nonlinear is not None
-    return critic.nonlinear
-
-
 def linear(weight: np.ndarray, name: str = "policy.pt") -> str:
     return torch_file(name, {"weight": weight})
 
@@ -57,15 +52,17 @@ def linear(weight: np.ndarray, name: str = "policy.pt") -> str:
 def test_what_torch_wrote_is_read_and_differentiated(game: Game) -> None:
     """V against torch's own, F against differences of V, P against differences of F."""
     critic = from_network(game, HERE / "torch_2_13.pt", activation="tanh")
-    evaluate = ca.Function("evaluate", [about(critic).z], [about(critic).V, about(critic).F])
-    V, F = (np.array(each) for each in evaluate(np.array(DATA["torch"]["x"]).T))
+    assert critic.value is not None
+    assert critic.gradient is not None
+    V = np.array(critic.value(np.array(DATA["torch"]["x"]).T))
+    F = np.array(critic.gradient(np.array(DATA["torch"]["x"]).T))
     assert V.ravel() == pytest.approx(DATA["torch"]["V"], rel=1e-12)
     step, z = 1e-5, np.array(DATA["torch"]["x"][0])
-    moved = np.array(evaluate(z[:, None] + step * np.hstack([np.eye(6), -np.eye(6)]))[0]).ravel()
+    moved = np.array(critic.value(z[:, None] + step * np.hstack([np.eye(6), -np.eye(6)]))).ravel()
     assert F[:, 0] == pytest.approx((moved[:6] - moved[6:]) / (2 * step), abs=1e-9)
-    ends = np.array(evaluate(step * np.hstack([np.eye(6), -np.eye(6)]))[1])
+    ends = np.array(critic.gradient(step * np.hstack([np.eye(6), -np.eye(6)])))
     assert np.allclose(critic.P, (ends[:, :6] - ends[:, 6:]) / (4 * step), atol=1e-9)
-    assert about(critic).precision == "float32"
+    assert critic.precision == "float32"
 
 
 #: Operators, some with attributes.
@@ -175,7 +172,7 @@ def test_a_network_that_is_the_value_passes(game: Game) -> None:
     assert (check.network.output, check.network.precision) == ("V", "float64")
     assert {"value", "gradient", "policy"} == {each.name for each in check.network.searched}
     assert pickle.loads(pickle.dumps(check)).to_dict()["network"] == check.to_dict()["network"]
-    assert about(from_network(game, narrow)).precision == "float32"
+    assert from_network(game, narrow).precision == "float32"
     said = hfa("verify", *AT_15, "--weights", narrow).out
     assert said.startswith(
         "PASS by the error limit 1e-06: exact within 1e-06, stabilizing, no cost lost"
@@ -203,7 +200,7 @@ def test_gradients_and_policies_pass(game: Game) -> None:
             critic = from_network(
                 game, write(name, {"actor.0.weight": weight, "actor.0.bias": np.zeros(len(weight))})
             )
-            assert about(critic).output == output
+            assert set(critic.network) == {output}
             assert check_critic(game, critic, flights=1).ok
 
 
@@ -275,7 +272,7 @@ def test_a_value_that_is_not_a_number_somewhere_fails(game: Game) -> None:
     critic, exact = from_network(game, path), solve_game(game)
     found = {
         each.name: each.error
-        for each in search(game, about(critic), exact, ordinary_box(game).half_widths)[1]
+        for each in search(game, critic, exact, ordinary_box(game).half_widths)[1]
     }
     assert found["value"] == math.inf
 
@@ -294,10 +291,7 @@ def test_the_cost_in_flight_is_that_of_the_linear_loop_where_the_network_is_line
         <= check.flight.worst * (1 + 1e-6)
     )
     away = from_network(game, torch_file("b.pt", {"weight": -gain(game), "bias": np.full(5, 0.5)}))
-    assert (
-        flown_losses(game, away.K, about(away), exact, ordinary_box(game).half_widths, 40).max()
-        > 1.0
-    )
+    assert flown_losses(game, away, exact, ordinary_box(game).half_widths, 40).max() > 1.0
 
 
 def test_the_published_weights_of_gops() -> None:
@@ -393,9 +387,8 @@ def test_v_and_a_policy_are_judged_together(game: Game) -> None:
         assert check.diagnosis == (
             "" if ok else "the gain has the wrong sign: the policy is u = -K z"
         )
-    assert (
-        from_network(game, path).nonlinear is not None
-    )  # six outputs of six states are a gradient unless it is said
+    # six outputs of six states are a gradient unless it is said
+    assert set(from_network(game, path).network) == {"gradient"}
 
 
 FEATURES = ", ".join(["1", *(f"x{i}*x{j}" for i in range(1, 7) for j in range(i, 7))])
@@ -439,8 +432,8 @@ def test_an_npy_file_of_any_name_is_what_its_shape_says(game: Game) -> None:
     for entry, right in {"W": weights_of(value(game)), "P": value(game), "K": gain(game)}.items():
         np.save("mine.npy", right)
         found = critic_in("mine.npy", game)
-        assert isinstance(found, StoredCritic)
-        assert np.array_equal(getattr(found, entry), right)
+        stored_part = {"W": found.weights, "P": found.P, "K": found.K}[entry]
+        assert np.array_equal(stored_part, right)
     np.save("odd.npy", np.ones((4, 3)))
     assert (
         "odd.npy: the array of shape (4, 3) is neither"

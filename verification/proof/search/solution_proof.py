@@ -12,8 +12,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from flint import acb, acb_mat, arb, arb_mat
 
+from controller.critic.critic import Critic
 from controller.game.basis import Basis
-from controller.game.user_files import StoredCritic
 from controller.game.zero_sum import Game
 from controller.riccati.balancing import balanced_units
 from controller.riccati.gare import solve_game
@@ -215,31 +215,33 @@ def prove_solution(game: Game, family: Family | None = None, place: float | None
 
 def prove_critic(
     game: Game,
-    stored: StoredCritic,
-    basis: Basis,
+    critic: Critic,
     family: Family | None = None,
     place: float | None = None,
 ) -> Proof:
-    """How far W, P (of W where there is none) and K of a file are from the exact ones, and whether
-    its gain makes A - B K Hurwitz. BadInputError when a shape does not fit the game."""
-    about, (n, m) = StatedGame(game, family, place), game.B.shape
+    """How far W, P and K of a critic are from the exact ones, and whether its gain makes A - B K
+    Hurwitz.
+
+    The gain of a critic that is a value is taken from P in ball arithmetic. BadInputError for a
+    network, about which nothing is proved.
+    """
+    if critic.network:
+        raise BadInputError("a network has no proof here; give its W, P or K")
+    about = StatedGame(game, family, place)
     sharp, point = about.balls(decimals=False)
-    enclosed, shapes = (
-        enclose_solution(sharp, solve_game(game).P),
-        {"W": (basis.size,), "P": (n, n), "K": (m, n)},
-    )
-    given = {name: value for name in shapes if (value := getattr(stored, name)) is not None}
-    for name, value in given.items():
-        if value.shape != shapes[name]:
-            raise BadInputError(
-                f"{name} has shape {value.shape}; with this game it must be {shapes[name]}"
-            )
-    if "W" in given:
-        given.setdefault("P", basis.matrix(given["W"]))
-        given["W"] = given["W"][:, None]
+    enclosed = enclose_solution(sharp, solve_game(game).P)
+    given = {}
+    if critic.weights is not None:
+        given["W"] = critic.weights[:, None]
+    if critic.P is not None:
+        given["P"] = critic.P
+    if critic.feedback is None:
+        given["K"] = critic.K
     gain = matrix(given["K"]) if "K" in given else sharp.gain() * matrix(given["P"])
     values = {name: matrix(value) for name, value in given.items()} | {"K": gain}
-    targets = {"W": _weights(enclosed.P, basis), "P": enclosed.P, "K": sharp.gain() * enclosed.P}
+    targets = {"P": enclosed.P, "K": sharp.gain() * enclosed.P}
+    if critic.basis is not None:
+        targets["W"] = _weights(enclosed.P, critic.basis)
     found = {name: distance(values[name], targets[name]) for name in targets if name in values}
     loop = sharp.A - sharp.B * gain
     count = unstable_modes(loop)

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import casadi as ca
 import numpy as np
 import pytest
 from known_models import game_at
@@ -12,7 +13,8 @@ from proof_cases import ORIGIN, content, family, forge, proved, scalar_game
 from reference_riccati import reference_solution
 
 from controller import Game, basis
-from controller.game.user_files import StoredCritic
+from controller.critic.critic import from_gain, from_parts
+from controller.critic.network import from_network
 from controller.riccati.smallest_delta import DeltaMin
 from hfa_support import BadInputError, NoSolutionError
 from verification import check_certificate, minimum_delta, prove_critic, prove_solution, solve_game
@@ -88,10 +90,9 @@ def test_above_and_below_delta_min_are_told_apart(share: float) -> None:
 def test_a_spoiled_critic_is_as_far_as_it_was_moved(size: float) -> None:
     game, functions = game_at(15.0), basis("quadratic", 6)
     exact = solve_game(game)
-    stored = StoredCritic(
-        functions.weights(exact.P) * (1 + size), exact.P * (1 + size), exact.K * (1 + size)
-    )
-    proof = prove_critic(game, stored, functions, family(), 15.0)
+    right = {"W": functions.weights(exact.P), "P": exact.P, "K": exact.K}
+    critic = from_parts(game, {name: array * (1 + size) for name, array in right.items()})
+    proof = prove_critic(game, critic, family(), 15.0)
     assert set(proof.data["distances"]) == {"W", "P", "K"}
     for found in proof.data["distances"].values():
         assert found["at_least"] <= found["at_most"]
@@ -102,8 +103,9 @@ def test_a_spoiled_critic_is_as_far_as_it_was_moved(size: float) -> None:
 def test_what_has_no_value_or_does_not_fit_is_refused() -> None:
     with pytest.raises(NoSolutionError, match="delta_min"):
         prove_solution(game_at(15.0).with_delta(50.0))
-    with pytest.raises(BadInputError, match="P has shape"):
-        prove_critic(game_at(15.0), StoredCritic(None, np.eye(3), None), basis("quadratic", 6))
+    square = ca.Function("square", [x := ca.SX.sym("x", 6)], [x.T @ x])
+    with pytest.raises(BadInputError, match="a network has no proof here"):
+        prove_critic(game_at(15.0), from_network(game_at(15.0), square))
 
 
 def test_a_plant_of_a_file_with_an_eigenvalue_on_the_axis_below_delta_min(tmp_path: Path) -> None:
@@ -122,9 +124,7 @@ def test_a_plant_of_a_file_with_an_eigenvalue_on_the_axis_below_delta_min(tmp_pa
 def test_a_gain_that_does_not_stabilize_is_certified_so_and_one_on_the_axis_is_not(
     tmp_path: Path,
 ) -> None:
-    proof = prove_critic(
-        game_at(15.0), StoredCritic(None, None, np.zeros((5, 6))), basis("quadratic", 6)
-    )
+    proof = prove_critic(game_at(15.0), from_gain(game_at(15.0), np.zeros((5, 6))))
     assert proof.data["closed_loop_hurwitz"] is False
     assert (
         proof.data["distances"]["K"]["at_least"] <= 1.0 <= proof.data["distances"]["K"]["at_most"]
@@ -135,7 +135,7 @@ def test_a_gain_that_does_not_stabilize_is_certified_so_and_one_on_the_axis_is_n
         is False
     )
     game = Game(A=ONE, B=ONE, E=ONE, Q=ONE, R=ONE, delta=np.inf)
-    proof = prove_critic(game, StoredCritic(None, None, ONE), basis("quadratic", 1))
+    proof = prove_critic(game, from_gain(game, ONE))
     assert proof.data["closed_loop_hurwitz"] is None
     with pytest.raises(NoSolutionError, match="may lie on the axis"):
         proof.write(tmp_path / "critic.json", ORIGIN)

@@ -1,0 +1,275 @@
+"""A critic: a learned policy u(z) and, where there is one, its value V(z); z is the deviation of
+the state from trim.
+
+Every critic has u and V as CasADi functions, whether it came as a matrix, as weights of a basis or
+as a network. So each can be judged, flown and exported.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+
+from controller.game.basis import Basis, basis
+from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game, shape_text
+from hfa_support.errors import BadInputError, numbers_in
+from hfa_support.reporting.fields import Shown
+
+#: W and P of one critic may differ by this part, which is what printing six digits leaves.
+TOGETHER = 1e-6
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Critic(Shown):
+    """A policy u(z), linearized u = -K z, and its value V(z), to second order z'Pz.
+
+    K: (m, n), -∂u/∂z at z = 0.
+    P: (n, n), ½ ∂²V/∂z² at z = 0; None where only a policy is known.
+    origin: where it came from: "P", "K", "weights", "network FILE: 6 -> tanh 64 -> 1".
+    weights: (M,), V = weights'ψ(z) + constant; None where it did not come as weights.
+    basis: ψ; None without weights.
+    constant: V(0).
+    precision: of the numbers in its file.
+    feedback: (m, n), R⁻¹B', where the policy is u = -½ R⁻¹B' ∂V/∂z; None where it is its own.
+    time: of a row of a history, s.
+    network: "V", "gradient" (∂V/∂z), "policy" -> CasADi Function of z, as many as the network has;
+        empty for matrices and polynomials.
+    variants: what may have been read wrongly -> the critic that is read otherwise.
+    """
+
+    K: np.ndarray
+    P: np.ndarray | None
+    origin: str
+    weights: np.ndarray | None = None
+    basis: Basis | None = None
+    constant: float = 0.0
+    precision: str = "float64"
+    feedback: np.ndarray | None = None
+    time: float | None = None
+    network: Mapping[str, ca.Function] = field(default_factory=dict)
+    variants: Mapping[str, Callable[[], Critic]] = field(default_factory=dict)
+
+    @property
+    def finite(self) -> bool:
+        """Whether K and P are numbers small enough to compute with: P S P may not overflow."""
+        matrices = [matrix for matrix in (self.K, self.P) if matrix is not None]
+        return all(bool(np.all(np.abs(matrix) <= LARGEST_CRITIC_ENTRY)) for matrix in matrices)
+
+    @cached_property
+    def policy(self) -> ca.Function:
+        """z (n,) -> u (m,)."""
+        if "policy" in self.network:
+            return self.network["policy"]
+        z = ca.SX.sym("z", self.K.shape[1])
+        if self.network:
+            assert self.gradient is not None
+            assert self.feedback is not None
+            u = -0.5 * ca.DM(self.feedback) @ self.gradient(z)
+        else:
+            u = -ca.DM(self.K) @ z
+            if self.feedback is not None:
+                u -= 0.5 * ca.DM(self.feedback) @ ca.gradient(self._beyond_quadratic(z), z)
+        return ca.Function("policy", [z], [ca.densify(u)])
+
+    @cached_property
+    def value(self) -> ca.Function | None:
+        """z (n,) -> V; None where only the policy or the gradient of V is known."""
+        if self.network:
+            return self.network.get("V")
+        if self.P is None:
+            return None
+        z = ca.SX.sym("z", len(self.P))
+        V = ca.bilin(ca.DM(self.P), z, z) + self._beyond_quadratic(z) + self.constant
+        return ca.Function("value", [z], [V])
+
+    @cached_property
+    def gradient(self) -> ca.Function | None:
+        """z (n,) -> ∂V/∂z (n,); None where only a policy is known."""
+        if "gradient" in self.network:
+            return self.network["gradient"]
+        if self.value is None:
+            return None
+        z = ca.SX.sym("z", self.K.shape[1])
+        return ca.Function("gradient", [z], [ca.densify(ca.gradient(self.value(z), z))])
+
+    def _beyond_quadratic(self, z: ca.SX) -> ca.SX:
+        """The terms of V = weights'ψ(z) that are not quadratic."""
+        terms = ca.SX(0.0)
+        if self.weights is None or self.basis is None:
+            return terms
+        first = self.basis.quadratic_size
+        for weight, powers in zip(
+            self.weights[first:], self.basis.exponents[first:].tolist(), strict=True
+        ):
+            monomial = ca.SX(1.0)
+            for index, power in enumerate(powers):
+                monomial *= z[index] ** power
+            terms += weight * monomial
+        return terms
+
+
+def from_gain(game: Game, K: np.ndarray, time: float | None = None) -> Critic:
+    """The policy u = -K z. BadInputError when K has another shape than B', or is complex."""
+    return Critic(game.checked_gain(K), None, "K", time=time)
+
+
+def from_value(game: Game, P: np.ndarray, time: float | None = None) -> Critic:
+    """V = z'Pz, u = -R⁻¹B'P z. BadInputError when P has another shape than A, or is complex."""
+    P = numbers_in("P", P)
+    if P.shape != game.A.shape:
+        n = len(game.A)
+        raise BadInputError(
+            f"P is {shape_text(P.shape)}; on a plant with {n} states it must be {n} x {n}"
+        )
+    return Critic(game.gain(P), P, "P", feedback=game.R_inverse_B_transposed, time=time)
+
+
+def from_weights(
+    game: Game,
+    weights: np.ndarray,
+    functions: Basis | str | ca.Function = "quadratic",
+    constant: float = 0.0,
+    precision: str = "float64",
+    time: float | None = None,
+) -> Critic:
+    """V = W'ψ(z) + constant, u = -½ R⁻¹B' (∂ψ/∂z)'W (paper Eq. 28).
+
+    functions: a basis, its name, or a CasADi Function z (n,) -> ψ(z) (M,).
+
+    BadInputError when W has another length than the basis, or is complex.
+    """
+    weights = numbers_in("W", weights)
+    n = len(game.A)
+    if isinstance(functions, ca.Function):
+        count = functions.numel_out(0)
+        if functions.numel_in(0) != n or weights.shape != (count,):
+            raise BadInputError(
+                f"there are {weights.size} weights and {n} states; the features are {count} "
+                f"functions of {functions.numel_in(0)} states"
+            )
+        z = ca.SX.sym("z", n)
+        V = ca.DM(weights).T @ ca.vec(functions(z)) + constant
+        return from_functions(game, z, {"V": V}, "weights of a list of functions", precision)
+    psi = basis(functions, n) if isinstance(functions, str) else functions
+    if weights.shape != (psi.size,):
+        raise BadInputError(
+            f"there are {weights.size} weights; basis {psi.name!r} on {psi.states} states has "
+            f"{psi.size}: name the basis of these weights"
+        )
+    P = psi.matrix(weights)
+    return Critic(
+        game.gain(P),
+        P,
+        "weights",
+        weights=weights,
+        basis=psi,
+        constant=constant,
+        precision=precision,
+        feedback=game.R_inverse_B_transposed,
+        time=time,
+    )
+
+
+def from_parts(
+    game: Game,
+    parts: Mapping[str, np.ndarray],
+    functions: Basis | ca.Function | str = "quadratic",
+    time: float | None = None,
+) -> Critic:
+    """The critic of what is known of it: "W" (weights of `functions`), "P" and "K", at least one.
+
+    The value is that of W, else of P; the policy is that of K, else follows from the value.
+
+    BadInputError for a wrong shape, and where W and P are of different values.
+    """
+    gain = from_gain(game, parts["K"], time) if "K" in parts else None
+    critic = gain
+    if "P" in parts:
+        critic = from_value(game, parts["P"], time)
+    if "W" in parts:
+        weighted = from_weights(game, parts["W"], functions, time=time)
+        if "P" in parts and weighted.P is not None:
+            _refuse_different_values(numbers_in("P", parts["P"]), weighted.P)
+        critic = weighted
+    assert critic is not None
+    if gain is None or critic is gain:
+        return critic
+    return _with_policy(critic, gain.K)
+
+
+def _with_policy(critic: Critic, K: np.ndarray) -> Critic:
+    """The same value with the policy u = -K z of its own."""
+    network = dict(critic.network)
+    if network:
+        z = ca.SX.sym("z", K.shape[1])
+        network["policy"] = ca.Function("policy", [z], [ca.densify(-ca.DM(K) @ z)])
+    return Critic(
+        K,
+        critic.P,
+        f"{critic.origin} and K",
+        weights=critic.weights,
+        basis=critic.basis,
+        constant=critic.constant,
+        precision=critic.precision,
+        time=critic.time,
+        network=network,
+    )
+
+
+def _refuse_different_values(P: np.ndarray, P_of_weights: np.ndarray) -> None:
+    """BadInputError where two P differ by more than printing six digits leaves."""
+    sizes = np.sqrt(np.abs(np.diag(P)))
+    if not np.all(np.abs(P - P_of_weights) <= TOGETHER * np.outer(sizes, sizes)):
+        raise BadInputError("W and P are of different values; leave one of them out")
+
+
+def from_functions(
+    game: Game,
+    z: ca.SX,
+    outputs: Mapping[str, ca.SX],
+    origin: str,
+    precision: str = "float64",
+    variants: Mapping[str, Callable[[], Critic]] | None = None,
+) -> Critic:
+    """The critic of expressions of the symbols z (n,): "V", "gradient" (∂V/∂z) or "policy", or V
+    and a policy.
+
+    K and P are their exact derivatives at z = 0.
+    """
+    V = outputs.get("V")
+    u = outputs.get("policy")
+    gradient = outputs.get("gradient") if V is None else ca.gradient(V, z)
+    expressions = {"V": V, "gradient": gradient, "policy": u}
+    network = {
+        name: ca.Function(name, [z], [ca.densify(expression)])
+        for name, expression in expressions.items()
+        if expression is not None
+    }
+    P = None if gradient is None else _derivative_at_0(gradient, z) / 2.0
+    if u is not None:
+        K = -_derivative_at_0(u, z)
+    else:
+        assert P is not None
+        K = game.gain(P)
+    return Critic(
+        K,
+        P,
+        origin,
+        constant=0.0 if V is None else float(network["V"](np.zeros(len(game.A)))),
+        precision=precision,
+        feedback=game.R_inverse_B_transposed if u is None else None,
+        network=network,
+        variants=variants or {},
+    )
+
+
+def _derivative_at_0(expression: ca.SX, z: ca.SX) -> np.ndarray:
+    """∂expression/∂z at z = 0, (k, n), one reverse sweep a row."""
+    weights = ca.SX.sym("w", expression.numel())
+    rows = ca.Function("rows", [z, weights], [ca.jtimes(expression, z, weights, True)])
+    each_row = rows(np.zeros((z.numel(), expression.numel())), np.eye(expression.numel()))
+    return np.array(each_row).T

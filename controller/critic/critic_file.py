@@ -1,0 +1,271 @@
+"""Critics in users' files: one critic, or one for each time of a history."""
+
+from __future__ import annotations
+
+import math
+import re
+import zipfile
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from controller.critic.critic import Critic, from_parts
+from controller.critic.features import features_of
+from controller.game.array_file import UNKNOWN, read_arrays
+from controller.game.basis import Basis, basis
+from controller.game.user_files import UNNAMED, PlantNames, file_scales, found_in, words
+from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game, checked_matrix, shape_text
+from hfa_support.errors import BadInputError, numbers_in, said_of
+
+#: Suffixes of the files of networks.
+NETWORK_FILES = (".onnx", ".pt", ".pth", ".pkl", ".safetensors", ".zip")
+#: The parts of a critic -> their dimensions.
+_DIMENSIONS = {"W": 1, "P": 2, "K": 2}
+#: Other names of an entry.
+_ALIASES = {"weights": "W", "gains": "K", "times": "time", "t": "time"}
+
+
+@dataclass(frozen=True)
+class Reading:
+    """How a critic's file is to be read, where it does not say so itself.
+
+    basis: of weights: a name, or a list of functions as `features_of` takes it; None: as the file
+        says, else "quadratic".
+    network: which part of a network's file is what, as `from_network` takes it.
+    activation: between the layers of a state dict, and after a comma at its output.
+    scale: (n,), the network takes state i times scale[i].
+    """
+
+    basis: str | None = None
+    network: str = ""
+    activation: str | None = None
+    scale: np.ndarray | None = None
+
+    @property
+    def lists_functions(self) -> bool:
+        """Whether the basis is a list of functions and not a name."""
+        return self.basis is not None and re.search(r"[^a-z+]", self.basis) is not None
+
+    def functions(self, states: int, names: tuple[str, ...]) -> Basis | ca.Function:
+        """The basis of weights on a plant with these states."""
+        if self.basis is not None and self.lists_functions:
+            return features_of(self.basis, states, names)
+        return basis(self.basis or "quadratic", states)
+
+
+def critics_in(
+    path: str | Path, game: Game, plant: PlantNames = UNNAMED, reading: Reading | None = None
+) -> tuple[Critic, ...]:
+    """The critic in a file, or of a file with times one critic for each, with its `time`.
+
+    A file is a network (`is_network`), or holds W (also `weights`), P or K (also `gains`), as many
+    as it likes; with `time` (also `times`, `t`) they may be W (N, M), P (N, n, n), K (N, m, n),
+    matrices also row by row, (N, m n), or as MATLAB stacks them, (m, n, N). An array without a name
+    is what its shape says. A file that says other units than the plant is converted.
+
+    BadInputError, one line that names the file.
+    """
+    reading = reading or Reading()
+    if is_network(Path(path)):
+        from controller.critic.network import from_network
+
+        functions = reading.functions(len(game.A), plant.states)
+        critic = from_network(
+            game,
+            path,
+            network=reading.network,
+            activation=reading.activation,
+            scale=reading.scale,
+            features=functions,
+        )
+        return (critic,)
+    entries = _entries(path)
+    with said_of(path):
+        if UNKNOWN in entries:
+            entries = {_part_by_shape(entries[UNKNOWN], game): entries[UNKNOWN]}
+        # Beside the rows over time a file may hold the last of them under its own name.
+        over_time = entries | {own: entries[key] for key, own in _ALIASES.items() if key in entries}
+        if "time" in over_time and any(name in over_time for name in _DIMENSIONS):
+            rows = _rows_over_time(over_time, game, plant, reading)
+            if rows is not None:
+                return rows
+        functions = reading.functions(len(game.A), plant.states)
+        parts = _single_parts(entries, plant, functions)
+        if reading.lists_functions and "W" not in parts:
+            raise BadInputError("a list of --basis belongs to weights W; there are none")
+        return (from_parts(game, parts, functions),)
+
+
+def critic_in(
+    path: str | Path, game: Game, plant: PlantNames = UNNAMED, reading: Reading | None = None
+) -> Critic:
+    """The one critic of a file, of a history the last row. BadInputError, one line."""
+    return critics_in(path, game, plant, reading)[-1]
+
+
+def stored_parts(
+    path: str | Path, plant: PlantNames = UNNAMED, functions: Basis | None = None
+) -> dict[str, np.ndarray]:
+    """W, P and K by name, as many as the file holds, in the units of the plant.
+
+    functions: the basis of W. BadInputError, one line that names the file.
+    """
+    entries = _entries(path)
+    with said_of(path):
+        return _single_parts(entries, plant, functions)
+
+
+def critics_over_time(
+    game: Game, times: np.ndarray, functions: str = "quadratic", **parts: np.ndarray | None
+) -> tuple[Critic, ...]:
+    """The critic at each time, of a learner's history.
+
+    times: (N,), s, increasing from 0 or later.
+    functions: name of the basis of W.
+    parts: W (N, M), P (N, n, n) or K (N, m, n), at least one of them; a single W (M,), P (n, n) or
+        K (m, n) is that of the last row.
+
+    BadInputError when a number is not finite or too large, the times do not increase, or the number
+    of rows differs.
+    """
+    times = checked_matrix("time", times, LARGEST_CRITIC_ENTRY, ndim=None)
+    arrays = {
+        name: checked_matrix(name, parts[name], LARGEST_CRITIC_ENTRY, ndim=None)
+        for name in _DIMENSIONS
+        if parts.get(name) is not None
+    }
+    rows = {name: array for name, array in arrays.items() if array.ndim == _DIMENSIONS[name] + 1}
+    if times.ndim != 1 or not len(times) or not rows:
+        raise BadInputError(
+            "a history needs a time for each row, and W (rows of weights), P or K (matrices)"
+        )
+    for row in np.flatnonzero(np.diff(times, prepend=-np.finfo(float).tiny) <= 0.0):
+        raise BadInputError(
+            f"time is {times[row]:g} s at row {row + 1}; it must increase, from 0 s or later"
+        )
+    for name, array in rows.items():
+        if len(array) != len(times):
+            raise BadInputError(f"{name} has {len(array)} rows and there are {len(times)} times")
+    psi = basis(functions, len(game.A))
+    critics = []
+    for index, time in enumerate(times.tolist()):
+        known = {name: array[index] for name, array in rows.items()}
+        if index == len(times) - 1:
+            known |= {name: array for name, array in arrays.items() if name not in rows}
+        critics.append(from_parts(game, known, psi, time))
+    return tuple(critics)
+
+
+def is_network(path: Path) -> bool:
+    """Whether a file is one of a network: by its suffix, or an .npz whose arrays are named like
+    layers."""
+    if path.suffix.lower() != ".npz":
+        return path.suffix.lower() in NETWORK_FILES
+    try:
+        with zipfile.ZipFile(path) as archive:
+            return any(re.search(r"(^|\.)weight\.npy$", name) for name in archive.namelist())
+    except Exception:  # damaged in whatever way: who reads its arrays names the fault
+        return False
+
+
+def _entries(path: str | Path) -> dict[str, Any]:
+    """The entries of a file, also under the names that this module uses."""
+    stored = read_arrays(path)
+    return {own: stored[key] for key, own in _ALIASES.items() if key in stored} | stored
+
+
+def _part_by_shape(array: np.ndarray, game: Game) -> str:
+    """W, P or K, which the shape of an array without a name is."""
+    shapes = {"P": game.A.shape, "K": game.B.T.shape}
+    fitting = [name for name, shape in shapes.items() if array.shape == shape]
+    if not fitting and max(array.shape, default=1) == array.size:
+        fitting = ["W"]
+    if len(fitting) != 1:
+        meaning = " or ".join(fitting) or "neither weights, nor P, nor K of this plant"
+        raise BadInputError(
+            f"the array of shape {array.shape} is {meaning}; name the file W.npy, P.npy or K.npy"
+        )
+    return fitting[0]
+
+
+def _single_parts(
+    entries: Mapping[str, Any], plant: PlantNames, functions: Basis | ca.Function | None
+) -> dict[str, np.ndarray]:
+    """W (M,), P and K by name, as many as there are, in the units of the plant."""
+    parts = {name: numbers_in(name, entries[name]) for name in _DIMENSIONS if name in entries}
+    if not parts:
+        raise BadInputError(
+            f"there is no W, P or K; a weights file holds one of them{found_in(entries)}"
+        )
+    for name, values in parts.items():
+        is_row = max(values.shape, default=1) == values.size
+        if not values.size or (name == "W" and not is_row):
+            raise BadInputError(
+                f"{name} has shape {values.shape}; weights are one row or one column, P and K "
+                "matrices"
+            )
+        flat = values.reshape(-1) if name == "W" else values
+        parts[name] = checked_matrix(name, flat, LARGEST_CRITIC_ENTRY, _DIMENSIONS[name])
+    return _in_plant_units(parts, file_scales(entries, plant), functions)
+
+
+def _in_plant_units(
+    parts: dict[str, np.ndarray], scales: np.ndarray, functions: Basis | ca.Function | None
+) -> dict[str, np.ndarray]:
+    """W ψ(s x), (s x)'P (s x) and K s x as functions of x: W (..., M), P (..., n, n), K (..., m,
+    n).
+
+    An array of another shape than the plant's is kept, and refused where it is used.
+    """
+    factors = {"K": scales, "P": np.outer(scales, scales)}
+    if isinstance(functions, Basis) and len(scales) == functions.states:
+        factors["W"] = functions.scaling(scales)
+    converted = dict(parts)
+    for name, factor in factors.items():
+        if name in parts and parts[name].shape[-factor.ndim :] == factor.shape:
+            converted[name] = parts[name] * factor
+    return converted
+
+
+def _rows_over_time(
+    entries: Mapping[str, Any], game: Game, plant: PlantNames, reading: Reading
+) -> tuple[Critic, ...] | None:
+    """The critics of a history; None where beside its times the file holds the last row alone."""
+    if reading.lists_functions:
+        raise BadInputError("a list of --basis belongs to weights W without times")
+    times = np.ravel(numbers_in("time", entries["time"]))
+    stored_basis = words(entries, "basis") if "basis" in entries else ("quadratic",)
+    if reading.basis is None and len(stored_basis) != 1:
+        raise BadInputError("basis must be one name, such as 'quadratic'")
+    n, m = game.B.shape
+    psi = basis(reading.basis or stored_basis[0], n)
+    sizes = {"W": (psi.size,), "P": (n, n), "K": (m, n)}
+    rows = {
+        name: _stacked(name, entries[name], len(times), size, psi)
+        for name, size in sizes.items()
+        if name in entries
+    }
+    if all(array.shape == sizes[name] for name, array in rows.items()):
+        return None
+    rows = _in_plant_units(rows, file_scales(entries, plant), psi)
+    return critics_over_time(game, times, psi.name, **rows)
+
+
+def _stacked(name: str, value: Any, count: int, size: tuple[int, ...], psi: Basis) -> np.ndarray:
+    """One part of a critic at each time, (N, *size), or that of the last row alone, (*size)."""
+    array = numbers_in(name, value)
+    if array.shape in ((count, *size), size):
+        return array
+    if len(size) == 2 and array.shape == (*size, count):
+        return np.moveaxis(array, -1, 0)
+    if array.shape == (count, math.prod(size)):
+        return array.reshape(count, *size)
+    reason = f"there are {count} times, so it must be {shape_text((count, *size))}"
+    if name == "W":
+        weights = f"basis {psi.name!r} on {psi.states} states has {psi.size} weights"
+        reason = f"{weights} and {reason}"
+    raise BadInputError(f"{name} is {shape_text(array.shape)}; {reason}")

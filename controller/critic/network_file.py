@@ -1,0 +1,267 @@
+"""Feed-forward networks in files: ONNX graphs, and state dicts of linear layers.
+
+Nothing is guessed. A state dict does not say in which order its layers run: that is the order of
+the file where the format keeps it (torch), else the only order that the numbers in the names and
+the widths allow. What was read is returned as a chain, `6 -> tanh 64 -> 1`, to be compared with
+what was trained. Weights keep the digits of the file; all arithmetic is in doubles.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from itertools import islice, pairwise
+from pathlib import Path
+from typing import NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from controller.critic.activations import ACTIVATIONS
+from controller.critic.onnx_graph import check_width, function_of, graph_functions
+from controller.critic.tensors import LARGEST_FILE, checked_tensors, tensors_in
+from hfa_support.errors import BadInputError, refuse_unknown, said_of, shortened
+from hfa_support.files import regular_file
+
+#: Formats that keep the order in which layers were saved.
+_ORDERED = (".pt", ".pth", ".pkl", ".zip")
+#: Kinds of names that may be ordered by their widths; of more the search could take long.
+_MOST_KINDS = 8
+
+
+class Layer(NamedTuple):
+    """y = weight x + bias.
+
+    name: in the file, without ".weight".
+    weight: (k, n).
+    bias: (k,).
+    """
+
+    name: str
+    weight: np.ndarray
+    bias: np.ndarray
+
+
+class NetworkFile(NamedTuple):
+    """What a file of a network holds.
+
+    functions: what was asked for, or the name of an output -> x (n,) -> its numbers (k,).
+    chain: the operations in their order, as "6 -> tanh 64 -> 1".
+    precision: of the weights in the file, as "float32".
+    on_basis: the only layer, where it acts on the basis and not on the states; then there are no
+        functions.
+    """
+
+    functions: dict[str, ca.Function]
+    chain: str
+    precision: str
+    on_basis: Layer | None = None
+
+
+def network_in(
+    path: str | Path,
+    states: int,
+    activation: str | None = None,
+    parts: Mapping[str, str] | None = None,
+    features: int = 0,
+) -> NetworkFile:
+    """The network in a file.
+
+    states: its inputs.
+    activation: one of `ACTIVATIONS`, between the layers of a state dict; after a comma that of its
+        output.
+    parts: what is asked for -> which tensors, by a word in their names or more with + between them,
+        or which output of an ONNX graph.
+    features: size of the basis; a single layer of as many inputs acts on the basis.
+
+    BadInputError, one line that names the file.
+    """
+    path = Path(path)
+    parts = parts or {"": ""}
+    suffix = path.suffix.lower()
+    with said_of(path):
+        try:
+            content = regular_file(path, LARGEST_FILE).read_bytes()
+            if suffix == ".onnx":
+                functions, precision, chain = graph_functions(content, states, parts)
+                return NetworkFile(functions, chain, precision)
+            tensors, precision = checked_tensors(tensors_in(content, suffix))
+            networks = {
+                name: _layers(_selected(tensors, part), states, suffix in _ORDERED)
+                for name, part in parts.items()
+            }
+        except OSError as error:
+            raise BadInputError(f"cannot be read ({error.strerror})") from error
+        except BadInputError:
+            raise
+        except Exception as error:  # a damaged file makes the readers raise nearly anything
+            reason = shortened(str(error).partition("\n")[0])
+            raise BadInputError(f"it is damaged or no network ({reason})") from error
+        first = next(iter(networks.values()))
+        if len(first) == 1 and first[0].weight.shape[1] == features:
+            return NetworkFile({}, f"{features} functions -> 1", precision, first[0])
+        functions = {}
+        chains = []
+        for name, layers in networks.items():
+            functions[name] = _composed(layers, states, activation)
+            chains.append(_chain(name, layers, activation))
+        return NetworkFile(functions, "; ".join(chains), precision)
+
+
+def _selected(tensors: Mapping[str, np.ndarray], part: str) -> dict[str, np.ndarray]:
+    """The tensors in whose names one of the words of "word+word" stands."""
+    words = [f".{word}." for word in part.split("+") if word]
+    chosen = {
+        name: array
+        for name, array in tensors.items()
+        if not words or any(word in f".{name}." for word in words)
+    }
+    if not chosen:
+        raise BadInputError(
+            f"it holds no tensors called {shortened(part)!r}; its tensors are in {_roots(tensors)}"
+        )
+    return chosen
+
+
+def _roots(tensors: Mapping[str, np.ndarray]) -> str:
+    """The names of the networks in a file, for a message."""
+    stems = (re.sub(r"\.?\d*\.?(weight|bias)$", "", name) for name in tensors)
+    return shortened(", ".join(dict.fromkeys(stems)), 200)
+
+
+def _layers(tensors: Mapping[str, np.ndarray], states: int, ordered: bool) -> list[Layer]:
+    """The linear layers in the order in which they run.
+
+    ordered: whether the file keeps the order in which they were saved.
+    """
+    layers = []
+    for name, array in tensors.items():
+        if name.rpartition(".")[2] == "bias" and name.removesuffix("bias") + "weight" in tensors:
+            continue
+        stem = name.removesuffix("weight")
+        bias = tensors.get(f"{stem}bias", np.zeros(len(array) if array.ndim else 0))
+        is_linear = name.endswith("weight") and array.ndim == 2 and bias.shape == array.shape[:1]
+        if not is_linear:
+            raise _no_chain(f"{name}", array, "is no weight or bias of a linear layer", tensors)
+        layers.append(Layer(stem.removesuffix("."), array, bias))
+    layers = _as_saved(layers) if ordered else _only_order(layers, states)
+    for before, layer in pairwise(layers):
+        given = len(before.weight)
+        taken = layer.weight.shape[1]
+        if given != taken:
+            reason = f"takes {taken} numbers, the layer before gives {given}"
+            name = f"{layer.name}.weight".removeprefix(".")
+            raise _no_chain(name, layer.weight, reason, tensors)
+    return layers
+
+
+def _no_chain(
+    name: str, array: np.ndarray, reason: str, tensors: Mapping[str, np.ndarray]
+) -> BadInputError:
+    return BadInputError(
+        f"tensor {shortened(name)!r} {array.shape} {reason}; of several networks name one by "
+        f"--network: {_roots(tensors)}"
+    )
+
+
+def _kind(layer: Layer) -> str:
+    """The name without its numbers: layers of one kind run in the order of their numbers."""
+    return re.sub(r"\d+", "#", layer.name)
+
+
+def _numbers(layer: Layer) -> list[int]:
+    return [int(number) for number in re.findall(r"\d+", layer.name)]
+
+
+def _as_saved(layers: list[Layer]) -> list[Layer]:
+    """The layers as they are; BadInputError where the numbers in their names say otherwise."""
+    last: dict[str, Layer] = {}
+    for layer in layers:
+        before = last.get(_kind(layer))
+        if before is not None and _numbers(before) > _numbers(layer):
+            raise BadInputError(
+                f"layer {shortened(layer.name)!r} stands after {shortened(before.name)!r}: the "
+                "file does not tell in which order they run; save them in that order, or export "
+                "to ONNX"
+            )
+        last[_kind(layer)] = layer
+    return layers
+
+
+def _only_order(layers: list[Layer], states: int) -> list[Layer]:
+    """The only order in which each layer takes what the one before gives, and the numbers in the
+    names of one kind increase.
+
+    BadInputError where there is more than one. Where there is none, the order of the numbers.
+    """
+    by_kind: dict[str, list[Layer]] = {}
+    for layer in sorted(layers, key=_numbers):
+        by_kind.setdefault(_kind(layer), []).append(layer)
+    as_numbered = [layer for group in by_kind.values() for layer in group]
+    if len(by_kind) == 1:
+        return as_numbered
+    names = ", ".join(shortened(layer.name) for layer in layers[:_MOST_KINDS])
+    if len(by_kind) > _MOST_KINDS:
+        raise BadInputError(
+            f"its layers ({names} ...) have {len(by_kind)} different names, which do not tell in "
+            "which order they run; number them, or name one network by --network"
+        )
+    orders = list(islice(_orders(tuple(by_kind.values()), states), 2))
+    if len(orders) == 2:
+        raise BadInputError(
+            f"its layers ({names}) fit together in more than one order, and this format does not "
+            "keep the order; number them in the order in which they run, or export to ONNX"
+        )
+    return orders[0] if orders else as_numbered
+
+
+def _orders(groups: tuple[list[Layer], ...], width: int) -> Iterator[list[Layer]]:
+    """Every order of the layers, of each group from its first on, that begins with `width`
+    inputs."""
+    if not any(groups):
+        yield []
+    for index, group in enumerate(groups):
+        if group and group[0].weight.shape[1] == width:
+            remaining = (*groups[:index], group[1:], *groups[index + 1 :])
+            for order in _orders(remaining, len(group[0].weight)):
+                yield [group[0], *order]
+
+
+def _composed(layers: list[Layer], states: int, activation: str | None) -> ca.Function:
+    """x (states,) -> the output of the last layer."""
+    check_width(layers[0].weight.shape[1], states)
+    between, last = _activations(layers, activation)
+    x = ca.SX.sym("x", states)
+    h = np.fromiter(ca.vertsplit(x), object)
+    for index, layer in enumerate(layers):
+        if index and between:
+            h = ACTIVATIONS[between](h)
+        h = layer.weight @ h + layer.bias
+    return function_of(x, ACTIVATIONS[last](h) if last else h)
+
+
+def _activations(layers: list[Layer], activation: str | None) -> tuple[str, str]:
+    """The names of the activation between the layers and of that of the output; "" for none."""
+    if len(layers) > 1 and activation is None:
+        raise BadInputError(
+            "a state dict does not say what is between its layers; give "
+            f"--set activation={'|'.join(ACTIVATIONS)}"
+        )
+    between, _, last = (activation or "").partition(",")
+    for name in filter(None, (between, last)):
+        refuse_unknown("unknown activation", name, ACTIVATIONS)
+    return between, last
+
+
+def _chain(name: str, layers: list[Layer], activation: str | None) -> str:
+    """The layers in their order, with their names: "6 -> tanh 64 -> 1 (layers 0, 2)"."""
+    between, last = _activations(layers, activation)
+    steps = [str(layers[0].weight.shape[1])]
+    for layer in layers[:-1]:
+        steps.append(f"{between} {len(layer.weight)}".strip())
+    steps.append(f"{last} {len(layers[-1].weight)}".strip())
+    names = ", ".join(layer.name for layer in layers if layer.name)
+    chain = " -> ".join(steps)
+    if name:
+        chain = f"{name} {chain}"
+    return f"{chain} (layers {shortened(names, 80)})" if names else chain

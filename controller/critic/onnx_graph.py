@@ -1,0 +1,293 @@
+"""ONNX graphs as CasADi functions, operator by operator; other operators are refused by name."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from controller.critic.activations import ACTIVATIONS, on_entries
+from controller.critic.tensors import LARGEST_NETWORK, checked_tensors
+from hfa_support.errors import BadInputError, shortened
+
+#: The oldest ONNX operator set that is read.
+OLDEST_OPSET = 9
+
+
+def _divided(a: Any, b: Any) -> Any:
+    """a / b; of integers, as ONNX defines it, without the remainder."""
+    quotient = a / b
+    if np.asarray(a).dtype.kind == "i" and np.asarray(b).dtype.kind == "i":
+        return np.trunc(quotient).astype(int)
+    return quotient
+
+
+def _gemm(
+    a: Any,
+    b: Any,
+    c: Any = 0.0,
+    **how: float,
+) -> Any:
+    left = a.T if how.get("transA") else a
+    right = b.T if how.get("transB") else b
+    return how.get("alpha", 1.0) * (left @ right) + how.get("beta", 1.0) * c
+
+
+def _reshape(x: np.ndarray, shape: np.ndarray, allowzero: int = 0) -> np.ndarray:
+    sizes = [int(size) for size in shape]
+    if not allowzero:
+        sizes = [size or x.shape[axis] for axis, size in enumerate(sizes)]
+    return x.reshape(sizes)
+
+
+def _slice(
+    x: np.ndarray, starts: Any, ends: Any, axes: Any = None, steps: Any = None
+) -> np.ndarray:
+    axes = range(len(starts)) if axes is None else axes
+    steps = np.ones(len(starts)) if steps is None else steps
+    slices = [slice(None)] * x.ndim
+    for axis, start, end, step in zip(axes, starts, ends, steps, strict=True):
+        slices[int(axis)] = slice(int(start), int(end), int(step))
+    return x[tuple(slices)]
+
+
+def _reduced(
+    reduce: Callable[..., Any],
+    x: np.ndarray,
+    axes: Any = None,
+    keepdims: int = 1,
+    noop_with_empty_axes: int = 0,
+) -> Any:
+    if axes is None or not np.size(axes):
+        if noop_with_empty_axes:
+            return x
+        return reduce(x, axis=None, keepdims=bool(keepdims))
+    return reduce(x, axis=tuple(map(int, np.ravel(axes))), keepdims=bool(keepdims))
+
+
+def _clip(x: np.ndarray, low: Any = None, high: Any = None, **ends: float) -> np.ndarray:
+    low = ends.get("min", low)
+    high = ends.get("max", high)
+    if low is not None:
+        x = on_entries(partial(ca.fmax, float(low)))(x)
+    if high is not None:
+        x = on_entries(partial(ca.fmin, float(high)))(x)
+    return x
+
+
+def _cast(x: np.ndarray, to: int, **_: Any) -> np.ndarray:
+    is_integer = np.asarray(x).dtype.kind == "i"
+    if to not in (1, 7, 11) or (to == 7) != is_integer:  # float, int64, double
+        raise BadInputError(
+            "a Cast goes to another type than float and double; export the network without it"
+        )
+    return x
+
+
+def _normalized(x: np.ndarray, axes: tuple[int, ...], epsilon: float) -> np.ndarray:
+    """(x - mean) / sqrt(variance + epsilon) over the axes."""
+    centred = x - np.mean(x, axis=axes, keepdims=True)
+    variance = np.mean(centred**2, axis=axes, keepdims=True)
+    return centred / on_entries(ca.sqrt)(variance + epsilon)
+
+
+def _layer_norm(
+    x: np.ndarray,
+    scale: Any,
+    bias: Any = 0.0,
+    axis: int = -1,
+    epsilon: float = 1e-5,
+    stash_type: int = 1,
+) -> np.ndarray:
+    axes = tuple(range(axis % x.ndim, x.ndim))
+    return _normalized(x, axes, epsilon) * scale + bias
+
+
+def _batch_norm(
+    x: np.ndarray, scale: Any, bias: Any, mean: Any, variance: Any, **how: float
+) -> np.ndarray:
+    if how.get("training_mode"):
+        raise BadInputError("its BatchNormalization is in training mode; export it after eval()")
+    return (x - mean) / np.sqrt(variance + how.get("epsilon", 1e-5)) * scale + bias
+
+
+def _chained(function: Callable[[Any, Any], Any]) -> Callable[..., np.ndarray]:
+    """The function of two arrays, entry by entry, over any number of arrays."""
+
+    def combined(first: np.ndarray, *others: np.ndarray) -> np.ndarray:
+        for array in others:
+            first = np.frompyfunc(function, 2, 1)(first, array)
+        return np.asarray(first)
+
+    return combined
+
+
+#: ONNX operators: inputs, then attributes by name.
+OPERATORS: Mapping[str, Callable[..., Any]] = {
+    "Add": lambda a, b: a + b,
+    "Sub": lambda a, b: a - b,
+    "Mul": lambda a, b: a * b,
+    "Div": _divided,
+    "Neg": lambda a: -a,
+    "Sum": lambda *terms: sum(terms[1:], terms[0]),
+    "MatMul": lambda a, b: a @ b,
+    "Gemm": _gemm,
+    "Tanh": ACTIVATIONS["tanh"],
+    "Relu": ACTIVATIONS["relu"],
+    "LeakyRelu": ACTIVATIONS["leaky_relu"],
+    "Sigmoid": ACTIVATIONS["sigmoid"],
+    "Softplus": ACTIVATIONS["softplus"],
+    "Elu": ACTIVATIONS["elu"],
+    "Selu": ACTIVATIONS["selu"],
+    "Gelu": ACTIVATIONS["gelu"],
+    "Sin": ACTIVATIONS["sin"],
+    "Cos": on_entries(ca.cos),
+    "Erf": on_entries(ca.erf),
+    "Exp": on_entries(ca.exp),
+    "Log": on_entries(ca.log),
+    "Sqrt": on_entries(ca.sqrt),
+    "Abs": on_entries(ca.fabs),
+    "Clip": _clip,
+    "Min": _chained(ca.fmin),
+    "Max": _chained(ca.fmax),
+    "Greater": np.frompyfunc(lambda a, b: a > b, 2, 1),
+    "Less": np.frompyfunc(lambda a, b: a < b, 2, 1),
+    "Where": np.frompyfunc(ca.if_else, 3, 1),
+    "LayerNormalization": _layer_norm,
+    "BatchNormalization": _batch_norm,
+    "Reshape": _reshape,
+    "Flatten": lambda x, axis=1: x.reshape(math.prod(x.shape[:axis]), -1),
+    "Squeeze": lambda x, axes=None: np.squeeze(x, None if axes is None else tuple(map(int, axes))),
+    "Unsqueeze": lambda x, axes: np.expand_dims(x, tuple(map(int, axes))),
+    "Pow": lambda a, b: a**b,
+    "Transpose": lambda a, perm=None: a.transpose(perm),
+    "ReduceSum": partial(_reduced, np.sum),
+    "ReduceMean": partial(_reduced, np.mean),
+    "Concat": lambda *parts, axis: np.concatenate(parts, axis=axis),
+    "Slice": _slice,
+    "Gather": lambda x, places, axis=0: np.take(x, np.asarray(places, dtype=int), axis=axis),
+    "Shape": lambda x: np.array(x.shape),
+    "Identity": lambda a: a,
+    "Dropout": lambda a, *_, **__: a,
+    "Cast": _cast,
+    "Constant": lambda **values: np.array(next(iter(values.values()))),
+}
+#: Operators that only arrange numbers, not shown in the chain of a network.
+_ARRANGING = {"Identity", "Reshape", "Flatten", "Squeeze", "Unsqueeze", "Constant", "Shape"}
+_ARRANGING |= {"Cast", "Dropout", "Transpose"}
+
+
+def graph_functions(
+    content: bytes, states: int, outputs: Mapping[str, str]
+) -> tuple[dict[str, ca.Function], str, str]:
+    """The functions of a graph, the precision of its weights, and its operators as one line.
+
+    outputs: what is asked for -> the name of an output of the graph; "" for all of them.
+    Functions: what was asked for, or the name of the output -> x (states,) -> its numbers.
+    """
+    try:
+        import onnx
+    except ImportError as error:
+        raise BadInputError(
+            "ONNX files need the package onnx; install hfa with the extra [networks]"
+        ) from error
+    model = onnx.load_from_string(content)
+    versions = [item.version for item in model.opset_import if item.domain in ("", "ai.onnx")]
+    opset = max(versions, default=0)
+    if opset < OLDEST_OPSET:
+        raise BadInputError(
+            f"it has the ONNX operator set {opset}; export it with {OLDEST_OPSET} or later"
+        )
+    graph = model.graph
+    arrays: dict[str, Any]
+    arrays, precision = _constants(onnx, {tensor.name: tensor for tensor in graph.initializer})
+    x = ca.SX.sym("x", states)
+    name, shape = _input_of(graph, set(arrays), states)
+    arrays[name] = np.fromiter(ca.vertsplit(x), object).reshape(shape)
+    steps = [str(states)]
+    for node in graph.node:
+        result, node_precision = _evaluated(onnx, node, arrays)
+        if sum(array.size for array in arrays.values()) + result.size > LARGEST_NETWORK:
+            raise BadInputError(f"it has more than {LARGEST_NETWORK} numbers")
+        arrays[node.output[0]] = result
+        precision = min(precision, node_precision)  # float32 before float64
+        if node.op_type not in _ARRANGING and result.dtype == object:
+            steps.append(f"{node.op_type} {result.size}")
+    return _outputs_of(graph, arrays, x, outputs), precision, " -> ".join(steps)
+
+
+def _input_of(graph: Any, constants: set[str], states: int) -> tuple[str, tuple[int, ...]]:
+    """The name and the shape of the one input; BadInputError where it is not one row of states."""
+    inputs = [item for item in graph.input if item.name not in constants]
+    if len(inputs) != 1 or not graph.output:
+        raise BadInputError(
+            f"it has {len(inputs)} inputs and {len(graph.output)} outputs; a critic takes the "
+            "state alone"
+        )
+    sizes = [axis.dim_value for axis in inputs[0].type.tensor_type.shape.dim]  # 0 where it is open
+    if len(sizes) not in (1, 2) or (len(sizes) == 2 and sizes[0] > 1):
+        raise BadInputError(f"its input has the shape {sizes}; it must be one row of states")
+    check_width(sizes[-1] or states, states)
+    return inputs[0].name, (1, states)[-len(sizes) :]
+
+
+def check_width(inputs: int, states: int) -> None:
+    """BadInputError where a network does not take the states of the plant."""
+    if inputs != states:
+        raise BadInputError(f"the network has {inputs} inputs and the plant {states} states")
+
+
+def _constants(onnx: Any, tensors: Mapping[str, Any]) -> tuple[dict[str, np.ndarray], str]:
+    """Arrays of ONNX tensors by name, and their precision."""
+    for name, tensor in tensors.items():
+        if tensor.data_location == onnx.TensorProto.EXTERNAL:
+            raise BadInputError(
+                f"tensor {shortened(name)!r} is in another file; export the weights inside "
+                "(torch: external_data=False)"
+            )
+    return checked_tensors(
+        {name: onnx.numpy_helper.to_array(tensor) for name, tensor in tensors.items()}
+    )
+
+
+def _evaluated(onnx: Any, node: Any, arrays: Mapping[str, Any]) -> tuple[np.ndarray, str]:
+    """The first output of a node, and the precision of a constant that it holds."""
+    name = node.op_type
+    if node.domain not in ("", "ai.onnx"):
+        name = f"{node.domain}.{name}"
+    if name not in OPERATORS:
+        raise BadInputError(f"operator {shortened(name)} is not known; use {', '.join(OPERATORS)}")
+    attributes = {item.name: onnx.helper.get_attribute_value(item) for item in node.attribute}
+    if "approximate" in attributes:
+        attributes["approximate"] = attributes["approximate"].decode()
+    precision = "float64"
+    if name == "Constant" and "value" in attributes:
+        attributes, precision = _constants(onnx, attributes)
+    inputs = [arrays[item] if item else None for item in node.input]
+    return np.asarray(OPERATORS[name](*inputs, **attributes)), precision
+
+
+def _outputs_of(
+    graph: Any, arrays: Mapping[str, Any], x: ca.SX, outputs: Mapping[str, str]
+) -> dict[str, ca.Function]:
+    names = [item.name for item in graph.output]
+    functions = {}
+    for kind, output in outputs.items():
+        for name in [output] if output else names:
+            if name not in names:
+                raise BadInputError(
+                    f"it has no output {shortened(output)!r}; its outputs are "
+                    f"{shortened(', '.join(names))}"
+                )
+            key = kind if output or len(names) == 1 else name
+            functions[key] = function_of(x, arrays[name])
+    return functions
+
+
+def function_of(x: ca.SX, outputs: np.ndarray) -> ca.Function:
+    """x -> the entries of an array of CasADi scalars, (k,)."""
+    return ca.Function("network", [x], [ca.vertcat(*map(ca.SX, np.ravel(outputs).tolist()))])

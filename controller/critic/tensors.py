@@ -1,0 +1,158 @@
+"""Tensors of state dicts: torch's files, safetensors and .npz, read without torch and without
+running anything."""
+
+from __future__ import annotations
+
+import io
+import json
+import math
+import pickle
+import re
+import zipfile
+from collections import OrderedDict
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from hfa_support.errors import BadInputError, shortened
+
+#: Bytes of a file, and numbers in it: derivatives are symbolic.
+LARGEST_FILE = 2**24
+LARGEST_NETWORK = 200_000
+#: Of safetensors and of torch. Integers (counters of batches) are read, and refused where they
+#: would be weights.
+_TYPES = {
+    "F16": "<f2",
+    "F32": "<f4",
+    "F64": "<f8",
+    "HalfStorage": "<f2",
+    "FloatStorage": "<f4",
+    "DoubleStorage": "<f8",
+    "LongStorage": "<i8",
+}
+
+
+def tensors_in(content: bytes, suffix: str) -> dict[str, np.ndarray]:
+    """Name -> array of a state dict, in the order of the file."""
+    if suffix == ".npz":
+        with np.load(io.BytesIO(content), allow_pickle=False) as arrays:
+            return {name: arrays[name] for name in arrays.files}
+    if suffix == ".safetensors":
+        return _safetensors(content)
+    if content[:2] != b"PK":
+        raise BadInputError(
+            "it is not what torch.save writes since torch 1.6; save state_dict() with it again"
+        )
+    return _torch_zip(content)
+
+
+def checked_tensors(tensors: Mapping[str, np.ndarray]) -> tuple[dict[str, np.ndarray], str]:
+    """The tensors, floats as doubles, and the precision of the file.
+
+    BadInputError where they are no finite numbers of at least 32 bits, or too many.
+    """
+    for name, array in tensors.items():
+        is_float = array.dtype.kind == "f"
+        if not (array.dtype.kind == "i" or (is_float and array.dtype.itemsize >= 4)):
+            raise BadInputError(
+                f"tensor {shortened(name)!r} is {array.dtype}; give weights as float32 or float64"
+            )
+        if not np.all(np.isfinite(array)):
+            raise BadInputError(f"tensor {shortened(name)!r} has numbers that are not finite")
+    if sum(array.size for array in tensors.values()) > LARGEST_NETWORK:
+        raise BadInputError(f"it has more than {LARGEST_NETWORK} numbers")
+    is_single = any(array.dtype == np.float32 for array in tensors.values())
+    doubles = {
+        name: array.astype(float) if array.dtype.kind == "f" else array
+        for name, array in tensors.items()
+    }
+    return doubles, "float32" if is_single else "float64"
+
+
+def _safetensors(content: bytes) -> dict[str, np.ndarray]:
+    begin = 8 + int.from_bytes(content[:8], "little")
+    header = json.loads(content[8:begin])
+    tensors = {}
+    for name, entry in header.items():
+        if name != "__metadata__":
+            start, stop = entry["data_offsets"]
+            values = np.frombuffer(content[begin + start : begin + stop], _dtype(entry["dtype"]))
+            tensors[name] = values.reshape(entry["shape"])
+    return tensors
+
+
+def _dtype(kind: str) -> str:
+    if kind not in _TYPES:
+        raise BadInputError(f"a tensor is {shortened(kind)}; save weights as float32 or float64")
+    return _TYPES[kind]
+
+
+def _view(
+    storage: np.ndarray, offset: int, size: tuple[int, ...], stride: tuple[int, ...], *_: Any
+) -> np.ndarray:
+    """torch._utils._rebuild_tensor_v2: the numbers of a storage at offset + Σ index stride;
+    IndexError beyond it."""
+    if math.prod(size) > storage.size:
+        raise BadInputError(f"a tensor of shape {size} is larger than its storage")
+    positions = np.full(size, offset)
+    for index, step in zip(np.indices(size), stride, strict=True):
+        positions = positions + index * step
+    return storage[positions]
+
+
+#: All that a pickle may call.
+_ALLOWED: Mapping[tuple[str, str], Callable[..., Any]] = {
+    ("collections", "OrderedDict"): OrderedDict,
+    ("torch._utils", "_rebuild_tensor_v2"): _view,
+    ("torch._utils", "_rebuild_parameter"): lambda tensor, *_: tensor,
+}
+
+
+class _Restricted(pickle.Unpickler):
+    """Builds dictionaries and arrays; every other class or function is refused by its name before
+    it is made."""
+
+    def __init__(self, content: bytes, storages: Mapping[str, bytes]) -> None:
+        super().__init__(io.BytesIO(content))
+        self.storages = storages
+
+    def find_class(self, module: str, name: str) -> Any:
+        if module == "torch" and name.endswith("Storage"):
+            return _dtype(name)
+        if (module, name) not in _ALLOWED:
+            raise BadInputError(
+                f"it wants to make {shortened(f'{module}.{name}')}, which is not done: save "
+                "state_dict() alone"
+            )
+        return _ALLOWED[module, name]
+
+    def persistent_load(self, pid: Any) -> np.ndarray:
+        return np.frombuffer(self.storages[f"data/{pid[2]}"], pid[1])
+
+
+def _torch_zip(content: bytes) -> dict[str, np.ndarray]:
+    """What torch.save writes, or stable-baselines3, whose policy.pth is such a file."""
+    with zipfile.ZipFile(io.BytesIO(content)) as archive:
+        if sum(member.file_size for member in archive.infolist()) > LARGEST_FILE:
+            raise BadInputError(f"it unpacks to more than {LARGEST_FILE} bytes")
+        names = archive.namelist()
+        if "policy.pth" in names:
+            return _torch_zip(archive.read("policy.pth"))
+        if any(re.search(r"(^|/)(code/|constants\.pkl$)", name) for name in names):
+            raise BadInputError(
+                "it is TorchScript, a program; save state_dict() instead, or export to ONNX"
+            )
+        members = {name.partition("/")[2]: archive.read(name) for name in names}
+    return _flattened("", _Restricted(members["data.pkl"], members).load())
+
+
+def _flattened(prefix: str, stored: Any, depth: int = 0) -> dict[str, np.ndarray]:
+    """Arrays of dictionaries in dictionaries, named like "model.0.weight"."""
+    if isinstance(stored, np.ndarray):
+        return {prefix.removesuffix("."): stored}
+    tensors: dict[str, np.ndarray] = {}
+    if isinstance(stored, dict) and depth < 4:
+        for name, value in stored.items():
+            tensors |= _flattened(f"{prefix}{name}.", value, depth + 1)
+    return tensors

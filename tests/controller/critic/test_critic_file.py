@@ -1,0 +1,150 @@
+"""A user's critics from files: W, P and K, once or over time; entries read and refused."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from game_files import stored
+
+from controller import Game, critic_in, critics_over_time
+from controller.critic.critic_file import Reading, critics_in, stored_parts
+from hfa_support import BadInputError
+
+#: Two states, one input: 3 weights, 4 entries of P, 2 of K.
+GAME = Game(
+    [[0.0, 1.0], [-2.0, -3.0]],
+    [[0.0], [1.0]],
+    np.eye(2),
+    [[2.0, 0.0], [0.0, 1.0]],
+    [[4.0]],
+    10.0,
+)
+TIMES = np.array([0.0, 0.1, 0.3])
+W = np.arange(9.0).reshape(3, 3)
+K = np.arange(6.0).reshape(3, 1, 2)
+pytestmark = pytest.mark.usefixtures("folder")
+
+
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [
+        ("all.npz", {"W": np.arange(21.0), "P": np.eye(6), "K": np.ones((5, 6))}),
+        ("row.npz", {"weights": np.arange(21.0)}),
+        ("gain.json", {"K": np.ones((5, 6)), "delta": 200.0, "certificate": {"ok": True}}),
+    ],
+)
+def test_a_file_has_the_parts_that_it_holds(name: str, content: dict[str, Any]) -> None:
+    parts = stored_parts(stored(name, **content))
+    expected = {"W": content.get("W", content.get("weights"))}
+    expected |= {key: content.get(key) for key in "PK"}
+    assert set(parts) == {key for key, value in expected.items() if value is not None}
+    for key, array in parts.items():
+        assert np.array_equal(array, expected[key])
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ({"A": np.eye(2)}, r"there is no W, P or K; .* \(found: A\)"),
+        ({"W": [[1.0, 2.0], [3.0, 4.0]]}, r"W has shape \(2, 2\); weights are one row or one"),
+        ({"W": [1.0, math.inf]}, r"W\[1\] is inf"),
+        ({"P": [1.0, 2.0]}, "P has 1 dimension"),
+    ],
+)
+def test_bad_entries_are_refused_in_one_line(content: Any, message: str) -> None:
+    with pytest.raises(BadInputError, match=f"^a.json: .*{message}") as refusal:
+        critic_in(stored("a.json", **content), GAME)
+    assert "\n" not in str(refusal.value)
+
+
+def test_the_functions_of_a_critic_are_what_its_matrices_say() -> None:
+    z = np.array([0.3, -0.2])
+    weights = np.array([1.0, 2.0, 3.0, 0.5, -0.5])
+    critic = critic_in(stored("w.npz", W=weights), GAME, reading=Reading("quadratic+quartic"))
+    assert critic.value is not None
+    assert critic.gradient is not None
+    x, y = z
+    value = x**2 + 2 * x * y + 3 * y**2 + 0.5 * x**4 - 0.5 * y**4
+    slopes = np.array([2 * x + 2 * y + 2 * x**3, 2 * x + 6 * y - 2 * y**3])
+    assert float(critic.value(z)) == pytest.approx(value, rel=1e-14)
+    assert np.array(critic.gradient(z)).ravel() == pytest.approx(slopes, rel=1e-14)
+    u = -0.5 * GAME.R_inverse_B_transposed @ slopes
+    assert np.array(critic.policy(z)).ravel() == pytest.approx(u, rel=1e-14)
+    gain = critic_in(stored("k.npz", K=K[1]), GAME)
+    assert gain.value is None
+    assert np.array(gain.policy(z)).ravel() == pytest.approx(-K[1] @ z, rel=1e-14)
+
+
+# Critics over time.
+
+
+@pytest.mark.parametrize("suffix", ["npz", "json"])
+@pytest.mark.parametrize(
+    ("content", "has_gain"),
+    [
+        # as `hfa learn` writes it, with the last row
+        ({"times": TIMES, "weights": W, "W": W[-1], "other": 1.0}, False),
+        ({"t": TIMES, "W": W, "K": K}, True),
+        ({"time": TIMES, "W": W, "gains": np.moveaxis(K, 0, -1)}, True),
+        ({"t": TIMES, "W": W, "K": K.reshape(3, 2)}, True),
+    ],
+)
+def test_rows_with_times_are_one_critic_each(
+    suffix: str, content: dict[str, Any], has_gain: bool
+) -> None:
+    critics = critics_in(stored(f"h.{suffix}", **content), GAME)
+    assert [critic.time for critic in critics] == TIMES.tolist()
+    np.testing.assert_array_equal([critic.weights for critic in critics], W)
+    if has_gain:
+        np.testing.assert_array_equal([critic.K for critic in critics], K)
+
+
+@pytest.mark.parametrize("times", [{}, {"t": TIMES}])
+def test_one_row_is_one_critic(times: dict[str, Any]) -> None:
+    P = np.array([[0.0, 0.5], [0.5, 2.0]])
+    (critic,) = critics_in(stored("h.npz", W=W[0], P=P, **times), GAME)
+    assert critic.time is None
+    np.testing.assert_array_equal(critic.P, P)
+
+
+def test_the_file_names_the_basis_unless_somebody_does() -> None:
+    path = stored("h.npz", time=TIMES, weights=np.ones((3, 5)), basis="quadratic+linear")
+    basis = critic_in(path, GAME).basis
+    assert basis is not None
+    assert basis.name == "quadratic+linear"
+    with pytest.raises(
+        BadInputError, match=r"W is 3 x 5; basis 'quadratic' on 2 states has 3 weights"
+    ):
+        critic_in(path, GAME, reading=Reading("quadratic"))
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        ({"times": [0.0, 1.0, 0.5], "W": W}, "time is 0.5 s at row 3; it must increase"),
+        (
+            {"times": [-1.0, 0.0, 1.0], "W": W},
+            "time is -1 s at row 1; it must increase, from 0 s or later",
+        ),
+        ({"times": TIMES, "W": W * [[1.0], [np.inf], [1.0]]}, r"W\[1\]\[0\] is inf; every entry"),
+        (
+            {"times": TIMES, "W": W * [[1.0], [1.0], [1e60]]},
+            r"W\[2\]\[0\] is 6e\+60; entries must not exceed 1e\+50",
+        ),
+        ({"times": TIMES[:2], "W": W}, "W has 3 rows and there are 2 times"),
+        ({"times": TIMES, "K": np.ones((1, 2))}, "and W .rows of weights., P or K"),
+    ],
+)
+def test_what_is_no_history_is_refused(content: dict[str, Any], said: str) -> None:
+    with pytest.raises(BadInputError, match=said):
+        critics_over_time(GAME, **content)
+
+
+def test_a_single_matrix_belongs_to_the_last_row() -> None:
+    first, second, last = critics_over_time(GAME, TIMES, W=W, K=K[2])
+    np.testing.assert_array_equal(last.K, K[2])
+    np.testing.assert_array_equal(second.weights, W[1])
+    assert first.feedback is not None

@@ -1,0 +1,8 @@
+"""The constructors of critics, offered under the package's own name."""
+
+from controller.critic.critic import (
+    from_gain as from_gain,
+    from_value as from_value,
+    from_weights as from_weights,
+)
+from controller.critic.network import from_network as from_network
