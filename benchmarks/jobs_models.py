@@ -13,11 +13,12 @@ from typing import Any
 
 import numpy as np
 
+import hfa_model
 from benchmarks.report import Row, in_turn
 from controller.game.zero_sum import published_game
 from controller.riccati.gare_batch import solve_games
 from hfa_aircraft.model import load_model
-from hfa_model import LINEAR_STATES, STATES, Aircraft, Parameters, default_parameters
+from hfa_model import LINEAR_STATES, STATES, Parameters, default_parameters
 from hfa_model.atmosphere import density
 from hfa_support.native.bound import BoundFunction
 from hfa_support.native.machine_code import c_compiler
@@ -63,7 +64,7 @@ def _games(count: int) -> Row:
     from scipy.linalg import block_diag, solve_continuous_are
 
     flights = trim_points(
-        Aircraft(), ("dihedral",), np.radians(np.linspace(0.0, 20.0, count))[:, None]
+        hfa_model.aircraft(), ("dihedral",), np.radians(np.linspace(0.0, 20.0, count))[:, None]
     )
     index = [STATES.index(name) for name in LINEAR_STATES]
     A, B = flights.A[:, index][:, :, index], flights.B[:, index]
@@ -171,7 +172,7 @@ def peer_point(system, dihedral: float):
 
 
 def _one_point() -> Row:
-    aircraft, system = Aircraft(), peer_system()
+    aircraft, system = hfa_model.aircraft(), peer_system()
 
     def ours():
         for _ in range(100):
@@ -195,7 +196,7 @@ def _one_point() -> Row:
 
 
 def _many_points(count: int, peer_count: int) -> list[Row]:
-    aircraft, system = Aircraft(), peer_system()
+    aircraft, system = hfa_model.aircraft(), peer_system()
     angles = np.radians(np.linspace(0.0, 20.0, count))
 
     def ours(compile_code: bool, modes: bool = False):
@@ -243,7 +244,7 @@ def f16_case(turning: bool) -> tuple[TrimCondition, str, float, float]:
     }
     steady = dict.fromkeys(("speed", "alpha", "pitch_rate", "power"), 0.0)
     return (
-        TrimCondition(imposed | dict.fromkeys(_AHEAD, 0.0), steady, model=model),
+        TrimCondition(model, imposed | dict.fromkeys(_AHEAD, 0.0), steady),
         "speed",
         300.0,
         700.0,

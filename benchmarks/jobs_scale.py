@@ -17,6 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
+import hfa_model
 from benchmarks.jobs_flight import STEP, FlightCase
 from benchmarks.report import Comparison, Row, Size, in_turn, value_text
 from controller.flight.envelope import Envelope, flight_envelope
@@ -25,11 +26,10 @@ from controller.flight.policies import gain_law
 from controller.flight.scenario import Scenario, Uncertainty
 from controller.game.zero_sum import published_game
 from controller.riccati.gare import solve_game
-from hfa_model.aircraft import HFA, Aircraft
 from hfa_model.vectors import State
 from hfa_support.jobs.store import stream
+from trim.hfa.level_flight import level_flight
 from trim.linear.linear_model import level_model
-from trim.point.condition import level_flight
 from trim.point.solve import find_operating_point
 from trim.sweeps.sweep_plan import Steps, SweepPlan
 from trim.sweeps.sweep_store import stream_sweep
@@ -71,17 +71,17 @@ def critic_plan(members: int, duration: float = 20.0) -> MonteCarlo:
 
     The envelope is as good as none, so that every member flies to the end.
     """
-    case, aircraft = FlightCase(), Aircraft()
+    case, aircraft = FlightCase(), hfa_model.aircraft()
     point = find_operating_point(aircraft, level_flight(float(np.radians(5.0))))
     initial, signals = np.array([*case.start[:6], 0.0]), (case.reference, case.disturbance)
     scenario = Scenario(duration, STEP, 0.01, initial, *signals, uncertainty=_UNCERTAIN)
-    everywhere = Envelope(State(*[-1e9] * 7), State(*[1e9] * 7), HFA)
+    everywhere = Envelope(State(*[-1e9] * 7), State(*[1e9] * 7), hfa_model.aircraft())
     return MonteCarlo(members, 0, aircraft, point, case.flown, scenario, everywhere)
 
 
 def gain_plan(members: int, duration: float = 20.0) -> MonteCarlo:
     """The nonlinear aircraft under the exact gain at 15 degrees, step 1e-3 s."""
-    aircraft, scenario = Aircraft(), Scenario(duration, uncertainty=_UNCERTAIN)
+    aircraft, scenario = hfa_model.aircraft(), Scenario(duration, uncertainty=_UNCERTAIN)
     model = level_model(aircraft, float(np.radians(15.0)))
     law = gain_law("exact", solve_game(published_game(model.A, model.B)).K)
     return MonteCarlo(
@@ -159,7 +159,7 @@ def _sized(job: str, count: int) -> Size:
     with tempfile.TemporaryDirectory() as folder:
         path, start = Path(folder) / "store.zarr", time.perf_counter()
         if job == "sweep":
-            stream_sweep(SweepPlan({"dihedral": steps}, Aircraft()), path)
+            stream_sweep(SweepPlan({"dihedral": steps}, hfa_model.aircraft()), path)
         else:
             stream(gain_plan(count, duration=0.1), path)
         seconds = (time.perf_counter() - start) / count

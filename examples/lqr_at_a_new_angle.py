@@ -19,10 +19,11 @@ commands 1 ft/s more speed. The target is another trim, so that it can be held. 
 import control
 import numpy as np
 
-from hfa_model import Aircraft, default_parameters
+import hfa_model
+from hfa_model import default_parameters
 from trim import find_operating_point, level_flight, level_model, linearize
 
-aircraft = Aircraft(default_parameters().values)
+aircraft = hfa_model.aircraft(parameters=default_parameters().values)
 point = find_operating_point(aircraft, level_flight(np.radians(10.0)))
 plant = linearize(aircraft, point).to_control()
 

@@ -57,7 +57,7 @@ class DampedPolicyIteration:
         return {"time": TICK * tick, "weights": memory["weights"]}
 
 
-aircraft = hfa_model.Aircraft()
+aircraft = hfa_model.aircraft()
 model = trim.level_model(aircraft, 5 * hfa_model.DEGREE)
 game = controller.published_game(model)
 run = controller.run(DampedPolicyIteration(game, controller.random_pool(game, 60, seed=0)))

@@ -14,8 +14,9 @@ import itertools
 import casadi as ca
 import numpy as np
 
+import hfa_model
 from controller import Game, published_game
-from hfa_model import Aircraft, default_parameters
+from hfa_model import default_parameters
 from trim import level_model
 from verification import solve_game
 
@@ -30,7 +31,9 @@ ACTIVATIONS = {
 
 def game_at(degrees: float) -> Game:
     """The paper's game on the aircraft at this dihedral angle."""
-    model = level_model(Aircraft(default_parameters().values), np.radians(degrees))
+    model = level_model(
+        hfa_model.aircraft(parameters=default_parameters().values), np.radians(degrees)
+    )
     return published_game(model.A, model.B)
 
 

@@ -24,12 +24,16 @@ are rather too wide than too narrow. Run it with .venv/bin/python; it prints
 
 import numpy as np
 
-from hfa_model import Aircraft, default_parameters
+import hfa_model
+from hfa_model import default_parameters
 from trim import entry_bands, find_operating_point, level_flight, linearize, modes_of
 
 shipped = default_parameters()
 for dynamics in ("published", "newton"):
-    aircraft, condition = Aircraft(shipped.values, dynamics), level_flight(np.radians(10.0))
+    aircraft, condition = (
+        hfa_model.aircraft(dynamics, shipped.values),
+        level_flight(np.radians(10.0)),
+    )
     model = linearize(aircraft, find_operating_point(aircraft, condition))
     bands = entry_bands(shipped, condition, model)
     print(dynamics)
@@ -39,7 +43,7 @@ for dynamics in ("published", "newton"):
         print(f"  {name:32}{model.A[row, column]:10.4f} ± {bands.A[row, column]:.1e}")
     rng = np.random.default_rng(0)
     draws = [model.A + bands.A * rng.uniform(-1, 1, bands.A.shape) for _ in range(1000)]
-    for mode in modes_of(model.A, model.states):
+    for mode in modes_of(model.A, model.states, model.point.model.modes):
         nearest = [
             min(np.linalg.eigvals(A), key=lambda root: abs(root - mode.eigenvalue)) for A in draws
         ]

@@ -9,10 +9,11 @@ from controller.critic.network import from_network as from_network
 from controller.game.zero_sum import Game as Game
 from controller.learning.certified import learn as learn
 from controller.riccati.gare import solve_game as solve_game
-from hfa_aircraft.model import Model as Model, Signal as Signal
+from hfa_aircraft import Model as Model, Signal as Signal
+from hfa_model.declaration import aircraft as aircraft
 from hfa_support.errors import BadInputError as BadInputError, NoSolutionError as NoSolutionError
+from trim.hfa.level_flight import level_flight as level_flight
 from trim.linear.linear_model import linearize as linearize
-from trim.point.condition import level_flight as level_flight
 from trim.point.solve import find_operating_point as find_operating_point
 from trim.sweeps.sweep import sweep as sweep
 from verification.critic.critic_check import check_critic as check_critic

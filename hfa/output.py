@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from hfa_aircraft.model import Model
-    from hfa_model.aircraft import Aircraft
     from hfa_model.provenance import Provenance
     from hfa_support.reporting.report import Report
     from trim.point.operating_point import OperatingPoint
@@ -121,12 +120,12 @@ def _in_color() -> bool:
 
 
 @contextmanager
-def failure_as_data(arguments: argparse.Namespace, aircraft: Aircraft | Model) -> Iterator[None]:
+def failure_as_data(arguments: argparse.Namespace, aircraft: Model) -> Iterator[None]:
     """With --json a trim that fails is printed as data too: the nearest point within the limits,
     which limits bind, and the reason."""
     from hfa.options.trims import condition_of
+    from trim.hfa.hfa_report import trim_report
     from trim.point.solve import TrimError
-    from trim.point.trim_report import trim_report
 
     try:
         yield

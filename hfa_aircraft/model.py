@@ -9,7 +9,7 @@ from collections import namedtuple
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -72,15 +72,7 @@ class Linearization(NamedTuple):
     F: np.ndarray
 
 
-class HasModel(Protocol):
-    """An aircraft: a `Model`, or what has one."""
-
-    @property
-    def model(self) -> Model:
-        """Whose equations these are."""
-
-
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Model:
     """x' = f(x, u, p, w), y = h(x, u, p, w), declared once.
 
@@ -175,6 +167,12 @@ class Model:
                     f"{self.name}: trim imposes {name} = {value}; give a finite number"
                 )
 
+    def __repr__(self) -> str:
+        counts = (
+            f"{len(self.states)} states, {len(self.inputs)} inputs, {len(self.outputs)} outputs"
+        )
+        return f"<Model {self.title}: {counts}>"
+
     def __reduce__(self) -> Any:
         if not self.source[0]:
             return super().__reduce__()
@@ -182,11 +180,6 @@ class Model:
             self.source,
             {name: signal.start for name, signal in self.parameters.items()},
         )
-
-    @property
-    def model(self) -> Model:
-        """Itself: what wraps a model has one too."""
-        return self
 
     @property
     def title(self) -> str:

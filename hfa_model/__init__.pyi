@@ -1,6 +1,12 @@
 """The aircraft: three rigid panels on two hinges, seven states, five inputs, written symbolically."""
 
-from .aircraft import Aircraft as Aircraft
+from .declaration import (
+    aircraft as aircraft,
+    is_hfa as is_hfa,
+    loads as loads,
+    parameters_of as parameters_of,
+    variant_of as variant_of,
+)
 from .parameters import (
     Parameters as Parameters,
     default_parameters as default_parameters,

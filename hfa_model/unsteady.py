@@ -30,8 +30,8 @@ import casadi as ca
 
 from hfa_aircraft.model import Signal
 from hfa_model.aerodynamics import Loads, PanelLoads, panel_loads, sum_of_panels
-from hfa_model.aircraft import HFA
 from hfa_model.atmosphere import density
+from hfa_model.declaration import aircraft
 from hfa_model.dynamics import rates_from_loads
 from hfa_model.kinematics import (
     Velocity,
@@ -311,9 +311,15 @@ def _plates(p: Any, air: Quantity) -> tuple[_Plate, _Plate]:
     )
 
 
+#: The aircraft without lags.
+_RIGID = aircraft()
+
+
 def _signals() -> dict[str, Signal]:
     values = default_parameters().values._asdict()
-    own = {name: each._replace(start=float(values[name])) for name, each in HFA.parameters.items()}
+    own = {
+        name: each._replace(start=float(values[name])) for name, each in _RIGID.parameters.items()
+    }
     effects = {name: Signal("1", 1.0, 0.0, 2.0, start=1.0) for name in EFFECTS}
     # The parameters do not say how the area of a tail is spread: 20 ft by 2 ft are assumed.
     return {**own, **effects, "tail_aspect_ratio": Signal("1", 10.0, 0.1, 1000.0, start=10.0)}
@@ -321,7 +327,7 @@ def _signals() -> dict[str, Signal]:
 
 #: The aircraft with its identified parameters and all effects.
 UNSTEADY = replace(
-    HFA,
+    _RIGID,
     name="unsteady",
     called="unsteady dynamics",
     states={**STATE_SIGNALS._asdict(), **dict.fromkeys(LAG_STATES, Signal("rad", 0.1))},
@@ -330,6 +336,6 @@ UNSTEADY = replace(
     steady=tuple(name for name in (*STATES, *LAG_STATES) if name != "altitude"),
     # Wind alone moves the states of gusts: no input reaches them, and a game cannot learn them.
     linear=(*LINEAR_STATES, *_LAGS, "downwash"),
-    modes={**HFA.modes, "lag": (*_LAGS, "downwash"), "gust": _GUSTS},
+    modes={**_RIGID.modes, "lag": (*_LAGS, "downwash"), "gust": _GUSTS},
     parts={"short_period": ("alpha", *_LAGS, "downwash")},
 )

@@ -13,7 +13,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hfa_model.aircraft import HFA, Aircraft, Equations
+import hfa_model
+from hfa_model.declaration import Equations
 from hfa_model.parameters import FIELDS, Parameters, ParameterSet, save_parameters
 from hfa_model.printed_matrices import PublishedModel, published_models
 from hfa_model.variants import Newton, Published, Variant
@@ -23,6 +24,7 @@ from hfa_support.native.bound import BoundFunction
 from hfa_support.progress import Progress
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.text import Table
+from trim.hfa.level_flight import level_flight
 from trim.hfa.printed import (
     EntryRow,
     compare,
@@ -31,7 +33,6 @@ from trim.hfa.printed import (
     entries_table,
     regenerate,
 )
-from trim.point.condition import level_flight
 from trim.sweeps.points import newton_functions
 
 #: Not determined by the print: value, source and reason.
@@ -221,7 +222,10 @@ def run_identification(seed: int = 0, progress: Progress | None = None) -> Ident
     """Identify, then collect the evidence; a few seconds. progress: called with (stages done,
     stages in all)."""
     best, starts = identify(seed)
-    aircraft, rng = Aircraft(best.parameters.values, Published()), np.random.default_rng(seed)
+    aircraft, rng = (
+        hfa_model.aircraft(Published(), best.parameters.values),
+        np.random.default_rng(seed),
+    )
     tables = {
         model.dihedral_deg: compare(regenerate(aircraft, model), model)
         for model in published_models()
@@ -290,11 +294,17 @@ class _Problem:
     parameters θ."""
 
     def __init__(self, models: Sequence[PublishedModel], structure: Variant) -> None:
-        self._layout, names = replace(HFA, equations=Equations(structure)).layout, HFA.variables
+        self._layout, names = (
+            replace(hfa_model.aircraft(), equations=Equations(structure)).layout,
+            hfa_model.aircraft().variables,
+        )
         self._held = [level_flight(model.dihedral).imposed for model in models]
         given, rates = (
             tuple(self._held[0]),
-            tuple((name, 0.0, HFA.rate_scale(name)) for name in HFA.steady),
+            tuple(
+                (name, 0.0, hfa_model.aircraft().rate_scale(name))
+                for name in hfa_model.aircraft().steady
+            ),
         )
         functions = newton_functions(self._layout, given, _FREE_INPUTS, rates)
         assert functions is not None
@@ -345,7 +355,9 @@ class _Problem:
         if self._last is None or not np.array_equal(self._last[0], theta):
             values, jacobians = [], []
             for k, inputs in enumerate(self.trim_inputs(theta)):
-                v = np.array([self._held[k].get(name, 0.0) for name in HFA.variables])
+                v = np.array(
+                    [self._held[k].get(name, 0.0) for name in hfa_model.aircraft().variables]
+                )
                 v[self._free] = inputs
                 found, by_p = entries_at(self._layout, v, self._p, self._free, self._rows)
                 printed, half = self._printed[2 * k : 2 * k + 2]

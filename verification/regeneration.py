@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hfa_model.aircraft import Aircraft
+from hfa_aircraft.model import Model
 from hfa_model.printed_matrices import PublishedModel, published_models
 from hfa_support.reporting.checks import Check, Checked, at_most, checks_block
 from hfa_support.reporting.fields import ByValue
@@ -139,7 +139,7 @@ def _figure(pairs: tuple[RegeneratedPair, ...]) -> Figure:
     return figure
 
 
-def regenerate_all(aircraft: Aircraft) -> Regeneration:
+def regenerate_all(aircraft: Model) -> Regeneration:
     """Trim and linearize at both printed angles and compare the result with the print."""
     return Regeneration(
         tuple(check_pair(regenerate(aircraft, printed), printed) for printed in published_models())

@@ -12,14 +12,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hfa_model.aircraft import Aircraft
+import hfa_model
+from hfa_aircraft.model import Model
 from hfa_model.vectors import INPUTS, LINEAR_STATES, Input
 from hfa_support.reporting.checks import Check, Checked, at_most, checks_block
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.text import Table, shown_unit, shown_value
+from trim.hfa.level_flight import level_flight
 from trim.hfa.printed import EntryRow, eigenvalue_errors, entries_records, entries_table
 from trim.linear.linear_model import LinearModel, linearize
-from trim.point.condition import level_flight, release
+from trim.point.condition import release
 from trim.point.solve import find_operating_point
 
 SCHEMA = "hfa.validation/1"
@@ -171,7 +173,7 @@ class Validation(Checked, Reported):
         )
 
 
-def validate(aircraft: Aircraft) -> Validation:
+def validate(aircraft: Model) -> Validation:
     """Trim at each of their conditions, linearize, compare."""
     models = {released: model_at(aircraft, released) for released in released_trims()}
     trims = tuple(_trim_difference(released, model) for released, model in models.items())
@@ -185,11 +187,15 @@ def validate(aircraft: Aircraft) -> Validation:
         values = np.linalg.eigvals(at[30.0, math.radians(degrees)].A)
         roots.append((degrees, root, float(values[values.imag == 0.0].real.min())))
     return Validation(
-        aircraft.variant.name, trims, entries, tuple(roots), _checks(trims, entries, roots)
+        hfa_model.variant_of(aircraft).name,
+        trims,
+        entries,
+        tuple(roots),
+        _checks(trims, entries, roots),
     )
 
 
-def model_at(aircraft: Aircraft, released: ReleasedTrim) -> LinearModel:
+def model_at(aircraft: Model, released: ReleasedTrim) -> LinearModel:
     """Five inputs balance four equations: alpha and the center aileron are held at theirs, the rest
     is solved."""
     level = level_flight(

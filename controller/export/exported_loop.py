@@ -24,7 +24,7 @@ from controller.flight.signals import CommandSteps
 from controller.servo.design import COMMAND_FILTER, signal_unit
 from controller.servo.scheduled_controller import COMMAND_SIGNALS, ScheduledController
 from controller.servo.servo_policy import servo_law
-from hfa_aircraft.model import HasModel, Model, components
+from hfa_aircraft.model import Model, components
 from hfa_support.native.c_code import c_function
 from hfa_support.reporting.text import shown_value
 from trim.linear.linear_model import LinearModel
@@ -64,7 +64,7 @@ def commandable(controller: ScheduledController) -> tuple[str, ...]:
 
 
 def _commanded(
-    controller: ScheduledController, aircraft: HasModel, point: OperatingPoint
+    controller: ScheduledController, aircraft: Model, point: OperatingPoint
 ) -> tuple[FlownLaw, ca.SX, ca.SX, ca.SX]:
     """The controller about a trim; symbols [r; r'] of its commands, their rates, what they are on
     their way to.
@@ -115,7 +115,7 @@ class ExportedLoop:
 
 
 def exported_loop(
-    aircraft: HasModel,
+    aircraft: Model,
     point: OperatingPoint,
     gain: np.ndarray | None = None,
     controller: ScheduledController | None = None,
@@ -128,7 +128,7 @@ def exported_loop(
     y = [X; actuators; controller; r; r']: actuators and commands as deviations from trim.
     BadInputError when the controller was made for another aircraft or other angles, or an actuator
     cannot hold the trim."""
-    model, U0 = aircraft.model, np.array(point.inputs)
+    model, U0 = aircraft, np.array(point.inputs)
     w = ca.SX.sym("w", int(UPDRAFT in model.disturbances))
     air = [Channel(UPDRAFT, model.unit(UPDRAFT))] * w.numel()
     inputs = _channels(model, model.inputs, point.inputs)
@@ -214,14 +214,14 @@ def _channels(
 
 
 def c_model_texts(
-    aircraft: HasModel, linear: LinearModel, gain: np.ndarray | None, origin: str
+    aircraft: Model, linear: LinearModel, gain: np.ndarray | None, origin: str
 ) -> dict[str, str]:
     """File -> its text: header and source and, with a gain K (m, k) of u = -K x, a loop of 100 Hz
     that uses them.
 
     linear: the model at a trim. origin: where it comes from, lines of text. BadInputError for what
     C cannot express."""
-    model, point = aircraft.model, linear.point
+    model, point = aircraft, linear.point
     header, source, example = AIRCRAFT_FILES
     said = {"origin": comment_lines(origin), "title": comment_lines(model.title)}
     states, inputs = (
@@ -277,7 +277,7 @@ def _rates(model: Model) -> ca.Function:
 
 def c_controller_texts(
     controller: ScheduledController,
-    aircraft: HasModel,
+    aircraft: Model,
     point: OperatingPoint,
     origin: str,
     actuators: Actuators | None = None,

@@ -47,7 +47,7 @@ class Actuators:
     ζ ω v,  the position staying within its limits.
 
     lag: 1/ω, s, > 0. lowest, highest: positions, absolute. rate: largest |U'|, per s. λ = 1 until a
-    fault. Named tuples of the inputs of the model (`hfa_aircraft.model.record`), in its units.
+    fault. Named tuples of the inputs of the model (`hfa_aircraft.record`), in its units.
     Limits may be infinite. BadInputError when a lag or a rate is not positive, a lowest position is
     not below the highest, the order is another, or a fault names an unknown input."""
 

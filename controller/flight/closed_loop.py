@@ -19,7 +19,7 @@ from controller.flight.gusts import UPDRAFT
 from controller.flight.policies import FlownLaw, GainPolicy, Seen
 from controller.flight.scenario import Scenario
 from controller.flight.signals import zero
-from hfa_aircraft.model import HasModel, Model, components
+from hfa_aircraft.model import Model, components
 from hfa_support.errors import BadInputError
 from trim.point.operating_point import OperatingPoint
 
@@ -73,12 +73,10 @@ class LinearPlant(Plant):
     point: OperatingPoint | None = None
 
     @classmethod
-    def at(
-        cls, aircraft: HasModel, point: OperatingPoint, winds: Sequence[str] = ()
-    ) -> LinearPlant:
+    def at(cls, aircraft: Model, point: OperatingPoint, winds: Sequence[str] = ()) -> LinearPlant:
         """All states of an aircraft, with the exact derivatives at an operating point, those by
         these disturbances among them: what `NonlinearPlant` is to first order."""
-        found = aircraft.model.at(point.states, point.inputs, disturbances=winds)
+        found = aircraft.at(point.states, point.inputs, disturbances=winds)
         return cls(found.A, found.B, dict(zip(winds, found.E.T, strict=True)), point)
 
     @property
@@ -111,7 +109,7 @@ class NonlinearPlant(Plant):
     uncertain: the parameters of the model are an input, p. BadInputError when the point was trimmed
     with another model."""
 
-    aircraft: HasModel
+    aircraft: Model
     point: OperatingPoint
     uncertain: bool = False
 
@@ -122,7 +120,7 @@ class NonlinearPlant(Plant):
     @property
     def model(self) -> Model:
         """Whose equations these are."""
-        return self.aircraft.model
+        return self.aircraft
 
     @property
     def constants_size(self) -> int:  # type: ignore[override]

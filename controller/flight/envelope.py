@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from controller.flight.policies import OpenLoop
-from hfa_aircraft.model import HasModel, Model, record
+from hfa_aircraft.model import Model, record
 from hfa_support.errors import BadInputError, pair_of, refuse_unknown
 from hfa_support.reporting.text import short_number, shown_unit
 from trim.point.operating_point import OperatingPoint
@@ -184,7 +184,7 @@ class Envelope:
 
 
 def flight_envelope(
-    aircraft: HasModel,
+    aircraft: Model,
     point: OperatingPoint,
     changes: Mapping[str, tuple[float, float]] | None = None,
 ) -> Envelope:
@@ -193,7 +193,7 @@ def flight_envelope(
 
     changes: state -> (lowest, highest), absolute, replaces a pair; `ANGLE_OF_ATTACK` is another
     name of alpha's. BadInputError for a name that is no state, or when the trim lies outside."""
-    model = aircraft.model
+    model = aircraft
     pairs = {name: (each.min, each.max) for name, each in model.states.items()}
     if model.envelope is not None:
         pairs |= model.envelope(point.states, model.layout.record("p", model.p.tolist()))

@@ -28,7 +28,7 @@ from controller.flight.policies import FlownLaw
 from controller.flight.scenario import Scenario, Uncertainty, with_errors
 from controller.flight.signals import CommandedStates, Signal
 from controller.flight.simulation import CompiledLoop
-from hfa_aircraft.model import VECTORS, HasModel, Model, components
+from hfa_aircraft.model import VECTORS, Model, components
 from hfa_support.errors import BadInputError
 from hfa_support.jobs.store import Array, Layout, Store, described
 from hfa_support.native.bound import cached_per_thread
@@ -76,7 +76,7 @@ class MonteCarlo(Shown):
 
     members: int
     seed: int
-    aircraft: HasModel
+    aircraft: Model
     point: OperatingPoint
     law: FlownLaw
     scenario: Scenario
@@ -109,7 +109,7 @@ class MonteCarlo(Shown):
     @property
     def model(self) -> Model:
         """Whose equations fly."""
-        return self.aircraft.model
+        return self.aircraft
 
     def member(self, number: int) -> Scenario:
         """What happens in one member; turbulence is met at the trimmed speed."""

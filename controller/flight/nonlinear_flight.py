@@ -29,7 +29,7 @@ from controller.flight.scenario import Scenario, Uncertainty, with_errors
 from controller.flight.signals import CommandSteps
 from controller.flight.simulation import CompiledLoop, Flight
 from controller.servo.servo_policy import MeasuredOutputs, ServoPolicy
-from hfa_aircraft.model import HasModel, Model
+from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError
 from hfa_support.progress import Progress
 from hfa_support.reporting.report import Part, Report, Reported
@@ -45,7 +45,7 @@ _STILL = 1e-6
 
 
 def fly(
-    aircraft: HasModel,
+    aircraft: Model,
     point: OperatingPoint,
     law: FlownLaw,
     scenario: Scenario,
@@ -64,7 +64,7 @@ def fly(
         raise BadInputError(
             "part of the scenario is still to be drawn; simulate scenario.drawn(seed, member, point)"
         )
-    scenario = scenario.on(aircraft.model)
+    scenario = scenario.on(aircraft)
     compiled = CompiledLoop(
         ClosedLoop(NonlinearPlant(with_errors(aircraft, scenario), point), law, scenario)
     )

@@ -13,7 +13,7 @@ import numpy as np
 from controller.flight.actuators import Actuators
 from controller.flight.gusts import UPDRAFT, Dryden, Gust
 from controller.flight.signals import Signal, TimeVector, zero
-from hfa_aircraft.model import HasModel, Model
+from hfa_aircraft.model import Model
 from hfa_support.errors import (
     BadInputError,
     is_finite,
@@ -253,9 +253,9 @@ def met_at(point: OperatingPoint) -> float:
     return model.outputs_at(point.states, point.inputs, ["speed"])["speed"]
 
 
-def with_errors(aircraft: HasModel, scenario: Scenario) -> Model:
+def with_errors(aircraft: Model, scenario: Scenario) -> Model:
     """The model that is flown: its parameters times the errors of the scenario."""
-    model = aircraft.model
+    model = aircraft
     wrong = {
         name: model.parameters[name].start * factor for name, factor in scenario.errors.items()
     }

@@ -12,7 +12,6 @@ from controller.game.array_file import read_arrays
 from controller.game.user_files import PlantNames, file_scales, words
 from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, checked_matrix
 from hfa_aircraft.model import Model
-from hfa_model.aircraft import HFA
 from hfa_support.errors import BadInputError, numbers_in, said_of
 from hfa_support.linear_table import LinearTable
 from hfa_support.reporting.fields import Shown
@@ -32,7 +31,7 @@ class GainTable(Shown):
 
     places: np.ndarray
     K: np.ndarray
-    model: Model = HFA
+    model: Model
 
     def __post_init__(self) -> None:
         """Check the table once."""
@@ -80,7 +79,7 @@ class GainTable(Shown):
         return np.sort([*places, *new])
 
 
-def load_gains(path: Path, model: Model = HFA) -> GainTable:
+def load_gains(path: Path, model: Model) -> GainTable:
     """K (m, n), or the values of the scheduling variable (G,) under the model's `schedule_key` and
     K (G, m, n), also as MATLAB stacks them, (m, n, G).
 

@@ -11,9 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hfa_aircraft.model import Model
-from hfa_model.aircraft import HFA
 from hfa_model.printed_matrices import published_data
-from hfa_model.vectors import LINEAR_STATES
+from hfa_model.vectors import INPUTS, LINEAR_STATES
 from hfa_support.errors import BadInputError, numbers_in, refuse_unknown, shown
 from hfa_support.reporting.fields import ByValue, Shown
 
@@ -161,7 +160,7 @@ def published_game(
 def usual_game(model: Model, A: np.ndarray, B: np.ndarray, **changes: Any) -> Game:
     """The game on (A, B) of a model; by default: the paper's if it has the HFA's states and inputs;
     else with 1/nominal² on the diagonals of Q and R, delta inf. `changes` replaces Q, R, delta."""
-    if {*LINEAR_STATES} <= {*model.linear} and model.inputs.keys() == HFA.inputs.keys():
+    if {*LINEAR_STATES} <= {*model.linear} and {*model.inputs} == {*INPUTS}:
         own: Any = SimpleNamespace(A=A, B=B, states=model.linear)
         return published_game(own, **changes)
     Q, R = (

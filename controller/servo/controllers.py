@@ -22,7 +22,6 @@ from controller.servo.loop_shaping import (
 )
 from controller.servo.scheduled_controller import COMMAND_SIGNALS, ScheduledController, identity
 from hfa_aircraft.model import Model
-from hfa_model.aircraft import Aircraft
 from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.jsonable import finite_or_none
 from hfa_support.progress import Progress, told
@@ -45,7 +44,7 @@ class LinearController:
 
 
 def design_controller(
-    aircraft: Aircraft | Model,
+    aircraft: Model,
     design: Design,
     places: np.ndarray,
     *,
@@ -57,7 +56,7 @@ def design_controller(
     They measure the sensors of the design; without any the states. BadInputError for a model that
     is not scheduled over one of its linear states. Raises NoSolutionError that names the place at
     which there is no trim or no certified controller."""
-    own = aircraft.model
+    own = aircraft
     if own.schedule not in own.linear:
         choices = f"one of {', '.join(own.linear)}"
         raise BadInputError(
@@ -104,9 +103,7 @@ def design_controller(
     )
 
 
-def controller_at(
-    aircraft: Aircraft | Model, model: LinearModel, design: Design
-) -> LinearController:
+def controller_at(aircraft: Model, model: LinearModel, design: Design) -> LinearController:
     """The exact controller of one linear model; NoSolutionError when it is not certified.
 
     The gain u = -K z, or the central controller of the game from the sensors; the integrals, which
@@ -152,7 +149,7 @@ def controller_at(
     )
 
 
-def _shaped(aircraft: Aircraft | Model, built: DesignModel, shaping: Shaping) -> LinearController:
+def _shaped(aircraft: Model, built: DesignModel, shaping: Shaping) -> LinearController:
     """x = [x_m; the weights' own; x̂]: u = u_m - W1 F x̂, x̂ observes the shaped plant from y_s =
     W2 (y - y_m).
 

@@ -17,7 +17,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hfa_aircraft.model import Model
-from hfa_model.aircraft import HFA
 from hfa_support.errors import (
     BadInputError,
     refuse_unknown,
@@ -134,7 +133,7 @@ class Design:
     sensors: Mapping[str, float] = field(default_factory=dict)
     shaping: Shaping | None = None
     variants: Mapping[str, Design] = field(default_factory=dict)
-    model: Model = field(default=HFA, compare=False)
+    model: Model = field(kw_only=True, compare=False)
 
     def of(self, model: Model) -> Design:
         """This design for a model: what its file has for equations of that name, in that model's
@@ -259,7 +258,7 @@ _FILE = {
 }
 
 
-def load_design(name: str, model: Model = HFA) -> Design:
+def load_design(name: str, model: Model) -> Design:
     """A design that comes with the package, by its name in `NAMED`, or one of the user's, by its
     file, for a model.
 
@@ -277,7 +276,7 @@ def load_design(name: str, model: Model = HFA) -> Design:
     )
 
 
-def design_of(name: str, data: Mapping[str, Any], model: Model = HFA) -> Design:
+def design_of(name: str, data: Mapping[str, Any], model: Model) -> Design:
     """The design of the entries of a file; BadInputError as `load_design`."""
     changes, places = (
         {key: data[key] for key in model.variants if key in data},

@@ -12,7 +12,6 @@ import numpy as np
 from controller.game.zero_sum import Game
 from controller.servo.design import Design, signal_unit
 from hfa_aircraft.model import Model
-from hfa_model.aircraft import Aircraft
 from hfa_support.errors import BadInputError
 from hfa_support.reporting.fields import Shown
 from trim.linear.linear_model import LinearModel, linearize
@@ -103,14 +102,14 @@ class DesignModel(Shown):
                 raise BadInputError(f"integrated output {name}: {why}; leave it out of integrals")
 
 
-def design_model(aircraft: Aircraft | Model, model: LinearModel, design: Design) -> DesignModel:
+def design_model(aircraft: Model, model: LinearModel, design: Design) -> DesignModel:
     """x' = A x + B a + E w,  actuators from commands to a,  e' and y = C x + D a + F w,  y also a
     state of z.
 
     model: made of this aircraft. BadInputError when an output is not one, or when a sensor sees a
     disturbance itself: its noise must not depend on the disturbance."""
-    design = design.of(aircraft.model)
-    n, k, names, own = len(model.states), len(design.integrals), design.states, aircraft.model
+    design = design.of(aircraft)
+    n, k, names, own = len(model.states), len(design.integrals), design.states, aircraft
     watched = (*design.integrals, *design.sensors)
     winds = tuple(each for each in design.disturbances if each in own.disturbances)
     columns = [model.inputs.index(name) for name in design.inputs]
@@ -152,14 +151,14 @@ def design_model(aircraft: Aircraft | Model, model: LinearModel, design: Design)
 
 
 def watched_outputs(
-    aircraft: Aircraft | Model, point: OperatingPoint, names: tuple[str, ...], **winds: Any
+    aircraft: Model, point: OperatingPoint, names: tuple[str, ...], **winds: Any
 ) -> tuple[np.ndarray, ...]:
     """C, D, F of the named outputs and parts of outputs (`Model.measurable`), rows of zeros for
     other names, and E.
 
     winds: of `linearize`.
     """
-    model = aircraft.model
+    model = aircraft
     found = linearize(
         aircraft,
         point,

@@ -18,7 +18,6 @@ import numpy as np
 from controller.game.array_file import read_arrays
 from controller.servo.design import signal_unit
 from hfa_aircraft.model import Model
-from hfa_model.aircraft import HFA, Aircraft
 from hfa_model.provenance import parameter_hash
 from hfa_support.errors import BadInputError, said_of, shown
 from hfa_support.jsonable import jsonable
@@ -82,7 +81,7 @@ class ScheduledController(ByValue, Reported):
     parameters: str
     command_filter: tuple[float, ...] = ()
     about: Mapping[str, Any] = field(default_factory=dict, compare=False)
-    model: Model = field(default=HFA, compare=False)
+    model: Model = field(kw_only=True, compare=False)
 
     def __post_init__(self) -> None:
         """Check once what every flight relies on."""
@@ -144,10 +143,10 @@ class ScheduledController(ByValue, Reported):
         )
         return A, B, C, D
 
-    def refuse_other(self, aircraft: Aircraft | Model, lowest: float, highest: float) -> None:
+    def refuse_other(self, aircraft: Model, lowest: float, highest: float) -> None:
         """BadInputError when it was made for another aircraft, or lowest to highest leaves its
         places."""
-        own, first, last = aircraft.model, float(self.places[0]), float(self.places[-1])
+        own, first, last = aircraft, float(self.places[0]), float(self.places[-1])
         if own.name != self.dynamics:
             choose = (
                 f", or choose --dynamics {self.dynamics}" if self.dynamics in own.variants else ""
@@ -279,7 +278,7 @@ def save_controller(path: str | Path, controller: ScheduledController) -> None:
     save_data(target, {"schema": SCHEMA, "about": about, **_stored(controller)}, Table((), ()))
 
 
-def load_controller(path: str | Path, model: Model = HFA) -> ScheduledController:
+def load_controller(path: str | Path, model: Model) -> ScheduledController:
     """The controller in a .npz file of `save_controller`, in the names of a model. BadInputError
     names the file and its fault."""
     if Path(path).suffix.lower() != ".npz":

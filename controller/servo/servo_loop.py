@@ -23,7 +23,6 @@ from controller.servo.design import Actuator, Design
 from controller.servo.design_model import DesignModel, design_model
 from controller.servo.scheduled_controller import ScheduledController
 from hfa_aircraft.model import Model
-from hfa_model.aircraft import Aircraft
 from hfa_support.errors import NoSolutionError
 from hfa_support.progress import Progress, told
 from hfa_support.reporting.checks import Check, Checked, below, checks_block
@@ -74,7 +73,7 @@ class ServoLoop:
 
 
 def servo_plant(
-    aircraft: Aircraft | Model,
+    aircraft: Model,
     model: LinearModel,
     controller: ScheduledController,
     actuators: Mapping[str, Actuator],
@@ -239,7 +238,7 @@ def _smallest(cells: list[_Cell]) -> tuple[str, ...]:
 
 
 def check_margins(
-    aircraft: Aircraft | Model,
+    aircraft: Model,
     controller: ScheduledController,
     places: np.ndarray,
     bandwidths: Sequence[float],

@@ -15,7 +15,7 @@ from controller.flight.policies import FlownLaw, Seen, Unvaried
 from controller.flight.signals import CommandSteps
 from controller.servo.design_model import watched_outputs
 from controller.servo.scheduled_controller import COMMAND_SIGNALS, ScheduledController
-from hfa_aircraft.model import HasModel
+from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError, refuse_unknown
 from hfa_support.linear_table import LinearTable
 from trim.point.operating_point import OperatingPoint
@@ -51,10 +51,10 @@ class MeasuredOutputs:
     w: the updraft, of a model that has one: an accelerometer feels alpha through the air.
     INPUT_position and INPUT_rate are those of the actuators."""
 
-    def __init__(self, aircraft: HasModel, point: OperatingPoint, names: tuple[str, ...]) -> None:
+    def __init__(self, aircraft: Model, point: OperatingPoint, names: tuple[str, ...]) -> None:
         self.names, self.model = names, point.model
         inputs, air = tuple(self.model.inputs), (_UPDRAFT,) * (_UPDRAFT in self.model.disturbances)
-        self.C, self.D, self.F, _ = watched_outputs(aircraft.model, point, names, disturbances=air)
+        self.C, self.D, self.F, _ = watched_outputs(aircraft, point, names, disturbances=air)
         self.rates = np.zeros_like(self.D)
         for row, name in enumerate(names):
             of, _, what = name.rpartition("_")
@@ -148,7 +148,7 @@ class ServoPolicy(Unvaried):
 def servo_law(
     controller: ScheduledController,
     commands: CommandSteps,
-    aircraft: HasModel,
+    aircraft: Model,
     point: OperatingPoint,
 ) -> FlownLaw:
     """The controller about a trim of the aircraft that it was made for, following commands.
@@ -164,7 +164,7 @@ def servo_law(
     reached = np.append(at + commands.values[:, np.array(commands.names) == schedule], at)
     if len(controller.places) == 1:  # not scheduled: flown as it is at any angle
         reached = controller.places
-    controller.refuse_other(aircraft.model, float(reached.min()), float(reached.max()))
+    controller.refuse_other(aircraft, float(reached.min()), float(reached.max()))
     outputs, regulated = (
         MeasuredOutputs(aircraft, point, names)
         for names in (controller.measurements, commands.names)

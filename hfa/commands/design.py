@@ -8,6 +8,7 @@ from functools import partial
 
 import numpy as np
 
+import hfa_model
 from controller.servo.design import load_design
 from controller.servo.scheduled_controller import SUFFIXES, load_controller, save_controller
 from hfa.options import trims
@@ -15,7 +16,6 @@ from hfa.options.argument_types import input_file, model as named_model, output_
 from hfa.options.parser import Option, Options, command
 from hfa.options.ranges import array_of, value_range
 from hfa.output import ProgressLine, provenance, show
-from hfa_model.aircraft import HFA
 from hfa_support.errors import BadInputError
 
 #: A second or two each.
@@ -27,7 +27,7 @@ _BANDWIDTHS = (2.0, 10.0)
 
 def _options() -> Options:
     file, by = "a design (.toml), or a controller to print (.npz)", named_model().schedule
-    usual = value_range(by, _RANGE) if by == HFA.schedule else None
+    usual = value_range(by, _RANGE) if by == hfa_model.aircraft().schedule else None
     bandwidth = "of the actuators behind which margins are computed, rad/s; default 2:10"
     return {
         "file": Option(file, "FILE", input_file(".npz", ".toml"), more={"nargs": "?"}),
@@ -68,7 +68,7 @@ def design(arguments: argparse.Namespace) -> int:
     if arguments.file is not None and arguments.file.suffix == ".toml":
         arguments.design, arguments.file = load_design(str(arguments.file), named_model()), None
     aircraft, design = trims.aircraft_of(arguments), arguments.design
-    model = aircraft.model
+    model = aircraft
     if arguments.file is not None:
         trims.refuse(arguments, ("at", "output"), "belongs to --design; leave it out with a file")
         controller = load_controller(arguments.file, model)

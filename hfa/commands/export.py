@@ -21,7 +21,6 @@ from trim.linear.linear_model import linearize
 
 if TYPE_CHECKING:
     from hfa_aircraft.model import Model
-    from hfa_model.aircraft import Aircraft
     from trim.point.operating_point import OperatingPoint
 
 SCHEMA = "hfa.export/1"
@@ -90,7 +89,7 @@ def export(arguments: argparse.Namespace) -> int:
 
 def _written(
     arguments: argparse.Namespace,
-    aircraft: Aircraft | Model,
+    aircraft: Model,
     point: OperatingPoint,
     *,
     with_gain: bool,
@@ -106,9 +105,7 @@ def _written(
         origin_lines(arguments),
     )
     controller = (
-        None
-        if arguments.controller is None
-        else load_controller(arguments.controller, aircraft.model)
+        None if arguments.controller is None else load_controller(arguments.controller, aircraft)
     )
     model, gain = linearize(aircraft, point), None
     if controller is None and with_gain:

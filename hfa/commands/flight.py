@@ -106,9 +106,7 @@ def schedule(arguments: argparse.Namespace) -> int:
     )
     gains = None if path is None else load_gains(path, model())
     begin = find_operating_point(aircraft, trims.condition_of(arguments), trims.start_of(arguments))
-    change = scheduling.change_over(
-        aircraft.model, begin.values.get(model().schedule, end), end, over
-    )
+    change = scheduling.change_over(aircraft, begin.values.get(model().schedule, end), end, over)
     ended = scheduling.LEAD + over
     if arguments.duration is None:
         arguments.duration = ended + scheduling.REST

@@ -8,12 +8,12 @@ from dataclasses import replace
 
 import numpy as np
 
+import hfa_model
 from hfa.options import trims
 from hfa.options.argument_types import model, some_of
 from hfa.options.parser import Option, Options, command
 from hfa.output import draw, failure_as_data, show
 from hfa_aircraft.model import Model
-from hfa_model.aircraft import Aircraft
 from hfa_model.variants import VARIANTS
 from hfa_model.vectors import INPUTS, LINEAR_STATES
 from hfa_support.errors import BadInputError, NoSolutionError
@@ -60,7 +60,7 @@ def linearize(arguments: argparse.Namespace) -> int:
     aircraft, condition = trims.aircraft_of(arguments), trims.condition_of(arguments)
     with failure_as_data(arguments, aircraft):
         point = trims.point_of(arguments, aircraft)
-    usual, follow = aircraft.model.linear, arguments.residualize or ()
+    usual, follow = aircraft.linear, arguments.residualize or ()
     states = arguments.states or tuple(name for name in usual if name not in follow)
     if both := set(states) & set(follow):
         raise BadInputError(f"{min(both)} is in --states and in --residualize; name it once")
@@ -68,7 +68,7 @@ def linearize(arguments: argparse.Namespace) -> int:
     model = full.select(states, arguments.inputs, residualize=follow)
     report = (
         linear_model_report(model)
-        if isinstance(aircraft, Model)
+        if not hfa_model.is_hfa(aircraft)
         else _of_the_hfa(arguments, condition, model)
     )
     report = with_qualities(report, aircraft, point)
@@ -92,14 +92,14 @@ def linearize(arguments: argparse.Namespace) -> int:
 
 
 def _with_winds(
-    aircraft: Aircraft | Model,
+    aircraft: Model,
     point: OperatingPoint,
     outputs: tuple[str, ...],
     kept: tuple[str, ...],
 ) -> LinearModel:
     """The model of all states with all winds, but none where winds act through states that are not
     kept."""
-    winds = tuple(aircraft.model.disturbances)
+    winds = tuple(aircraft.disturbances)
     found = linear_model.linearize(aircraft, point, full=True, outputs=outputs, disturbances=winds)
     rows = [i for i, name in enumerate(found.states) if name in kept]
     through = [
@@ -107,7 +107,7 @@ def _with_winds(
         for i in range(len(found.states))
         if i not in rows and np.any(found.A[rows, i]) and np.any(found.E[i])
     ]
-    if isinstance(aircraft, Model) and through:
+    if not hfa_model.is_hfa(aircraft) and through:
         return linear_model.linearize(aircraft, point, full=True, outputs=outputs, disturbances=())
     return found
 
@@ -120,7 +120,7 @@ def _of_the_hfa(
     if _is_printed(model):
         bands = entry_bands(parameters, condition, model) if bands_known(parameters) else None
         name = next((each for each in VARIANTS if each != arguments.dynamics), "")
-        changed = Aircraft(parameters.values, name)
+        changed = hfa_model.aircraft(name, parameters.values)
         with suppress(BadInputError, NoSolutionError):  # it has no trim there
             other = linear_model.linearize(
                 changed, find_operating_point(changed, condition, model.point)

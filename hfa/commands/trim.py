@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import argparse
 
+import hfa_model
 from hfa.options import trims
 from hfa.options.parser import Options, command
 from hfa.output import draw, failure_as_data, show
-from hfa_aircraft.model import Model
-from trim.hfa.hfa_report import trim_figure
-from trim.point.trim_report import trim_report
+from trim.hfa.hfa_report import trim_figure, trim_report
 
 
 def _options() -> Options:
@@ -22,7 +21,7 @@ def trim(arguments: argparse.Namespace) -> int:
     """Trim the aircraft and report variables, limits, what binds, each equation's verdict, loads
     and performance."""
     aircraft = trims.aircraft_of(arguments)
-    if isinstance(aircraft, Model):
+    if not hfa_model.is_hfa(aircraft):
         trims.refuse(
             arguments, ("picture",), "draws the HFA from the front; leave it out with --aircraft"
         )

@@ -13,6 +13,7 @@ from contextvars import ContextVar
 from functools import partial
 from pathlib import Path
 
+import hfa_model
 from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError, shortened
 from hfa_support.reporting.unit_system import typed
@@ -42,9 +43,8 @@ def model() -> Model:
     """Whose names and units options have."""
     if (own := OWN.get()) is not None:
         return own
-    from hfa_model.aircraft import HFA
 
-    return HFA
+    return hfa_model.aircraft()
 
 
 def quantity(name: str, text: str) -> float:

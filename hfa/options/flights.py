@@ -22,7 +22,6 @@ from hfa.options.argument_types import input_file, model, number, numbers, quant
 from hfa.options.parser import Option, Options
 from hfa.output import ProgressLine
 from hfa_aircraft.model import Model, record
-from hfa_model.aircraft import Aircraft
 from hfa_support.errors import BadInputError, refuse_unknown
 from hfa_support.files import MATRIX_FILES
 from trim.linear.linear_model import LinearModel, linearize
@@ -206,7 +205,7 @@ def flown_law_of(arguments: argparse.Namespace, linear: LinearModel) -> FlownLaw
 
 def flight_of(
     arguments: argparse.Namespace,
-) -> tuple[Aircraft | Model, OperatingPoint, FlownLaw, Scenario, Envelope]:
+) -> tuple[Model, OperatingPoint, FlownLaw, Scenario, Envelope]:
     """What flies from where, by which law, through what, within which limits; the commands are the
     reference."""
     from controller.flight.policies import open_loop
@@ -224,7 +223,7 @@ def flight_of(
     if arguments.controller is not None:
         if arguments.actuators is None:
             raise BadInputError("--controller flies behind actuators; add --actuators LAG:RATE")
-        controller = load_controller(arguments.controller, aircraft.model)
+        controller = load_controller(arguments.controller, aircraft)
         steps = CommandSteps(steps.names, steps.times, steps.values, *controller.command_filter)
         happens = replace(happens, reference=CommandedStates(steps, states))
         law = servo_law(controller, steps, aircraft, point)

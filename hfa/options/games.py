@@ -185,7 +185,7 @@ def game_of(arguments: argparse.Namespace, found: dict[str, Any] | None = None) 
         raise BadInputError("name the plant: either --dihedral DEG or --model FILE")
     aircraft = trims.aircraft_of(arguments)
     point = trims.point_of(arguments, aircraft)
-    model, own = linearize(aircraft, point), aircraft.model
+    model, own = linearize(aircraft, point), aircraft
     warnings, origin = (*point.warnings, *model.kinks), own.name
     if arguments.aircraft is None:
         origin = f"the aircraft {at_scheduled(point)}, {own.title}"

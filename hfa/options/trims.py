@@ -10,6 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import hfa_model
 from hfa.options.argument_types import (
     OWN,
     PICTURES,
@@ -23,15 +24,14 @@ from hfa.options.argument_types import (
 )
 from hfa.options.parser import Option, Options
 from hfa_aircraft.model import Model
-from hfa_model.aircraft import Aircraft
 from hfa_model.parameters import NAMED, ParameterSet, default_parameters, load_parameters
+from hfa_model.variants import variant_named
 from hfa_support.errors import BadInputError, NoSolutionError, refuse_unknown
 from hfa_support.reporting.report import SUFFIXES, Report
 from hfa_support.reporting.unit_system import SYSTEMS
+from trim.hfa.level_flight import CONDITIONS, load_condition
 from trim.point.condition import (
-    NAMED as NAMED_CONDITIONS,
     TrimCondition,
-    load_condition,
     release,
     usual_condition,
 )
@@ -143,7 +143,7 @@ def flights(
     ]
     usual = f"hold a variable, by default {', '.join(own[:4])}" if own else "hold a variable"
     lists = "; or a list of points, .csv: a row of names, then a row each, typed as in --hold"
-    files = f"file, or {', '.join(NAMED_CONDITIONS)}; what it imposes in place of the usual values"
+    files = f"file, or {', '.join(CONDITIONS)}; what it imposes in place of the usual values"
     return {
         "--condition": Option(files + lists * (kind is not quantity), "FILE", _condition),
         "--free": Option(
@@ -239,11 +239,11 @@ def parameters_of(arguments: argparse.Namespace) -> ParameterSet:
     return default_parameters() if chosen is None else chosen
 
 
-def aircraft_of(arguments: argparse.Namespace) -> Aircraft | Model:
+def aircraft_of(arguments: argparse.Namespace) -> Model:
     """The HFA, or the user's own model with the parameters that --hold names; the unsteady dynamics
     are such a one."""
     if OWN.get() is None:
-        return Aircraft(parameters_of(arguments).values, arguments.dynamics)
+        return hfa_model.aircraft(arguments.dynamics, parameters_of(arguments).values)
     own: Model | None = arguments.aircraft
     if own is None:
         from hfa_model.unsteady import UNSTEADY
@@ -264,9 +264,10 @@ def held_parameters(arguments: argparse.Namespace) -> dict[str, float]:
     return {name: held[name] for name in model().parameters if isinstance(held.get(name), float)}
 
 
-def hfa_of(arguments: argparse.Namespace) -> Aircraft:
+def hfa_of(arguments: argparse.Namespace) -> Model:
     """The HFA that the options name, of a command that takes no other."""
-    return Aircraft(parameters_of(arguments).values, arguments.dynamics)
+    variant_named(arguments.dynamics)
+    return hfa_model.aircraft(arguments.dynamics, parameters_of(arguments).values)
 
 
 # The trims.
@@ -330,7 +331,7 @@ def start_of(arguments: argparse.Namespace) -> OperatingPoint | None:
     return arguments.start if isinstance(arguments.start, OperatingPoint) else None
 
 
-def point_of(arguments: argparse.Namespace, aircraft: Aircraft | Model) -> OperatingPoint:
+def point_of(arguments: argparse.Namespace, aircraft: Model) -> OperatingPoint:
     """The trim at the condition that the options name, begun where --start says.
 
     Raises TrimError that also says so where a held angle of attack is why there is no trim.

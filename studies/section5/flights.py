@@ -11,6 +11,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+import hfa_model
 from controller import (
     FlownLaw,
     Game,
@@ -28,7 +29,7 @@ from controller.flight.signals import Harmonic, zero
 from controller.flight.simulation import CompiledLoop, Flight
 from controller.game.basis import Basis
 from controller.game.learning_result import LearningResult
-from hfa_model import INPUTS, LINEAR_STATES, Aircraft, published_models
+from hfa_model import INPUTS, LINEAR_STATES, published_models
 from hfa_model.vectors import CONTROL_LIMITS
 from hfa_support.errors import refuse_unknown
 from studies.section5.configuration import Configuration
@@ -160,7 +161,7 @@ def make_setting(configuration: Configuration, matrices: str = "regenerated") ->
     refuse_unknown("unknown matrices", matrices, MATRICES)
     cases = []
     for published in published_models():
-        model = regenerate(Aircraft(), published)
+        model = regenerate(hfa_model.aircraft(), published)
         source = published if matrices == "printed" else model
         cases.append(
             PaperCase(

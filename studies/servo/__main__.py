@@ -11,8 +11,10 @@ import shlex
 import sys
 from pathlib import Path
 
+import hfa_model
 from controller import load_controller
-from hfa_model import Aircraft, default_parameters
+from hfa_aircraft.model import Model
+from hfa_model import default_parameters
 from hfa_model.provenance import Provenance, parameter_hash
 from hfa_support import BadInputError, NoSolutionError, Report
 from hfa_support.errors import on_one_line, refuse_unknown
@@ -25,7 +27,7 @@ def main() -> int:
     """
     arguments = parser().parse_args(sys.argv[1:] or ["fly", "-o", "out/servo", "--resume"])
     try:
-        aircraft = Aircraft(dynamics=arguments.dynamics)
+        aircraft = hfa_model.aircraft(arguments.dynamics)
         report: Report = arguments.run(arguments, aircraft)
     except (BadInputError, NoSolutionError, OSError) as error:
         print(f"studies.servo: {on_one_line(str(error))}", file=sys.stderr)
@@ -86,7 +88,7 @@ def parser() -> argparse.ArgumentParser:
     return whole
 
 
-def _fly(arguments: argparse.Namespace, aircraft: Aircraft) -> Report:
+def _fly(arguments: argparse.Namespace, aircraft: Model) -> Report:
     from studies.servo.comparison import CASES, DURATION, run_case, servo_report
 
     refuse_unknown("there is no case", arguments.case, (*CASES, "all"))
@@ -96,34 +98,40 @@ def _fly(arguments: argparse.Namespace, aircraft: Aircraft) -> Report:
         "only": arguments.law,
         "resume": arguments.resume,
     }
-    controllers = {path: load_controller(path) for path in arguments.controller}
+    controllers = {
+        path: load_controller(path, hfa_model.aircraft()) for path in arguments.controller
+    }
     where = (controllers, arguments.output, _origin(aircraft))
     return servo_report([run_case(aircraft, name, *where, **settings) for name in names])
 
 
-def _requirements(arguments: argparse.Namespace, aircraft: Aircraft) -> Report:
+def _requirements(arguments: argparse.Namespace, aircraft: Model) -> Report:
     from studies.servo.comparison import designed_servo
     from studies.servo.flights import requirements
 
     name = arguments.controller
     return requirements(
-        aircraft, designed_servo(aircraft) if name is None else load_controller(name)
+        aircraft,
+        designed_servo(aircraft) if name is None else load_controller(name, hfa_model.aircraft()),
     )
 
 
-def _front(_: argparse.Namespace, aircraft: Aircraft) -> Report:
+def _front(_: argparse.Namespace, aircraft: Model) -> Report:
     from studies.servo.front import front
 
     return front(aircraft)
 
 
-def _origin(aircraft: Aircraft) -> Provenance:
+def _origin(aircraft: Model) -> Provenance:
     command, parameters = (
         f"python -m studies.servo {shlex.join(sys.argv[1:])}",
         default_parameters(),
     )
     return Provenance(
-        command, aircraft.variant.name, parameters.name, parameter_hash(parameters.values)
+        command,
+        hfa_model.variant_of(aircraft).name,
+        parameters.name,
+        parameter_hash(parameters.values),
     )
 
 

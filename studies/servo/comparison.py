@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+import hfa_model
 from controller import (
     ActuatorFault,
     CommandSteps,
@@ -29,7 +30,8 @@ from controller.flight.nonlinear_flight import NonlinearFlight, Tracked, fly, tr
 from controller.flight.signals import CommandedStates
 from controller.servo.design import Actuator
 from controller.servo.servo_policy import MeasuredOutputs, servo_law
-from hfa_model import INPUTS, LINEAR_STATES, Aircraft
+from hfa_aircraft.model import Model
+from hfa_model import INPUTS, LINEAR_STATES
 from hfa_model.provenance import Provenance
 from hfa_support import BadInputError, Report
 from hfa_support.errors import refuse_unknown
@@ -102,7 +104,7 @@ def scenario_of(case: Case, commands: CommandSteps, duration: float = DURATION) 
 class Start(NamedTuple):
     """Where all laws begin, and what they follow."""
 
-    aircraft: Aircraft
+    aircraft: Model
     point: OperatingPoint
     commands: CommandSteps
 
@@ -139,9 +141,9 @@ def _flown(on: Start, controller: ScheduledController) -> FlownLaw:
 
 
 @lru_cache(maxsize=2)
-def designed_servo(aircraft: Aircraft) -> ScheduledController:
+def designed_servo(aircraft: Model) -> ScheduledController:
     """The servo of the package, at the angles of its design; the same for all cases."""
-    design = load_design("servo").of(aircraft.model)
+    design = load_design("servo", hfa_model.aircraft()).of(aircraft)
     assert design.shaping is not None
     return design_controller(aircraft, design, np.array(design.shaping.places))
 
@@ -189,7 +191,7 @@ class ServoFlight:
 
 
 def fly_case(
-    aircraft: Aircraft,
+    aircraft: Model,
     case: Case,
     controllers: Mapping[str, ScheduledController],
     duration: float = DURATION,
@@ -216,7 +218,7 @@ def fly_case(
 
 
 def run_case(
-    aircraft: Aircraft,
+    aircraft: Model,
     name: str,
     controllers: Mapping[str, ScheduledController],
     folder: Path,
@@ -235,8 +237,8 @@ def run_case(
         "case": name,
         "actuator": vars(case.actuator),
         "faults": [vars(fault) for fault in case.faults],
-        "dynamics": aircraft.variant.name,
-        "parameters": aircraft.parameters._asdict(),
+        "dynamics": hfa_model.variant_of(aircraft).name,
+        "parameters": hfa_model.parameters_of(aircraft)._asdict(),
         "duration": duration,
         "laws": list(laws_of(case.actuator.order, controllers, only)),
         "controllers": {
@@ -248,7 +250,7 @@ def run_case(
     if known is not None:
         return known
     flights = tuple(fly_case(aircraft, case, controllers, duration, only))
-    result = {"case": name, "dynamics": aircraft.variant.name, "duration": duration}
+    result = {"case": name, "dynamics": hfa_model.variant_of(aircraft).name, "duration": duration}
     result |= {"flights": [flight.to_dict() for flight in flights], "provenance": origin.to_dict()}
     folder.mkdir(parents=True, exist_ok=True)
     save(servo_figure(name, flights), picture, origin.text())

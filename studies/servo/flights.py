@@ -26,7 +26,8 @@ from controller.flight.nonlinear_flight import NonlinearFlight, fly
 from controller.servo.design import Actuator
 from controller.servo.servo_loop import ServoLoop, check_margins, servo_loop, servo_plant
 from controller.servo.servo_policy import servo_law
-from hfa_model import INPUTS, LINEAR_STATES, Aircraft, Input
+from hfa_aircraft.model import Model
+from hfa_model import INPUTS, LINEAR_STATES, Input
 from hfa_model.vectors import CONTROL_LIMITS
 from hfa_support import Report
 from hfa_support.reporting.text import Table
@@ -66,7 +67,7 @@ def flown_actuators(acting: Actuator, faults: tuple[ActuatorFault, ...] = ()) ->
 
 
 def flown(
-    aircraft: Aircraft,
+    aircraft: Model,
     model: LinearModel,
     controller: ScheduledController,
     acting: Actuator,
@@ -84,7 +85,7 @@ def flown(
 
 
 def gust_held(
-    aircraft: Aircraft,
+    aircraft: Model,
     model: LinearModel,
     controller: ScheduledController,
     acting: Actuator,
@@ -128,7 +129,7 @@ def delayed(loop: ServoLoop, seconds: float) -> ServoLoop:
 
 
 def slowest_delayed(
-    aircraft: Aircraft, controller: ScheduledController, degrees: Sequence[float]
+    aircraft: Model, controller: ScheduledController, degrees: Sequence[float]
 ) -> float:
     """Largest real part of a pole, 1/s, with `DELAY`, behind all of `REAL` at effectiveness 0.5 and
     1."""
@@ -141,7 +142,7 @@ def slowest_delayed(
     return max(found)
 
 
-def requirements(aircraft: Aircraft, controller: ScheduledController) -> Report:
+def requirements(aircraft: Model, controller: ScheduledController) -> Report:
     """Requirements and reached values, without the commands and faults of `comparison`."""
     degrees = np.arange(21.0)
     single = check_margins(aircraft, controller, np.radians(degrees), (2.0, 10.0)).single

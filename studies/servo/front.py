@@ -9,9 +9,10 @@ from typing import Any
 
 import numpy as np
 
+import hfa_model
 from controller import design_controller, load_design
 from controller.servo.servo_loop import check_margins
-from hfa_model import Aircraft
+from hfa_aircraft.model import Model
 from hfa_support import Report
 from hfa_support.reporting.text import Table
 from studies.servo.comparison import CASES, TRIM_DEG, fly_case
@@ -24,11 +25,11 @@ from trim import level_model
 FACTORS, SECONDS, LARGEST = (0.25, 0.5, 1.0, 1.5, 2.0), 211.0, 60.0
 
 
-def front(aircraft: Aircraft) -> Report:
+def front(aircraft: Model) -> Report:
     """At 11 deg, order 1: rms of A_z with the fault of `order-1-fault`, largest updrafts held,
     smallest margins."""
     design, model = (
-        load_design("servo").of(aircraft.model),
+        load_design("servo", hfa_model.aircraft()).of(aircraft),
         level_model(aircraft, math.radians(TRIM_DEG)),
     )
     assert design.shaping is not None
@@ -72,5 +73,5 @@ def front(aircraft: Aircraft) -> Report:
     ]
     lengths = tuple(f"{length:g} ft" for length in sorted(ASKED))
     header = ("factor", "A_z ft/s^2", "dihedral deg", *lengths, "gain dB", "phase deg")
-    title = f"Gain of A_z against updrafts, {aircraft.variant.name} dynamics"
+    title = f"Gain of A_z against updrafts, {hfa_model.variant_of(aircraft).name} dynamics"
     return Report(title, (Table(header, rows),), data={"points": points})

@@ -16,12 +16,14 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
+import hfa_model
 from controller import CommandSteps, FlownLaw, ScheduledController, design_model, load_design
 from controller.flight.policies import Seen, Unvaried
 from controller.servo.design import COMMAND_FILTER, Design
 from controller.servo.design_model import DesignModel
 from controller.servo.servo_policy import MeasuredOutputs, ScheduledTable
-from hfa_model import INPUTS, LINEAR_STATES, Aircraft
+from hfa_aircraft.model import Model
+from hfa_model import INPUTS, LINEAR_STATES
 from hfa_model.provenance import parameter_hash
 from trim import OperatingPoint, level_model
 from verification import solve_game
@@ -112,10 +114,13 @@ def _third_row(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> np.ndarray:
 
 def simvfa_design(name: str) -> Design:
     """SimVFA's settings with actuators of order 1 or 2: `simvfa-1` or `simvfa-2`."""
-    return replace(load_design(str(Path(__file__).parent / "designs" / f"{name}.toml")), name=name)
+    return replace(
+        load_design(str(Path(__file__).parent / "designs" / f"{name}.toml"), hfa_model.aircraft()),
+        name=name,
+    )
 
 
-def reference_servo(aircraft: Aircraft, design: str, dihedrals: np.ndarray) -> ScheduledController:
+def reference_servo(aircraft: Model, design: str, dihedrals: np.ndarray) -> ScheduledController:
     """The LQR with its reference model, tabled over the dihedral, rad; `simvfa-1` or `simvfa-2`.
 
     x = [e; x_m]: e' = z - r of the regulated outputs, and the reference model corrected by [pitch
@@ -156,10 +161,11 @@ def reference_servo(aircraft: Aircraft, design: str, dihedrals: np.ndarray) -> S
         inputs=chosen.inputs,
         trim_states=np.array([point.states for point in points]),
         trim_inputs=np.array([point.inputs for point in points]),
-        dynamics=aircraft.variant.name,
-        parameters=parameter_hash(aircraft.parameters),
+        dynamics=hfa_model.variant_of(aircraft).name,
+        parameters=parameter_hash(hfa_model.parameters_of(aircraft)),
         command_filter=COMMAND_FILTER,
         about={"design": design, "source": "Qu, Thomsen, Annaswamy 2018"},
+        model=hfa_model.aircraft(),
     )
 
 
@@ -499,7 +505,7 @@ def _along(path: tuple[ca.SX, ca.SX], moved: ca.SX, still: ca.SX) -> ca.SX:
 
 def adaptive_law(
     order: int,
-    aircraft: Aircraft,
+    aircraft: Model,
     point: OperatingPoint,
     commands: CommandSteps,
     angles: np.ndarray,

@@ -15,6 +15,7 @@ from functools import cache
 
 import numpy as np
 
+import hfa_model
 from controller import (
     OneMinusCosine,
     Scenario,
@@ -28,16 +29,14 @@ from controller import (
 )
 from controller.servo.design import Actuator
 from controller.servo.servo_loop import loop_margins, servo_loop, servo_plant
-from hfa_model import UNSTEADY, Aircraft
+from hfa_model import UNSTEADY
 from hfa_support import Model
 from studies.servo.flights import largest_held
 from studies.servo.simvfa import simvfa_design
 from trim import LinearModel, level_model
 from verification import solve_game
 
-PLANTS: dict[str, Aircraft | Model] = {
-    name: Aircraft(dynamics=name) for name in ("published", "newton")
-}
+PLANTS: dict[str, Model] = {name: hfa_model.aircraft(name) for name in ("published", "newton")}
 PLANTS["unsteady"] = UNSTEADY
 
 
@@ -96,8 +95,8 @@ def main() -> None:
         "servo, designed on, angle, flown on: 1/s, disk margin of the worst actuator, of order 1 and 2"
     )
     for name, of in (("servo", "published"), ("servo", "newton"), ("simvfa-1", "published")):
-        design = load_design(name) if name == "servo" else simvfa_design(name)
-        table = design_controller(Aircraft(dynamics=of), design, np.radians(angles))
+        design = load_design(name, hfa_model.aircraft()) if name == "servo" else simvfa_design(name)
+        table = design_controller(hfa_model.aircraft(of), design, np.radians(angles))
         for degrees in angles:
             for plant in PLANTS:
                 orders = (1, 2) if name == "servo" else (1,)

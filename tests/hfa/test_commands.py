@@ -13,17 +13,17 @@ import zarr
 from cli import answer, hfa
 from game_files import AT_15
 
+import hfa_model
 from hfa.main import COMMANDS, DONE, FAILED
+from hfa_aircraft.model import Model
 from hfa_model import (
     INPUTS,
     LINEAR_STATES,
     STATES,
-    Aircraft,
     default_parameters,
     load_parameters,
     save_parameters,
 )
-from hfa_model.aircraft import HFA
 from hfa_model.provenance import parameter_hash
 from hfa_model.unsteady import LAG_STATES, UNSTEADY
 from hfa_model.vectors import INPUT_UNITS, STATE_UNITS
@@ -74,7 +74,11 @@ def test_trim_json() -> None:
     assert (
         list(point["inputs"]) == list(point["input_units"]) == list(data["margins"]) == list(INPUTS)
     )
-    assert list(point["residuals"]) == list(data["scaled_residuals"]) == list(HFA.steady)
+    assert (
+        list(point["residuals"])
+        == list(data["scaled_residuals"])
+        == list(hfa_model.aircraft().steady)
+    )
     assert max(map(abs, data["scaled_residuals"].values())) <= data["balance_limit"] == 1e-10
     assert (point["states"]["speed"], point["states"]["altitude"]) == (68.0, 40000.0)
     assert (
@@ -201,7 +205,7 @@ def test_without_names_every_state_is_an_output() -> None:
     np.testing.assert_array_equal(data["C"], np.eye(6))
     np.testing.assert_array_equal(data["D"], np.zeros((6, 5)))
     assert (data["disturbances"], set(data["disturbance_units"])) == (
-        list(HFA.disturbances),
+        list(hfa_model.aircraft().disturbances),
         {"ft/s"},
     )
     assert (np.shape(data["E"]), data["F"]) == ((6, 7), [[0.0] * 7] * 6)
@@ -234,10 +238,10 @@ def test_names_choose_rows_and_columns_in_their_order() -> None:
     assert not {"A_band", "printed"} & set(part)  # they are of the whole model
 
 
-def test_every_file_has_the_columns_of_all_winds(published_aircraft: Aircraft) -> None:
+def test_every_file_has_the_columns_of_all_winds(published_aircraft: Model) -> None:
     assert "E  " not in hfa("linearize", *AT_15, *CHOSEN, "-o", "model.npz").out
     point = find_operating_point(published_aircraft, level_flight(np.radians(15.0)))
-    winds = tuple(HFA.disturbances)
+    winds = tuple(hfa_model.aircraft().disturbances)
     model = linearize(
         published_aircraft,
         point,

@@ -13,7 +13,7 @@ from controllers import integrating_controller
 
 from controller import save_controller
 from controller.export import fmu
-from hfa_model import Aircraft
+from hfa_aircraft.model import Model
 from hfa_support.native.machine_code import c_compiler
 
 
@@ -70,7 +70,7 @@ def test_an_fmu_bears_where_it_comes_from(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(c_compiler() is None, reason="there is no C compiler")
-def test_a_controller_in_both(tmp_path: Path, published_aircraft: Aircraft) -> None:
+def test_a_controller_in_both(tmp_path: Path, published_aircraft: Model) -> None:
     save_controller(tmp_path / "servo.npz", integrating_controller(published_aircraft))
     words = (
         "--controller",

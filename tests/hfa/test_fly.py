@@ -13,7 +13,8 @@ from controllers import integrating_controller
 from game_files import stored
 
 from controller import Game, basis, save_controller
-from hfa_model import LINEAR_STATES, Aircraft
+from hfa_aircraft.model import Model
+from hfa_model import LINEAR_STATES
 from hfa_support.jobs.store import open_store
 from studies.servo.simvfa import reference_servo
 from verification import solve_game
@@ -113,7 +114,7 @@ FLOWN = (
 
 
 @pytest.fixture(scope="module")
-def controllers(published_aircraft: Aircraft, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def controllers(published_aircraft: Model, tmp_path_factory: pytest.TempPathFactory) -> Path:
     made: Path = tmp_path_factory.mktemp("servo")
     save_controller(made / "slow.npz", integrating_controller(published_aircraft))
     save_controller(

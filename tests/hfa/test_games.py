@@ -16,9 +16,11 @@ from known_models import game_at, model_at
 from scipy.io import loadmat
 from servo_cases import SIMVFA, simvfa_design
 
+import hfa_model
 from controller import design_model, load_controller
 from hfa.main import DONE, FAILED
-from hfa_model import INPUTS, LINEAR_STATES, Aircraft
+from hfa_aircraft.model import Model
+from hfa_model import INPUTS, LINEAR_STATES
 from hfa_model.vectors import INPUT_UNITS, STATE_UNITS
 from verification import solve_game
 
@@ -151,7 +153,7 @@ PEER = Path(__file__).parents[1] / "controller" / "servo" / "peer_gains.json"
 
 @pytest.mark.parametrize(("name", "size"), [("simvfa-1", 10), ("simvfa-2", 12)])
 def test_the_exact_gain_of_a_design_with_names_and_units(
-    name: str, size: int, published_aircraft: Aircraft
+    name: str, size: int, published_aircraft: Model
 ) -> None:
     data = answer("solve", "--design", SIMVFA[name], *AT_11)
     theirs = np.array(json.loads(PEER.read_text(encoding="utf-8"))["gains"][name]["11"])
@@ -269,7 +271,7 @@ def test_a_design_becomes_a_file_that_prints_the_same_table() -> None:
         f"Margins of controller {SIMVFA['simvfa-1']}, published dynamics: PASS, 12 of 12 loops stable"
         in made.out
     )
-    controller = load_controller("servo.npz")
+    controller = load_controller("servo.npz", hfa_model.aircraft())
     assert controller.about["provenance"]["command"].startswith(
         f"hfa design --design {SIMVFA['simvfa-1']}"
     )

@@ -17,7 +17,7 @@ from project import project_sources
 
 from controller import save_controller
 from hfa.formats import formats
-from hfa_model import Aircraft
+from hfa_aircraft.model import Model
 from hfa_support.jsonable import jsonable
 
 
@@ -66,7 +66,7 @@ def test_planted_faults_are_seen(change: dict[str, Any], said: str, trim: dict[s
 
 
 def test_a_controller_and_the_attributes_of_a_store_are_published(
-    tmp_path: Path, published_aircraft: Aircraft
+    tmp_path: Path, published_aircraft: Model
 ) -> None:
     save_controller(tmp_path / "a.npz", small_controller(published_aircraft))
     kept = jsonable(dict(np.load(tmp_path / "a.npz")))

@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 from random_points import RATE_SCALES, random_points
 
-from hfa_model import STATES, VARIANTS, Aircraft, Input, Parameters, State
+import hfa_model
+from hfa_aircraft.model import Model
+from hfa_model import STATES, VARIANTS, Input, Parameters, State
 from hfa_model.aerodynamics import aircraft_loads
-from hfa_model.aircraft import HFA
 from hfa_model.atmosphere import density
 from hfa_model.dynamics import rates_from_loads
 from hfa_model.parameters import FIELDS, Field
@@ -21,7 +22,7 @@ from hfa_model.vectors import INPUT_UNITS, STATE_UNITS
 from trim import TrimCondition, find_operating_point, level_flight, linearize, release
 from trim.hfa.printed import eigenvalue_errors
 
-RATE_UNITS = tuple(map(HFA.rate_unit, STATES))
+RATE_UNITS = tuple(map(hfa_model.aircraft().rate_unit, STATES))
 
 
 def unit_size(unit: str, length: float, mass: float, time: float) -> float:
@@ -131,8 +132,10 @@ def longer_chord(p: Parameters, factor: float) -> Parameters:
 
 
 @pytest.mark.parametrize("change", [heavier, longer_chord])
-def test_freedoms_that_no_linear_model_shows(aircraft: Aircraft, change: Any) -> None:
-    other = Aircraft(change(aircraft.parameters, 1.7), aircraft.variant)
+def test_freedoms_that_no_linear_model_shows(aircraft: Model, change: Any) -> None:
+    other = hfa_model.aircraft(
+        hfa_model.variant_of(aircraft), change(hfa_model.parameters_of(aircraft), 1.7)
+    )
     condition = level_flight(float(np.radians(15.0)))
     one, two = (
         linearize(each, find_operating_point(each, condition), full=True)
@@ -140,8 +143,11 @@ def test_freedoms_that_no_linear_model_shows(aircraft: Aircraft, change: Any) ->
     )
     for before, after in ((one.A, two.A), (one.B, two.B)):
         np.testing.assert_allclose(after, before, rtol=1e-12, atol=1e-12 * np.abs(before).max())
-    forgotten = Aircraft(
-        other.parameters._replace(induced_drag=aircraft.parameters.induced_drag), aircraft.variant
+    forgotten = hfa_model.aircraft(
+        hfa_model.variant_of(aircraft),
+        hfa_model.parameters_of(other)._replace(
+            induced_drag=hfa_model.parameters_of(aircraft).induced_drag
+        ),
     )
     assert (
         np.abs(
@@ -154,20 +160,25 @@ def test_freedoms_that_no_linear_model_shows(aircraft: Aircraft, change: Any) ->
 # The rigid limit.
 
 
-def test_a_stiff_hinge_gives_the_rigid_aircraft(aircraft: Aircraft) -> None:
+def test_a_stiff_hinge_gives_the_rigid_aircraft(aircraft: Model) -> None:
     """The four other eigenvalues approach those of the flat rigid aircraft, with an error of order
     1/k."""
     elastic = release(
         level_flight(0.0), free=("alpha",), hold={"aileron_outer": 0.0, "elevator_outer": -0.05}
     )
     # Without the hinge three equations for three unknowns: alpha, throttle and the center elevator.
-    unhinged = {name: 0.0 for name in HFA.steady if name != "dihedral_rate"}
-    rigid_point = find_operating_point(aircraft, TrimCondition(elastic.imposed, unhinged))
+    unhinged = {name: 0.0 for name in hfa_model.aircraft().steady if name != "dihedral_rate"}
+    rigid_point = find_operating_point(
+        aircraft, TrimCondition(hfa_model.aircraft(), elastic.imposed, unhinged)
+    )
     rigid = linearize(aircraft, rigid_point).select(("speed", "alpha", "pitch", "pitch_rate"))
     reference = np.linalg.eigvals(rigid.A)
     errors = []
     for stiffness in (1e10, 1e11, 1e12):
-        stiff = Aircraft(aircraft.parameters._replace(hinge_stiffness=stiffness), aircraft.variant)
+        stiff = hfa_model.aircraft(
+            hfa_model.variant_of(aircraft),
+            hfa_model.parameters_of(aircraft)._replace(hinge_stiffness=stiffness),
+        )
         model = linearize(stiff, find_operating_point(stiff, release(elastic, free=("dihedral",))))
         errors.append(float(eigenvalue_errors(np.linalg.eigvals(model.A), reference).max()))
     orders = np.log10(np.array(errors[:-1]) / errors[1:])

@@ -10,25 +10,39 @@ import pytest
 from known_models import model_at
 from random_points import random_points, rising
 
-from hfa_model import STATES, Aircraft, Input, Parameters, State
+import hfa_model
+from hfa_aircraft.model import Model
+from hfa_model import STATES, Input, Parameters, State
 from hfa_model.kinematics import center_height, outer_height
 from hfa_model.outputs import moment_of, outputs_of
 from trim import find_operating_point, level_flight
 
 
 def outputs(
-    aircraft: Aircraft, x: np.ndarray, u: np.ndarray, updraft: float = 0.0
+    aircraft: Model, x: np.ndarray, u: np.ndarray, updraft: float = 0.0
 ) -> dict[str, float]:
-    moment = moment_of(State(*x), Input(*u), aircraft.parameters, aircraft.variant, rising(updraft))
+    moment = moment_of(
+        State(*x),
+        Input(*u),
+        hfa_model.parameters_of(aircraft),
+        hfa_model.variant_of(aircraft),
+        rising(updraft),
+    )
     return {name: float(value) for name, value in outputs_of(moment).items()}
 
 
 @pytest.mark.parametrize("degrees", [0.0, 5.0, 15.0, 20.0])
-def test_steady_level_flight(aircraft: Aircraft, degrees: float) -> None:
+def test_steady_level_flight(aircraft: Model, degrees: float) -> None:
     """L + T sin α = W, D = T cos α, M = 0, H = k η from `loads` alone, lift and drag positive; and
     the outputs."""
-    point, p = model_at(degrees, aircraft.variant.name).point, aircraft.parameters
-    loads, weight = aircraft.loads(point.states, point.inputs), 3 * p.panel_mass * p.gravity
+    point, p = (
+        model_at(degrees, hfa_model.variant_of(aircraft).name).point,
+        hfa_model.parameters_of(aircraft),
+    )
+    loads, weight = (
+        hfa_model.loads(aircraft, point.states, point.inputs),
+        3 * p.panel_mass * p.gravity,
+    )
     assert (
         min(
             loads.lift,
@@ -72,22 +86,23 @@ def place_of_panel(x: np.ndarray, height: Callable, side: float, p: Parameters) 
 
 
 def velocity_of_panel(
-    aircraft: Aircraft, x: np.ndarray, u: np.ndarray, height: Callable, side: float
+    aircraft: Model, x: np.ndarray, u: np.ndarray, height: Callable, side: float
 ) -> np.ndarray:
     """North, east, down, ft/s: of the aircraft's center of mass, plus the rate of the panel's
     place."""
-    state, ahead = State(*x), 1e-6 * aircraft.rates(x, u)
+    state, ahead = State(*x), 1e-6 * aircraft.at(x, u).f
     places = [
-        place_of_panel(x + sign * ahead, height, side, aircraft.parameters) for sign in (1, -1)
+        place_of_panel(x + sign * ahead, height, side, hfa_model.parameters_of(aircraft))
+        for sign in (1, -1)
     ]
     gamma = state.pitch - state.alpha
     path = np.array([state.speed * np.cos(gamma), 0.0, -state.speed * np.sin(gamma)])
     return path + (places[0] - places[1]) / 2e-6
 
 
-def later(aircraft: Aircraft, x: np.ndarray, u: np.ndarray, t: float) -> np.ndarray:
+def later(aircraft: Model, x: np.ndarray, u: np.ndarray, t: float) -> np.ndarray:
     """The state t seconds on, by the midpoint rule."""
-    return np.asarray(x + t * aircraft.rates(x + t / 2 * aircraft.rates(x, u), u))
+    return np.asarray(x + t * aircraft.at(x + t / 2 * aircraft.at(x, u).f, u).f)
 
 
 @pytest.mark.parametrize(
@@ -95,11 +110,11 @@ def later(aircraft: Aircraft, x: np.ndarray, u: np.ndarray, t: float) -> np.ndar
     [("load_factor_center", center_height, 0.0), ("load_factor_outer", outer_height, 1.0)],
 )
 def test_panel_load_factors_are_those_of_the_moving_panels(
-    aircraft: Aircraft, name: str, height: Callable, side: float
+    aircraft: Model, name: str, height: Callable, side: float
 ) -> None:
     """Gravity less the acceleration of the panel's center of mass, differenced along the motion,
     across the panel."""
-    gravity = np.array([0.0, 0.0, aircraft.parameters.gravity])
+    gravity = np.array([0.0, 0.0, hfa_model.parameters_of(aircraft).gravity])
     for x, u in zip(*random_points(20, seed=11), strict=True):
         velocities = [
             velocity_of_panel(aircraft, later(aircraft, x, u, t), u, height, side)
@@ -112,7 +127,7 @@ def test_panel_load_factors_are_those_of_the_moving_panels(
         assert outputs(aircraft, x, u)[name] == pytest.approx(felt, rel=2e-5, abs=2e-5)
 
 
-def test_an_updraft_raises_the_angle_through_the_air_alone(published_aircraft: Aircraft) -> None:
+def test_an_updraft_raises_the_angle_through_the_air_alone(published_aircraft: Model) -> None:
     point = find_operating_point(published_aircraft, level_flight(0.2))
     x, u = np.array(point.states), np.array(point.inputs)
     still, rising = outputs(published_aircraft, x, u), outputs(published_aircraft, x, u, 5.0)

@@ -11,7 +11,9 @@ import numpy as np
 import pytest
 from cli import refusal
 
-from hfa_model import Aircraft, Parameters, load_parameters, published_models, save_parameters
+import hfa_model
+from hfa_aircraft.model import Model
+from hfa_model import Parameters, load_parameters, published_models, save_parameters
 from hfa_model.parameters import FIELDS, ParameterSet
 from hfa_model.printed_matrices import PublishedModel
 from hfa_support import BadInputError
@@ -86,13 +88,12 @@ def test_wrong_entries_are_refused(
     assert named in refusal(load_parameters, path)
 
 
-def test_sizes_below_zero_and_masked_states_are_refused(aircraft: Aircraft) -> None:
+def test_sizes_below_zero_are_refused(aircraft: Model) -> None:
     for name in ("panel_mass", "panel_span", "chord"):
         with pytest.raises(BadInputError, match=f"parameter {name} is -1; it must be positive"):
-            Aircraft(aircraft.parameters._replace(**{name: -1.0}))
-    state = np.ma.masked_array(np.ones(7), mask=[True] + [False] * 6)
-    with pytest.raises(BadInputError, match="state has masked entries"):
-        aircraft.rates(state, np.zeros(5))
+            hfa_model.aircraft(
+                parameters=hfa_model.parameters_of(aircraft)._replace(**{name: -1.0})
+            )
 
 
 def test_the_named_sets_are_there(parameter_set: ParameterSet) -> None:

@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hfa_model import LINEAR_STATES, STATES, Aircraft, Parameters, sample_parameters
+import hfa_model
+from hfa_model import LINEAR_STATES, STATES, Parameters, sample_parameters
 from hfa_model.parameters import ParameterSet
 from hfa_support import BadInputError
 from trim import (
@@ -42,7 +43,7 @@ def coverage(
     standard errors."""
     angle, model, bands = at_angle
     values = np.hstack([np.full((len(samples), 1), angle), samples])
-    flights = trim_points(Aircraft(), ("dihedral", *Parameters._fields), values)
+    flights = trim_points(hfa_model.aircraft(), ("dihedral", *Parameters._fields), values)
     assert (flights.status == 0).all()
     entries = np.concatenate(
         [flights.A[:, DETERMINED][:, :, DETERMINED], flights.B[:, DETERMINED]], axis=2

@@ -8,11 +8,12 @@ import pytest
 from known_models import model_at
 from project import ROOT
 
+import hfa_model
 from benchmarks import __main__ as bench, report
 from benchmarks.jobs_flight import FlightCase, c_flight, difference
 from benchmarks.jobs_models import f16_case, f16_peer, peer_point, peer_system, six_state_rates
 from benchmarks.report import Comparison, Row
-from hfa_model import LINEAR_STATES, STATES, Aircraft, default_parameters
+from hfa_model import LINEAR_STATES, STATES, default_parameters
 from hfa_support.native import machine_code as generated
 from trim import trim_points
 
@@ -41,9 +42,12 @@ def largest_difference_of_rates(peer, count: int = 200) -> float:
     inputs = rng.uniform(
         [0.0, -0.2, -0.2, -0.2, -0.2], [100.0, 0.2, 0.2, 0.2, 0.2], size=(count, 5)
     )
-    aircraft, seen = Aircraft(PARAMETERS), [STATES.index(name) for name in LINEAR_STATES]
+    aircraft, seen = (
+        hfa_model.aircraft(parameters=PARAMETERS),
+        [STATES.index(name) for name in LINEAR_STATES],
+    )
     full = np.insert(states, STATES.index("altitude"), ALTITUDE, axis=1)
-    ours = np.array([aircraft.rates(x, u)[seen] for x, u in zip(full, inputs, strict=True)])
+    ours = np.array([aircraft.at(x, u).f[seen] for x, u in zip(full, inputs, strict=True)])
     theirs = np.array([peer(0.0, x, u, {}) for x, u in zip(states, inputs, strict=True)])
     return float((np.abs(ours - theirs) / np.abs(ours).max(axis=0)).max())
 

@@ -14,10 +14,10 @@ from project import ROOT
 from reference_riccati import relative_error
 from servo_cases import SIMVFA, simvfa_design
 
+import hfa_model
 from controller import Game, basis, design_model, learn, load_design
 from controller.learning.recording import natural_spread
 from controller.servo.design import Actuator, Design
-from hfa_model import Aircraft
 from verification import GeneralizedPlant, solve_game
 from verification.exact_solution import GameSolution
 
@@ -37,7 +37,11 @@ SIZES = {
 def design_of(name: str) -> Design:
     """three inputs: of `simvfa-2` with the ailerons of the center panel moved too."""
     if name != "three inputs":
-        return simvfa_design(name) if name in SIMVFA else load_design(str(SEARCHED))
+        return (
+            simvfa_design(name)
+            if name in SIMVFA
+            else load_design(str(SEARCHED), hfa_model.aircraft())
+        )
     two = simvfa_design("simvfa-2")
     more = {"aileron_center": Actuator(2)}
     weights = {**two.input_weights, "aileron_center": 50.0}
@@ -48,7 +52,7 @@ def design_of(name: str) -> Design:
 
 @cache
 def exact(name: str) -> tuple[Game, GameSolution]:
-    built = design_model(Aircraft(), model_at(11.0), design_of(name))
+    built = design_model(hfa_model.aircraft(), model_at(11.0), design_of(name))
     game = built.game() if built.sensors else built.game().with_delta(DELTA)
     if name == "its filter":
         game = GeneralizedPlant.measured(game, built.C, built.V).sides[1].game(game.delta)

@@ -20,7 +20,7 @@ from controller.game.gain_schedule import GainTable
 
 #: Result -> a line that its report has at the prompt.
 SHOWN = {
-    "Aircraft": "<Aircraft of three panels of 9.326 slug, 80 ft by 8 ft each, published dynamics>",
+    "Model": "<Model published dynamics: 7 states, 5 inputs, ",
     "ParameterSet": "parameter",
     "OperatingPoint": "Trim, published dynamics: trimmed",
     "LinearModel": "dihedral (slow)",
@@ -56,12 +56,12 @@ COMPARED = {
 
 @lru_cache(maxsize=1)
 def results() -> dict[str, Any]:
-    aircraft, condition = hfa_model.Aircraft(), trim.level_flight(15 * hfa_model.DEGREE)
+    aircraft, condition = hfa_model.aircraft(), trim.level_flight(15 * hfa_model.DEGREE)
     point = trim.find_operating_point(aircraft, condition)
     model = trim.linearize(aircraft, point)
     game = controller.published_game(model)
     family, gain = verification.Family(aircraft), verification.solve_game(game).K
-    gains = GainTable(np.array([15.0, 15.25]), np.stack([gain, gain]))
+    gains = GainTable(np.array([15.0, 15.25]), np.stack([gain, gain]), hfa_model.aircraft())
     regeneration = verification.regenerate_all(aircraft)
     found = (
         aircraft,
@@ -96,7 +96,7 @@ def test_a_result_shows_its_report_and_comes_back_from_a_pickle(name: str) -> No
     assert SHOWN[name] in shown
     assert "array(" not in shown
     assert len(shown) < 10_000
-    if name != "Aircraft":
+    if name != "Model":
         html = result._repr_html_()
         assert ("<table>" in html) == (name not in IN_LINES)
         assert "<script" not in html
@@ -123,7 +123,7 @@ def test_linear_models_are_equal_by_their_values() -> None:
 
 def test_a_failed_trim_can_be_sent_too() -> None:
     with pytest.raises(trim.TrimError) as caught:
-        trim.find_operating_point(results()["Aircraft"], trim.level_flight(0.1, speed=30.0))
+        trim.find_operating_point(results()["Model"], trim.level_flight(0.1, speed=30.0))
     again = pickle.loads(pickle.dumps(caught.value))
     assert (str(again), again.attempt) == (str(caught.value), caught.value.attempt)
 

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
+import hfa_model
 from controller import ScheduledController
-from hfa_model import Aircraft
+from hfa_aircraft.model import Model
 from hfa_model.provenance import parameter_hash
 
 
-def small_controller(aircraft: Aircraft, **changed: object) -> ScheduledController:
+def small_controller(aircraft: Model, **changed: object) -> ScheduledController:
     """Three angles, one integral, one input; every matrix 10 times its number at the first angle
     plus the angle's."""
     angles = np.radians([5.0, 10.0, 20.0])
@@ -29,15 +30,15 @@ def small_controller(aircraft: Aircraft, **changed: object) -> ScheduledControll
         "inputs": ("aileron_outer",),
         "trim_states": np.ones((3, 7)),
         "trim_inputs": np.ones((3, 5)),
-        "dynamics": aircraft.variant.name,
-        "parameters": parameter_hash(aircraft.parameters),
+        "dynamics": hfa_model.variant_of(aircraft).name,
+        "parameters": parameter_hash(hfa_model.parameters_of(aircraft)),
         "command_filter": (0.5, 2.0),
         "about": {"description": "a test"},
     }
-    return ScheduledController(**(settings | changed))  # type: ignore[arg-type]
+    return ScheduledController(**(settings | changed), model=hfa_model.aircraft())  # type: ignore[arg-type]
 
 
-def integrating_controller(aircraft: Aircraft, **changed: object) -> ScheduledController:
+def integrating_controller(aircraft: Model, **changed: object) -> ScheduledController:
     """u = -(k e + g (dihedral - r)), e' = dihedral - r, k rising with the angle."""
     gains = np.array([0.02, 0.03, 0.04])[:, None, None]
     one, row = np.ones((3, 1, 1)), np.array([0.0, 1.0, -1.0, 0.0])

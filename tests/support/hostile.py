@@ -23,6 +23,7 @@ import numpy as np
 from cli import Result, hfa, unchecked_hfa
 from game_files import small
 
+import hfa_model
 from hfa.main import COMMANDS, filled
 from hfa.options.parser import Parser
 
@@ -350,13 +351,13 @@ def seeds() -> Mapping[str, bytes]:
     from servo_cases import SIMVFA
 
     from controller import save_controller
-    from hfa_model import Aircraft, default_parameters, save_parameters
+    from hfa_model import default_parameters, save_parameters
 
     with tempfile.TemporaryDirectory() as name, chdir(name):
         save_parameters(default_parameters(), Path("parameters.toml"), "a copy")
         Path("condition.toml").write_text(CONDITION, encoding="utf-8")
         Path("design.toml").write_bytes(Path(SIMVFA["simvfa-1"]).read_bytes())
-        save_controller(Path("controller.npz"), small_controller(Aircraft()))
+        save_controller(Path("controller.npz"), small_controller(hfa_model.aircraft()))
         table = exact_table(14.9, 15.1)
         np.savez("table.npz", dihedral_deg=table.places, K=table.K)
         text = {"dihedral_deg": table.places.tolist(), "K": table.K.tolist()}

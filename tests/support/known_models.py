@@ -11,6 +11,7 @@ import casadi as ca
 import numpy as np
 from scipy.optimize import brentq
 
+import hfa_model
 from controller import (
     Envelope,
     FlownLaw,
@@ -24,7 +25,8 @@ from controller import (
 )
 from controller.flight.nonlinear_flight import NonlinearFlight
 from controller.flight.policies import Seen
-from hfa_model import LINEAR_STATES, Aircraft, Parameters, load_parameters
+from hfa_aircraft.model import Model
+from hfa_model import LINEAR_STATES, Parameters, load_parameters
 from hfa_model.atmosphere import density
 from trim import LinearModel, OperatingPoint, level_model
 from verification import solve_game
@@ -33,17 +35,17 @@ from verification import solve_game
 _RELEASED_DENSITY = 5.872675956988981e-4
 
 
-def released_simulation() -> tuple[Aircraft, float]:
+def released_simulation() -> tuple[Model, float]:
     """SimVFA's aircraft, and the altitude, ft, at which the standard atmosphere has its air."""
     altitude = brentq(
         lambda height: float(density(height)) - _RELEASED_DENSITY, 39_000.0, 41_000.0, xtol=1e-9
     )
-    return Aircraft(load_parameters("gibson-2011-simulation").values), altitude
+    return hfa_model.aircraft(parameters=load_parameters("gibson-2011-simulation").values), altitude
 
 
 @lru_cache(maxsize=64)
 def model_at(degrees: float, dynamics: str = "published") -> LinearModel:
-    aircraft = Aircraft(dynamics=dynamics)
+    aircraft = hfa_model.aircraft(dynamics)
     return level_model(aircraft, math.radians(degrees))
 
 
@@ -65,7 +67,7 @@ SMALL = np.array([0.2, 0.01, 5.0, 0.01, 0.02, 0.03, 0.02])
 class FlownCase:
     """One trim with its game, exact gain and envelope."""
 
-    aircraft: Aircraft
+    aircraft: Model
     point: OperatingPoint
     game: Game
     law: FlownLaw
@@ -74,7 +76,7 @@ class FlownCase:
 
 def case_at(parameters: Parameters, dynamics: str, degrees: float) -> FlownCase:
     point, law = model_at(degrees, dynamics).point, gain_law("exact", exact_gain(degrees, dynamics))
-    aircraft = Aircraft(parameters, dynamics)
+    aircraft = hfa_model.aircraft(dynamics, parameters)
     return FlownCase(
         aircraft, point, game_at(degrees, dynamics), law, flight_envelope(aircraft, point)
     )

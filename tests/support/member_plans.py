@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+import hfa_model
 from controller import MonteCarlo, Scenario, Signal, Uncertainty, flight_envelope, gain_law
 from controller.flight.signals import Harmonic
-from hfa_model import Aircraft, default_parameters
+from hfa_model import default_parameters
 from trim import OperatingPoint
 
 PARAMETERS = default_parameters().values
@@ -32,7 +33,7 @@ def plan(point: OperatingPoint, gain: np.ndarray) -> MonteCarlo:
         disturbance=Signal(np.zeros(6), np.zeros(6), (wave,)),
         uncertainty=EVERYTHING,
     )
-    aircraft = Aircraft(PARAMETERS)
+    aircraft = hfa_model.aircraft(parameters=PARAMETERS)
     law, envelope = gain_law("exact", gain), flight_envelope(aircraft, point)
     return MonteCarlo(12, 7, aircraft, point, law, scenario, envelope)
 

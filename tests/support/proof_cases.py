@@ -13,9 +13,10 @@ from typing import Any
 import numpy as np
 from known_models import exact_gain, game_at, model_at
 
+import hfa_model
 from controller import Game, basis, published_game
 from controller.critic.critic import from_parts
-from hfa_model import Aircraft, default_parameters
+from hfa_model import default_parameters
 from hfa_model.provenance import Provenance
 from verification import (
     Family,
@@ -35,7 +36,7 @@ ORIGIN = Provenance("a test", "published")
 
 def family(dynamics: str = "published") -> Family:
     """The paper's flights of the identified aircraft."""
-    return Family(Aircraft(default_parameters().values, dynamics))
+    return Family(hfa_model.aircraft(dynamics, default_parameters().values))
 
 
 def exact_table(*angles: float, dynamics: str = "published") -> LoopTable:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
+import hfa_model
 from hfa_model import Input, Parameters, State
-from hfa_model.aircraft import HFA
 from hfa_model.kinematics import STILL_AIR, Winds, winds_named
 from hfa_model.outputs import moment_of
 from hfa_model.variants import Variant
@@ -17,7 +17,7 @@ STATE_SCALES, INPUT_SCALES = (
     Input(*(s.nominal for s in INPUT_SIGNALS)),
 )
 #: One scaled unit of each rate.
-RATE_SCALES = State(*map(HFA.rate_scale, HFA.states))
+RATE_SCALES = State(*map(hfa_model.aircraft().rate_scale, hfa_model.aircraft().states))
 _LOWEST_STATE = State(20.0, -0.35, 0.0, -1.0, -1.0, -1.2, -1.0)
 _HIGHEST_STATE = State(300.0, 0.35, 65_000.0, 1.0, 1.0, 1.2, 1.0)
 _LOWEST_INPUT = Input(0.0, -0.35, -0.35, -0.5, -0.5)
@@ -34,7 +34,7 @@ def random_points(count: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
 
 def symbols() -> list[ca.SX]:
     """New symbols x (7,), u (5,), p (18,)."""
-    return HFA.layout.symbols("x", "u", "p")
+    return hfa_model.aircraft().layout.symbols("x", "u", "p")
 
 
 def by_name(x: ca.SX, u: ca.SX, p: ca.SX) -> tuple[State, Input, Parameters]:

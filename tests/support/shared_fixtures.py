@@ -14,9 +14,11 @@ import numpy as np
 import pytest
 from known_models import FlownCase, case_at, exact_gain, game_at, model_at
 
+import hfa_model
 from controller import Game
 from controller.game.learning_result import LearningResult
-from hfa_model import VARIANTS, Aircraft, Parameters, default_parameters
+from hfa_aircraft.model import Model
+from hfa_model import VARIANTS, Parameters, default_parameters
 from hfa_model.parameters import ParameterSet
 from trim import OperatingPoint
 
@@ -100,14 +102,14 @@ def parameters(parameter_set: ParameterSet) -> Parameters:
 
 
 @pytest.fixture(scope="session", params=sorted(VARIANTS))
-def aircraft(request: pytest.FixtureRequest, parameters: Parameters) -> Aircraft:
+def aircraft(request: pytest.FixtureRequest, parameters: Parameters) -> Model:
     """The identified aircraft, once with each set of equations."""
-    return Aircraft(parameters, request.param)
+    return hfa_model.aircraft(request.param, parameters)
 
 
 @pytest.fixture(scope="session")
-def published_aircraft(parameters: Parameters) -> Aircraft:
-    return Aircraft(parameters, "published")
+def published_aircraft(parameters: Parameters) -> Model:
+    return hfa_model.aircraft("published", parameters)
 
 
 @pytest.fixture(scope="session")

@@ -12,7 +12,8 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from hfa_model import INPUTS, LINEAR_STATES, Aircraft, Parameters, State, published_models
+import hfa_model
+from hfa_model import INPUTS, LINEAR_STATES, Parameters, State, published_models
 from hfa_model.parameters import ParameterSet
 from hfa_model.printed_matrices import PublishedModel
 from hfa_model.variants import Published, Variant
@@ -46,7 +47,7 @@ def printed(parameters: Parameters) -> list[PublishedModel]:
     rounds."""
     models = []
     for published in published_models():
-        exact = regenerate(Aircraft(parameters), published)
+        exact = regenerate(hfa_model.aircraft(parameters=parameters), published)
         A = 2 * published.half_unit_A * np.round(exact.A / (2 * published.half_unit_A))
         B = 2 * published.half_unit_B * np.round(exact.B / (2 * published.half_unit_B))
         models.append(replace(published, A=A, B=B))
@@ -187,7 +188,9 @@ def test_the_expected_sum_is_what_drawn_rounding_errors_leave(
     models = published_models()
 
     def entries(values: Parameters) -> np.ndarray:
-        pairs = [(regenerate(Aircraft(values), model), model) for model in models]
+        pairs = [
+            (regenerate(hfa_model.aircraft(parameters=values), model), model) for model in models
+        ]
         parts = [
             (exact.A / model.half_unit_A, exact.B / model.half_unit_B) for exact, model in pairs
         ]
@@ -224,7 +227,7 @@ def test_one_angle_determines_all_but_one_combination() -> None:
         fitted = fit([known], Published())
         # Known to 1 %: the singular value s leaves a standard error 1/(s √3).
         assert np.count_nonzero(fitted.singular_values * np.sqrt(3) > 100) == len(IDENTIFIED) - 1
-        model = regenerate(Aircraft(fitted.parameters.values), unknown)
+        model = regenerate(hfa_model.aircraft(parameters=fitted.parameters.values), unknown)
         computed, print_ = np.hstack([model.A, model.B]), np.hstack([unknown.A, unknown.B])
         errors = np.abs(computed - print_).max(axis=1) / np.abs(print_).max(axis=1)
         pitch = LINEAR_STATES.index("pitch_rate")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hfa_model import Aircraft
+from hfa_aircraft.model import Model
 from trim import TrimError, find_operating_point, level_flight, sweep
 from trim.limits import SLACK, Limits
 
@@ -22,7 +22,7 @@ from trim.limits import SLACK, Limits
     ],
 )
 def test_a_trim_and_a_sweep_agree_at_a_limit(
-    published_aircraft: Aircraft, highest: float, reason: str
+    published_aircraft: Model, highest: float, reason: str
 ) -> None:
     """The pitch angle alpha + gamma is the limit itself, or rounding beyond it."""
     limits = {"pitch": (float(np.radians(-60.0)), float(np.radians(highest)))}
@@ -38,8 +38,8 @@ def test_a_trim_and_a_sweep_agree_at_a_limit(
         assert find_operating_point(published_aircraft, condition).status == "trimmed"
 
 
-def test_within_allows_rounding_and_no_more(published_aircraft: Aircraft) -> None:
-    model = published_aircraft.model
+def test_within_allows_rounding_and_no_more(published_aircraft: Model) -> None:
+    model = published_aircraft
     limits = Limits.of(model, ("speed", "throttle", "gamma"), {"gamma": (-np.inf, 0.1)})
     slack = SLACK * (model.signals["speed"].nominal + 500.0)
     values = np.array([[500.0 + 0.9 * slack, 0.0, -9.0], [500.0 + 1.1 * slack, np.nan, 0.2]])

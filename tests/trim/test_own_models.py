@@ -16,12 +16,11 @@ import pytest
 from cli import answer, assert_refused, hfa
 from own_models import F16, GTM, NAVION, navion, trimmed
 
-from hfa_model import Aircraft
 from hfa_support import BadInputError, Model, Signal
 from trim import TrimError, find_operating_point, level_flight, linearize, release, sweep
+from trim.hfa.hfa_report import trim_report
 from trim.point.condition import usual_condition
 from trim.point.solve import other_trims
-from trim.point.trim_report import trim_report
 from trim.sweeps.sweep_store import stored_sweep_report, stream_sweep
 
 #: Stevens and Lewis, table 3.6-3: xcg, what is held, rates, alpha, beta, throttle, elevator,
@@ -304,7 +303,7 @@ def test_kinks_are_reported_with_both_slopes_and_where_they_are(tmp_path: Path) 
     assert "kinks at 1 points" in stored_sweep_report(found.plan, store, tmp_path).notes[0]
 
 
-def test_the_kink_of_the_atmosphere_is_reported(published_aircraft: Aircraft) -> None:
+def test_the_kink_of_the_atmosphere_is_reported(published_aircraft: Model) -> None:
     """The lapse rate of the temperature ends at 11 km: the HFA there, and nowhere else."""
     tropopause = 11_000.0 / (1 - 11_000.0 / 6_356_766.0) / 0.3048  # ft
     at = [

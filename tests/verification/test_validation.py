@@ -10,7 +10,9 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from hfa_model import Aircraft, Parameters, State, dynamics, load_parameters, published_models
+import hfa_model
+from hfa_aircraft.model import Model
+from hfa_model import Parameters, State, dynamics, load_parameters, published_models
 from hfa_model.aerodynamics import Loads
 from hfa_model.atmosphere import density
 from hfa_model.variants import Newton, Published, Variant
@@ -20,7 +22,7 @@ from verification import released_trims, validate, validation
 from verification.validation import Validation, model_at, third_printed_entries
 
 
-def test_the_identified_aircraft_passes(published_aircraft: Aircraft) -> None:
+def test_the_identified_aircraft_passes(published_aircraft: Model) -> None:
     found = validate(published_aircraft)
     assert [check for check in found.checks if not check.ok] == []
     assert {each.speed for each in found.trims} == {68.0, 64.0, 30.0}
@@ -30,7 +32,7 @@ def test_the_identified_aircraft_passes(published_aircraft: Aircraft) -> None:
 
 
 def test_first_principles_are_not_what_was_released(parameters: Parameters) -> None:
-    found = validate(Aircraft(parameters, "newton"))
+    found = validate(hfa_model.aircraft("newton", parameters))
     failed = {check.name: check.reason for check in found.checks if not check.ok}
     assert "eigenvalue_30_ft_s" in failed
     assert "A(dihedral_rate, dihedral_rate)" in failed["third_printed_model_half_units"]
@@ -50,13 +52,13 @@ def test_a_wrong_parameter_is_seen(
     parameters: Parameters, name: str, factor: float, check: str
 ) -> None:
     wrong = parameters._replace(**{name: getattr(parameters, name) * factor})
-    failed = [each for each in validate(Aircraft(wrong)).checks if not each.ok]
+    failed = [each for each in validate(hfa_model.aircraft(parameters=wrong)).checks if not each.ok]
     assert check in {each.name for each in failed}
     assert all(each.reason for each in failed)
 
 
 def test_a_wrong_number_of_theirs_is_seen(
-    published_aircraft: Aircraft, monkeypatch: pytest.MonkeyPatch
+    published_aircraft: Model, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     first, *rest = released_trims()
     moved = first._replace(eigenvalues=(first.eigenvalues[0] + 2e-4, *first.eigenvalues[1:]))
@@ -67,7 +69,7 @@ def test_a_wrong_number_of_theirs_is_seen(
 
 
 def test_half_a_unit_of_the_last_printed_digit_and_exact_entries(
-    published_aircraft: Aircraft,
+    published_aircraft: Model,
 ) -> None:
     model = level_model(published_aircraft, math.radians(10.0))
     entries = {each.name: each for each in third_printed_entries(model)}
@@ -103,8 +105,13 @@ def test_in_the_air_of_the_simulation_its_values_pass() -> None:
         "induced_drag": released.induced_drag / thin
     }
     assert thin == pytest.approx(1 - 1.61e-5, abs=1e-7)
-    assert sum(not check.ok for check in validate(Aircraft(released)).checks) == 4
-    assert all(check.ok for check in validate(Aircraft(released._replace(**theirs))).checks)
+    assert (
+        sum(not check.ok for check in validate(hfa_model.aircraft(parameters=released)).checks) == 4
+    )
+    assert all(
+        check.ok
+        for check in validate(hfa_model.aircraft(parameters=released._replace(**theirs))).checks
+    )
 
 
 #: Some of where the released simulation flies at 30 ft/s, deg.
@@ -146,11 +153,11 @@ def off_at(dihedral: Quantity, degrees: float, size: float) -> Quantity:
 
 
 def test_cos_squared_with_a_free_factor_fits_the_print_and_fails_outside(
-    parameters: Parameters, published_aircraft: Aircraft
+    parameters: Parameters, published_aircraft: Model
 ) -> None:
     """Two printed angles fix its two constants and so cannot refute it; 30 ft/s up to 45 deg
     does."""
-    other = Aircraft(parameters._replace(inertia_roll=9840.2), FreeFactor())
+    other = hfa_model.aircraft(FreeFactor(), parameters._replace(inertia_roll=9840.2))
     misses = [
         entry.half_units
         for model in published_models()
@@ -179,7 +186,7 @@ def test_gibsons_figure_was_not_drawn_with_his_printed_hinge_inertia(
     parameters: Parameters, variant: Variant, at_0: float, at_45: float
 ) -> None:
     """The figure shows -7.25 at 0 and -7.85 at 45 deg: + and cos(η²)."""
-    found = validate(Aircraft(parameters, variant))
+    found = validate(hfa_model.aircraft(variant, parameters))
     assert [root for _, _, root in found.fast_roots] == pytest.approx([at_0, at_45], rel=2e-3)
     assert "gibson_fig_7_fast_root" in failed(found)
 
@@ -194,7 +201,7 @@ def test_an_inertia_that_is_off_at_one_angle_is_seen(
         def hinge_inertia(self, dihedral: Quantity, p: Parameters) -> Quantity:
             return super().hinge_inertia(dihedral, p) * off_at(dihedral, degrees, 2e-5)
 
-    assert "eigenvalue_30_ft_s" in failed(validate(Aircraft(parameters, Off())))
+    assert "eigenvalue_30_ft_s" in failed(validate(hfa_model.aircraft(Off(), parameters)))
     ours = dynamics._pitch_acceleration
 
     def with_another_inertia(x: State, loads: Loads, p: Parameters) -> Quantity:
@@ -204,4 +211,4 @@ def test_an_inertia_that_is_off_at_one_angle_is_seen(
         """Anew, with the acceleration above."""
 
     monkeypatch.setattr(dynamics, "_pitch_acceleration", with_another_inertia)
-    assert "eigenvalue_30_ft_s" in failed(validate(Aircraft(parameters, Compiled())))
+    assert "eigenvalue_30_ft_s" in failed(validate(hfa_model.aircraft(Compiled(), parameters)))

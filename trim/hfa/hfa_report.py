@@ -9,14 +9,18 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+import hfa_model
+from hfa_aircraft.model import Model
 from hfa_model.aerodynamics import Loads, PanelLoads
-from hfa_model.aircraft import Aircraft
 from hfa_model.atmosphere import density, speed_of_sound
+from hfa_model.declaration import is_hfa
 from hfa_support.reporting.figure import new_figure
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Table, angle_text, four_decimals, short_number, shown_unit
 from hfa_support.reporting.unit_system import in_force, unit_in_force
+from trim.point.condition import TrimCondition
 from trim.point.operating_point import OperatingPoint
+from trim.point.trim_report import point_report
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -45,9 +49,20 @@ PERFORMANCE: dict[str, tuple[str, str]] = {
 _WATCHED = ("dynamic_pressure", "load_factor", "gamma", "climb_rate", "hinge_moment_total")
 
 
-def with_loads(report: Report, aircraft: Aircraft, point: OperatingPoint) -> Report:
+def trim_report(model: Model, condition: TrimCondition, point: OperatingPoint) -> Report:
+    """The report of a trim; of the paper's aircraft with its loads and performance in place of its
+    outputs."""
+    if not is_hfa(model):
+        return point_report(model, condition, point)
+    return with_loads(point_report(model, condition, point, with_outputs=False), model, point)
+
+
+def with_loads(report: Report, aircraft: Model, point: OperatingPoint) -> Report:
     """The report of a trim with the loads on the aircraft and its panels, and its performance."""
-    loads, numbers = aircraft.loads(point.states, point.inputs), performance(aircraft, point)
+    loads, numbers = (
+        hfa_model.loads(aircraft, point.states, point.inputs),
+        performance(aircraft, point),
+    )
     flat = {name: getattr(loads, name) for name in Loads._fields if name not in ("center", "outer")}
     for panel in ("center", "outer"):
         flat |= {
@@ -66,12 +81,12 @@ def with_loads(report: Report, aircraft: Aircraft, point: OperatingPoint) -> Rep
     )
 
 
-def performance(aircraft: Aircraft, point: OperatingPoint) -> dict[str, float]:
+def performance(aircraft: Model, point: OperatingPoint) -> dict[str, float]:
     """The numbers of `PERFORMANCE` at a point, trimmed or not."""
-    p, x = aircraft.parameters, point.states
+    p, x = hfa_model.parameters_of(aircraft), point.states
     watched, loads = (
-        aircraft.model.outputs_at(x, point.inputs, _WATCHED),
-        aircraft.loads(x, point.inputs),
+        aircraft.outputs_at(x, point.inputs, _WATCHED),
+        hfa_model.loads(aircraft, x, point.inputs),
     )
     lift, drag, area = loads.lift, loads.drag, 3 * p.panel_span * p.chord
     force, sound = watched["dynamic_pressure"] * area, float(speed_of_sound(x.altitude))
@@ -132,12 +147,15 @@ class Panel(NamedTuple):
     weight: np.ndarray
 
 
-def panels_from_the_front(aircraft: Aircraft, point: OperatingPoint) -> tuple[Panel, Panel, Panel]:
+def panels_from_the_front(aircraft: Model, point: OperatingPoint) -> tuple[Panel, Panel, Panel]:
     """The right panel, the center panel, the left panel: a pilot's right is left in the picture.
 
     The hinges lie at (±s/2, 0); an outer panel leaves its hinge at the dihedral angle η, its middle
     is (s/2)(cos η, sin η) further on, its lift L_o points along (∓sin η, cos η)."""
-    p, loads = aircraft.parameters, aircraft.loads(point.states, point.inputs)
+    p, loads = (
+        hfa_model.parameters_of(aircraft),
+        hfa_model.loads(aircraft, point.states, point.inputs),
+    )
     half, weight = (
         in_force(p.panel_span, "ft") / 2,
         np.array([0.0, -in_force(p.panel_mass * p.gravity, "lbf")]),
@@ -164,11 +182,11 @@ def scale_text(scale: float) -> str:
     return f"arrows: {1 / scale:.3g} {unit_in_force('lbf')} to the {'foot' if unit_in_force('ft') == 'ft' else 'meter'}"
 
 
-def trim_figure(aircraft: Aircraft, point: OperatingPoint) -> Figure:
+def trim_figure(aircraft: Model, point: OperatingPoint) -> Figure:
     """Forces to one scale, stated in the picture; angles and lengths true; the hinge moments in
     words."""
     panels = panels_from_the_front(aircraft, point)
-    span, x = in_force(aircraft.parameters.panel_span, "ft"), point.states
+    span, x = in_force(hfa_model.parameters_of(aircraft).panel_span, "ft"), point.states
     force, length, of_moment = map(unit_in_force, ("lbf", "ft", "ft lbf"))
     scale = (
         _LONGEST
@@ -198,7 +216,10 @@ def trim_figure(aircraft: Aircraft, point: OperatingPoint) -> Figure:
                 else np.copysign(np.linalg.norm(each), each[1])
             )
             _label(axes, end, f"{size:.1f} {force}", color)
-    moment = round(float(in_force(aircraft.loads(x, point.inputs).hinge_moment, "ft lbf")), 1) + 0.0
+    moment = (
+        round(float(in_force(hfa_model.loads(aircraft, x, point.inputs).hinge_moment, "ft lbf")), 1)
+        + 0.0
+    )
     for side in (-1, 1):
         place = np.array([side * span / 2, 0.0])
         axes.plot(*place, "o", color="C3", markersize=7, markerfacecolor="white", zorder=3)

@@ -11,8 +11,9 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from hfa_aircraft.model import Layout, components
-from hfa_model.aircraft import HFA, Aircraft, Equations
+import hfa_model
+from hfa_aircraft.model import Layout, Model, components
+from hfa_model.declaration import Equations
 from hfa_model.parameters import Parameters, ParameterSet, default_parameters
 from hfa_model.printed_matrices import PublishedModel, published_models
 from hfa_model.variants import variant_named
@@ -23,8 +24,9 @@ from hfa_support.reporting.fields import ByValue
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.text import TONES, Cell, Table, four_decimals, matrix_table
 from hfa_support.reporting.unit_system import entries_in_force
+from trim.hfa.level_flight import level_flight
 from trim.linear.linear_model import LinearModel, level_model
-from trim.point.condition import TrimCondition, level_flight
+from trim.point.condition import TrimCondition
 from trim.point.operating_point import OperatingPoint
 
 #: Parameters identified with another seed, or on another machine, differ by less than this from the
@@ -95,7 +97,7 @@ def compare(model: LinearModel, published: PublishedModel) -> tuple[EntryRow, ..
     )
 
 
-def regenerate(aircraft: Aircraft, published: PublishedModel) -> LinearModel:
+def regenerate(aircraft: Model, published: PublishedModel) -> LinearModel:
     """The linear model of an aircraft in the paper's trim at a printed dihedral angle."""
     return level_model(aircraft, published.dihedral)
 
@@ -184,7 +186,7 @@ def entries_table(title: str, entries: Mapping[str, Iterable[EntryRow]]) -> Tabl
 def entries_records(entries: Mapping[float, Iterable[EntryRow]]) -> Table:
     """The same with all digits; printed angle (deg) -> entries."""
     rows = [
-        (angle, *entry.to_dict().values(), HFA.entry_unit(entry.row, entry.column))
+        (angle, *entry.to_dict().values(), hfa_model.aircraft().entry_unit(entry.row, entry.column))
         for angle, group in entries.items()
         for entry in group
     ]
@@ -270,7 +272,7 @@ def entry_bands(parameters: ParameterSet, condition: TrimCondition, model: Linea
             "bands are known for the identified parameters with their covariance only; "
             "use the parameters.toml of `hfa identify`, unchanged"
         )
-    own = replace(HFA, equations=Equations(variant_named(model.point.dynamics)))
+    own = replace(hfa_model.aircraft(), equations=Equations(variant_named(model.point.dynamics)))
     at = np.array([model.point.values[name] for name in own.variables]), np.array(parameters.values)
     free = [own.variables.index(name) for name in condition.free]
     rows = [STATES.index(name) for name in condition.equations[0]]

@@ -15,7 +15,6 @@ from trim.linear.linear_model import LinearModel, linearize
 
 if TYPE_CHECKING:
     from hfa_aircraft.model import Model
-    from hfa_model.aircraft import Aircraft
     from trim.point.operating_point import OperatingPoint
 
 #: Modes that oscillate, and those with one real eigenvalue, as models name them.
@@ -30,7 +29,7 @@ class Quantity(NamedTuple):
     unit: str
 
 
-def handling_qualities(aircraft: Aircraft | Model, point: OperatingPoint) -> list[Quantity]:
+def handling_qualities(aircraft: Model, point: OperatingPoint) -> list[Quantity]:
     """What the declaration of the model allows, of its linear states at a trim.
 
     Of a mode declared as `short period`, `phugoid` or `dutch roll`: natural frequency and damping,
@@ -39,7 +38,7 @@ def handling_qualities(aircraft: Aircraft | Model, point: OperatingPoint) -> lis
     period: n/alpha, and the control anticipation parameter CAP = ω²/(n/alpha) (MIL-F-8785C,
     3.2.2.1). n/alpha is the change of load factor by that of alpha, both at rest after a step of
     the input that pitches the aircraft most, with every state but alpha and pitch rate held."""
-    model = aircraft.model
+    model = aircraft
     outputs = ("load_factor",) if "load_factor" in model.outputs else None
     linear = linearize(aircraft, point, outputs=outputs, disturbances=())
     found = []
@@ -70,7 +69,7 @@ def handling_qualities(aircraft: Aircraft | Model, point: OperatingPoint) -> lis
     return found
 
 
-def with_qualities(report: Report, aircraft: Aircraft | Model, point: OperatingPoint) -> Report:
+def with_qualities(report: Report, aircraft: Model, point: OperatingPoint) -> Report:
     """The report of a linear model with its handling qualities, a row each; as it is where there
     are none."""
     found = handling_qualities(aircraft, point)

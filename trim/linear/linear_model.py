@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     import control
     from matplotlib.figure import Figure
 
-    from hfa_model.aircraft import Aircraft
     from trim.hfa.printed import Bands
     from trim.linear.frequency import Transfer
 
@@ -301,7 +300,7 @@ def _positions(what: str, names: tuple[str, ...] | None, known: tuple[str, ...])
 
 
 def linearize(
-    aircraft: Aircraft | Model,
+    aircraft: Model,
     point: OperatingPoint,
     *,
     full: bool = False,
@@ -315,7 +314,7 @@ def linearize(
     `full`. outputs: names of outputs or of states; None for the states of the model. disturbances:
     names; None for the first one where outputs are asked for. The HFA's are winds, ft/s.
     BadInputError when the point is of another model or other dynamics, or a name is unknown."""
-    own = aircraft.model
+    own = aircraft
     point.refuse_other(own)
     plain = outputs is None and disturbances is None
     seen = tuple(own.states) if plain else tuple(outputs or (own.states if full else own.linear))
@@ -332,10 +331,10 @@ def linearize(
     return model if full else model.select(own.linear)
 
 
-def level_model(aircraft: Aircraft | Model, scheduled: float) -> LinearModel:
+def level_model(aircraft: Model, scheduled: float) -> LinearModel:
     """A, B at the model's own trim with this value of its scheduling variable, of the HFA the
     paper's level flight with this dihedral, rad. Raises TrimError when there is no such trim."""
-    model = aircraft.model
+    model = aircraft
     return linearize(
         aircraft,
         find_operating_point(aircraft, usual_condition(model).at(hold={model.schedule: scheduled})),

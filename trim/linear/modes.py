@@ -6,12 +6,12 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
 from hfa_aircraft.model import Model
-from hfa_model.aircraft import HFA
 from hfa_support.errors import refuse_unknown
 from hfa_support.reporting.text import Table, eigenvalue_text
 
@@ -48,7 +48,9 @@ class Mode:
 
 
 def modes_of(
-    A: np.ndarray, states: tuple[str, ...], families: Mapping[str, tuple[str, ...]] = HFA.modes
+    A: np.ndarray,
+    states: tuple[str, ...],
+    families: Mapping[str, tuple[str, ...]] = MappingProxyType({}),
 ) -> tuple[Mode, ...]:
     """Modes of x' = A x, fastest first; a conjugate pair is one mode.
 
@@ -133,7 +135,7 @@ def fastest_first(eigenvalues: np.ndarray) -> np.ndarray:
 
 
 def track_modes(
-    A: np.ndarray, states: tuple[str, ...], neighbours: np.ndarray | None = None, model: Model = HFA
+    A: np.ndarray, states: tuple[str, ...], model: Model, neighbours: np.ndarray | None = None
 ) -> np.ndarray:
     """Eigenvalues (N, n) of N system matrices (N, n, n) paired so that a column follows one mode.
 

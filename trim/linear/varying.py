@@ -16,7 +16,6 @@ from trim.sweeps.sweep import Sweep
 
 if TYPE_CHECKING:
     from hfa_aircraft.model import Model
-    from hfa_model.aircraft import Aircraft
 
 
 class Interpolated(NamedTuple):
@@ -134,11 +133,11 @@ class Along(NamedTuple):
     B: np.ndarray
 
 
-def models_along(aircraft: Aircraft | Model, states: np.ndarray, inputs: np.ndarray) -> Along:
+def models_along(aircraft: Model, states: np.ndarray, inputs: np.ndarray) -> Along:
     """Exact linear models at states (N, n) and inputs (N, m) that need not balance: of small
     deviations δx from a flight, δx' = A(t) δx + B(t) δu. BadInputError when a shape is wrong or a
     derivative is not finite."""
-    model = aircraft.model
+    model = aircraft
     n, m = len(model.states), len(model.inputs)
     x, u = (
         np.atleast_2d(np.asarray(states, dtype=float)),

@@ -6,19 +6,18 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
 from hfa_aircraft.model import Model
-from hfa_model.aircraft import HFA
 from hfa_support.errors import BadInputError, is_finite, pair_of, refuse_unknown, said_of, shown
 from hfa_support.linear_table import LinearTable
 from hfa_support.schema import NUMBER, checked, read_named
 from trim.limits import Limits
 
-#: Conditions that come with the package: name -> file; what a file holds.
-NAMED = {"paper": "paper.toml", "simvfa-64": "simvfa_64.toml", "simvfa-30": "simvfa_30.toml"}
+#: What a file of a condition holds.
 _FILE = {
     "description": str,
     "source": str,
@@ -42,12 +41,12 @@ class TrimCondition:
     radians. BadInputError when a name is unknown, or a value is not finite or lies outside its
     limits."""
 
+    model: Model = field(compare=False)
     imposed: Mapping[str, Any]
     rates: Mapping[str, float] = None  # type: ignore[assignment]  # replaced below
     limits: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     begin: Mapping[str, float] = field(default_factory=dict)
     name: str = field(default="", compare=False)
-    model: Model = field(default=HFA, compare=False)
 
     def __post_init__(self) -> None:
         """Check everything before anything is solved."""
@@ -183,20 +182,7 @@ class TrimCondition:
 
 def usual_condition(model: Model) -> TrimCondition:
     """What a model's declaration imposes."""
-    return TrimCondition(model.trim, model=model)
-
-
-#: The paper's (Section 5.1), with a flat wing: `at` takes another dihedral angle.
-LEVEL_FLIGHT = usual_condition(HFA)
-
-
-def level_flight(
-    dihedral: float, *, limits: Mapping[str, tuple[float, float]] | None = None, **held: float
-) -> TrimCondition:
-    """The paper's trim at a dihedral angle, rad: center aileron at zero; throttle, outer aileron
-    and both elevators free. Four equations, four unknowns. held: what is imposed in place of the
-    paper's values, in rad, ft, s."""
-    return TrimCondition({**HFA.trim, HFA.schedule: dihedral, **held}, limits=dict(limits or {}))
+    return TrimCondition(model, model.trim)
 
 
 def release(
@@ -237,15 +223,20 @@ def _apart(model: Model, held: Mapping[str, Any]) -> tuple[dict[str, Any], dict[
     return {name: value for name, value in held.items() if name not in model.rates}, rates
 
 
-def load_condition(name: str, usual: TrimCondition = LEVEL_FLIGHT) -> TrimCondition:
-    """A condition that comes with the package, by its name in `NAMED`, or one of the user's, by its
-    file; it changes the usual one.
+def read_condition(
+    name: str, usual: TrimCondition, shipped: Mapping[str, str] = MappingProxyType({})
+) -> TrimCondition:
+    """A condition from a file; it changes the usual one.
+
+    name: of the user's file, or of a shipped one.
+    usual: what the file changes.
+    shipped: name -> file in `trim.hfa`, the conditions that come with the paper's aircraft.
 
     [impose]: variable = value, or variable = [[dihedral, value], ...]; angles in degrees under the
     variable's name with _deg behind it (alpha_deg), in rad without. free: list of variables.
     [limits]: variable = [lowest, highest], likewise. BadInputError names the file, the entry and
     the fault."""
-    data, model = read_named("condition", name, NAMED, "trim.point", _FILE), usual.model
+    data, model = read_named("condition", name, shipped, "trim.hfa", _FILE), usual.model
 
     def variable(key: str, *also: str) -> tuple[str, float]:
         """The variable that a key names, and the factor from its unit."""

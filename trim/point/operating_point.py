@@ -10,8 +10,6 @@ from pathlib import Path
 from typing import Any
 
 from hfa_aircraft.model import Model, record
-from hfa_model.aircraft import HFA
-from hfa_model.variants import Variant
 from hfa_support.errors import BadInputError, said_of
 from hfa_support.files import read_json, write_text
 from hfa_support.jsonable import json_text
@@ -53,18 +51,19 @@ class OperatingPoint(Reported):
     """X0, U0 with dX/dt(X0, U0) - imposed rate = residual, equation by equation; of imposed outputs
     likewise.
 
-    states, inputs: named tuples, in the units of the model. residuals: balanced equation ->
-    residual, in its own unit. dynamics: name of the model, of the HFA's variant. status: `TRIMMED`,
-    or `FAILED` when it comes with a `TrimError`, which says why. model: whose names these are; of
-    the HFA without its parameters. started: 0 when the search began at the usual point, else the
-    number of the other point (`STARTS`) that led here."""
+    states, inputs: named tuples, in the units of the model.
+    residuals: balanced equation -> residual, in its own unit.
+    status: `TRIMMED`, or `FAILED` when it comes with a `TrimError`, which says why.
+    model: the model that was trimmed.
+    started: 0 when the search began at the usual point, else the number of the other point
+        (`STARTS`) that led here.
+    """
 
     states: Any
     inputs: Any
     residuals: dict[str, float]
-    dynamics: str
     status: Status
-    model: Model = field(default=HFA, compare=False)
+    model: Model = field(compare=False)
     started: int = field(default=0, compare=False)
 
     @property
@@ -81,16 +80,21 @@ class OperatingPoint(Reported):
         return {**self.states._asdict(), **self.inputs._asdict(), **replacing}
 
     @property
+    def dynamics(self) -> str:
+        """Name of the model."""
+        return self.model.name
+
+    @property
     def called(self) -> str:
         """How reports name the model."""
-        return f"{self.dynamics} dynamics" if self.model is HFA else self.model.title
+        return self.model.title
 
     @property
     def warnings(self) -> list[str]:
         """What a user should know before trusting a model at this point."""
         return beyond_range(self.model, self.states._asdict())
 
-    def refuse_other(self, model: Model | Variant) -> None:
+    def refuse_other(self, model: Model) -> None:
         """BadInputError when the point was trimmed with another model, or other dynamics."""
         if self.dynamics != model.name:
             raise BadInputError(
@@ -164,7 +168,7 @@ class OperatingPoint(Reported):
         write_text(path, json_text(self.to_dict()))
 
     @staticmethod
-    def load(path: Path, model: Model = HFA) -> OperatingPoint:
+    def load(path: Path, model: Model) -> OperatingPoint:
         """A saved point of a model, alone or inside a saved trim or linear model; BadInputError
         names the fault."""
         try:
@@ -193,9 +197,7 @@ class OperatingPoint(Reported):
         states, inputs = (
             record(tuple(getattr(model, kind)))(**found[kind]) for kind in ("states", "inputs")
         )
-        return OperatingPoint(
-            states, inputs, found["residuals"], found["dynamics"], Status(found["status"]), model
-        )
+        return OperatingPoint(states, inputs, found["residuals"], Status(found["status"]), model)
 
 
 def beyond_range(model: Model, values: Mapping[str, float]) -> list[str]:

@@ -13,7 +13,6 @@ import casadi as ca
 import numpy as np
 
 from hfa_aircraft.model import Layout, Model, record
-from hfa_model.aircraft import Aircraft
 from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.linear_table import LinearTable
 from hfa_support.native.bound import BoundFunction, cached_per_thread
@@ -202,7 +201,7 @@ class TrimProblem:
         residuals = dict(
             zip(self.equations, (found.residual * self.row_scales).tolist(), strict=True)
         )
-        return OperatingPoint(state, control, residuals, model.name, status, model, started)
+        return OperatingPoint(state, control, residuals, status, model, started)
 
     def failure(self, found: np.ndarray) -> str:
         """One line on the best unknowns found: which equations do not balance within the limits, by
@@ -285,7 +284,7 @@ class TrimError(NoSolutionError):
 
 
 def find_operating_point(
-    aircraft: Aircraft | Model, condition: TrimCondition, start: OperatingPoint | None = None
+    aircraft: Model, condition: TrimCondition, start: OperatingPoint | None = None
 ) -> OperatingPoint:
     """Solve f(X, U) = imposed rates, y(X, U) = imposed outputs of any model for the free variables,
     every residual within `BALANCE` of its scale.
@@ -300,7 +299,7 @@ def find_operating_point(
     Raises TrimError when the equations cannot be balanced within the limits, BadInputError when the
     condition is not well posed or its numbers, with the aircraft's, overflow. Source: Stevens,
     Lewis, Johnson, Aircraft Control and Simulation, Section 3.6."""
-    model = aircraft.model
+    model = aircraft
     problem = trim_problem(model, condition, start)
     try:
         with np.errstate(over="raise"):
@@ -313,12 +312,12 @@ def find_operating_point(
 
 
 def other_trims(
-    aircraft: Aircraft | Model, condition: TrimCondition, point: OperatingPoint
+    aircraft: Model, condition: TrimCondition, point: OperatingPoint
 ) -> list[OperatingPoint]:
     """Further solutions of the same condition, as many equations as unknowns, that Newton's method
     finds from where the declaration begins and from `STARTS` points between the limits: the back
     side of the power curve beside the front side. They may not be all."""
-    problem = trim_problem(aircraft.model, condition, point)
+    problem = trim_problem(aircraft, condition, point)
     known, found = [problem.unknowns_at(point.values)], []
     equations, unknowns = problem.count
     starts = [*problem.starts(known[0])] if equations == unknowns else []

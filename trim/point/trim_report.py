@@ -9,7 +9,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hfa_aircraft.model import Model
-from hfa_model.aircraft import Aircraft
 from hfa_support.jsonable import finite_or_none
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Cell, Table, degrees, short_number, shown_unit, shown_value
@@ -132,14 +131,14 @@ def all_margins(condition: TrimCondition, point: OperatingPoint) -> dict[str, Ma
     }
 
 
-def trim_report(
-    aircraft: Aircraft | Model, condition: TrimCondition, point: OperatingPoint
+def point_report(
+    aircraft: Model, condition: TrimCondition, point: OperatingPoint, with_outputs: bool = True
 ) -> Report:
     """Every variable between its limits, the limits that bind, the verdict on each equation, what
     the search found beside this point, the rates that are not balanced; of the HFA loads and
     performance, of other models their outputs; angles in degrees for people, radians, feet and
     pounds in the data."""
-    every, model = all_margins(condition, point), aircraft.model
+    every, model = all_margins(condition, point), aircraft
     # What the trim used up, or could; of that the least shares of their ranges, and all that is at
     # a limit.
     limited = [
@@ -195,10 +194,8 @@ def trim_report(
         "rates_left": left,
     }
     report = Report(point.title, parts, point.warnings, data, point.records())
-    if isinstance(aircraft, Aircraft):
-        from trim.hfa.hfa_report import with_loads
-
-        return with_loads(report, aircraft, point)
+    if not with_outputs:
+        return report
     outputs = model.outputs_at(point.states, point.inputs)
     units = {name: model.unit(name) for name in outputs}
     if outputs:
@@ -246,10 +243,10 @@ def _equations(point: OperatingPoint, equations: dict[str, dict[str, Any]]) -> T
 
 
 def _search(
-    aircraft: Aircraft | Model, condition: TrimCondition, point: OperatingPoint
+    aircraft: Model, condition: TrimCondition, point: OperatingPoint
 ) -> tuple[dict[str, Any], list[str]]:
     """How the point was found, as data and in sentences: none about the usual case."""
-    model, problem = point.model, trim_problem(aircraft.model, condition, point)
+    model, problem = point.model, trim_problem(aircraft, condition, point)
     at, (equations, unknowns) = problem.unknowns_at(point.values), problem.count
     trimmed, said = point.status == Status.TRIMMED, []
     others = other_trims(aircraft, condition, point) if trimmed else []

@@ -13,11 +13,10 @@ import casadi as ca
 import numpy as np
 
 from hfa_aircraft.model import Layout, Model, components
-from hfa_model.aircraft import Aircraft
 from hfa_support.errors import BadInputError, NoSolutionError, numbers_in
 from hfa_support.native.bound import BoundFunction, cached_per_thread
 from hfa_support.progress import Progress
-from trim.point.condition import LEVEL_FLIGHT, TrimCondition
+from trim.point.condition import TrimCondition, usual_condition
 from trim.point.operating_point import BALANCE, OperatingPoint, Status
 from trim.point.solve import find_operating_point
 
@@ -54,10 +53,10 @@ class Points(NamedTuple):
 
 
 def trim_points(
-    aircraft: Aircraft | Model,
+    aircraft: Model,
     variables: tuple[str, ...],
     values: np.ndarray,
-    condition: TrimCondition = LEVEL_FLIGHT,
+    condition: TrimCondition | None = None,
     *,
     start: OperatingPoint | None = None,
     compile_code: bool | None = None,
@@ -79,7 +78,8 @@ def trim_points(
         raise BadInputError(
             f"values are {values.shape}; they must be (N, {len(variables)}), a column a variable"
         )
-    model = aircraft.model
+    model = aircraft
+    condition = usual_condition(model) if condition is None else condition
     for name in variables:
         model.refuse_unheld("cannot sweep", name, tuple(model.parameters))
     n, m, key = len(model.states), len(model.inputs), _key(model, variables, condition)

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hfa_aircraft.model import Model
-from hfa_model.aircraft import Aircraft
 from hfa_support.errors import BadInputError
 from hfa_support.progress import Progress
 from hfa_support.reporting.fields import ByValue
@@ -46,7 +45,7 @@ _SLOW = 0.15
 
 
 def run_points(
-    aircraft: Aircraft | Model,
+    aircraft: Model,
     variables: tuple[str, ...],
     values: np.ndarray,
     condition: TrimCondition,
@@ -57,7 +56,7 @@ def run_points(
     """The points of a task: the arrays of a store by name, and `failures` and `kinked`, words by
     point. What a worker runs."""
     options: Any = {"start": start, "compile_code": compile_code, "progress": progress}
-    points, model = trim_points(aircraft, variables, values, condition, **options), aircraft.model
+    points, model = trim_points(aircraft, variables, values, condition, **options), aircraft
     known = points.status == TRIMMED
     eigenvalues = np.full(points.states.shape, np.nan, dtype=complex)
     eigenvalues[known] = fastest_first(np.linalg.eigvals(points.A[known]))
@@ -316,7 +315,7 @@ def _mode_text(eigenvalues: np.ndarray) -> str:
 
 
 def sweep(
-    aircraft: Aircraft | Model,
+    aircraft: Model,
     grid: Mapping[str, Sequence[float] | np.ndarray],
     *,
     condition: TrimCondition | None = None,
@@ -363,7 +362,7 @@ def run_plan(plan: SweepPlan, progress: Progress | None = None) -> Sweep:
     )
     if trimmed.any():
         eigenvalues[trimmed] = track_modes(
-            A[trimmed], model.linear, _neighbours(plan.sizes, trimmed), model
+            A[trimmed], model.linear, model, _neighbours(plan.sizes, trimmed)
         )
         first = int(np.argmax(trimmed))
         modes = modes_of(A[first], model.linear, model.modes)

@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 
 from hfa_aircraft.model import Model
-from hfa_model.aircraft import Aircraft
 from hfa_support.errors import BadInputError, numbers_in, shown
 from trim.point.condition import TrimCondition, usual_condition
 from trim.point.operating_point import OperatingPoint, beyond_range
@@ -47,7 +46,7 @@ class SweepPlan:
     the search begins at each point. BadInputError when a name or a range is wrong."""
 
     axes: Mapping[str, Any]
-    aircraft: Aircraft | Model
+    aircraft: Model
     condition: TrimCondition = None  # type: ignore[assignment]  # replaced below
     start: OperatingPoint | None = None
     listed: bool = False
@@ -103,7 +102,7 @@ class SweepPlan:
     @property
     def model(self) -> Model:
         """Whose trims these are."""
-        return self.aircraft.model
+        return self.aircraft
 
     @property
     def variables(self) -> tuple[str, ...]:

@@ -20,14 +20,14 @@ from controller.learning.certified import learned_value
 from controller.riccati.balancing import spectrum
 from controller.riccati.gare import solve_game
 from hfa_aircraft.model import Model
-from hfa_model.aircraft import Aircraft
 from hfa_support.errors import BadInputError, refuse_unless_positive
 from hfa_support.linear_table import LinearTable
 from hfa_support.progress import Progress, told
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.text import Table, degrees, shown_unit
+from trim.hfa.level_flight import level_flight
 from trim.linear.linear_model import LinearModel, linearize
-from trim.point.condition import TrimCondition, level_flight
+from trim.point.condition import TrimCondition
 from trim.point.operating_point import OperatingPoint
 from trim.point.solve import find_operating_point
 
@@ -186,7 +186,7 @@ def change_over(model: Model, start: float, end: float, duration: float) -> Sche
 
 
 def certified_schedule(
-    aircraft: Aircraft | Model,
+    aircraft: Model,
     places: np.ndarray,
     *,
     law: str = "exact",
@@ -239,7 +239,7 @@ def _certified(
 
 
 def fly_schedule(
-    aircraft: Aircraft | Model,
+    aircraft: Model,
     certified: Schedule,
     change: ScheduledChange,
     scenario: Scenario,

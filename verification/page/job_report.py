@@ -19,6 +19,7 @@ from hfa_support.reporting.checks import verdict_text
 from hfa_support.reporting.report import Part, Picture, Report
 from hfa_support.reporting.text import Cell, Table, angle_text
 from hfa_support.reporting.unit_system import system_in_force
+from trim.hfa.hfa_report import trim_report
 from trim.hfa.printed import (
     bands_known,
     comparison_table,
@@ -29,7 +30,6 @@ from trim.hfa.printed import (
 )
 from trim.linear.linear_model import LinearModel, linear_model_report, matrices
 from trim.linear.modes import modes_of, modes_table
-from trim.point.trim_report import trim_report
 from verification.critic.check_result import check_figure
 from verification.page.claims import claims_section
 from verification.page.main_job import Angle, MainJob

@@ -8,19 +8,21 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+import hfa_model
 from controller.critic.critic import from_weights
 from controller.game.zero_sum import published_game
 from controller.learning.certified import learn
 from controller.riccati.solution_report import AnalysedGame, analyse_game
-from hfa_model.aircraft import Aircraft
+from hfa_aircraft.model import Model
 from hfa_model.parameters import ParameterSet
 from hfa_model.printed_matrices import published_models
 from hfa_model.variants import variant_named
 from hfa_support.errors import NoSolutionError
 from hfa_support.progress import Progress
 from hfa_support.reporting.text import angle_text, in_degrees
+from trim.hfa.level_flight import LEVEL_FLIGHT
 from trim.linear.linear_model import LinearModel, linearize
-from trim.point.condition import LEVEL_FLIGHT, TrimCondition
+from trim.point.condition import TrimCondition
 from trim.point.operating_point import OperatingPoint
 from trim.point.solve import find_operating_point
 from trim.sweeps.sweep import Sweep, sweep
@@ -64,7 +66,7 @@ class Angle:
 
 
 def trimmed_angle(
-    aircraft: Aircraft,
+    aircraft: Model,
     dihedral: float,
     outputs: tuple[str, ...] | None,
     flight: TrimCondition,
@@ -104,7 +106,7 @@ class MainJob:
     points: one for each angle of the sweep. claims: None where none were given.
     """
 
-    aircraft: Aircraft
+    aircraft: Model
     parameters: ParameterSet
     regeneration: Regeneration
     sweep: Sweep
@@ -141,7 +143,7 @@ def main_job(
 
     asked: the sweep visits these too. flight, start: the trimmed flight, as of `sweep`; the printed
     pairs are at the paper's condition."""
-    aircraft = Aircraft(parameters.values, variant_named(dynamics))
+    aircraft = hfa_model.aircraft(variant_named(dynamics), parameters.values)
     progress(0.0, 1.0, "printed pairs")
     regeneration = regenerate_all(aircraft)
     progress(0.05, 1.0, "sweep")

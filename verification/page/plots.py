@@ -13,7 +13,8 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from hfa_model.aircraft import Aircraft
+import hfa_model
+from hfa_aircraft.model import Model
 from hfa_support.jsonable import jsonable
 from hfa_support.reporting.report import Picture
 from hfa_support.reporting.unit_system import in_force, unit_in_force
@@ -121,14 +122,14 @@ def _figure(
     return {"data": list(traces), "layout": layout, "frames": frames}
 
 
-def front_view(aircraft: Aircraft, points: tuple[Angle, ...]) -> InteractivePlot | None:
+def front_view(aircraft: Model, points: tuple[Angle, ...]) -> InteractivePlot | None:
     """One drawing for all points that are trimmed, a frame each, arrows to one scale; None where
     none is trimmed."""
     trims = [None if each.model is None else each.model.point for each in points]
     known = [point for point in trims if point is not None]
     if not known:
         return None
-    span, length = in_force(aircraft.parameters.panel_span, "ft"), unit_in_force("ft")
+    span, length = in_force(hfa_model.parameters_of(aircraft).panel_span, "ft"), unit_in_force("ft")
     panels = [panel for point in known for panel in panels_from_the_front(aircraft, point)]
     scale = (
         _LONGEST
@@ -154,21 +155,21 @@ def front_view(aircraft: Aircraft, points: tuple[Angle, ...]) -> InteractivePlot
     )
 
 
-def _drawing(
-    aircraft: Aircraft, point: OperatingPoint | None, scale: float
-) -> list[dict[str, Any]]:
+def _drawing(aircraft: Model, point: OperatingPoint | None, scale: float) -> list[dict[str, Any]]:
     """What moves: the ends of the panels, lift, weight, hinges, and their sizes; nothing without a
     trim."""
     if point is None:
         return [{"x": [], "y": []} for _ in _FIXED]
     panels, gap = panels_from_the_front(aircraft, point), np.array([np.nan, np.nan])
-    half = in_force(aircraft.parameters.panel_span, "ft") / 2
+    half = in_force(hfa_model.parameters_of(aircraft).panel_span, "ft") / 2
     forces = (
         [(panel.middle, panel.lift) for panel in panels],
         [(panel.middle, panel.weight) for panel in panels],
     )
     hinges = np.array([[-half, 0.0], [half, 0.0]])
-    moment = in_force(float(aircraft.loads(point.states, point.inputs).hinge_moment), "ft lbf")
+    moment = in_force(
+        float(hfa_model.loads(aircraft, point.states, point.inputs).hinge_moment), "ft lbf"
+    )
     sizes = [
         f"{np.linalg.norm(force):.1f} {unit_in_force('lbf')}"
         for kind in forces

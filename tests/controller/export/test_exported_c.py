@@ -15,6 +15,7 @@ from controllers import integrating_controller, small_controller
 from known_models import model_at
 from random_points import INPUT_SCALES, STATE_SCALES, rising, state_rates, symbols
 
+import hfa_model
 from controller import Actuators, CommandSteps, Scenario, ScheduledController
 from controller.export.exported_loop import (
     AIRCRAFT_FILES,
@@ -31,8 +32,8 @@ from controller.flight.policies import Seen
 from controller.flight.signals import CommandedStates
 from controller.flight.simulation import CompiledLoop
 from controller.servo.servo_policy import ServoPolicy, servo_law
-from hfa_aircraft.model import load_model
-from hfa_model import LINEAR_STATES, STATES as HFA_STATES, Aircraft, Input
+from hfa_aircraft.model import Model, load_model
+from hfa_model import LINEAR_STATES, STATES as HFA_STATES, Input
 from hfa_support import BadInputError
 from hfa_support.files import write_texts
 from hfa_support.native.c_code import c_function
@@ -45,27 +46,36 @@ EXAMPLES = Path(__file__).parents[3] / "examples"
 
 
 @pytest.fixture(scope="module")
-def folder(aircraft: Aircraft, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def folder(aircraft: Model, tmp_path_factory: pytest.TempPathFactory) -> Path:
     gain = np.arange(30.0).reshape(5, 6) / 100
-    texts = c_model_texts(aircraft, model_at(15.0, aircraft.variant.name), gain, "from */ here")
+    texts = c_model_texts(
+        aircraft, model_at(15.0, hfa_model.variant_of(aircraft).name), gain, "from */ here"
+    )
     return written(tmp_path_factory.mktemp("c"), texts, SOURCE)
 
 
-def test_rates_are_ours(folder: Path, aircraft: Aircraft, point: OperatingPoint) -> None:
+def test_rates_are_ours(folder: Path, aircraft: Model, point: OperatingPoint) -> None:
     (x, u, p), w = symbols(), ca.SX.sym("w")
-    ours = ca.Function("ours", [x, u, p, w], [state_rates(x, u, p, aircraft.variant, rising(w))])
+    ours = ca.Function(
+        "ours", [x, u, p, w], [state_rates(x, u, p, hfa_model.variant_of(aircraft), rising(w))]
+    )
     random, dx = np.random.default_rng(5), np.empty(7)
     for row in range(1000):
         state = np.array(point.states) + 0.5 * np.array(STATE_SCALES) * random.uniform(-1, 1, 7)
         control = np.array(point.inputs) + 0.5 * np.array(INPUT_SCALES) * random.uniform(-1, 1, 5)
         updraft = float(row % 5 - 2)
         called(folder, "hfa_rates", state, control, updraft, dx)
-        known = np.array(ours(state, control, np.array(aircraft.parameters), updraft)).ravel()
+        known = np.array(
+            ours(state, control, np.array(hfa_model.parameters_of(aircraft)), updraft)
+        ).ravel()
         np.testing.assert_allclose(dx, known, rtol=1e-14, atol=0)
 
 
-def test_the_policy_and_the_constants(folder: Path, aircraft: Aircraft) -> None:
-    model, gain = model_at(15.0, aircraft.variant.name), np.arange(30.0).reshape(5, 6) / 100
+def test_the_policy_and_the_constants(folder: Path, aircraft: Model) -> None:
+    model, gain = (
+        model_at(15.0, hfa_model.variant_of(aircraft).name),
+        np.arange(30.0).reshape(5, 6) / 100,
+    )
     point = model.point
     x, u = np.array(point.states) + np.arange(7.0) / 10, np.empty(5)
     called(folder, "hfa_policy", x, u)
@@ -139,7 +149,7 @@ Z = "vertical_acceleration_short_period"
 
 
 @pytest.fixture(scope="module")
-def controller(published_aircraft: Aircraft) -> ScheduledController:
+def controller(published_aircraft: Model) -> ScheduledController:
     """Two inputs, four states, three measured numbers of which one is an actuator's, two commands,
     random matrices."""
     random = np.random.default_rng(3)
@@ -165,7 +175,7 @@ def controller(published_aircraft: Aircraft) -> ScheduledController:
 @pytest.fixture(scope="module")
 def law_folder(
     controller: ScheduledController,
-    published_aircraft: Aircraft,
+    published_aircraft: Model,
     point: OperatingPoint,
     tmp_path_factory: pytest.TempPathFactory,
 ) -> Path:
@@ -184,9 +194,7 @@ def answered(
     return u, rate
 
 
-def flown(
-    controller: ScheduledController, aircraft: Aircraft, point: OperatingPoint
-) -> ca.Function:
+def flown(controller: ScheduledController, aircraft: Model, point: OperatingPoint) -> ca.Function:
     """(t, x, a, memory) -> y, commands, u and memory' of the law that `fly` flies, with steps of
     both commands."""
     commands = CommandSteps(
@@ -205,7 +213,7 @@ def flown(
 def test_it_is_the_flown_controller_at_1000_states(
     law_folder: Path,
     controller: ScheduledController,
-    published_aircraft: Aircraft,
+    published_aircraft: Model,
     point: OperatingPoint,
 ) -> None:
     law, random = flown(controller, published_aircraft, point), np.random.default_rng(5)
@@ -268,7 +276,7 @@ SLOW = Actuators(*(Input(*[each] * 5) for each in (0.2, -50.0, 50.0, 0.002)), or
 
 
 def flown_states(
-    controller: ScheduledController, aircraft: Aircraft, point: OperatingPoint
+    controller: ScheduledController, aircraft: Model, point: OperatingPoint
 ) -> np.ndarray:
     """The states after the same time where the controller is continuous."""
     commands = CommandSteps((), np.zeros(0), np.zeros((0, 0)))
@@ -283,7 +291,7 @@ def flown_states(
     return np.asarray(flight.states[-1] + np.array(point.states))
 
 
-def with_memory(aircraft: Aircraft) -> ScheduledController:
+def with_memory(aircraft: Model) -> ScheduledController:
     return integrating_controller(
         aircraft,
         measurements=("aileron_outer_rate", "dihedral"),
@@ -292,7 +300,7 @@ def with_memory(aircraft: Aircraft) -> ScheduledController:
     )
 
 
-def without_memory_and_commands(aircraft: Aircraft) -> ScheduledController:
+def without_memory_and_commands(aircraft: Model) -> ScheduledController:
     """C has no empty arrays."""
     shapes = {"A": (3, 0, 0), "B": (3, 0, 1), "C": (3, 1, 0), "W": (3, 0, 1)}
     stacks = {name: np.zeros(shape) for name, shape in shapes.items()} | {
@@ -305,8 +313,8 @@ def without_memory_and_commands(aircraft: Aircraft) -> ScheduledController:
     "made", [with_memory, pytest.param(without_memory_and_commands, marks=pytest.mark.slow)]
 )
 def test_it_flies_what_we_fly_and_says_its_time(
-    made: Callable[[Aircraft], ScheduledController],
-    published_aircraft: Aircraft,
+    made: Callable[[Model], ScheduledController],
+    published_aircraft: Model,
     point: OperatingPoint,
     tmp_path: Path,
 ) -> None:

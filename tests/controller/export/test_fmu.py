@@ -21,7 +21,8 @@ from controller.flight.closed_loop import ClosedLoop, NonlinearPlant
 from controller.flight.signals import CommandedStates
 from controller.flight.simulation import CompiledLoop
 from controller.servo.servo_policy import servo_law
-from hfa_model import LINEAR_STATES, STATES, Aircraft, Input
+from hfa_aircraft.model import Model
+from hfa_model import LINEAR_STATES, STATES, Input
 from hfa_model.provenance import Provenance
 from trim import InterpolatedModel, OperatingPoint, sweep
 
@@ -53,7 +54,7 @@ class Unit(NamedTuple):
 )
 def unit(
     request: pytest.FixtureRequest,
-    published_aircraft: Aircraft,
+    published_aircraft: Model,
     point: OperatingPoint,
     gain: np.ndarray,
     tmp_path_factory: pytest.TempPathFactory,
@@ -80,7 +81,7 @@ def unit(
     return Unit(kind, path, loop, START | start, flown(aircraft, point, law, **happens))
 
 
-def flown(aircraft: Aircraft, point: OperatingPoint, law: FlownLaw, **happens: Any) -> np.ndarray:
+def flown(aircraft: Model, point: OperatingPoint, law: FlownLaw, **happens: Any) -> np.ndarray:
     initial = (
         np.array([START.get(name, value) for name, value in point.states._asdict().items()])
         - point.states

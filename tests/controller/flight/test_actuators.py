@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from known_models import game_at, model_at
 
+import hfa_model
 from controller import (
     ActuatorFault,
     Actuators,
@@ -25,7 +26,7 @@ from controller import (
 from controller.flight.closed_loop import ClosedLoop, LinearPlant
 from controller.flight.policies import OpenLoop
 from controller.flight.simulation import CompiledLoop, Flight
-from hfa_model import INPUTS, LINEAR_STATES, Aircraft, Input, published_models
+from hfa_model import INPUTS, LINEAR_STATES, Input, published_models
 from hfa_model.vectors import CONTROL_LIMITS
 from hfa_support import BadInputError
 from trim import LinearModel
@@ -112,7 +113,7 @@ def abscissa(model: LinearModel, K: np.ndarray, lag: float) -> float:
 
 def lost(weights: str, lag: float) -> bool:
     """A command of one degree for 200 s behind actuators of that lag, 60 deg/s for the surfaces."""
-    aircraft, point = Aircraft(dynamics="newton"), model_at(15.0, "newton").point
+    aircraft, point = hfa_model.aircraft("newton"), model_at(15.0, "newton").point
     lowest, highest = (Input(*(pair[side] for pair in CONTROL_LIMITS)) for side in (0, 1))
     actuators = Actuators(
         Input(*[lag] * 5), lowest, highest, Input(np.inf, *[float(np.radians(60.0))] * 4)

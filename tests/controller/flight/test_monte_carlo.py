@@ -12,6 +12,7 @@ import pytest
 from member_plans import EVERYTHING, PARAMETERS, with_scenario
 from random_points import rates, rising
 
+import hfa_model
 from controller import (
     MonteCarlo,
     OneMinusCosine,
@@ -25,7 +26,7 @@ from controller.flight import monte_carlo
 from controller.flight.monte_carlo import fly_member, fly_members, member_report, member_row
 from controller.flight.scenario import with_errors
 from controller.flight.signals import zero
-from hfa_model import LINEAR_STATES, STATES, Aircraft, Input, Parameters, State
+from hfa_model import LINEAR_STATES, STATES, Input, Parameters, State
 from hfa_model.variants import variant_named
 from hfa_support import BadInputError
 from hfa_support.jobs.store import stream
@@ -120,7 +121,7 @@ def assert_same_flight(plan: MonteCarlo, member: int, p: Parameters | None = Non
 
 @pytest.mark.parametrize("dynamics", ["published", "newton"])
 def test_a_member_is_its_flight_step_by_step(plan: MonteCarlo, dynamics: str) -> None:
-    aircraft = Aircraft(PARAMETERS, dynamics)
+    aircraft = hfa_model.aircraft(dynamics, PARAMETERS)
     point = find_operating_point(aircraft, level_flight(plan.point.states.dihedral))
     flown = replace(plan, aircraft=aircraft, point=point)
     assert_same_flight(with_scenario(flown, duration=0.05), 3)
@@ -176,7 +177,7 @@ def test_the_envelope_counts_on_the_angle_through_the_air(plan: MonteCarlo) -> N
         (plan.scenario, "to be drawn"),
     ):
         with pytest.raises(BadInputError, match=said):
-            fly(Aircraft(PARAMETERS), plan.point, plan.law, scenario, narrow)
+            fly(hfa_model.aircraft(parameters=PARAMETERS), plan.point, plan.law, scenario, narrow)
 
 
 def test_the_flight_test_sees_a_wrong_parameter(plan: MonteCarlo) -> None:
@@ -212,7 +213,7 @@ def test_plans_are_equal_when_they_give_the_same_results(
 
 
 def test_what_a_monte_carlo_cannot_draw_or_repeat_is_refused(plan: MonteCarlo) -> None:
-    no_moment = Aircraft(PARAMETERS._replace(zero_lift_moment=0.0))
+    no_moment = hfa_model.aircraft(parameters=PARAMETERS._replace(zero_lift_moment=0.0))
     moment = with_scenario(plan, uncertainty=Uncertainty({"zero_lift_moment": 1.0}))
     for said, make in (
         ("does nothing", lambda: replace(moment, aircraft=no_moment)),

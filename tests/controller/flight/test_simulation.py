@@ -14,6 +14,7 @@ import pytest
 from own_models import NAVION
 from scipy.integrate import solve_ivp
 
+import hfa_model
 from controller import (
     Actuators,
     CommandSteps,
@@ -36,7 +37,6 @@ from controller.flight.signals import Harmonic, Signal
 from controller.flight.simulation import CompiledLoop, Flight
 from hfa_aircraft.model import Model, record
 from hfa_model import STATES, State
-from hfa_model.aircraft import HFA
 from hfa_support import BadInputError, NoSolutionError, Signal as Declared
 from trim import OperatingPoint, find_operating_point, linearize
 from trim.point.condition import usual_condition
@@ -62,7 +62,7 @@ def fallen(point: OperatingPoint, *, stops: bool, slowest: float = -1e9) -> Nonl
     scenario, law = Scenario(0.05, initial=np.zeros(7)), gain_law("none", np.zeros((5, 6)))
     loop, envelope = (
         ClosedLoop(Falling(point), law, scenario),
-        Envelope(lowest, State(*[1e9] * 7), HFA),
+        Envelope(lowest, State(*[1e9] * 7), hfa_model.aircraft()),
     )
     lost = None if stops else lambda rows: np.zeros(len(rows.times), dtype=bool)
     return fly_within(CompiledLoop(loop), envelope, lost=lost)

@@ -6,9 +6,10 @@ import tracemalloc
 import numpy as np
 import pytest
 
+import hfa_model
 from controller import Game, published_game
 from controller.riccati import gare_batch
-from hfa_model import LINEAR_STATES, STATES, VARIANTS, Aircraft
+from hfa_model import LINEAR_STATES, STATES, VARIANTS
 from hfa_support import BadInputError, NoSolutionError
 from trim import trim_points
 from verification import minimum_delta, solve_game, solve_games
@@ -16,7 +17,7 @@ from verification import minimum_delta, solve_game, solve_games
 
 def _models(dynamics: str, count: int) -> tuple[np.ndarray, np.ndarray]:
     angles = np.radians(np.linspace(0, 20, count))[:, None]
-    flights = trim_points(Aircraft(dynamics=dynamics), ("dihedral",), angles)
+    flights = trim_points(hfa_model.aircraft(dynamics), ("dihedral",), angles)
     rows = [STATES.index(name) for name in LINEAR_STATES]
     return flights.A[:, rows][:, :, rows], flights.B[:, rows]
 

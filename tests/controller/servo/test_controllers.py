@@ -15,12 +15,14 @@ from known_models import model_at
 from scipy.io import loadmat
 from servo_cases import A_Z, measured_servo, simvfa_design
 
+import hfa_model
 from controller import ScheduledController, design_model, load_controller, save_controller
 from controller.servo.controllers import LinearController, controller_at, design_controller
 from controller.servo.design import Design
 from controller.servo.generalized_plant import closed_loop
 from controller.servo.servo_loop import ServoLoop, check_margins, servo_loop, servo_plant
-from hfa_model import Aircraft, default_parameters
+from hfa_aircraft.model import Model
+from hfa_model import default_parameters
 from hfa_support import BadInputError, NoSolutionError
 from hfa_support.reporting.text import Table
 from verification import GeneralizedPlant, solve_game, solve_plant
@@ -28,7 +30,7 @@ from verification import GeneralizedPlant, solve_game, solve_plant
 ANGLES = np.radians([9.0, 11.0])
 
 
-def whole(aircraft: Aircraft, design: Design) -> tuple[np.ndarray, LinearController]:
+def whole(aircraft: Model, design: Design) -> tuple[np.ndarray, LinearController]:
     """The closed loop of the design's own plant and its controller at 11 deg, commands at rest."""
     model = model_at(11.0)
     found = controller_at(aircraft, model, design)
@@ -52,7 +54,7 @@ def same_poles(loop: np.ndarray, poles: np.ndarray) -> None:
 
 @pytest.mark.parametrize("name", ["simvfa-1", "simvfa-2"])
 def test_state_feedback_has_the_poles_of_the_exact_gain(
-    published_aircraft: Aircraft, name: str
+    published_aircraft: Model, name: str
 ) -> None:
     design = simvfa_design(name)
     game = design_model(published_aircraft, model_at(11.0), design).game()
@@ -62,7 +64,7 @@ def test_state_feedback_has_the_poles_of_the_exact_gain(
 
 @pytest.mark.parametrize("delta", [pytest.param(np.inf, marks=pytest.mark.slow), 200.0])
 def test_output_feedback_has_the_poles_of_the_central_controller(
-    published_aircraft: Aircraft, delta: float
+    published_aircraft: Model, delta: float
 ) -> None:
     design = measured_servo(delta=delta)
     built = design_model(published_aircraft, model_at(11.0), design)
@@ -74,7 +76,7 @@ def test_output_feedback_has_the_poles_of_the_central_controller(
     assert found.limit < delta
 
 
-def test_names_tell_what_is_measured_and_commanded(published_aircraft: Aircraft) -> None:
+def test_names_tell_what_is_measured_and_commanded(published_aircraft: Model) -> None:
     output = design_controller(published_aircraft, measured_servo(), ANGLES[:1])
     assert (output.feedback, output.measurements) == ("output", ("pitch_rate", "dihedral", A_Z))
     assert output.commands == ("dihedral_command", f"{A_Z}_command")
@@ -88,7 +90,7 @@ def test_names_tell_what_is_measured_and_commanded(published_aircraft: Aircraft)
     assert state.commands == ("dihedral_command", f"{A_Z}_command")
 
 
-def test_what_cannot_be_designed_says_why_and_where(published_aircraft: Aircraft) -> None:
+def test_what_cannot_be_designed_says_why_and_where(published_aircraft: Model) -> None:
     with pytest.raises(
         NoSolutionError, match="design simvfa-1 at dihedral 9 deg: the control Riccati equation"
     ):
@@ -100,7 +102,7 @@ def test_what_cannot_be_designed_says_why_and_where(published_aircraft: Aircraft
 
 
 def test_matrices_are_linear_between_the_angles_and_constant_beyond(
-    published_aircraft: Aircraft,
+    published_aircraft: Model,
 ) -> None:
     controller = small_controller(published_aircraft)
     cases = (
@@ -133,13 +135,13 @@ def test_matrices_are_linear_between_the_angles_and_constant_beyond(
     ],
 )
 def test_what_no_flight_could_rely_on_is_refused(
-    published_aircraft: Aircraft, changed: dict[str, object], message: str
+    published_aircraft: Model, changed: dict[str, object], message: str
 ) -> None:
     with pytest.raises(BadInputError, match=f"controller small: {message}"):
         small_controller(published_aircraft, **changed)
 
 
-def test_another_aircraft_and_other_angles_are_refused(published_aircraft: Aircraft) -> None:
+def test_another_aircraft_and_other_angles_are_refused(published_aircraft: Model) -> None:
     controller = small_controller(published_aircraft)
     controller.refuse_other(published_aircraft, math.radians(5.0), math.radians(20.0))
     with pytest.raises(
@@ -149,24 +151,22 @@ def test_another_aircraft_and_other_angles_are_refused(published_aircraft: Aircr
     with pytest.raises(
         BadInputError, match="designed for published dynamics, the aircraft has newton"
     ):
-        controller.refuse_other(Aircraft(dynamics="newton"), 0.1, 0.2)
+        controller.refuse_other(hfa_model.aircraft("newton"), 0.1, 0.2)
     heavier = default_parameters().values._replace(panel_mass=11.0)
     with pytest.raises(BadInputError, match="an aircraft with other parameters"):
-        controller.refuse_other(Aircraft(heavier), 0.1, 0.2)
+        controller.refuse_other(hfa_model.aircraft(parameters=heavier), 0.1, 0.2)
 
 
-def test_a_file_gives_the_controller_back(published_aircraft: Aircraft, tmp_path: Path) -> None:
+def test_a_file_gives_the_controller_back(published_aircraft: Model, tmp_path: Path) -> None:
     saved = small_controller(published_aircraft)
     save_controller(tmp_path / "small.npz", saved)
-    found = load_controller(tmp_path / "small.npz")
+    found = load_controller(tmp_path / "small.npz", hfa_model.aircraft())
     assert found == saved
     assert found.about == saved.about
     assert found != small_controller(published_aircraft, name="other")
 
 
-def test_matlab_gets_stacks_with_the_angle_last(
-    published_aircraft: Aircraft, tmp_path: Path
-) -> None:
+def test_matlab_gets_stacks_with_the_angle_last(published_aircraft: Model, tmp_path: Path) -> None:
     controller = small_controller(published_aircraft)
     save_controller(tmp_path / "small.mat", controller)
     found = loadmat(tmp_path / "small.mat")
@@ -175,7 +175,7 @@ def test_matlab_gets_stacks_with_the_angle_last(
     assert [name.item() for name in found["measurements"].ravel()] == ["pitch_rate", "dihedral"]
 
 
-def test_what_is_no_controller_is_refused(published_aircraft: Aircraft, tmp_path: Path) -> None:
+def test_what_is_no_controller_is_refused(published_aircraft: Model, tmp_path: Path) -> None:
     def refused(name: str, message: str, **changed: object) -> None:
         with np.load(tmp_path / "good.npz") as good:
             content = {
@@ -183,7 +183,7 @@ def test_what_is_no_controller_is_refused(published_aircraft: Aircraft, tmp_path
             }
         np.savez(tmp_path / name, **content)
         with pytest.raises(BadInputError, match=f"{name}: {message}"):
-            load_controller(tmp_path / name)
+            load_controller(tmp_path / name, hfa_model.aircraft())
 
     save_controller(tmp_path / "good.npz", small_controller(published_aircraft))
     refused("plant.npz", "this is no controller file", schema="hfa.plant/1")
@@ -199,14 +199,14 @@ def test_what_is_no_controller_is_refused(published_aircraft: Aircraft, tmp_path
     )
     for name in ("good.json", "good.mat"):
         with pytest.raises(BadInputError, match=f"{name}: a controller is read from a .npz file"):
-            load_controller(tmp_path / name)
+            load_controller(tmp_path / name, hfa_model.aircraft())
     with pytest.raises(BadInputError, match=r"a controller is written as \.npz or \.mat"):
         save_controller(tmp_path / "good.json", small_controller(published_aircraft))
 
 
 @pytest.mark.parametrize("limit", ["delta_min", "gamma_min"])
 def test_its_table_has_the_limit_and_the_certificate_of_each_angle(
-    published_aircraft: Aircraft, limit: str
+    published_aircraft: Model, limit: str
 ) -> None:
     rows = [
         {"dihedral": math.radians(degrees), limit: 7.25, "checks": [{"ok": True}, {"ok": ok}]}
@@ -228,7 +228,7 @@ def test_a_loop_whose_numbers_overflow_is_none() -> None:
 
 
 def test_a_path_from_inputs_to_a_sensor_at_once_is_closed_as_the_equations_say(
-    published_aircraft: Aircraft,
+    published_aircraft: Model,
 ) -> None:
     """u = Ck x_c + Dk (C x + D u), solved for u at a state, gives the rates of the loop."""
     rng, shapes = (
@@ -255,7 +255,7 @@ def test_a_path_from_inputs_to_a_sensor_at_once_is_closed_as_the_equations_say(
     )
 
 
-def gentle(aircraft: Aircraft, gain: float) -> ScheduledController:
+def gentle(aircraft: Model, gain: float) -> ScheduledController:
     """aileron_outer = gain pitch_rate at 5 deg, its state decays by itself."""
     table = small_controller(aircraft)
     first = {name: getattr(table, name)[:1] for name in ("places", "trim_states", "trim_inputs")}
@@ -266,7 +266,7 @@ def gentle(aircraft: Aircraft, gain: float) -> ScheduledController:
 
 
 def test_a_controller_that_does_little_passes_with_the_abscissa_of_the_aircraft(
-    published_aircraft: Aircraft,
+    published_aircraft: Model,
 ) -> None:
     found = check_margins(
         published_aircraft, gentle(published_aircraft, 1e-4), np.radians([5.0]), (0.5, 2.0)
@@ -278,7 +278,7 @@ def test_a_controller_that_does_little_passes_with_the_abscissa_of_the_aircraft(
 
 
 def test_a_planted_unstable_controller_is_found_with_its_actuator(
-    published_aircraft: Aircraft,
+    published_aircraft: Model,
 ) -> None:
     table = gentle(published_aircraft, 0.3)
     found = check_margins(published_aircraft, table, np.radians([5.0]), (0.05, 2.0))
@@ -295,8 +295,8 @@ def test_a_planted_unstable_controller_is_found_with_its_actuator(
     assert not worst.loops
 
 
-def test_the_controller_of_another_aircraft_is_refused(published_aircraft: Aircraft) -> None:
+def test_the_controller_of_another_aircraft_is_refused(published_aircraft: Model) -> None:
     with pytest.raises(BadInputError, match="was designed for published dynamics"):
         check_margins(
-            Aircraft(dynamics="newton"), gentle(published_aircraft, 0.0), np.radians([5.0]), (2.0,)
+            hfa_model.aircraft("newton"), gentle(published_aircraft, 0.0), np.radians([5.0]), (2.0,)
         )

@@ -18,12 +18,13 @@ from known_models import model_at, released_simulation
 from random_points import rising
 from servo_cases import SIMVFA, simvfa_design
 
+import hfa_model
 from controller import Game, design_model, load_design, published_game
 from controller.servo.design import NAMED, Actuator, Design, signal_unit
 from controller.servo.design_model import DesignModel
 from controller.servo.servo_policy import MeasuredOutputs
-from hfa_model import LINEAR_STATES, Aircraft
-from hfa_model.aircraft import HFA
+from hfa_aircraft.model import Model
+from hfa_model import LINEAR_STATES
 from hfa_model.outputs import moment_of, outputs_of
 from hfa_support import BadInputError
 from trim import find_operating_point, level_flight, linearize
@@ -41,7 +42,7 @@ def test_disturbances_are_a_table_and_actuators_are_read(tmp_path: Path) -> None
     own = tmp_path / "own.toml"
     more = "[sensors]\npitch_rate = 1e-4\n[disturbance]\nupdraft = 2.0\ncommands = 3.0\n"
     own.write_text(Path(SIMVFA["simvfa-2"]).read_text(encoding="utf-8") + more, encoding="utf-8")
-    design = load_design(str(own))
+    design = load_design(str(own), hfa_model.aircraft())
     assert design.disturbances == {"updraft": 2.0, "commands": 3.0}
     assert design.actuators == dict.fromkeys(design.inputs, Actuator(2, 2.0, 0.7, 1.0))
     assert simvfa_design("simvfa-1").disturbances == {"states": 1.0}
@@ -73,7 +74,7 @@ def test_disturbances_are_a_table_and_actuators_are_read(tmp_path: Path) -> None
 def test_what_is_wrong_in_a_file_is_named(tmp_path: Path, text: str, message: str) -> None:
     path = tmp_path / "own.toml"
     path.write_text(text, encoding="utf-8")
-    assert message in refusal(load_design, path)
+    assert message in refusal(lambda name: load_design(name, hfa_model.aircraft()), path)
 
 
 def test_a_name_that_is_neither_is_said() -> None:
@@ -81,7 +82,7 @@ def test_a_name_that_is_neither_is_said() -> None:
         BadInputError,
         match="no design of that name and no readable file; the names are paper, servo",
     ):
-        load_design("nobody")
+        load_design("nobody", hfa_model.aircraft())
 
 
 @pytest.mark.parametrize(
@@ -97,7 +98,7 @@ def test_a_name_that_is_neither_is_said() -> None:
     ],
 )
 def test_a_name_says_its_unit(name: str, unit: str) -> None:
-    assert signal_unit(HFA, name) == unit
+    assert signal_unit(hfa_model.aircraft(), name) == unit
 
 
 #: Weights that no actuator or integral needs.
@@ -105,14 +106,14 @@ BARE: dict = {"integrals": (), "state_weights": {}}
 PEER = json.loads((Path(__file__).parent / "peer_gains.json").read_text(encoding="utf-8"))["gains"]
 
 
-def design_at(aircraft: Aircraft, design: Design, degrees: float) -> DesignModel:
-    return design_model(aircraft, model_at(degrees, aircraft.variant.name), design)
+def design_at(aircraft: Model, design: Design, degrees: float) -> DesignModel:
+    return design_model(aircraft, model_at(degrees, hfa_model.variant_of(aircraft).name), design)
 
 
 @pytest.mark.parametrize("name", PEER)
 @pytest.mark.parametrize("degrees", ["0", "5", "11", "20"])
 def test_the_peer_s_settings_give_the_peer_s_gains(
-    published_aircraft: Aircraft, name: str, degrees: str
+    published_aircraft: Model, name: str, degrees: str
 ) -> None:
     theirs = np.array(PEER[name][degrees])
     ours = solve_game(design_at(published_aircraft, simvfa_design(name), float(degrees)).game()).K
@@ -136,8 +137,8 @@ def test_in_the_peer_s_air_its_own_parameters_give_every_digit_of_its_gains(degr
             assert (np.abs(ours - theirs) <= half_units).all() == digits
 
 
-def test_the_paper_s_design_is_the_paper_s_game(published_aircraft: Aircraft, game: Game) -> None:
-    built = design_at(published_aircraft, load_design("paper"), 15.0).game()
+def test_the_paper_s_design_is_the_paper_s_game(published_aircraft: Model, game: Game) -> None:
+    built = design_at(published_aircraft, load_design("paper", hfa_model.aircraft()), 15.0).game()
     for name in ("A", "B", "E", "Q", "R"):
         np.testing.assert_array_equal(getattr(built, name), getattr(game, name))
     assert built.delta == game.delta
@@ -145,7 +146,7 @@ def test_the_paper_s_design_is_the_paper_s_game(published_aircraft: Aircraft, ga
 
 
 def test_the_loop_of_a_servo_brings_the_integrated_outputs_to_zero(
-    published_aircraft: Aircraft,
+    published_aircraft: Model,
 ) -> None:
     """A constant disturbance of the input is rejected: the integrals' inputs vanish at rest."""
     built = design_at(published_aircraft, simvfa_design("simvfa-2"), 11.0)
@@ -157,13 +158,19 @@ def test_the_loop_of_a_servo_brings_the_integrated_outputs_to_zero(
     assert np.abs(built.A[integrals] @ rest).max() < 1e-12
 
 
-def _gust_by_differences(aircraft: Aircraft, built: DesignModel) -> np.ndarray:
+def _gust_by_differences(aircraft: Model, built: DesignModel) -> np.ndarray:
     """Rates of the six states and of the integrals in an updraft, from the nonlinear equations, per
     ft/s."""
     point, h = built.model.point, 1e-4
     winds = (rising(side * h) for side in (1.0, -1.0))
     up, down = (
-        moment_of(point.states, point.inputs, aircraft.parameters, aircraft.variant, each)
+        moment_of(
+            point.states,
+            point.inputs,
+            hfa_model.parameters_of(aircraft),
+            hfa_model.variant_of(aircraft),
+            each,
+        )
         for each in winds
     )
     plain = [built.design.model.part(name)[0] for name in built.design.integrals]
@@ -180,7 +187,7 @@ def _gust_by_differences(aircraft: Aircraft, built: DesignModel) -> np.ndarray:
 @pytest.mark.parametrize("dynamics", ["published", "newton"])
 def test_the_integral_of_a_short_period_output_feels_the_air(dynamics: str) -> None:
     """As in flight: e' = ... + F w. Left out, as it once was, the differences show it."""
-    aircraft = Aircraft(dynamics=dynamics)
+    aircraft = hfa_model.aircraft(dynamics)
     built = design_at(
         aircraft, replace(simvfa_design("simvfa-1"), disturbances={"updraft": 1.0}), 11.0
     )
@@ -193,7 +200,7 @@ def test_the_integral_of_a_short_period_output_feels_the_air(dynamics: str) -> N
 
 
 def test_sensors_are_states_or_outputs_in_the_order_of_their_names(
-    published_aircraft: Aircraft,
+    published_aircraft: Model,
 ) -> None:
     names = (
         "dihedral_integral",
@@ -226,7 +233,7 @@ def test_sensors_are_states_or_outputs_in_the_order_of_their_names(
     np.testing.assert_allclose(direct.C[:, :6], found.C, rtol=1e-12)
 
 
-def test_a_disturbance_of_the_commands_enters_like_them(published_aircraft: Aircraft) -> None:
+def test_a_disturbance_of_the_commands_enters_like_them(published_aircraft: Model) -> None:
     design = replace(simvfa_design("simvfa-1"), disturbances={"commands": 4.0, "states": 1e-6})
     built = design_at(published_aircraft, design, 11.0)
     np.testing.assert_array_equal(built.E[:, :2], 2.0 * built.B)
@@ -237,7 +244,7 @@ def test_a_disturbance_of_the_commands_enters_like_them(published_aircraft: Airc
 
 
 def test_an_output_and_its_short_period_part_may_both_be_named(
-    published_aircraft: Aircraft,
+    published_aircraft: Model,
 ) -> None:
     name = "vertical_acceleration"
     design = replace(simvfa_design("simvfa-1"), sensors={name: 1.0, f"{name}_short_period": 1.0})
@@ -246,7 +253,7 @@ def test_an_output_and_its_short_period_part_may_both_be_named(
     assert built.C[0, 1] == built.C[1, 1]
 
 
-def test_integrals_beyond_the_inputs_are_refused(published_aircraft: Aircraft) -> None:
+def test_integrals_beyond_the_inputs_are_refused(published_aircraft: Model) -> None:
     one = replace(
         simvfa_design("simvfa-1"),
         actuators={},
@@ -259,9 +266,15 @@ def test_integrals_beyond_the_inputs_are_refused(published_aircraft: Aircraft) -
 
 
 @pytest.mark.parametrize("order", [1, 2])
-def test_an_actuator_follows_its_command(published_aircraft: Aircraft, order: int) -> None:
+def test_an_actuator_follows_its_command(published_aircraft: Model, order: int) -> None:
     weak = Actuator(order=order, bandwidth=0.5, damping=0.9, effectiveness=0.2)
-    design = Design("own", ("throttle",), {"throttle": weak}, input_weights={"throttle": 1.0})
+    design = Design(
+        "own",
+        ("throttle",),
+        {"throttle": weak},
+        input_weights={"throttle": 1.0},
+        model=hfa_model.aircraft(),
+    )
     assert design.disturbances == {"states": 1.0}
     built = design_at(published_aircraft, design, 5.0)
     rows = slice(6, None)

@@ -23,7 +23,7 @@ from controller.riccati.smallest_delta import DeltaMin
 from controller.servo import generalized_plant
 from controller.servo.generalized_plant import central_controller, closed_loop, stored_plant
 from controller.servo.plant_report import plant_report
-from hfa_model import Aircraft
+from hfa_aircraft.model import Model
 from hfa_support import BadInputError, NoSolutionError
 from verification import GeneralizedPlant, minimum_delta, solve_game, solve_plant
 
@@ -403,7 +403,7 @@ NOISE, ONE = np.diag([1e-4, 1e-4, 1e-2]), np.eye(1)
     scope="module", params=["simvfa-1", pytest.param("simvfa-2", marks=pytest.mark.slow)]
 )
 def servo(
-    request: pytest.FixtureRequest, published_aircraft: Aircraft
+    request: pytest.FixtureRequest, published_aircraft: Model
 ) -> tuple[Game, np.ndarray, GeneralizedPlant]:
     """The peer's servo at 11 deg from its three measurements, with a disturbance in every aircraft
     state."""

@@ -14,6 +14,7 @@ from known_models import model_at
 from scipy.linalg import eigvals, solve_continuous_are, solve_continuous_lyapunov
 from servo_cases import A_Z
 
+import hfa_model
 from controller import design_controller, design_model, load_design
 from controller.servo import loop_shaping
 from controller.servo.controllers import controller_at
@@ -21,7 +22,7 @@ from controller.servo.design import Actuator, Design
 from controller.servo.loop_shaping import output_weights, robust_check, robust_controller
 from controller.servo.scheduled_controller import ScheduledController
 from controller.servo.servo_loop import check_margins, loop_margins, servo_loop, servo_plant
-from hfa_model import Aircraft
+from hfa_aircraft.model import Model
 from hfa_support import BadInputError, NoSolutionError
 
 INPUTS = ("throttle", "aileron_center", "aileron_outer", "elevator_center")
@@ -29,9 +30,9 @@ INPUTS = ("throttle", "aileron_center", "aileron_outer", "elevator_center")
 
 def shaped_plant(degrees: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """A, B, C of W2 G W1 of the servo, put together here by series connection."""
-    design = load_design("servo")
+    design = load_design("servo", hfa_model.aircraft())
     assert design.shaping is not None
-    built = design_model(Aircraft(), model_at(degrees), design)
+    built = design_model(hfa_model.aircraft(), model_at(degrees), design)
     weights = output_weights(design.shaping.outputs_at(np.radians(degrees)))
     gains = np.array([design.shaping.inputs[name] for name in design.inputs])
     k = len(weights.A)
@@ -119,8 +120,8 @@ def test_a_mode_that_is_not_seen_has_no_controller() -> None:
 def servo(dynamics: str, degrees: tuple[float, ...] = ()) -> ScheduledController:
     """The designed servo at its own angles, or at these."""
     aircraft, design = (
-        Aircraft(dynamics=dynamics),
-        load_design("servo").of(Aircraft(dynamics=dynamics).model),
+        hfa_model.aircraft(dynamics),
+        load_design("servo", hfa_model.aircraft()).of(hfa_model.aircraft(dynamics)),
     )
     assert design.shaping is not None
     return design_controller(
@@ -138,7 +139,7 @@ def test_every_loop_has_6_db_and_45_deg_behind_all_four_actuators(
     """At every integer angle, also between the angles of the design; and 20 ms of delay in all
     inputs at once."""
     table = check_margins(
-        Aircraft(dynamics=dynamics), servo(dynamics), np.radians(angles), (2.0, 10.0)
+        hfa_model.aircraft(dynamics), servo(dynamics), np.radians(angles), (2.0, 10.0)
     )
     assert (len(table.rows), table.ok) == (4 * len(angles), True)
     assert len(table.single) == 4 * len(angles) * 7
@@ -153,7 +154,7 @@ def test_it_is_stable_with_half_the_effectiveness_and_20_ms(dynamics: str) -> No
     rad/s."""
     from control import pade, ss, tf
 
-    aircraft, controller = Aircraft(dynamics=dynamics), servo(dynamics)
+    aircraft, controller = hfa_model.aircraft(dynamics), servo(dynamics)
     delay = ss(tf(*pade(0.02, 3)))
     for degrees in (0.0, 11.0, 20.0):
         for order, bandwidth, share in (
@@ -176,7 +177,7 @@ def test_it_is_stable_with_half_the_effectiveness_and_20_ms(dynamics: str) -> No
             assert replace(loop, A=A, B=B, C=C).abscissa < 0.0
 
 
-def test_margins_are_where_a_loop_by_hand_ends(published_aircraft: Aircraft) -> None:
+def test_margins_are_where_a_loop_by_hand_ends(published_aircraft: Model) -> None:
     """With the gain or the phase of the margin more in one loop, a pole lies on the axis."""
     controller = servo("published", (11.0,))
     actuators = dict.fromkeys(INPUTS, Actuator(2, 2.0))
@@ -203,7 +204,7 @@ def test_margins_are_where_a_loop_by_hand_ends(published_aircraft: Aircraft) -> 
         assert np.isnan(w) or min(both) < 1e-9
 
 
-def test_a_double_integrator_has_the_margins_of_the_book(published_aircraft: Aircraft) -> None:
+def test_a_double_integrator_has_the_margins_of_the_book(published_aircraft: Model) -> None:
     """l = 1/(s (s + 1)): 51.83 deg at 0.7862 rad/s, no gain ends it."""
     from controller.servo.servo_loop import ServoLoop
 
@@ -217,11 +218,11 @@ def test_a_double_integrator_has_the_margins_of_the_book(published_aircraft: Air
 
 
 def test_the_model_answers_a_command_and_the_loop_feels_none_of_it(
-    published_aircraft: Aircraft,
+    published_aircraft: Model,
 ) -> None:
     """Behind the actuators that the model has, measured and modelled outputs agree: measuring adds
     nothing, and at rest both outputs are where the command is."""
-    design, model = load_design("servo"), model_at(11.0)
+    design, model = load_design("servo", hfa_model.aircraft()), model_at(11.0)
     controller = servo("published", (11.0,))
     found = controller_at(published_aircraft, model, design)
     assert design.shaping is not None
@@ -283,12 +284,12 @@ def test_a_design_that_cannot_be_shaped_is_refused(
     path = tmp_path / "own.toml"
     path.write_text(text.replace(*change, 1), encoding="utf-8")
     with pytest.raises(BadInputError) as refused:
-        load_design(str(path))
+        load_design(str(path), hfa_model.aircraft())
     assert message in str(refused.value)
 
 
-def test_a_shaped_design_has_no_game(published_aircraft: Aircraft) -> None:
-    design: Design = load_design("servo")
+def test_a_shaped_design_has_no_game(published_aircraft: Model) -> None:
+    design: Design = load_design("servo", hfa_model.aircraft())
     with pytest.raises(
         BadInputError, match="is a loop shaping and has no game; make it with hfa design"
     ):
@@ -304,8 +305,9 @@ def pencil_of(
         inputs,
         sensors=dict.fromkeys(outputs, 1.0),
         input_weights=dict.fromkeys(inputs, 1.0),
+        model=hfa_model.aircraft(),
     )
-    built = design_model(Aircraft(dynamics=dynamics), model_at(degrees, dynamics), design)
+    built = design_model(hfa_model.aircraft(dynamics), model_at(degrees, dynamics), design)
     return np.block([[built.A, built.B], [built.C, built.D]])
 
 

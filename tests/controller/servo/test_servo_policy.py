@@ -26,7 +26,8 @@ from controller.flight.nonlinear_flight import NonlinearFlight
 from controller.flight.policies import Seen
 from controller.flight.signals import CommandedStates, Harmonic
 from controller.servo.servo_policy import MeasuredOutputs, servo_law
-from hfa_model import INPUTS, LINEAR_STATES, STATES, Aircraft, Input
+from hfa_aircraft.model import Model
+from hfa_model import INPUTS, LINEAR_STATES, STATES, Input
 from hfa_support import BadInputError
 from trim import OperatingPoint, linearize
 
@@ -48,7 +49,7 @@ def commands(*values: float) -> CommandSteps:
 
 
 def flown(
-    aircraft: Aircraft, point: OperatingPoint, controller: ScheduledController, **changes: object
+    aircraft: Model, point: OperatingPoint, controller: ScheduledController, **changes: object
 ) -> NonlinearFlight:
     follow = commands(0.01)
     law = servo_law(controller, follow, aircraft, point)
@@ -62,7 +63,7 @@ def flown(
 
 
 def test_outputs_are_those_of_the_linear_model(
-    published_aircraft: Aircraft, point: OperatingPoint
+    published_aircraft: Model, point: OperatingPoint
 ) -> None:
     names = (Z, "pitch_rate", "aileron_outer_position", "elevator_center_rate", "load_factor")
     outputs = MeasuredOutputs(published_aircraft, point, names)
@@ -85,7 +86,7 @@ def test_outputs_are_those_of_the_linear_model(
 
 
 def test_in_moving_air_an_accelerometer_feels_alpha_through_the_air(
-    published_aircraft: Aircraft, point: OperatingPoint
+    published_aircraft: Model, point: OperatingPoint
 ) -> None:
     names = (Z, "load_factor", "pitch_rate", "aileron_outer_position")
     outputs, still = MeasuredOutputs(published_aircraft, point, names), ca.SX(6, 1)
@@ -105,7 +106,7 @@ def test_in_moving_air_an_accelerometer_feels_alpha_through_the_air(
 
 
 def test_the_flight_on_the_linear_model_is_the_loop_written_out(
-    published_aircraft: Aircraft, point: OperatingPoint
+    published_aircraft: Model, point: OperatingPoint
 ) -> None:
     """The prediction of `fly` against the same loop in NumPy, with matrices looked up by the
     controller."""
@@ -138,7 +139,7 @@ def test_the_flight_on_the_linear_model_is_the_loop_written_out(
 
 
 def test_the_anti_windup_input_is_what_was_not_applied(
-    published_aircraft: Aircraft, point: OperatingPoint
+    published_aircraft: Model, point: OperatingPoint
 ) -> None:
     """With W = w the integral gets w (u_applied - u): nothing while no limit acts, and less of it
     where one does."""

@@ -12,11 +12,12 @@ import pytest
 from known_models import exact_gain, model_at
 from numpy.typing import NDArray
 
+import hfa_model
 from controller import Envelope, MonteCarlo, Scenario, Uncertainty, gain_law
 from controller.flight.monte_carlo import fly_members
-from hfa_model import Aircraft, State, default_parameters
+from hfa_model import State, default_parameters
 from hfa_support.native.bound import cached_per_thread
-from trim.point.condition import LEVEL_FLIGHT
+from trim.hfa.level_flight import LEVEL_FLIGHT
 from trim.sweeps.sweep import run_points
 
 PARAMETERS = default_parameters().values
@@ -43,7 +44,7 @@ def test_a_sweep(compile_code: bool) -> None:
             [np.radians(rng.uniform(0.0, 20.0, 200)), rng.uniform(25.0, 75.0, 200)]
         )
         rows = run_points(
-            Aircraft(), ("dihedral", "speed"), values, LEVEL_FLIGHT, None, compile_code
+            hfa_model.aircraft(), ("dihedral", "speed"), values, LEVEL_FLIGHT, None, compile_code
         )
         return {name: rows[name] for name in ("states", "inputs", "A", "B", "eigenvalues")}
 
@@ -53,8 +54,8 @@ def test_a_sweep(compile_code: bool) -> None:
 def test_a_monte_carlo() -> None:
     point, law = model_at(15.0).point, gain_law("exact", exact_gain(15.0))
     scenario = Scenario(0.2, uncertainty=Uncertainty({"panel_mass": 0.1}))
-    aircraft = Aircraft(PARAMETERS)
-    everywhere = Envelope(State(*[-1e9] * 7), State(*[1e9] * 7), aircraft.model)
+    aircraft = hfa_model.aircraft(parameters=PARAMETERS)
+    everywhere = Envelope(State(*[-1e9] * 7), State(*[1e9] * 7), aircraft)
     plan = MonteCarlo(24, 0, aircraft, point, law, scenario, everywhere)
     assert differing(lambda number: fly_members(plan, 4 * number, 4 * number + 4), range(6)) == []
 

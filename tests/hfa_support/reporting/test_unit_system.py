@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+import hfa_model
 from hfa.units_of_data import in_si
-from hfa_model.aircraft import HFA
 from hfa_support import Model, Report, Signal, shown_in
 from hfa_support.reporting.text import shown_unit, shown_value
 from hfa_support.reporting.unit_system import english, in_force, si_factor, si_unit, unit_in_force
@@ -84,7 +84,7 @@ def test_arrays_by_the_lists_of_units_beside_them(name: str, value: Any, expecte
         "output_units": ["ft/s", "rad"],
     }
     with shown_in("si"):
-        found = in_si(Report("", (), data={**beside, name: value}), HFA).data
+        found = in_si(Report("", (), data={**beside, name: value}), hfa_model.aircraft()).data
     np.testing.assert_allclose(found[name], expected, rtol=1e-12)
     assert found["state_units"] == ["m/s", "rad"]
 

@@ -15,10 +15,11 @@ from known_models import model_at
 from project import ROOT
 from servo_cases import A_Z
 
+import hfa_model
 from controller import OneMinusCosine, design_controller, save_controller
 from controller.servo.design import Actuator
 from controller.servo.servo_loop import check_margins, loop_margins, servo_loop, servo_plant
-from hfa_model import Aircraft
+from hfa_aircraft.model import Model
 from hfa_support import BadInputError
 from studies.servo.__main__ import main
 from studies.servo.comparison import CASES, ServoFlight, designed_servo, fly_case, laws_of, rows_of
@@ -38,7 +39,7 @@ def errors(flight: ServoFlight) -> tuple[float, float]:
 
 def test_a_case_is_flown_kept_and_resumed(
     tmp_path: Path,
-    published_aircraft: Aircraft,
+    published_aircraft: Model,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
@@ -120,7 +121,7 @@ THEIRS = {
 @pytest.mark.slow
 @pytest.mark.parametrize("case", CASES)
 def test_the_numbers_of_simvfa_and_the_stored_ones_come_out_again(
-    published_aircraft: Aircraft, case: str
+    published_aircraft: Model, case: str
 ) -> None:
     flights = {flight.law: flight for flight in fly_case(published_aircraft, CASES[case], {})}
     for (where, law), theirs in THEIRS.items():
@@ -136,7 +137,7 @@ def test_the_numbers_of_simvfa_and_the_stored_ones_come_out_again(
 
 
 @pytest.mark.slow
-def test_the_largest_gust_is_where_flights_begin_to_end(published_aircraft: Aircraft) -> None:
+def test_the_largest_gust_is_where_flights_begin_to_end(published_aircraft: Model) -> None:
     controller, model, acting = designed_servo(published_aircraft), model_at(11.0), Actuator(2, 2.0)
     held = gust_held(published_aircraft, model, controller, acting, 150.0, -60.0)
     assert -60.0 < held < -5.0
@@ -147,7 +148,7 @@ def test_the_largest_gust_is_where_flights_begin_to_end(published_aircraft: Airc
         ) == lost
 
 
-def test_a_loop_ends_at_its_delay_margin(published_aircraft: Aircraft) -> None:
+def test_a_loop_ends_at_its_delay_margin(published_aircraft: Model) -> None:
     """Padé's delay in all inputs agrees with the margin from the frequency response; a little more
     is unstable."""
     controller = designed_servo(published_aircraft)
@@ -168,7 +169,7 @@ def test_a_loop_ends_at_its_delay_margin(published_aircraft: Aircraft) -> None:
 
 @pytest.mark.parametrize("dynamics", ["published", "newton"])
 def test_20_ms_are_stood_at_half_the_effectiveness_and_a_planted_gain_is_not(dynamics: str) -> None:
-    aircraft = Aircraft(dynamics=dynamics)
+    aircraft = hfa_model.aircraft(dynamics)
     controller = designed_servo(aircraft)
     assert slowest_delayed(aircraft, controller, (0.0, 11.0, 20.0)) < 0.0
     assert slowest_delayed(aircraft, replace(controller, C=20.0 * controller.C), (11.0,)) > 0.0
@@ -178,7 +179,7 @@ def test_20_ms_are_stood_at_half_the_effectiveness_and_a_planted_gain_is_not(dyn
 def test_the_stored_requirements_are_of_the_shipped_design(dynamics: str) -> None:
     """The margins of the stored table, the smallest of which are at these angles, come out
     again."""
-    aircraft = Aircraft(dynamics=dynamics)
+    aircraft = hfa_model.aircraft(dynamics)
     stored = json.loads(
         (FOLDER / "results" / f"requirements_{dynamics}.json").read_text(encoding="utf-8")
     )["requirements"]
@@ -194,7 +195,9 @@ def test_the_stored_requirements_are_of_the_shipped_design(dynamics: str) -> Non
 
 
 def test_the_lags_of_the_air_reach_the_servo_and_make_its_loop_unstable() -> None:
-    servo = design_controller(Aircraft(), simvfa_design("simvfa-1"), np.radians([5.0, 15.0]))
+    servo = design_controller(
+        hfa_model.aircraft(), simvfa_design("simvfa-1"), np.radians([5.0, 15.0])
+    )
     assert margins("published", 5.0, servo, 1) == pytest.approx((-0.133, 1.63), abs=6e-3)
     assert margins("newton", 15.0, servo, 1) == pytest.approx((-0.101, 1.07), abs=6e-3)
     assert margins("unsteady", 15.0, servo, 1)[0] == pytest.approx(0.048, abs=6e-4)

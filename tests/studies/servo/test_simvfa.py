@@ -14,7 +14,8 @@ import pytest
 
 from controller import design_model
 from controller.flight.policies import Seen
-from hfa_model import INPUTS, Aircraft
+from hfa_aircraft.model import Model
+from hfa_model import INPUTS
 from studies.servo.simvfa import (
     A0,
     A1,
@@ -36,7 +37,7 @@ ANGLES = np.radians([0.0, 11.0, 20.0])
 
 @pytest.mark.parametrize("order", [1, 2])
 def test_the_error_of_the_mixed_output_is_positive_real_at_order_2_and_above_a_tenth_at_order_1(
-    published_aircraft: Aircraft, order: int
+    published_aircraft: Model, order: int
 ) -> None:
     """H(iω) + H(iω)* of H = S C (s - A + L C)⁻¹ B1 is positive definite, as the adaptive law asks
     for.
@@ -73,7 +74,7 @@ def test_the_error_of_the_mixed_output_is_positive_real_at_order_2_and_above_a_t
         )
 
 
-def test_the_servo_is_the_model_and_its_correction(published_aircraft: Aircraft) -> None:
+def test_the_servo_is_the_model_and_its_correction(published_aircraft: Model) -> None:
     controller = reference_servo(published_aircraft, "simvfa-1", ANGLES[1:])
     model = level_model(published_aircraft, ANGLES[1])
     built = design_model(published_aircraft, model, simvfa_design("simvfa-1"))

@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 from random_points import INPUT_SCALES, STATE_SCALES, random_points
 
-from hfa_model import INPUTS, STATES, Aircraft, Input, State
+import hfa_model
+from hfa_aircraft.model import Model
+from hfa_model import INPUTS, STATES, Input, State
 from hfa_model.kinematics import DISTURBANCES, winds_named
 from hfa_model.outputs import OUTPUTS, moment_of, outputs_of
 
@@ -33,29 +35,29 @@ def points(count: int, seed: int) -> np.ndarray:
     return np.hstack([states, inputs, np.zeros((count, len(NAMES)))])
 
 
-def at(aircraft: Aircraft, z: np.ndarray, *, ground_drag: bool = False) -> np.ndarray:
+def at(aircraft: Model, z: np.ndarray, *, ground_drag: bool = False) -> np.ndarray:
     """Rates and outputs at states, inputs and winds, by the equations in numbers."""
     winds = winds_named(NAMES, z[12:].tolist(), ground_drag=ground_drag)
     moment = moment_of(
         State(*z[:7].tolist()),
         Input(*z[7:12].tolist()),
-        aircraft.parameters,
-        aircraft.variant,
+        hfa_model.parameters_of(aircraft),
+        hfa_model.variant_of(aircraft),
         winds,
     )
     return np.array([*moment.rates, *outputs_of(moment).values()], dtype=float)
 
 
-def blocks(aircraft: Aircraft, z: np.ndarray, *, ground_drag: bool = False) -> np.ndarray:
+def blocks(aircraft: Model, z: np.ndarray, *, ground_drag: bool = False) -> np.ndarray:
     """[A B E; C D F] per step of `SCALES`."""
-    own = aircraft.model
+    own = aircraft
     own = replace(own, equations=replace(own.equations, ground_drag=ground_drag))
     found = own.at(z[:7], z[7:12], WATCHED, NAMES)
     return np.block([[found.A, found.B, found.E], [found.C, found.D, found.F]]) * SCALES
 
 
 def slopes(
-    aircraft: Aircraft, count: int, planted: tuple[int, int] | None = None, **how: bool
+    aircraft: Model, count: int, planted: tuple[int, int] | None = None, **how: bool
 ) -> np.ndarray:
     """Of log |f(z + h d) - f(z) - h J d| over log h, (count, rows): 2 when J is exact, 1 when it is
     not."""
@@ -73,9 +75,7 @@ def slopes(
 
 
 @pytest.mark.parametrize("ground_drag", [False, True])
-def test_the_remainder_of_every_row_is_of_second_order(
-    aircraft: Aircraft, ground_drag: bool
-) -> None:
+def test_the_remainder_of_every_row_is_of_second_order(aircraft: Model, ground_drag: bool) -> None:
     """In a direction where the second order cancels the third is left, and between them anything:
     the median counts."""
     found = slopes(aircraft, 100, ground_drag=ground_drag)
@@ -98,7 +98,7 @@ def test_the_remainder_of_every_row_is_of_second_order(
     ],
 )
 def test_one_wrong_entry_is_seen_in_its_row(
-    published_aircraft: Aircraft, row: str, column: str
+    published_aircraft: Model, row: str, column: str
 ) -> None:
     at_row, at_column = ROWS.index(row), COLUMNS.index(column)
     typical = np.median(slopes(published_aircraft, 20, (at_row, at_column)), axis=0)
@@ -107,7 +107,7 @@ def test_one_wrong_entry_is_seen_in_its_row(
 
 
 @pytest.mark.parametrize("ground_drag", [False, True])
-def test_derivatives_equal_high_order_differences(aircraft: Aircraft, ground_drag: bool) -> None:
+def test_derivatives_equal_high_order_differences(aircraft: Model, ground_drag: bool) -> None:
     """Of eighth order: an error of 1e-10 of the largest entry of a row would show."""
     weights = {1: 4 / 5, 2: -1 / 5, 3: 4 / 105, 4: -1 / 280}
     for z in points(25, seed=12):

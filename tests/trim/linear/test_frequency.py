@@ -10,7 +10,7 @@ import pytest
 from cli import answer, assert_refused, hfa
 from own_models import F16, NAVION, trimmed
 
-from hfa_model import Aircraft
+import hfa_model
 from hfa_support import BadInputError
 from trim import LinearModel, level_model, linearize
 from trim.linear.frequency import Transfer, transmission_zeros
@@ -21,8 +21,8 @@ OMEGA = np.logspace(-3, 2, 40)
 @pytest.fixture(scope="module", params=["hfa", "f16", "navion"])
 def model(request: pytest.FixtureRequest) -> LinearModel:
     if request.param == "hfa":
-        found = level_model(Aircraft(), 0.2)
-        return linearize(Aircraft(), found.point, outputs=("gamma", "speed", "dihedral"))
+        found = level_model(hfa_model.aircraft(), 0.2)
+        return linearize(hfa_model.aircraft(), found.point, outputs=("gamma", "speed", "dihedral"))
     own = F16.with_parameters(xcg=0.3) if request.param == "f16" else NAVION
     return linearize(own, trimmed(own), outputs=("gamma", "speed", "roll_rate"))
 
@@ -96,7 +96,7 @@ def test_residualized_models_are_those_of_python_control(model: LinearModel) -> 
 
 
 def test_what_cannot_be_done_is_said() -> None:
-    model = level_model(Aircraft(), 0.2)
+    model = level_model(hfa_model.aircraft(), 0.2)
     with pytest.raises(BadInputError, match="pitch cannot follow the other states"):
         model.select(residualize=("pitch",))
     with pytest.raises(BadInputError, match="no state is left in the model"):
@@ -118,8 +118,8 @@ def test_the_command_shows_what_the_model_has(tmp_path: Path) -> None:
         answer(*words, "--units", "si"),
     )
     assert (tmp_path / "bode.svg").read_text().count("<svg") == 1
-    point = level_model(Aircraft(), float(np.radians(10.0))).point
-    first = linearize(Aircraft(), point, outputs=("gamma", "speed")).transfers()[0]
+    point = level_model(hfa_model.aircraft(), float(np.radians(10.0))).point
+    first = linearize(hfa_model.aircraft(), point, outputs=("gamma", "speed")).transfers()[0]
     assert data["transfers"][0]["gain"] == first.gain
     assert data["transfers"][0]["zeros"] == [[zero.real, zero.imag] for zero in first.zeros]
     assert si["transfers"][:2] == data["transfers"][:2]  # angles and percent: no feet

@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 from known_models import model_at, released_simulation
 
+import hfa_model
 from controller.flight.closed_loop import LinearPlant
 from hfa_aircraft.model import Model
-from hfa_model import LINEAR_STATES, STATES, Aircraft, Parameters, published_models
+from hfa_model import LINEAR_STATES, STATES, Parameters, published_models
 from hfa_model.kinematics import DISTURBANCES
 from hfa_model.parameters import ParameterSet
 from hfa_model.printed_matrices import PublishedModel
@@ -51,7 +52,7 @@ def half_units(model: LinearModel, published: PublishedModel) -> float:
 
 @PRINTED
 def test_every_printed_entry_is_regenerated(
-    published_aircraft: Aircraft, published: PublishedModel
+    published_aircraft: Model, published: PublishedModel
 ) -> None:
     computed = regenerate(published_aircraft, published)
     assert half_units(computed, published) <= 3.0
@@ -67,11 +68,13 @@ def test_every_printed_entry_is_regenerated(
 def test_a_parameter_one_percent_off_is_seen(
     parameters: Parameters, published: PublishedModel, name: str
 ) -> None:
-    wrong = Aircraft(parameters._replace(**{name: getattr(parameters, name) * 1.01}))
+    wrong = hfa_model.aircraft(
+        parameters=parameters._replace(**{name: getattr(parameters, name) * 1.01})
+    )
     assert half_units(regenerate(wrong, published), published) > 3.0
 
 
-def test_quoted_eigenvalues_at_5_degrees(published_aircraft: Aircraft) -> None:
+def test_quoted_eigenvalues_at_5_degrees(published_aircraft: Model) -> None:
     """The paper quotes |λ| of 7.11, 0.019 and 4.82 ± 18.66i from Ma and Peng (2021): met to a last
     digit.
 
@@ -87,16 +90,17 @@ def test_quoted_eigenvalues_at_5_degrees(published_aircraft: Aircraft) -> None:
 # Beside the print.
 
 
-def test_at_printed_angles_alone_it_is_that_print(aircraft: Aircraft) -> None:
+def test_at_printed_angles_alone_it_is_that_print(aircraft: Model) -> None:
     found = [
-        printed_at(model_at(degrees, aircraft.variant.name).point) for degrees in (15.0, 10.0, 5.0)
+        printed_at(model_at(degrees, hfa_model.variant_of(aircraft).name).point)
+        for degrees in (15.0, 10.0, 5.0)
     ]
     assert [each.dihedral_deg if each else None for each in found] == [15.0, None, 5.0]
 
 
 def test_a_planted_error_changes_the_tone_of_its_entry_and_of_no_other() -> None:
     published = published_models()[0]
-    model = regenerate(Aircraft(), published)
+    model = regenerate(hfa_model.aircraft(), published)
 
     def tones(model: LinearModel) -> list[list[str]]:
         rows = [row for table in matrices_beside_the_print(model, published) for row in table.rows]
@@ -122,7 +126,7 @@ CONDITION = level_flight(np.radians(10.0))
 
 
 def bands_of(parameters: ParameterSet, dynamics: str = "published") -> Bands:
-    aircraft = Aircraft(parameters.values, dynamics)
+    aircraft = hfa_model.aircraft(dynamics, parameters.values)
     return entry_bands(
         parameters, CONDITION, linearize(aircraft, find_operating_point(aircraft, CONDITION))
     )
@@ -135,7 +139,7 @@ def test_a_band_is_two_standard_errors_of_the_rounding(
     """sqrt(diag(J C J')), with J from differences of whole trims and models."""
 
     def entries(values: Parameters) -> np.ndarray:
-        aircraft = Aircraft(values, dynamics)
+        aircraft = hfa_model.aircraft(dynamics, values)
         model = linearize(aircraft, find_operating_point(aircraft, CONDITION))
         return np.hstack([model.A, model.B])
 
@@ -194,12 +198,12 @@ PEER: dict[str, dict[str, float]] = {
 }
 
 
-def point_of(aircraft: Aircraft, degrees: float = 11.0, **given: float) -> OperatingPoint:
+def point_of(aircraft: Model, degrees: float = 11.0, **given: float) -> OperatingPoint:
     return find_operating_point(aircraft, level_flight(math.radians(degrees), **given))
 
 
 def test_select_takes_rows_and_columns_by_name(
-    published_aircraft: Aircraft, point: OperatingPoint
+    published_aircraft: Model, point: OperatingPoint
 ) -> None:
     model = linearize(published_aircraft, point, full=True)
     part = model.select(("pitch_rate", "speed"))
@@ -218,16 +222,16 @@ def test_a_point_of_other_dynamics_is_refused(
     with pytest.raises(
         BadInputError, match="trimmed with 'published' dynamics, the aircraft has 'newton'"
     ):
-        linearize(Aircraft(parameters, "newton"), point)
+        linearize(hfa_model.aircraft("newton", parameters), point)
 
 
-def over_ground(aircraft: Aircraft) -> Model:
+def over_ground(aircraft: Model) -> Model:
     """Its drag takes the speed over ground, not that through the air."""
-    model = aircraft.model
+    model = aircraft
     return replace(model, equations=replace(model.equations, ground_drag=True))  # type: ignore[type-var]
 
 
-def test_panels_add_up_to_the_uniform_wind(aircraft: Aircraft) -> None:
+def test_panels_add_up_to_the_uniform_wind(aircraft: Model) -> None:
     point = point_of(aircraft)
     model = linearize(aircraft, point, full=True, disturbances=NAMES)
     column = dict(zip(model.disturbances, model.E.T, strict=True))

@@ -11,7 +11,8 @@ import pytest
 from own_models import F16, NAVION, trimmed
 from random_points import STATE_SCALES
 
-from hfa_model import LINEAR_STATES, Aircraft
+import hfa_model
+from hfa_model import LINEAR_STATES
 from hfa_support import Model
 from trim import (
     OperatingPoint,
@@ -30,7 +31,11 @@ from trim.linear.modes import track_modes
 @pytest.mark.parametrize("damping", [0.1, 0.7, -0.2])
 def test_an_oscillator_has_its_textbook_numbers(damping: float) -> None:
     """x'' + 2 ζ ω x' + ω² x = 0, ω = 3 rad/s."""
-    (mode,) = modes_of(np.array([[0.0, 1.0], [-9.0, -6.0 * damping]]), ("alpha", "pitch_rate"))
+    (mode,) = modes_of(
+        np.array([[0.0, 1.0], [-9.0, -6.0 * damping]]),
+        ("alpha", "pitch_rate"),
+        hfa_model.aircraft().modes,
+    )
     assert mode.frequency == pytest.approx(3.0, rel=1e-14)
     assert mode.damping == pytest.approx(damping, rel=1e-13)
     assert mode.period == pytest.approx(2 * math.pi / (3 * math.sqrt(1 - damping**2)), rel=1e-13)
@@ -48,7 +53,7 @@ def test_participation_is_the_sensitivity_of_the_eigenvalue() -> None:
     A = np.array([[-1.0, 2.0, 0.3], [-3.0, -0.5, 0.1], [0.2, 0.4, -0.1]])
     states = ("alpha", "pitch_rate", "speed")
     h = 1e-6
-    for mode in modes_of(A, states):
+    for mode in modes_of(A, states, hfa_model.aircraft().modes):
         shifts = []
         for k in range(3):
             moved = [np.linalg.eigvals(A + sign * h * np.diag(np.eye(3)[k])) for sign in (1, -1)]
@@ -61,9 +66,9 @@ def test_participation_is_the_sensitivity_of_the_eigenvalue() -> None:
 
 
 @pytest.mark.parametrize("degrees", [0.0, 1.0, 2.5, 5.0, 7.5, 10.0, 12.5, 15.0, 16.0, 17.5, 20.0])
-def test_modes_of_the_aircraft(aircraft: Aircraft, degrees: float) -> None:
+def test_modes_of_the_aircraft(aircraft: Model, degrees: float) -> None:
     model = level_model(aircraft, float(np.radians(degrees)))
-    modes = modes_of(model.A, model.states)
+    modes = modes_of(model.A, model.states, hfa_model.aircraft().modes)
     names = [mode.name for mode in modes]
     assert len(set(names)) == len(names)
     assert {name.partition(" (")[0] for name in names} == {"short period", "phugoid", "dihedral"}
@@ -106,7 +111,9 @@ def test_eigenvalues_that_cross_keep_their_columns() -> None:
     expected = np.stack([-3.0 + s, -1.0 - s, np.full_like(s, -0.1)], axis=1)
     nearest = np.abs(expected[3, 0] - expected[4, 1]) < np.abs(expected[3, 0] - expected[4, 0])
     assert nearest
-    np.testing.assert_allclose(track_modes(models_with(expected), STATES), expected, atol=1e-12)
+    np.testing.assert_allclose(
+        track_modes(models_with(expected), STATES, hfa_model.aircraft()), expected, atol=1e-12
+    )
 
 
 def test_shapes_that_hardly_differ_leave_the_word_to_the_eigenvalues() -> None:
@@ -115,7 +122,9 @@ def test_shapes_that_hardly_differ_leave_the_word_to_the_eigenvalues() -> None:
     A = np.concatenate(
         [models_with(values, NEARLY_PARALLEL), models_with(values, NEARLY_PARALLEL[:, [1, 0, 2]])]
     )
-    np.testing.assert_allclose(track_modes(A, STATES), np.repeat(values, 2, axis=0), atol=1e-9)
+    np.testing.assert_allclose(
+        track_modes(A, STATES, hfa_model.aircraft()), np.repeat(values, 2, axis=0), atol=1e-9
+    )
 
 
 def test_a_pair_is_followed_as_a_pair() -> None:
@@ -130,7 +139,7 @@ def test_a_pair_is_followed_as_a_pair() -> None:
 
 @pytest.mark.parametrize("sizes", [(5,), (3, 4), (2, 3, 4), (4, 1, 3)])
 def test_a_grid_is_followed_from_neighbour_to_neighbour(
-    published_aircraft: Aircraft, sizes: tuple[int, ...]
+    published_aircraft: Model, sizes: tuple[int, ...]
 ) -> None:
     """Each step along an axis pairs the eigenvalues as a sweep of that step alone does."""
     ranges = {"dihedral": (0.05, 0.3), "speed": (64.0, 72.0), "altitude": (39_000.0, 41_000.0)}
@@ -143,7 +152,7 @@ def test_a_grid_is_followed_from_neighbour_to_neighbour(
     for axis in range(len(sizes)):
         along = np.moveaxis(index, axis, 0)
         for one, other in zip(along[:-1].ravel(), along[1:].ravel(), strict=True):
-            step = track_modes(result.A[[one, other]], result.model.linear)
+            step = track_modes(result.A[[one, other]], result.model.linear, hfa_model.aircraft())
             assert set(zip(*step.round(9).tolist(), strict=True)) == set(
                 zip(*result.eigenvalues[[one, other]].round(9).tolist(), strict=True)
             )
@@ -152,7 +161,7 @@ def test_a_grid_is_followed_from_neighbour_to_neighbour(
 # Handling qualities.
 
 
-def values(aircraft: Aircraft | Model, point: OperatingPoint) -> dict[str, float]:
+def values(aircraft: Model, point: OperatingPoint) -> dict[str, float]:
     return {each.name: each.value for each in handling_qualities(aircraft, point)}
 
 
@@ -169,7 +178,7 @@ def n_per_alpha(model: Model, point: OperatingPoint, pitching: str, step: float 
             )[output]
             del held[name]
         del held["pitch_rate"], held[pitching]
-        condition = TrimCondition(held, {"alpha": 0.0, "pitch_rate": 0.0}, model=model)
+        condition = TrimCondition(model, held, {"alpha": 0.0, "pitch_rate": 0.0})
         found = find_operating_point(model, condition, point)
         loads.append(model.outputs_at(found.states, found.inputs, ["load_factor"])["load_factor"])
     return (loads[0] - loads[1]) / (2 * step)
@@ -201,9 +210,9 @@ def test_printed_modes_and_load_factors(model: Model) -> None:
 
 def test_two_real_eigenvalues_have_the_frequency_of_their_product() -> None:
     """The short period of the HFA is real at 30 deg."""
-    model = level_model(Aircraft(), float(np.radians(30.0)))
+    model = level_model(hfa_model.aircraft(), float(np.radians(30.0)))
     roots = [mode.eigenvalue for mode in model.modes if mode.name.startswith("short period")]
-    found = values(Aircraft(), model.point)
+    found = values(hfa_model.aircraft(), model.point)
     assert len(roots) == 2
     assert found["short period frequency"] == pytest.approx(
         math.sqrt(abs(np.prod(roots))), rel=1e-12

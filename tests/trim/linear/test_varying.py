@@ -16,7 +16,7 @@ from own_models import F16, NAVION, trimmed
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
-from hfa_model import Aircraft
+import hfa_model
 from hfa_support import BadInputError
 from trim import InterpolatedModel, level_model, models_along, sweep
 
@@ -25,11 +25,11 @@ GRID = {"dihedral": np.radians([0.0, 5.0, 10.0, 15.0]), "speed": np.array([60.0,
 
 @pytest.fixture(scope="module")
 def model() -> InterpolatedModel:
-    return InterpolatedModel(sweep(Aircraft(), GRID))
+    return InterpolatedModel(sweep(hfa_model.aircraft(), GRID))
 
 
 def test_it_is_exact_at_the_points_and_bilinear_between(model: InterpolatedModel) -> None:
-    exact = level_model(Aircraft(), float(GRID["dihedral"][2]))
+    exact = level_model(hfa_model.aircraft(), float(GRID["dihedral"][2]))
     here = model.at(dihedral=GRID["dihedral"][2], speed=68.0)
     np.testing.assert_allclose(here.A, exact.A, rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(here.inputs, exact.input_offsets, rtol=1e-9, atol=1e-12)
@@ -73,11 +73,11 @@ def test_the_error_falls_with_the_square_of_the_step(model: InterpolatedModel) -
     """At the middles of the cells, where exact models are made anew."""
     finer = {name: np.linspace(axis[0], axis[-1], 2 * len(axis) - 1) for name, axis in GRID.items()}
     errors = []
-    for each in (model, InterpolatedModel(sweep(Aircraft(), finer))):
+    for each in (model, InterpolatedModel(sweep(hfa_model.aircraft(), finer))):
         middles = {
             name: (axis[1:] + axis[:-1]) / 2 for name, axis in zip(GRID, each.axes, strict=True)
         }
-        exact = sweep(Aircraft(), middles)
+        exact = sweep(hfa_model.aircraft(), middles)
         near = each.at(**dict(zip(GRID, exact.values.T, strict=True)))
         pairs = (near.A, exact.A), (near.B, exact.B)
         errors.append(
@@ -95,7 +95,9 @@ def test_what_cannot_be_interpolated_is_named(model: InterpolatedModel) -> None:
     with pytest.raises(BadInputError, match="give dihedral, speed, by name"):
         model.at(speed=68.0)
     with pytest.raises(BadInputError, match="no trim at dihedral 0 deg, speed 5 ft/s"):
-        InterpolatedModel(sweep(Aircraft(), {"dihedral": [0.0, 0.1], "speed": [5.0, 68.0]}))
+        InterpolatedModel(
+            sweep(hfa_model.aircraft(), {"dihedral": [0.0, 0.1], "speed": [5.0, 68.0]})
+        )
 
 
 def test_along_a_flight_small_deviations_follow_the_linear_model() -> None:

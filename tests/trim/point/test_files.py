@@ -11,7 +11,8 @@ from pathlib import Path
 import pytest
 from cli import refusal
 
-from hfa_model import Aircraft
+import hfa_model
+from hfa_aircraft.model import Model
 from trim import OperatingPoint, find_operating_point, level_flight, load_condition
 from verification import released_trims
 
@@ -23,7 +24,7 @@ def test_round_trip_is_bit_for_bit(point: OperatingPoint, tmp_path: Path) -> Non
     for each in (point, awkward):
         path = tmp_path / "point.json"
         each.save(path)
-        assert OperatingPoint.load(path) == each
+        assert OperatingPoint.load(path, hfa_model.aircraft()) == each
     assert [each.name for each in tmp_path.iterdir()] == ["point.json"]
 
 
@@ -44,7 +45,7 @@ def test_wrong_files_are_refused(
     text, count = re.subn(pattern, replacement, json.dumps(point.to_dict()), count=1, flags=re.S)
     assert count == 1
     path.write_text(text, encoding="utf-8")
-    assert words in refusal(OperatingPoint.load, path)
+    assert words in refusal(lambda file: OperatingPoint.load(file, hfa_model.aircraft()), path)
 
 
 def test_the_paper_s_condition_is_the_default() -> None:
@@ -55,7 +56,7 @@ def test_the_paper_s_condition_is_the_default() -> None:
 
 @pytest.mark.parametrize(("name", "speed"), [("simvfa-64", 64.0), ("simvfa-30", 30.0)])
 def test_the_peer_s_conditions_fly_at_its_angles_of_attack(
-    published_aircraft: Aircraft, name: str, speed: float
+    published_aircraft: Model, name: str, speed: float
 ) -> None:
     condition = load_condition(name)
     found = [each for each in released_trims() if each.speed == speed]

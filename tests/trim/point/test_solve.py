@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 from random_points import INPUT_SCALES, RATE_SCALES
 
-from hfa_model import STATES, Aircraft, Input, State
+import hfa_model
+from hfa_aircraft.model import Model
+from hfa_model import STATES, Input, State
 from hfa_model.aerodynamics import aircraft_loads
 from hfa_model.dynamics import rates_from_loads
 from hfa_support import BadInputError, NoSolutionError
@@ -24,11 +26,11 @@ from trim.sweeps.points import BEYOND_LIMITS, TRIMMED, trim_points
 BASE = level_flight(float(np.radians(15.0)))
 
 
-def assert_meets(aircraft: Aircraft, condition: TrimCondition, point: OperatingPoint) -> None:
+def assert_meets(aircraft: Model, condition: TrimCondition, point: OperatingPoint) -> None:
     """The specification, recomputed from the aircraft: balance, imposed values, limits, what the
     point reports."""
     assert point.status == "trimmed"
-    rates = dict(zip(STATES, aircraft.rates(point.states, point.inputs).tolist(), strict=True))
+    rates = dict(zip(STATES, aircraft.at(point.states, point.inputs).f.tolist(), strict=True))
     for name, imposed in condition.rates.items():
         assert abs(rates[name] - imposed) / getattr(RATE_SCALES, name) <= 1e-10, name
         assert point.residuals[name] == pytest.approx(rates[name] - imposed, abs=1e-12)
@@ -48,7 +50,7 @@ def effort(point: OperatingPoint) -> float:
 
 @pytest.mark.parametrize(("degrees", "climb"), [(0.0, 0.0), (5.0, 0.0), (20.0, 0.0), (15.0, 1.0)])
 def test_the_papers_condition_level_and_in_a_climb(
-    aircraft: Aircraft, degrees: float, climb: float
+    aircraft: Model, degrees: float, climb: float
 ) -> None:
     condition = level_flight(float(np.radians(degrees)), gamma=float(np.radians(climb)))
     point = find_operating_point(aircraft, condition)
@@ -60,7 +62,7 @@ def test_the_papers_condition_level_and_in_a_climb(
     )
     assert np.degrees(point.states.alpha) == pytest.approx(2.8, rel=1e-15)
     assert np.degrees(point.states.dihedral) == pytest.approx(degrees, rel=1e-15)
-    rates = aircraft.rates(point.states, point.inputs)
+    rates = aircraft.at(point.states, point.inputs).f
     assert rates[2] == pytest.approx(68.0 * np.sin(np.radians(climb)), rel=1e-12, abs=1e-12)
     warm = find_operating_point(
         aircraft, condition, find_operating_point(aircraft, level_flight(0.25))
@@ -69,7 +71,7 @@ def test_the_papers_condition_level_and_in_a_climb(
     np.testing.assert_allclose(warm.inputs, point.inputs, rtol=1e-10, atol=1e-12)
 
 
-def test_a_point_that_is_not_trimmed_does_not_meet_the_specification(aircraft: Aircraft) -> None:
+def test_a_point_that_is_not_trimmed_does_not_meet_the_specification(aircraft: Model) -> None:
     """The check above can fail: one control a thousandth of a degree off is seen."""
     point = find_operating_point(aircraft, BASE)
     off = point.inputs._replace(elevator_outer=point.inputs.elevator_outer + np.radians(1e-3))
@@ -77,12 +79,12 @@ def test_a_point_that_is_not_trimmed_does_not_meet_the_specification(aircraft: A
         assert_meets(
             aircraft,
             BASE,
-            OperatingPoint(point.states, off, point.residuals, point.dynamics, point.status),
+            OperatingPoint(point.states, off, point.residuals, point.status, point.model),
         )
 
 
 @pytest.mark.parametrize("free", ["alpha", "dihedral", "speed", "altitude"])
-def test_a_state_set_free_finds_the_same_flight_again(aircraft: Aircraft, free: str) -> None:
+def test_a_state_set_free_finds_the_same_flight_again(aircraft: Model, free: str) -> None:
     known = find_operating_point(aircraft, BASE)
     condition = release(BASE, free=(free,), hold={"aileron_outer": known.inputs.aileron_outer})
     point = find_operating_point(aircraft, condition)
@@ -97,7 +99,7 @@ def test_a_state_set_free_finds_the_same_flight_again(aircraft: Aircraft, free: 
 @pytest.mark.parametrize(
     "extra", [("aileron_center",), ("aileron_center", "alpha"), ("aileron_center", "dihedral")]
 )
-def test_least_effort_is_a_minimum(aircraft: Aircraft, extra: tuple[str, ...]) -> None:
+def test_least_effort_is_a_minimum(aircraft: Model, extra: tuple[str, ...]) -> None:
     """Any of the spare unknowns held a little elsewhere, the rest free again: more effort, by a
     second-order amount."""
     condition = release(BASE, free=extra)
@@ -122,7 +124,7 @@ def test_least_effort_is_a_minimum(aircraft: Aircraft, extra: tuple[str, ...]) -
     ],
 )
 def test_least_effort_stays_within_limits(
-    aircraft: Aircraft, limited: str, limits: tuple[float, float]
+    aircraft: Model, limited: str, limits: tuple[float, float]
 ) -> None:
     """The unlimited minimum lies outside these: the limited one lies on the nearer limit."""
     unlimited = find_operating_point(aircraft, release(BASE, free=("aileron_center",))).values[
@@ -141,7 +143,7 @@ def test_least_effort_stays_within_limits(
 
 
 @pytest.mark.parametrize("extra", [(), ("aileron_center",)])
-def test_a_binding_limit_is_named(aircraft: Aircraft, extra: tuple[str, ...]) -> None:
+def test_a_binding_limit_is_named(aircraft: Model, extra: tuple[str, ...]) -> None:
     limited = level_flight(float(np.radians(15.0)), limits={"throttle": (0.0, 30.0)})
     with pytest.raises(TrimError) as caught:
         find_operating_point(aircraft, release(limited, free=extra))
@@ -152,12 +154,12 @@ def test_a_binding_limit_is_named(aircraft: Aircraft, extra: tuple[str, ...]) ->
     assert message.startswith("no trim: these rates do not balance: speed by -0.3")
     assert attempt.status == "failed"
     assert attempt.inputs.throttle == pytest.approx(30.0, rel=1e-15)
-    assert aircraft.rates(attempt.states, attempt.inputs)[0] == pytest.approx(
+    assert aircraft.at(attempt.states, attempt.inputs).f[0] == pytest.approx(
         attempt.residuals["speed"], rel=1e-12
     )
 
 
-def test_too_few_unknowns_name_the_equations_and_the_amounts(aircraft: Aircraft) -> None:
+def test_too_few_unknowns_name_the_equations_and_the_amounts(aircraft: Model) -> None:
     held = {"aileron_outer": 0.0, "elevator_outer": 0.0}
     with pytest.raises(NoSolutionError) as caught:
         find_operating_point(aircraft, release(BASE, hold=held))
@@ -170,13 +172,13 @@ def test_too_few_unknowns_name_the_equations_and_the_amounts(aircraft: Aircraft)
         assert f"{name} by {value:.3g}" in str(error)
 
 
-def test_an_equation_that_nothing_moves_is_named(aircraft: Aircraft) -> None:
+def test_an_equation_that_nothing_moves_is_named(aircraft: Model) -> None:
     with pytest.raises(TrimError, match=r"do not balance: pitch by 0\.1 rad/s"):
         find_operating_point(aircraft, release(BASE, hold={"pitch_rate": 0.1}))
 
 
 def test_the_cheaper_of_two_minima_is_found(
-    published_aircraft: Aircraft, point: OperatingPoint
+    published_aircraft: Model, point: OperatingPoint
 ) -> None:
     """With three variables free least effort has two minima: wings a little down (0.248), and at
     their highest."""
@@ -215,9 +217,7 @@ def test_the_cheaper_of_two_minima_is_found(
         ),
     ],
 )
-def test_bad_conditions_are_refused(
-    aircraft: Aircraft, changes: dict[str, float], words: str
-) -> None:
+def test_bad_conditions_are_refused(aircraft: Model, changes: dict[str, float], words: str) -> None:
     with pytest.raises(BadInputError) as caught:
         find_operating_point(aircraft, level_flight(**({"dihedral": 0.1} | changes)))  # type: ignore[arg-type]
     assert words in str(caught.value)
@@ -226,32 +226,32 @@ def test_bad_conditions_are_refused(
 
 def test_contradictions_are_refused() -> None:
     with pytest.raises(BadInputError, match="unknown trim variable 'pitch'"):
-        TrimCondition({**BASE.imposed, "pitch": 0.0})
+        TrimCondition(hfa_model.aircraft(), {**BASE.imposed, "pitch": 0.0})
     with pytest.raises(BadInputError, match="unknown rate 'gamma'"):
-        TrimCondition(BASE.imposed, {"gamma": 0.0})
+        TrimCondition(hfa_model.aircraft(), BASE.imposed, {"gamma": 0.0})
 
 
 # At the edges: a Jacobian without full rank, wings at 0 and nearly 90 degrees, no air.
 
 
-def test_a_control_that_moves_nothing_is_named(aircraft: Aircraft) -> None:
+def test_a_control_that_moves_nothing_is_named(aircraft: Model) -> None:
     """Ailerons without effect leave a column of zeros."""
-    without = aircraft.parameters._replace(aileron_lift=0.0, aileron_moment=0.0)
+    without = hfa_model.parameters_of(aircraft)._replace(aileron_lift=0.0, aileron_moment=0.0)
     with pytest.raises(
         TrimError, match=r"no trim: .*; aileron_outer moves none of them, set something else free\)"
     ):
-        find_operating_point(Aircraft(without, aircraft.variant), BASE)
+        find_operating_point(hfa_model.aircraft(hfa_model.variant_of(aircraft), without), BASE)
     with pytest.raises(TrimError) as refusal:
         find_operating_point(aircraft, release(BASE, hold={"aileron_outer": 0.3}))
     assert "moves none" not in str(refusal.value)
 
 
-def test_controls_that_cannot_be_told_apart_are_named(aircraft: Aircraft) -> None:
+def test_controls_that_cannot_be_told_apart_are_named(aircraft: Model) -> None:
     """Tails that are small and far away only pitch: the outer ones can do nothing that the center
     one cannot."""
-    p = aircraft.parameters
+    p = hfa_model.parameters_of(aircraft)
     far = p._replace(tail_area=p.tail_area * 1e-14, boom_length=p.boom_length * 1e14)
-    alike = Aircraft(far, aircraft.variant)
+    alike = hfa_model.aircraft(hfa_model.variant_of(aircraft), far)
     same = "elevator_outer moves them only as elevator_center does; set something else free"
     with pytest.raises(TrimError, match=rf"^no trim: .*; {same}\); 8 other starts failed too$"):
         find_operating_point(alike, BASE)
@@ -261,21 +261,23 @@ def test_controls_that_cannot_be_told_apart_are_named(aircraft: Aircraft) -> Non
 
 
 @pytest.mark.parametrize("degrees", [0.0, 89.9999, -89.9999])
-def test_level_and_nearly_upright_wings_are_trimmed(aircraft: Aircraft, degrees: float) -> None:
+def test_level_and_nearly_upright_wings_are_trimmed(aircraft: Model, degrees: float) -> None:
     limits = {"dihedral": (-np.pi / 2, np.pi / 2)}
     condition = release(level_flight(float(np.radians(degrees)), limits=limits), free=("alpha",))
     point = find_operating_point(aircraft, condition)
     assert max(map(abs, point.residuals.values())) <= 1e-12
-    assert np.isfinite(aircraft.model.at(point.states, point.inputs).A).all()
+    assert np.isfinite(aircraft.at(point.states, point.inputs).A).all()
 
 
 @pytest.mark.parametrize("dihedral", [0.0, np.pi / 2])
-def test_without_air_it_falls(aircraft: Aircraft, dihedral: float) -> None:
+def test_without_air_it_falls(aircraft: Model, dihedral: float) -> None:
     """No density, no load: V' = -g sin γ and V γ' = -g cos γ, whatever the controls do."""
-    p, x = aircraft.parameters, State(68.0, 0.05, 40_000.0, 0.3, 0.1, dihedral, 0.0)
-    loads = aircraft_loads(x, Input(0.0, 0.1, -0.1, 0.2, -0.2), 0.0, p, aircraft.variant)
+    p, x = hfa_model.parameters_of(aircraft), State(68.0, 0.05, 40_000.0, 0.3, 0.1, dihedral, 0.0)
+    loads = aircraft_loads(
+        x, Input(0.0, 0.1, -0.1, 0.2, -0.2), 0.0, p, hfa_model.variant_of(aircraft)
+    )
     assert (loads.lift, loads.drag, loads.pitching_moment) == (0.0, 0.0, 0.0)
-    rates, gamma = rates_from_loads(x, loads, p, aircraft.variant), x.pitch - x.alpha
+    rates, gamma = rates_from_loads(x, loads, p, hfa_model.variant_of(aircraft)), x.pitch - x.alpha
     assert rates.speed == pytest.approx(-p.gravity * np.sin(gamma), rel=1e-14)
     assert rates.pitch - rates.alpha == pytest.approx(
         -p.gravity * np.cos(gamma) / x.speed, rel=1e-14
@@ -299,15 +301,17 @@ ANGLES = [
 
 
 @pytest.fixture(scope="module")
-def strong(published_aircraft: Aircraft) -> Aircraft:
+def strong(published_aircraft: Model) -> Model:
     """A light aircraft with an engine that holds any climb, its controls far from their limits."""
-    parameters = published_aircraft.parameters
+    parameters = hfa_model.parameters_of(published_aircraft)
     thrust, mass = 100 * parameters.thrust_per_throttle, 0.9 * parameters.panel_mass
-    return Aircraft(parameters._replace(thrust_per_throttle=thrust, panel_mass=mass))
+    return hfa_model.aircraft(
+        parameters=parameters._replace(thrust_per_throttle=thrust, panel_mass=mass)
+    )
 
 
 @pytest.mark.parametrize(("gamma", "alpha"), ANGLES)
-def test_a_chunk_and_a_trim_agree(strong: Aircraft, gamma: float, alpha: float) -> None:
+def test_a_chunk_and_a_trim_agree(strong: Model, gamma: float, alpha: float) -> None:
     values = np.radians([[gamma, alpha]])
     chunk = trim_points(strong, ("gamma", "alpha"), values)
     condition = level_flight(0.0, gamma=float(values[0, 0]), alpha=float(values[0, 1]))
@@ -323,7 +327,7 @@ def test_a_chunk_and_a_trim_agree(strong: Aircraft, gamma: float, alpha: float) 
         assert chunk.status[0] == BEYOND_LIMITS
 
 
-def test_limits_that_hold_only_together_are_checked(strong: Aircraft) -> None:
+def test_limits_that_hold_only_together_are_checked(strong: Model) -> None:
     """alpha and gamma both free: each within its limits, their sum not."""
     steep = level_flight(0.0, gamma=float(np.radians(62.0)), limits={"pitch": (-2.0, 2.0)})
     lifted = find_operating_point(strong, steep)

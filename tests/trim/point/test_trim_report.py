@@ -16,8 +16,8 @@ from cli import hfa
 from known_models import model_at
 from random_points import RATE_SCALES
 
-from hfa_model import Aircraft
-from hfa_model.aircraft import HFA
+import hfa_model
+from hfa_aircraft.model import Model
 from hfa_support import Report
 from trim import (
     OperatingPoint,
@@ -34,19 +34,19 @@ from trim.point.trim_report import all_margins
 BASE = level_flight(float(np.radians(10.0)))
 
 
-def reported(aircraft: Aircraft, condition: TrimCondition) -> tuple[OperatingPoint, Report]:
+def reported(aircraft: Model, condition: TrimCondition) -> tuple[OperatingPoint, Report]:
     point = find_operating_point(aircraft, condition)
     return point, trim_report(aircraft, condition, point)
 
 
 def test_every_variable_is_shown_with_its_limits_and_the_margin_to_one(
-    published_aircraft: Aircraft,
+    published_aircraft: Model,
 ) -> None:
     condition = release(BASE, free=("alpha",), hold={"aileron_outer": 0.0})
     point, report = reported(published_aircraft, condition)
     said = report.text()
     for name, margin in all_margins(condition, point).items():
-        factor = math.degrees(1.0) if HFA.unit(name).startswith("rad") else 1.0
+        factor = math.degrees(1.0) if hfa_model.aircraft().unit(name).startswith("rad") else 1.0
         limits = (
             ""
             if math.isinf(margin.lowest)
@@ -64,7 +64,7 @@ def test_every_variable_is_shown_with_its_limits_and_the_margin_to_one(
     )
 
 
-def test_a_limit_that_binds_is_named_first(published_aircraft: Aircraft) -> None:
+def test_a_limit_that_binds_is_named_first(published_aircraft: Model) -> None:
     """Least effort wants the outer elevator at -2.8 deg; it may go to -2 deg only, and stays
     there."""
     limit = math.radians(-2.0)
@@ -81,13 +81,15 @@ def test_a_limit_that_binds_is_named_first(published_aircraft: Aircraft) -> None
     )
 
 
-def test_each_equation_has_its_tolerance_and_its_verdict(published_aircraft: Aircraft) -> None:
+def test_each_equation_has_its_tolerance_and_its_verdict(published_aircraft: Model) -> None:
     """A residual planted just above the tolerance of one equation fails that one alone."""
     point, report = reported(published_aircraft, BASE)
-    assert len(re.findall(r"^rate of .* PASS$", report.text(), re.M)) == len(HFA.steady)
+    assert len(re.findall(r"^rate of .* PASS$", report.text(), re.M)) == len(
+        hfa_model.aircraft().steady
+    )
     assert "FAIL" not in report.text()
     assert all(each["ok"] for each in report.data["equations"].values())
-    for name in HFA.steady:
+    for name in hfa_model.aircraft().steady:
         tolerance = 1e-10 * getattr(RATE_SCALES, name)
         assert report.data["equations"][name]["tolerance"] == pytest.approx(tolerance)
         for factor, verdict in ((1.01, "FAIL"), (-1.01, "FAIL"), (0.99, "PASS")):
@@ -99,10 +101,10 @@ def test_each_equation_has_its_tolerance_and_its_verdict(published_aircraft: Air
 
 
 def test_the_report_has_the_loads_of_the_whole_and_of_each_panel(
-    published_aircraft: Aircraft,
+    published_aircraft: Model,
 ) -> None:
     point, report = reported(published_aircraft, BASE)
-    loads = published_aircraft.loads(point.states, point.inputs)
+    loads = hfa_model.loads(published_aircraft, point.states, point.inputs)
     rows = {
         line.split("  ")[0]: re.findall(r"-?\d[\d.]*", line) for line in report.text().splitlines()
     }
@@ -136,7 +138,7 @@ def test_a_trim_that_fails_is_data_too(command: str) -> None:
     assert not data["equations"]["speed"]["ok"]
 
 
-def test_the_pitch_angle_follows_and_limits_gamma(published_aircraft: Aircraft) -> None:
+def test_the_pitch_angle_follows_and_limits_gamma(published_aircraft: Model) -> None:
     condition = release(BASE, free=("gamma",), hold={"throttle": 0.0})
     point, report = reported(published_aircraft, condition)
     found = all_margins(condition, point)
@@ -162,7 +164,7 @@ CLIMB, GLIDE = (
 
 @pytest.mark.parametrize("condition", [LEVEL, CLIMB, GLIDE], ids=["level", "climb", "glide"])
 def test_performance_is_that_of_the_loads_in_steady_flight(
-    aircraft: Aircraft, condition: TrimCondition
+    aircraft: Model, condition: TrimCondition
 ) -> None:
     """Forces are coefficient times pressure times area; L + T sin α = W cos γ, T cos α - D = W sin
     γ, n = cos γ."""
@@ -170,10 +172,10 @@ def test_performance_is_that_of_the_loads_in_steady_flight(
     gamma = point.values["gamma"]
     found, p, alpha = (
         SimpleNamespace(**performance(aircraft, point)),
-        aircraft.parameters,
+        hfa_model.parameters_of(aircraft),
         point.states.alpha,
     )
-    loads = aircraft.loads(point.states, point.inputs)
+    loads = hfa_model.loads(aircraft, point.states, point.inputs)
     air, metres_per_second = (
         Atmosphere(point.states.altitude * METRE_PER_FOOT),
         point.states.speed * METRE_PER_FOOT,
@@ -210,11 +212,11 @@ def test_performance_is_that_of_the_loads_in_steady_flight(
 
 @pytest.mark.parametrize("degrees", [-20.0, 0.0, 30.0])
 def test_lift_is_across_each_panel_carries_the_weight_and_is_drawn_to_scale(
-    published_aircraft: Aircraft, degrees: float
+    published_aircraft: Model, degrees: float
 ) -> None:
     point = model_at(degrees).point
     panels = panels_from_the_front(published_aircraft, point)
-    loads = published_aircraft.loads(point.states, point.inputs)
+    loads = hfa_model.loads(published_aircraft, point.states, point.inputs)
     for panel, lift in zip(
         panels, (loads.outer.lift, loads.center.lift, loads.outer.lift), strict=True
     ):

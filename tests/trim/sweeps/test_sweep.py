@@ -13,8 +13,9 @@ import zarr
 from cli import assert_refused, hfa
 from known_models import model_at
 
-from hfa_model import DEGREE, INPUTS, STATES, VARIANTS, Aircraft, Parameters
-from hfa_model.aircraft import HFA
+import hfa_model
+from hfa_aircraft.model import Model
+from hfa_model import DEGREE, INPUTS, STATES, VARIANTS, Parameters
 from hfa_model.vectors import LINEAR_ROWS, STATE_UNITS
 from hfa_support import BadInputError
 from hfa_support.linear_table import LinearTable
@@ -28,7 +29,7 @@ from trim import (
     release,
     sweep,
 )
-from trim.point.condition import LEVEL_FLIGHT
+from trim.hfa.level_flight import LEVEL_FLIGHT
 from trim.sweeps import points as many
 from trim.sweeps.points import BEYOND_LIMITS, NO_TRIM, TRIMMED, condition_at, is_square, trim_points
 from trim.sweeps.sweep import Sweep, run_points
@@ -62,16 +63,19 @@ CASES: dict[str, tuple[dict[str, list[float]], TrimCondition, bool]] = {
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_each_point_is_that_of_a_single_trim(aircraft: Aircraft, name: str) -> None:
+def test_each_point_is_that_of_a_single_trim(aircraft: Model, name: str) -> None:
     """Without a trim the same reason: which rates do not balance, which limits bind, what it would
     take beyond them."""
     grid, condition, square = CASES[name]
-    assert is_square(aircraft.model, tuple(grid), condition) == square
+    assert is_square(aircraft, tuple(grid), condition) == square
     result = sweep(aircraft, grid, condition=condition)
     for i, row in enumerate(result.values):
         single, one = condition_at(condition, result.variables, row), aircraft
         if name == "mass":
-            one = Aircraft(aircraft.parameters._replace(panel_mass=float(row[0])), aircraft.variant)
+            one = hfa_model.aircraft(
+                hfa_model.variant_of(aircraft),
+                hfa_model.parameters_of(aircraft)._replace(panel_mass=float(row[0])),
+            )
         if result.reasons[i]:
             with pytest.raises(TrimError) as caught:
                 find_operating_point(one, single)
@@ -116,7 +120,7 @@ def test_each_point_is_that_of_a_single_trim(aircraft: Aircraft, name: str) -> N
     ],
 )
 def test_what_no_trim_takes_no_sweep_takes(
-    published_aircraft: Aircraft, grid, condition, words: str
+    published_aircraft: Model, grid, condition, words: str
 ) -> None:
     with pytest.raises(BadInputError, match=words):
         sweep(published_aircraft, grid, condition=condition)
@@ -135,7 +139,7 @@ def eigenvalues_in(line: str) -> list[complex]:
 
 
 @pytest.fixture(scope="module")
-def over_two(published_aircraft: Aircraft) -> Sweep:
+def over_two(published_aircraft: Model) -> Sweep:
     """Fast modes meet in conjugate pairs at one altitude and not at another."""
     grid = {
         "dihedral": [20 * DEGREE],
@@ -146,7 +150,7 @@ def over_two(published_aircraft: Aircraft) -> Sweep:
 
 
 def test_every_eigenvalue_of_every_point_is_shown_once(
-    published_aircraft: Aircraft, over_two: Sweep
+    published_aircraft: Model, over_two: Sweep
 ) -> None:
     """Beyond 28 deg the pair of the short period becomes two real eigenvalues; two modes may meet
     in a pair."""
@@ -173,7 +177,7 @@ def test_modes_do_not_jump_in_a_sweep_over_two_variables(over_two: Sweep) -> Non
 
 @pytest.mark.parametrize(("lowest", "warned"), [(-15.0, False), (-16.0, True)])
 def test_a_sweep_warns_beyond_the_papers_range(
-    published_aircraft: Aircraft, lowest: float, warned: bool
+    published_aircraft: Model, lowest: float, warned: bool
 ) -> None:
     notes = sweep(published_aircraft, {"dihedral": np.radians([lowest, 15.0])}).report().notes
     assert (
@@ -200,7 +204,7 @@ def test_a_fault_in_a_list_of_points_is_named_by_row_and_column(
     assert_refused(hfa("sweep", "--condition", str(path)), 2, f"hfa: {path}: {words}")
 
 
-def test_a_list_of_points_is_swept_row_by_row(published_aircraft: Aircraft, tmp_path: Path) -> None:
+def test_a_list_of_points_is_swept_row_by_row(published_aircraft: Model, tmp_path: Path) -> None:
     """Degrees typed; each row is the single trim of its values; in a store the same; nothing is
     named twice."""
     path = tmp_path / "points.csv"
@@ -215,7 +219,9 @@ def test_a_list_of_points_is_swept_row_by_row(published_aircraft: Aircraft, tmp_
     base = release(level_flight(0.0), free=("gamma",))
     found = sweep(published_aircraft, columns, condition=base, listed=True)
     np.testing.assert_array_equal(data["A"], found.A)
-    lighter = Aircraft(published_aircraft.parameters._replace(panel_mass=9.3))
+    lighter = hfa_model.aircraft(
+        parameters=hfa_model.parameters_of(published_aircraft)._replace(panel_mass=9.3)
+    )
     held = {"speed": 68.0, "dihedral": float(np.radians(10.0)), "climb_rate": 1.0}
     alone = linearize(lighter, find_operating_point(lighter, release(base, hold=held)))
     np.testing.assert_allclose(found.A[1], alone.A, rtol=1e-9, atol=1e-12)
@@ -247,7 +253,7 @@ WORDS = "the equations overflow or divide by zero at this condition with these p
     ("variables", "condition"), [(LEVEL, LEVEL_FLIGHT), (LEVEL[:3], GLIDE)], ids=["level", "glide"]
 )
 def test_many_points_are_those_of_the_robust_solver(dynamics, compile_code, variables, condition):
-    aircraft, k = Aircraft(dynamics=dynamics), len(variables)
+    aircraft, k = hfa_model.aircraft(dynamics), len(variables)
     values = np.random.default_rng(4).uniform(LOWEST[:k], HIGHEST[:k], size=(25, k))
     found = trim_points(aircraft, variables, values, condition, compile_code=compile_code)
     trimmed = np.flatnonzero(found.status == TRIMMED)
@@ -261,7 +267,7 @@ def test_many_points_are_those_of_the_robust_solver(dynamics, compile_code, vari
         np.testing.assert_allclose(found.B[i], model.B, rtol=1e-9, atol=1e-8)
 
 
-def test_no_row_depends_on_its_neighbours(aircraft: Aircraft) -> None:
+def test_no_row_depends_on_its_neighbours(aircraft: Model) -> None:
     """Bit for bit: alone, with few and with many others; parameters may vary from point to
     point."""
     random = np.random.default_rng(1)
@@ -272,13 +278,16 @@ def test_no_row_depends_on_its_neighbours(aircraft: Aircraft) -> None:
         part = trim_points(aircraft, variables, values[rows])
         np.testing.assert_array_equal(part.A, whole.A[rows])
         np.testing.assert_array_equal(part.inputs, whole.inputs[rows])
-    heavy = Aircraft(aircraft.parameters._replace(panel_mass=values[7, 2]), aircraft.variant)
+    heavy = hfa_model.aircraft(
+        hfa_model.variant_of(aircraft),
+        hfa_model.parameters_of(aircraft)._replace(panel_mass=values[7, 2]),
+    )
     np.testing.assert_array_equal(
         trim_points(heavy, variables[:2], values[7:8, :2]).A, whole.A[7:8]
     )
 
 
-def test_each_point_carries_its_status(aircraft: Aircraft) -> None:
+def test_each_point_carries_its_status(aircraft: Model) -> None:
     """Speed ft/s, gamma and alpha rad: climb, dive, too slow, too steep an alpha, level, no air
     speed."""
     statuses = {
@@ -295,7 +304,7 @@ def test_each_point_carries_its_status(aircraft: Aircraft) -> None:
     assert np.isfinite(found.A).all(axis=(1, 2)).tolist() == [
         status == TRIMMED for status in statuses.values()
     ]
-    limits = np.array([HFA.limits[name] for name in (*STATES, *INPUTS)])
+    limits = np.array([hfa_model.aircraft().limits[name] for name in (*STATES, *INPUTS)])
     at = np.hstack([found.states, found.inputs])[:5]
     within = ((at >= limits[:, 0]) & (at <= limits[:, 1])).all(axis=1)
     assert within.tolist() == [status == TRIMMED for status in statuses.values()][:5]
@@ -307,7 +316,7 @@ def test_each_point_carries_its_status(aircraft: Aircraft) -> None:
 
 
 def test_what_newton_leaves_open_the_robust_solver_settles(
-    monkeypatch: pytest.MonkeyPatch, published_aircraft: Aircraft
+    monkeypatch: pytest.MonkeyPatch, published_aircraft: Model
 ) -> None:
     """Here Newton's method on many points balances nothing."""
     monkeypatch.setattr(many, "_key", lambda *_: None)
@@ -328,8 +337,10 @@ def test_what_newton_leaves_open_the_robust_solver_settles(
             )
             np.testing.assert_array_equal(points.A[i], model.A)
             np.testing.assert_array_equal(points.B[i], model.B)
-    masses = idle.parameters.panel_mass * np.array([[1.0], [1.1]])
-    heavier = Aircraft(idle.parameters._replace(panel_mass=float(masses[1, 0])))
+    masses = hfa_model.parameters_of(idle).panel_mass * np.array([[1.0], [1.1]])
+    heavier = hfa_model.aircraft(
+        parameters=hfa_model.parameters_of(idle)._replace(panel_mass=float(masses[1, 0]))
+    )
     inputs = trim_points(idle, ("panel_mass",), masses).inputs
     assert (
         inputs[1].tolist()
@@ -346,21 +357,25 @@ def test_an_extreme_parameter_is_refused(
     """One at which the first guess, the rates or their Jacobian overflow."""
     with pytest.raises(BadInputError, match=f"{WORDS}; take values"):
         find_operating_point(
-            Aircraft(parameters._replace(**{name: value})), release(level_flight(0.0), free=free)
+            hfa_model.aircraft(parameters=parameters._replace(**{name: value})),
+            release(level_flight(0.0), free=free),
         )
     # In a sweep it is a row.
     reasons = sweep(
-        Aircraft(parameters._replace(**{name: value})), {"dihedral": [0.0, 0.2]}
+        hfa_model.aircraft(parameters=parameters._replace(**{name: value})),
+        {"dihedral": [0.0, 0.2]},
     ).reasons
     assert WORDS in reasons[0]
     found = trim_points(
-        Aircraft(parameters), (name,), np.array([[value], [getattr(parameters, name)]])
+        hfa_model.aircraft(parameters=parameters),
+        (name,),
+        np.array([[value], [getattr(parameters, name)]]),
     )
     assert found.status.tolist() == [NO_TRIM, TRIMMED]
     assert np.isfinite(found.A[1]).all()
 
 
-def test_wrong_tables_are_refused(aircraft: Aircraft) -> None:
+def test_wrong_tables_are_refused(aircraft: Model) -> None:
     with pytest.raises(BadInputError, match=r"values are \(2,\); they must be \(N, 1\)"):
         trim_points(aircraft, ("speed",), [1.0, 2.0])
     with pytest.raises(BadInputError, match="values has masked entries"):
@@ -371,7 +386,8 @@ def test_wrong_tables_are_refused(aircraft: Aircraft) -> None:
 
 
 def test_a_store_has_names_and_units(tmp_path: Path, parameters: Parameters) -> None:
-    plan = SweepPlan({"dihedral": (0.0, 0.1), "speed": (60.0, 68.0)}, Aircraft(parameters))
+    axes = {"dihedral": (0.0, 0.1), "speed": (60.0, 68.0)}
+    plan = SweepPlan(axes, hfa_model.aircraft(parameters=parameters))
     dataset = stream_sweep(plan, tmp_path / "a.zarr")
     counts = stored_sweep_report(plan, dataset, tmp_path).data["counts"]
     assert counts == {"missing": 0, "trimmed": 4, "beyond limits": 0, "no trim": 0}
@@ -400,7 +416,8 @@ def test_a_store_has_names_and_units(tmp_path: Path, parameters: Parameters) -> 
 def test_a_plan_gives_any_slice_of_the_whole(parameters: Parameters) -> None:
     dihedrals = tuple(np.radians(np.linspace(0, 20, 7)).tolist())
     plan = SweepPlan(
-        {"dihedral": dihedrals, "speed": (25.0, 60.0, 68.0, 75.0)}, Aircraft(parameters)
+        {"dihedral": dihedrals, "speed": (25.0, 60.0, 68.0, 75.0)},
+        hfa_model.aircraft(parameters=parameters),
     )
     whole = plan.values(0, 28)
     assert (plan.count, len(whole), whole[:4, 1].tolist()) == (28, 28, [25.0, 60.0, 68.0, 75.0])
@@ -411,16 +428,16 @@ def test_a_range_too_long_or_too_far_is_refused(parameters: Parameters) -> None:
     with pytest.raises(
         BadInputError, match=r"dihedral is 80\.2\d* deg; it must lie between -60 deg and 60 deg"
     ):
-        SweepPlan({"dihedral": Steps(0.0, 0.1, 15)}, Aircraft(parameters))
+        SweepPlan({"dihedral": Steps(0.0, 0.1, 15)}, hfa_model.aircraft(parameters=parameters))
     with pytest.raises(BadInputError, match="has 1,234,570,000 points, at most 1,000,000,000"):
         SweepPlan(
             {"dihedral": Steps(0.0, 1e-9, 123457), "speed": Steps(60.0, 1e-6, 10**4)},
-            Aircraft(parameters),
+            hfa_model.aircraft(parameters=parameters),
         )
 
 
 def test_a_store_has_the_points_of_a_sweep_in_memory_and_is_continued_as_no_other(
-    published_aircraft: Aircraft, tmp_path: Path
+    published_aircraft: Model, tmp_path: Path
 ) -> None:
     """The condition, the limits, where the search begins (it decides the last bits), and the order
     of the points."""

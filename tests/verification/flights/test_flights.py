@@ -13,7 +13,8 @@ from known_models import seen
 from controller import Scenario, flight_envelope, published_game
 from controller.flight.nonlinear_flight import NonlinearFlight
 from controller.flight.policies import Seen
-from hfa_model import LINEAR_STATES, STATES, Aircraft
+from hfa_aircraft.model import Model
+from hfa_model import LINEAR_STATES, STATES
 from hfa_support import NoSolutionError
 from verification.flights.scheduling import (
     Schedule,
@@ -32,7 +33,7 @@ def radians(*degrees: float) -> np.ndarray:
 
 
 @pytest.fixture(scope="module")
-def certified(published_aircraft: Aircraft) -> Schedule:
+def certified(published_aircraft: Model) -> Schedule:
     """Exact gains at 5, 10 and 15 degrees."""
     return certified_schedule(published_aircraft, radians(5.0, 10.0, 15.0))
 
@@ -91,7 +92,7 @@ def test_every_grid_point_is_certified_and_the_points_between_are_stable(
     assert certified.between < -0.3
 
 
-def test_a_point_without_certificate_stops_the_schedule(published_aircraft: Aircraft) -> None:
+def test_a_point_without_certificate_stops_the_schedule(published_aircraft: Model) -> None:
     with pytest.raises(NoSolutionError, match="delta_min"):
         certified_schedule(
             published_aircraft,
@@ -104,9 +105,9 @@ def test_a_point_without_certificate_stops_the_schedule(published_aircraft: Airc
 
 
 def through_the_change(
-    aircraft: Aircraft, certified: Schedule, start: float, end: float
+    aircraft: Model, certified: Schedule, start: float, end: float
 ) -> NonlinearFlight:
-    change = change_over(aircraft.model, float(np.radians(start)), float(np.radians(end)), 60.0)
+    change = change_over(aircraft, float(np.radians(start)), float(np.radians(end)), 60.0)
     envelope = flight_envelope(aircraft, certified.at(change.start).point)
     return fly_schedule(aircraft, certified, change, Scenario(duration=80.0, step=0.002), envelope)
 
@@ -115,7 +116,7 @@ def through_the_change(
     ("start", "end"), [(5.0, 15.0), pytest.param(15.0, 5.0, marks=pytest.mark.slow)]
 )
 def test_the_schedule_flies_the_change(
-    published_aircraft: Aircraft, certified: Schedule, start: float, end: float
+    published_aircraft: Model, certified: Schedule, start: float, end: float
 ) -> None:
     result = through_the_change(published_aircraft, certified, start, end)
     assert result.departure is None
@@ -129,7 +130,7 @@ def test_the_schedule_flies_the_change(
 
 
 @pytest.mark.slow  # the schedule flies a smaller change above
-def test_scheduling_the_gain_is_needed_from_0_to_20_degrees(published_aircraft: Aircraft) -> None:
+def test_scheduling_the_gain_is_needed_from_0_to_20_degrees(published_aircraft: Model) -> None:
     """The gain of 0 degrees, kept, loses the aircraft on the way; the schedule does not."""
     wide = certified_schedule(published_aircraft, radians(0.0, 5.0, 10.0, 15.0, 20.0))
     assert through_the_change(published_aircraft, wide, 0.0, 20.0).departure is None

@@ -17,7 +17,8 @@ import pytest
 from plotly.graph_objects import Figure
 from project import ROOT
 
-from hfa_model import Aircraft
+import hfa_model
+from hfa_aircraft.model import Model
 from hfa_model.parameters import ParameterSet
 from hfa_support import BadInputError, NoSolutionError
 from trim import modes_of, sweep
@@ -120,8 +121,8 @@ def test_plotly_takes_it_and_the_arrows_are_to_scale(job: MainJob) -> None:
         if point.model is None:
             assert len(panels["x"]) == len(sizes["x"]) == 0
             continue
-        loads = job.aircraft.loads(point.model.point.states, point.model.point.inputs)
-        p = job.aircraft.parameters
+        loads = hfa_model.loads(job.aircraft, point.model.point.states, point.model.point.inputs)
+        p = hfa_model.parameters_of(job.aircraft)
         lengths = [
             np.hypot(np.diff(each["x"])[::3], np.diff(each["y"])[::3]) for each in (lift, weight)
         ]
@@ -157,7 +158,7 @@ def test_hover_shows_the_modes(job: MainJob) -> None:
         for angle, frequency, damping in trace.get("customdata", ()):
             if np.isfinite(frequency):
                 point = next(point for point in job.points if point.dihedral_deg == angle)
-                modes = modes_of(point.model.A, point.model.states)
+                modes = modes_of(point.model.A, point.model.states, hfa_model.aircraft().modes)
                 assert (
                     min(
                         abs(mode.frequency - frequency) + abs(mode.damping - damping)
@@ -167,8 +168,6 @@ def test_hover_shows_the_modes(job: MainJob) -> None:
                 )
 
 
-def test_where_nothing_is_trimmed_there_is_no_plot(
-    job: MainJob, published_aircraft: Aircraft
-) -> None:
+def test_where_nothing_is_trimmed_there_is_no_plot(job: MainJob, published_aircraft: Model) -> None:
     assert front_view(job.aircraft, job.points[-1:]) is None
     assert locus_plot(sweep(published_aircraft, {"dihedral": np.radians([59.0])})) is None

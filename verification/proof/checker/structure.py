@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
+import hfa_model
 from hfa_aircraft.model import Model
-from hfa_model.aircraft import Aircraft
 from hfa_model.unsteady import UNSTEADY
 from hfa_model.variants import VARIANTS
 from hfa_support.errors import BadInputError, NoSolutionError, shown
@@ -106,7 +106,7 @@ def model_of(claim: Content, own: Model | None) -> Model:
 
 @cache
 def _aircraft(dynamics: str) -> Model:
-    return Aircraft(dynamics=dynamics).model
+    return hfa_model.aircraft(dynamics)
 
 
 def facts_of(model: Model) -> Content:

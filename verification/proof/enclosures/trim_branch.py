@@ -14,7 +14,6 @@ import numpy as np
 from flint import arb, arb_mat, arb_series
 
 from hfa_aircraft.model import Model
-from hfa_model.aircraft import Aircraft
 from hfa_support.errors import BadInputError
 from hfa_support.linear_table import LinearTable
 from trim.point.condition import TrimCondition, usual_condition
@@ -114,7 +113,7 @@ class Family:
     every parameter and setting is a ball that also holds the decimal it was read from; else it is
     the double exactly."""
 
-    aircraft: Aircraft | Model
+    aircraft: Model
     flights: TrimCondition | None = None
     spread: Mapping[str, float] = field(default_factory=dict)
     decimals: bool = True
@@ -122,7 +121,7 @@ class Family:
     @cached_property
     def model(self) -> Model:
         """Whose equations and names these are."""
-        return self.aircraft.model
+        return self.aircraft
 
     @property
     def over(self) -> str:

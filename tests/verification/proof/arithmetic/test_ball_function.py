@@ -13,6 +13,7 @@ from flint import arb, arb_series
 from proof_cases import family, model_at
 from random_points import rates_function
 
+import hfa_model
 from hfa_model import VARIANTS
 from hfa_support import BadInputError
 from verification.proof.arithmetic import ball_function
@@ -31,7 +32,7 @@ def escaped(dynamics: str, radius: float, points: int, seed: int = 0) -> int:
     middle = [
         np.array(point.states),
         np.array(point.inputs),
-        np.array(family(dynamics).aircraft.parameters),
+        np.array(hfa_model.parameters_of(family(dynamics).aircraft)),
     ]
     sizes = [radius * (0.01 + np.abs(values)) for values in middle]
     box = [
@@ -68,8 +69,8 @@ def test_enclosures_contain_a_hundred_thousand_random_points(dynamics: str) -> N
 
 def test_the_program_s_own_numbers_come_out() -> None:
     model, aircraft = model_at(15.0), family().aircraft
-    functions = aircraft.model.functions(())
-    arguments = (model.point.states, model.point.inputs, aircraft.parameters)
+    functions = aircraft.functions(())
+    arguments = (model.point.states, model.point.inputs, hfa_model.parameters_of(aircraft))
     found = BallFunction(functions)(*([exact(value) for value in values] for values in arguments))
     for balls, doubles in zip(
         found, functions(*(list(values) for values in arguments)), strict=True
@@ -84,7 +85,7 @@ def test_the_program_s_own_numbers_come_out() -> None:
 def test_a_planted_wrong_instruction_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
     """Every operation of the model in turn is replaced by one that is off by 1e-9 of its value."""
     function = rates_function(VARIANTS["published"])
-    point, parameters = model_at(15.0).point, family().aircraft.parameters
+    point, parameters = model_at(15.0).point, hfa_model.parameters_of(family().aircraft)
     arguments = [
         [exact(value) for value in values] for values in (point.states, point.inputs, parameters)
     ]

@@ -12,6 +12,7 @@ from known_models import model_at
 from proof_cases import family
 from random_points import rates_function
 
+import hfa_model
 from hfa_model import VARIANTS
 from verification.proof.arithmetic.ball_function import BallFunction
 from verification.proof.arithmetic.balls import (
@@ -54,7 +55,10 @@ def test_pivots_are_those_of_elimination(off: float, second: float) -> None:
 @pytest.mark.parametrize("dynamics", VARIANTS)
 def test_the_rest_along_a_box_is_of_third_order(dynamics: str) -> None:
     function = BallFunction(rates_function(VARIANTS[dynamics]))
-    point, parameters = model_at(12.0, dynamics).point, family(dynamics).aircraft.parameters
+    point, parameters = (
+        model_at(12.0, dynamics).point,
+        hfa_model.parameters_of(family(dynamics).aircraft),
+    )
     direction = np.random.default_rng(3).uniform(-1.0, 1.0, 7) * [5.0, 0.1, 0.0, 0.1, 0.1, 0.1, 0.1]
     fixed, rests = (
         [[TaylorModel(arb(value)) for value in values] for values in (point.inputs, parameters)],
@@ -71,7 +75,10 @@ def escaped(dynamics: str, points: int, seed: int) -> int:
     """Random places of a random line through the trim whose rates, at 200 bits, are not in the
     Taylor models on it."""
     random, function = np.random.default_rng(seed), BallFunction(rates_function(VARIANTS[dynamics]))
-    point, parameters = model_at(12.0, dynamics).point, family(dynamics).aircraft.parameters
+    point, parameters = (
+        model_at(12.0, dynamics).point,
+        hfa_model.parameters_of(family(dynamics).aircraft),
+    )
     x, direction = (
         [arb(value) for value in point.states],
         random.uniform(-0.1, 0.1, len(point.states)).tolist(),

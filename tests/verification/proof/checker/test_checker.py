@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 from proof_cases import certificate, content, exact_table, forge, proved
 
-from hfa_model import INPUTS, STATES, Aircraft
+import hfa_model
+from hfa_model import INPUTS, STATES
 from hfa_support import BadInputError
 from trim import release
-from trim.point.condition import LEVEL_FLIGHT
+from trim.hfa.level_flight import LEVEL_FLIGHT
 from verification import Family, check_certificate, prove_schedule
 from verification.proof.checker import checker
 from verification.proof.checker.checker import Rejected
@@ -91,7 +92,7 @@ def test_where_alpha_is_free_the_derivative_follows_the_pitch_with_it(
     """Of the trim's equations along each unknown, against central differences; pitch = alpha +
     gamma."""
     flights = Family(
-        Aircraft(), release(LEVEL_FLIGHT, free=("alpha",), hold={"elevator_outer": 0.0})
+        hfa_model.aircraft(), release(LEVEL_FLIGHT, free=("alpha",), hold={"elevator_outer": 0.0})
     )
     own = content(prove_schedule(flights, exact_table(14.0, 14.125), 14.0, 14.0625))
     box, found = own["boxes"]["loop"][0], list[Any]()
@@ -114,9 +115,7 @@ def test_where_alpha_is_free_the_derivative_follows_the_pitch_with_it(
     def rates(name: str, step: float) -> np.ndarray:
         at = point | {name: point[name] + step}
         at["pitch"] += step * (name == "alpha")
-        values = flights.aircraft.rates(
-            [at[each] for each in STATES], [at[each] for each in INPUTS]
-        )
+        values = flights.aircraft.at([at[each] for each in STATES], [at[each] for each in INPUTS]).f
         return values[
             [STATES.index(each) for each in ("speed", "alpha", "pitch_rate", "dihedral_rate")]
         ]

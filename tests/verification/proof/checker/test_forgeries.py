@@ -16,10 +16,12 @@ import pytest
 from proof_cases import PROOFS, between, certificate, delayed_abscissa, forge
 from random_points import INPUT_SCALES
 
+import hfa_model
 from controller import Game, basis
 from controller.riccati.gare import solve_game
 from controller.riccati.smallest_delta import minimum_delta
-from hfa_model import INPUTS, Aircraft, Parameters
+from hfa_aircraft.model import Model
+from hfa_model import INPUTS, Parameters
 from hfa_support import BadInputError, NoSolutionError
 from trim import TrimCondition, find_operating_point, linearize
 from verification import check_certificate
@@ -141,10 +143,12 @@ def _forged(whole: Content, random: np.random.Generator) -> Content:
 
 @cache
 def _model(
-    aircraft: Aircraft, imposed: tuple[tuple[str, float], ...], limits: str, degrees: float
+    aircraft: Model, imposed: tuple[tuple[str, float], ...], limits: str, degrees: float
 ) -> Any:
     ends = {name: tuple(each) for name, each in json.loads(limits)[0].items()}
-    condition = TrimCondition(dict(imposed) | {"dihedral": np.radians(degrees)}, limits=ends)
+    condition = TrimCondition(
+        hfa_model.aircraft(), dict(imposed) | {"dihedral": np.radians(degrees)}, limits=ends
+    )
     point = find_operating_point(aircraft, condition)
     return linearize(aircraft, point)
 
@@ -164,16 +168,22 @@ def _models(
             {name: w * random.choice([-1.0, 1.0]) for name, w in claim["spread"].items()}
             for _ in range(2)
         ]
-    from hfa_model.aircraft import HFA
 
-    free = [name for name in HFA.variables if name not in claim["imposed"] and name != "dihedral"]
+    free = [
+        name
+        for name in hfa_model.aircraft().variables
+        if name not in claim["imposed"] and name != "dihedral"
+    ]
     for shift in shifts:
         moved = nominal._replace(
             **{name: getattr(nominal, name) + each for name, each in shift.items()}
         )
         words = json.dumps([claim["limits"], free])
         model = _model(
-            Aircraft(moved, claim["dynamics"]), tuple(claim["imposed"].items()), words, degrees
+            hfa_model.aircraft(claim["dynamics"], moved),
+            tuple(claim["imposed"].items()),
+            words,
+            degrees,
         )
         inputs = np.array([getattr(model.point.inputs, name) for name in INPUTS])
         for name, value in zip(INPUTS, inputs, strict=True):

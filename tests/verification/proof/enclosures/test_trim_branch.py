@@ -13,11 +13,12 @@ from flint import arb
 from known_models import model_at
 from proof_cases import family
 
-from hfa_model import Aircraft, default_parameters
+import hfa_model
+from hfa_model import default_parameters
 from hfa_support import BadInputError, NoSolutionError
 from hfa_support.linear_table import LinearTable
 from trim import level_model, release
-from trim.point.condition import LEVEL_FLIGHT
+from trim.hfa.level_flight import LEVEL_FLIGHT
 from verification.proof.arithmetic.ball_function import Undecided
 from verification.proof.arithmetic.balls import exact
 from verification.proof.enclosures.trim_branch import PlaceBox, TrimBranch, bisected
@@ -52,7 +53,9 @@ def test_what_the_error_of_a_parameter_does_lies_in_its_enclosure(name: str) -> 
     width = 1e-4 * getattr(values, name)
     forms, ends = TrimBranch(replace(family(), spread={name: width})).forms(box), []
     for sign in (-1.0, 1.0):
-        moved = Aircraft(values._replace(**{name: getattr(values, name) + sign * width}))
+        moved = hfa_model.aircraft(
+            parameters=values._replace(**{name: getattr(values, name) + sign * width})
+        )
         ends.append(level_model(moved, math.radians(float(box.middle))))
     for part in ("A", "B"):
         expected, found = (

@@ -14,6 +14,7 @@ from cli import hfa
 from known_models import exact_gain, model_at
 from proof_cases import content, delayed_abscissa, exact_table, family, forge, through_actuators
 
+import hfa_model
 from controller import ScheduledController
 from controller.game.zero_sum import usual_game
 from controller.servo.design import Actuator
@@ -57,6 +58,7 @@ def filtered(gain: float = 1.0, lag: float = 0.002, direct: float = 0.0) -> Sche
         trim_inputs=np.zeros((2, 5)),
         dynamics="published",
         parameters="",
+        model=hfa_model.aircraft(),
     )
 
 

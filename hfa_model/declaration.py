@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -21,17 +21,15 @@ from hfa_model.printed_matrices import published_data
 from hfa_model.variants import VARIANTS, Variant, variant_named
 from hfa_model.vectors import (
     INPUT_SIGNALS,
-    INPUTS,
     LINEAR_STATES,
     STATE_SIGNALS,
     STATES,
     Input,
     State,
 )
-from hfa_support.errors import BadInputError, is_finite, numbers_in, shown
+from hfa_support.errors import BadInputError, is_finite, shown
 
 if TYPE_CHECKING:
-    import control
     from numpy.typing import ArrayLike
 
 #: What no aircraft has below zero. A fit to one printed angle leaves an inertia open, which may
@@ -96,9 +94,7 @@ _TYPICAL = {
     "lbf/ft^2": 1.0,
 }
 _PAPER = published_data()["trim"]
-#: The aircraft as any `Model`: with the published equations; an `Aircraft` gives its parameters
-#: their values.
-HFA = Model(
+_DECLARED = Model(
     name="published",
     called="published dynamics",
     states=STATE_SIGNALS,  # type: ignore[arg-type]  # a named tuple of them
@@ -140,64 +136,59 @@ HFA = Model(
 )
 
 
-class Aircraft:
-    """Parameters, by default the identified ones, and a variant of the equations, bound together.
+def aircraft(dynamics: str | Variant = "published", parameters: Parameters | None = None) -> Model:
+    """The highly flexible aircraft as a `Model`.
 
-    `rates` and `loads` take arrays in the order of `STATES` and `INPUTS`. BadInputError when a
-    shape is wrong, an entry is not finite or the state lies outside the model.
+    dynamics: "published", "newton" or "unsteady", or a variant of the equations.
+    parameters: by default the identified ones.
+    BadInputError for unknown dynamics and for parameters that no aircraft has.
     """
+    values = default_parameters().values if parameters is None else _checked_parameters(parameters)
+    return _aircraft(dynamics, values)
 
-    def __init__(
-        self, parameters: Parameters | None = None, dynamics: str | Variant = "published"
-    ) -> None:
-        self.parameters = (
-            default_parameters().values if parameters is None else _checked_parameters(parameters)
-        )
-        self.variant = variant_named(dynamics) if isinstance(dynamics, str) else dynamics
 
-    def __repr__(self) -> str:
-        p = self.parameters
-        panel = f"{p.panel_mass:.4g} slug, {p.panel_span:.4g} ft by {p.chord:.4g} ft"
-        return f"<Aircraft of three panels of {panel} each, {self.variant.name} dynamics>"
+@lru_cache(maxsize=64)
+def _aircraft(dynamics: str | Variant, parameters: Parameters) -> Model:
+    if dynamics == "unsteady":
+        from hfa_model.unsteady import UNSTEADY
 
-    def __reduce__(self) -> tuple[type[Aircraft], tuple[Parameters, Variant]]:
-        return Aircraft, (self.parameters, self.variant)  # compiled again where it is unpickled
+        return UNSTEADY.with_parameters(**parameters._asdict())
+    variant = variant_named(dynamics) if isinstance(dynamics, str) else dynamics
+    return replace(
+        _DECLARED,
+        name=variant.name,
+        called=f"{variant.name} dynamics",
+        equations=Equations(variant),
+    ).with_parameters(**parameters._asdict())
 
-    @cached_property
-    def model(self) -> Model:
-        """The aircraft as any `Model`."""
-        own, name = HFA.with_parameters(**self.parameters._asdict()), self.variant.name
-        return replace(own, name=name, called=f"{name} dynamics", equations=Equations(self.variant))
 
-    def rates(self, x: ArrayLike, u: ArrayLike) -> np.ndarray:
-        """dX/dt, (7,); its derivatives too: `model.at`."""
-        return self.model.at(*self._checked(x, u)).f
+def is_hfa(model: Model) -> bool:
+    """Whether a model is this aircraft with the `published` or the `newton` dynamics."""
+    return isinstance(model.equations, Equations)
 
-    def loads(self, x: ArrayLike, u: ArrayLike) -> Loads:
-        """Forces and moments on the aircraft and its panels, lbf and ft lbf."""
-        state, control = (vector.tolist() for vector in self._checked(x, u))
-        at = State(*state)
-        return aircraft_loads(
-            at, Input(*control), density(at.altitude), self.parameters, self.variant
-        )
 
-    def to_control(self) -> control.NonlinearIOSystem:
-        """X' = f(X, U), Y = X as python-control's `NonlinearIOSystem`: states, inputs and
-        parameters by name."""
-        return self.model.to_control(STATES)
+def parameters_of(model: Model) -> Parameters:
+    """The parameters of this aircraft, also of its unsteady dynamics, which have further ones."""
+    return Parameters(*(model.parameters[name].start for name in Parameters._fields))
 
-    def _checked(self, x: ArrayLike, u: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
-        state, control = numbers_in("state", x), numbers_in("input", u)
-        for vector, names, kind in ((state, STATES, "state"), (control, INPUTS, "input")):
-            if vector.shape != (len(names),):
-                raise BadInputError(
-                    f"{kind} has shape {vector.shape}; it must be ({len(names)},): {', '.join(names)}"
-                )
-            if not np.isfinite(vector).all():
-                name = names[int(np.argmin(np.isfinite(vector)))]
-                raise BadInputError(f"{kind} {name} is not finite; give a number")
-        check_in_range(State(*state.tolist()))
-        return state, control
+
+def variant_of(model: Model) -> Variant:
+    """The variant of the equations that a model of this aircraft has."""
+    equations: Equations = model.equations  # type: ignore[assignment]
+    return equations.variant
+
+
+def loads(model: Model, x: ArrayLike, u: ArrayLike) -> Loads:
+    """Forces and moments on the aircraft and its panels, lbf and ft lbf.
+
+    x: (7,), in the order of `STATES`. u: (5,), in the order of `INPUTS`.
+    BadInputError when the state lies outside the model.
+    """
+    state = State(*np.asarray(x, dtype=float).tolist())
+    control = Input(*np.asarray(u, dtype=float).tolist())
+    check_in_range(state)
+    air = density(state.altitude)
+    return aircraft_loads(state, control, air, parameters_of(model), variant_of(model))
 
 
 def _checked_parameters(parameters: Parameters) -> Parameters:

@@ -1,0 +1,40 @@
+"""The paper's level flight, and the other trims of its aircraft that come with the package."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import hfa_model
+from trim.point.condition import TrimCondition, read_condition, usual_condition
+
+#: Shipped condition -> its file in this folder.
+CONDITIONS = {
+    "paper": "paper.toml",
+    "simvfa-64": "simvfa_64.toml",
+    "simvfa-30": "simvfa_30.toml",
+}
+#: The paper's level flight (Section 5.1), with a flat wing: `at` takes another dihedral angle.
+LEVEL_FLIGHT = usual_condition(hfa_model.aircraft())
+
+
+def level_flight(
+    dihedral: float, *, limits: Mapping[str, tuple[float, float]] | None = None, **held: float
+) -> TrimCondition:
+    """The paper's trim at a dihedral angle: four equations for four unknowns.
+
+    The center aileron is at zero; throttle, outer aileron and both elevators are free.
+    dihedral: rad.
+    limits: variable -> (lowest, highest), in place of the model's.
+    held: what is imposed in place of the paper's values, in rad, ft, s.
+    """
+    model = LEVEL_FLIGHT.model
+    imposed = {**model.trim, model.schedule: dihedral, **held}
+    return TrimCondition(model, imposed, limits=dict(limits or {}))
+
+
+def load_condition(name: str, usual: TrimCondition = LEVEL_FLIGHT) -> TrimCondition:
+    """A shipped condition, by its name in `CONDITIONS`, or one from a file of the user's.
+
+    usual: what the file changes.
+    """
+    return read_condition(name, usual, CONDITIONS)
