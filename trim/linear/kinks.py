@@ -1,111 +1,189 @@
-"""Where the slopes to both sides are not the Jacobian: at the switch of a |x|, min, max, sign or
-comparison."""
+"""Where a derivative does not describe the equations: at a knot of a table, at the switch of |x|,
+min, max, sign or a comparison. A and B take the mean of the slopes to both sides there."""
 
 from __future__ import annotations
 
 from functools import lru_cache
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
 
 from hfa_aircraft.model import Layout, Model, components
 
-_ONE = {ca.OP_FABS, ca.OP_SIGN}
-_TWO = {ca.OP_FMIN, ca.OP_FMAX, ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE}
-_WHOLE = {ca.OP_FLOOR, ca.OP_CEIL}
-#: Step of the slopes, in nominal values, and how far they may differ from the Jacobian, in scaled
-#: units.
-_STEP, _APART = 1e-6, 1e-4
-#: Points of a sweep at which slopes are compared.
-_MOST = 100
+_ONE_ARGUMENT = {ca.OP_FABS, ca.OP_SIGN}
+_TWO_ARGUMENTS = {ca.OP_FMIN, ca.OP_FMAX, ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE}
+_ROUNDING = {ca.OP_FLOOR, ca.OP_CEIL}
+#: Step of the slopes, in nominal values.
+_STEP = 1e-6
+#: How far slopes may differ, of 1 + |derivative|, in scaled units.
+_APART = 1e-4
+#: Points at which slopes are compared, the first of those near a switch.
+_MOST = 1_000
+
+
+class Smoothed(NamedTuple):
+    """A and B of N points, with the means of both slopes at kinks.
+
+    A: (N, n, n).
+    B: (N, n, m).
+    notes: point -> a sentence for each entry of A or B at a kink or a jump.
+    """
+
+    A: np.ndarray
+    B: np.ndarray
+    notes: dict[int, tuple[str, ...]]
+
+
+def with_means_at_kinks(
+    model: Model, x: np.ndarray, u: np.ndarray, p: np.ndarray, A: np.ndarray, B: np.ndarray
+) -> Smoothed:
+    """A and B, (N, n, n) and (N, n, m), corrected at states x (N, n), inputs u (N, m) and parameters
+    p (N, k).
+
+    An entry is at a kink where the slopes to the sides, by differences, are smooth and differ from
+    the derivative; it becomes their mean. Where the rate itself jumps the entry stays, with a note.
+    Points without a trim, nan, have none.
+    """
+    near = _near_switches(model, x, u, p)
+    if not near.size:
+        return Smoothed(A, B, {})
+    jacobian = np.concatenate([A, B], axis=2)
+    z = np.concatenate([x[near], u[near]], axis=1)
+    notes = {}
+    for point, slopes in zip(near.tolist(), _slopes(model, z, p[near]), strict=True):
+        words = _correct(model, slopes, jacobian[point])
+        if words:
+            notes[point] = words
+    n = len(model.states)
+    return Smoothed(jacobian[:, :, :n], jacobian[:, :, n:], notes)
+
+
+def _near_switches(model: Model, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> np.ndarray:
+    """Numbers of the first `_MOST` points from which a step can reach a switch; of all points where
+    equations call functions, whose inside is not seen."""
+    if _calls_functions(model.layout):
+        near = np.isfinite(x).all(axis=1)
+    else:
+        switches = _switches(model.layout)
+        if switches is None:
+            return np.zeros(0, dtype=int)
+        values, slopes = (np.array(part) for part in switches.map(len(x))(x.T, u.T, p.T))
+        # CasADi lays the slopes of the points side by side, (switches, points (n + m)).
+        by_point = slopes.reshape(len(values), len(x), -1)
+        reach = np.abs(by_point) @ _steps(model)
+        near = (np.abs(values) <= 2 * reach).any(axis=0)
+    return np.flatnonzero(near)[:_MOST]
+
+
+def _steps(model: Model) -> np.ndarray:
+    """The step of each state and input, (n + m,)."""
+    signals = (*model.states.values(), *model.inputs.values())
+    return _STEP * np.array([signal.nominal for signal in signals])
 
 
 @lru_cache(maxsize=16)
-def switches(layout: Layout) -> ca.Function | None:
-    """(x, u, p) -> s and ∂s/∂(x, u): what each |.|, sign, min, max, comparison and rounding in the
-    equations switches over at s = 0, in the order of the instructions. None without any."""
+def _rates(layout: Layout) -> ca.Function:
+    """(x, u, p) -> the rates."""
     vectors = layout.symbols("x", "u", "p")
-    function = ca.Function(
-        "f", vectors, [layout.expressions(list(map(components, vectors)), ())[0]]
-    )
-    every = {function.instruction_id(k) for k in range(function.n_instructions())}
-    if not every & {*_ONE, *_TWO, *_WHOLE}:
+    rates, _ = layout.expressions([components(vector) for vector in vectors], ())
+    return ca.Function("rates", vectors, [rates])
+
+
+def _calls_functions(layout: Layout) -> bool:
+    """Whether the equations call functions: tables of `casadi.interpolant`, functions that are not
+    inlined."""
+    rates = _rates(layout)
+    return ca.OP_CALL in {rates.instruction_id(k) for k in range(rates.n_instructions())}
+
+
+@lru_cache(maxsize=16)
+def _switches(layout: Layout) -> ca.Function | None:
+    """(x, u, p) -> s and ∂s/∂(x, u): what each |.|, sign, min, max, comparison and rounding in the
+    equations switches over at s = 0. None without any."""
+    rates = _rates(layout)
+    instructions = range(rates.n_instructions())
+    operations = {rates.instruction_id(k) for k in instructions}
+    if not operations & {*_ONE_ARGUMENT, *_TWO_ARGUMENTS, *_ROUNDING}:
         return None
-    found, work = [], [ca.SX(0)] * function.sz_w()
-    for k in range(function.n_instructions()):
-        op, of, to = (
-            function.instruction_id(k),
-            function.instruction_input(k),
-            function.instruction_output(k),
-        )
-        if op == ca.OP_INPUT:
-            work[to[0]] = vectors[of[0]][of[1]]
-        elif op == ca.OP_CONST:
-            work[to[0]] = ca.SX(function.instruction_constant(k))
-        elif op != ca.OP_OUTPUT:
-            values = [work[each] for each in of]
-            if op in _ONE:
-                found.append(values[0])
-            elif op in _TWO:
-                found.append(values[0] - values[1])
-            elif op in _WHOLE:
-                found.append(ca.sin(ca.pi * values[0]))
-            work[to[0]] = (
-                ca.SX.unary(op, *values) if len(values) == 1 else ca.SX.binary(op, *values)
-            )
-    s = ca.vertcat(*(each for each in found if not each.is_constant()))
+    vectors = layout.symbols("x", "u", "p")
+    switching = []
+    work = [ca.SX(0) for _ in range(rates.sz_w())]
+    for k in instructions:
+        operation = rates.instruction_id(k)
+        sources = rates.instruction_input(k)
+        target = rates.instruction_output(k)[0]
+        if operation == ca.OP_INPUT:
+            work[target] = vectors[sources[0]][sources[1]]
+        elif operation == ca.OP_CONST:
+            work[target] = ca.SX(rates.instruction_constant(k))
+        elif operation != ca.OP_OUTPUT:
+            values = [work[source] for source in sources]
+            if operation in _ONE_ARGUMENT:
+                switching.append(values[0])
+            elif operation in _TWO_ARGUMENTS:
+                switching.append(values[0] - values[1])
+            elif operation in _ROUNDING:
+                switching.append(ca.sin(ca.pi * values[0]))
+            make = ca.SX.unary if len(values) == 1 else ca.SX.binary
+            work[target] = make(operation, *values)
+    s = ca.vertcat(*(value for value in switching if not value.is_constant()))
     if not s.numel():
         return None
-    return ca.Function(
-        "switches", vectors, [ca.densify(s), ca.densify(ca.jacobian(s, ca.vertcat(*vectors[:2])))]
-    )
+    slopes = ca.jacobian(s, ca.vertcat(*vectors[:2]))
+    return ca.Function("switches", vectors, [ca.densify(s), ca.densify(slopes)])
 
 
-def kinks_in(
-    own: Model, x: np.ndarray, u: np.ndarray, p: np.ndarray, exact: np.ndarray
-) -> dict[int, tuple[str, ...]]:
-    """Point -> its kinks, of the first `_MOST` of N points where a step of a state or an input can
-    reach a switch; a point without a trim, nan, has none.
+def _slopes(model: Model, z: np.ndarray, p: np.ndarray) -> np.ndarray:
+    """Slopes of the rates between seven places along each state and input, (N, 6, n, n + m).
 
-    x: (N, n), u: (N, m), p: the parameters (N, k), exact: A beside B (N, n, n + m).
+    z: (N, n + m), the states and inputs.
+    The places lie -3, ..., 3 steps away.
     """
-    function = switches(own.layout)
-    if function is None:
-        return {}
-    steps = _STEP * np.array(
-        [each.nominal for each in (*own.states.values(), *own.inputs.values())]
-    )
-    s, slopes = (np.array(each) for each in function.map(len(x))(x.T, u.T, p.T))
-    reach = np.abs(slopes.T.reshape(len(x), -1, len(s))) * steps[:, None]
-    near = np.flatnonzero((np.abs(s.T) <= 2 * reach.sum(axis=1)).any(axis=1))[:_MOST].tolist()
-    found = {i: _kinks(own, np.concatenate([x[i], u[i]]), p[i], exact[i], steps) for i in near}
-    return {i: each for i, each in found.items() if each}
+    n = len(model.states)
+    count, size = z.shape
+    steps = _steps(model)
+    offsets = np.arange(-3, 4)[:, None, None] * np.diag(steps)
+    places = (z[:, None, None, :] + offsets).reshape(-1, size)
+    parameters = np.repeat(p, 7 * size, axis=0)
+    rates = np.array(_rates(model.layout)(places[:, :n].T, places[:, n:].T, parameters.T))
+    by_place = rates.reshape(n, count, 7, size).transpose(1, 2, 0, 3)
+    return np.diff(by_place, axis=1) / steps
 
 
-def _kinks(
-    own: Model, z: np.ndarray, p: np.ndarray, exact: np.ndarray, steps: np.ndarray
-) -> tuple[str, ...]:
-    """The entries of A and B at (x, u) = z whose slope to one side is not that of the Jacobian,
-    with both slopes.
+def _correct(model: Model, slopes: np.ndarray, jacobian: np.ndarray) -> tuple[str, ...]:
+    """Put the means of both slopes into the entries of (n, n + m) `jacobian` at a kink; a sentence
+    for each, and for each that the rate jumps over.
 
-    Slopes s(h) = (f(z ± h) - f(z)) / ±h by Richardson's 2 s(h/2) - s(h), h = 1e-6 of the nominal
-    value; they differ from J by more than 1e-4 (1 + |J|), in scaled units."""
-    names, n, function = [*own.states, *own.inputs], len(own.states), own.functions(())
-
-    def f(share: float) -> np.ndarray:
-        """The rates a share of each step away, a column a variable."""
-        moved = [z + share * step for step in np.diag(steps)]
-        return np.column_stack([np.array(function(at[:n], at[n:], p)[0]).ravel() for at in moved])
-
-    below, above = (
-        (4 * f(side / 2) - 3 * f(0.0) - f(side)) / (side * steps) for side in (-1.0, 1.0)
-    )
-    scale = steps / _STEP / np.array([[own.rate_scale(name)] for name in own.states])
-    off = np.maximum(np.abs(below - exact), np.abs(above - exact)) * scale > _APART * (
-        1 + np.abs(exact) * scale
-    )
-    return tuple(
-        f"kink: {'A' if j < n else 'B'}({names[i]}, {names[j]}) is {exact[i, j] + 0.0:.5g}, but the slopes below and "
-        f"above are {below[i, j]:.5g} and {above[i, j]:.5g}"
-        for j, i in np.argwhere(off.T).tolist()
-    )
+    slopes: (6, n, n + m), of `_slopes`. They are extrapolated from where they are clear of a kink
+    within a step, so that the mean is right for a trim that hits a knot up to rounding.
+    """
+    n = len(model.states)
+    names = (*model.states, *model.inputs)
+    below = 2.5 * slopes[1] - 1.5 * slopes[0]
+    above = 2.5 * slopes[4] - 1.5 * slopes[5]
+    nominal = _steps(model) / _STEP
+    scale = nominal / np.array([[model.rate_scale(name)] for name in model.states])
+    allowed = _APART * (1 + np.abs(jacobian) * scale) / scale
+    smooth_below = np.abs(slopes[1] - slopes[0]) <= allowed
+    smooth_above = np.abs(slopes[5] - slopes[4]) <= allowed
+    differs = np.maximum(np.abs(below - jacobian), np.abs(above - jacobian)) > allowed
+    # Across a kink the two middle slopes lie between those to the sides, or are mixed of them.
+    across = np.abs(slopes[2] + slopes[3] - below - above)
+    jumps = smooth_below & smooth_above & (across > 2 * np.abs(above - below) + allowed)
+    kinks = smooth_below & smooth_above & differs & ~jumps
+    notes = []
+    for j, i in np.argwhere((kinks | jumps).T).tolist():
+        entry = f"{'A' if j < n else 'B'}({names[i]}, {names[j]})"
+        if jumps[i, j]:
+            notes.append(
+                f"jump: the rate of {names[i]} jumps as {names[j]} passes its value; {entry} is "
+                f"{jacobian[i, j] + 0.0:.5g}, without the jump"
+            )
+        else:
+            jacobian[i, j] = (below[i, j] + above[i, j]) / 2
+            notes.append(
+                f"kink: {entry} is {jacobian[i, j] + 0.0:.5g}, the mean of the slopes below and "
+                f"above, {below[i, j]:.5g} and {above[i, j]:.5g}"
+            )
+    return tuple(notes)

@@ -14,7 +14,7 @@ from hfa_support.reporting.fields import ByValue
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.text import Table, degrees, matrix_table
 from hfa_support.reporting.unit_system import unit_in_force
-from trim.linear.kinks import kinks_in
+from trim.linear.kinks import with_means_at_kinks
 from trim.linear.modes import Mode, modes_of, modes_table
 from trim.point.condition import usual_condition
 from trim.point.operating_point import OperatingPoint, at_scheduled, scheduled_data
@@ -324,10 +324,11 @@ def linearize(
     _positions("output", seen, (*own.states, *own.outputs))
     _positions("disturbance", winds, tuple(own.disturbances))
     found = own.at(point.states, point.inputs, seen, winds)
-    at = np.array([point.states]), np.array([point.inputs]), own.p[None]
-    kinks = kinks_in(own, *at, np.hstack([found.A, found.B])[None]).get(0, ())
+    x, u = np.array([point.states]), np.array([point.inputs])
+    smoothed = with_means_at_kinks(own, x, u, own.p[None], found.A[None], found.B[None])
+    A, B, kinks = smoothed.A[0], smoothed.B[0], smoothed.notes.get(0, ())
     names = tuple(own.states), tuple(own.inputs)
-    model = LinearModel(found.A, found.B, *names, point, seen, *found[4:], found.y, winds, kinks)
+    model = LinearModel(A, B, *names, point, seen, *found[4:], found.y, winds, kinks)
     return model if full else model.select(own.linear)
 
 

@@ -16,7 +16,7 @@ from hfa_support.reporting.fields import ByValue
 from hfa_support.reporting.figure import new_figure
 from hfa_support.reporting.report import Picture, Report, Reported
 from hfa_support.reporting.text import RowsMade, Table, eigenvalue_text, shown_unit, shown_value
-from trim.linear.kinks import kinks_in
+from trim.linear.kinks import with_means_at_kinks
 from trim.linear.modes import fastest_first, modes_of, track_modes
 from trim.point.condition import TrimCondition
 from trim.point.operating_point import OperatingPoint, Status
@@ -55,28 +55,45 @@ def run_points(
 ) -> dict[str, Any]:
     """The points of a task: the arrays of a store by name, and `failures` and `kinked`, words by
     point. What a worker runs."""
-    options: Any = {"start": start, "compile_code": compile_code, "progress": progress}
-    points, model = trim_points(aircraft, variables, values, condition, **options), aircraft
-    known = points.status == TRIMMED
-    eigenvalues = np.full(points.states.shape, np.nan, dtype=complex)
-    eigenvalues[known] = fastest_first(np.linalg.eigvals(points.A[known]))
-    few = slice(
-        0, LOOKED_AT if compile_code else None
-    )  # machine code trims a point in the time that a look takes
-    constants, exact = (
+    model = aircraft
+    points = trim_points(
+        aircraft,
+        variables,
+        values,
+        condition,
+        start=start,
+        compile_code=compile_code,
+        progress=progress,
+    )
+    # Machine code trims a point in the time that a look for kinks takes.
+    looked_at = LOOKED_AT if compile_code else len(values)
+    few = slice(0, looked_at)
+    smoothed = with_means_at_kinks(
+        model,
+        points.states[few],
+        points.inputs[few],
         parameters_at(model, variables, values[few]),
-        np.concatenate([points.A, points.B], axis=2)[few],
+        points.A[few],
+        points.B[few],
     )
-    kinked, kinks = (
-        kinks_in(model, points.states[few], points.inputs[few], constants, exact),
-        np.full(len(values), -1),
-    )
+    points.A[few] = smoothed.A
+    points.B[few] = smoothed.B
+    kinks = np.full(len(values), -1)
     kinks[few] = 0
-    for i, words in kinked.items():
-        kinks[i] = len(words)
+    for point, notes in smoothed.notes.items():
+        kinks[point] = len(notes)
+    trimmed = points.status == TRIMMED
+    eigenvalues = np.full(points.states.shape, np.nan, dtype=complex)
+    eigenvalues[trimmed] = fastest_first(np.linalg.eigvals(points.A[trimmed]))
     columns = dict(zip(variables, values.T, strict=True))
-    found = {"values": values, "eigenvalues": eigenvalues, "kinks": kinks, "kinked": kinked}
-    return points._asdict() | columns | found
+    return {
+        **points._asdict(),
+        **columns,
+        "values": values,
+        "eigenvalues": eigenvalues,
+        "kinks": kinks,
+        "kinked": smoothed.notes,
+    }
 
 
 @dataclass(frozen=True, eq=False, repr=False)
