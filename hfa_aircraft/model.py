@@ -362,10 +362,16 @@ class Model:
     def _numbers_at(
         self, x: Sequence[float], u: Sequence[float]
     ) -> tuple[Mapping[str, Any], Mapping[str, Any]]:
+        """Rates and outputs by name."""
         numbers = [list(map(float, each)) for each in (x, u, self.p)]
-        return self.layout.equations(
-            *map(self.layout.record, VECTORS, (*numbers, [0.0] * len(self.disturbances)))
-        )
+        still_air = [0.0 for _ in self.disturbances]
+        records = map(self.layout.record, VECTORS, (*numbers, still_air))
+        try:
+            return self.layout.equations(*records)
+        except RuntimeError:  # some functions of CasADi (pw_lin) take symbols only
+            f, y = self.functions()(*numbers)[:2]
+            rates = dict(zip(self.states, ca.vertsplit(f), strict=True))
+            return rates, dict(zip(self.outputs, components(y), strict=True))
 
     def to_control(self, outputs: Sequence[str] | None = None) -> control.NonlinearIOSystem:
         """x' = f(x, u, p), y = the named states and outputs (all unless given) for python-control,
@@ -484,7 +490,7 @@ class Layout(NamedTuple):
         return [ca.densify(part) for part in parts]
 
 
-def components(vector: ca.SX) -> list[ca.SX]:
+def components(vector: Any) -> list[Any]:
     """Of a column, which may be empty."""
     return ca.vertsplit(vector) if vector.numel() else []
 

@@ -17,11 +17,10 @@ from cli import answer, assert_refused, hfa
 from own_models import F16, GTM, NAVION, navion, trimmed
 
 from hfa_support import BadInputError, Model, Signal
-from trim import TrimError, find_operating_point, level_flight, linearize, release, sweep
+from trim import TrimError, find_operating_point, linearize, release, sweep
 from trim.hfa.hfa_report import trim_report
 from trim.point.condition import usual_condition
 from trim.point.solve import other_trims
-from trim.sweeps.sweep_store import stored_sweep_report, stream_sweep
 
 #: Stevens and Lewis, table 3.6-3: xcg, what is held, rates, alpha, beta, throttle, elevator,
 #: aileron, rudder.
@@ -283,36 +282,6 @@ def simple(equations: object, **more: object) -> Model:
         "trim": {"x": 0.0},
     }
     return Model(name="cart", equations=equations, **{**declared, **more})  # type: ignore[arg-type]
-
-
-def cart(x, u, p, w):
-    return {"x": x.v, "v": u.u - ca.sign(x.x) * 35 * ca.fabs(x.x)}, {}
-
-
-def test_kinks_are_reported_with_both_slopes_and_where_they_are(tmp_path: Path) -> None:
-    """At x = 0 alone, in a model, in a sweep and in a store, which counts the entries."""
-    model = linearize(simple(cart), trimmed(simple(cart)))
-    assert model.kinks == ("kink: A(v, x) is 0, but the slopes below and above are -35 and -35",)
-    assert model.kinks[0] in model.report().notes
-    found = sweep(simple(cart), {"x": [-1.0, 0.0, 1.0]})
-    assert found.kinks == {1: model.kinks}
-    (note,) = found.report().notes
-    assert note.endswith("slopes below and above are -35 and -35 (1 of 3 points, the first at 0)")
-    store = stream_sweep(found.plan, tmp_path / "a.zarr")
-    assert store.kinks.values.tolist() == [0, 1, 0]
-    assert "kinks at 1 points" in stored_sweep_report(found.plan, store, tmp_path).notes[0]
-
-
-def test_the_kink_of_the_atmosphere_is_reported(published_aircraft: Model) -> None:
-    """The lapse rate of the temperature ends at 11 km: the HFA there, and nowhere else."""
-    tropopause = 11_000.0 / (1 - 11_000.0 / 6_356_766.0) / 0.3048  # ft
-    at = [
-        find_operating_point(published_aircraft, level_flight(0.1, altitude=h))
-        for h in (tropopause, 40_000.0)
-    ]
-    kinks = [linearize(published_aircraft, point, full=True).kinks for point in at]
-    assert "A(speed, altitude)" in " ".join(kinks[0])
-    assert kinks[1] == ()
 
 
 def test_a_wrong_nominal_gives_no_false_result() -> None:

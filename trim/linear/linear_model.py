@@ -67,6 +67,11 @@ class LinearModel(ByValue, Reported):
         return self.point.model.units(self.inputs)
 
     @property
+    def warnings(self) -> list[str]:
+        """What to know before trusting it: of the operating point, and of entries at a kink."""
+        return [*self.point.warnings, *self.kinks]
+
+    @property
     def modes(self) -> tuple[Mode, ...]:
         """Modes of A, fastest first, named as the model has it."""
         return modes_of(self.A, self.states, self.point.model.modes)
@@ -215,7 +220,7 @@ def linear_model_report(
         (*model.state_offsets.tolist(), *model.input_offsets.tolist()),
     )
     offsets = [(name, *degrees(value, own.unit(name))) for name, value in zip(*places, strict=True)]
-    warnings, names = [*point.warnings, *model.kinks], _ALWAYS + _WINDY * bool(model.disturbances)
+    warnings, names = model.warnings, _ALWAYS + _WINDY * bool(model.disturbances)
     data: dict[str, Any] = {
         "schema": "hfa.linear-model/1",
         **scheduled_data(point),

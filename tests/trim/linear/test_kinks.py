@@ -1,0 +1,114 @@
+"""A and B at the knot of a table, and where |x|, sign, min, max or a comparison switches."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from hfa_aircraft import Model, Signal
+from trim import find_operating_point, level_flight, linearize, sweep
+from trim.point.condition import usual_condition
+from trim.sweeps.sweep_store import stored_sweep_report, stream_sweep
+
+TABLE = ca.interpolant("table", "linear", [[-1.0, 0.0, 1.0]], [1.0, 0.0, 3.0])
+SPLINE = ca.interpolant(
+    "spline", "bspline", [[-2.0, -1.0, 0.0, 1.0, 2.0]], [2.0, 1.0, 0.0, 1.0, 2.0]
+)
+_SYMBOL = ca.SX.sym("x")
+CALLED = ca.Function("called", [_SYMBOL], [ca.fabs(_SYMBOL)], {"never_inline": True})
+#: Force over position with its slopes below and above x = 0.
+FORCES: dict[str, tuple[Callable[[Any], Any], float, float]] = {
+    "interpolant": (TABLE, -1.0, 3.0),
+    "pw_lin": (lambda x: ca.pw_lin(x, [-1.0, 0.0, 1.0], [1.0, 0.0, 3.0]), -1.0, 3.0),
+    "function that is called": (CALLED, -1.0, 1.0),
+    "interpolant and |x|": (lambda x: TABLE(x) + ca.fabs(x), -2.0, 4.0),
+    "fabs": (ca.fabs, -1.0, 1.0),
+    "if_else": (lambda x: ca.if_else(x > 0, 3 * x, x), 1.0, 3.0),
+    # CasADi's derivative is 0 at 0.
+    "sign": (lambda x: 35 * ca.sign(x) * ca.fabs(x), 35.0, 35.0),
+}
+
+
+def cart(force: Callable[[Any], Any]) -> Model:
+    return Model(
+        name="cart",
+        equations=lambda x, u, p, w: ({"x": x.v, "v": u.u + force(x.x)}, {}),
+        states={"x": Signal(start=0.5), "v": Signal()},
+        inputs={"u": Signal()},
+        trim={"x": 0.0},
+    )
+
+
+def at(model: Model, x: float) -> Any:
+    return linearize(model, find_operating_point(model, usual_condition(model).at(hold={"x": x})))
+
+
+@pytest.mark.parametrize("name", FORCES)
+def test_a_kink_has_the_mean_of_both_slopes_and_a_note(name: str) -> None:
+    """The note was absent at tables and called functions, and A had the slope to one side."""
+    force, below, above = FORCES[name]
+    model = at(cart(force), 0.0)
+    assert model.A[1, 0] == pytest.approx((below + above) / 2, abs=1e-8)
+    (note,) = model.kinks
+    assert note == (
+        f"kink: A(v, x) is {(below + above) / 2:.5g}, the mean of the slopes below and above, "
+        f"{below:.5g} and {above:.5g}"
+    )
+    assert note in model.warnings
+    assert note in model.report().notes
+    away = at(cart(force), 0.3)
+    assert (away.A[1, 0], away.kinks) == (pytest.approx(above, abs=1e-12), ())
+
+
+@pytest.mark.parametrize("offset", [-0.9e-6, -1e-12, 1e-9, 0.4e-6])
+def test_a_knot_that_is_hit_up_to_rounding_has_the_same_mean(offset: float) -> None:
+    assert at(cart(TABLE), offset).A[1, 0] == pytest.approx(1.0, abs=1e-8)
+
+
+@pytest.mark.parametrize("offset", [1.5e-6, -2.5e-6, 1e-5])
+def test_beside_a_knot_the_derivative_stands(offset: float) -> None:
+    model = at(cart(TABLE), offset)
+    assert (model.A[1, 0], model.kinks) == (3.0 if offset > 0 else -1.0, ())
+
+
+def test_a_smooth_table_has_no_note() -> None:
+    assert at(cart(SPLINE), 0.0).kinks == ()
+
+
+def test_a_jump_is_named_and_the_slope_beside_it_stays() -> None:
+    """Dry friction: no slope describes it."""
+    model = at(cart(lambda x: ca.sign(x) + 2 * x), 0.0)
+    assert model.A[1, 0] == 2.0
+    assert model.kinks == (
+        "jump: the rate of v jumps as x passes its value; A(v, x) is 2, without the jump",
+    )
+
+
+def test_a_sweep_and_a_store_have_the_means_and_say_where(tmp_path: Path) -> None:
+    """Eigenvalues are those of the mean; the store counts the entries."""
+    result = sweep(cart(TABLE), {"x": [-0.5, 0.0, 0.5]})
+    assert result.A[:, 1, 0] == pytest.approx([-1.0, 1.0, 3.0], abs=1e-8)
+    np.testing.assert_allclose(result.eigenvalues[1] ** 2, 1.0, atol=1e-8)
+    assert list(result.kinks) == [1]
+    (note,) = result.report().notes
+    assert note.endswith("(1 of 3 points, the first at 0)")
+    dataset = stream_sweep(result.plan, tmp_path / "a.zarr")
+    assert dataset.kinks.values.tolist() == [0, 1, 0]
+    np.testing.assert_array_equal(dataset.A, result.A)
+    assert "kinks at 1 points" in stored_sweep_report(result.plan, dataset, tmp_path).notes[0]
+
+
+def test_the_kink_of_the_atmosphere_is_reported(published_aircraft: Model) -> None:
+    """The lapse rate of the temperature ends at 11 km: the HFA there, and nowhere else."""
+    tropopause = 11_000.0 / (1 - 11_000.0 / 6_356_766.0) / 0.3048  # ft
+    kinks = []
+    for altitude in (tropopause, 40_000.0):
+        point = find_operating_point(published_aircraft, level_flight(0.1, altitude=altitude))
+        kinks.append(linearize(published_aircraft, point, full=True).kinks)
+    assert "A(speed, altitude)" in " ".join(kinks[0])
+    assert kinks[1] == ()
