@@ -20,7 +20,6 @@ from hfa_model.printed_matrices import PublishedModel, published_models
 from hfa_model.variants import Newton, Published, Variant
 from hfa_model.vectors import INPUTS, LINEAR_ROWS, LINEAR_STATES, Input
 from hfa_support.errors import NoSolutionError
-from hfa_support.native.bound import BoundFunction
 from hfa_support.progress import Progress
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.text import Table
@@ -33,7 +32,8 @@ from trim.hfa.printed import (
     entries_table,
     regenerate,
 )
-from trim.sweeps.points import newton_functions
+from trim.point.newton import newton
+from trim.point.system import TrimSystem
 
 #: Not determined by the print: value, source and reason.
 ASSUMED: dict[str, tuple[float, str, str]] = {
@@ -72,7 +72,6 @@ ROUGH: dict[str, float] = {
 }
 _FREE_INPUTS = tuple(name for name in INPUTS if name != "aileron_center")
 _ROUGH_INPUTS = np.array([40.0, 0.0, 0.0, 0.0])
-_TRIM_STEPS = 30
 #: A structure that can reach the print does so in a few hundred steps; one that cannot would creep
 #: for ever.
 _MAX_EVALUATIONS = 500
@@ -294,24 +293,12 @@ class _Problem:
     parameters θ."""
 
     def __init__(self, models: Sequence[PublishedModel], structure: Variant) -> None:
-        self._layout, names = (
-            replace(hfa_model.aircraft(), equations=Equations(structure)).layout,
-            hfa_model.aircraft().variables,
-        )
+        own = replace(hfa_model.aircraft(), equations=Equations(structure))
+        self._layout = own.layout
         self._held = [level_flight(model.dihedral).imposed for model in models]
-        given, rates = (
-            tuple(self._held[0]),
-            tuple(
-                (name, 0.0, hfa_model.aircraft().rate_scale(name))
-                for name in hfa_model.aircraft().steady
-            ),
-        )
-        functions = newton_functions(self._layout, given, _FREE_INPUTS, rates)
-        assert functions is not None
-        self._step, self._free = (
-            BoundFunction(functions[0]),
-            [names.index(name) for name in _FREE_INPUTS],
-        )
+        self._dihedrals = np.array([model.dihedral for model in models])
+        self._system = TrimSystem(own, level_flight(models[0].dihedral), ("dihedral",))
+        self._free = [own.variables.index(name) for name in _FREE_INPUTS]
         #: The rows θ' = q and η' = η' are the same for every aircraft.
         moved = [i for i, name in enumerate(LINEAR_STATES) if name not in ("pitch", "dihedral")]
         self._rows = [LINEAR_ROWS[i] for i in moved]
@@ -332,19 +319,13 @@ class _Problem:
         """The free inputs that balance each printed condition, by Newton's method (the loads are
         nearly affine)."""
         self._p[self._known] = theta
-        return [self._trimmed(list(held.values())) for held in self._held]
-
-    def _trimmed(self, held: list[float]) -> np.ndarray:
-        inputs = best = _ROUGH_INPUTS
-        smallest, step = np.inf, self._step
-        step.inputs[0][:], step.inputs[2][:] = held, self._p
-        for _ in range(_TRIM_STEPS):
-            step.inputs[1][:] = inputs
-            step()
-            if not step.results[1][0] < smallest:
-                break
-            best, smallest, inputs = inputs, step.results[1][0], step.results[0].copy()
-        return best
+        values = dict(zip(Parameters._fields, self._p, strict=True))
+        columns = {name: np.full(len(self._held), value) for name, value in values.items()}
+        columns["dihedral"] = self._dihedrals
+        c = self._system.constants({}, len(self._held), columns)
+        start = np.tile(_ROUGH_INPUTS / self._system.scales, (len(self._held), 1))
+        z, _ = newton(self._system, start, c)
+        return list(z * self._system.scales)
 
     def entries(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(entry - print) / half unit of every printed entry that the structure can move, and its

@@ -41,6 +41,37 @@ class BoundFunction:
         self._evaluate()
 
 
+#: Rows a call of a mapped function, the most that there are.
+_TOGETHER = (250, 16, 1)
+
+
+class RowFunction:
+    """Calls a dense CasADi Function once a row of its arguments; columns of a matrix come one after
+    the other in a row. Not for two threads at once."""
+
+    def __init__(self, function: ca.Function) -> None:
+        self._function = function
+        self._bound: dict[int, BoundFunction] = {}
+
+    def __call__(self, *tables: np.ndarray) -> list[np.ndarray]:
+        """Of arguments (N, size of the argument) the results (N, size of the result)."""
+        count = len(tables[0])
+        together = next((size for size in _TOGETHER if size <= count), 1)
+        if together not in self._bound:
+            mapped = self._function.map(together) if together > 1 else self._function
+            self._bound[together] = BoundFunction(mapped)
+        bound = self._bound[together]
+        results = [np.empty((count, memory.size // together)) for memory in bound.results]
+        for first in range(0, count, together):
+            rows = min(together, count - first)
+            for memory, table in zip(bound.inputs, tables, strict=True):
+                memory.reshape(together, -1)[:rows] = table[first : first + rows]
+            bound()
+            for memory, result in zip(bound.results, results, strict=True):
+                result[first : first + rows] = memory.reshape(together, -1)[:rows]
+        return results
+
+
 Made = TypeVar("Made")
 
 #: Expressions are built and compiled by one thread at a time.

@@ -157,5 +157,5 @@ def test_a_result_that_the_disk_has_no_room_for_is_not_there(
 
 
 def test_too_little_memory_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("trim.sweeps.points._newton", lambda *_, **__: np.empty(10**15))
+    monkeypatch.setattr("trim.sweeps.points._settled_together", lambda *_, **__: np.empty(10**15))
     assert_refused(hfa("sweep", "--dihedral", "0:5:1"), 2, "not enough memory")

@@ -15,7 +15,8 @@ from hfa_support.reporting.text import Cell, Table, degrees, short_number, shown
 from hfa_support.reporting.unit_system import in_force, unit_in_force
 from trim.point.condition import TrimCondition
 from trim.point.operating_point import BALANCE, OperatingPoint, Status, scheduled_data
-from trim.point.solve import STARTS, other_trims, trim_problem
+from trim.point.problem import STARTS, TrimProblem
+from trim.point.solve import other_trims
 
 #: A variable is at its limit when it is this close to it, in its scaled unit and relative to the
 #: limit.
@@ -90,7 +91,7 @@ def all_margins(condition: TrimCondition, point: OperatingPoint) -> dict[str, Ma
     order."""
     model, found = point.model, point.values
     role = dict.fromkeys(condition.imposed, "held") | dict.fromkeys(condition.free, "free")
-    role |= dict.fromkeys(trim_problem(model, condition, point).idle, "left")
+    role |= dict.fromkeys(TrimProblem(model, condition, point).idle, "left")
     if set(condition.free) <= set(
         model.inputs
     ):  # then all states are held, those that outputs replace too
@@ -246,8 +247,8 @@ def _search(
     aircraft: Model, condition: TrimCondition, point: OperatingPoint
 ) -> tuple[dict[str, Any], list[str]]:
     """How the point was found, as data and in sentences: none about the usual case."""
-    model, problem = point.model, trim_problem(aircraft, condition, point)
-    at, (equations, unknowns) = problem.unknowns_at(point.values), problem.count
+    model, problem = point.model, TrimProblem(aircraft, condition, point)
+    at, (equations, unknowns) = problem.unknowns(point.values), problem.count
     trimmed, said = point.status == Status.TRIMMED, []
     others = other_trims(aircraft, condition, point) if trimmed else []
     if unknowns > equations and trimmed:
@@ -262,7 +263,7 @@ def _search(
     if problem.idle:
         said.append(f"In no equation, and left where the search begins: {', '.join(problem.idle)}")
     for other in others:
-        apart = np.abs(problem.unknowns_at(other.values) - at) > 1e-3
+        apart = np.abs(problem.unknowns(other.values) - at) > 1e-3
         listed = [
             name for name, differs in zip(problem.free, apart.tolist(), strict=True) if differs
         ]

@@ -19,8 +19,8 @@ from hfa_support.reporting.text import RowsMade, Table, eigenvalue_text, shown_u
 from trim.linear.kinks import with_means_at_kinks
 from trim.linear.modes import fastest_first, modes_of, track_modes
 from trim.point.condition import TrimCondition
+from trim.point.diagnosis import beyond_limits
 from trim.point.operating_point import OperatingPoint, Status
-from trim.point.solve import beyond_limits
 from trim.sweeps.points import (
     BEYOND_LIMITS,
     TRIMMED,

@@ -30,7 +30,6 @@ from trim import (
     sweep,
 )
 from trim.hfa.level_flight import LEVEL_FLIGHT
-from trim.sweeps import points as many
 from trim.sweeps.points import BEYOND_LIMITS, NO_TRIM, TRIMMED, condition_at, is_square, trim_points
 from trim.sweeps.sweep import Sweep, run_points
 from trim.sweeps.sweep_plan import Steps, SweepPlan
@@ -315,38 +314,31 @@ def test_each_point_carries_its_status(aircraft: Model) -> None:
     assert np.isnan(rows["eigenvalues"][:4]).all()
 
 
-def test_what_newton_leaves_open_the_robust_solver_settles(
-    monkeypatch: pytest.MonkeyPatch, published_aircraft: Model
-) -> None:
-    """Here Newton's method on many points balances nothing."""
-    monkeypatch.setattr(many, "_key", lambda *_: None)
-    idle, angles = published_aircraft, np.radians([5.0, 15.0])
-    found, result = (
-        trim_points(idle, ("dihedral",), angles[:, None]),
-        sweep(idle, {"dihedral": angles}),
-    )
+def test_a_trim_with_spare_unknowns_is_found_point_by_point(published_aircraft: Model) -> None:
+    """The least effort of each point, with the bits of a single trim and of its linear model."""
+    model = published_aircraft
+    condition = release(LEVEL_FLIGHT, free=("aileron_center",))
+    angles = np.radians([5.0, 15.0])
+    points = trim_points(model, ("dihedral",), angles[:, None], condition)
+    assert points.one_by_one == 2
     for i, angle in enumerate(angles):
-        point = find_operating_point(idle, level_flight(float(angle)))
-        for points, model in (
-            (found, linearize(idle, point, full=True)),
-            (result, linearize(idle, point)),
-        ):
-            assert (points.states[i].tolist(), points.inputs[i].tolist()) == (
-                list(point.states),
-                list(point.inputs),
-            )
-            np.testing.assert_array_equal(points.A[i], model.A)
-            np.testing.assert_array_equal(points.B[i], model.B)
-    masses = hfa_model.parameters_of(idle).panel_mass * np.array([[1.0], [1.1]])
-    heavier = hfa_model.aircraft(
-        parameters=hfa_model.parameters_of(idle)._replace(panel_mass=float(masses[1, 0]))
-    )
-    inputs = trim_points(idle, ("panel_mass",), masses).inputs
-    assert (
-        inputs[1].tolist()
-        == list(find_operating_point(heavier, level_flight(0.0)).inputs)
-        != inputs[0].tolist()
-    )
+        single = release(level_flight(float(angle)), free=("aileron_center",))
+        point = find_operating_point(model, single)
+        linear = linearize(model, point, full=True)
+        assert points.states[i].tolist() == list(point.states)
+        assert points.inputs[i].tolist() == list(point.inputs)
+        np.testing.assert_array_equal(points.A[i], linear.A)
+        np.testing.assert_array_equal(points.B[i], linear.B)
+
+
+def test_a_parameter_that_varies_is_that_of_single_trims(published_aircraft: Model) -> None:
+    parameters = hfa_model.parameters_of(published_aircraft)
+    masses = parameters.panel_mass * np.array([[1.0], [1.1]])
+    heavier = parameters._replace(panel_mass=float(masses[1, 0]))
+    single = find_operating_point(hfa_model.aircraft(parameters=heavier), level_flight(0.0))
+    inputs = trim_points(published_aircraft, ("panel_mass",), masses).inputs
+    assert inputs[1].tolist() == list(single.inputs)
+    assert inputs[0].tolist() != inputs[1].tolist()
 
 
 @pytest.mark.parametrize(("name", "value"), [("lift_slope", 1e200), ("inertia_pitch", 1e-300)])
@@ -355,7 +347,7 @@ def test_an_extreme_parameter_is_refused(
     parameters: Parameters, name: str, value: float, free: tuple[str, ...]
 ) -> None:
     """One at which the first guess, the rates or their Jacobian overflow."""
-    with pytest.raises(BadInputError, match=f"{WORDS}; take values"):
+    with pytest.raises(BadInputError, match=f"{WORDS}; take other values"):
         find_operating_point(
             hfa_model.aircraft(parameters=parameters._replace(**{name: value})),
             release(level_flight(0.0), free=free),

@@ -1,0 +1,138 @@
+"""Why a condition has no trim, in one line; and what a trim that was found should say of itself."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from hfa_aircraft.model import Model
+from trim.point.condition import TrimCondition
+from trim.point.operating_point import BALANCE, Status
+from trim.point.problem import TrimProblem
+
+#: An entry of the scaled Jacobian up to which a variable does not move an equation.
+_NOTHING = 1e-12
+#: What the effects of other variables may leave of the effect of one that moves nothing else,
+#: relative.
+_DEPENDENT = 1e-9
+#: Imbalances that are smaller than this part of the largest are not named.
+_MINOR = 1e-3
+#: Condition number of the scaled Jacobian from which it counts as singular.
+_SINGULAR = 1e12
+
+
+def failure(problem: TrimProblem, found: np.ndarray) -> str:
+    """One line on the best unknowns found: which equations do not balance within the limits, by
+    how much, which limits bind, and, where the equations balance beyond them, what that would
+    take."""
+    z = problem.clip(found)
+    off = _imbalances(problem, z)
+    if not off:
+        return f"no trim within limits: {'; '.join(problem.beyond(z))}"
+    can_balance = problem.balanced(found)
+    binding = _binding(problem, z, found if can_balance else z)
+    reasons = [f"limits that bind: {'; '.join(binding)}" if binding else "no limit binds"]
+    equations, unknowns = problem.count
+    if equations > unknowns and not can_balance:
+        reasons.append(f"{equations} equations for {unknowns} unknowns, set more free")
+    idle = _without_effect(problem, z)
+    if idle:
+        reasons.append(f"{' and '.join(idle)} moves none of them, set something else free")
+    elif not can_balance:
+        alike = _alike(problem, z)
+        if alike:
+            reasons.append(f"{'; '.join(alike)}; set something else free")
+    kind = "equations" if problem.condition.equations[1] else "rates"
+    return f"no trim: these {kind} do not balance: {', '.join(off)} ({'; '.join(reasons)})"
+
+
+def beyond_limits(model: Model, condition: TrimCondition, balancing: Mapping[str, float]) -> str:
+    """What `find_operating_point` says of a condition that balances beyond the limits only, with
+    these values of the free variables."""
+    problem = TrimProblem(model, condition)
+    return failure(problem, problem.unknowns(balancing))
+
+
+def singular_note(problem: TrimProblem, z: np.ndarray) -> str:
+    """A sentence where the Jacobian of as many equations as unknowns is singular at a solution: it
+    is one of many; "" elsewhere."""
+    equations, unknowns = problem.count
+    jacobian = problem.at(z).jacobian[:equations]
+    if equations != unknowns or np.linalg.cond(jacobian) < _SINGULAR:
+        return ""
+    direction = np.abs(np.linalg.svd(jacobian)[2][-1])
+    moving = [problem.free[i] for i in np.argsort(-direction) if direction[i] > 0.1]
+    return (
+        f"The equations do not determine the trim: their Jacobian is singular here, along "
+        f"{', '.join(moving)}; hold one of these"
+    )
+
+
+def _imbalances(problem: TrimProblem, z: np.ndarray) -> list[str]:
+    """The equations that do not balance, the largest first, without those that are minor."""
+    scaled = problem.at(z).residual
+    point = problem.point(z, Status.FAILED)
+    least = max(BALANCE, _MINOR * float(np.abs(scaled).max()))
+    words = []
+    for i in np.argsort(-np.abs(scaled), kind="stable").tolist():
+        if abs(scaled[i]) > least:
+            name = problem.names[i]
+            amount = scaled[i] * problem.system.row_scales[i]
+            words.append(f"{name} by {amount:.3g} {point.equation_unit(name)}")
+    return words
+
+
+def _without_effect(problem: TrimProblem, z: np.ndarray) -> list[str]:
+    """The free variables that move no equation."""
+    effects = np.abs(problem.at(z).jacobian).max(axis=0)
+    names = [*problem.idle]
+    for name, effect in zip(problem.free, effects.tolist(), strict=True):
+        if effect <= _NOTHING:
+            names.append(name)
+    return names
+
+
+def _alike(problem: TrimProblem, z: np.ndarray) -> list[str]:
+    """Which free variables move the equations as others do, where fewer directions are left than
+    equations: a column of the Jacobian that is a sum of multiples of those before it adds
+    nothing."""
+    jacobian = problem.at(z).jacobian
+    sentences: list[str] = []
+    kept: list[int] = []
+    for column, name in enumerate(problem.free):
+        before = jacobian[:, kept]
+        effect = jacobian[:, column]
+        shares = np.linalg.lstsq(before, effect)[0]
+        remainder = np.linalg.norm(effect - before @ shares)
+        if remainder > _DEPENDENT * np.linalg.norm(effect):
+            kept.append(column)
+            continue
+        parts = np.linalg.norm(before, axis=0) * np.abs(shares)
+        significant = np.flatnonzero(parts > _DEPENDENT * parts.max())
+        others = [problem.free[kept[i]] for i in significant]
+        verb = "does" if len(others) == 1 else "do"
+        sentences.append(f"{name} moves them only as {' and '.join(others)} {verb}")
+    if len(kept) == problem.count[0]:
+        return []
+    return sentences
+
+
+def _binding(problem: TrimProblem, z: np.ndarray, wanted: np.ndarray) -> list[str]:
+    """The limits that the unknowns z lie at, and the values that balance would take."""
+    limits = problem.system.limits
+    describe = problem.model.describe
+    values = z * problem.system.scales
+    needed = wanted * problem.system.scales
+    low, high = limits.at_lowest(values), limits.at_highest(values)
+    beyond = ~limits.within(needed)
+    sentences = []
+    for i, name in enumerate(problem.free):
+        if not (low[i] or high[i]):
+            continue
+        word, limit = ("lowest", limits.lowest[i]) if low[i] else ("highest", limits.highest[i])
+        sentence = f"{name} at its {word}, {describe(name, float(limit))}"
+        if beyond[i]:
+            sentence += f", would have to be {describe(name, float(needed[i]))}"
+        sentences.append(sentence)
+    return sentences

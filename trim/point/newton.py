@@ -1,0 +1,137 @@
+"""Newton's method for r(z, c) = 0 at N points at once, N = 1 included."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+
+import numpy as np
+
+from trim.point.system import FEW, TrimSystem
+
+#: Norm of the scaled residuals from which one more step ends at rounding.
+NEARLY = 1e-7
+#: Evaluations of a point, at most.
+MOST_TRIALS = 300
+#: Shortest share of a step that is tried.
+LEAST_SHARE = 2.0**-20
+#: Largest entry of a step, in scaled units; a Jacobian that asks for more counts as singular.
+LONGEST = 1e6
+
+
+def newton(
+    system: TrimSystem,
+    z: np.ndarray,
+    c: np.ndarray,
+    moving: np.ndarray | None = None,
+    bounded: bool = False,
+) -> tuple[np.ndarray, np.ndarray]:
+    """z (N, k) after Newton's method, and which points are settled (N,).
+
+    A step J d = -r is halved until the norm of r falls, or that of J⁻¹ r, which no scale of an
+    equation changes. A step from a residual of `NEARLY` or less is the last one of its point, which
+    is then settled. Where J is singular or not square d is the least-norm solution. A point that
+    does not settle keeps the best unknowns found.
+
+    z: (N, k), where the search begins
+    c: (N, ..), what differs between the points
+    moving: indices of the unknowns that may move; all of them unless given
+    bounded: every trial is moved to the nearest point within the limits
+    """
+    if moving is not None or bounded or not system.equations.square:
+        return _halving(system, z, c, moving, bounded)
+    if system.machine is not None:
+        return system.machine.newton(z, c)
+    if len(system.scales) > FEW:
+        return _halving(system, z, c)
+    best, norms = system.full_steps(z, c)
+    falls = (norms[:, 1:] < norms[:, :-1]) | (norms[:, 1:] <= NEARLY)
+    settled = falls.all(axis=1) & (norms[:, -1] <= NEARLY)
+    if not settled.all():
+        rest = ~settled
+        best[rest], settled[rest] = _halving(system, z[rest], c[rest])
+    return best, settled
+
+
+def _halving(
+    system: TrimSystem,
+    z: np.ndarray,
+    c: np.ndarray,
+    moving: np.ndarray | None = None,
+    bounded: bool = False,
+) -> tuple[np.ndarray, np.ndarray]:
+    """The same, each step halved until it is accepted."""
+    best = z.copy()
+    settled = np.zeros(len(z), dtype=bool)
+    residual, jacobian = _moved(system, z, c)
+    size = _norm(residual)
+    step = newton_step(jacobian, residual, moving)
+    share = np.ones(len(z))
+    active = np.arange(len(z))
+    for _ in range(MOST_TRIALS):
+        last = size <= NEARLY
+        ended = last | ~(share >= LEAST_SHARE)
+        if ended.any():
+            finished = last & np.isfinite(step).all(axis=1)
+            best[active[finished]] += step[finished]
+            settled[active[finished]] = True
+            left = ~ended
+            active, size, step, share = active[left], size[left], step[left], share[left]
+            jacobian = jacobian[left]
+        if not active.size:
+            break
+        trial = best[active] + share[:, None] * step
+        if bounded:
+            trial = np.clip(trial, system.lowest, system.highest)
+        residual, trial_jacobian = _moved(system, trial, c[active])
+        trial_size = _norm(residual)
+        better = trial_size < size
+        if not better.all():
+            simplified = newton_step(jacobian, residual, moving)
+            better |= _norm(simplified) < (1.0 - share / 4.0) * _norm(step)
+            better &= np.isfinite(trial_jacobian).all(axis=(1, 2))
+        if better.all():
+            best[active] = trial
+            size = trial_size
+            jacobian = trial_jacobian
+            step = newton_step(jacobian, residual, moving)
+            share = np.ones(len(active))
+        else:
+            best[active[better]] = trial[better]
+            size[better] = trial_size[better]
+            jacobian[better] = trial_jacobian[better]
+            step[better] = newton_step(jacobian[better], residual[better], moving)
+            share = np.where(better, 1.0, share / 2.0)
+    return best, settled
+
+
+def newton_step(
+    jacobian: np.ndarray, residual: np.ndarray, moving: np.ndarray | None = None
+) -> np.ndarray:
+    """d (N, k) with J d = -r, J (N, m, k); of least norm where J is singular or not square; nan
+    where J is not finite. Unknowns that are not among `moving` stay."""
+    count, rows, unknowns = jacobian.shape
+    if moving is not None:
+        step = np.zeros((count, unknowns))
+        step[:, moving] = newton_step(jacobian[:, :, moving], residual)
+        return step
+    step = np.full((count, unknowns), np.nan)
+    if rows == unknowns:
+        with suppress(np.linalg.LinAlgError):  # where one of them is singular
+            step = np.linalg.solve(jacobian, -residual[:, :, None])[:, :, 0]
+        if np.abs(step).max(initial=0.0) < LONGEST:
+            return step
+    doubtful = ~(np.abs(step).max(axis=1, initial=0.0) < LONGEST)
+    doubtful &= np.isfinite(jacobian).all(axis=(1, 2)) & np.isfinite(residual).all(axis=1)
+    inverse = np.linalg.pinv(jacobian[doubtful], rcond=1e-12)
+    step[doubtful] = -(inverse @ residual[doubtful][:, :, None])[:, :, 0]
+    return step
+
+
+def _moved(system: TrimSystem, z: np.ndarray, c: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """r and J of the equations that the unknowns can move."""
+    residual, jacobian = system.residuals(z, c)
+    return residual[:, : system.moved], jacobian
+
+
+def _norm(rows: np.ndarray) -> np.ndarray:
+    return np.sqrt(np.einsum("ij,ij->i", rows, rows))

@@ -1,0 +1,179 @@
+"""One trim as a problem: unknowns within limits, equations to balance, where the search begins."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from hfa_aircraft.model import Model, record
+from hfa_support.errors import BadInputError
+from hfa_support.linear_table import LinearTable
+from trim.point.condition import TrimCondition
+from trim.point.newton import newton
+from trim.point.operating_point import BALANCE, OperatingPoint, Status
+from trim.point.system import TrimSystem
+
+#: Starting points that are tried beside the usual one, and how far they lie from it where there is
+#: no limit, in scaled units.
+STARTS, _FAR = 8, 10.0
+
+
+class Evaluation(NamedTuple):
+    """The equations at one point.
+
+    x, u, y: states, inputs and watched outputs
+    residual: (e,), in scaled units
+    jacobian: (e, k), by the scaled unknowns
+    """
+
+    x: np.ndarray
+    u: np.ndarray
+    y: np.ndarray
+    residual: np.ndarray
+    jacobian: np.ndarray
+
+
+class TrimProblem:
+    """A condition in numbers, its equations, and the point where the search begins.
+
+    system: the equations; unknowns z are scaled
+    begin: value of each variable where the search begins; idle variables stay there
+    c: (1, ..), the constants of the system
+    free, idle: the unknowns, and the free variables that are in no equation
+    names: the equations: states for their rates, then outputs
+    count: number of equations that the unknowns can move, and of unknowns
+
+    BadInputError where nothing is free, nothing that is free moves an equation, or the condition
+    is one of another model.
+    """
+
+    def __init__(
+        self, model: Model, condition: TrimCondition, start: OperatingPoint | None = None
+    ) -> None:
+        if not condition.free:
+            choices = ", ".join(model.variables)
+            raise BadInputError(f"nothing is free; set at least one of {choices} free")
+        if condition.model.variables != model.variables:
+            raise BadInputError(
+                f"the condition is one of {condition.model.name}, the aircraft is {model.name}"
+            )
+        if any(isinstance(value, LinearTable) for value in condition.imposed.values()):
+            condition = condition.at()
+        self.model = model
+        self.condition = condition
+        self.system = TrimSystem(model, condition)
+        self.free = self.system.equations.unknowns
+        self.idle = self.system.equations.idle
+        self.names = self.system.equations.names
+        self.count = (self.system.moved, len(self.free))
+        if not self.free:
+            raise BadInputError(
+                f"{' and '.join(self.idle)} moves no equation; set something else free"
+            )
+        if start is None:
+            self.begin: Mapping[str, float] = declared_start(model) | dict(condition.begin)
+        else:
+            self.begin = start.values
+        self.c = self.system.constants(self.begin)
+        self._last: tuple[bytes, Evaluation] | None = None
+
+    def at(self, z: np.ndarray) -> Evaluation:
+        """The equations at the unknowns z (k,). FloatingPointError where they are not finite,
+        BadInputError where the model refuses the state."""
+        key = z.tobytes()
+        if self._last is not None and self._last[0] == key:
+            return self._last[1]
+        residual, moved = self.system.residuals(z[None], self.c)
+        x, u, y = (part[0] for part in self.system.points(z[None], self.c))
+        if self.model.check is not None:
+            self.model.check(record(tuple(self.model.states))(*x.tolist()))
+        if not (np.isfinite(residual).all() and np.isfinite(moved).all() and np.isfinite(y).all()):
+            self.model.at(x, u)  # says which rate is not a number
+            raise FloatingPointError(f"{self.model.name}: an output is not a number")
+        jacobian = np.zeros((len(self.names), len(z)))
+        jacobian[: self.system.moved] = moved[0]
+        evaluation = Evaluation(x, u, y, residual[0], jacobian)
+        self._last = key, evaluation
+        return evaluation
+
+    def newton(self, z: np.ndarray, moving: np.ndarray | None = None) -> np.ndarray:
+        """The unknowns (k,) that Newton's method leads to."""
+        found, _ = newton(self.system, z[None], self.c, moving)
+        return found[0]
+
+    def newton_within(self, z: np.ndarray) -> np.ndarray:
+        """The unknowns (k,) that Newton's method leads to whose trials stay within the limits."""
+        found, _ = newton(self.system, z[None], self.c, bounded=True)
+        return found[0]
+
+    def clip(self, z: np.ndarray) -> np.ndarray:
+        """The nearest unknowns within the limits."""
+        return np.clip(z, self.system.lowest, self.system.highest)
+
+    def solved(self, z: np.ndarray) -> bool:
+        """Whether the equations balance within all limits; no where the model has no values."""
+        if not self.system.limits.within(z * self.system.scales).all():
+            return False
+        try:
+            return self.balanced(z) and not self.beyond(z)
+        except (BadInputError, FloatingPointError):
+            return False
+
+    def balanced(self, z: np.ndarray) -> bool:
+        """Whether every residual is within `BALANCE`, whatever the limits say."""
+        return bool(np.abs(self.at(z).residual).max() <= BALANCE)
+
+    def beyond(self, z: np.ndarray) -> list[str]:
+        """The watched states and outputs that lie beyond their limits, in words."""
+        return self.system.watched.broken(self.at(z).y)
+
+    def unknowns(self, values: Mapping[str, float]) -> np.ndarray:
+        """z (k,) of the values of all variables."""
+        return self.system.unknowns(values)
+
+    def starts(self, guess: np.ndarray) -> Iterator[np.ndarray]:
+        """Of `STARTS` points between the limits, spread evenly, those where the Jacobian is another
+        than at the guess: where it is the same everywhere one solution is all there can be. None
+        where equations outnumber unknowns.
+
+        k α modulo 1 with α_j = φ^-j, φ^(d+1) = φ + 1 (Roberts' generalized golden ratio): no point
+        depends on chance."""
+        equations, unknowns = self.count
+        if equations > unknowns:
+            return
+        limits = self.system.lowest, self.system.highest
+        lowest = np.where(np.isfinite(limits[0]), limits[0], guess - _FAR)
+        highest = np.where(np.isfinite(limits[1]), limits[1], guess + _FAR)
+        polynomial = [1.0, *[0.0] * (unknowns - 1), -1.0, -1.0]
+        golden = max(np.roots(polynomial).real) ** -np.arange(1.0, unknowns + 1)
+        here = self.at(guess).jacobian
+        for number in range(1, STARTS + 1):
+            start = lowest + (highest - lowest) * ((0.5 + number * golden) % 1.0)
+            try:
+                jacobian = self.at(start).jacobian
+            except (BadInputError, FloatingPointError):
+                continue  # outside the model
+            if not np.allclose(jacobian, here, rtol=1e-9, atol=1e-12):
+                yield start
+
+    def point(self, z: np.ndarray, status: Status, started: int = 0) -> OperatingPoint:
+        """The operating point at these unknowns."""
+        evaluation = self.at(z)
+        scaled = dict(zip(self.names, evaluation.residual * self.system.row_scales, strict=True))
+        structure = self.system.structure
+        in_order = [name for name, _ in (*structure.rates, *structure.outputs)]
+        return OperatingPoint(
+            record(tuple(self.model.states))(*evaluation.x.tolist()),
+            record(tuple(self.model.inputs))(*evaluation.u.tolist()),
+            {name: float(scaled[name]) for name in in_order},
+            status,
+            self.model,
+            started,
+        )
+
+
+def declared_start(model: Model) -> dict[str, float]:
+    """Where the declaration of a model begins the search for each variable."""
+    return {name: model.signals[name].start for name in model.variables}

@@ -1,0 +1,302 @@
+"""The equations of a trim: residuals r and their Jacobian J at many points, as functions of the
+unknowns z and of what differs from point to point, c."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from functools import lru_cache
+from typing import NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from hfa_aircraft.model import Layout, Model, components
+from hfa_support.linear_table import LinearTable
+from hfa_support.native.bound import RowFunction, cached_per_thread
+from trim.point.condition import TrimCondition
+
+#: Steps of Newton's method that one evaluation takes, and with how many unknowns at most.
+FULL_STEPS = 5
+FEW = 6
+
+
+class Structure(NamedTuple):
+    """What the equations of a trim are made of; numbers that may differ between points are not in
+    it.
+
+    layout: equations and names of the model
+    given: variables, outputs and rates whose values the points give; other imposed ones are 0
+    free: (variable, its scale), all variables that are not imposed
+    rates: (state whose rate is imposed, scale of the rate)
+    outputs: (imposed output, its scale)
+    watched: (state or output, its scale) that has limits and is neither imposed nor unknown
+    """
+
+    layout: Layout
+    given: tuple[str, ...]
+    free: tuple[tuple[str, float], ...]
+    rates: tuple[tuple[str, float], ...]
+    outputs: tuple[tuple[str, float], ...]
+    watched: tuple[tuple[str, float], ...]
+
+
+class Equations(NamedTuple):
+    """r(z, c) = 0 as CasADi expressions, in scaled units.
+
+    z: (k, 1), the unknowns divided by their scales
+    c: the values of `constants`, then the parameters
+    x, u, y: states, inputs and watched outputs
+    residual: (e, 1); the equations that the unknowns can move come first
+    jacobian: (m, k) of those
+    names: the e equations, states for their rates and outputs
+    unknowns: the k free variables that move an equation
+    idle: free variables that are in no equation; c gives their values
+    constants: names of the values in c
+    square: whether Newton's method can solve for z: m = k, and no row or column depends on others
+    by its zeros alone
+    """
+
+    z: ca.SX
+    c: ca.SX
+    x: ca.SX
+    u: ca.SX
+    y: ca.SX
+    residual: ca.SX
+    jacobian: ca.SX
+    names: tuple[str, ...]
+    unknowns: tuple[str, ...]
+    idle: tuple[str, ...]
+    constants: tuple[str, ...]
+    square: bool
+
+
+def structure_of(model: Model, condition: TrimCondition, varied: Sequence[str] = ()) -> Structure:
+    """The structure of a condition where these variables, outputs or rates have other values at
+    each point."""
+    imposed = {name for name, value in condition.imposed.items() if value != 0.0}
+    imposed |= {name for name in condition.imposed if name in model.outputs}
+    imposed |= {f"{name}_dot" for name, rate in condition.rates.items() if rate != 0.0}
+    imposed |= set(varied)
+    states_in_balance = [
+        name for name in model.states if name in condition.rates or f"{name}_dot" in varied
+    ]
+    held = {*condition.imposed, *varied}
+    outputs = [name for name in model.outputs if name in held and name not in model.variables]
+    free = [name for name in model.variables if name not in held]
+    limited = {name for name, ends in model.limits.items() if any(map(math.isfinite, ends))}
+    limited |= set(condition.limits)
+    watched = [
+        name
+        for name in (*model.states, *model.outputs)
+        if name in limited and name not in held and name not in model.variables
+    ]
+    return Structure(
+        model.layout,
+        tuple(name for name in (*model.holdable, *model.rates) if name in imposed),
+        tuple((name, model.signals[name].nominal) for name in free),
+        tuple((name, model.rate_scale(name)) for name in states_in_balance),
+        tuple((name, model.signals[name].nominal) for name in outputs),
+        tuple((name, model.signals[name].nominal) for name in watched),
+    )
+
+
+@lru_cache(maxsize=16)
+def equations(structure: Structure) -> Equations:
+    """The expressions of a structure. BadInputError for a free variable that acts in steps only."""
+    layout, names = structure.layout, [name for name, _ in structure.free]
+    (p,) = layout.symbols("p")
+    given = ca.SX.sym("given", len(structure.given))
+    free = ca.SX.sym("free", len(names))
+    values = dict.fromkeys(layout.variables, ca.SX(0))
+    values |= dict(zip(structure.given, components(given), strict=True))
+    values |= dict(zip(names, components(free), strict=True))
+    outputs = [name for name, _ in structure.outputs]
+    watched = [name for name, _ in structure.watched]
+    x, u, f, y = layout.in_variables(values, p, (*outputs, *watched))
+
+    rows = []
+    for name, scale in structure.rates:
+        rate = f[layout.names[0].index(name)]
+        rows.append((rate - values.get(f"{name}_dot", 0.0)) / scale)
+    for i, (name, scale) in enumerate(structure.outputs):
+        rows.append((y[i] - values[name]) / scale)
+    residual = ca.vertcat(*rows)
+    jacobian = ca.jacobian(residual, free)
+    layout.refuse_steps(jacobian, names)
+    jacobian = ca.sparsify(jacobian)
+    moved = [i for i in range(residual.numel()) if jacobian[i, :].nnz()]
+    still = [i for i in range(residual.numel()) if not jacobian[i, :].nnz()]
+    moving = [j for j in range(len(names)) if jacobian[:, j].nnz()]
+    idle = [j for j in range(len(names)) if not jacobian[:, j].nnz()]
+    square = bool(moving) and len(moved) == len(moving)
+    square = square and ca.sprank(jacobian[moved, moving]) == len(moving)
+
+    idle_symbols = [free[j] for j in idle]
+    scales = ca.DM([structure.free[j][1] for j in moving])
+    z = ca.SX.sym("z", len(moving))
+    jacobian = ca.densify(jacobian[moved, moving]) @ ca.diag(scales)
+    parts = [x, u, y[len(outputs) :], residual[[*moved, *still]], jacobian]
+    x, u, y, residual, jacobian = ca.substitute(parts, [free[moving]], [z * scales])
+    every = [*(name for name, _ in structure.rates), *outputs]
+    return Equations(
+        z,
+        ca.vertcat(ca.SX(0, 1), *components(given), *idle_symbols, *components(p)),
+        x,
+        u,
+        ca.densify(y),
+        ca.densify(residual),
+        jacobian,
+        tuple(every[i] for i in (*moved, *still)),
+        tuple(names[j] for j in moving),
+        tuple(names[j] for j in idle),
+        (*structure.given, *(names[j] for j in idle)),
+        square,
+    )
+
+
+@lru_cache(maxsize=16)
+def residual_function(structure: Structure) -> ca.Function:
+    """(z, c) -> r (e,) and J (m, k) row by row."""
+    e = equations(structure)
+    return ca.Function("residual", [e.z, e.c], ca.cse([e.residual, ca.vec(e.jacobian.T)]))
+
+
+@lru_cache(maxsize=16)
+def steps_function(structure: Structure) -> ca.Function:
+    """(z, c) -> z after `FULL_STEPS` steps of Newton's method, and |r| before each of them."""
+    e = equations(structure)
+    moved = e.residual[: e.jacobian.shape[0]]
+    after = e.z - ca.solve(e.jacobian, moved)
+    step = ca.Function("step", [e.z, e.c], [after, ca.norm_2(moved)], {"cse": True})
+    z, norms = e.z, []
+    for _ in range(FULL_STEPS):
+        z, norm = step(z, e.c)
+        norms.append(norm)
+    return ca.Function("steps", [e.z, e.c], [z, ca.vertcat(*norms)], {"cse": True})
+
+
+@lru_cache(maxsize=16)
+def point_function(structure: Structure) -> ca.Function:
+    """(z, c) -> x, u and the watched outputs y in one column."""
+    e = equations(structure)
+    return ca.Function("point", [e.z, e.c], [ca.cse(ca.densify(ca.vertcat(e.x, e.u, e.y)))])
+
+
+@lru_cache(maxsize=16)
+def linear_function(structure: Structure) -> ca.Function:
+    """(z, c) -> x, u, y, A and B row by row, and r, in one column."""
+    e, layout = equations(structure), structure.layout
+    x, u = layout.symbols("x", "u")
+    p = e.c[len(e.constants) :]
+    f, _ = layout.expressions([components(x), components(u), components(p)], ())
+    jacobians = ca.substitute([ca.jacobian(f, x), ca.jacobian(f, u)], [x, u], [e.x, e.u])
+    A, B = (ca.vec(ca.densify(jacobian).T) for jacobian in jacobians)
+    flat = ca.vertcat(e.x, e.u, e.y, A, B, e.residual)
+    return ca.Function("linear", [e.z, e.c], [ca.cse(ca.densify(flat))])
+
+
+@cached_per_thread(maxsize=16)
+def _rows_of(function: ca.Function) -> RowFunction:
+    return RowFunction(function)
+
+
+class TrimSystem:
+    """The equations of a condition at N points, of which each may give its own values.
+
+    model, condition: whose equations these are; what the points do not give is the condition's
+    structure, equations: what they consist of
+    scales: (k,), one scaled unit of each unknown
+    limits: of the unknowns, in the units of the model
+    lowest, highest: (k,), the same in scaled units
+    watched: limits of the states and outputs that are watched
+    row_scales: (e,), one scaled unit of each equation
+    moved: number of equations that the unknowns can move, the first ones
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        condition: TrimCondition,
+        varied: Sequence[str] = (),
+        compile_code: bool = False,
+    ) -> None:
+        self.model = model
+        self.condition = condition
+        self.structure = structure_of(model, condition, varied)
+        self.equations = equations(self.structure)
+        self.scales = np.array([model.signals[name].nominal for name in self.equations.unknowns])
+        self.limits = condition.limits_on(self.equations.unknowns)
+        self.lowest = self.limits.lowest / self.scales
+        self.highest = self.limits.highest / self.scales
+        self.watched = condition.limits_on([name for name, _ in self.structure.watched])
+        scales = dict(self.structure.rates) | dict(self.structure.outputs)
+        self.row_scales = np.array([scales[name] for name in self.equations.names])
+        self.moved = self.equations.jacobian.shape[0]
+        self.machine = None
+
+    @property
+    def only_inputs(self) -> bool:
+        """Whether all unknowns are inputs: the equations are then nearly affine, with one
+        solution."""
+        return set(self.equations.unknowns) <= set(self.model.inputs)
+
+    def residuals(self, z: np.ndarray, c: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """r (N, e) and J (N, m, k) at the unknowns z (N, k) and the constants c (N, ..)."""
+        residual, jacobian = _rows_of(residual_function(self.structure))(z, c)
+        return residual, jacobian.reshape(len(z), self.moved, -1)
+
+    def full_steps(self, z: np.ndarray, c: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """z (N, k) after `FULL_STEPS` steps of Newton's method, none of them halved, and |r| before
+        each (N, FULL_STEPS)."""
+        after, norms = _rows_of(steps_function(self.structure))(z, c)
+        return after, norms
+
+    def points(self, z: np.ndarray, c: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """States (N, n), inputs (N, m) and watched outputs (N, w)."""
+        (flat,) = _rows_of(point_function(self.structure))(z, c)
+        states = len(self.model.states)
+        inputs = states + len(self.model.inputs)
+        return flat[:, :states], flat[:, states:inputs], flat[:, inputs:]
+
+    def linear(self, z: np.ndarray, c: np.ndarray) -> np.ndarray:
+        """(N, ..): x, u, watched outputs, A and B row by row, and r of each point."""
+        (flat,) = _rows_of(linear_function(self.structure))(z, c)
+        return flat
+
+    def constants(
+        self,
+        begin: Mapping[str, float],
+        count: int = 1,
+        columns: Mapping[str, np.ndarray] | None = None,
+    ) -> np.ndarray:
+        """(N, ..), what the points give.
+
+        begin: values of the idle variables
+        columns: name of a variable, output, rate or parameter -> its values (N,); the others
+        have those of the condition and the model
+        """
+        columns = columns or {}
+        scheduled = self.model.schedule
+        at = columns.get(scheduled, self.condition.imposed.get(scheduled, 0.0))
+        table = np.empty((count, len(self.equations.constants) + len(self.model.p)))
+        for i, name in enumerate(self.equations.constants):
+            if name in columns:
+                table[:, i] = columns[name]
+            elif name in self.equations.idle:
+                table[:, i] = begin[name]
+            elif name in self.model.rates:
+                table[:, i] = self.condition.rates[name.removesuffix("_dot")]
+            elif isinstance(self.condition.imposed[name], LinearTable):
+                table[:, i] = self.condition.values_at(name, at)
+            else:
+                table[:, i] = self.condition.imposed[name]
+        table[:, len(self.equations.constants) :] = self.model.p
+        for i, name in enumerate(self.model.parameters, start=len(self.equations.constants)):
+            if name in columns:
+                table[:, i] = columns[name]
+        return table
+
+    def unknowns(self, values: Mapping[str, float]) -> np.ndarray:
+        """(k,), the scaled unknowns among the values of all variables."""
+        return np.array([values[name] for name in self.equations.unknowns]) / self.scales
