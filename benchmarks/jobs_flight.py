@@ -15,9 +15,8 @@ import numpy as np
 
 from benchmarks.report import FOLDER, Row, in_turn
 from controller.flight.closed_loop import ClosedLoop, LinearPlant
-from controller.flight.policies import FlownLaw
 from controller.flight.scenario import Scenario
-from controller.flight.signals import Harmonic, Signal, zero
+from controller.flight.signals import Harmonic, Waveform, zero
 from controller.flight.simulation import CompiledLoop
 from controller.game.basis import basis
 from controller.game.zero_sum import published_game
@@ -61,14 +60,15 @@ class FlightCase:
         wave = Harmonic(
             0.1, 1.1 * np.array([0.1, 0.2, 0, 0.1, 0, 0.1]), 1.1 * np.array([0, 0, 0.2, 0, 0.1, 0])
         )
-        self.reference = Signal(
+        self.reference = Waveform(
             np.array([7.0, 0.1, 0, 0, 0.5, 0]), np.array([0.01, 0, 0, 0, 0, 0]), (swing,)
         )
-        self.disturbance = Signal(nothing, nothing, (wave,))
+        self.disturbance = Waveform(nothing, nothing, (wave,))
         self.plant = LinearPlant(game.A, game.B)
-        policy, weights = CriticPolicy(self.law, zero(6)), self.law.start()["weights"]
-        self.flown = FlownLaw("published", policy, np.ones((1, 1)), weights)
-        self.start = np.concatenate([[5.0, 0.05, 0, 0, 0, 0], self.flown.memory])
+        weights = self.law.start()["weights"]
+        learning = np.ones((1, 1))
+        self.flown = CriticPolicy("published", self.law, zero(6), held=learning, start=weights)
+        self.start = np.concatenate([[5.0, 0.05, 0, 0, 0, 0], self.flown.start])
         self.compiled = lru_cache(self._compiled)
 
     def fly(self, compile_code: bool, steps: int = STEPS) -> np.ndarray:

@@ -20,15 +20,16 @@ import numpy as np
 import hfa_model
 from benchmarks.jobs_flight import STEP, FlightCase
 from benchmarks.report import Comparison, Row, Size, in_turn, value_text
-from controller.flight.envelope import Envelope, flight_envelope
+from controller.flight.envelope import flight_envelope
 from controller.flight.monte_carlo import MonteCarlo, fly_member
-from controller.flight.policies import gain_law
+from controller.flight.policies import GainPolicy
 from controller.flight.scenario import Scenario, Uncertainty
 from controller.game.zero_sum import published_game
 from controller.riccati.gare import solve_game
-from hfa_model.vectors import State
+from hfa_model.vectors import STATES
 from hfa_support.jobs.store import stream
 from trim.hfa.level_flight import level_flight
+from trim.limits import Limits
 from trim.linear.linear_model import level_model
 from trim.point.solve import find_operating_point
 from trim.sweeps.sweep_plan import Steps, SweepPlan
@@ -75,7 +76,7 @@ def critic_plan(members: int, duration: float = 20.0) -> MonteCarlo:
     point = find_operating_point(aircraft, level_flight(float(np.radians(5.0))))
     initial, signals = np.array([*case.start[:6], 0.0]), (case.reference, case.disturbance)
     scenario = Scenario(duration, STEP, 0.01, initial, *signals, uncertainty=_UNCERTAIN)
-    everywhere = Envelope(State(*[-1e9] * 7), State(*[1e9] * 7), hfa_model.aircraft())
+    everywhere = Limits.of(aircraft, STATES, dict.fromkeys(STATES, (-1e9, 1e9)))
     return MonteCarlo(members, 0, aircraft, point, case.flown, scenario, everywhere)
 
 
@@ -83,7 +84,7 @@ def gain_plan(members: int, duration: float = 20.0) -> MonteCarlo:
     """The nonlinear aircraft under the exact gain at 15 degrees, step 1e-3 s."""
     aircraft, scenario = hfa_model.aircraft(), Scenario(duration, uncertainty=_UNCERTAIN)
     model = level_model(aircraft, float(np.radians(15.0)))
-    law = gain_law("exact", solve_game(published_game(model.A, model.B)).K)
+    law = GainPolicy("exact", solve_game(published_game(model.A, model.B)).K)
     return MonteCarlo(
         members, 0, aircraft, model.point, law, scenario, flight_envelope(aircraft, model.point)
     )

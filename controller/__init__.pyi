@@ -1,15 +1,15 @@
 """How the aircraft is controlled: the game, the critics that learn its value, and the simulated closed loop."""
 
 from .critic.critic_file import critic_in as critic_in, critics_over_time as critics_over_time
-from .flight.actuators import ActuatorFault as ActuatorFault, Actuators as Actuators
-from .flight.envelope import Envelope as Envelope, flight_envelope as flight_envelope
+from .flight.actuators import ActuatorBank as ActuatorBank, ActuatorFault as ActuatorFault
+from .flight.envelope import flight_envelope as flight_envelope
 from .flight.flight_figure import flight_figure as flight_figure
 from .flight.gusts import Dryden as Dryden, OneMinusCosine as OneMinusCosine
 from .flight.monte_carlo import MonteCarlo as MonteCarlo
 from .flight.nonlinear_flight import fly as fly
-from .flight.policies import FlownLaw as FlownLaw, gain_law as gain_law
+from .flight.policies import GainPolicy as GainPolicy, Policy as Policy
 from .flight.scenario import Scenario as Scenario, Uncertainty as Uncertainty
-from .flight.signals import CommandSteps as CommandSteps, Signal as Signal
+from .flight.signals import CommandSteps as CommandSteps, Waveform as Waveform
 from .game.basis import basis as basis
 from .game.gain_schedule import GainTable as GainTable
 from .game.user_files import load_game as load_game

@@ -19,7 +19,8 @@ from xml.etree import ElementTree as xml
 
 import casadi as ca
 
-from controller.export.exported_loop import ExportedLoop, braced, comment_lines
+from controller.export.c_text import braced, comment_lines
+from controller.export.exported_loop import ExportedLoop
 from hfa_model.provenance import Provenance
 from hfa_support.errors import NoSolutionError
 from hfa_support.files import temporary_folder, written_whole

@@ -18,11 +18,16 @@ LONGEST_STEP = 2.5
 
 @dataclass(frozen=True)
 class ActuatorFault:
-    """From `begin` (s) on the actuators of `inputs` have another effectiveness λ, bandwidth ω
-    (rad/s) and damping ζ.
+    """A change of actuators during a flight.
 
-    bandwidth, damping: None leaves them as they were. inputs: names; () for all. BadInputError when
-    a number is not positive."""
+    begin: s, from when on
+    effectiveness: λ, the part of the command that arrives
+    bandwidth: ω, rad/s; None as before
+    damping: ζ; None as before
+    inputs: names of those that change; () for all
+
+    BadInputError when a number is not positive.
+    """
 
     begin: float = 0.0
     effectiveness: float = 1.0
@@ -40,16 +45,24 @@ class ActuatorFault:
 
 
 @dataclass(frozen=True)
-class Actuators:
+class ActuatorBank:
     """m actuators: c = sat(U0 + u, lowest, highest) - U0 of the commanded deviation u, and
 
-        order 1:  a' = sat((λ c - a) ω, ±rate), order 2:  a' = sat(v, ±rate),  v' = ω² (λ c - a) - 2
-    ζ ω v,  the position staying within its limits.
+    order 1:  a' = sat((λ c - a) ω, ±rate)
+    order 2:  a' = sat(v, ±rate),  v' = ω² (λ c - a) - 2 ζ ω v,  a within its limits
 
-    lag: 1/ω, s, > 0. lowest, highest: positions, absolute. rate: largest |U'|, per s. λ = 1 until a
-    fault. Named tuples of the inputs of the model (`hfa_aircraft.record`), in its units.
-    Limits may be infinite. BadInputError when a lag or a rate is not positive, a lowest position is
-    not below the highest, the order is another, or a fault names an unknown input."""
+    Named tuples of the inputs of the model (`hfa_aircraft.model.record`), in its units:
+    lag: 1/ω, s, > 0
+    lowest, highest: positions, absolute; may be infinite
+    rate: largest |U'|, per s; may be infinite
+
+    order: 1 or 2, of all
+    damping: ζ, of all
+    faults: change ω, ζ and the effectiveness λ, which is 1 before
+
+    BadInputError when a lag or a rate is not positive, a lowest position is not below the highest,
+    the order is another, or a fault names an unknown input.
+    """
 
     lag: Any
     lowest: Any
@@ -96,12 +109,12 @@ class Actuators:
 
     def refuse_trim(self, trim: np.ndarray) -> None:
         """BadInputError, naming the actuator, when U0 (m,) is no position that it can hold."""
-        for name, at, lowest, highest in zip(
-            self.inputs, trim, self.lowest, self.highest, strict=True
-        ):
-            if not lowest <= at <= highest:
+        rows = zip(self.inputs, trim, self.lowest, self.highest, strict=True)
+        for name, value, lowest, highest in rows:
+            if not lowest <= value <= highest:
                 raise BadInputError(
-                    f"{name} is {at:.6g} at trim, outside its actuator's {lowest:.6g} to {highest:.6g}; widen them"
+                    f"{name} is {value:.6g} at trim, outside its actuator's"
+                    f" {lowest:.6g} to {highest:.6g}; widen them"
                 )
 
     @property
@@ -110,20 +123,22 @@ class Actuators:
         return self.order * len(self.lag)
 
     @property
-    def constants_size(self) -> int:
-        """Those of `constants` where a fault changes them; else none."""
+    def held_size(self) -> int:
+        """Those of `held_inputs` where a fault changes them; else none."""
         return 3 * len(self.lag) if self.faults else 0
 
-    def constants(self, time: float) -> np.ndarray:
+    def held_inputs(self, time: float) -> np.ndarray:
         """[ω; ζ; λ] at a time, s, (3 m,)."""
         m = len(self.lag)
         values = np.concatenate([1.0 / np.array(self.lag), np.full(m, self.damping), np.ones(m)])
         for fault in self.faults:
             if time >= fault.begin - 1e-9:
-                places = np.array([self.inputs.index(name) for name in fault.inputs or self.inputs])
+                columns = np.array(
+                    [self.inputs.index(name) for name in fault.inputs or self.inputs]
+                )
                 for row, value in enumerate((fault.bandwidth, fault.damping, fault.effectiveness)):
                     if value is not None:
-                        values[row * m + places] = value
+                        values[row * m + columns] = value
         return values
 
     def reachable(self, command: ca.SX, trim: np.ndarray) -> ca.SX:
@@ -138,19 +153,18 @@ class Actuators:
         """v, (m,), of order 2; (0,) of order 1."""
         return states[len(self.lag) :]
 
-    def states_rate(self, states: ca.SX, reachable: ca.SX, p: ca.SX) -> ca.SX:
-        """Time derivative of the states. reachable: c. p: of `constants`."""
-        numbers = p if self.faults else ca.SX(ca.DM(self.constants(0.0)))
-        m = len(self.lag)
-        bandwidth, damping, effectiveness = numbers[:m], numbers[m : 2 * m], numbers[2 * m :]
+    def states_rate(self, states: ca.SX, reachable: ca.SX, held: ca.SX) -> ca.SX:
+        """Time derivative of the states. reachable: c, (m,). held: `held_inputs`, () of no fault."""
+        numbers = held if self.faults else ca.SX(ca.DM(self.held_inputs(0.0)))
+        bandwidth, damping, effectiveness = ca.vertsplit(numbers, len(self.lag))
         fastest = np.array(self.rate, dtype=float)
-        away = effectiveness * reachable - states[:m]
+        positions = states[: len(self.lag)]
+        missing = effectiveness * reachable - positions
         if self.order == 1:
-            return _clipped(bandwidth * away, -fastest, fastest)
-        v = states[m:]
-        return ca.vertcat(
-            _clipped(v, -fastest, fastest), bandwidth * (bandwidth * away - 2 * damping * v)
-        )
+            return _clipped(bandwidth * missing, -fastest, fastest)
+        speeds = states[len(self.lag) :]
+        accelerations = bandwidth * (bandwidth * missing - 2 * damping * speeds)
+        return ca.vertcat(_clipped(speeds, -fastest, fastest), accelerations)
 
 
 def _clipped(value: ca.SX, lowest: np.ndarray, highest: np.ndarray) -> ca.SX:

@@ -1,22 +1,18 @@
-"""Plant, law and scenario as one loop y' = f(t, y, p). Only this module knows how the loop is laid
-out:
-
-y = [x; actuators; memory of the policy; filter of the gust],
-p = [the plant's; the actuators'; the policy's; noise samples; the gust's; the delay's].
-"""
+"""Plant, policy and scenario as one loop y' = f(t, y, held). Only this module knows in which order
+the parts lie in y (`StateParts`) and in the held inputs (`HeldParts`)."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
 
-from controller.flight.envelope import ALPHA, ANGLE_OF_ATTACK, flown_through_air
-from controller.flight.gusts import UPDRAFT
-from controller.flight.policies import FlownLaw, GainPolicy, Seen
+from controller.flight.air import ALPHA, ANGLE_OF_ATTACK, UPDRAFT, flown_through_air
+from controller.flight.policies import GainPolicy, Measurements, Policy
 from controller.flight.scenario import Scenario
 from controller.flight.signals import zero
 from hfa_aircraft.model import Model, components
@@ -25,18 +21,15 @@ from trim.point.operating_point import OperatingPoint
 
 #: Disturbance of the model -> its value; those that are not there are 0.
 Winds = Mapping[str, Any]
-#: Tick -> constants that are held during the tick.
-Constants = Callable[[int], np.ndarray]
-_NOTHING = np.zeros(0)
 
 
 class Plant:
     """A plant in deviations x (n,) from its operating point, as CasADi expressions.
 
-    constants_size: length of p, what differs from flight to flight (the parameters of the aircraft,
-    say)."""
+    parameters_size: length of the parameters that differ from flight to flight
+    """
 
-    constants_size = 0
+    parameters_size = 0
     point: Any
 
     @property
@@ -50,9 +43,14 @@ class Plant:
         """U0, (m,)."""
         return np.array(self.point.inputs)
 
-    def rate(self, x: ca.SX, u: ca.SX, d: Any, winds: Winds, p: ca.SX) -> ca.SX:
-        """x', for an input deviation u (m,), a disturbance d (k,) that adds to the rates of the
-        states of the linear model, and disturbances of the model."""
+    def rate(self, x: ca.SX, u: ca.SX, d: Any, winds: Winds, parameters: ca.SX) -> ca.SX:
+        """x', (n,).
+
+        u: (m,), deviation of the inputs
+        d: (k,), adds to the rates of the states of the linear model
+        winds: disturbances of the model
+        parameters: (parameters_size,)
+        """
         raise NotImplementedError
 
     def through_air(self, x: ca.SX, winds: Winds) -> ca.SX:
@@ -73,11 +71,11 @@ class LinearPlant(Plant):
     point: OperatingPoint | None = None
 
     @classmethod
-    def at(cls, aircraft: Model, point: OperatingPoint, winds: Sequence[str] = ()) -> LinearPlant:
-        """All states of an aircraft, with the exact derivatives at an operating point, those by
-        these disturbances among them: what `NonlinearPlant` is to first order."""
-        found = aircraft.at(point.states, point.inputs, disturbances=winds)
-        return cls(found.A, found.B, dict(zip(winds, found.E.T, strict=True)), point)
+    def at(cls, model: Model, point: OperatingPoint, winds: Sequence[str] = ()) -> LinearPlant:
+        """What `NonlinearPlant` is to first order: all states of a model, with the exact derivatives
+        at an operating point, those by these disturbances included."""
+        slopes = model.at(point.states, point.inputs, disturbances=winds)
+        return cls(slopes.A, slopes.B, dict(zip(winds, slopes.E.T, strict=True)), point)
 
     @property
     def chosen(self) -> np.ndarray:
@@ -89,13 +87,10 @@ class LinearPlant(Plant):
         """As of the point; 0 without one."""
         return np.zeros(self.B.shape[1]) if self.point is None else super().trim
 
-    def rate(self, x: ca.SX, u: ca.SX, d: Any, winds: Winds, p: ca.SX) -> ca.SX:
+    def rate(self, x: ca.SX, u: ca.SX, d: Any, winds: Winds, parameters: ca.SX) -> ca.SX:
         """A x + B u + d + E w."""
-        rate = (
-            ca.mtimes(ca.DM(self.A), x)
-            + ca.mtimes(ca.DM(self.B), u)
-            + ca.mtimes(ca.DM(self.chosen.T), d)
-        )
+        rate = ca.mtimes(ca.DM(self.A), x) + ca.mtimes(ca.DM(self.B), u)
+        rate = rate + ca.mtimes(ca.DM(self.chosen.T), d)
         for name, w in winds.items():
             rate = rate + ca.DM(self.E[name]) * w
         return rate
@@ -103,13 +98,15 @@ class LinearPlant(Plant):
 
 @dataclass(frozen=True, eq=False)
 class NonlinearPlant(Plant):
-    """X' = f(X, U, p, w) + d with X = X0 + x, U = U0 + u: the equations of an aircraft about an
+    """X' = f(X, U, p, w) + d with X = X0 + x, U = U0 + u: the equations of a model about an
     operating point.
 
-    uncertain: the parameters of the model are an input, p. BadInputError when the point was trimmed
-    with another model."""
+    uncertain: whether the parameters p of the model differ from flight to flight
 
-    aircraft: Model
+    BadInputError when the point was trimmed with another model.
+    """
+
+    model: Model
     point: OperatingPoint
     uncertain: bool = False
 
@@ -118,22 +115,16 @@ class NonlinearPlant(Plant):
         self.point.refuse_other(self.model)
 
     @property
-    def model(self) -> Model:
-        """Whose equations these are."""
-        return self.aircraft
-
-    @property
-    def constants_size(self) -> int:  # type: ignore[override]
-        """The parameters, where they are an input."""
+    def parameters_size(self) -> int:  # type: ignore[override]
+        """The number of parameters, where they differ."""
         return len(self.model.parameters) if self.uncertain else 0
 
-    def rate(self, x: ca.SX, u: ca.SX, d: Any, winds: Winds, p: ca.SX) -> ca.SX:
-        """f(X0 + x, U0 + u, p, w), disturbed."""
-        parameters = components(p) if self.uncertain else self.model.p.tolist()
-        given = self._absolute(x), components(ca.DM(self.trim) + u), parameters
-        return self.model.layout.expressions(given, (), self._winds(winds))[0] + ca.mtimes(
-            ca.DM(self.chosen.T), d
-        )
+    def rate(self, x: ca.SX, u: ca.SX, d: Any, winds: Winds, parameters: ca.SX) -> ca.SX:
+        """f(X0 + x, U0 + u, p, w) + d."""
+        p = components(parameters) if self.uncertain else self.model.p.tolist()
+        vectors = self._absolute(x), components(ca.DM(self.trim) + u), p
+        rates, _ = self.model.layout.expressions(vectors, (), self._winds(winds))
+        return rates + ca.mtimes(ca.DM(self.chosen.T), d)
 
     def through_air(self, x: ca.SX, winds: Winds) -> ca.SX:
         """The output `ANGLE_OF_ATTACK` in winds, of a model that has one beside alpha.
@@ -144,8 +135,8 @@ class NonlinearPlant(Plant):
         if not winds or not flown_through_air(model):
             return ca.SX(0, 1)
         u = ca.SX.sym("u", len(model.inputs))
-        given = self._absolute(x), components(u), model.p.tolist()
-        angle = model.layout.expressions(given, (ANGLE_OF_ATTACK,), self._winds(winds))[1]
+        vectors = self._absolute(x), components(u), model.p.tolist()
+        _, angle = model.layout.expressions(vectors, (ANGLE_OF_ATTACK,), self._winds(winds))
         if ca.depends_on(angle, u):
             raise BadInputError(
                 f"{model.name}: {ANGLE_OF_ATTACK} depends on an input; rename that output"
@@ -160,8 +151,15 @@ class NonlinearPlant(Plant):
 
 
 class Expressions(NamedTuple):
-    """A loop at (t, y, p): y', and what is observed: error z, inputs u, winds, alpha through the
-    air as a deviation where it is not alpha, and the command of the policy."""
+    """A loop written out at (t, y, held).
+
+    rate: y'
+    error: (k,), x - x_d
+    inputs: (m,), of the plant
+    winds: disturbances of the model that are not 0, in the order of `wind_names`
+    angle: (1,), deviation of alpha through the air, or (0,) where it is alpha
+    command: (m,), of the policy
+    """
 
     rate: ca.SX
     error: ca.SX
@@ -171,134 +169,210 @@ class Expressions(NamedTuple):
     command: ca.SX
 
 
+class StateParts(NamedTuple):
+    """The parts of y, in their order: values, or sizes."""
+
+    plant: Any
+    actuators: Any
+    memory: Any
+    gust: Any
+
+
+class HeldParts(NamedTuple):
+    """The parts of the held inputs of a loop, in their order: values, or sizes.
+
+    delay: (1 + 2 m,), begin of the tick, delayed command at its begin and at its end
+    """
+
+    parameters: Any
+    actuators: Any
+    policy: Any
+    noise: Any
+    gust: Any
+    delay: Any
+
+
 @dataclass(frozen=True, eq=False)
 class ClosedLoop:
     """x' = plant(x, a, d(t), w(t)),  a' = actuators(a, u),  u = policy(t, x + n(t) - x_d(t)); a = u
     without actuators.
 
     scenario: the start x(0), x_d, d and n (0 unless given), noise samples, gust, other
-    disturbances, actuators and delay. BadInputError when a signal or a gain has another size than
-    the plant, or an actuator cannot hold the trim."""
+    disturbances, actuators and delay.
+
+    BadInputError when a signal or a gain has another size than the plant, or an actuator cannot
+    hold the trim.
+    """
 
     plant: Plant
-    law: FlownLaw
+    policy: Policy
     scenario: Scenario = field(default_factory=Scenario)
 
     def __post_init__(self) -> None:
-        """Sizes fit, and the actuators hold the trim."""
-        (k, n), m, scenario = self.plant.chosen.shape, self.plant.trim.size, self.scenario
-        moved, gust, policy = scenario.actuators, scenario.gust, self.law.policy
-        if moved is not None:
-            moved.refuse_trim(self.plant.trim)
-        if isinstance(policy, GainPolicy) and (policy.inputs, policy.states) != (m, k):
+        """Refuse sizes that do not fit, and actuators that cannot hold the trim."""
+        k = len(self.plant.chosen)
+        m = self.plant.trim.size
+        if self.scenario.actuators is not None:
+            self.scenario.actuators.refuse_trim(self.plant.trim)
+        if isinstance(self.policy, GainPolicy) and self.policy.gains.shape[1:] != (m, k):
             raise BadInputError(
-                f"the gain has shape {policy.inputs, policy.states}; this aircraft takes {m} x {k}, inputs by states"
+                f"the gain has shape {self.policy.gains.shape[1:]}; this aircraft takes {m} x {k},"
+                " inputs by states"
             )
         for name in ("reference", "disturbance", "noise"):
-            signal = getattr(scenario, name)
+            signal = getattr(self.scenario, name)
             if signal is not None and signal.size != k:
                 raise BadInputError(f"the {name} has {signal.size} channels; it must have {k}")
-        y = (n, moved.size if moved else 0, policy.memory_size, gust.memory_size if gust else 0)
-        fixed = (
-            self.plant.constants_size,
-            moved.constants_size if moved else 0,
-            policy.constants_size,
-        )
-        sampled = 0 if scenario.samples is None else k
-        p = (
-            *fixed,
-            sampled,
-            gust.constants_size if gust else 0,
-            1 + 2 * m if scenario.delayed_ticks else 0,
-        )
-        for name, sizes in (("_y", y), ("_p", p)):
-            object.__setattr__(self, name, [0, *np.cumsum(sizes).tolist()])
 
-    _y: list[int] = field(init=False, repr=False)
-    _p: list[int] = field(init=False, repr=False)
+    @cached_property
+    def state_sizes(self) -> StateParts:
+        """Sizes of the parts of y."""
+        actuators = self.scenario.actuators
+        gust = self.scenario.gust
+        return StateParts(
+            plant=self.plant.chosen.shape[1],
+            actuators=0 if actuators is None else actuators.size,
+            memory=self.policy.start.size,
+            gust=0 if gust is None else gust.memory_size,
+        )
+
+    @cached_property
+    def held_sizes(self) -> HeldParts:
+        """Sizes of the parts of the held inputs."""
+        scenario = self.scenario
+        return HeldParts(
+            parameters=self.plant.parameters_size,
+            actuators=0 if scenario.actuators is None else scenario.actuators.held_size,
+            policy=self.policy.held.shape[1],
+            noise=0 if scenario.samples is None else len(self.plant.chosen),
+            gust=0 if scenario.gust is None else scenario.gust.held_size,
+            delay=1 + 2 * self.plant.trim.size if scenario.delayed_ticks else 0,
+        )
 
     def symbols(self) -> tuple[ca.SX, ca.SX, ca.SX]:
-        """t, y and p to write the loop out in."""
-        return ca.SX.sym("t"), ca.SX.sym("y", self._y[-1]), ca.SX.sym("p", self._p[-1])
+        """t, y and the held inputs to write the loop out in."""
+        y = ca.SX.sym("y", sum(self.state_sizes))
+        held = ca.SX.sym("held", sum(self.held_sizes))
+        return ca.SX.sym("t"), y, held
 
-    def at(self, t: ca.SX, y: ca.SX, p: ca.SX) -> Expressions:
+    def at(self, t: ca.SX, y: ca.SX, held: ca.SX) -> Expressions:
         """The loop written out at CasADi expressions."""
-        scenario, plant, actuators, policy = (
-            self.scenario,
-            self.plant,
-            self.scenario.actuators,
-            self.law.policy,
-        )
-        chosen, trim = ca.DM(plant.chosen), plant.trim
-        x, moved, memory, filtered = ca.vertsplit(y, self._y)
-        of_plant, of_actuators, of_policy, sample, of_air, of_delay = ca.vertsplit(p, self._p)
-        signals = (scenario.reference, scenario.disturbance, scenario.noise)
-        reference, d, noise = ((each or zero(chosen.rows())).at(t) for each in signals)
-        states = ca.mtimes(chosen, x)
-        error = states - reference
-        if sample.numel():
-            noise = noise + sample
-        position, speed, winds = ca.SX(0, 1), ca.SX(0, 1), {}
-        if actuators is not None:
-            position, speed = actuators.position(moved, trim), actuators.rates(moved)
-        rates = []
-        if scenario.gust is not None:
-            winds[UPDRAFT] = ca.SX(scenario.gust.updraft(t, filtered, of_air))
-            rates.append(scenario.gust.memory_rate(t, filtered, of_air))
-        for name, signal in scenario.air.items():
-            winds[name] = winds.get(name, 0.0) + signal.at(t)
-        updraft = ca.SX(winds[UPDRAFT]) if UPDRAFT in winds else ca.SX(0, 1)
-        seen = Seen(error + noise, states + noise, position, speed, updraft)
-        command = arriving = policy.control(t, seen, memory, of_policy)
-        if of_delay.numel():
-            begin, early, late = ca.vertsplit(of_delay, [0, 1, 1 + trim.size, 1 + 2 * trim.size])
+        scenario = self.scenario
+        plant = self.plant
+        state = StateParts(*ca.vertsplit(y, _offsets(self.state_sizes)))
+        inputs = HeldParts(*ca.vertsplit(held, _offsets(self.held_sizes)))
+        winds = self._winds(t, state, inputs)
+        measurements = self._measurements(t, state, inputs, winds)
+        command = self.policy.control(t, measurements, state.memory, inputs.policy)
+        arriving = command
+        if inputs.delay.numel():
+            m = plant.trim.size
+            begin, early, late = ca.vertsplit(inputs.delay, [0, 1, 1 + m, 1 + 2 * m])
             arriving = early + (late - early) * (t - begin) / scenario.tick
-        reachable = arriving if actuators is None else actuators.reachable(arriving, trim)
-        u = arriving if actuators is None else position
-        rates.insert(0, policy.memory_rate(t, seen, memory, of_policy, reachable))
+        if scenario.actuators is None:
+            applied = arriving
+            u = arriving
+            moving = ca.SX(0, 1)
+        else:
+            applied = scenario.actuators.reachable(arriving, plant.trim)
+            u = measurements.positions
+            moving = scenario.actuators.states_rate(state.actuators, applied, inputs.actuators)
+        learning = self.policy.memory_rate(t, measurements, state.memory, inputs.policy, applied)
+        blowing = ca.SX(0, 1)
+        if scenario.gust is not None:
+            blowing = scenario.gust.memory_rate(t, state.gust, inputs.gust)
+        disturbance = scenario.disturbance or zero(len(plant.chosen))
+        flying = plant.rate(state.plant, u, disturbance.at(t), winds, inputs.parameters)
+        return Expressions(
+            rate=ca.vertcat(*StateParts(flying, moving, learning, blowing)),
+            error=ca.mtimes(ca.DM(plant.chosen), state.plant) - self._reference(t),
+            inputs=u,
+            winds=ca.vertcat(ca.SX(0, 1), *winds.values()),
+            angle=plant.through_air(state.plant, winds),
+            command=command,
+        )
+
+    def _reference(self, t: ca.SX) -> Any:
+        """x_d(t), (k,)."""
+        return (self.scenario.reference or zero(len(self.plant.chosen))).at(t)
+
+    def _winds(self, t: ca.SX, state: StateParts, inputs: HeldParts) -> dict[str, Any]:
+        """Disturbance of the model -> its value, where it is not 0."""
+        winds: dict[str, Any] = {}
+        if self.scenario.gust is not None:
+            winds[UPDRAFT] = ca.SX(self.scenario.gust.updraft(t, state.gust, inputs.gust))
+        for name, waveform in self.scenario.air.items():
+            winds[name] = winds.get(name, 0.0) + waveform.at(t)
+        return winds
+
+    def _measurements(
+        self, t: ca.SX, state: StateParts, inputs: HeldParts, winds: dict[str, Any]
+    ) -> Measurements:
+        """What the policy measures, with the noise of the sensors."""
+        actuators = self.scenario.actuators
+        noise = (self.scenario.noise or zero(len(self.plant.chosen))).at(t)
+        if inputs.noise.numel():
+            noise = noise + inputs.noise
+        states = ca.mtimes(ca.DM(self.plant.chosen), state.plant) + noise
+        positions = ca.SX(0, 1)
+        rates = ca.SX(0, 1)
         if actuators is not None:
-            rates.insert(0, actuators.states_rate(moved, reachable, of_actuators))
-        rate = ca.vertcat(plant.rate(x, u, d, winds, of_plant), *rates)
-        blown = ca.vertcat(ca.SX(0, 1), *winds.values())
-        return Expressions(rate, error, u, blown, plant.through_air(x, winds), command)
+            positions = actuators.position(state.actuators, self.plant.trim)
+            rates = actuators.rates(state.actuators)
+        updraft = ca.SX(winds.get(UPDRAFT, ca.SX(0, 1)))
+        return Measurements(states - self._reference(t), states, positions, rates, updraft)
 
     @property
     def wind_names(self) -> tuple[str, ...]:
         """Disturbances of the model that are not 0."""
-        return tuple(
-            dict.fromkeys((*[UPDRAFT] * (self.scenario.gust is not None), *self.scenario.air))
-        )
+        names = list(self.scenario.air)
+        if self.scenario.gust is not None:
+            names.insert(0, UPDRAFT)
+        return tuple(dict.fromkeys(names))
 
     def start(self) -> np.ndarray:
-        """y(0): the start of the scenario, actuators at trim, the memory of the law at its
-        start."""
-        gust, actuators = self.scenario.gust, np.zeros(self._y[2] - self._y[1])
-        filtered = _NOTHING if gust is None else gust.start()
-        y = np.concatenate([self.scenario.initial, actuators, self.law.memory, filtered])
-        if y.size != self._y[-1]:
+        """y(0): the start of the scenario, actuators at trim, the memory of the policy.
+
+        BadInputError when the start of the scenario has another size than the plant.
+        """
+        gust = self.scenario.gust
+        parts = StateParts(
+            plant=self.scenario.initial,
+            actuators=np.zeros(self.state_sizes.actuators),
+            memory=self.policy.start,
+            gust=np.zeros(0) if gust is None else gust.start(),
+        )
+        if parts.plant.size != self.state_sizes.plant:
             raise BadInputError(
-                f"the flight starts with {y.size} numbers; this loop has {self._y[-1]} states"
+                f"the flight starts with {parts.plant.size} numbers;"
+                f" this plant has {self.state_sizes.plant} states"
             )
-        return y
+        return np.concatenate(parts)
 
-    def constants(self, of_plant: np.ndarray = _NOTHING) -> Constants:
-        """Tick -> p, in an array that the next call overwrites."""
-        _, a, b, c, d, e, size = self._p
-        p, scenario = np.zeros(size), self.scenario
-        p[:a] = of_plant
+    @cached_property
+    def held_slices(self) -> HeldParts:
+        """Where the parts of the held inputs lie."""
+        offsets = _offsets(self.held_sizes)
+        return HeldParts(*map(slice, offsets[:-1], offsets[1:]))
 
-        def every(tick: int) -> np.ndarray:
-            if b > a:
-                p[a:b] = scenario.actuators.constants(tick * scenario.tick)  # type: ignore[union-attr]
-            p[b:c] = self.law.constants(tick)
-            if scenario.samples is not None:
-                p[c:d] = scenario.samples[tick]
-            if e > d:
-                p[d:e] = scenario.gust.constants(tick)  # type: ignore[union-attr]
-            return p
+    def hold(self, tick: int, held: np.ndarray) -> None:
+        """Write the held inputs of a tick into `held`, but for those of plant and delay."""
+        scenario = self.scenario
+        sizes = self.held_sizes
+        parts = self.held_slices
+        held[parts.policy] = self.policy.held_inputs(tick)
+        if sizes.actuators and scenario.actuators is not None:
+            held[parts.actuators] = scenario.actuators.held_inputs(tick * scenario.tick)
+        if scenario.samples is not None:
+            held[parts.noise] = scenario.samples[tick]
+        if sizes.gust and scenario.gust is not None:
+            held[parts.gust] = scenario.gust.held_inputs(tick)
 
-        return every
+    def parts(self, y: np.ndarray) -> StateParts:
+        """The parts of y (..., n)."""
+        return StateParts(*np.split(y, _offsets(self.state_sizes)[1:-1], axis=-1))
 
-    def parts(self, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """x and the memory of the policy in y (..., n)."""
-        return y[..., : self._y[1]], y[..., self._y[2] : self._y[3]]
+
+def _offsets(sizes: Sequence[int]) -> list[int]:
+    """Where each part begins, and where the last one ends."""
+    return [0, *np.cumsum(sizes).tolist()]

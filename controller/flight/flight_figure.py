@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from controller.flight.envelope import ALPHA, ANGLE_OF_ATTACK, flown_through_air, limits_text
-from controller.flight.gusts import UPDRAFT
+from controller.flight.air import ALPHA, ANGLE_OF_ATTACK, UPDRAFT, flown_through_air
+from controller.flight.envelope import limits_text
 from controller.flight.nonlinear_flight import NonlinearFlight
 from hfa_support.reporting.figure import new_figure
 from hfa_support.reporting.text import shown_unit, shown_values

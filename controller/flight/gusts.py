@@ -10,22 +10,49 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from controller.flight.policies import Memoryless, Unvaried
 from hfa_support.errors import BadInputError, refuse_unless_positive
 
-#: The disturbance of a model that a gust is.
-UPDRAFT = "updraft"
 #: Time scales of turbulence, in ticks: shorter ones a noise that is held for a tick cannot make,
 #: longer ones leave the air as it was to rounding.
 SHORTEST, LONGEST = 1.0, 1e6
 
 
+class Gust:
+    """w(t), the vertical velocity of the air, positive up: a stage of a loop.
+
+    memory_size: number of states of its filter
+    held_size: numbers that it is handed anew in each tick
+    """
+
+    memory_size = 0
+    held_size = 0
+
+    def updraft(self, t: Any, memory: ca.SX, held: ca.SX) -> Any:
+        """w at t; expressions or numbers."""
+        raise NotImplementedError
+
+    def memory_rate(self, t: Any, memory: ca.SX, held: ca.SX) -> ca.SX:
+        """Time derivative of the states of the filter, (memory_size,)."""
+        return ca.SX(0, 1)
+
+    def start(self) -> np.ndarray:
+        """States of the filter at the beginning, (memory_size,)."""
+        return np.zeros(0)
+
+    def held_inputs(self, tick: int) -> np.ndarray:
+        """The held inputs in a tick, (held_size,)."""
+        return np.zeros(0)
+
+
 @dataclass(frozen=True)
-class OneMinusCosine(Memoryless, Unvaried):
+class OneMinusCosine(Gust):
     """w = (peak/2) (1 - cos(2π V (t - begin) / length)) while 0 <= V (t - begin) <= length, else 0.
 
-    length: ft, of the whole gust from still air to still air, twice the gust gradient distance H.
-    peak: ft/s, negative for a downdraft. speed: V, ft/s, at which the gust is met. begin: s.
+    length: ft, of the whole gust from still air to still air, twice the gust gradient distance H
+    peak: ft/s, negative for a downdraft
+    speed: V, ft/s, at which the gust is met
+    begin: s
+
     Source: FAR 25.341(a)(2); MIL-F-8785C, Section 3.7.1.3, whose gust ends at its peak.
     BadInputError when a number is not positive or not finite."""
 
@@ -48,14 +75,14 @@ class OneMinusCosine(Memoryless, Unvaried):
         """When it ends, s."""
         return self.begin + self.length / self.speed
 
-    def updraft(self, t: Any, memory: ca.SX, p: ca.SX) -> Any:
+    def updraft(self, t: Any, memory: ca.SX, held: ca.SX) -> Any:
         """w at t; expressions or numbers."""
         phase = 2 * np.pi * self.speed * (t - self.begin) / self.length
         return self.peak / 2 * (1 - ca.cos(ca.fmin(ca.fmax(phase, 0.0), 2 * np.pi)))
 
 
 @dataclass(frozen=True)
-class Dryden:
+class Dryden(Gust):
     """w = sigma sqrt(τ) (1 + √3 τ s) / (1 + τ s)² n,  τ = scale / speed: white noise n through the
     Dryden filter.
 
@@ -64,13 +91,18 @@ class Dryden:
     the variance sigma² at the ticks, exactly (1/interval in the limit of short ticks). The flight
     begins in stationary turbulence.
 
-    intensity: sigma, ft/s. scale: ft; MIL-F-8785C takes the altitude below 1000 ft and 1750 ft
-    above 2000 ft. speed: V, ft/s. interval: s. ticks: how many the flight has. seed: of n and of
-    the start. Source: MIL-F-8785C, Section 3.7.1.2 (Dryden form) and 3.7.3. BadInputError when a
+    intensity: sigma, ft/s
+    scale: ft; MIL-F-8785C takes the altitude below 1000 ft and 1750 ft above 2000 ft
+    speed: V, ft/s
+    interval: s
+    ticks: how many the flight has
+    seed: of n and of the start
+
+    Source: MIL-F-8785C, Section 3.7.1.2 (Dryden form) and 3.7.3. BadInputError when a
     number is not positive or τ does not lie between `SHORTEST` and `LONGEST` ticks."""
 
-    #: The states of the filter, and one sample of the noise.
-    memory_size, constants_size = 2, 1
+    memory_size = 2
+    held_size = 1
 
     intensity: float
     scale: float
@@ -92,21 +124,21 @@ class Dryden:
         if self.seed < 0:
             raise BadInputError(f"the gust's seed is {self.seed}; give a whole number from 0")
 
-    def updraft(self, t: Any, memory: ca.SX, p: ca.SX) -> Any:
+    def updraft(self, t: Any, memory: ca.SX, held: ca.SX) -> Any:
         """sigma sqrt(τ) (x1 + √3 τ x2) in the states of `memory_rate`."""
         _, _, output = self._filter
         return self.intensity * (output[0] * memory[0] + output[1] * memory[1])
 
-    def memory_rate(self, t: Any, memory: ca.SX, p: ca.SX) -> ca.SX:
+    def memory_rate(self, t: Any, memory: ca.SX, held: ca.SX) -> ca.SX:
         """x1' = x2,  x2' = -x1/τ² - 2 x2/τ + n/τ²: x1 = n / (1 + τ s)²."""
         A, b, _ = self._filter
-        return ca.mtimes(ca.DM(A), memory) + ca.DM(b) * p
+        return ca.mtimes(ca.DM(A), memory) + ca.DM(b) * held
 
     def start(self) -> np.ndarray:
         """A draw from the stationary distribution of the filter states, (2,)."""
         return self._draws[0]
 
-    def constants(self, tick: int) -> np.ndarray:
+    def held_inputs(self, tick: int) -> np.ndarray:
         """The noise of a tick, (1,)."""
         return self._draws[1][tick : tick + 1]
 
@@ -114,8 +146,10 @@ class Dryden:
     def _filter(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """A and b of x' = A x + b n, and c of w / sigma = c x."""
         tau = self.scale / self.speed
-        A, b = np.array([[0.0, 1.0], [-1.0 / tau**2, -2.0 / tau]]), np.array([0.0, 1.0 / tau**2])
-        return A, b, np.array([1.0, np.sqrt(3.0) * tau]) * np.sqrt(tau)
+        A = np.array([[0.0, 1.0], [-1.0 / tau**2, -2.0 / tau]])
+        b = np.array([0.0, 1.0 / tau**2])
+        c = np.array([1.0, np.sqrt(3.0) * tau]) * np.sqrt(tau)
+        return A, b, c
 
     @cached_property
     def _draws(self) -> tuple[np.ndarray, np.ndarray]:
@@ -124,15 +158,11 @@ class Dryden:
         from scipy.linalg import expm, solve_discrete_lyapunov
 
         A, b, output = self._filter
-        held = expm(np.block([[A, b[:, None]], [np.zeros((1, 3))]]) * self.interval)
-        Phi, Gamma = held[:2, :2], held[:2, 2:]
+        transition = expm(np.block([[A, b[:, None]], [np.zeros((1, 3))]]) * self.interval)
+        Phi = transition[:2, :2]
+        Gamma = transition[:2, 2:]
         unit = solve_discrete_lyapunov(Phi, Gamma @ Gamma.T)
         variance = 1.0 / float(output @ unit @ output)
         rng = np.random.default_rng(self.seed)
         start = np.linalg.cholesky(variance * unit) @ rng.standard_normal(2)
         return start, np.sqrt(variance) * rng.standard_normal(self.ticks)
-
-
-#: w(t), the vertical velocity of the air, positive up, with the states of its filter; p: its input
-#: of each tick.
-Gust = OneMinusCosine | Dryden

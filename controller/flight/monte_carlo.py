@@ -13,20 +13,19 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from controller.flight.closed_loop import ClosedLoop, NonlinearPlant
-from controller.flight.envelope import (
+from controller.flight.air import (
     ALPHA,
     ANGLE_OF_ATTACK,
     OVER_GROUND,
-    Envelope,
-    beyond_control_limits,
     flown_through_air,
     limited_names,
 )
+from controller.flight.closed_loop import ClosedLoop, NonlinearPlant
+from controller.flight.envelope import control_limits, envelope_data, refuse_start
 from controller.flight.nonlinear_flight import NonlinearFlight, fly_within, names_and_units
-from controller.flight.policies import FlownLaw
+from controller.flight.policies import Policy
 from controller.flight.scenario import Scenario, Uncertainty, with_errors
-from controller.flight.signals import CommandedStates, Signal
+from controller.flight.signals import CommandedStates, Waveform
 from controller.flight.simulation import CompiledLoop
 from hfa_aircraft.model import VECTORS, Model, components
 from hfa_support.errors import BadInputError
@@ -35,6 +34,7 @@ from hfa_support.native.bound import cached_per_thread
 from hfa_support.reporting.fields import Shown
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Table, short_number, shown_unit
+from trim.limits import Limits
 from trim.point.operating_point import OperatingPoint
 
 STORE_SCHEMA, SUMMARY_SCHEMA = "hfa.monte-carlo-store/1", "hfa.monte-carlo-summary/1"
@@ -59,7 +59,7 @@ _KEPT = {
     "lowest_input": ("lowest value inside the envelope", "input"),
     "highest_input": ("highest value inside the envelope", "input"),
     "final": ("at the end", "state"),
-    "memory": ("states of the law at the end", "memory_state"),
+    "memory": ("memory of the policy at the end", "memory_state"),
 }
 
 
@@ -68,19 +68,26 @@ class MonteCarlo(Shown):
     """N members, each a draw of one scenario: a job of `stream`. Two plans are equal when they give
     the same results.
 
-    aircraft: the nominal one, trimmed at `point`. seed: with the number of a member it decides all
-    that is random in it, so that members can be simulated anywhere in any order. A member's flight
-    ends at the first step outside the envelope. BadInputError when a number is wrong, the flight
-    does not begin inside its envelope, an error belongs to a parameter that is zero, or a signal
-    has no formula."""
+    members: N
+    seed: with the number of a member it decides all that is random in it, so that members can be
+        simulated anywhere in any order
+    model: with its nominal parameters
+    point: its trim, in which each member begins
+    policy: what acts
+    scenario: what happens, of which each member is a draw
+    envelope: limits of the states; a member's flight ends at the first tick outside
+
+    BadInputError when a number is wrong, the flight does not begin inside its envelope, an error
+    belongs to a parameter that is zero, or a signal has no formula.
+    """
 
     members: int
     seed: int
-    aircraft: Model
+    model: Model
     point: OperatingPoint
-    law: FlownLaw
+    policy: Policy
     scenario: Scenario
-    envelope: Envelope
+    envelope: Limits
 
     def __post_init__(self) -> None:
         """Check everything before the simulation."""
@@ -90,15 +97,15 @@ class MonteCarlo(Shown):
             )
         object.__setattr__(self, "scenario", self.scenario.on(self.model))
         for name in ("reference", "disturbance", "noise"):
-            if not isinstance(getattr(self.scenario, name), (Signal, CommandedStates)):
+            if not isinstance(getattr(self.scenario, name), (Waveform, CommandedStates)):
                 raise BadInputError(
-                    f"the {name} of a Monte Carlo must be a Signal, whose formula says what it is"
+                    f"the {name} of a Monte Carlo must be a Waveform, whose formula says what it is"
                 )
         if self.scenario.samples is not None:
             raise BadInputError(
                 "the scenario of a Monte Carlo is drawn already; give the one that it was drawn from"
             )
-        self.envelope.refuse_start((np.array(self.point.states) + self.scenario.initial)[None])
+        refuse_start(self.envelope, np.array(self.point.states) + self.scenario.initial)
         for name in self.scenario.uncertainty.errors:
             if self.model.parameters[name].start == 0.0:
                 raise BadInputError(
@@ -106,20 +113,14 @@ class MonteCarlo(Shown):
                 )
         self.loop()  # turbulence and gains that cannot be flown are refused here rather than in a worker
 
-    @property
-    def model(self) -> Model:
-        """Whose equations fly."""
-        return self.aircraft
-
     def member(self, number: int) -> Scenario:
         """What happens in one member; turbulence is met at the trimmed speed."""
         return self.scenario.drawn(self.seed, number, self.point)
 
     def loop(self) -> ClosedLoop:
         """The loop of member 0. The parameters of the aircraft differ from member to member."""
-        return ClosedLoop(
-            NonlinearPlant(self.aircraft, self.point, uncertain=True), self.law, self.member(0)
-        )
+        plant = NonlinearPlant(self.model, self.point, uncertain=True)
+        return ClosedLoop(plant, self.policy, self.member(0))
 
     @cached_property
     def identity(self) -> str:
@@ -133,10 +134,10 @@ class MonteCarlo(Shown):
             "model": _told_apart(self.model),
             "states": self.point.states._asdict(),
             "inputs": self.point.inputs._asdict(),
-            "law": {"name": self.law.name, **self.law.identity},
+            "law": {"name": self.policy.name, **self.policy.identity},
             "scenario": self.scenario.to_dict(),
             "uncertainty": asdict(self.scenario.uncertainty),
-            "envelope": self.envelope.to_dict(self.scenario.moving_air),
+            "envelope": envelope_data(self.envelope, self.scenario.moving_air),
         }
         return json.dumps(data, default=lambda value: np.asarray(value).tolist())
 
@@ -152,7 +153,7 @@ class MonteCarlo(Shown):
         }
         units = {axis: model.units(names) for axis, names in axes.items() if axis != "error"}
         sizes = {axis: len(names) for axis, names in axes.items()} | {
-            "memory_state": len(self.law.memory)
+            "memory_state": len(self.policy.start)
         }
         arrays = {}
         for name, (meaning, axis) in _KEPT.items():
@@ -214,9 +215,8 @@ def member_loop(plan: MonteCarlo) -> CompiledLoop:
 def fly_member(plan: MonteCarlo, member: int) -> NonlinearFlight:
     """Draw and simulate one member."""
     scenario = plan.member(member)
-    return fly_within(
-        member_loop(plan), plan.envelope, scenario, with_errors(plan.aircraft, scenario).p
-    )
+    parameters = with_errors(plan.model, scenario).p
+    return fly_within(member_loop(plan), plan.envelope, scenario, parameters)
 
 
 def fly_members(plan: MonteCarlo, start: int, stop: int) -> Mapping[str, np.ndarray]:
@@ -268,9 +268,9 @@ def member_report(plan: MonteCarlo, store: Store, where: str = "") -> Report:
     model, duration, moving = plan.model, plan.scenario.duration, plan.scenario.moving_air
     left, flown, cycle = store.read("left"), store.read("flown"), store.read("cycle")
     inside, names = left < 0, limited_names(model, moving)
-    beyond = np.any(
-        [beyond_control_limits(model, store.read(f"{end}_input")) for end in ("lowest", "highest")],
-        0,
+    limits = control_limits(model)
+    beyond = ~(
+        limits.within(store.read("lowest_input")) & limits.within(store.read("highest_input"))
     )
     within = int((inside & ~beyond.any(axis=1) & (cycle < 0)).sum())
     first = None if inside.all() else float(flown[~inside].min())
@@ -299,7 +299,7 @@ def member_report(plan: MonteCarlo, store: Store, where: str = "") -> Report:
     if inside.any():
         parts += [table, *[OVER_GROUND] * (moving and flown_through_air(model))]
     title = (
-        f"Monte Carlo, {plan.point.called}, nonlinear aircraft, law {plan.law.name}: "
+        f"Monte Carlo, {plan.point.called}, nonlinear aircraft, law {plan.policy.name}: "
         f"{plan.members} members of {duration:g} s, seed {plan.seed}"
         + (f", {where}" if where else "")
     )
@@ -307,7 +307,7 @@ def member_report(plan: MonteCarlo, store: Store, where: str = "") -> Report:
         "schema": SUMMARY_SCHEMA,
         "dynamics": model.name,
         "plant": "nonlinear",
-        "law": plan.law.name,
+        "law": plan.policy.name,
         "members": plan.members,
         "seed": plan.seed,
         "duration": duration,

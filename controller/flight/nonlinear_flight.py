@@ -1,117 +1,124 @@
-"""One flight of a nonlinear aircraft under a law, beside what the linear model predicts, and its
-report."""
+"""A flight of the nonlinear aircraft beside the prediction of its linear model, and its report."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
+from controller.flight.air import ALPHA, ANGLE_OF_ATTACK, OVER_GROUND, UPDRAFT, flown_through_air
 from controller.flight.closed_loop import ClosedLoop, LinearPlant, NonlinearPlant
 from controller.flight.envelope import (
-    ALPHA,
-    ANGLE_OF_ATTACK,
-    OVER_GROUND,
     ControlExcess,
     Departure,
-    Envelope,
-    LimitCycle,
-    beyond_control_limits,
     control_excesses,
-    flown_through_air,
-    limit_cycle,
+    control_limits,
+    departure,
+    envelope_data,
+    limits_text,
+    outside,
+    refuse_start,
 )
-from controller.flight.gusts import UPDRAFT
-from controller.flight.policies import FlownLaw
+from controller.flight.flight_history import Flight
+from controller.flight.limit_cycle import LimitCycle, limit_cycle
+from controller.flight.policies import GainPolicy, OpenLoop, Policy
 from controller.flight.scenario import Scenario, Uncertainty, with_errors
-from controller.flight.signals import CommandSteps
-from controller.flight.simulation import CompiledLoop, Flight
-from controller.servo.servo_policy import MeasuredOutputs, ServoPolicy
+from controller.flight.simulation import CompiledLoop
 from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError
 from hfa_support.progress import Progress
 from hfa_support.reporting.report import Part, Report, Reported
 from hfa_support.reporting.text import Table, short_number, shown_unit
+from trim.limits import Limits
 from trim.point.operating_point import OperatingPoint, at_scheduled
 
 FLIGHT_SCHEMA = "hfa.flight/1"
 
-#: Note on a flight that stays at trim: whose deviations are at most so large, in the units of
-#: states and inputs.
-UNDISTURBED = "nothing disturbs this flight: give initial errors, a gust, turbulence, noise, a command or errors of parameters"
+#: Note on a flight that stays at trim.
+UNDISTURBED = (
+    "nothing disturbs this flight: give initial errors, a gust, turbulence, noise, a command or"
+    " errors of parameters"
+)
+#: Largest deviations of a flight that stays at trim, in the units of states and inputs.
 _STILL = 1e-6
 
 
 def fly(
-    aircraft: Model,
+    model: Model,
     point: OperatingPoint,
-    law: FlownLaw,
+    policy: Policy,
     scenario: Scenario,
-    envelope: Envelope,
+    envelope: Limits,
     *,
     predict: bool = True,
     progress: Progress | None = None,
 ) -> NonlinearFlight:
-    """X' = f(X, U, w) + d with U = U0 + u of the law and, with `predict`, x' = A x + B u + E w + d
-    of its linear model.
+    """X' = f(X, U, w) + d with U = U0 + u of the policy and, with `predict`, x' = A x + B u + E w + d
+    of the linear model.
 
     The prediction is of the aircraft as designed: without the parameter errors. Both end at the
-    first tick in which the nonlinear flight leaves the envelope. BadInputError when it does not
-    begin inside, or part of the scenario is still to be drawn."""
+    first tick in which the nonlinear flight leaves the envelope.
+
+    BadInputError when the flight does not begin inside, or part of the scenario is still to be
+    drawn.
+    """
     if scenario.uncertainty != Uncertainty():
         raise BadInputError(
-            "part of the scenario is still to be drawn; simulate scenario.drawn(seed, member, point)"
+            "part of the scenario is still to be drawn;"
+            " simulate scenario.drawn(seed, member, point)"
         )
-    scenario = scenario.on(aircraft)
-    compiled = CompiledLoop(
-        ClosedLoop(NonlinearPlant(with_errors(aircraft, scenario), point), law, scenario)
-    )
-    result = fly_within(compiled, envelope, progress=progress)
-    envelope.refuse_start(result.flight.limited[:1] + np.array(point.states), scenario.moving_air)
+    scenario = scenario.on(model)
+    plant = NonlinearPlant(with_errors(model, scenario), point)
+    loop = ClosedLoop(plant, policy, scenario)
+    result = fly_within(CompiledLoop(loop), envelope, progress=progress)
+    start = result.flight.limited[0] + np.array(point.states)
+    refuse_start(envelope, start, scenario.moving_air)
     if not predict:
         return result
-    linear = LinearPlant.at(aircraft, point, result.loop.wind_names)
+    linear = replace(loop, plant=LinearPlant.at(model, point, loop.wind_names))
     ticks = (len(result.flight.times) - 1) // scenario.steps_per_tick
-    return replace(
-        result, predicted=CompiledLoop(replace(result.loop, plant=linear)).fly(ticks=ticks)
-    )
+    return replace(result, predicted=CompiledLoop(linear).fly(ticks=ticks))
 
 
 def fly_within(
     compiled: CompiledLoop,
-    envelope: Envelope,
+    envelope: Limits,
     scenario: Scenario | None = None,
-    of_plant: np.ndarray | None = None,
+    parameters: np.ndarray | None = None,
     *,
-    lost: Callable[[Flight], np.ndarray] | None = None,
     progress: Progress | None = None,
 ) -> NonlinearFlight:
     """One flight of a loop about a trim, of its scenario or another (`CompiledLoop.fly`), without a
-    prediction.
-
-    It ends with the first tick outside the envelope or, with `lost`, at the first of the rows that
-    are."""
+    prediction; it ends with the first tick outside the envelope."""
     loop = compiled.loop if scenario is None else replace(compiled.loop, scenario=scenario)
-    offsets = np.array(loop.plant.point.states)
-    stop = lost or (lambda rows: envelope.outside(rows.limited + offsets))
-    flight = compiled.fly(loop.scenario, of_plant=of_plant, stop=stop, progress=progress)
-    departure = envelope.departure(flight.times, flight.limited + offsets, loop.scenario.moving_air)
-    return NonlinearFlight(
-        envelope, loop, flight, departure, limit_cycle(loop, flight) if departure is None else None
-    )
+    trim = np.array(loop.plant.point.states)
+
+    def stop(rows: Flight) -> np.ndarray:
+        return outside(envelope, rows.limited + trim)
+
+    flight = compiled.fly(loop.scenario, parameters=parameters, stop=stop, progress=progress)
+    left = departure(envelope, flight.times, flight.limited + trim, loop.scenario.moving_air)
+    cycle = None
+    if left is None and not isinstance(loop.policy, OpenLoop):
+        cycle = limit_cycle(loop.plant.point.model, flight, loop.scenario.driven_until)
+    return NonlinearFlight(envelope, loop, flight, left, cycle)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class NonlinearFlight(Reported):
     """A flight, up to the first tick that left the envelope.
 
-    loop: what was flown. flight: deviations from `point`. departure: which state left the envelope
-    first, None when none did. cycle: what still oscillates at the end, None when nothing does.
-    predicted: the same flight of the linear model, None when none was asked for."""
+    envelope: limits of the states
+    loop: what was flown
+    flight: deviations from `point`
+    departure: which state left the envelope first, None when none did
+    cycle: what still oscillates at the end, None when nothing does
+    predicted: the same flight of the linear model, None when none was asked for
+    """
 
-    envelope: Envelope
+    envelope: Limits
     loop: ClosedLoop
     flight: Flight
     departure: Departure | None
@@ -154,154 +161,170 @@ class NonlinearFlight(Reported):
         limit cycle is left."""
         return self.departure is None and not self.exceeded and self.cycle is None
 
-    def title(self, law: str) -> str:
+    def title(self) -> str:
         """Which flight, and whether it stayed within its limits."""
-        at = at_scheduled(self.point).removeprefix("at ")
-        flight = f"Flight, {self.point.called}" + (f", {at}" if at else "") + law
-        time, wrong = f"{self.flight.times[-1]:g} s", self.departure or self.cycle
-        outcome = f"stayed within limits: {time} inside the envelope and the control limits"
-        exceeded = [
-            f"exceeded control limits: {', '.join(each.text() for each in self.exceeded)}"
-        ] * bool(self.exceeded)
+        flight = f"Flight, {self.point.called}"
+        scheduled = at_scheduled(self.point).removeprefix("at ")
+        if scheduled:
+            flight += f", {scheduled}"
+        flight += f", law {self.loop.policy.name}"
+        if isinstance(self.loop.policy, GainPolicy):
+            flight += ", frozen"
+        duration = f"{self.flight.times[-1]:g} s"
+        exceeded = ", ".join(excess.text() for excess in self.exceeded)
+        wrong = self.departure or self.cycle
         if wrong is not None:
             outcome = wrong.text()
         elif exceeded:
-            outcome = f"inside the envelope for {time}, but not within the control limits"
-        return "\n".join([flight, outcome, *exceeded])
+            outcome = f"inside the envelope for {duration}, but not within the control limits"
+        else:
+            outcome = f"stayed within limits: {duration} inside the envelope and the control limits"
+        lines = [flight, outcome]
+        if exceeded:
+            lines.append(f"exceeded control limits: {exceeded}")
+        return "\n".join(lines)
 
     def report(self) -> Report:
         """Outcome, states against the envelope and the linear prediction, inputs against the
-        control limits.
+        control limits; the data are those of `data`."""
+        data = self.data()
+        moving = bool(self.flight.winds) and flown_through_air(self.point.model)
+        parts: list[Part] = []
+        if data.get("commanded"):
+            parts.append(_tracking_table(data["commanded"]))
+        parts.append(self._states(data, moving))
+        if moving:
+            parts.append(OVER_GROUND)
+        parts.append(self._inputs(data))
+        largest = max(np.abs(self.flight.states).max(), np.abs(self.flight.inputs).max())
+        notes = [UNDISTURBED] if largest <= _STILL else []
+        return Report(self.title(), parts, notes, data, self._records())
 
-        data: in the units of the model, without the flight itself, which is `history`; "held":
-        whether the envelope was not left, and no limit cycle is left over."""
-        model, flight, law = self.point.model, self.flight, self.loop.law
-        moving = bool(flight.winds) and flown_through_air(model)
-        largest = _by_name(model.states, np.abs(flight.states).max(axis=0))
-        final = _by_name(model.states, self.states[-1])
-        if flown_through_air(model):
-            largest[ANGLE_OF_ATTACK] = float(
-                np.abs(self.angles_of_attack - getattr(self.point.states, ALPHA)).max()
-            )
-            final[ANGLE_OF_ATTACK] = float(self.angles_of_attack[-1])
+    def data(self) -> dict[str, Any]:
+        """What JSON has of a flight, in the units of the model; not the `history`.
+
+        held: whether the envelope was not left, and no limit cycle is left over
+        """
+        model = self.point.model
+        flight = self.flight
         late = flight.errors[len(flight.errors) // 2 :]
+        beyond = ~control_limits(model).within(self.inputs)
         data: dict[str, Any] = {
             "schema": FLIGHT_SCHEMA,
             "dynamics": self.point.dynamics,
             **names_and_units(model),
             "operating_point": self.point.to_dict(),
             "scenario": self.loop.scenario.to_dict(),
-            "envelope": self.envelope.to_dict(bool(flight.winds)),
+            "envelope": envelope_data(self.envelope, bool(flight.winds)),
             "within_limits": self.within_limits,
             "held": self.departure is None and self.cycle is None,
             "departure": None if self.departure is None else self.departure._asdict(),
             "limit_cycle": None if self.cycle is None else self.cycle._asdict(),
-            "exceeded": [each._asdict() for each in self.exceeded],
+            "exceeded": [excess._asdict() for excess in self.exceeded],
             "flown": float(flight.times[-1]),
-            "final": final,
-            "largest_deviation": largest,
+            "final": _by_name(model.states, self.states[-1]),
+            "largest_deviation": _by_name(model.states, np.abs(flight.states).max(axis=0)),
             "rms_error": _by_name(model.linear, np.sqrt(np.mean(late**2, axis=0))),
-            "share_beyond_control_limits": _by_name(
-                model.inputs, beyond_control_limits(model, self.inputs).mean(axis=0)
-            ),
+            "share_beyond_control_limits": _by_name(model.inputs, beyond.mean(axis=0)),
             "checks": [],
-            "policy": {"law": law.name},
+            "policy": {"law": self.loop.policy.name},
         }
+        if flown_through_air(model):
+            angles = self.angles_of_attack
+            trim = getattr(self.point.states, ALPHA)
+            data["final"][ANGLE_OF_ATTACK] = float(angles[-1])
+            data["largest_deviation"][ANGLE_OF_ATTACK] = float(np.abs(angles - trim).max())
         if self.predicted is not None:
-            off = np.abs(flight.states - self.predicted.states).max(axis=0)
-            data["largest_difference_from_linear"] = _by_name(model.states, off)
-        if len(law.gains):
-            data["policy"] |= {"state_units": list(model.units(model.linear)), "K": law.gains[-1]}
-        parts: list[Part] = [
-            self._states(data, moving),
-            *[OVER_GROUND] * moving,
-            self._inputs(data),
-        ]
-        if isinstance(law.policy, ServoPolicy):
-            rows, commanded = [], {}
-            for each in tracked(flight, law.policy.regulated, law.policy.commands):
-                commanded[each.name] = {
-                    "rms_error": each.rms,
-                    "largest_error": each.largest,
-                    "unit": each.unit,
-                }
-                errors = (short_number(error, each.unit) for error in (each.rms, each.largest))
-                rows.append((each.name, shown_unit(each.unit), *errors))
+            difference = np.abs(flight.states - self.predicted.states).max(axis=0)
+            data["largest_difference_from_linear"] = _by_name(model.states, difference)
+        if isinstance(self.loop.policy, GainPolicy):
+            data["policy"]["state_units"] = list(model.units(model.linear))
+            data["policy"]["K"] = self.loop.policy.gains[-1]
+        commanded = self.loop.policy.tracking_errors(flight)
+        if commanded:
             data["commanded"] = commanded
-            parts[:0] = [
-                Table(("commanded output", "unit", "rms error", "largest error"), rows)
-            ] * bool(rows)
-        still = max(np.abs(flight.states).max(), np.abs(flight.inputs).max()) <= _STILL
-        title = self.title(f", law {law.name}{', frozen' * bool(len(law.gains))}")
-        return Report(title, parts, [UNDISTURBED] * bool(still), data, self._records())
+        return data
 
     def _states(self, data: dict[str, Any], moving: bool) -> Table:
-        """Of each state, and where the air moves of alpha through it, what the data have; the
-        limits beside."""
-        model, rows = self.point.model, []
+        """A row a state, and where the air moves one of alpha through it."""
+        model = self.point.model
+        header = ["state", "unit", "largest deviation", "final deviation", "rms error, 2nd half"]
+        header.append("envelope")
         differences = data.get("largest_difference_from_linear")
-        for index, name in enumerate(model.states):
-            unit, limits = model.unit(name), self.envelope.limits_text(index)
-            through_air = name == ALPHA and moving
-            for what in (name, ANGLE_OF_ATTACK)[: 1 + through_air]:
-                deviations = (
-                    data["largest_deviation"][what],
-                    data["final"][what] - self.point.states[index],
-                )
-                cells = [
-                    what,
-                    shown_unit(unit),
-                    *(short_number(value, unit) for value in deviations),
-                ]
-                cells += [
-                    short_number(data["rms_error"][what], unit) if what in model.linear else ""
-                ]
-                cells += ["" if through_air and what == name else limits]
+        if differences is not None:
+            header.append("off the linear model")
+        rows = []
+        for index, state in enumerate(model.states):
+            unit = model.unit(state)
+            limits = limits_text(self.envelope.lowest[index], self.envelope.highest[index], unit)
+            names = (state, ANGLE_OF_ATTACK) if state == ALPHA and moving else (state,)
+            for name in names:
+                final = data["final"][name] - self.point.states[index]
+                cells = [name, shown_unit(unit)]
+                cells.append(short_number(data["largest_deviation"][name], unit))
+                cells.append(short_number(final, unit))
+                errors = data["rms_error"]
+                cells.append(short_number(errors[name], unit) if name in errors else "")
+                cells.append(limits if name == names[-1] else "")
                 if differences is not None:
-                    cells += [short_number(differences[what], unit) if what in differences else ""]
+                    shown = name in differences
+                    cells.append(short_number(differences[name], unit) if shown else "")
                 rows.append(tuple(cells))
-        deviated = ("largest deviation", "final deviation", "rms error, 2nd half")
-        return Table(
-            ("state", "unit", *deviated, "envelope", "off the linear model")[: len(rows[0])], rows
-        )
+        return Table(tuple(header), rows)
 
     def _inputs(self, data: dict[str, Any]) -> Table:
+        """A row an input."""
+        model = self.point.model
         rows = []
-        for index, (name, share) in enumerate(data["share_beyond_control_limits"].items()):
-            unit, column = self.point.model.unit(name), self.inputs[:, index]
-            ends = (short_number(each, unit) for each in (column.min(), column.max()))
-            rows.append((name, shown_unit(unit), *ends, f"{100 * share:.3g} %"))
+        for name, column in zip(model.inputs, self.inputs.T, strict=True):
+            unit = model.unit(name)
+            lowest = short_number(column.min(), unit)
+            highest = short_number(column.max(), unit)
+            beyond = f"{100 * data['share_beyond_control_limits'][name]:.3g} %"
+            rows.append((name, shown_unit(unit), lowest, highest, beyond))
         return Table(("input", "unit", "lowest", "highest", "time beyond control limits"), rows)
 
     def history(self) -> dict[str, Any]:
         """Once a tick: times (N,), states (N, n), inputs (N, m), angles of attack, all absolute;
         errors, updrafts."""
         every = slice(None, None, self.loop.scenario.steps_per_tick)
-        of_flight = {
-            name: getattr(self.flight, name)[every] for name in ("times", "errors", "updrafts")
+        columns = {
+            "times": self.flight.times[every],
+            "errors": self.flight.errors[every],
+            "updrafts": self.flight.updrafts[every],
+            "states": self.states[every],
+            "inputs": self.inputs[every],
         }
-        names = (
-            "states",
-            "inputs",
-            *(("angles_of_attack",) if flown_through_air(self.point.model) else ()),
-        )
-        absolute = {name: getattr(self, name)[every] for name in names}
-        return {"history": of_flight | absolute}
+        if flown_through_air(self.point.model):
+            columns["angles_of_attack"] = self.angles_of_attack[every]
+        return {"history": columns}
 
     def _records(self) -> Table:
         """The history, one row a tick, each column with its unit: an array, because a flight may be
         long."""
-        flown, model = self.history()["history"], self.point.model
+        history = self.history()["history"]
+        model = self.point.model
         units = {"time": "s"} | {name: model.unit(name) for name in (*model.states, *model.inputs)}
-        columns = [flown[name] for name in ("times", "states", "inputs")]
+        columns = [history["times"], history["states"], history["inputs"]]
         if UPDRAFT in model.disturbances:
             units[UPDRAFT] = model.unit(UPDRAFT)
-            columns.append(flown["updrafts"])
+            columns.append(history["updrafts"])
         if flown_through_air(model):
             units[ANGLE_OF_ATTACK] = model.unit(ALPHA)
-            columns.append(flown["angles_of_attack"])
+            columns.append(history["angles_of_attack"])
         rows: Any = np.column_stack(columns)
         return Table(tuple(f"{name} [{unit}]" for name, unit in units.items()), rows)
+
+
+def _tracking_table(commanded: dict[str, dict[str, Any]]) -> Table:
+    """A row a commanded output, of `Policy.tracking_errors`."""
+    rows = []
+    for name, errors in commanded.items():
+        unit = errors["unit"]
+        rms = short_number(errors["rms_error"], unit)
+        largest = short_number(errors["largest_error"], unit)
+        rows.append((name, shown_unit(unit), rms, largest))
+    return Table(("commanded output", "unit", "rms error", "largest error"), rows)
 
 
 def _by_name(names: Iterable[str], values: np.ndarray) -> dict[str, float]:
@@ -316,35 +339,3 @@ def names_and_units(model: Model) -> dict[str, list[str]]:
         "inputs": list(model.inputs),
         "input_units": list(model.units(tuple(model.inputs))),
     }
-
-
-class Tracked(NamedTuple):
-    """An output and its command, (N,) each as deviations from trim; root mean square and largest of
-    their difference.
-
-    Of the whole flight, in the output's unit.
-    """
-
-    name: str
-    output: np.ndarray
-    command: np.ndarray
-    unit: str
-    rms: float
-    largest: float
-
-
-def tracked(flight: Flight, outputs: MeasuredOutputs, commands: CommandSteps) -> list[Tracked]:
-    """Each commanded output of a flight beside its command, without the noise of the sensors."""
-    model, found = outputs.model, []
-    rows = [list(model.states).index(name) for name in model.linear]
-    z, r = (
-        flight.states[:, rows] @ outputs.C.T + flight.inputs @ outputs.D.T,
-        commands.sampled(flight.times),
-    )
-    if outputs.F.size:
-        z += flight.updrafts[:, None] @ outputs.F.T
-    for name, output, command in zip(commands.names, z.T, r.T, strict=True):
-        off = np.abs(output - command)
-        errors = float(np.sqrt(np.mean(off**2))), float(off.max())
-        found.append(Tracked(name, output, command, model.unit(model.part(name)[0]), *errors))
-    return found

@@ -10,9 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from controller.flight.actuators import Actuators
-from controller.flight.gusts import UPDRAFT, Dryden, Gust
-from controller.flight.signals import Signal, TimeVector, zero
+from controller.flight.actuators import ActuatorBank
+from controller.flight.air import UPDRAFT, gust_speed
+from controller.flight.gusts import Dryden, Gust
+from controller.flight.signals import TimeVector, Waveform, zero
 from hfa_aircraft.model import Model
 from hfa_support.errors import (
     BadInputError,
@@ -25,7 +26,9 @@ from hfa_support.reporting.fields import Shown
 from trim.point.operating_point import OperatingPoint
 
 #: Streams of random numbers of a member.
-_ERRORS, _NOISE, _AIR = range(3)
+_ERRORS = 0
+_NOISE = 1
+_AIR = 2
 
 #: Most steps of a flight: beyond them its rows fill the memory of an ordinary machine.
 MOST_STEPS = 10_000_000
@@ -35,10 +38,12 @@ MOST_STEPS = 10_000_000
 class Uncertainty:
     """What is drawn anew for each member; nothing unless given.
 
-    errors: parameter -> relative standard deviation of the flown aircraft's about the nominal
-    value. noise: state of the linear model -> standard deviation of what its sensor adds, drawn
-    anew every tick and held. turbulence: (intensity, ft/s, scale, ft) of Dryden turbulence, or
-    None. BadInputError when a deviation is negative; `Scenario.on` looks at the names.
+    errors: parameter -> relative standard deviation of the flown aircraft's about the nominal value
+    noise: state of the linear model -> standard deviation of what its sensor adds, drawn anew every
+        tick and held
+    turbulence: (intensity, ft/s, scale, ft) of Dryden turbulence, or None
+
+    BadInputError when a deviation is negative; `Scenario.on` looks at the names.
 
     The draws of member k = 0, 1, ... are three independent streams from (seed, k), NumPy's
     `SeedSequence`: one kind of randomness more or less leaves the draws of the others as they are.
@@ -63,8 +68,8 @@ class Uncertainty:
         Mean 1 and standard deviation s exactly, and never a change of sign.
         """
         sigma = np.sqrt(np.log1p(np.array(list(self.errors.values()), dtype=float) ** 2))
-        drawn = np.random.default_rng(_sequence(seed, member, _ERRORS)).standard_normal(len(sigma))
-        return np.asarray(np.exp(sigma * drawn - sigma**2 / 2))
+        random = np.random.default_rng(_sequence(seed, member, _ERRORS))
+        return np.asarray(np.exp(sigma * random.standard_normal(len(sigma)) - sigma**2 / 2))
 
     def samples(
         self, seed: int, member: int, ticks: int, names: tuple[str, ...]
@@ -73,9 +78,8 @@ class Uncertainty:
         levels = np.array([self.noise.get(name, 0.0) for name in names])
         if not levels.any():
             return None
-        return levels * np.random.default_rng(_sequence(seed, member, _NOISE)).standard_normal(
-            (ticks, len(levels))
-        )
+        random = np.random.default_rng(_sequence(seed, member, _NOISE))
+        return levels * random.standard_normal((ticks, len(levels)))
 
 
 def _sequence(seed: int, member: int, kind: int) -> np.random.SeedSequence:
@@ -87,14 +91,21 @@ def _sequence(seed: int, member: int, kind: int) -> np.random.SeedSequence:
 class Scenario(Shown):
     """Everything that happens in a flight. All is off unless given.
 
-    duration, step, tick: s; gains, noise samples and turbulence change once a tick, which holds a
-    whole number of steps. initial: (n,), deviation from trim, () for none. reference, disturbance,
-    noise: (k,) each, of the states of the linear model; None is 0. errors: parameter -> factor on
-    the flown aircraft, which the design does not know. actuators, gust: stages of the loop. air:
-    disturbance of the model -> its signal, (1,). delay: s, whole ticks, by which every command
-    comes late. uncertainty: the random quantities, which `drawn` draws. samples: drawn noise,
-    (ticks, k), held in each tick. BadInputError when the times do not fit each other or the
-    actuators, are too long, or there are two gusts."""
+    duration: s
+    step: s, of the integration
+    tick: s, a whole number of steps; the held inputs change once a tick
+    initial: (n,), deviation from trim, () for none
+    reference, disturbance, noise: (k,) each, of the states of the linear model; None is 0
+    errors: parameter -> factor on the flown aircraft, which the design does not know
+    actuators, gust: stages of the loop
+    uncertainty: the random quantities, which `drawn` draws
+    samples: drawn noise, (ticks, k), held in each tick
+    air: disturbance of the model -> its waveform, (1,)
+    delay: s, whole ticks, by which every command comes late
+
+    BadInputError when the times do not fit each other or the actuators, are too long, or there are
+    two gusts.
+    """
 
     duration: float = 20.0
     step: float = 0.001
@@ -104,11 +115,11 @@ class Scenario(Shown):
     disturbance: TimeVector | None = None
     noise: TimeVector | None = None
     errors: Mapping[str, float] = field(default_factory=dict)
-    actuators: Actuators | None = None
+    actuators: ActuatorBank | None = None
     gust: Gust | None = None
     uncertainty: Uncertainty = field(default_factory=Uncertainty)
     samples: np.ndarray | None = None
-    air: Mapping[str, Signal] = field(default_factory=dict)
+    air: Mapping[str, Waveform] = field(default_factory=dict)
     delay: float = 0.0
 
     def __post_init__(self) -> None:
@@ -117,12 +128,11 @@ class Scenario(Shown):
         for name, value in times.items():
             refuse_unless_positive(name, value, " s")
         for (name, long), (part, short) in pairwise(times.items()):
-            if (
-                round(long / short) < 1
-                or abs(long / short - round(long / short)) > 1e-6 * long / short
-            ):
+            count = long / short
+            if round(count) < 1 or abs(count - round(count)) > 1e-6 * count:
                 raise BadInputError(
-                    f"{name} is {long:g} s and {part} {short:g} s; make it a whole number of {part}s"
+                    f"{name} is {long:g} s and {part} {short:g} s;"
+                    f" make it a whole number of {part}s"
                 )
         if self.duration > MOST_STEPS * self.step * (1 + 1e-9):
             most = f"with a step of {self.step:g} s it must not exceed {MOST_STEPS * self.step:g} s"
@@ -131,9 +141,9 @@ class Scenario(Shown):
             self.actuators.refuse_step(self.step)
         for name, factor in self.errors.items():
             refuse_unless_positive(f"the factor on {name}", factor)
-        if not (
-            0.0 <= self.delay < math.inf and abs(self.delay / self.tick - self.delayed_ticks) < 1e-6
-        ):
+        if not 0.0 <= self.delay < math.inf:
+            raise BadInputError(f"delay is {self.delay:g} s; give a time from 0 on")
+        if not math.isclose(self.delay, self.delayed_ticks * self.tick, rel_tol=1e-6):
             raise BadInputError(
                 f"delay is {self.delay:g} s; make it a whole number of ticks of {self.tick:g} s"
             )
@@ -162,41 +172,41 @@ class Scenario(Shown):
     def driven_until(self) -> float:
         """When the last signal, gust or noise comes to rest, s; inf: never. What is left then is
         the loop's own."""
+        if self.samples is not None:
+            return math.inf
         sources = (self.reference, self.disturbance, self.noise, self.gust, *self.air.values())
-        ends = [getattr(each, "until", math.inf) for each in sources if each is not None]
-        return max(ends, default=0.0) if self.samples is None else math.inf
+        ends = [getattr(source, "until", math.inf) for source in sources if source is not None]
+        return max(ends, default=0.0)
 
     def on(self, model: Model) -> Scenario:
         """The same with a start and signals of the sizes of a model.
 
-        BadInputError, in one line, for what the model does not have: states, parameters, a
-        disturbance `updraft`."""
-        for what, given, names in (
-            (
-                "unknown parameter",
-                (*self.errors, *self.uncertainty.errors),
-                tuple(model.parameters),
-            ),
-            ("unknown noise of state", self.uncertainty.noise, model.linear),
-            ("unknown disturbance", self.air, tuple(model.disturbances)),
-        ):
-            for name in given:
-                refuse_unknown(what, name, names)
+        BadInputError for what the model does not have: states, parameters, a disturbance
+        `updraft`.
+        """
+        for name in (*self.errors, *self.uncertainty.errors):
+            refuse_unknown("unknown parameter", name, tuple(model.parameters))
+        for name in self.uncertainty.noise:
+            refuse_unknown("unknown noise of state", name, model.linear)
+        for name in self.air:
+            refuse_unknown("unknown disturbance", name, tuple(model.disturbances))
         if (self.gust or self.uncertainty.turbulence) and UPDRAFT not in model.disturbances:
             raise BadInputError(
                 f"{model.name} declares no disturbance {UPDRAFT}, which a gust is; declare it"
             )
-        n, k = len(model.states), len(model.linear)
+        n = len(model.states)
+        none = zero(len(model.linear))
         initial = self.initial if np.size(self.initial) else np.zeros(n)
         if np.shape(initial) != (n,):
             raise BadInputError(
                 f"initial has shape {np.shape(initial)}; {model.name} has {n} states"
             )
-        reference, disturbance, noise = (
-            each or zero(k) for each in (self.reference, self.disturbance, self.noise)
-        )
         return replace(
-            self, initial=initial, reference=reference, disturbance=disturbance, noise=noise
+            self,
+            initial=initial,
+            reference=self.reference or none,
+            disturbance=self.disturbance or none,
+            noise=self.noise or none,
         )
 
     @property
@@ -207,14 +217,15 @@ class Scenario(Shown):
     def drawn(self, seed: int, member: int, point: OperatingPoint) -> Scenario:
         """One draw of the uncertain quantities, which seed and member decide. point: whose speed
         gusts are met at."""
-        uncertain, errors, gust = self.uncertainty, dict(self.errors), self.gust
-        for name, factor in zip(
-            uncertain.errors, uncertain.factors(seed, member).tolist(), strict=True
-        ):
+        uncertain = self.uncertainty
+        errors = dict(self.errors)
+        factors = uncertain.factors(seed, member).tolist()
+        for name, factor in zip(uncertain.errors, factors, strict=True):
             errors[name] = errors.get(name, 1.0) * factor
+        gust = self.gust
         if uncertain.turbulence is not None:
-            own_seed = int(_sequence(seed, member, _AIR).generate_state(1, np.uint64)[0])
-            gust = Dryden(*uncertain.turbulence, met_at(point), self.tick, self.ticks, own_seed)
+            air = int(_sequence(seed, member, _AIR).generate_state(1, np.uint64)[0])
+            gust = Dryden(*uncertain.turbulence, gust_speed(point), self.tick, self.ticks, air)
         return replace(
             self,
             errors=errors,
@@ -226,9 +237,8 @@ class Scenario(Shown):
     def to_dict(self) -> dict[str, Any]:
         """What is known before anything is drawn, for JSON; a signal without a formula is named by
         its kind."""
-        data = {
-            name: getattr(self, name) for name in ("duration", "step", "tick", "initial", "errors")
-        }
+        plain = ("duration", "step", "tick", "initial", "errors")
+        data = {name: getattr(self, name) for name in plain}
         for name in ("reference", "disturbance", "noise"):
             signal = getattr(self, name)
             data[name] = signal.to_dict() if hasattr(signal, "to_dict") else type(signal).__name__
@@ -236,27 +246,15 @@ class Scenario(Shown):
         data["actuators"] = None if self.actuators is None else asdict(self.actuators)
         data["gust"] = None if gust is None else {"kind": type(gust).__name__, **asdict(gust)}
         if self.air:
-            data["air"] = {name: each.to_dict() for name, each in self.air.items()}
-        return data | ({"delay": self.delay} if self.delay else {})
+            data["air"] = {name: waveform.to_dict() for name, waveform in self.air.items()}
+        if self.delay:
+            data["delay"] = self.delay
+        return data
 
 
-def met_at(point: OperatingPoint) -> float:
-    """Speed at which a trimmed aircraft meets gusts: state or output `speed`. BadInputError for a
-    model without it."""
-    model = point.model
-    if "speed" not in (*model.states, *model.outputs):
-        raise BadInputError(
-            f"{model.name} has no state or output speed, at which a gust is met; declare one"
-        )
-    if "speed" in point.values:
-        return point.values["speed"]
-    return model.outputs_at(point.states, point.inputs, ["speed"])["speed"]
-
-
-def with_errors(aircraft: Model, scenario: Scenario) -> Model:
+def with_errors(model: Model, scenario: Scenario) -> Model:
     """The model that is flown: its parameters times the errors of the scenario."""
-    model = aircraft
-    wrong = {
+    parameters = {
         name: model.parameters[name].start * factor for name, factor in scenario.errors.items()
     }
-    return model.with_parameters(**wrong) if wrong else model
+    return model.with_parameters(**parameters) if parameters else model

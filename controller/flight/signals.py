@@ -11,10 +11,11 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
-from controller.servo.design import COMMAND_FILTER
 from hfa_support.errors import BadInputError, refuse_unless_positive
 from hfa_support.reporting.fields import Shown
 
+#: Bandwidth, rad/s, and damping of the command filter unless given: those of SimVFA (Thomsen 2018).
+COMMAND_FILTER = (0.5, 2.0)
 #: What a loop asks of its reference, disturbance and noise: `size` n, and `at(t)`, the value (n,)
 #: at an expression; `until`, s, when it comes to rest, inf unless given.
 TimeVector = Any
@@ -29,7 +30,7 @@ class Harmonic(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Signal(Shown):
+class Waveform(Shown):
     """s(t) = constant + slope t + Σ_i (sine_i sin ω_i t + cosine_i cos ω_i t), (n,).
 
     BadInputError when the parts differ in length or are not finite.
@@ -49,10 +50,10 @@ class Signal(Shown):
         ):
             if len(size) != 1 or np.shape(part) != size:
                 raise BadInputError(
-                    f"a signal has parts of shape {size} and {np.shape(part)}; make them one length"
+                    f"a waveform has parts of shape {size} and {np.shape(part)}; make them one length"
                 )
             if not np.all(np.isfinite(part)):
-                raise BadInputError("a signal has an entry that is not finite; give numbers")
+                raise BadInputError("a waveform has an entry that is not finite; give numbers")
 
     @property
     def size(self) -> int:
@@ -95,9 +96,9 @@ class Signal(Shown):
         }
 
 
-def zero(size: int) -> Signal:
-    """The zero signal."""
-    return Signal(np.zeros(size), np.zeros(size))
+def zero(size: int) -> Waveform:
+    """The waveform that is 0 always."""
+    return Waveform(np.zeros(size), np.zeros(size))
 
 
 @dataclass(frozen=True, eq=False, repr=False)

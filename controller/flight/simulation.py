@@ -4,189 +4,195 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import casadi as ca
 import numpy as np
 
 from controller.flight.actuators import LONGEST_STEP
+from controller.flight.air import ALPHA
 from controller.flight.closed_loop import ClosedLoop
-from controller.flight.envelope import ALPHA
-from controller.flight.gusts import UPDRAFT
+from controller.flight.flight_history import Flight
 from controller.flight.scenario import Scenario
 from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.native.bound import BoundFunction
 from hfa_support.native.machine_code import machine_code
 from hfa_support.progress import Progress
-from hfa_support.reporting.fields import Shown
 
 #: Runs at least this long are worth compiling to machine code.
 COMPILE_FROM_STEPS = 50_000
-#: Steps after which it is asked whether a flight ends, and the most parts into which the modes of a
-#: law divide one.
-_ROWS, _MOST_PARTS = 1000, 10_000
-
-
-@dataclass(frozen=True, repr=False)
-class Flight(Shown):
-    """What was flown, one row a step.
-
-    times: (N,), s. states: (N, n) of the plant, deviations. errors: (N, k), z = x - x_d, without
-    noise. inputs: (N, m), deviations. memory: (N, l), the policy's own states. limited: (N, n), the
-    states with alpha through the air in place of alpha. winds: disturbance of the model that is not
-    0 -> (N,)."""
-
-    times: np.ndarray
-    states: np.ndarray
-    errors: np.ndarray
-    inputs: np.ndarray
-    memory: np.ndarray
-    limited: np.ndarray
-    winds: dict[str, np.ndarray]
-
-    @property
-    def updrafts(self) -> np.ndarray:
-        """The updraft of the air, (N,)."""
-        return self.winds.get(UPDRAFT, np.zeros(len(self.times)))
+#: Steps after which it is asked whether a flight ends.
+_ROWS = 1000
+#: Most parts into which the fastest mode of a policy divides a step.
+_MOST_PARTS = 10_000
 
 
 class CompiledLoop:
     """A loop compiled once and simulated many times by the classical Runge-Kutta method of order 4.
 
-    The fastest mode of the law divides each step into as many parts as it needs; BadInputError when
-    these are too many. flights: how many are to come, which decides whether machine code pays.
-    Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, Table II.1.2."""
+    The fastest mode of the policy divides each step into as many parts as it needs; BadInputError
+    when these are too many. flights: how many are to come, which decides whether machine code pays.
+    Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, Table II.1.2.
+    """
 
     def __init__(self, loop: ClosedLoop, flights: int = 1) -> None:
-        self.loop, scenario = loop, loop.scenario
-        parts = max(1, math.ceil(loop.law.fastest * scenario.step / LONGEST_STEP - 1e-9))
-        if parts > _MOST_PARTS:
-            most = LONGEST_STEP * _MOST_PARTS / scenario.step
-            raise BadInputError(
-                f"the law has a mode of {loop.law.fastest:.4g} 1/s; at a step of {scenario.step:g} s it must be below"
-                f" {most:.3g} 1/s: make the step shorter"
-            )
+        self.loop = loop
+        scenario = loop.scenario
+        parts = _parts_of_a_step(loop)
         arguments = loop.symbols()
         now = loop.at(*arguments)
+        observed = (now.error, now.inputs, now.winds, now.angle)
         self.rate = ca.Function("loop_rate", [*arguments], [ca.densify(now.rate)], {"cse": True})
-        seen = ca.densify(ca.vertcat(now.error, now.inputs, now.winds, now.angle))
-        self._ends = np.cumsum(
-            [each.numel() for each in (now.error, now.inputs, now.winds)]
-        ).tolist()
-        self._observed = ca.Function("loop_seen", [*arguments], [seen], {"cse": True})
-        self._command = (
-            ca.Function("command", [*arguments], [ca.densify(now.command)])
-            if scenario.delay
-            else None
+        self._observed = ca.Function(
+            "loop_observed", [*arguments], [ca.densify(ca.vertcat(*observed))], {"cse": True}
         )
-        self._alpha = list(loop.plant.point.model.states).index(ALPHA) if now.angle.numel() else -1
+        self._ends = np.cumsum([column.numel() for column in observed[:-1]]).tolist()
+        self._command = ca.Function("command", [*arguments], [ca.densify(now.command)])
+        self._alpha = -1
+        if now.angle.numel():
+            self._alpha = list(loop.plant.point.model.states).index(ALPHA)
         tick = _tick(self.rate, self._observed, scenario.step, scenario.steps_per_tick, parts)
-        whole = flights * scenario.ticks * scenario.steps_per_tick * parts
-        self._tick = BoundFunction(machine_code(tick) if whole >= COMPILE_FROM_STEPS else tick)
+        steps = flights * scenario.ticks * scenario.steps_per_tick * parts
+        self._tick = BoundFunction(machine_code(tick) if steps >= COMPILE_FROM_STEPS else tick)
 
     def fly(
         self,
         scenario: Scenario | None = None,
         *,
-        of_plant: np.ndarray | None = None,
+        parameters: np.ndarray | None = None,
         ticks: int | None = None,
         stop: Callable[[Flight], np.ndarray] | None = None,
         progress: Progress | None = None,
     ) -> Flight:
-        """The flight of its scenario, or of one that differs from it in numbers alone; of_plant:
-        the plant's constants.
+        """The flight of its scenario, or of one that differs from it in numbers alone.
 
-        ticks: those of the scenario unless given. stop: rows -> which of them end the flight, with
-        the tick of the first one. NoSolutionError, naming the time, when a number is no longer
-        finite and no `stop` asks about it."""
+        parameters: of the plant
+        ticks: how many; those of the scenario unless given
+        stop: rows of a flight -> which of them end it; it is flown to the end of that tick
+
+        NoSolutionError, naming the time, when a number is no longer finite and there is no `stop`.
+        """
         loop = self.loop if scenario is None else replace(self.loop, scenario=scenario)
-        step, each = loop.scenario.step, loop.scenario.steps_per_tick
-        last = loop.scenario.ticks if ticks is None else ticks
-        constants = loop.constants(np.zeros(0) if of_plant is None else of_plant)
+        steps = loop.scenario.steps_per_tick
+        last_tick = loop.scenario.ticks if ticks is None else ticks
         now, held = self._tick.inputs
-        after, seen = (result.reshape(each, -1) for result in self._tick.results)
+        after, observed = (result.reshape(steps, -1) for result in self._tick.results)
+        held[:] = 0.0
+        if parameters is not None:
+            held[loop.held_slices.parameters] = parameters
         # Only what is written takes memory.
-        rows, observed = (
-            np.empty((last * each + 1, now.size - 1)),
-            np.empty((last * each + 1, seen.shape[1])),
-        )
-        rows[0], p, sent, done, end = loop.start(), constants(0), list[np.ndarray](), 0, last * each
+        rows = np.empty((last_tick * steps + 1, now.size - 1))
+        columns = np.empty((last_tick * steps + 1, observed.shape[1]))
+        rows[0] = loop.start()
+        commands: list[np.ndarray] = []
+        done = 0
+        end = last_tick * steps
         while done < end:
             begin = done
-            for tick in range(done // each, min(done // each + max(1, _ROWS // each), last)):
-                p = constants(tick)
-                now[0], now[1:] = done * step, rows[done]
-                if self._command is not None:
-                    self._hand_over(tick, now, p, sent)
-                held[:] = p
+            first_tick = done // steps
+            for tick in range(first_tick, min(first_tick + max(1, _ROWS // steps), last_tick)):
+                now[0] = done * loop.scenario.step
+                now[1:] = rows[done]
+                loop.hold(tick, held)
+                if loop.scenario.delayed_ticks:
+                    commands.append(np.array(self._command(now[0], now[1:], held)).ravel())
+                    held[loop.held_slices.delay] = self._delayed(tick, now[0], commands)
                 self._tick()
-                rows[done + 1 : done + each + 1], observed[done : done + each] = after[:, 1:], seen
-                done += each
-            if stop is None:
-                over = ~np.isfinite(self.loop.parts(rows[begin : done + 1])[0]).all(axis=1)
-            else:
-                over = stop(self._flight(rows, observed, begin, done))
+                rows[done + 1 : done + steps + 1] = after[:, 1:]
+                columns[done : done + steps] = observed
+                done += steps
+            over = self._over(rows, columns, begin, done, stop)
             if over.any():
-                first = begin + int(np.argmax(over))
-                if stop is None:
-                    raise NoSolutionError(
-                        f"the flight left every bound at t = {first * step:.6g} s; the loop is unstable or the step"
-                        " too long"
-                    )
-                end = math.ceil(first / each) * each
+                end = math.ceil((begin + int(np.argmax(over))) / steps) * steps
             if progress is not None:
-                progress(last if done >= end else done // each, last)
+                progress(last_tick if done >= end else done // steps, last_tick)
         if end == done:  # what is observed at the end is still to be asked
-            observed[end] = np.array(self._observed(end * step, rows[end], p)).ravel()
-        return self._flight(rows, observed, 0, end + 1)
+            time = end * loop.scenario.step
+            columns[end] = np.array(self._observed(time, rows[end], held)).ravel()
+        return self._flight(rows, columns, 0, end + 1)
 
-    def _hand_over(self, tick: int, now: np.ndarray, p: np.ndarray, sent: list[np.ndarray]) -> None:
-        """Write the commands of so many ticks ago into p, between which the loop interpolates: 0,
-        the trim, before the delay has passed."""
-        sent.append(np.array(self._command(now[0], now[1:], p)).ravel())  # type: ignore[misc]
-        due, calm = tick - self.loop.scenario.delayed_ticks, np.zeros(sent[0].size)
-        early, late = (sent[due], sent[due + 1]) if due >= 0 else (calm, calm)
-        p[p.size - 1 - 2 * calm.size :] = [now[0], *early, *late]
+    def _over(
+        self,
+        rows: np.ndarray,
+        columns: np.ndarray,
+        begin: int,
+        done: int,
+        stop: Callable[[Flight], np.ndarray] | None,
+    ) -> np.ndarray:
+        """Which of the steps begin ... done end the flight; NoSolutionError as of `fly`."""
+        if stop is not None:
+            return stop(self._flight(rows, columns, begin, done))
+        lost = ~np.isfinite(self.loop.parts(rows[begin : done + 1]).plant).all(axis=1)
+        if lost.any():
+            time = (begin + int(np.argmax(lost))) * self.loop.scenario.step
+            raise NoSolutionError(
+                f"the flight left every bound at t = {time:.6g} s; the loop is unstable or the step"
+                " too long"
+            )
+        return lost
 
-    def _flight(self, rows: np.ndarray, observed: np.ndarray, begin: int, end: int) -> Flight:
-        """Steps begin ... end - 1 of all y (N, n), and what was observed there."""
-        states, memory = self.loop.parts(rows[begin:end])
-        errors, inputs, winds, angle = np.split(observed[begin:end], self._ends, axis=1)
-        limited = states
+    def _delayed(self, tick: int, time: float, commands: list[np.ndarray]) -> np.ndarray:
+        """[time; command of so many ticks ago; the next one], between which the loop interpolates:
+        0, the trim, before the delay has passed."""
+        due = tick - self.loop.scenario.delayed_ticks
+        if due < 0:
+            return np.concatenate([[time], np.zeros(2 * commands[0].size)])
+        return np.concatenate([[time], commands[due], commands[due + 1]])
+
+    def _flight(self, rows: np.ndarray, columns: np.ndarray, begin: int, end: int) -> Flight:
+        """Steps begin ... end - 1 of all y (N, n), and of what was observed there."""
+        parts = self.loop.parts(rows[begin:end])
+        errors, inputs, winds, angle = np.split(columns[begin:end], self._ends, axis=1)
+        limited = parts.plant
         if self._alpha >= 0:
-            limited = states.copy()
+            limited = parts.plant.copy()
             limited[:, self._alpha] = angle[:, 0]
         times = self.loop.scenario.step * np.arange(begin, end)
         air = dict(zip(self.loop.wind_names, winds.T, strict=True))
-        return Flight(times, states, errors, inputs, memory, limited, air)
+        return Flight(times, parts.plant, errors, inputs, parts.memory, limited, air)
+
+
+def _parts_of_a_step(loop: ClosedLoop) -> int:
+    """Into how many parts the fastest mode of the policy divides a step; BadInputError when these
+    are too many."""
+    step = loop.scenario.step
+    parts = max(1, math.ceil(loop.policy.fastest * step / LONGEST_STEP - 1e-9))
+    if parts > _MOST_PARTS:
+        raise BadInputError(
+            f"the law has a mode of {loop.policy.fastest:.4g} 1/s; at a step of {step:g} s it must"
+            f" be below {LONGEST_STEP * _MOST_PARTS / step:.3g} 1/s: make the step shorter"
+        )
+    return parts
 
 
 def _tick(
     rate: ca.Function, observed: ca.Function, step: float, count: int, parts: int
 ) -> ca.Function:
-    """([t; y], p) -> [t; y] after each of the steps of a tick, and what is observed at the
-    beginning of each."""
-    now, p, h = (
-        ca.SX.sym("now", 1 + rate.numel_in(1)),
-        ca.SX.sym("p", rate.numel_in(2)),
-        step / parts,
-    )
-    t, y = now[0], now[1:]
-    k1 = rate(t, y, p)
-    k2 = rate(t + h / 2, y + h / 2 * k1, p)
-    k3 = rate(t + h / 2, y + h / 2 * k2, p)
-    k4 = rate(t + h, y + h * k3, p)
-    later = ca.vertcat(t + h, y + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4))
-    seen = ca.densify(observed(t, y, p))
-    x, held = ca.MX.sym("x", now.numel()), ca.MX.sym("p", p.numel())
+    """([t; y], held) -> [t; y] after each of the `count` steps of a tick, and what is observed at
+    the beginning of each. parts: of a step."""
+    now = ca.SX.sym("now", 1 + rate.numel_in(1))
+    held = ca.SX.sym("held", rate.numel_in(2))
+    later = _runge_kutta(rate, now, held, step / parts)
+    x = ca.MX.sym("x", now.numel())
+    p = ca.MX.sym("p", held.numel())
     if parts == 1:
-        one = ca.Function("step", [now, p], [ca.densify(later), seen], {"cse": True})
+        columns = ca.densify(observed(now[0], now[1:], held))
+        one = ca.Function("step", [now, held], [ca.densify(later), columns], {"cse": True})
     else:
-        whole = ca.vertcat(now, p)
-        part = ca.Function("part", [whole], [ca.densify(ca.vertcat(later, p))], {"cse": True}).fold(
-            parts
-        )
-        moved = part(ca.vertcat(x, held))[: now.numel()]
-        one = ca.Function("step", [x, held], [moved, observed(x[0], x[1:], held)])
+        both = ca.vertcat(now, held)
+        part = ca.Function("part", [both], [ca.densify(ca.vertcat(later, held))], {"cse": True})
+        moved = part.fold(parts)(ca.vertcat(x, p))[: now.numel()]
+        one = ca.Function("step", [x, p], [moved, observed(x[0], x[1:], p)])
     many = one.mapaccum("steps", count)
-    return ca.Function("tick", [x, held], list(many(x, ca.repmat(held, 1, count))))
+    return ca.Function("tick", [x, p], list(many(x, ca.repmat(p, 1, count))))
+
+
+def _runge_kutta(rate: ca.Function, now: ca.SX, held: ca.SX, h: float) -> ca.SX:
+    """[t; y] after h seconds, by one step of the method of order 4 from `now`."""
+    t = now[0]
+    y = now[1:]
+    k1 = rate(t, y, held)
+    k2 = rate(t + h / 2, y + h / 2 * k1, held)
+    k3 = rate(t + h / 2, y + h / 2 * k2, held)
+    k4 = rate(t + h, y + h * k3, held)
+    return ca.vertcat(t + h, y + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4))

@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from controller.flight.signals import COMMAND_FILTER
 from hfa_aircraft.model import Model
 from hfa_support.errors import (
     BadInputError,
@@ -30,8 +31,6 @@ from hfa_support.schema import NUMBER, POSITIVE, Number, checked, read_named
 NAMED = {"paper": "paper.toml", "servo": "servo.toml"}
 #: Where the disturbance of the game enters, beside the disturbances of the model.
 DISTURBANCES = ("states", "commands")
-#: Bandwidth, rad/s, and damping of the command filter unless said: those of SimVFA (Thomsen 2018).
-COMMAND_FILTER = (0.5, 2.0)
 #: How names end -> what the unit of the rest is multiplied with.
 _ENDS = {
     "_command_end": "",

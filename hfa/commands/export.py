@@ -80,23 +80,21 @@ def export(arguments: argparse.Namespace) -> int:
     if alone:
         arguments.law = "exact"
     flights.check_policy(arguments)
-    aircraft = trims.aircraft_of(arguments)
-    point = trims.point_of(arguments, aircraft)
-    written = _written(arguments, aircraft, point, with_gain=not (alone and place.suffix))
+    model = trims.aircraft_of(arguments)
+    point = trims.point_of(arguments, model)
+    written = _written(arguments, model, point, with_gain=not (alone and place.suffix))
     show(_report(written), arguments, written=True, notes=point.warnings)
     return 0
 
 
 def _written(
-    arguments: argparse.Namespace,
-    aircraft: Model,
-    point: OperatingPoint,
-    *,
-    with_gain: bool,
+    arguments: argparse.Namespace, model: Model, point: OperatingPoint, *, with_gain: bool
 ) -> list[Path]:
     """The aircraft with the gain of a law, or under a scheduled controller behind actuators."""
-    from controller.export import exported_loop as loops
+    from controller.export.aircraft_c import c_model_texts
+    from controller.export.exported_loop import exported_loop, following_a_reference
     from controller.export.fmu import write_fmu
+    from controller.servo.controller_c import c_controller_texts, controller_steering
     from controller.servo.scheduled_controller import load_controller
 
     place, actuators, origin = (
@@ -104,22 +102,25 @@ def _written(
         flights.actuators_of(arguments),
         origin_lines(arguments),
     )
-    controller = (
-        None if arguments.controller is None else load_controller(arguments.controller, aircraft)
-    )
-    model, gain = linearize(aircraft, point), None
+    controller = None
+    if arguments.controller is not None:
+        controller = load_controller(arguments.controller, model)
+    linear = linearize(model, point)
+    policy = None
     if controller is None and with_gain:
-        gain = flights.flown_law_of(arguments, model).gains[0]
+        policy = flights.flown_law_of(arguments, linear)
     if place.suffix:
-        write_fmu(
-            loops.exported_loop(aircraft, point, gain, controller, actuators),
-            place,
-            provenance(arguments),
-        )
+        steering = None
+        if controller is not None:
+            steering = controller_steering(controller, model, point)
+        elif policy is not None:
+            steering = following_a_reference(model, policy)
+        loop = exported_loop(model, point, steering, actuators)
+        write_fmu(loop, place, provenance(arguments))
         return [place]
-    texts = loops.c_model_texts(aircraft, model, gain, origin)
+    texts = c_model_texts(linear, None if policy is None else policy.gains[0], origin)
     if controller is not None:
-        texts |= loops.c_controller_texts(controller, aircraft, point, origin, actuators)
+        texts |= c_controller_texts(controller, model, point, origin, actuators)
     return write_texts(place, texts)
 
 

@@ -45,8 +45,8 @@ def fly(arguments: argparse.Namespace) -> int:
     flies a doublet without a law. See `hfa schedule` for a slow change of dihedral."""
     from controller.flight.nonlinear_flight import fly
 
-    aircraft, point, law, scenario, envelope = flights.flight_of(arguments)
-    result = fly(aircraft, point, law, scenario, envelope, progress=ProgressLine("simulate"))
+    model, point, policy, scenario, envelope = flights.flight_of(arguments)
+    result = fly(model, point, policy, scenario, envelope, progress=ProgressLine("simulate"))
     return _tell(result, result.report(), [point], arguments)
 
 
@@ -172,8 +172,8 @@ def monte_carlo(arguments: argparse.Namespace) -> int:
     trims.refuse_si(arguments, "a store is in ft")
     if arguments.resume and target is None:
         raise BadInputError("--resume needs the store to continue; add -o FILE.zarr")
-    aircraft, point, law, scenario, envelope = flights.flight_of(arguments)
-    plan = MonteCarlo(arguments.samples, arguments.seed, aircraft, point, law, scenario, envelope)
+    model, point, policy, scenario, envelope = flights.flight_of(arguments)
+    plan = MonteCarlo(arguments.samples, arguments.seed, model, point, policy, scenario, envelope)
     with temporary_folder() as folder:
         about: dict[str, Any] = {
             "provenance": provenance(arguments).to_dict(),

@@ -12,11 +12,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from controller.flight.actuators import ActuatorFault, Actuators
-from controller.flight.envelope import Envelope, control_limits, flight_envelope
-from controller.flight.gusts import UPDRAFT, Dryden, Gust, OneMinusCosine
-from controller.flight.scenario import Scenario, Uncertainty, met_at
-from controller.flight.signals import CommandedStates, CommandSteps, Signal
+from controller.flight.actuators import ActuatorBank, ActuatorFault
+from controller.flight.air import UPDRAFT, gust_speed
+from controller.flight.envelope import control_limits, flight_envelope
+from controller.flight.gusts import Dryden, Gust, OneMinusCosine
+from controller.flight.scenario import Scenario, Uncertainty
+from controller.flight.signals import CommandedStates, CommandSteps, Waveform
 from hfa.options import games, trims
 from hfa.options.argument_types import input_file, model, number, numbers, quantity, span
 from hfa.options.parser import Option, Options
@@ -24,11 +25,12 @@ from hfa.output import ProgressLine
 from hfa_aircraft.model import Model, record
 from hfa_support.errors import BadInputError, refuse_unknown
 from hfa_support.files import MATRIX_FILES
+from trim.limits import Limits
 from trim.linear.linear_model import LinearModel, linearize
 from trim.point.operating_point import OperatingPoint
 
 if TYPE_CHECKING:
-    from controller.flight.policies import FlownLaw
+    from controller.flight.policies import GainPolicy, Policy
 
 #: No law: the commands are of inputs.
 NONE = "none"
@@ -179,10 +181,10 @@ def check_policy(arguments: argparse.Namespace) -> None:
             )
 
 
-def flown_law_of(arguments: argparse.Namespace, linear: LinearModel) -> FlownLaw:
+def flown_law_of(arguments: argparse.Namespace, linear: LinearModel) -> GainPolicy:
     """The gain that is used: of a file, exact, or learned on the linear model."""
     from controller.critic.critic_file import critic_in
-    from controller.flight.policies import gain_law
+    from controller.flight.policies import GainPolicy
     from controller.game.user_files import PlantNames
     from controller.learning.certified import learned_value
     from controller.riccati.gare import solve_game
@@ -193,28 +195,28 @@ def flown_law_of(arguments: argparse.Namespace, linear: LinearModel) -> FlownLaw
         getattr(arguments, "weights", None),
     )
     if path is None and law == "exact":
-        return gain_law("exact", solve_game(game).K)
+        return GainPolicy("exact", solve_game(game).K)
     if path is None:
-        return gain_law(
+        return GainPolicy(
             law, learned_value(game, law, arguments.seed, ProgressLine("learn"), **arguments.set).K
         )
     critic = critic_in(path, game, PlantNames(linear.states, linear.inputs, linear.state_units))
     kind = "gain" if critic.feedback is None else "weights"
-    return gain_law(f"{kind} of {path}", critic.K)
+    return GainPolicy(f"{kind} of {path}", critic.K)
 
 
 def flight_of(
     arguments: argparse.Namespace,
-) -> tuple[Model, OperatingPoint, FlownLaw, Scenario, Envelope]:
+) -> tuple[Model, OperatingPoint, Policy, Scenario, Limits]:
     """What flies from where, by which law, through what, within which limits; the commands are the
     reference."""
     from controller.flight.policies import open_loop
     from controller.servo.scheduled_controller import load_controller
-    from controller.servo.servo_policy import servo_law
+    from controller.servo.servo_policy import servo_policy
 
     check_policy(arguments)
-    aircraft = trims.aircraft_of(arguments)
-    point = trims.point_of(arguments, aircraft)
+    model = trims.aircraft_of(arguments)
+    point = trims.point_of(arguments, model)
     happens, steps, states = (
         scenario_of(arguments, point),
         _steps_of(arguments.command),
@@ -223,19 +225,19 @@ def flight_of(
     if arguments.controller is not None:
         if arguments.actuators is None:
             raise BadInputError("--controller flies behind actuators; add --actuators LAG:RATE")
-        controller = load_controller(arguments.controller, aircraft)
+        controller = load_controller(arguments.controller, model)
         steps = CommandSteps(steps.names, steps.times, steps.values, *controller.command_filter)
         happens = replace(happens, reference=CommandedStates(steps, states))
-        law = servo_law(controller, steps, aircraft, point)
+        policy: Policy = servo_policy(controller, steps, model, point)
     elif arguments.law == NONE:
-        law = open_loop(steps, tuple(point.model.inputs), happens.tick, happens.ticks)
+        policy = open_loop(steps, tuple(point.model.inputs), happens.tick, happens.ticks)
     else:
         for name in steps.names:
             refuse_unknown("a gain follows no command of", name, states)
         if steps.names:
             happens = replace(happens, reference=CommandedStates(steps, states, filtered=False))
-        law = flown_law_of(arguments, linearize(aircraft, point))
-    return aircraft, point, law, happens, flight_envelope(aircraft, point, arguments.envelope)
+        policy = flown_law_of(arguments, linearize(model, point))
+    return model, point, policy, happens, flight_envelope(model, point, arguments.envelope)
 
 
 def _steps_of(given: dict[str, list[tuple[float, float]]]) -> CommandSteps:
@@ -285,18 +287,20 @@ def _gust(arguments: argparse.Namespace, point: OperatingPoint, happens: Scenari
             raise BadInputError(
                 f"--gust begins at {begin:g} s; the flight lasts from 0 to {happens.duration:g} s"
             )
-        return OneMinusCosine(length, peak, met_at(point), begin)
+        return OneMinusCosine(length, peak, gust_speed(point), begin)
     if arguments.turbulence is not None:
         intensity, scale = arguments.turbulence
-        return Dryden(intensity, scale, met_at(point), happens.tick, happens.ticks, arguments.seed)
+        return Dryden(
+            intensity, scale, gust_speed(point), happens.tick, happens.ticks, arguments.seed
+        )
     return None
 
 
-def _constant(values: list[float]) -> Signal:
-    return Signal(np.array(values), np.zeros(len(values)))
+def _constant(values: list[float]) -> Waveform:
+    return Waveform(np.array(values), np.zeros(len(values)))
 
 
-def actuators_of(arguments: argparse.Namespace) -> Actuators | None:
+def actuators_of(arguments: argparse.Namespace) -> ActuatorBank | None:
     """The actuators that the options name, None without them: of the surfaces, inputs in rad or
     deg, with that rate."""
     fault = getattr(arguments, "fault", None)
@@ -317,7 +321,9 @@ def actuators_of(arguments: argparse.Namespace) -> Actuators | None:
         effectiveness, bandwidth, begin = fault
         faults.append(ActuatorFault(begin, effectiveness, bandwidth, inputs=surfaces))
     values: Any = record(tuple(own.inputs))
-    lowest, highest = (values(*ends.tolist()) for ends in control_limits(own))
+    limits = control_limits(own)
+    lowest = values(*limits.lowest.tolist())
+    highest = values(*limits.highest.tolist())
     fastest = values(*(rates.get(each.unit, math.inf) for each in own.inputs.values()))
     lags = values(*[lag] * len(own.inputs))
-    return Actuators(lags, lowest, highest, fastest, order=int(order), faults=tuple(faults))
+    return ActuatorBank(lags, lowest, highest, fastest, order=int(order), faults=tuple(faults))

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from controller import Signal
+from controller import Waveform
 from controller.flight.signals import Harmonic
 from hfa_support.files import read_toml
 from hfa_support.jsonable import jsonable
@@ -29,7 +29,7 @@ class PaperFlight:
     0.5 rad of the dihedral."""
 
     INITIAL = np.array([5.0, 0.05, 0.0, 0.0, 0.0, 0.0])
-    REFERENCE = Signal(
+    REFERENCE = Waveform(
         np.array([7.0, 0.1, 0.0, 0.0, 0.5, 0.0]),
         np.array([0.01, 0.0, 0.0, 0.0, 0.0, 0.0]),
         (Harmonic(0.5, np.array([2.0, 0.0, 0.0, 0.0, 0.0, 0.0]), _NONE),),
@@ -38,7 +38,7 @@ class PaperFlight:
         np.array([0.11, 0.22, 0.0, 0.11, 0.0, 0.11]),
         np.array([0.0, 0.0, 0.22, 0.0, 0.11, 0.0]),
     )
-    DISTURBANCE = Signal(_NONE, _NONE, (Harmonic(0.1, _SINES, _COSINES),))
+    DISTURBANCE = Waveform(_NONE, _NONE, (Harmonic(0.1, _SINES, _COSINES),))
     _SLOW = Harmonic(
         0.1, np.array([0.0, 0.0, 0.005, 0.0, 0.005, 0.0]), np.array([0.02, 0.0, 0.0, 0.0, 0.0, 0.0])
     )
@@ -47,7 +47,7 @@ class PaperFlight:
         np.array([0.0, 0.005, 0.0, 0.0, 0.0, 0.0]),
         np.array([0.0, 0.0, 0.0, 0.005, 0.0, 0.005]),
     )
-    NOISE = Signal(_NONE, _NONE, (_SLOW, _FAST))
+    NOISE = Waveform(_NONE, _NONE, (_SLOW, _FAST))
 
 
 class Configuration(SimpleNamespace):
@@ -76,7 +76,7 @@ class Configuration(SimpleNamespace):
         signals = {
             name: _signal_table(value)
             for name, value in vars(self).items()
-            if isinstance(value, Signal)
+            if isinstance(value, Waveform)
         }
         plain: dict[str, Any] = jsonable(
             {"initial_state": {"value": self.initial}, **tables, **signals}
@@ -105,7 +105,7 @@ def section5_configuration(changes: Mapping[str, Any] | None = None) -> Configur
     return Configuration(**found)
 
 
-def _signal_table(signal: Signal) -> dict[str, Any]:
+def _signal_table(signal: Waveform) -> dict[str, Any]:
     frequencies, sine, cosine = zip(*signal.harmonics, strict=True)
     waves = {"frequencies": frequencies, "sine": sine, "cosine": cosine}
     return {"constant": signal.constant, "slope": signal.slope, **waves}

@@ -9,15 +9,15 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from controller.flight.policies import Seen
-from controller.flight.signals import Harmonic, Signal
+from controller.flight.policies import Measurements, Policy
+from controller.flight.signals import Harmonic, Waveform
 from controller.game.basis import Basis
 from hfa_support.errors import BadInputError
 from studies.update_law.published_law import PublishedLaw
 
 
-@dataclass(frozen=True, eq=False)
-class CriticPolicy:
+@dataclass(frozen=True, eq=False, repr=False)
+class CriticPolicy(Policy):
     """û = -½ R⁻¹B' ∂ψ(z)'W,  W' = p W'(46)(z, F),  F = A z + r(t); p = 1 learns and p = 0 is
     frozen.
 
@@ -26,10 +26,8 @@ class CriticPolicy:
     receives; zero when it is told F = A z. BadInputError when the stack's policies are
     re-evaluated: only stored ones are flown."""
 
-    constants_size = 1
-
     law: PublishedLaw
-    forcing: Signal
+    forcing: Waveform
 
     def __post_init__(self) -> None:
         """Refuse the stack that cannot be flown."""
@@ -38,26 +36,24 @@ class CriticPolicy:
                 "the stack's policies are re-evaluated; a flight needs those stored with the samples"
             )
 
-    @property
-    def memory_size(self) -> int:
-        """M weights."""
-        return self.law.basis.size
-
-    def control(self, t: ca.SX, seen: Seen, memory: ca.SX, p: ca.SX) -> ca.SX:
+    def control(self, t: ca.SX, measurements: Measurements, memory: ca.SX, held: ca.SX) -> ca.SX:
         """-½ R⁻¹B' ∂ψ'W, (5,)."""
         value_gradient = (
-            ca.mtimes(gradient(self.law.basis, seen.error / self._scales).T, memory) / self._scales
+            ca.mtimes(gradient(self.law.basis, measurements.error / self._scales).T, memory)
+            / self._scales
         )
         return -0.5 * ca.mtimes(ca.DM(self.law.game.R_inverse_B_transposed), value_gradient)
 
-    def memory_rate(self, t: ca.SX, seen: Seen, memory: ca.SX, p: ca.SX, applied: ca.SX) -> ca.SX:
+    def memory_rate(
+        self, t: ca.SX, measurements: Measurements, memory: ca.SX, held: ca.SX, applied: ca.SX
+    ) -> ca.SX:
         """Eq. (46) with the current sample and the stack, (M,)."""
         s, gains = self.law.settings, self.law.gains
-        sigma, residual = self._current(t, seen.error, memory)
+        sigma, residual = self._current(t, measurements.error, memory)
         squared = 1.0 + ca.dot(sigma, sigma)
         n = squared if s.normalisation == "squared" else ca.sqrt(squared)
         push = self._stack(memory) + sigma / n * powers(residual / n, *gains, s.eta)
-        return -s.gamma * p * push
+        return -s.gamma * held * push
 
     @cached_property
     def _stack(self) -> ca.Function:
@@ -65,8 +61,8 @@ class CriticPolicy:
 
         Two products with one matrix, kept as such: written out entry by entry, 250 samples take
         minutes to compile."""
-        stored = self.law.recorded(np.zeros(self.memory_size))
-        regressors, weights = ca.DM(stored.regressors), ca.MX.sym("W", self.memory_size)
+        stored = self.law.recorded(np.zeros(self.law.basis.size))
+        regressors, weights = ca.DM(stored.regressors), ca.MX.sym("W", self.law.basis.size)
         residuals = ca.mtimes(regressors, weights) + ca.DM(stored.residuals)
         push = ca.mtimes(regressors.T, powers(residuals, *self.law.gains, self.law.settings.eta))
         return ca.Function("stack", [weights], [push], {"never_inline": True})
@@ -89,14 +85,16 @@ class CriticPolicy:
         return ca.DM(self.law.equations.scales)
 
 
-def forcing(A: np.ndarray, reference: Signal) -> Signal:
+def forcing(A: np.ndarray, reference: Waveform) -> Waveform:
     """r = A x_d - x_d', (n,): what a reference adds to the drift of the error."""
     turned = [Harmonic(h.frequency, A @ h.sine, A @ h.cosine) for h in reference.harmonics]
     slopes = [
         Harmonic(h.frequency, h.frequency * h.cosine, -h.frequency * h.sine)
         for h in reference.harmonics
     ]
-    return Signal(A @ reference.constant - reference.slope, A @ reference.slope, (*turned, *slopes))
+    return Waveform(
+        A @ reference.constant - reference.slope, A @ reference.slope, (*turned, *slopes)
+    )
 
 
 def gradient(basis: Basis, z: ca.SX) -> ca.SX:

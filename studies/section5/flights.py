@@ -13,18 +13,18 @@ import numpy as np
 
 import hfa_model
 from controller import (
-    FlownLaw,
     Game,
+    Policy,
     Scenario,
-    Signal,
     Stack,
+    Waveform,
     basis,
     learn,
     published_game,
     random_pool,
 )
 from controller.flight.closed_loop import ClosedLoop, LinearPlant
-from controller.flight.policies import Memoryless, Seen, gain_constants
+from controller.flight.policies import Measurements, column_by_column
 from controller.flight.signals import Harmonic, zero
 from controller.flight.simulation import CompiledLoop, Flight
 from controller.game.basis import Basis
@@ -71,32 +71,29 @@ _ENTRIES = _M * _N
 Learned = Callable[[np.ndarray], Critic]
 
 
-@dataclass(frozen=True, eq=False)
-class TrackingPolicy(Memoryless):
-    """u = -K z + F w(t), K (5, 6) and F (5, k) from p (`tracking_constants`).
+@dataclass(frozen=True, eq=False, repr=False)
+class TrackingPolicy(Policy):
+    """u = -K z + F w(t), K (5, 6) and F (5, k) held in each tick (`held_gains`).
 
-    generator: w (k,), the signals that the reference is made of.
+    generator: w (k,), the signals that the reference is made of
+    certified_from: s, when a learned gain takes over from the baseline
     """
 
-    generator: Signal
+    generator: Waveform
+    certified_from: float = 0.0
 
-    @property
-    def constants_size(self) -> int:
-        """The entries of K and F."""
-        return _M * (_N + self.generator.size)
-
-    def control(self, t: ca.SX, seen: Seen, memory: ca.SX, p: ca.SX) -> ca.SX:
+    def control(self, t: ca.SX, measurements: Measurements, memory: ca.SX, held: ca.SX) -> ca.SX:
         """-K z + F w(t)."""
-        feedback = ca.mtimes(ca.reshape(p[:_ENTRIES], _M, _N), seen.error)
+        feedback = ca.mtimes(ca.reshape(held[:_ENTRIES], _M, _N), measurements.error)
         feedforward = ca.mtimes(
-            ca.reshape(p[_ENTRIES:], _M, self.generator.size), self.generator.at(t)
+            ca.reshape(held[_ENTRIES:], _M, self.generator.size), self.generator.at(t)
         )
         return feedforward - feedback
 
 
-def tracking_constants(K: np.ndarray, F: np.ndarray) -> np.ndarray:
-    """The p of `TrackingPolicy` for K (5, 6) and F (5, k)."""
-    return np.concatenate([gain_constants(K), np.asarray(F, dtype=float).ravel(order="F")])
+def held_gains(K: np.ndarray, F: np.ndarray) -> np.ndarray:
+    """The held inputs of `TrackingPolicy` for K (5, 6) and F (5, k)."""
+    return np.concatenate([column_by_column(K), column_by_column(F)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -290,8 +287,8 @@ def law_of(
     law: str,
     predefined_time: float,
     frozen: bool,
-    reference: Signal,
-) -> tuple[FlownLaw, Learned | None]:
+    reference: Waveform,
+) -> tuple[Policy, Learned | None]:
     """The law ready to fly a case that has learned nothing yet, and how to read what it learns;
     None if nothing.
 
@@ -307,21 +304,21 @@ def law_of(
         else case
     )
     w, F = generator(reference), feedforward(tuned, reference)
-    constants = tracking_constants(tuned.exact.K, np.zeros_like(F) if law == EXACT else F)
-    return FlownLaw(law, TrackingPolicy(w), constants[None], np.zeros(0)), None
+    constants = held_gains(tuned.exact.K, np.zeros_like(F) if law == EXACT else F)
+    return TrackingPolicy(law, w, held=constants[None]), None
 
 
-def generator(reference: Signal) -> Signal:
+def generator(reference: Waveform) -> Waveform:
     """w = [1, t, sin f₁t, cos f₁t, ...]: the signals that a reference is made of, (2 + 2 k,)."""
     unit = np.eye(2 + 2 * len(reference.harmonics))
     waves = tuple(
         Harmonic(h.frequency, unit[2 + 2 * i], unit[3 + 2 * i])
         for i, h in enumerate(reference.harmonics)
     )
-    return Signal(unit[0], unit[1], waves)
+    return Waveform(unit[0], unit[1], waves)
 
 
-def feedforward(case: PaperCase, reference: Signal) -> np.ndarray:
+def feedforward(case: PaperCase, reference: Waveform) -> np.ndarray:
     """F with u = -K z + F w(t) the exact answer to a reference: F = -R⁻¹B'P_s, (5, k), with the w
     of `generator`."""
     made_by = exosystem(reference.constant, reference.slope, *reference.harmonics)
@@ -342,8 +339,8 @@ def _published(
     name: str,
     predefined_time: float,
     frozen: bool,
-    reference: Signal,
-) -> tuple[FlownLaw, Learned]:
+    reference: Waveform,
+) -> tuple[Policy, Learned]:
     """Eq. (46) on the recorded stack, as printed or modified."""
     configuration, critic = setting.configuration, setting.configuration.critic
     own, modified = configuration.published_as_printed, configuration.published_modified
@@ -381,14 +378,7 @@ def _published(
         )
 
     learns = (ticks < learning).astype(float)[:, None]
-    return FlownLaw(name, CriticPolicy(law, drift), learns, law.start()["weights"]), told
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class LearningLaw(FlownLaw):
-    """certified_from: s, when the learned gain takes over from the baseline."""
-
-    certified_from: float = 0.0
+    return CriticPolicy(name, law, drift, held=learns, start=law.start()["weights"]), told
 
 
 @lru_cache(maxsize=4)
@@ -410,8 +400,8 @@ def _plan(
 
 
 def _learned(
-    setting: Setting, case: PaperCase, law: str, predefined_time: float, reference: Signal
-) -> tuple[FlownLaw, Learned]:
+    setting: Setting, case: PaperCase, law: str, predefined_time: float, reference: Waveform
+) -> tuple[Policy, Learned]:
     """K(t) from a learning run during the flight; a baseline is used until K(t) is certified."""
     learned, gains, first = _plan(
         setting, case, "irl" if law == INTEGRAL else "certified", predefined_time
@@ -420,7 +410,7 @@ def _learned(
     begun = tick * np.arange(len(gains)) >= first - 1e-9
     uses = begun & (law == CERTIFIED_FF)
     table = np.array(
-        [tracking_constants(K, np.where(used, F, 0.0)) for K, used in zip(gains, uses, strict=True)]
+        [held_gains(K, np.where(used, F, 0.0)) for K, used in zip(gains, uses, strict=True)]
     )
 
     def told(memory: np.ndarray) -> Critic:
@@ -432,5 +422,4 @@ def _learned(
         functions: Basis = basis(learned.basis, _N)
         return Critic(functions, learned.weights[rows], learned.residual_norm[rows], facts)
 
-    policy = TrackingPolicy(generator(reference))
-    return LearningLaw(law, policy, table, certified_from=first), told
+    return TrackingPolicy(law, generator(reference), first, held=table), told

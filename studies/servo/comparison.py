@@ -17,19 +17,21 @@ import hfa_model
 from controller import (
     ActuatorFault,
     CommandSteps,
-    FlownLaw,
+    GainPolicy,
+    Policy,
     Scenario,
     ScheduledController,
     design_controller,
     flight_envelope,
-    gain_law,
     load_design,
     published_game,
 )
-from controller.flight.nonlinear_flight import NonlinearFlight, Tracked, fly, tracked
+from controller.flight.nonlinear_flight import NonlinearFlight, fly
 from controller.flight.signals import CommandedStates
 from controller.servo.design import Actuator
-from controller.servo.servo_policy import MeasuredOutputs, servo_law
+from controller.servo.measured_outputs import MeasuredOutputs
+from controller.servo.servo_policy import servo_policy
+from controller.servo.tracked import Tracked, tracked
 from hfa_aircraft.model import Model
 from hfa_model import INPUTS, LINEAR_STATES
 from hfa_model.provenance import Provenance
@@ -109,7 +111,7 @@ class Start(NamedTuple):
     commands: CommandSteps
 
 
-Make = Callable[[Start], FlownLaw]
+Make = Callable[[Start], Policy]
 
 
 def laws_of(
@@ -136,8 +138,8 @@ def laws_of(
     return {name: made for name, made in found.items() if name in (only or found)}
 
 
-def _flown(on: Start, controller: ScheduledController) -> FlownLaw:
-    return servo_law(controller, on.commands, on.aircraft, on.point)
+def _flown(on: Start, controller: ScheduledController) -> Policy:
+    return servo_policy(controller, on.commands, on.aircraft, on.point)
 
 
 @lru_cache(maxsize=2)
@@ -148,11 +150,11 @@ def designed_servo(aircraft: Model) -> ScheduledController:
     return design_controller(aircraft, design, np.array(design.shaping.places))
 
 
-def _paper(on: Start) -> FlownLaw:
+def _paper(on: Start) -> Policy:
     """The exact policy of the paper's game at the trim: five inputs, six states, no actuators and
     no integrals."""
     model = linearize(on.aircraft, on.point)
-    return gain_law("paper", solve_game(published_game(model.A, model.B)).K)
+    return GainPolicy("paper", solve_game(published_game(model.A, model.B)).K)
 
 
 @dataclass(frozen=True, eq=False)

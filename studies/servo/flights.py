@@ -12,20 +12,20 @@ from typing import Any
 import numpy as np
 
 from controller import (
+    ActuatorBank,
     ActuatorFault,
-    Actuators,
     CommandSteps,
     OneMinusCosine,
     Scenario,
     ScheduledController,
-    Signal,
     Uncertainty,
+    Waveform,
     flight_envelope,
 )
 from controller.flight.nonlinear_flight import NonlinearFlight, fly
 from controller.servo.design import Actuator
 from controller.servo.servo_loop import ServoLoop, check_margins, servo_loop, servo_plant
-from controller.servo.servo_policy import servo_law
+from controller.servo.servo_policy import servo_policy
 from hfa_aircraft.model import Model
 from hfa_model import INPUTS, LINEAR_STATES, Input
 from hfa_model.vectors import CONTROL_LIMITS
@@ -57,13 +57,13 @@ NOISE = {
 ANGLES = (5.0, 11.0, 15.0)
 
 
-def flown_actuators(acting: Actuator, faults: tuple[ActuatorFault, ...] = ()) -> Actuators:
+def flown_actuators(acting: Actuator, faults: tuple[ActuatorFault, ...] = ()) -> ActuatorBank:
     """All five alike, within the control limits of a trim, without a limit of rate."""
     lowest, highest = (Input(*(pair[side] for pair in CONTROL_LIMITS)) for side in (0, 1))
     lag, rate = (Input(*[each] * len(lowest)) for each in (1.0 / acting.bandwidth, np.inf))
     if acting.effectiveness != 1.0:
         faults = (ActuatorFault(0.0, acting.effectiveness, inputs=INPUTS[1:]), *faults)
-    return Actuators(lag, lowest, highest, rate, acting.order, acting.damping, faults)
+    return ActuatorBank(lag, lowest, highest, rate, acting.order, acting.damping, faults)
 
 
 def flown(
@@ -80,7 +80,7 @@ def flown(
         actuators=flown_actuators(acting),
     )
     envelope, point = flight_envelope(aircraft, model.point), model.point
-    law = servo_law(controller, still, aircraft, point)
+    law = servo_policy(controller, still, aircraft, point)
     return fly(aircraft, point, law, scenario, envelope, predict=False)
 
 
@@ -186,7 +186,12 @@ def requirements(aircraft: Model, controller: ScheduledController) -> Report:
     for acting in REAL:
         words = f", order {acting.order}, {acting.bandwidth:g} rad/s, deg"
         biased = flown(
-            aircraft, at_11, controller, acting, duration=120.0, noise=Signal(BIAS * one, 0.0 * one)
+            aircraft,
+            at_11,
+            controller,
+            acting,
+            duration=120.0,
+            noise=Waveform(BIAS * one, 0.0 * one),
         )
         error = np.degrees(np.abs(biased.states[-1, 5] - at_11.point.states.dihedral))
         found.append(

@@ -17,11 +17,13 @@ import casadi as ca
 import numpy as np
 
 import hfa_model
-from controller import CommandSteps, FlownLaw, ScheduledController, design_model, load_design
-from controller.flight.policies import Seen, Unvaried
-from controller.servo.design import COMMAND_FILTER, Design
+from controller import CommandSteps, ScheduledController, design_model, load_design
+from controller.flight.policies import Measurements, Policy
+from controller.flight.signals import COMMAND_FILTER
+from controller.servo.design import Design
 from controller.servo.design_model import DesignModel
-from controller.servo.servo_policy import MeasuredOutputs, ScheduledTable
+from controller.servo.measured_outputs import MeasuredOutputs
+from controller.servo.servo_policy import MatrixTables
 from hfa_aircraft.model import Model
 from hfa_model import INPUTS, LINEAR_STATES
 from hfa_model.provenance import parameter_hash
@@ -292,12 +294,15 @@ def operated(psi: Sequence[ca.SX], x: Sequence[ca.SX]) -> ca.SX:
     return A2 * second + A1 * product_rate(psi, x) + A0 * ca.mtimes(psi[0].T, x[0])
 
 
-@dataclass(frozen=True, eq=False)
-class AdaptivePolicy(Unvaried, ABC):
+@dataclass(frozen=True, eq=False, repr=False)
+class AdaptivePolicy(Policy, ABC):
     """A law with a reference model, tabled over the measured dihedral.
 
-    outputs: pitch rate and the regulated outputs. dihedral: of the trim in which the flight begins,
-    rad. angles: (N,), rad, of `models`. inputs: names of u."""
+    outputs: pitch rate and the regulated outputs
+    dihedral: of the trim in which the flight begins, rad
+    angles: (N,), rad, of `models`
+    inputs: names of u
+    """
 
     commands: CommandSteps
     outputs: MeasuredOutputs
@@ -319,15 +324,11 @@ class AdaptivePolicy(Unvaried, ABC):
         tables: A, B, K, L, S, R⁻¹ and the squared-up B. command: r and r'.
         """
 
-    @property
-    def memory_size(self) -> int:
-        """Reference model, filters and adaptive parameters."""
-        return len(self.start)
-
-    @cached_property
-    def start(self) -> np.ndarray:
-        """The nominal parameters, everything else 0."""
-        memory, nothing = MemoryParts(), ca.SX.zeros(len(self.inputs))
+    def nominal_memory(self) -> np.ndarray:
+        """Reference model, filters and adaptive parameters: these are the nominal ones, everything
+        else is 0."""
+        memory = MemoryParts()
+        nothing = ca.SX.zeros(len(self.inputs))
         self.law(
             memory,
             self._table.at(ca.SX(self.dihedral)),
@@ -336,25 +337,27 @@ class AdaptivePolicy(Unvaried, ABC):
         )
         return memory.start
 
-    def control(self, t: ca.SX, seen: Seen, memory: ca.SX, p: ca.SX) -> ca.SX:
+    def control(self, t: ca.SX, measurements: Measurements, memory: ca.SX, held: ca.SX) -> ca.SX:
         """u of the inputs, 0 of the others."""
         chosen = np.array([[float(name == one) for one in self.inputs] for name in INPUTS])
-        return ca.mtimes(ca.DM(chosen), self._flown(t, seen, memory)[0])
+        return ca.mtimes(ca.DM(chosen), self._flown(t, measurements, memory)[0])
 
-    def memory_rate(self, t: ca.SX, seen: Seen, memory: ca.SX, p: ca.SX, applied: ca.SX) -> ca.SX:
+    def memory_rate(
+        self, t: ca.SX, measurements: Measurements, memory: ca.SX, held: ca.SX, applied: ca.SX
+    ) -> ca.SX:
         """What `law` sets."""
-        return self._flown(t, seen, memory)[1]
+        return self._flown(t, measurements, memory)[1]
 
-    def _flown(self, t: ca.SX, seen: Seen, memory: ca.SX) -> tuple[ca.SX, ca.SX]:
+    def _flown(self, t: ca.SX, measurements: Measurements, memory: ca.SX) -> tuple[ca.SX, ca.SX]:
         parts, command = MemoryParts(memory), (self.commands.at(t), self.commands.rate(t))
-        tables = self._table.at(self.dihedral + seen.states[_DIHEDRAL])
-        u = self.law(parts, tables, self.outputs.at(seen), command)
+        tables = self._table.at(self.dihedral + measurements.states[_DIHEDRAL])
+        u = self.law(parts, tables, self.outputs.at(measurements), command)
         return u, parts.rate
 
     @cached_property
-    def _table(self) -> ScheduledTable:
+    def _table(self) -> MatrixTables:
         stacks = [np.array([getattr(each, name) for each in self.models]) for name in _TABLED]
-        return ScheduledTable(self.angles, stacks)
+        return MatrixTables(self.angles, stacks)
 
 
 class AdaptiveDegree2(AdaptivePolicy):
@@ -509,7 +512,7 @@ def adaptive_law(
     point: OperatingPoint,
     commands: CommandSteps,
     angles: np.ndarray,
-) -> FlownLaw:
+) -> Policy:
     """The law for actuators of this order, from its nominal parameters. angles: of its tables,
     rad."""
     kind = AdaptiveDegree2 if order == 1 else AdaptiveDegree3
@@ -519,7 +522,6 @@ def adaptive_law(
         for angle in angles.tolist()
     ]
     outputs = MeasuredOutputs(aircraft, point, (RATE, *REGULATED))
-    policy = kind(commands, outputs, point.states.dihedral, angles, models, design.inputs)
     fastest = max(
         float(np.abs(np.linalg.eigvals(each.A - each.L @ each.C)).max()) for each in models
     )
@@ -529,11 +531,15 @@ def adaptive_law(
         "times": commands.times,
         "values": commands.values,
     }
-    return FlownLaw(
+    policy = kind(
         f"simvfa-{order} adaptive",
-        policy,
-        np.zeros((1, 0)),
-        policy.start,
-        identity,
+        commands,
+        outputs,
+        point.states.dihedral,
+        angles,
+        models,
+        design.inputs,
+        identity=identity,
         fastest=fastest,
     )
+    return replace(policy, start=policy.nominal_memory())

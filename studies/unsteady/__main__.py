@@ -17,13 +17,13 @@ import numpy as np
 
 import hfa_model
 from controller import (
+    GainPolicy,
     OneMinusCosine,
     Scenario,
     ScheduledController,
     design_controller,
     flight_envelope,
     fly,
-    gain_law,
     load_design,
     published_game,
 )
@@ -65,7 +65,7 @@ def flier(plant: str, degrees: float) -> Callable[[float, float], float]:
     input within its limits; 60 means that or more."""
     model = model_at(plant, degrees)
     K = solve_game(published_game(model_at("published", degrees))).K
-    law = gain_law("paper", np.pad(K, ((0, 0), (0, len(model.A) - K.shape[1])))[None])
+    law = GainPolicy("paper", np.pad(K, ((0, 0), (0, len(model.A) - K.shape[1])))[None])
     envelope = flight_envelope(PLANTS[plant], model.point)
 
     def largest(length: float, sign: float) -> float:

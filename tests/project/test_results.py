@@ -36,11 +36,11 @@ SHOWN = {
     "AnalysedGame": "cost_simulated",
     "PublishedModel": "dihedral: 0.261799",
     "Proof": "Proved: every dihedral from 15 to 15.25 deg, published dynamics",
-    "FlownLaw": "identity: K an array of shape (5, 6)",
+    "Policy": "identity: K an array of shape (5, 6)",
     "Scenario": "gust: OneMinusCosine(length=100.0, peak=3.0, speed=68.0, begin=0.0)",
 }
 #: Those without a table: all their fields are said in a line.
-IN_LINES = ("FlownLaw", "Scenario")
+IN_LINES = ("Policy", "Scenario")
 #: Those that hold arrays, compared value by value.
 COMPARED = {
     "Game",
@@ -82,7 +82,7 @@ def results() -> dict[str, Any]:
         verification.analyse_game(game),
         hfa_model.published_models()[0],
         verification.prove_schedule(family, gains, 15.0, 15.25),
-        controller.gain_law("mine", gain),
+        controller.GainPolicy("mine", gain),
         controller.Scenario(gust=controller.OneMinusCosine(100.0, 3.0, 68.0)),
     )
     return dict(zip(SHOWN, found, strict=True))

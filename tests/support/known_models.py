@@ -13,22 +13,22 @@ from scipy.optimize import brentq
 
 import hfa_model
 from controller import (
-    Envelope,
-    FlownLaw,
+    GainPolicy,
     Game,
+    Policy,
     Scenario,
-    Signal,
+    Waveform,
     flight_envelope,
     fly,
-    gain_law,
     published_game,
 )
 from controller.flight.nonlinear_flight import NonlinearFlight
-from controller.flight.policies import Seen
-from hfa_aircraft.model import Model
+from controller.flight.policies import Measurements
+from hfa_aircraft import Model
 from hfa_model import LINEAR_STATES, Parameters, load_parameters
 from hfa_model.atmosphere import density
 from trim import LinearModel, OperatingPoint, level_model
+from trim.limits import Limits
 from verification import solve_game
 
 #: Density of SimVFA (B. Thomsen, 2018) at 40,000 ft, slug/ft³; ours is 1.6e-5 of it more.
@@ -70,12 +70,15 @@ class FlownCase:
     aircraft: Model
     point: OperatingPoint
     game: Game
-    law: FlownLaw
-    envelope: Envelope
+    law: Policy
+    envelope: Limits
 
 
 def case_at(parameters: Parameters, dynamics: str, degrees: float) -> FlownCase:
-    point, law = model_at(degrees, dynamics).point, gain_law("exact", exact_gain(degrees, dynamics))
+    point, law = (
+        model_at(degrees, dynamics).point,
+        GainPolicy("exact", exact_gain(degrees, dynamics)),
+    )
     aircraft = hfa_model.aircraft(dynamics, parameters)
     return FlownCase(
         aircraft, point, game_at(degrees, dynamics), law, flight_envelope(aircraft, point)
@@ -86,10 +89,10 @@ def flown(on: FlownCase, scenario: Scenario) -> NonlinearFlight:
     return fly(on.aircraft, on.point, on.law, scenario, on.envelope)
 
 
-def seen(z: ca.SX) -> Seen:
+def seen(z: ca.SX) -> Measurements:
     """An error z from a reference at rest, no actuators."""
-    return Seen(z, z, ca.SX(0, 1), ca.SX(0, 1))
+    return Measurements(z, z, ca.SX(0, 1), ca.SX(0, 1))
 
 
-def signal(**values: float) -> Signal:
-    return Signal(np.array([values.get(name, 0.0) for name in LINEAR_STATES]), np.zeros(N))
+def signal(**values: float) -> Waveform:
+    return Waveform(np.array([values.get(name, 0.0) for name in LINEAR_STATES]), np.zeros(N))

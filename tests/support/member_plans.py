@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import hfa_model
-from controller import MonteCarlo, Scenario, Signal, Uncertainty, flight_envelope, gain_law
+from controller import GainPolicy, MonteCarlo, Scenario, Uncertainty, Waveform, flight_envelope
 from controller.flight.signals import Harmonic
 from hfa_model import default_parameters
 from trim import OperatingPoint
@@ -29,12 +29,12 @@ def plan(point: OperatingPoint, gain: np.ndarray) -> MonteCarlo:
     scenario = Scenario(
         duration=0.5,
         initial=0.1 * np.array([0.2, 0.01, 5.0, 0.01, 0.02, 0.03, 0.02]),
-        reference=Signal(np.array([0.1, 0, 0, 0, 0.01, 0]), np.zeros(6)),
-        disturbance=Signal(np.zeros(6), np.zeros(6), (wave,)),
+        reference=Waveform(np.array([0.1, 0, 0, 0, 0.01, 0]), np.zeros(6)),
+        disturbance=Waveform(np.zeros(6), np.zeros(6), (wave,)),
         uncertainty=EVERYTHING,
     )
     aircraft = hfa_model.aircraft(parameters=PARAMETERS)
-    law, envelope = gain_law("exact", gain), flight_envelope(aircraft, point)
+    law, envelope = GainPolicy("exact", gain), flight_envelope(aircraft, point)
     return MonteCarlo(12, 7, aircraft, point, law, scenario, envelope)
 
 

@@ -10,22 +10,22 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from controller.flight.envelope import Envelope
 from controller.flight.nonlinear_flight import NonlinearFlight, fly
-from controller.flight.policies import FlownLaw, Memoryless, Seen, Unvaried
+from controller.flight.policies import Measurements, Policy
 from controller.flight.scenario import Scenario
 from controller.game.gain_schedule import GainTable
 from controller.game.zero_sum import Game, published_game
 from controller.learning.certified import learned_value
 from controller.riccati.balancing import spectrum
 from controller.riccati.gare import solve_game
-from hfa_aircraft.model import Model
+from hfa_aircraft import Model
 from hfa_support.errors import BadInputError, refuse_unless_positive
 from hfa_support.linear_table import LinearTable
 from hfa_support.progress import Progress, told
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.text import Table, degrees, shown_unit
 from trim.hfa.level_flight import level_flight
+from trim.limits import Limits
 from trim.linear.linear_model import LinearModel, linearize
 from trim.point.condition import TrimCondition
 from trim.point.operating_point import OperatingPoint
@@ -130,8 +130,8 @@ class Schedule(Reported):
         return self.grid[int(np.argmin(np.abs(self.places - place)))]
 
 
-@dataclass(frozen=True, eq=False)
-class ScheduledPolicy(Memoryless, Unvaried):
+@dataclass(frozen=True, eq=False, repr=False)
+class ScheduledPolicy(Policy):
     """u = U0(η_d(t)) - U_base - K(η) z, with η = η_base + x_d,η + z_η the measured one; also its
     own reference x_d(t) = X0(η_d(t)) - X_base, (k,), with η' = η_d'(t) where the model has that
     rate as a state, `NAME_rate`.
@@ -159,14 +159,14 @@ class ScheduledPolicy(Memoryless, Unvaried):
         moving = f"{model.schedule}_rate"
         return ca.vertcat(*(rows | ({moving: rate} if moving in rows else {})).values())
 
-    def control(self, t: ca.SX, seen: Seen, memory: ca.SX, p: ca.SX) -> ca.SX:
+    def control(self, t: ca.SX, measurements: Measurements, memory: ca.SX, held: ca.SX) -> ca.SX:
         """U0 - U_base - K z."""
         model, (_, inputs, gains) = self.schedule.model, self.schedule.tables
         row = model.linear.index(model.schedule)
-        measured = self.base.values[model.schedule] + self.at(t)[row] + seen.error[row]
+        measured = self.base.values[model.schedule] + self.at(t)[row] + measurements.error[row]
         trimmed = inputs.expression(self.change.at(t)[0]) - ca.DM(np.array(self.base.inputs))
         K = ca.reshape(gains.expression(measured), self.size, len(model.inputs)).T
-        return trimmed - ca.mtimes(K, seen.error)
+        return trimmed - ca.mtimes(K, measurements.error)
 
 
 def change_over(model: Model, start: float, end: float, duration: float) -> ScheduledChange:
@@ -243,7 +243,7 @@ def fly_schedule(
     certified: Schedule,
     change: ScheduledChange,
     scenario: Scenario,
-    envelope: Envelope,
+    envelope: Limits,
     *,
     progress: Progress | None = None,
 ) -> NonlinearFlight:
@@ -253,15 +253,15 @@ def fly_schedule(
     The change begins at a grid point, whose trim is the one that deviations count from.
     """
     begin = certified.at(change.start).point
-    policy = ScheduledPolicy(certified, change, begin)
-    law, happens = FlownLaw("scheduled", policy), replace(scenario, reference=policy)
-    return fly(aircraft, begin, law, happens, envelope, predict=False, progress=progress)
+    policy = ScheduledPolicy("scheduled", certified, change, begin)
+    happens = replace(scenario, reference=policy)
+    return fly(aircraft, begin, policy, happens, envelope, predict=False, progress=progress)
 
 
 def schedule_report(result: NonlinearFlight, law: str) -> Report:
     """The report of a flight of `fly_schedule` with that of the schedule, whose gains `law` has
     made."""
-    policy: Any = result.loop.law.policy
+    policy: Any = result.loop.policy
     flown, schedule, change, model = (
         result.report(),
         policy.schedule,
@@ -281,4 +281,6 @@ def schedule_report(result: NonlinearFlight, law: str) -> Report:
         "largest_abscissa_between": schedule.between,
     }
     parts, data = (*flown.parts, *schedule.report().parts), {**flown.data, "schedule": grid}
-    return replace(flown, title=result.title(words), parts=parts, data=data)
+    return replace(
+        flown, title=result.title().replace(", law scheduled", words), parts=parts, data=data
+    )

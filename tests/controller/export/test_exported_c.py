@@ -16,7 +16,7 @@ from known_models import model_at
 from random_points import INPUT_SCALES, STATE_SCALES, rising, state_rates, symbols
 
 import hfa_model
-from controller import Actuators, CommandSteps, Scenario, ScheduledController
+from controller import ActuatorBank, CommandSteps, Scenario, ScheduledController
 from controller.export.exported_loop import (
     AIRCRAFT_FILES,
     COMMANDED,
@@ -28,10 +28,10 @@ from controller.export.exported_loop import (
     longest_step,
 )
 from controller.flight.closed_loop import ClosedLoop, NonlinearPlant
-from controller.flight.policies import Seen
+from controller.flight.policies import Measurements
 from controller.flight.signals import CommandedStates
 from controller.flight.simulation import CompiledLoop
-from controller.servo.servo_policy import ServoPolicy, servo_law
+from controller.servo.servo_policy import ServoPolicy, servo_policy
 from hfa_aircraft.model import Model, load_model
 from hfa_model import LINEAR_STATES, STATES as HFA_STATES, Input
 from hfa_support import BadInputError
@@ -200,10 +200,10 @@ def flown(controller: ScheduledController, aircraft: Model, point: OperatingPoin
     commands = CommandSteps(
         commandable(controller), np.array([0.0, 2.0]), np.array([[0.05, 0.3], [-0.05, 2.0]])
     )
-    policy = servo_law(controller, commands, aircraft, point).policy
+    policy = servo_policy(controller, commands, aircraft, point).policy
     assert isinstance(policy, ServoPolicy)
     t, x, a, m = ca.SX.sym("t"), ca.SX.sym("x", 6), ca.SX.sym("a", 5), ca.SX.sym("m", STATES)
-    seen = Seen(x, x, a, ca.SX(5, 1))
+    seen = Measurements(x, x, a, ca.SX(5, 1))
     limited = ca.fmin(ca.fmax(policy.control(t, seen, m, ca.SX(0, 1)), -HIGHEST), HIGHEST)
     told = [policy.outputs.at(seen), commands.at(t), commands.rate(t), commands.end(t)]
     rate = policy.memory_rate(t, seen, m, ca.SX(0, 1), limited)
@@ -272,7 +272,7 @@ def test_the_footprint_is_static_and_the_names_are_there(law_folder: Path) -> No
 # The example loop.
 
 #: So slow and short that the command reaches both limits.
-SLOW = Actuators(*(Input(*[each] * 5) for each in (0.2, -50.0, 50.0, 0.002)), order=2)
+SLOW = ActuatorBank(*(Input(*[each] * 5) for each in (0.2, -50.0, 50.0, 0.002)), order=2)
 
 
 def flown_states(
@@ -282,7 +282,7 @@ def flown_states(
     commands = CommandSteps((), np.zeros(0), np.zeros((0, 0)))
     if controller.commands:
         commands = CommandSteps(("dihedral",), np.zeros(1), np.array([[COMMANDED]]))
-    law = servo_law(controller, commands, aircraft, point)
+    law = servo_policy(controller, commands, aircraft, point)
     initial = np.eye(len(HFA_STATES))[0]
     scenario = Scenario(
         float(SECONDS), 0.01, 0.1, initial, CommandedStates(commands, LINEAR_STATES), actuators=SLOW

@@ -13,14 +13,14 @@ from controllers import integrating_controller
 from own_models import NAVION
 from scipy.integrate import solve_ivp
 
-from controller import Actuators, CommandSteps, FlownLaw, Scenario, Signal, gain_law
+from controller import ActuatorBank, CommandSteps, GainPolicy, Policy, Scenario, Waveform
 from controller.export import fmu
 from controller.export.exported_loop import ExportedLoop, exported_loop, interpolated_loop
 from controller.export.fmu import description, write_fmu
 from controller.flight.closed_loop import ClosedLoop, NonlinearPlant
 from controller.flight.signals import CommandedStates
 from controller.flight.simulation import CompiledLoop
-from controller.servo.servo_policy import servo_law
+from controller.servo.servo_policy import servo_policy
 from hfa_aircraft.model import Model
 from hfa_model import LINEAR_STATES, STATES, Input
 from hfa_model.provenance import Provenance
@@ -34,7 +34,7 @@ START = {"speed": 69.0, "pitch_rate": 0.01}
 ORIGIN = Provenance("hfa export", date="2026-09-21T14:13:20Z")
 
 
-ACTUATORS = Actuators(
+ACTUATORS = ActuatorBank(
     Input(*[0.5] * 5), Input(*[-50.0] * 5), Input(*[50.0] * 5), Input(*[0.1] * 5), order=2
 )
 
@@ -62,18 +62,18 @@ def unit(
     kind, path = request.param, tmp_path_factory.mktemp("fmu") / "aircraft.fmu"
     aircraft, law, start, happens, exported = (
         published_aircraft,
-        gain_law("none", 0.0 * gain),
+        GainPolicy("none", 0.0 * gain),
         {},
         {},
         [],
     )
     if kind == "gain":
-        law, start, exported = gain_law("exact", gain), {"reference_speed": 0.5}, [gain]
-        happens = {"reference": Signal(np.eye(6)[0] * 0.5, np.zeros(6))}
+        law, start, exported = GainPolicy("exact", gain), {"reference_speed": 0.5}, [gain]
+        happens = {"reference": Waveform(np.eye(6)[0] * 0.5, np.zeros(6))}
     elif kind == "controller":
         controller = integrating_controller(aircraft, W=np.full((3, 1, 1), 0.1))
         commands = CommandSteps(("dihedral",), np.zeros(1), np.array([[0.02]]))
-        law, start = servo_law(controller, commands, aircraft, point), {"command_dihedral": 0.02}
+        law, start = servo_policy(controller, commands, aircraft, point), {"command_dihedral": 0.02}
         exported = [None, controller, ACTUATORS]
         happens = {"reference": CommandedStates(commands, LINEAR_STATES), "actuators": ACTUATORS}
     loop = exported_loop(aircraft, point, *exported)
@@ -81,7 +81,7 @@ def unit(
     return Unit(kind, path, loop, START | start, flown(aircraft, point, law, **happens))
 
 
-def flown(aircraft: Model, point: OperatingPoint, law: FlownLaw, **happens: Any) -> np.ndarray:
+def flown(aircraft: Model, point: OperatingPoint, law: Policy, **happens: Any) -> np.ndarray:
     initial = (
         np.array([START.get(name, value) for name, value in point.states._asdict().items()])
         - point.states

@@ -1,4 +1,4 @@
-"""Actuators: lags that respect their limits, and how much lag the linear policy stands, as
+"""ActuatorBank: lags that respect their limits, and how much lag the linear policy stands, as
 docs/nonlinear.md says."""
 
 from __future__ import annotations
@@ -14,14 +14,14 @@ from known_models import game_at, model_at
 
 import hfa_model
 from controller import (
+    ActuatorBank,
     ActuatorFault,
-    Actuators,
-    FlownLaw,
+    GainPolicy,
+    Policy,
     Scenario,
-    Signal,
+    Waveform,
     flight_envelope,
     fly,
-    gain_law,
 )
 from controller.flight.closed_loop import ClosedLoop, LinearPlant
 from controller.flight.policies import OpenLoop
@@ -33,16 +33,16 @@ from trim import LinearModel
 from verification import solve_game
 
 N, M = 6, len(INPUTS)
-FREE = Actuators(
+FREE = ActuatorBank(
     Input(*[0.1] * M), Input(*[-np.inf] * M), Input(*[np.inf] * M), Input(*[np.inf] * M)
 )
-LIMITED = Actuators(Input(*[0.1] * M), Input(*[-0.5] * M), Input(*[0.4] * M), Input(*[1.0] * M))
+LIMITED = ActuatorBank(Input(*[0.1] * M), Input(*[-0.5] * M), Input(*[0.4] * M), Input(*[1.0] * M))
 
 
-def flown(actuators: Actuators, *command: float) -> Flight:
+def flown(actuators: ActuatorBank, *command: float) -> Flight:
     """Two seconds of the printed model at 15 degrees under a constant command."""
     model = published_models()[0]
-    law = FlownLaw("none", OpenLoop(M), np.array([command]))
+    law = Policy("none", OpenLoop(M), np.array([command]))
     scenario = Scenario(2.0, tick=0.1, initial=np.zeros(N), actuators=actuators)
     return CompiledLoop(ClosedLoop(LinearPlant(model.A, model.B), law, scenario)).fly()
 
@@ -65,7 +65,7 @@ def test_positions_and_rates_stay_within_their_limits(order: int) -> None:
 
 def test_a_lag_that_the_step_cannot_resolve_is_refused() -> None:
     lag = Input(0.5, *[0.0003] * (M - 1))
-    fast = Actuators(lag, LIMITED.lowest, LIMITED.highest, LIMITED.rate)
+    fast = ActuatorBank(lag, LIMITED.lowest, LIMITED.highest, LIMITED.rate)
     fast.refuse_step(0.00075)
     said = rf"the lag of {INPUTS[1]} is 0\.0003 s; with a step of 0\.001 s it must be at least 0\.0004 s"
     with pytest.raises(BadInputError, match=said):
@@ -115,14 +115,14 @@ def lost(weights: str, lag: float) -> bool:
     """A command of one degree for 200 s behind actuators of that lag, 60 deg/s for the surfaces."""
     aircraft, point = hfa_model.aircraft("newton"), model_at(15.0, "newton").point
     lowest, highest = (Input(*(pair[side] for pair in CONTROL_LIMITS)) for side in (0, 1))
-    actuators = Actuators(
+    actuators = ActuatorBank(
         Input(*[lag] * 5), lowest, highest, Input(np.inf, *[float(np.radians(60.0))] * 4)
     )
     command = np.array([np.radians(1.0) if name == "dihedral" else 0.0 for name in LINEAR_STATES])
     scenario = Scenario(
-        duration=200.0, reference=Signal(command, np.zeros(len(command))), actuators=actuators
+        duration=200.0, reference=Waveform(command, np.zeros(len(command))), actuators=actuators
     )
-    law, envelope = gain_law("exact", gain(weights)), flight_envelope(aircraft, point)
+    law, envelope = GainPolicy("exact", gain(weights)), flight_envelope(aircraft, point)
     return fly(aircraft, point, law, scenario, envelope, predict=False).departure is not None
 
 

@@ -14,13 +14,13 @@ from random_points import rates, rising
 
 import hfa_model
 from controller import (
+    GainPolicy,
     MonteCarlo,
     OneMinusCosine,
     Scenario,
     Uncertainty,
     flight_envelope,
     fly,
-    gain_law,
 )
 from controller.flight import monte_carlo
 from controller.flight.monte_carlo import fly_member, fly_members, member_report, member_row
@@ -138,7 +138,7 @@ def test_machine_code_gives_the_same_flight(
 
 
 def test_a_member_that_leaves_its_envelope_ends_there(plan: MonteCarlo, tmp_path: Path) -> None:
-    away = replace(plan, members=1, law=gain_law("wrong sign", -np.array(plan.law.identity["K"])))
+    away = replace(plan, members=1, law=GainPolicy("wrong sign", -np.array(plan.law.identity["K"])))
     departure = fly_member(away, 0).departure
     assert departure is not None
     assert 0.0 < departure.time < away.scenario.duration
@@ -195,7 +195,7 @@ def test_plans_are_equal_when_they_give_the_same_results(
     assert hash(replace(plan)) == hash(plan)
     others = [
         replace(plan, seed=8),
-        replace(plan, law=gain_law("exact", 1.01 * gain)),
+        replace(plan, law=GainPolicy("exact", 1.01 * gain)),
         with_scenario(plan, uncertainty=replace(EVERYTHING, turbulence=None)),
         with_scenario(
             plan, uncertainty=replace(EVERYTHING, errors=dict(reversed(EVERYTHING.errors.items())))
@@ -223,7 +223,7 @@ def test_what_a_monte_carlo_cannot_draw_or_repeat_is_refused(plan: MonteCarlo) -
         ),
         (
             r"shape \(6, 5\); .* takes 5 x 6",
-            lambda: replace(plan, law=gain_law("wide", np.zeros((6, 5)))),
+            lambda: replace(plan, law=GainPolicy("wide", np.zeros((6, 5)))),
         ),
         ("drawn already", lambda: replace(plan, scenario=plan.member(0))),
     ):

@@ -12,14 +12,14 @@ from random_points import STATE_SCALES
 from scipy.integrate import solve_ivp
 
 from controller import (
-    Actuators,
+    ActuatorBank,
     Dryden,
-    FlownLaw,
+    GainPolicy,
     OneMinusCosine,
+    Policy,
     Scenario,
-    Signal,
+    Waveform,
     flight_envelope,
-    gain_law,
 )
 from controller.flight.closed_loop import ClosedLoop, LinearPlant, NonlinearPlant
 from controller.flight.nonlinear_flight import NonlinearFlight
@@ -102,7 +102,7 @@ def test_the_envelope_is_about_the_trim_and_can_be_changed(newton: FlownCase) ->
 
 def test_gains_of_several_ticks_follow_each_other_and_the_last_stays(newton: FlownCase) -> None:
     gains = np.random.default_rng(1).normal(size=(3, 5, 6))
-    law = gain_law("several", gains)
+    law = GainPolicy("several", gains)
     np.testing.assert_array_equal(law.gains, gains)
     for tick, gain in ((0, 0), (2, 2), (99, 2)):
         np.testing.assert_array_equal(law.constants(tick), gains[gain].ravel(order="F"))
@@ -113,7 +113,7 @@ SIZES = (0.001, 0.004, 0.016)
 DIRECTION = np.array([1.0, 0.017, 10.0, 0.017, 0.017, 0.017, 0.017])
 
 
-def slopes(plant: NonlinearPlant, linear: LinearPlant, law: FlownLaw) -> np.ndarray:
+def slopes(plant: NonlinearPlant, linear: LinearPlant, law: Policy) -> np.ndarray:
     """d log |x_nonlinear - x_linear| / d log size of the closed loop released from SIZES x
     DIRECTION, by state, (7,).
 
@@ -155,10 +155,10 @@ EVERYTHING = Scenario(
     duration=0.5,
     initial=0.1 * SMALL,
     reference=signal(dihedral=0.01),
-    disturbance=Signal(np.zeros(N), np.zeros(N), (Harmonic(3.0, np.full(N, 1e-3), np.zeros(N)),)),
+    disturbance=Waveform(np.zeros(N), np.zeros(N), (Harmonic(3.0, np.full(N, 1e-3), np.zeros(N)),)),
     noise=signal(alpha=1e-4),
     errors={"lift_slope": 0.98},
-    actuators=Actuators(
+    actuators=ActuatorBank(
         Input(*[0.02] * 5),
         *(Input(*ends) for ends in zip(*CONTROL_LIMITS, strict=True)),
         Input(*[np.inf] * 5),

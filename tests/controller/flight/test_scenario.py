@@ -11,28 +11,28 @@ import pytest
 from member_plans import EVERYTHING, PARAMETERS, with_scenario
 
 from controller import (
+    ActuatorBank,
     ActuatorFault,
-    Actuators,
     CommandSteps,
     Dryden,
-    FlownLaw,
+    GainPolicy,
     MonteCarlo,
     OneMinusCosine,
+    Policy,
     Scenario,
-    Signal,
     Uncertainty,
-    gain_law,
+    Waveform,
 )
 from controller.flight import scenario
+from controller.flight.air import UPDRAFT
 from controller.flight.closed_loop import ClosedLoop, LinearPlant
-from controller.flight.gusts import UPDRAFT
 from controller.flight.policies import OpenLoop
 from controller.flight.scenario import with_errors
 from controller.flight.simulation import CompiledLoop
 from hfa_model import LINEAR_STATES, Input, Parameters
 from hfa_support import BadInputError
 
-ACTUATORS = Actuators(*(Input(*[each] * 5) for each in (0.1, -0.5, 0.4, 1.0)))
+ACTUATORS = ActuatorBank(*(Input(*[each] * 5) for each in (0.1, -0.5, 0.4, 1.0)))
 TIMES = np.array([1.0, 4.0])
 
 
@@ -165,10 +165,10 @@ def test_noise_and_air_are_as_strong_as_asked_for(plan: MonteCarlo) -> None:
             r"shape \(1, 1\); give 2 finite rows of 1",
         ),
         (
-            lambda: gain_law("bad", np.full((5, 6), np.nan)),
+            lambda: GainPolicy("bad", np.full((5, 6), np.nan)),
             "the gain has shape .*; give inputs x states finite numbers",
         ),
-        (lambda: Signal(np.zeros(2), np.zeros(3)), "parts of shape"),
+        (lambda: Waveform(np.zeros(2), np.zeros(3)), "parts of shape"),
     ],
 )
 def test_what_cannot_be_flown_is_refused(make: Callable[[], object], said: str) -> None:
@@ -193,7 +193,7 @@ def sampled(gust: Dryden, interval: float, ticks: int) -> np.ndarray:
     """w at the ticks of a flight, by the integrator of the loop."""
     plant = LinearPlant(np.zeros((1, 1)), np.zeros((1, 1)), {UPDRAFT: np.zeros(1)})
     scenario = Scenario(ticks * interval, interval / 2, interval, np.zeros(1), gust=gust)
-    loop = ClosedLoop(plant, FlownLaw("none", OpenLoop(1), np.zeros((1, 1))), scenario)
+    loop = ClosedLoop(plant, Policy("none", OpenLoop(1), np.zeros((1, 1))), scenario)
     return np.asarray(CompiledLoop(loop).fly().updrafts[::2])
 
 

@@ -16,24 +16,24 @@ from scipy.integrate import solve_ivp
 
 import hfa_model
 from controller import (
-    Actuators,
+    ActuatorBank,
     CommandSteps,
     Envelope,
-    FlownLaw,
+    GainPolicy,
     Game,
     MonteCarlo,
     OneMinusCosine,
+    Policy,
     Scenario,
     flight_envelope,
     fly,
-    gain_law,
 )
 from controller.flight.closed_loop import ClosedLoop, LinearPlant, NonlinearPlant, Plant
-from controller.flight.envelope import limit_cycle
+from controller.flight.limit_cycle import limit_cycle
 from controller.flight.monte_carlo import fly_members
 from controller.flight.nonlinear_flight import NonlinearFlight, fly_within
 from controller.flight.policies import OpenLoop, open_loop
-from controller.flight.signals import Harmonic, Signal
+from controller.flight.signals import Harmonic, Waveform
 from controller.flight.simulation import CompiledLoop, Flight
 from hfa_aircraft.model import Model, record
 from hfa_model import STATES, State
@@ -59,7 +59,7 @@ class Falling(Plant):
 def fallen(point: OperatingPoint, *, stops: bool, slowest: float = -1e9) -> NonlinearFlight:
     """0.05 s in steps of 1 ms and ticks of 10."""
     lowest = State(*[-1e9] * 7)._replace(speed=point.states.speed + slowest)
-    scenario, law = Scenario(0.05, initial=np.zeros(7)), gain_law("none", np.zeros((5, 6)))
+    scenario, law = Scenario(0.05, initial=np.zeros(7)), GainPolicy("none", np.zeros((5, 6)))
     loop, envelope = (
         ClosedLoop(Falling(point), law, scenario),
         Envelope(lowest, State(*[1e9] * 7), hfa_model.aircraft()),
@@ -101,7 +101,7 @@ def pendulum(
 ) -> CompiledLoop:
     """Pushed by p, which jumps at 3.7 s."""
     plant = Pendulum(np.zeros((3, 3)), np.zeros((3, 1)), fast=fast)
-    law = FlownLaw("pushed", OpenLoop(1), np.repeat([[0.5], [-1.0]], [37, 1], axis=0), fastest=fast)
+    law = Policy("pushed", OpenLoop(1), np.repeat([[0.5], [-1.0]], [37, 1], axis=0), fastest=fast)
     return CompiledLoop(
         ClosedLoop(plant, law, Scenario(duration, step, 0.1, np.array([1.0, 0.0, observed])))
     )
@@ -141,7 +141,7 @@ def test_a_loop_that_blows_up_says_when_and_nothing_else(capfd: pytest.CaptureFi
         def rate(self, x: Any, u: Any, d: Any, winds: Any, p: Any) -> Any:
             return x**2
 
-    plant, law = Blown(np.zeros((1, 1)), np.zeros((1, 1))), gain_law("none", np.zeros((1, 1)))
+    plant, law = Blown(np.zeros((1, 1)), np.zeros((1, 1))), GainPolicy("none", np.zeros((1, 1)))
     loop = CompiledLoop(ClosedLoop(plant, law, Scenario(200.0, 0.05, 0.1, np.ones(1))))
     with pytest.raises(NoSolutionError, match=r"left every bound at t = 1"):
         loop.fly()
@@ -206,7 +206,7 @@ def test_disturbances_are_those_of_the_model() -> None:
         trim={"level": 0.0},
         schedule="level",
     )
-    rain = Signal(np.array([0.5]), np.zeros(1), (Harmonic(2.0, np.array([0.1]), np.zeros(1)),))
+    rain = Waveform(np.array([0.5]), np.zeros(1), (Harmonic(2.0, np.array([0.1]), np.zeros(1)),))
     result = stepped(model, Scenario(duration=2.0, air={"rain": rain}))
     t = result.flight.times
     wave = 0.1 / 5 * (np.sin(2 * t) - 2 * np.cos(2 * t) + 2 * np.exp(-t))
@@ -228,7 +228,7 @@ def test_a_delay_is_a_delay(delay: float) -> None:
     k D)_+^k / k!."""
     tick = 0.005
     scenario = Scenario(3.0, tick / 5, tick, np.ones(1), delay=delay)
-    plant, law = LinearPlant(np.zeros((1, 1)), np.ones((1, 1))), gain_law("one", np.ones((1, 1)))
+    plant, law = LinearPlant(np.zeros((1, 1)), np.ones((1, 1))), GainPolicy("one", np.ones((1, 1)))
     flight = CompiledLoop(ClosedLoop(plant, law, scenario)).fly()
     t = flight.times
     np.testing.assert_allclose(flight.states[t < delay, 0], 1.0, atol=1e-12)
@@ -245,7 +245,7 @@ def test_what_still_oscillates_is_a_limit_cycle() -> None:
     """Planted: a sine that lasts, one that decays, one that something drives, one that is too small
     to be seen."""
     plant = NonlinearPlant(NAVION, find_operating_point(NAVION, usual_condition(NAVION)))
-    law, t = gain_law("none", np.zeros((4, 8))), np.arange(0.0, 20.0, 0.01)
+    law, t = GainPolicy("none", np.zeros((4, 8))), np.arange(0.0, 20.0, 0.01)
     columns = len(NAVION.states)
     zeros = np.zeros((len(t), columns))
     still = Flight(t, zeros, t[:, None], np.zeros((len(t), 4)), t[:, None], zeros, {})
@@ -264,7 +264,7 @@ def test_what_still_oscillates_is_a_limit_cycle() -> None:
     assert cycle.frequency == pytest.approx(3.0, rel=0.1)
     assert found(lasting * np.exp(-0.1 * t)) is None
     assert found(1e-3 * lasting) is None
-    wave = Signal(np.zeros(8), np.zeros(8), (Harmonic(3.0, np.ones(8), np.zeros(8)),))
+    wave = Waveform(np.zeros(8), np.zeros(8), (Harmonic(3.0, np.ones(8), np.zeros(8)),))
     assert found(lasting, disturbance=wave) is None
 
 
@@ -277,12 +277,12 @@ def test_a_loop_that_its_delay_destabilizes_ends_in_a_limit_cycle() -> None:
         np.diag([NAVION.signals[n].nominal ** -2.0 for n in each])
         for each in (model.states, model.inputs)
     )
-    law = gain_law("exact", solve_game(Game(model.A, model.B, np.eye(8), Q, R, math.inf)).K)
+    law = GainPolicy("exact", solve_game(Game(model.A, model.B, np.eye(8), Q, R, math.inf)).K)
     values = record(tuple(NAVION.inputs))
     lowest, highest = (
         values(*(getattr(each, end) for each in NAVION.inputs.values())) for end in ("min", "max")
     )
-    slow = Actuators(
+    slow = ActuatorBank(
         values(*[0.1] * 4), lowest, highest, values(math.inf, *[math.radians(60.0)] * 3)
     )
     start = np.zeros(8)

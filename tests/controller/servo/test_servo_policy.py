@@ -13,26 +13,26 @@ from known_models import model_at
 from scipy.integrate import solve_ivp
 
 from controller import (
-    Actuators,
+    ActuatorBank,
     CommandSteps,
     Scenario,
     ScheduledController,
-    Signal,
+    Waveform,
     flight_envelope,
     fly,
 )
 from controller.flight.closed_loop import LinearPlant
 from controller.flight.nonlinear_flight import NonlinearFlight
-from controller.flight.policies import Seen
+from controller.flight.policies import Measurements
 from controller.flight.signals import CommandedStates, Harmonic
-from controller.servo.servo_policy import MeasuredOutputs, servo_law
+from controller.servo.servo_policy import MeasuredOutputs, servo_policy
 from hfa_aircraft.model import Model
 from hfa_model import INPUTS, LINEAR_STATES, STATES, Input
 from hfa_support import BadInputError
 from trim import OperatingPoint, linearize
 
 Z = "vertical_acceleration_short_period"
-FREE = Actuators(
+FREE = ActuatorBank(
     Input(*[0.5] * 5), Input(*[-np.inf] * 5), Input(*[np.inf] * 5), Input(*[np.inf] * 5)
 )
 
@@ -52,7 +52,7 @@ def flown(
     aircraft: Model, point: OperatingPoint, controller: ScheduledController, **changes: object
 ) -> NonlinearFlight:
     follow = commands(0.01)
-    law = servo_law(controller, follow, aircraft, point)
+    law = servo_policy(controller, follow, aircraft, point)
     given = {
         "duration": 12.0,
         "step": 0.01,
@@ -70,7 +70,7 @@ def test_outputs_are_those_of_the_linear_model(
     model = linearize(published_aircraft, point, outputs=("vertical_acceleration", "load_factor"))
     rng = np.random.default_rng(2)
     x, a, v = rng.normal(size=6), rng.normal(size=5), rng.normal(size=5)
-    y = np.array(ca.DM(outputs.at(Seen(ca.SX(x), ca.SX(x), ca.SX(a), ca.SX(v))))).ravel()
+    y = np.array(ca.DM(outputs.at(Measurements(ca.SX(x), ca.SX(x), ca.SX(a), ca.SX(v))))).ravel()
     alpha = LINEAR_STATES.index("alpha")
     short = model.C[0, alpha] * x[alpha] + model.D[0] @ a
     expected = [
@@ -82,7 +82,7 @@ def test_outputs_are_those_of_the_linear_model(
     ]
     np.testing.assert_allclose(y, expected, rtol=1e-12)
     with pytest.raises(BadInputError, match="positions of its actuators"):
-        outputs.at(Seen(ca.SX(x), ca.SX(x), ca.SX(0, 1), ca.SX(0, 1)))
+        outputs.at(Measurements(ca.SX(x), ca.SX(x), ca.SX(0, 1), ca.SX(0, 1)))
 
 
 def test_in_moving_air_an_accelerometer_feels_alpha_through_the_air(
@@ -95,7 +95,7 @@ def test_in_moving_air_an_accelerometer_feels_alpha_through_the_air(
         :, 0
     ]
     for updraft, expected in ((ca.SX(3.0), 3.0 * F), (ca.SX(0, 1), 0.0 * F)):
-        y = np.array(ca.DM(outputs.at(Seen(still, still, rest, rest, updraft)))).ravel()
+        y = np.array(ca.DM(outputs.at(Measurements(still, still, rest, rest, updraft)))).ravel()
         np.testing.assert_allclose(y, [*expected, 0.0, 0.0], rtol=1e-10, atol=1e-12)
     alpha = linearize(published_aircraft, point, outputs=("vertical_acceleration",)).C[
         0, LINEAR_STATES.index("alpha")
@@ -132,7 +132,7 @@ def test_the_flight_on_the_linear_model_is_the_loop_written_out(
     path = solve_ivp(rate, (0.0, 12.0), np.zeros(13), rtol=1e-9, atol=1e-12, max_step=0.5)
     np.testing.assert_allclose(result.predicted.states[-1], path.y[:7, -1], rtol=1e-5, atol=1e-9)
     np.testing.assert_allclose(result.predicted.memory[-1], path.y[12:, -1], rtol=1e-5, atol=1e-9)
-    own_modes = servo_law(
+    own_modes = servo_policy(
         small_controller(published_aircraft), follow, published_aircraft, point
     ).fastest
     assert own_modes == pytest.approx(2.0)
@@ -163,7 +163,7 @@ TIMES, VALUES = np.array([1.0, 4.0, 9.0]), np.array([[1.0, -2.0], [0.5, 0.0], [0
 def test_a_signal_is_the_same_at_one_time_at_many_and_as_an_expression() -> None:
     rng = np.random.default_rng(2)
     constant, slope, sine, cosine = rng.normal(size=(4, 3))
-    signal = Signal(constant, slope, (Harmonic(1.3, sine, cosine), Harmonic(0.2, cosine, -sine)))
+    signal = Waveform(constant, slope, (Harmonic(1.3, sine, cosine), Harmonic(0.2, cosine, -sine)))
     times, t = np.array([0.0, 0.7, 5.0]), ca.SX.sym("t")
     one = signal.sampled(times)
     compiled = ca.Function("s", [t], [signal.at(t)])

@@ -13,11 +13,13 @@ from known_models import exact_gain, model_at
 from numpy.typing import NDArray
 
 import hfa_model
-from controller import Envelope, MonteCarlo, Scenario, Uncertainty, gain_law
+from controller import GainPolicy, MonteCarlo, Scenario, Uncertainty
 from controller.flight.monte_carlo import fly_members
-from hfa_model import State, default_parameters
+from hfa_model import default_parameters
+from hfa_model.vectors import STATES
 from hfa_support.native.bound import cached_per_thread
 from trim.hfa.level_flight import LEVEL_FLIGHT
+from trim.limits import Limits
 from trim.sweeps.sweep import run_points
 
 PARAMETERS = default_parameters().values
@@ -52,10 +54,10 @@ def test_a_sweep(compile_code: bool) -> None:
 
 
 def test_a_monte_carlo() -> None:
-    point, law = model_at(15.0).point, gain_law("exact", exact_gain(15.0))
+    point, law = model_at(15.0).point, GainPolicy("exact", exact_gain(15.0))
     scenario = Scenario(0.2, uncertainty=Uncertainty({"panel_mass": 0.1}))
     aircraft = hfa_model.aircraft(parameters=PARAMETERS)
-    everywhere = Envelope(State(*[-1e9] * 7), State(*[1e9] * 7), aircraft)
+    everywhere = Limits.of(aircraft, STATES, dict.fromkeys(STATES, (-1e9, 1e9)))
     plan = MonteCarlo(24, 0, aircraft, point, law, scenario, everywhere)
     assert differing(lambda number: fly_members(plan, 4 * number, 4 * number + 4), range(6)) == []
 

@@ -14,7 +14,7 @@ from known_models import SMALL, FlownCase
 from linear_flight import simulate
 from project import ROOT
 
-from controller import Scenario, Signal, fly, gain_law
+from controller import GainPolicy, Scenario, Waveform, fly
 from controller.flight.signals import Harmonic
 from controller.learning.certified import learned_value
 from studies.section5.configuration import PaperFlight, section5_configuration
@@ -49,7 +49,7 @@ BRIEF: dict[str, Any] = {
     "learning": {"predefined_time": [0.5] * 4},
     "criteria": {"late": [0.5, 1.0], "short_adjustment": 0.5},
 }
-STILL = Signal(np.zeros(6), np.zeros(6))
+STILL = Waveform(np.zeros(6), np.zeros(6))
 WAVE = PaperFlight.DISTURBANCE.harmonics[0]
 
 
@@ -229,7 +229,7 @@ def test_uncertainty_and_noise_reach_the_plant_and_the_sensor() -> None:
         (
             "{} with its sign turned",
             {
-                "disturbance": Signal(
+                "disturbance": Waveform(
                     STILL.constant,
                     STILL.slope,
                     (Harmonic(WAVE.frequency, -WAVE.sine, -WAVE.cosine),),
@@ -247,7 +247,7 @@ def test_the_error_of_alpha_with_other_signs_is_the_one_of_the_document(
     says by how much."""
     if isinstance(changes, tuple):
         own = PaperFlight.REFERENCE
-        changes = {"reference": Signal(np.array(changes), own.slope, own.harmonics)}
+        changes = {"reference": Waveform(np.array(changes), own.slope, own.harmonics)}
     error = flown(COARSE | changes, FlightPlan(5.0, EXACT)).metrics["relative_error"]["alpha"]
     document = (ROOT / "docs" / "experiments.md").read_text(encoding="utf-8")
     assert said.format(f"{error:.3g}") in " ".join(document.split())
@@ -268,7 +268,7 @@ def test_learning_in_flight_flies_the_baseline_then_certified_gains_and_knows_no
     np.testing.assert_array_equal(gains[-1], learned.K)
     cut = replace(learned, times=learned.times[:120], weights=learned.weights[:120])
     assert np.array_equal(certified_gains(newton.game, cut, 0.01)[0][:119], gains[:119])
-    law = gain_law("learning", gains)
+    law = GainPolicy("learning", gains)
     result = fly(
         newton.aircraft,
         newton.point,

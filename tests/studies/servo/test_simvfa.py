@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from controller import design_model
-from controller.flight.policies import Seen
+from controller.flight.policies import Measurements
 from hfa_aircraft.model import Model
 from hfa_model import INPUTS
 from studies.servo.simvfa import (
@@ -123,7 +123,7 @@ def evaluated(law: AdaptivePolicy, memory: np.ndarray) -> tuple[np.ndarray, np.n
     """u of its inputs, those of the others being 0, and the rate of its memory."""
     states, nothing = ca.SX(6, 1), ca.SX(0, 1)
     states[4] = _RISEN
-    seen, y = Seen(states, states, nothing, nothing), ca.SX.sym("y", law.memory_size)
+    seen, y = Measurements(states, states, nothing, nothing), ca.SX.sym("y", law.memory_size)
     of = [
         law.control(ca.SX(0), seen, y, nothing),
         law.memory_rate(ca.SX(0), seen, y, nothing, nothing),

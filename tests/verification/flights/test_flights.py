@@ -12,7 +12,7 @@ from known_models import seen
 
 from controller import Scenario, flight_envelope, published_game
 from controller.flight.nonlinear_flight import NonlinearFlight
-from controller.flight.policies import Seen
+from controller.flight.policies import Measurements
 from hfa_aircraft.model import Model
 from hfa_model import LINEAR_STATES, STATES
 from hfa_support import NoSolutionError
@@ -65,7 +65,7 @@ def test_about_a_grid_point_the_policy_is_its_gain_and_its_trim(certified: Sched
 class _TrimOfTheMeasuredDihedral(ScheduledPolicy):
     """The mistake that hidden coupling is made of."""
 
-    def control(self, t: Any, told: Seen, memory: Any, p: Any) -> Any:
+    def control(self, t: Any, told: Measurements, memory: Any, p: Any) -> Any:
         channel = LINEAR_STATES.index("dihedral")
         measured = self.base.states.dihedral + self.at(t)[channel] + told.error[channel]
         inputs = self.schedule.tables[1]

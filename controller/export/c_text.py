@@ -1,0 +1,85 @@
+"""Pieces of C source: templates, comments, enumerations, tables."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from importlib.resources import files
+from typing import Any
+
+import numpy as np
+
+from hfa_aircraft.model import Model
+
+#: C has no empty arrays: the one entry of an array that would have none.
+UNUSED = "unused"
+
+
+def filled(package: str, file: str, **values: object) -> str:
+    """The text of a file from its template FILE.in in a package."""
+    return files(package).joinpath(f"{file}.in").read_text("utf-8").format(**values)
+
+
+def comment_lines(text: str) -> str:
+    """Text for the inside of a comment."""
+    return "\n   ".join(text.replace("*/", "* /").splitlines())
+
+
+def positions(units: Mapping[str, str], prefix: str = "") -> str:
+    """Lines of an enumeration of the names, each with its unit where it has one."""
+    lines = []
+    for name, unit in units.items():
+        comment = f" /* {unit} */" if unit else ""
+        lines.append(f"    HFA_{prefix}{name.upper()},{comment}")
+    return "\n".join(lines)
+
+
+def name_tables(kind: str, units: Mapping[str, str]) -> dict[str, list[str]]:
+    """Declaration -> texts: tables of the names and of their units."""
+    return {
+        f"const char *const hfa_{kind}_name": _quoted(units),
+        f"const char *const hfa_{kind}_unit": _quoted(units.values()),
+    }
+
+
+def _quoted(words: Iterable[str]) -> list[str]:
+    return [f'"{word}"' for word in words]
+
+
+def or_unused(units: dict[str, str]) -> dict[str, str]:
+    """The names and units, or the one entry of an array that would have none."""
+    return units or {UNUSED: ""}
+
+
+def constant_tables(values_by_declaration: Mapping[str, Any]) -> str:
+    """Constant arrays, matrices row by row."""
+    lines = []
+    for declaration, values in values_by_declaration.items():
+        array = np.array(values)
+        sizes = "".join(f"[{size}]" for size in array.shape)
+        lines.append(f"{declaration}{sizes} = {braced(array.tolist())};")
+    return "\n".join(lines)
+
+
+def braced(values: Any) -> str:
+    """Numbers, texts or lists of them as C writes them."""
+    if isinstance(values, list):
+        return f"{{{', '.join(map(braced, values))}}}"
+    if values == np.inf:
+        return "HUGE_VAL"
+    if values == -np.inf:
+        return "-HUGE_VAL"
+    return str(values)
+
+
+def units_of(model: Model, names: Sequence[str]) -> dict[str, str]:
+    """Name -> its unit."""
+    return dict(zip(names, model.units(tuple(names)), strict=True))
+
+
+def displaced_state(model: Model) -> tuple[str, float]:
+    """What an example starts off trim: the speed by 1 ft/s, or the first state of the linear model
+    by 1 % of its size."""
+    if "speed" in model.states:
+        return "speed", 1.0
+    name = model.linear[0]
+    return name, model.states[name].nominal / 100

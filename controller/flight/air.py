@@ -1,0 +1,45 @@
+"""The air of a flight: the names by which models declare it, and the speed at which gusts are met."""
+
+from __future__ import annotations
+
+from hfa_aircraft.model import Model
+from hfa_support.errors import BadInputError
+from trim.point.operating_point import OperatingPoint
+
+#: The disturbance of a model that a vertical gust is.
+UPDRAFT = "updraft"
+#: The state whose limits count on the output `ANGLE_OF_ATTACK` where the air moves.
+ALPHA = "alpha"
+ANGLE_OF_ATTACK = "angle_of_attack"
+#: Note on flights in moving air.
+OVER_GROUND = (
+    f"alpha is over ground; the envelope limits {ANGLE_OF_ATTACK}, which is through the air"
+)
+
+
+def flown_through_air(model: Model) -> bool:
+    """Whether a model has an alpha over ground and an angle of attack through the air."""
+    return ALPHA in model.states and ANGLE_OF_ATTACK in model.outputs
+
+
+def limited_names(model: Model, moving_air: bool) -> tuple[str, ...]:
+    """(n,) names on which the limits of the states count: alpha is replaced by `ANGLE_OF_ATTACK`
+    where the air moves."""
+    if not (moving_air and flown_through_air(model)):
+        return tuple(model.states)
+    return tuple(ANGLE_OF_ATTACK if name == ALPHA else name for name in model.states)
+
+
+def gust_speed(point: OperatingPoint) -> float:
+    """Speed at which a trimmed aircraft meets gusts: its state or output `speed`.
+
+    BadInputError for a model that has neither.
+    """
+    model = point.model
+    if "speed" not in (*model.states, *model.outputs):
+        raise BadInputError(
+            f"{model.name} has no state or output speed, at which a gust is met; declare one"
+        )
+    if "speed" in point.values:
+        return point.values["speed"]
+    return model.outputs_at(point.states, point.inputs, ["speed"])["speed"]
