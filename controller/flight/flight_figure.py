@@ -68,7 +68,7 @@ def flight_figure(result: NonlinearFlight, title: str) -> Figure:
                 times, shown_values(limited, unit), color="C2", linewidth=1.2, label=ANGLE_OF_ATTACK
             )
             axes.legend([axes.lines[-1]], [ANGLE_OF_ATTACK], fontsize=6, loc="lower left", **_ABOVE)
-        limits = result.envelope.lowest[index], result.envelope.highest[index]
+        limits = float(result.envelope.lowest[index]), float(result.envelope.highest[index])
         _limit_lines(axes, limited, limits, unit)
         axes.set_title(f"envelope: {limits_text(*limits, unit)}", **_SMALL)
         _finish(axes, f"{what}, {shown_unit(unit)}")

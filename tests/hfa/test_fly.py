@@ -91,7 +91,7 @@ def test_the_command_flies_a_gain_and_a_critic_of_the_user(game: Game) -> None:
         ),
         (
             "--weights V.npz",
-            "V.npz: there are 25 weights; a simulation takes the 21 of the quadratic basis",
+            "V.npz: there are 25 weights; basis 'quadratic' on 6 states has 21",
         ),
         ("--weights none.npz", "there is no such file"),
     ):

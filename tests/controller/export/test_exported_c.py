@@ -17,21 +17,20 @@ from random_points import INPUT_SCALES, STATE_SCALES, rising, state_rates, symbo
 
 import hfa_model
 from controller import ActuatorBank, CommandSteps, Scenario, ScheduledController
-from controller.export.exported_loop import (
-    AIRCRAFT_FILES,
-    COMMANDED,
-    CONTROLLER_FILES,
-    SECONDS,
-    c_controller_texts,
-    c_model_texts,
-    commandable,
-    longest_step,
-)
+from controller.export.aircraft_c import AIRCRAFT_FILES, c_model_texts
 from controller.flight.closed_loop import ClosedLoop, NonlinearPlant
 from controller.flight.policies import Measurements
 from controller.flight.signals import CommandedStates
 from controller.flight.simulation import CompiledLoop
-from controller.servo.servo_policy import ServoPolicy, servo_policy
+from controller.servo.controller_c import (
+    COMMANDED,
+    CONTROLLER_FILES,
+    SECONDS,
+    c_controller_texts,
+    commandable,
+    longest_step,
+)
+from controller.servo.servo_policy import servo_policy
 from hfa_aircraft.model import Model, load_model
 from hfa_model import LINEAR_STATES, STATES as HFA_STATES, Input
 from hfa_support import BadInputError
@@ -48,9 +47,8 @@ EXAMPLES = Path(__file__).parents[3] / "examples"
 @pytest.fixture(scope="module")
 def folder(aircraft: Model, tmp_path_factory: pytest.TempPathFactory) -> Path:
     gain = np.arange(30.0).reshape(5, 6) / 100
-    texts = c_model_texts(
-        aircraft, model_at(15.0, hfa_model.variant_of(aircraft).name), gain, "from */ here"
-    )
+    linear = model_at(15.0, hfa_model.variant_of(aircraft).name)
+    texts = c_model_texts(linear, gain, "from */ here")
     return written(tmp_path_factory.mktemp("c"), texts, SOURCE)
 
 
@@ -64,7 +62,9 @@ def test_rates_are_ours(folder: Path, aircraft: Model, point: OperatingPoint) ->
         state = np.array(point.states) + 0.5 * np.array(STATE_SCALES) * random.uniform(-1, 1, 7)
         control = np.array(point.inputs) + 0.5 * np.array(INPUT_SCALES) * random.uniform(-1, 1, 5)
         updraft = float(row % 5 - 2)
-        called(folder, "hfa_rates", state, control, updraft, dx)
+        winds = np.zeros(len(aircraft.disturbances))
+        winds[list(aircraft.disturbances).index("updraft")] = updraft
+        called(folder, "hfa_rates", state, control, winds, dx)
         known = np.array(
             ours(state, control, np.array(hfa_model.parameters_of(aircraft)), updraft)
         ).ravel()
@@ -121,8 +121,9 @@ def test_another_aircraft_is_ours_too_and_flies(name: str, tmp_path: Path) -> No
     model = load_model(str(EXAMPLES / name))
     point = find_operating_point(model, usual_condition(model))
     linear, gain = linearize(model, point), np.zeros((len(model.inputs), len(model.linear)))
-    written(tmp_path, c_model_texts(model, linear, gain, "here"), SOURCE)
+    written(tmp_path, c_model_texts(linear, gain, "here"), SOURCE)
     random, dx = np.random.default_rng(5), np.empty(len(model.states))
+    still = np.zeros(max(1, len(model.disturbances)))
     for _ in range(50):
         x, u = (
             np.array(at)
@@ -131,7 +132,7 @@ def test_another_aircraft_is_ours_too_and_flies(name: str, tmp_path: Path) -> No
             * random.uniform(-1, 1, len(of))
             for at, of in ((point.states, model.states), (point.inputs, model.inputs))
         )
-        called(tmp_path, "hfa_rates", x, u, 0.0, dx)
+        called(tmp_path, "hfa_rates", x, u, still, dx)
         np.testing.assert_allclose(dx, model.at(x, u).f, rtol=1e-12, atol=1e-12)
     if model.name == "Navion":
         assert list(ran(tmp_path, EXAMPLE, SOURCE)) == list(model.states)
@@ -200,8 +201,7 @@ def flown(controller: ScheduledController, aircraft: Model, point: OperatingPoin
     commands = CommandSteps(
         commandable(controller), np.array([0.0, 2.0]), np.array([[0.05, 0.3], [-0.05, 2.0]])
     )
-    policy = servo_policy(controller, commands, aircraft, point).policy
-    assert isinstance(policy, ServoPolicy)
+    policy = servo_policy(controller, commands, aircraft, point)
     t, x, a, m = ca.SX.sym("t"), ca.SX.sym("x", 6), ca.SX.sym("a", 5), ca.SX.sym("m", STATES)
     seen = Measurements(x, x, a, ca.SX(5, 1))
     limited = ca.fmin(ca.fmax(policy.control(t, seen, m, ca.SX(0, 1)), -HIGHEST), HIGHEST)

@@ -15,11 +15,17 @@ from scipy.integrate import solve_ivp
 
 from controller import ActuatorBank, CommandSteps, GainPolicy, Policy, Scenario, Waveform
 from controller.export import fmu
-from controller.export.exported_loop import ExportedLoop, exported_loop, interpolated_loop
+from controller.export.exported_loop import (
+    ExportedLoop,
+    exported_loop,
+    following_a_reference,
+    interpolated_loop,
+)
 from controller.export.fmu import description, write_fmu
 from controller.flight.closed_loop import ClosedLoop, NonlinearPlant
 from controller.flight.signals import CommandedStates
 from controller.flight.simulation import CompiledLoop
+from controller.servo.controller_c import controller_steering
 from controller.servo.servo_policy import servo_policy
 from hfa_aircraft.model import Model
 from hfa_model import LINEAR_STATES, STATES, Input
@@ -68,13 +74,14 @@ def unit(
         [],
     )
     if kind == "gain":
-        law, start, exported = GainPolicy("exact", gain), {"reference_speed": 0.5}, [gain]
+        law, start = GainPolicy("exact", gain), {"reference_speed": 0.5}
+        exported = [following_a_reference(aircraft, law)]
         happens = {"reference": Waveform(np.eye(6)[0] * 0.5, np.zeros(6))}
     elif kind == "controller":
         controller = integrating_controller(aircraft, W=np.full((3, 1, 1), 0.1))
         commands = CommandSteps(("dihedral",), np.zeros(1), np.array([[0.02]]))
         law, start = servo_policy(controller, commands, aircraft, point), {"command_dihedral": 0.02}
-        exported = [None, controller, ACTUATORS]
+        exported = [controller_steering(controller, aircraft, point), ACTUATORS]
         happens = {"reference": CommandedStates(commands, LINEAR_STATES), "actuators": ACTUATORS}
     loop = exported_loop(aircraft, point, *exported)
     write_fmu(loop, path, ORIGIN)

@@ -1,4 +1,4 @@
-"""ActuatorBank: lags that respect their limits, and how much lag the linear policy stands, as
+"""Actuators: lags that respect their limits, and how much lag the linear policy stands, as
 docs/nonlinear.md says."""
 
 from __future__ import annotations
@@ -17,15 +17,15 @@ from controller import (
     ActuatorBank,
     ActuatorFault,
     GainPolicy,
-    Policy,
     Scenario,
     Waveform,
     flight_envelope,
     fly,
 )
 from controller.flight.closed_loop import ClosedLoop, LinearPlant
+from controller.flight.flight_history import Flight
 from controller.flight.policies import OpenLoop
-from controller.flight.simulation import CompiledLoop, Flight
+from controller.flight.simulation import CompiledLoop
 from hfa_model import INPUTS, LINEAR_STATES, Input, published_models
 from hfa_model.vectors import CONTROL_LIMITS
 from hfa_support import BadInputError
@@ -42,7 +42,7 @@ LIMITED = ActuatorBank(Input(*[0.1] * M), Input(*[-0.5] * M), Input(*[0.4] * M),
 def flown(actuators: ActuatorBank, *command: float) -> Flight:
     """Two seconds of the printed model at 15 degrees under a constant command."""
     model = published_models()[0]
-    law = Policy("none", OpenLoop(M), np.array([command]))
+    law = OpenLoop("none", held=np.array([command]))
     scenario = Scenario(2.0, tick=0.1, initial=np.zeros(N), actuators=actuators)
     return CompiledLoop(ClosedLoop(LinearPlant(model.A, model.B), law, scenario)).fly()
 

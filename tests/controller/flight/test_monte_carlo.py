@@ -49,7 +49,7 @@ def flown_plainly(plan: MonteCarlo, member: Scenario, p: Parameters) -> Mapping[
     X0, U0, K, air = (
         np.array(plan.point.states),
         np.array(plan.point.inputs),
-        plan.law.gains[0],
+        plan.policy.gains[0],
         member.gust,
     )
     variant, x, filter_ = (
@@ -63,7 +63,7 @@ def flown_plainly(plan: MonteCarlo, member: Scenario, p: Parameters) -> Mapping[
         u = -K @ (x[SEEN] - member.reference.at(t) + member.samples[tick])
         w, filter_rate = 0.0, np.zeros(0)
         if air is not None:
-            held = air.constants(tick)
+            held = air.held_inputs(tick)
             w = float(air.updraft(t, f, held))
             filter_rate = np.array(air.memory_rate(t, f, held)).ravel() if len(f) else f
         rate = np.array(
@@ -76,7 +76,7 @@ def flown_plainly(plan: MonteCarlo, member: Scenario, p: Parameters) -> Mapping[
         """X with the angle of attack through the air, from the velocity of the air in north and
         down, for alpha."""
         X = State(*(x + X0))
-        w = 0.0 if air is None else float(air.updraft(t, f, air.constants(tick)))
+        w = 0.0 if air is None else float(air.updraft(t, f, air.held_inputs(tick)))
         path = X.pitch - X.alpha
         north, down = X.speed * np.cos(path), w - X.speed * np.sin(path)
         return np.array(X._replace(alpha=X.pitch + np.arctan2(down, north)))
@@ -114,7 +114,7 @@ def flown_plainly(plan: MonteCarlo, member: Scenario, p: Parameters) -> Mapping[
 def assert_same_flight(plan: MonteCarlo, member: int, p: Parameters | None = None) -> None:
     result = fly_member(plan, member)
     found, scenario = member_row(plan, result), result.loop.scenario
-    known = p or Parameters(*with_errors(plan.aircraft, scenario).p.tolist())
+    known = p or Parameters(*with_errors(plan.model, scenario).p.tolist())
     for name, value in flown_plainly(plan, scenario, known).items():
         np.testing.assert_allclose(found[name], value, rtol=1e-8, atol=1e-12, err_msg=name)
 
@@ -123,7 +123,7 @@ def assert_same_flight(plan: MonteCarlo, member: int, p: Parameters | None = Non
 def test_a_member_is_its_flight_step_by_step(plan: MonteCarlo, dynamics: str) -> None:
     aircraft = hfa_model.aircraft(dynamics, PARAMETERS)
     point = find_operating_point(aircraft, level_flight(plan.point.states.dihedral))
-    flown = replace(plan, aircraft=aircraft, point=point)
+    flown = replace(plan, model=aircraft, point=point)
     assert_same_flight(with_scenario(flown, duration=0.05), 3)
 
 
@@ -138,7 +138,9 @@ def test_machine_code_gives_the_same_flight(
 
 
 def test_a_member_that_leaves_its_envelope_ends_there(plan: MonteCarlo, tmp_path: Path) -> None:
-    away = replace(plan, members=1, law=GainPolicy("wrong sign", -np.array(plan.law.identity["K"])))
+    away = replace(
+        plan, members=1, policy=GainPolicy("wrong sign", -np.array(plan.policy.identity["K"]))
+    )
     departure = fly_member(away, 0).departure
     assert departure is not None
     assert 0.0 < departure.time < away.scenario.duration
@@ -156,7 +158,7 @@ def test_the_envelope_counts_on_the_angle_through_the_air(plan: MonteCarlo) -> N
     """A sharp gust turns the air before it turns the path; turbulence may do so at the start
     already."""
     alpha, near = plan.point.states.alpha, np.radians(0.5)
-    narrow = flight_envelope(plan.aircraft, plan.point, {"alpha": (alpha - near, alpha + near)})
+    narrow = flight_envelope(plan.model, plan.point, {"alpha": (alpha - near, alpha + near)})
     plan = with_scenario(replace(plan, envelope=narrow), duration=0.05, initial=np.zeros(7))
     gust = OneMinusCosine(10.0, 3.0, plan.point.states.speed)
     tight = with_scenario(
@@ -177,7 +179,9 @@ def test_the_envelope_counts_on_the_angle_through_the_air(plan: MonteCarlo) -> N
         (plan.scenario, "to be drawn"),
     ):
         with pytest.raises(BadInputError, match=said):
-            fly(hfa_model.aircraft(parameters=PARAMETERS), plan.point, plan.law, scenario, narrow)
+            fly(
+                hfa_model.aircraft(parameters=PARAMETERS), plan.point, plan.policy, scenario, narrow
+            )
 
 
 def test_the_flight_test_sees_a_wrong_parameter(plan: MonteCarlo) -> None:
@@ -195,7 +199,7 @@ def test_plans_are_equal_when_they_give_the_same_results(
     assert hash(replace(plan)) == hash(plan)
     others = [
         replace(plan, seed=8),
-        replace(plan, law=GainPolicy("exact", 1.01 * gain)),
+        replace(plan, policy=GainPolicy("exact", 1.01 * gain)),
         with_scenario(plan, uncertainty=replace(EVERYTHING, turbulence=None)),
         with_scenario(
             plan, uncertainty=replace(EVERYTHING, errors=dict(reversed(EVERYTHING.errors.items())))
@@ -207,7 +211,7 @@ def test_plans_are_equal_when_they_give_the_same_results(
             gust=OneMinusCosine(100.0, 1.0, 68.0),
             uncertainty=replace(EVERYTHING, turbulence=None),
         ),
-        replace(plan, envelope=flight_envelope(plan.aircraft, plan.point, {"alpha": (-0.1, 0.2)})),
+        replace(plan, envelope=flight_envelope(plan.model, plan.point, {"alpha": (-0.1, 0.2)})),
     ]
     assert len({plan, *others}) == 1 + len(others)
 
@@ -216,14 +220,14 @@ def test_what_a_monte_carlo_cannot_draw_or_repeat_is_refused(plan: MonteCarlo) -
     no_moment = hfa_model.aircraft(parameters=PARAMETERS._replace(zero_lift_moment=0.0))
     moment = with_scenario(plan, uncertainty=Uncertainty({"zero_lift_moment": 1.0}))
     for said, make in (
-        ("does nothing", lambda: replace(moment, aircraft=no_moment)),
+        ("does nothing", lambda: replace(moment, model=no_moment)),
         (
             "unknown parameter 'span'",
             lambda: with_scenario(plan, uncertainty=Uncertainty({"span": 0.1})),
         ),
         (
             r"shape \(6, 5\); .* takes 5 x 6",
-            lambda: replace(plan, law=GainPolicy("wide", np.zeros((6, 5)))),
+            lambda: replace(plan, policy=GainPolicy("wide", np.zeros((6, 5)))),
         ),
         ("drawn already", lambda: replace(plan, scenario=plan.member(0))),
     ):

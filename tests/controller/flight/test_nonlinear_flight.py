@@ -25,7 +25,7 @@ from controller.flight.closed_loop import ClosedLoop, LinearPlant, NonlinearPlan
 from controller.flight.nonlinear_flight import NonlinearFlight
 from controller.flight.signals import Harmonic
 from controller.flight.simulation import CompiledLoop
-from hfa_model import LINEAR_STATES, STATES, Input
+from hfa_model import LINEAR_STATES, STATES, Input, State
 from hfa_model.vectors import CONTROL_LIMITS
 from hfa_support import BadInputError
 from trim import find_operating_point, level_flight
@@ -83,13 +83,14 @@ def test_the_envelope_limits_the_angle_through_the_air_and_not_the_one_over_grou
 
 def test_the_envelope_is_about_the_trim_and_can_be_changed(newton: FlownCase) -> None:
     p, point = newton.aircraft, newton.point
-    at, low, high = point.states, newton.envelope.lowest, newton.envelope.highest
+    at, low, high = point.states, State(*newton.envelope.lowest), State(*newton.envelope.highest)
     assert (low.speed, high.speed) == (at.speed / 2, 2 * at.speed)
     assert (at.altitude - low.altitude, high.altitude - at.altitude) == (1000.0, 1000.0)
     assert high.pitch_rate == -low.pitch_rate > 0.0
     narrow = flight_envelope(p, point, {"dihedral": (0.2, 0.3)})
-    assert (narrow.lowest.dihedral, narrow.highest.dihedral) == (0.2, 0.3)
-    assert narrow.highest.alpha == newton.envelope.highest.alpha
+    dihedral = STATES.index("dihedral")
+    assert (narrow.lowest[dihedral], narrow.highest[dihedral]) == (0.2, 0.3)
+    assert State(*narrow.highest).alpha == high.alpha
     with pytest.raises(BadInputError, match="no state 'roll'"):
         flight_envelope(p, point, {"roll": (0.0, 1.0)})
     with pytest.raises(BadInputError, match="begins with speed -2 ft/s beyond 34; begin inside"):
@@ -105,7 +106,7 @@ def test_gains_of_several_ticks_follow_each_other_and_the_last_stays(newton: Flo
     law = GainPolicy("several", gains)
     np.testing.assert_array_equal(law.gains, gains)
     for tick, gain in ((0, 0), (2, 2), (99, 2)):
-        np.testing.assert_array_equal(law.constants(tick), gains[gain].ravel(order="F"))
+        np.testing.assert_array_equal(law.held_inputs(tick), gains[gain].ravel(order="F"))
 
 
 #: Parts of 1 ft/s, 1 deg and 1 deg/s at once; large enough that rounding does not show.
@@ -174,7 +175,13 @@ def adaptive_states(result: NonlinearFlight) -> np.ndarray:
     its step would cost it its order. Source: Hairer, Norsett, Wanner, Solving Ordinary Differential
     Equations I, Section II.10, as in SciPy."""
     loop, scenario = CompiledLoop(result.loop), result.loop.scenario
-    y, every = result.loop.start(), result.loop.constants()
+    y = result.loop.start()
+
+    def every(tick: int) -> np.ndarray:
+        held = np.zeros(sum(result.loop.held_sizes))
+        result.loop.hold(tick, held)
+        return held
+
     rows, begin, ticks = [y[:7]], 0, scenario.ticks
     while begin < ticks:
         p, end = every(begin).copy(), begin + 1

@@ -18,7 +18,6 @@ from controller import (
     GainPolicy,
     MonteCarlo,
     OneMinusCosine,
-    Policy,
     Scenario,
     Uncertainty,
     Waveform,
@@ -65,7 +64,7 @@ def complaints_about_draws(plan: MonteCarlo, members: int = 2000) -> list[str]:
 def test_errors_have_the_law_that_was_asked_for(plan: MonteCarlo) -> None:
     assert complaints_about_draws(plan) == []
     member, nominal = plan.member(5), np.array(PARAMETERS, dtype=float)
-    parameters = with_errors(plan.aircraft, member).p
+    parameters = with_errors(plan.model, member).p
     changed = [Parameters._fields[i] for i in np.flatnonzero(parameters != nominal)]
     assert set(changed) == set(plan.scenario.uncertainty.errors)
     index = Parameters._fields.index("lift_slope")
@@ -106,7 +105,7 @@ def test_seed_and_member_decide_everything(plan: MonteCarlo) -> None:
     other_seed = replace(plan, seed=8).member(3)
     for of in (
         lambda each: list(each.errors.values()),
-        lambda each: with_errors(plan.aircraft, each).p,
+        lambda each: with_errors(plan.model, each).p,
         lambda each: each.samples,
     ):
         assert np.array_equal(of(one), of(again))
@@ -193,7 +192,7 @@ def sampled(gust: Dryden, interval: float, ticks: int) -> np.ndarray:
     """w at the ticks of a flight, by the integrator of the loop."""
     plant = LinearPlant(np.zeros((1, 1)), np.zeros((1, 1)), {UPDRAFT: np.zeros(1)})
     scenario = Scenario(ticks * interval, interval / 2, interval, np.zeros(1), gust=gust)
-    loop = ClosedLoop(plant, Policy("none", OpenLoop(1), np.zeros((1, 1))), scenario)
+    loop = ClosedLoop(plant, OpenLoop("none", held=np.zeros((1, 1))), scenario)
     return np.asarray(CompiledLoop(loop).fly().updrafts[::2])
 
 

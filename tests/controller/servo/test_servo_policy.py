@@ -25,7 +25,8 @@ from controller.flight.closed_loop import LinearPlant
 from controller.flight.nonlinear_flight import NonlinearFlight
 from controller.flight.policies import Measurements
 from controller.flight.signals import CommandedStates, Harmonic
-from controller.servo.servo_policy import MeasuredOutputs, servo_policy
+from controller.servo.measured_outputs import MeasuredOutputs
+from controller.servo.servo_policy import servo_policy
 from hfa_aircraft.model import Model
 from hfa_model import INPUTS, LINEAR_STATES, STATES, Input
 from hfa_support import BadInputError

@@ -66,7 +66,7 @@ def flown(
 
 def constants_of(setting: Setting, law: str, predefined_time: float) -> Any:
     reference = setting.configuration.reference
-    return law_of(setting, setting.case(5.0), law, predefined_time, False, reference)[0].constants
+    return law_of(setting, setting.case(5.0), law, predefined_time, False, reference)[0].held_inputs
 
 
 def test_the_signals_are_those_that_the_paper_prints() -> None:

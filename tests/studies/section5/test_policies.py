@@ -77,7 +77,7 @@ def flown(
     symbols = [
         ca.SX.sym("t"),
         ca.SX.sym("z", 6),
-        ca.SX.sym("W", policy.memory_size),
+        ca.SX.sym("W", policy.law.basis.size),
         ca.SX.sym("p", 1),
     ]
     now, z_, memory, constants = symbols
@@ -102,7 +102,7 @@ def test_the_right_sides_are_equal(
 ) -> None:
     law = law_with(normalisation=normalisation, coordinates=coordinates, basis=basis)
     r = forcing(law.game.A, REFERENCE) if told else zero(6)
-    policy = CriticPolicy(law, r)
+    policy = CriticPolicy("critic", law, r)
     rng = np.random.default_rng(1)
     for _ in range(5):
         t, z = rng.uniform(0.0, 20.0), rng.normal(size=6) * [2.0, 0.1, 0.1, 0.5, 0.5, 0.5]
@@ -118,10 +118,10 @@ def test_the_right_sides_are_equal(
 def test_another_law_is_seen() -> None:
     law = law_with()
     z, W = np.array([1.0, 0.1, 0.0, 0.1, 0.2, 0.0]), np.linspace(-50.0, 100.0, law.basis.size)
-    _, rate = flown(CriticPolicy(law, zero(6)), 0.0, z, W, 1.0)
+    _, rate = flown(CriticPolicy("critic", law, zero(6)), 0.0, z, W, 1.0)
     told = forcing(law.game.A, REFERENCE)
     others = [
-        flown(CriticPolicy(law, told), 0.0, z, W, 1.0)[1],
+        flown(CriticPolicy("critic", law, told), 0.0, z, W, 1.0)[1],
         expected(replace(law, settings=replace(law.settings, eta=0.7)), np.zeros(6), z, W)[1],
     ]
     for other in others:

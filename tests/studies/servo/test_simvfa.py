@@ -116,14 +116,14 @@ def law_of(kind: type[AdaptivePolicy], models: list[ReferenceModel]) -> Adaptive
         names=("pitch_rate", "dihedral", "A_z"), at=lambda seen: ca.DM(MEASURED)
     )
     commands = SimpleNamespace(at=lambda t: ca.DM(R), rate=lambda t: ca.DM(R_RATE))
-    return kind(commands, outputs, _BEGUN, _ANGLES, models, _INPUTS)  # type: ignore[arg-type]
+    return kind("adaptive", commands, outputs, _BEGUN, _ANGLES, models, _INPUTS)  # type: ignore[arg-type]
 
 
 def evaluated(law: AdaptivePolicy, memory: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """u of its inputs, those of the others being 0, and the rate of its memory."""
     states, nothing = ca.SX(6, 1), ca.SX(0, 1)
     states[4] = _RISEN
-    seen, y = Measurements(states, states, nothing, nothing), ca.SX.sym("y", law.memory_size)
+    seen, y = Measurements(states, states, nothing, nothing), ca.SX.sym("y", len(memory))
     of = [
         law.control(ca.SX(0), seen, y, nothing),
         law.memory_rate(ca.SX(0), seen, y, nothing, nothing),
@@ -317,7 +317,8 @@ def test_an_adaptive_law_is_what_its_equations_say(
     else."""
     models = random_models(5, states)
     law = law_of(kind, models)
-    at = np.random.default_rng(8).normal(size=law.memory_size)
+    start = law.nominal_memory()
+    at = np.random.default_rng(8).normal(size=len(start))
     for found, wanted in zip(evaluated(law, at), expected(at, models), strict=True):
         np.testing.assert_allclose(found, wanted, rtol=1e-9, atol=1e-9)
-    assert np.count_nonzero(law.start) == ones
+    assert np.count_nonzero(start) == ones

@@ -47,7 +47,9 @@ def slope_at_trim(certified: Schedule, index: int, policy_of: type[ScheduledPoli
     dihedral = grid[index].point.states.dihedral
     resting = ScheduledChange(dihedral, dihedral, 0.0, 1.0)
     z = ca.SX.sym("z", N)
-    u = policy_of(certified, resting, grid[0].point).control(5.0, seen(z), ca.SX(0, 1), ca.SX(0, 1))
+    u = policy_of("scheduled", certified, resting, grid[0].point).control(
+        5.0, seen(z), ca.SX(0, 1), ca.SX(0, 1)
+    )
     found = ca.Function("policy", [z], [u, ca.jacobian(u, z)])(ca.DM.zeros(N))
     return np.array(found[0]).ravel(), np.array(ca.DM(found[1]))
 
