@@ -1,30 +1,30 @@
-"""The certificate of a game solution: the tests that tell the value of the game from other roots, a
-second derivation.
+"""The certificate of a game solution: the tests that tell the value of the game from other roots.
 
 A root P of the Riccati equation can have a residual of 1e-13 and still be worthless: it may be
 non-stabilizing, or indefinite (delta below its minimum), or the solution of another game. Only all
-the tests together count."""
+the tests together count. Everything is measured in normal form, so that the verdict does not depend
+on the user's units. Source: Basar and Bernhard, H-infinity Optimal Control, Theorem 4.11; Zhou,
+Doyle and Glover, Chapter 13."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from controller.game.zero_sum import Game
-from controller.riccati.balancing import (
-    NormalForm,
-    balanced_units,
-    in_units,
-    is_hurwitz,
-    normal_form,
-    spectrum,
-    stable_graph,
+from controller.riccati.balancing import spectrum
+from controller.riccati.derivations import (
+    by_eigenvectors,
+    by_iteration,
+    by_schur,
+    by_sign,
+    largest,
 )
-from controller.riccati.gare_schur import schur_solution
+from controller.riccati.normal_form import MODERATE, NormalForm
 from hfa_support.errors import NoSolutionError
-from hfa_support.reporting.checks import Check, Checked, at_least, at_most, below, checked
+from hfa_support.reporting.checks import RELATIONS, Check, Checked, checked
 
 #: Four orders above rounding: closer to the axis, rounding hides whether the spectrum of the
 #: Hamiltonian splits.
@@ -33,15 +33,35 @@ AXIS_DISTANCE = 1e-12
 ON_THE_AXIS = 1e-14
 RESIDUAL = 1e-10
 ASYMMETRY = 1e-12
+#: The smallest eigenvalue of P may be so far below 0, relative to the largest entry.
 INDEFINITENESS = 1e-10
 DISAGREEMENT = 1e-8
-#: Convergence ends quadratically, but starts with about 2 (delta/delta_min - 1)^(-1/2) steps of
-#: growth: 5 steps far from the smallest delta, 60 within a thousandth of it, 200 within a
-#: ten-thousandth.
-MAX_STEPS = 300
-#: A correction below this part of X comes of the end, where the next ones only remove what rounding
-#: left.
-SETTLING = 1e-9
+#: The last of Newton's corrections that eigenvectors must reach, relative; above it the Schur form
+#: has more digits.
+SETTLED = 1e-12
+
+#: Name of a test of P alone: relation, limit, and the reason where it does not hold.
+TESTS_OF_P = {
+    "residual": ("<=", RESIDUAL, "the Riccati equation is left with a residual of {:.2g}"),
+    "symmetry": ("<=", ASYMMETRY, "P is not symmetric ({:.2g} relative)"),
+    "positive_semidefinite": (
+        ">=",
+        -INDEFINITENESS,
+        "P is indefinite (smallest eigenvalue {:.3g} of the largest entry)",
+    ),
+    "game_loop_abscissa": ("<", 0.0, "A - S P is not Hurwitz (abscissa {:+.3g} 1/s)"),
+    "control_loop_abscissa": ("<", 0.0, "A - B K is not Hurwitz (abscissa {:+.3g} 1/s)"),
+}
+#: The same of the second derivation.
+TEST_OF_AGREEMENT = {
+    "second_derivation": (
+        "<=",
+        DISAGREEMENT,
+        "the second derivation gives another P (difference {:.2g})",
+    ),
+}
+#: Values of tests by name, each of one game or (N,) of a stack.
+Measured = Mapping[str, Any]
 
 
 @dataclass(frozen=True)
@@ -56,171 +76,133 @@ class Certificate(Checked):
         return {"ok": self.ok, "checks": [check.to_dict() for check in self.checks]}
 
 
-def certified_solution(game: Game) -> tuple[np.ndarray, Certificate]:
-    """P of A'P + P A + Q - P S P = 0 and its certificate, all of whose tests hold.
+class Certified(NamedTuple):
+    """X, (n, n), of one normal form, and the tests that it passed.
 
-    P: (n, n) symmetric, read-only. Everything is measured in balanced units of state, so that the
-    verdict does not depend on the user's units.  Raises NoSolutionError with the reason of the
-    first test that failed; a failure of the first derivation is reported before the second one is
-    computed. Source: Basar and Bernhard, H-infinity Optimal Control, Theorem 4.11; Zhou, Doyle and
-    Glover, Chapter 13."""
-    checks = hamiltonian_checks(game)
-    refuse_failures(checks)
-    P = first_derivation(game)
-    checks += solution_checks(game, P)
-    refuse_failures(checks)
-    checks += (agreement_check(game, P, iterated_solution(game)),)
-    refuse_failures(checks)
-    P.setflags(write=False)
-    return P, Certificate(checks)
+    form: that of the game, or the same game in coordinates in which X is accurate
+    """
+
+    X: np.ndarray
+    form: NormalForm
+    certificate: Certificate
 
 
-def hamiltonian_checks(game: Game) -> tuple[Check, ...]:
+def certified_solution(form: NormalForm) -> Certified:
+    """The solution of the normal form of one game.
+
+    The derivations by eigenvectors and by the matrix sign come first. Where these have not the
+    digits, the Schur form and the sequence of LQR problems decide, in coordinates in which X is of
+    moderate size. Raises NoSolutionError with the reason of the first test that fails."""
+    X, checks = certified_stack(form[None])
+    if checks[0] is not None:
+        return Certified(X[0], form, Certificate(checks[0]))
+    return carefully_certified(form)
+
+
+def certified_stack(
+    form: NormalForm,
+) -> tuple[np.ndarray, list[tuple[Check, ...] | None]]:
+    """X (N, n, n) of a stack of normal forms, and the checks of each; nan and None where a test
+    does not hold, which may be for want of digits only."""
+    with np.errstate(all="ignore"):  # what overflows is not certified
+        derived = by_eigenvectors(form)
+        X = derived.X
+        n = X.shape[-1]
+        good = np.isfinite(X).all(axis=(1, 2)) & (largest(X) <= 1.0 / MODERATE)
+        good &= (derived.correction <= SETTLED) & (derived.stable == n)
+        good &= derived.axis_distance >= AXIS_DISTANCE
+        X = np.where(good[:, None, None], X, 0.0)
+        measured = measured_solution(form, X) | measured_agreement(X, by_sign(form))
+        good &= all_hold(TESTS_OF_P | TEST_OF_AGREEMENT, measured)
+        checks: list[tuple[Check, ...] | None] = [None] * len(X)
+    for i in np.flatnonzero(good):
+        values = {name: array[i] for name, array in measured.items()}
+        checks[i] = (
+            *_hamiltonian_checks(derived.axis_distance[i], 0.0, derived.stable[i], n),
+            *checks_of(TESTS_OF_P | TEST_OF_AGREEMENT, values),
+        )
+    return np.where(good[:, None, None], X, np.nan), checks
+
+
+def carefully_certified(form: NormalForm) -> Certified:
+    """`certified_solution` by the Schur form and the sequence of LQR problems."""
+    form = form.turned()
+    checks = hamiltonian_checks(form)
+    refuse_failures(checks)
+    X = by_schur(form)
+    checks += solution_checks(form, X)
+    refuse_failures(checks)
+    checks += agreement_checks(X, by_iteration(form))
+    refuse_failures(checks)
+    return Certified(X, form, Certificate(checks))
+
+
+def hamiltonian_checks(form: NormalForm) -> tuple[Check, ...]:
     """H = [[A, -S], [-Q, -A']] must have n eigenvalues on each side of the imaginary axis, and none
     near it."""
-    n = len(game.A)
-    H = np.block([[game.A, -game.S], [-game.Q, -game.A.T]])
-    found = spectrum(H)
+    found = spectrum(form.hamiltonian)
     stable = int(np.sum(found.eigenvalues.real < 0.0))
-    distance, frequency = found.nearest_to_axis()
+    return _hamiltonian_checks(*found.nearest_to_axis(), stable, len(form.A))
+
+
+def _hamiltonian_checks(
+    distance: float, frequency: float, stable: int, n: int
+) -> tuple[Check, ...]:
     where = "on" if distance <= ON_THE_AXIS else "within rounding of"
     near = f"the Hamiltonian has an eigenvalue {where} the imaginary axis at {frequency:.4g} rad/s"
     split = f"the Hamiltonian has {stable} stable eigenvalues instead of {n}"
     return (
-        at_least("hamiltonian_axis_distance", distance, AXIS_DISTANCE, near),
+        checked("hamiltonian_axis_distance", distance, ">=", AXIS_DISTANCE, near),
         checked("hamiltonian_split", stable, "==", n, split),
     )
 
 
-def solution_checks(game: Game, P: np.ndarray) -> tuple[Check, ...]:
-    """The tests of P alone: equation, symmetry, sign, and both closed loops."""
-    if not np.all(np.isfinite(P)):
-        return (at_most("residual", np.nan, RESIDUAL, "P has entries that are not finite"),)
-    units = balanced_units(game)
-    balanced, scaled_P = in_units(game, units), P * np.outer(units, units)
-    residual = relative_residual(balanced, scaled_P)
-    size = _size(scaled_P)
-    asymmetry = float(np.abs(scaled_P - scaled_P.T).max()) / size
-    smallest = float(np.linalg.eigvalsh(scaled_P)[0]) / size
-    game_loop = spectrum(game.A - game.S @ P).abscissa
-    control_loop = spectrum(game.A - game.B @ game.gain(P)).abscissa
-    sign = f"P is indefinite (smallest eigenvalue {smallest:.3g} of the largest entry)"
-    return (
-        at_most(
-            "residual",
-            residual,
-            RESIDUAL,
-            f"the Riccati equation is left with a residual of {residual:.2g}",
-        ),
-        at_most("symmetry", asymmetry, ASYMMETRY, f"P is not symmetric ({asymmetry:.2g} relative)"),
-        at_least("positive_semidefinite", smallest, -INDEFINITENESS, sign),
-        below(
-            "game_loop_abscissa",
-            game_loop,
-            0.0,
-            f"A - S P is not Hurwitz (abscissa {game_loop:+.3g} 1/s)",
-        ),
-        below(
-            "control_loop_abscissa",
-            control_loop,
-            0.0,
-            f"A - B K is not Hurwitz (abscissa {control_loop:+.3g} 1/s)",
-        ),
+def solution_checks(form: NormalForm, X: np.ndarray) -> tuple[Check, ...]:
+    """The tests of the X of one game: equation, symmetry, sign, and both closed loops."""
+    if not np.all(np.isfinite(X)):
+        reason = "P has entries that are not finite"
+        return (checked("residual", np.nan, "<=", RESIDUAL, reason),)
+    return checks_of(TESTS_OF_P, measured_solution(form, X))
+
+
+def agreement_checks(X: np.ndarray, second_X: np.ndarray) -> tuple[Check, ...]:
+    """max |X - X2| / max |X|: two derivations must give one answer."""
+    return checks_of(TEST_OF_AGREEMENT, measured_agreement(X, second_X))
+
+
+def measured_solution(form: NormalForm, X: np.ndarray) -> Measured:
+    """The values of `TESTS_OF_P`, of one game or of a stack; X finite."""
+    size = _size(X)
+    return {
+        "residual": form.relative_residual(X),
+        "symmetry": largest(X - X.mT) / size,
+        "positive_semidefinite": np.linalg.eigvalsh(X)[..., 0] / size,
+        "game_loop_abscissa": _abscissa(form.A - form.S @ X),
+        "control_loop_abscissa": _abscissa(form.A - form.B @ (form.B.mT @ X)),
+    }
+
+
+def measured_agreement(X: np.ndarray, second_X: np.ndarray) -> Measured:
+    """The value of `TEST_OF_AGREEMENT`, of one game or of a stack."""
+    return {"second_derivation": largest(X - second_X) / _size(X)}
+
+
+def checks_of(
+    tests: Mapping[str, tuple[str, float, str]], measured: Measured
+) -> tuple[Check, ...]:
+    """The checks of one game."""
+    return tuple(
+        checked(name, float(measured[name]), relation, limit, reason.format(float(measured[name])))
+        for name, (relation, limit, reason) in tests.items()
     )
 
 
-def agreement_check(game: Game, P: np.ndarray, second_P: np.ndarray) -> Check:
-    """max |P - P2| / max |P| in balanced units: the two derivations must give one answer."""
-    units = balanced_units(game)
-    squared = np.outer(units, units)
-    difference = float(np.abs((P - second_P) * squared).max()) / _size(P * squared)
-    reason = f"the Lanzon-Feng-Anderson iteration gives another P (difference {difference:.2g})"
-    return at_most("second_derivation", difference, DISAGREEMENT, reason)
-
-
-def iterated_solution(game: Game) -> np.ndarray:
-    """X₀ = 0,  X_{k+1} = X_k + Z_k  with  A_k'Z + Z A_k - Z B B' Z + F_k = 0,  A_k = A - S X_k, in
-    normal form.
-
-    The second derivation, by a sequence of standard (definite) Riccati equations. F_k is the
-    residual of the game's at X_k, Z E E' Z >= 0 but for rounding: each step is an LQR problem,
-    solved by a Schur form of its Hamiltonian. The sequence increases to the smallest solution X >=
-    0 if there is one; if there is none, some step has no stabilizing solution, or the sequence
-    grows without end. Returns P, (n, n). Raises NoSolutionError when no positive semidefinite
-    stabilizing solution exists. Source: Lanzon, Feng, Anderson and Rotkowitz, IEEE Trans. Automatic
-    Control 53 (2008), 2280-2291."""
-    form = normal_form(game)
-    X = best = np.zeros_like(form.A)
-    smallest, size = np.inf, 0.0
-    for step in range(1, MAX_STEPS + 1):
-        Z = _lqr_step(form, X, step)
-        X, correction = X + Z, float(np.abs(Z).max())
-        size = max(size, float(np.abs(X).max()))  # of a P of 0 nothing but rounding is left
-        if smallest <= SETTLING * size and correction > 0.5 * smallest:  # no digit more
-            return form.value(best)
-        best, smallest = X, correction
-        if correction <= 4.0 * np.finfo(float).eps * size:
-            return form.value(X)
-    raise NoSolutionError(f"the Lanzon-Feng-Anderson iteration did not settle in {MAX_STEPS} steps")
-
-
-def _lqr_step(form: NormalForm, X: np.ndarray, step: int) -> np.ndarray:
-    """Stabilizing Z of A_k'Z + Z A_k - Z B B' Z + F = 0, solved with Z scaled to one.
-
-    With Z = c Y and F = c G the equation becomes A_k'Y + Y A_k - Y c B B' Y + G = 0. Z is of the
-    size of F, and at least of that of A_k / B B' where A_k must be stabilized."""
-    A, forcing = form.A - form.S @ X, form.residual(X)
-    scale = float(np.abs(forcing).max()) or 1.0
-    if not is_hurwitz(A):
-        scale = max(scale, float(np.abs(A).max()) / (float(np.abs(form.B).max()) ** 2 or 1.0))
-    try:
-        Z = scale * stable_graph(
-            np.block([[A, -scale * form.B @ form.B.T], [-forcing / scale, -A.T]])
-        )
-    except np.linalg.LinAlgError as error:
-        raise NoSolutionError(
-            f"step {step} of the Lanzon-Feng-Anderson iteration has no solution"
-        ) from error
-    Z = (Z + Z.T) / 2.0
-    if (
-        not np.all(np.isfinite(Z))
-        or np.linalg.eigvals(A - form.B @ (form.B.T @ Z)).real.max() >= 0.0
-    ):
-        raise NoSolutionError(
-            f"step {step} of the Lanzon-Feng-Anderson iteration is not stabilizing"
-        )
-    return Z
-
-
-def relative_residual(game: Game, P: np.ndarray) -> float:
-    """`relative_residuals` of one game."""
-    return float(
-        relative_residuals(game.A, game.S_control, game.S_disturbance / game.delta**2, game.Q, P)
-    )
-
-
-def relative_residuals(
-    A: np.ndarray, S_control: np.ndarray, S_disturbance: np.ndarray, Q: np.ndarray, P: np.ndarray
-) -> np.ndarray:
-    """max |A'P + P A + Q - P S P| / max (|A|'|P| + |P||A| + |Q| + |P||S||P|), entry by entry
-    absolute values.
-
-    Of one matrix or of stacks (..., n, n). |S| denotes |B R⁻¹ B'| + |E E'|/δ²: cancellation between
-    the two players does not count as smallness."""
-    turned, size = A.mT, np.abs(P)
-    residual = turned @ P + P @ A + Q - P @ (S_control - S_disturbance) @ P
-    terms = np.abs(turned) @ size + size @ np.abs(A) + np.abs(Q)
-    terms += size @ (np.abs(S_control) + np.abs(S_disturbance)) @ size
-    largest = np.abs(terms).max(axis=(-1, -2))
-    return np.asarray(np.abs(residual).max(axis=(-1, -2)) / np.where(largest > 0.0, largest, 1.0))
-
-
-def first_derivation(game: Game) -> np.ndarray:
-    """P = 0 where nothing is paid for and A is Hurwitz: there `schur_solution`, asked otherwise,
-    finds rounding."""
-    if not game.Q.any() and is_hurwitz(game.A):
-        return np.zeros(game.A.shape)
-    return schur_solution(game)
+def all_hold(tests: Mapping[str, tuple[str, float, str]], measured: Measured) -> np.ndarray:
+    """Of each game of a stack, whether every test holds, (N,)."""
+    held = [
+        RELATIONS[relation](measured[name], limit) for name, (relation, limit, _) in tests.items()
+    ]
+    return np.all(held, axis=0)
 
 
 def refuse_failures(checks: tuple[Check, ...]) -> None:
@@ -230,5 +212,11 @@ def refuse_failures(checks: tuple[Check, ...]) -> None:
             raise NoSolutionError(check.reason)
 
 
-def _size(matrix: np.ndarray) -> float:
-    return float(np.abs(matrix).max()) or 1.0
+def _abscissa(matrices: np.ndarray) -> np.ndarray:
+    return np.asarray(np.linalg.eigvals(matrices).real.max(axis=-1))
+
+
+def _size(matrices: np.ndarray) -> np.ndarray:
+    """The largest entry of each, or 1 where all are 0."""
+    sizes = largest(matrices)
+    return np.where(sizes > 0.0, sizes, 1.0)

@@ -1,35 +1,51 @@
 """The exact solution of the zero-sum game on a linear model, certified, or the reason why there is
-none."""
+none; of one game or of many."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from controller.game.zero_sum import Game
-from controller.riccati.balancing import reached, spectrum
-from controller.riccati.certificate import Certificate, certified_solution
-from controller.riccati.smallest_delta import minimum_delta
-from hfa_support.errors import NoSolutionError
+from controller.game.zero_sum import LARGEST, Game
+from controller.riccati.balancing import spectrum
+from controller.riccati.certificate import (
+    Certificate,
+    Certified,
+    carefully_certified,
+    certified_solution,
+    certified_stack,
+)
+from controller.riccati.normal_form import NormalForm
+from controller.riccati.smallest_delta import smallest_delta_of
+from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.jsonable import finite_or_none
 from hfa_support.progress import Progress
 from hfa_support.reporting.checks import checks_block
+from hfa_support.reporting.fields import Shown
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.text import Table, eigenvalue_text, matrix_table, numbered
 
+#: Games of one stack: enough to forget the cost of a call, few enough for the cache.
+TOGETHER = 256
+
 
 @dataclass(frozen=True, eq=False, repr=False)
-class GameSolution(Reported):
-    """The value z'P z of a game, its policies u = -K z and d = L z, and the certificate that holds
-    for them.
+class Solution(Reported):
+    """The value z'P z of a game, its policies u = -K z and d = L z, and its certificate.
 
-    P: (n, n); K: (m, n); disturbance_gain L: (k, n). closed_loop_eigenvalues: of A - B K, the
-    flight without disturbance, rad/s. worst_case_eigenvalues: of A - S P = A - B K + E L, the
-    flight against the worst disturbance, rad/s. abscissa_error: by which rounding of A, B and K may
-    move the abscissa of A - B K, 1/s, to first order."""
+    P: (n, n)
+    K: (m, n)
+    disturbance_gain: L, (k, n)
+    delta: of the game
+    certificate: the tests that hold
+    closed_loop_eigenvalues: of A - B K, the flight without disturbance, rad/s
+    worst_case_eigenvalues: of A - S P = A - B K + E L, the flight against the worst disturbance
+    abscissa_error: by which rounding of A, B and K may move the abscissa of A - B K, 1/s, to first
+        order
+    """
 
     P: np.ndarray
     K: np.ndarray
@@ -42,15 +58,18 @@ class GameSolution(Reported):
 
     def report(self) -> Report:
         """P, K, the closed loop and the certificate."""
-        m, n = self.K.shape
-        states, inputs, poles = numbered("x", n), numbered("u", m), self.closed_loop_eigenvalues
-        spectrum_of_loop = [("", eigenvalue_text(value)) for value in poles if value.imag >= 0]
+        inputs = numbered("u", self.K.shape[0])
+        states = numbered("x", self.K.shape[1])
+        poles = [value for value in self.closed_loop_eigenvalues if value.imag >= 0]
         return Report(
             title=f"Exact game solution, delta {self.delta:.6g}",
             parts=(
                 matrix_table("P", states, states, self.P),
                 matrix_table("K", inputs, states, self.K),
-                Table(("closed loop A - B K", "1/s"), spectrum_of_loop),
+                Table(
+                    ("closed loop A - B K", "1/s"),
+                    [("", eigenvalue_text(value)) for value in poles],
+                ),
                 checks_block(self.certificate.checks),
             ),
             data=self.to_dict(),
@@ -71,63 +90,129 @@ class GameSolution(Reported):
         }
 
 
-def solve_game(game: Game, progress: Progress | None = None) -> GameSolution:
-    """A'P + P A + Q - P S P = 0,  K = R⁻¹B'P,  L = δ⁻²E'P,  S = B R⁻¹B' - δ⁻²E E' (paper Section
+@dataclass(frozen=True, eq=False, repr=False)
+class GameBatch(Shown):
+    """The solutions of N games.
+
+    P: (N, n, n), nan where not certified
+    K: (N, m, n), the same
+    certified: (N,)
+    reasons: N lines, "" where certified
+    """
+
+    P: np.ndarray
+    K: np.ndarray
+    certified: np.ndarray
+    reasons: tuple[str, ...]
+
+
+def solve_game(game: Game, progress: Progress | None = None) -> Solution:
+    """A'P + P A + Q - P S P = 0,  K = R⁻¹B'P,  L = δ⁻²E'P,  S = B R⁻¹ B' - δ⁻²E E' (paper Section
     3.1).
 
     Raises NoSolutionError with one line: the mode that rules out a solution at any delta, or the
     test of the certificate that failed together with delta_min, whose search calls `progress`.
     Source: Basar and Bernhard, H-infinity Optimal Control, Theorem 4.11."""
+    form = NormalForm.of(game)
+    return solution_of(form, certified(form, progress))
+
+
+def certified(form: NormalForm, progress: Progress | None = None) -> Certified:
+    """`certified_solution`, or NoSolutionError that says what delta would do."""
     try:
-        return solve_certified(game)
+        return certified_solution(form)
     except NoSolutionError as failure:
-        smallest = minimum_delta(game, progress)  # which raises by itself when no delta would do
-        verdict = "no value of the game" if game.delta <= smallest.refused else "not certified"
-        raise NoSolutionError(f"{verdict}: {failure}; {smallest.advice(game.delta)}") from failure
+        smallest = smallest_delta_of(form, progress)  # raises by itself when no delta would do
+        verdict = "no value of the game" if form.delta <= smallest.refused else "not certified"
+        raise NoSolutionError(f"{verdict}: {failure}; {smallest.advice(form.delta)}") from failure
 
 
-def solve_certified(game: Game) -> GameSolution:
-    """`solve_game` without the search for what delta would do."""
-    alike, T = reached(game)
-    P_alike, certificate = certified_solution(alike)
-    P, K, disturbance_gain = P_alike, alike.gain(P_alike), alike.disturbance_gain(P_alike)
-    loop = spectrum(alike.A - alike.B @ K)
-    if alike is not game:
-        P, K, disturbance_gain = T.T @ P @ T, K @ T, disturbance_gain @ T
-        P = (P + P.T) / 2.0
-        P.setflags(write=False)
-    return GameSolution(
+def solution_of(form: NormalForm, certified: Certified) -> Solution:
+    """The solution in the user's coordinates; form: that of the game."""
+    X = certified.X
+    accurate = certified.form
+    P = accurate.value(X)
+    P.setflags(write=False)
+    loop = accurate.A - accurate.B @ (accurate.B.T @ X)
+    return Solution(
         P=P,
-        K=K,
-        disturbance_gain=disturbance_gain,
-        delta=game.delta,
-        certificate=certificate,
-        closed_loop_eigenvalues=loop.eigenvalues,
-        worst_case_eigenvalues=spectrum(alike.A - alike.S @ P_alike).eigenvalues,
-        abscissa_error=_abscissa_error(game, alike, T, P_alike),
+        K=accurate.gain(X),
+        disturbance_gain=accurate.disturbance_gain(X),
+        delta=form.delta,
+        certificate=certified.certificate,
+        closed_loop_eigenvalues=spectrum(loop).eigenvalues,
+        worst_case_eigenvalues=spectrum(accurate.A - accurate.S @ X).eigenvalues,
+        abscissa_error=_abscissa_error(form, accurate, X),
     )
 
 
-def _abscissa_error(game: Game, alike: Game, T: np.ndarray, P: np.ndarray) -> float:
+def solve_games(A: np.ndarray, B: np.ndarray, like: Game) -> GameBatch:
+    """`solve_game` of every plant (A (N, n, n), B (N, n, m)); E, Q, R, delta of `like`.
+
+    What is refused gets the test that failed as its reason. BadInputError names the model that is
+    none."""
+    A = np.asarray(A, dtype=float)
+    B = np.asarray(B, dtype=float)
+    _refuse_bad_plants(A, B, like)
+    P = np.full_like(A, np.nan)
+    K = np.full_like(B.mT, np.nan)
+    reasons = [""] * len(A)
+    for first in range(0, len(A), TOGETHER):
+        part = slice(first, first + TOGETHER)
+        form = NormalForm.of_plants(A[part], B[part], like)
+        X, checks = certified_stack(form)
+        P[part] = form.value(X)
+        K[part] = form.gain(X)
+        for i, checks_of_game in enumerate(checks):
+            if checks_of_game is not None:
+                continue
+            try:
+                alone = carefully_certified(form[i])
+                P[first + i] = alone.form.value(alone.X)
+                K[first + i] = alone.form.gain(alone.X)
+            except NoSolutionError as failure:
+                reasons[first + i] = str(failure)
+    certified = np.array([not reason for reason in reasons])
+    return GameBatch(P, K, certified, tuple(reasons))
+
+
+def _refuse_bad_plants(A: np.ndarray, B: np.ndarray, like: Game) -> None:
+    """BadInputError of the first model with a number that is none, or of the first one."""
+    sound = (np.abs(A) <= LARGEST).all(axis=(1, 2)) & (np.abs(B) <= LARGEST).all(axis=(1, 2))
+    suspects = [*range(min(len(A), 1)), *np.flatnonzero(~sound)[:1]]
+    for i in suspects:
+        try:
+            replace(like, A=A[i], B=B[i])
+        except BadInputError as error:
+            raise BadInputError(f"model {i} of the batch: {error}") from error
+
+
+def _abscissa_error(form: NormalForm, form_of_X: NormalForm, X: np.ndarray) -> float:
     """By how much rounding of A, B and K may move the abscissa of A - B K, 1/s, to first order; inf
     where defective.
 
     A change D of the matrix moves the eigenvalue of x and y by y'D x / y'x. The vectors are those
-    of the game `alike` in T z, whose value is P, where they are accurate; |D| <= n ε |A| in both
-    coordinates, and n ε |K| of the gain. Source: Golub and Van Loan, Matrix Computations, Section
-    7.2.2."""
-    K = alike.gain(P)
-    values, right = np.linalg.eig(alike.A - alike.B @ K)
+    of the form in which X is accurate; |D| <= n ε |A| in both coordinates, and n ε |K| of the gain.
+    Source: Golub and Van Loan, Matrix Computations, Section 7.2.2."""
+    A = form_of_X.A
+    B = form_of_X.B
+    K = B.T @ X
+    values, right = np.linalg.eig(A - B @ K)
     try:
         left = np.linalg.inv(right)  # rows y with y'x = 1
+        turn = np.linalg.solve(form.T.T, form_of_X.T.T).T  # from the one form to the other
+        right_in_form = np.abs(np.linalg.solve(turn, right))
     except np.linalg.LinAlgError:
         return math.inf
-    x, y = np.abs(right), np.abs(left)
-    x_given, y_given = np.abs(np.linalg.solve(T, right)), np.abs(left @ T)
-    moved = np.sum(y.T * (np.abs(alike.A) @ x) + y_given.T * (np.abs(game.A) @ x_given), axis=0)
-    moved += np.sum(np.abs(left @ alike.B).T * (np.abs(K) @ (x + np.abs(T) @ x_given)), axis=0)
-    moved += np.sum(y.T * (np.abs(alike.B) @ np.abs(K) @ x), axis=0)
-    return float((values.real + len(T) * np.finfo(float).eps * moved).max() - values.real.max())
+    x = np.abs(right)
+    y = np.abs(left).T
+    y_in_form = np.abs(left @ turn).T
+    moved = np.sum(y * (np.abs(A) @ x) + y_in_form * (np.abs(form.A) @ right_in_form), axis=0)
+    through_gain = x + np.abs(turn) @ right_in_form
+    moved += np.sum(np.abs(left @ B).T * (np.abs(K) @ through_gain), axis=0)
+    moved += np.sum(y * (np.abs(B) @ np.abs(K) @ x), axis=0)
+    bound = values.real + len(A) * np.finfo(float).eps * moved
+    return float(bound.max() - values.real.max())
 
 
 def _pairs(eigenvalues: np.ndarray) -> list[list[float]]:

@@ -5,22 +5,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from contextlib import suppress
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from controller.game.zero_sum import Game
-from controller.riccati.balancing import RANK, normal_form, reached, stable_basis
 from controller.riccati.certificate import (
     ON_THE_AXIS,
+    Certified,
     certified_solution,
-    first_derivation,
     hamiltonian_checks,
     solution_checks,
 )
-from controller.riccati.frequency_response import bounded_real_gain, swept_gain
+from controller.riccati.derivations import by_schur
+from controller.riccati.frequency_response import square_root, swept_gain, system_gain
+from controller.riccati.normal_form import RANK, NormalForm, stable_basis
 from hfa_support.errors import NoSolutionError
 from hfa_support.progress import Progress
 
@@ -44,41 +43,43 @@ BARELY = 1e-5
 _NEAR_AXIS = 1e-6
 
 
-def has_value(game: Game) -> bool | None:
-    """The Hamiltonian splits, and X1'X2 >= 0 for the basis [X1; X2] of its stable subspace; None:
-    rounding hides it.
+def has_value(form: NormalForm) -> bool | None:
+    """Whether a game has a value; None where rounding hides it.
 
-    Where X1 is regular P = X2 X1⁻¹ is the stabilizing solution, and X1'X2 = X1'P X1 has its signs.
-    As delta falls to its minimum P grows without bound while X1 and X2 stay within one: an
-    eigenvalue of X1'X2 passes through zero. That makes the minimum visible where P itself is lost.
-    Where P is singular an eigenvalue is zero at every delta; there the tests of P itself can say
-    yes, though not no. Source: Basar and Bernhard, H-infinity Optimal Control, Section 4.5
+    It has one where the Hamiltonian splits and X1'X2 >= 0 for the basis [X1; X2] of its stable
+    subspace. Where X1 is regular P = X2 X1⁻¹ is the stabilizing solution, and X1'X2 = X1'P X1 has
+    its signs. As delta falls to its minimum P grows without bound while X1 and X2 stay within one:
+    an eigenvalue of X1'X2 passes through zero. That makes the minimum visible where P itself is
+    lost. Where P is singular an eigenvalue is zero at every delta; there the tests of P itself can
+    say yes, though not no. Source: Basar and Bernhard, H-infinity Optimal Control, Section 4.5
     (conjugate points)."""
-    form = normal_form(game)
     n = len(form.A)
-    distance, split = hamiltonian_checks(game)
+    distance, split = hamiltonian_checks(form)
     if distance.value <= ON_THE_AXIS or not split.ok:
         return False
     basis = stable_basis(form.hamiltonian)
     if basis is None or not distance.ok:
         return None
-    product = basis[:n].T @ basis[n:]
-    smallest = float(np.linalg.eigvalsh((product + product.T) / 2.0)[0])
-    signless = SIGNLESS * max(1.0, float(np.linalg.cond(form.hamiltonian)) / WELL_CONDITIONED)
-    return (
-        smallest > 0.0
-        if abs(smallest) > signless
-        else (solution_that_holds(game) is not None or None)
-    )
+    signs = basis[:n].T @ basis[n:]
+    smallest = float(np.linalg.eigvalsh((signs + signs.T) / 2.0)[0])
+    condition = float(np.linalg.cond(form.hamiltonian))
+    signless = SIGNLESS * max(1.0, condition / WELL_CONDITIONED)
+    if abs(smallest) > signless:
+        return smallest > 0.0
+    if solution_that_holds(form) is not None:
+        return True
+    return None
 
 
-def solution_that_holds(game: Game) -> np.ndarray | None:
+def solution_that_holds(form: NormalForm) -> np.ndarray | None:
     """P of the first derivation, (n, n), where every test of P alone holds: for a search, without a
     certificate."""
-    with suppress(NoSolutionError):
-        P = first_derivation(game)
-        if all(check.ok for check in solution_checks(game, P)):
-            return P
+    try:
+        X = by_schur(form)
+    except NoSolutionError:
+        return None
+    if all(check.ok for check in solution_checks(form, X)):
+        return form.value(X)
     return None
 
 
@@ -105,46 +106,57 @@ class DeltaMin(NamedTuple):
     def advice(self, delta: float) -> str:
         """Where delta stands and what to change when a solution at this delta fails a test."""
         what = "ask for a larger delta"
+        excess = self.margin(delta) - 1.0
         if self.refused < delta < self.value:  # there a value may exist or not
-            known = "rounding leaves" if self.uncertain else "lies"
-            where = f"too close to delta_min, which {known} between {self.refused:.9g} and {self.value:.9g}"
+            verb = "rounding leaves" if self.uncertain else "lies"
+            between = f"between {self.refused:.9g} and {self.value:.9g}"
+            where = f"too close to delta_min, which {verb} {between}"
         elif delta < self.value:
             where = f"below delta_min = {self.value:.7g}"
-        elif (excess := self.margin(delta) - 1.0) < CLOSE:
+        elif excess < CLOSE:
             where = f"only {100.0 * excess:.2g} % above delta_min = {self.value:.7g}"
         else:
-            where, what = (
-                f"well above delta_min = {self.value:.7g}",
-                "check the scaling of A, B, Q and R",
-            )
+            where = f"well above delta_min = {self.value:.7g}"
+            what = "check the scaling of A, B, Q and R"
         return f"delta = {delta:.9g} is {where}; {what}"
 
 
-def minimum_delta(problem: Game, progress: Progress | None = None) -> DeltaMin:
-    """The smallest δ of a game, to 1e-6 relative: bisection of log δ.
+def minimum_delta(game: Game, progress: Progress | None = None) -> DeltaMin:
+    """The smallest δ of a game, to 1e-6 relative; its own delta plays no part.
 
-    By `has_value`; the delta of the game itself plays no part.
+    Raises NoSolutionError when there is none, naming the mode if one is found that rules out every
+    solution."""
+    return smallest_delta_of(NormalForm.of(game), progress)
+
+
+def smallest_delta_of(form: NormalForm, progress: Progress | None = None) -> DeltaMin:
+    """`minimum_delta` by bisection of log δ on `has_value`.
 
     The set of good δ is an interval (delta_min, inf]: a disturbance that pays more can do less. The
     search starts above the L2 gain of the LQR policy, which is never below delta_min because that
     policy attains it. Where that policy cannot be certified the policy of the game itself serves as
-    well. Raises NoSolutionError when neither can, naming the mode if one is found that rules out
-    every solution. Source: Basar and Bernhard, H-infinity Optimal Control, Theorem 4.11."""
-    game, _ = reached(problem)
-    K = game.gain(_some_solution(game, problem))
-    if not game.E.any():
+    well. Source: Basar and Bernhard, H-infinity Optimal Control, Theorem 4.11."""
+    X, inside, _ = _some_solution(form)
+    if not inside.disturbance.any():
         return DeltaMin(0.0, 0.0)
     # A disturbance of the size of 1; a power of two leaves the digits alone.
-    size = 2.0 ** round(math.log2(np.linalg.norm(game.E, 2)))
-    sized = replace(game, E=game.E / size, delta=math.inf)
-    gain = swept_gain(sized, K).gain
+    size = 2.0 ** round(math.log2(np.linalg.norm(inside.disturbance, 2)))
+    K = inside.B.T @ X
+    loop = inside.A - inside.B @ K
+    E = inside.disturbance / size
+    C = np.vstack([square_root(inside.Q), K])
+    gain = swept_gain(loop, E, C).gain
     if not FAINT < gain < math.inf:
-        gain = bounded_real_gain(sized, K)
+        gain = system_gain(loop, E, C, np.zeros((len(C), E.shape[1])))
     if gain == 0.0:
         return DeltaMin(0.0, 0.0)
     begin = 2.0 * gain if math.isfinite(gain) else 1.0
-    found = bracketed(lambda delta: has_value(sized.with_delta(delta)), begin, TOLERANCE, progress)
-    return DeltaMin(found[0] * size, found[1] * size)
+
+    def is_good(delta: float) -> bool | None:
+        return has_value(inside.with_delta(delta * size))
+
+    value, refused = bracketed(is_good, begin, TOLERANCE, progress)
+    return DeltaMin(value * size, refused * size)
 
 
 def bracketed(
@@ -153,90 +165,133 @@ def bracketed(
     tolerance: float,
     progress: Progress | None = None,
 ) -> tuple[float, float]:
-    """The smallest good δ and a δ just below it that is not, by bisection of log δ, begun at a δ
-    that should be good.
+    """The smallest good δ, and a δ just below it that is not, by bisection of log δ.
 
-    good: None where rounding hides the answer. The lower end is 0 or has False; both are 0 where
-    all are good. NoSolutionError where none up to 1e12 times the first is good."""
-    told, most = progress or (lambda *_: None), upper * 1e12
+    good: whether a δ is, None where rounding hides the answer
+    upper: a δ that should be good
+
+    The lower end is 0 or has False; both are 0 where all are good. NoSolutionError where none up to
+    1e12 times the first is good."""
+    report = progress or (lambda *_: None)
+    most = upper * 1e12
     while not good(upper):
         upper *= 4.0
         if not upper < most:
             raise NoSolutionError(
                 f"no delta up to {most:.4g} will do; check the scaling of A, B, Q and R"
             )
+    least = upper * LEAST
     lower = upper / 4.0
     while good(lower):
-        lower, upper = lower / 4.0, lower
-        if upper < LEAST:
+        upper = lower
+        lower = lower / 4.0
+        if upper < least:
             return 0.0, 0.0
     steps = math.ceil(math.log2(math.log(upper / lower) / math.log1p(tolerance)))
     for step in range(steps):
-        told(step, steps)
+        report(step, steps)
         middle = math.sqrt(lower * upper)
-        lower, upper = (lower, middle) if good(middle) else (middle, upper)
-    told(steps, steps)
+        if good(middle):
+            upper = middle
+        else:
+            lower = middle
+    report(steps, steps)
     share = tolerance
     while good(lower) is not False:  # among rounding yes and no come in any order
         if share > 1.0:
             return upper, 0.0
-        lower, share = lower / (1.0 + share), 2.0 * share
+        lower = lower / (1.0 + share)
+        share = 2.0 * share
     return upper, lower
 
 
-def _some_solution(game: Game, given: Game) -> np.ndarray:
-    """P of the problem without disturbance, or else of the game itself; given: in the user's
-    coordinates."""
+def _some_solution(form: NormalForm) -> Certified:
+    """Of the problem without disturbance, or else of the game itself."""
+    inside = form.turned()
     try:
-        return certified_solution(game.with_delta(math.inf))[0]
+        return certified_solution(inside.with_delta(math.inf))
     except NoSolutionError as error:
         try:
-            return certified_solution(game)[0]
+            return certified_solution(inside)
         except NoSolutionError:
-            raise NoSolutionError(lqr_obstacle(given, str(error))) from error
+            raise NoSolutionError(lqr_obstacle(form, str(error))) from error
 
 
-def lqr_obstacle(game: Game, failure: str) -> str:
-    """One line on why A'P + P A + Q - P B R⁻¹ B' P = 0 has no stabilizing solution; failure: of its
-    certificate."""
+def lqr_obstacle(form: NormalForm, failure: str) -> str:
+    """One line on why A'P + P A + Q - P B R⁻¹ B' P = 0 has no stabilizing solution.
+
+    failure: of its certificate.
+    """
     unreached = (
         "(A, B) is not stabilizable: no input reaches the {}; change B or leave that mode out of A"
     )
     hidden = "(A, Q) is not detectable: the undamped {} costs nothing; give Q weight on it"
-    found, share, mode = obstacle(game, unreached, hidden)
+    found = obstacle(form, unreached, hidden)
+    if found.sentence:
+        return found.sentence
     advice = "check the scaling of A, B, Q, R"
-    if share <= BARELY:
-        advice = f"the inputs reach the {mode} by only {share:.2g} of their size; change B"
+    if found.reach <= BARELY:
+        advice = f"the inputs reach the {found.mode} by only {found.reach:.2g} of their size; change B"
     return (
-        found
-        or f"the problem without disturbance (delta = inf) is not certified: {failure}; {advice}"
+        f"the problem without disturbance (delta = inf) is not certified: {failure}; {advice}"
     )
 
 
-def obstacle(game: Game, unreached: str, hidden: str) -> tuple[str, float, str]:
-    """Which of two sentences is true of a mode, with its name, or ""; the mode that is not stable
-    and that the input reaches least: how well, relative, and its name.
+class Obstacle(NamedTuple):
+    """Why there is no solution at any delta.
+
+    sentence: that says so, or ""
+    reach: by which part of their size the inputs reach the mode that is not stable, the least of
+        all
+    mode: the name of that mode
+    """
+
+    sentence: str
+    reach: float
+    mode: str
+
+
+def obstacle(form: NormalForm, unreached: str, hidden: str) -> Obstacle:
+    """What rules out a solution without disturbance.
+
+    unreached, hidden: sentences about a mode {}.
 
     The Riccati equation without disturbance has a stabilizing solution exactly when [A - λI, B] has
     full rank for every eigenvalue λ of A with Re λ >= 0 (stabilizable; else unreached) and [A - λI;
     Q] for every λ with Re λ = 0 (else hidden). An unstable mode outside Q is no obstacle: P is then
     the least cost among the policies that bring the state to rest. A mode that rounding may have
     moved off the axis is looked for on it too. Source: Zhou, Doyle and Glover, Theorem 13.7."""
-    form = normal_form(game.with_delta(math.inf))
-    size, said, least = float(np.linalg.norm(form.A, 2)) or 1.0, "", (1.0, "")
-    for value in np.linalg.eigvals(form.A):
-        for at in {value, 1j * value.imag} if abs(value.real) <= _NEAR_AXIS * size else {value}:
-            real, imag = (
-                float(f"{part / size:.12f}") * size + 0.0 for part in (at.real, abs(at.imag))
-            )
-            text = f"mode with eigenvalue {real:.4g}" + f" ± {imag:.4g}i" * (imag > 0.0)
-            if at.real >= -RANK * size:
-                share = dependence(form.A, at, form.B.T, size)
-                least = min(least, (share, text))
-                said = said or (unreached.format(text) if share <= RANK else "")
-            if abs(at.real) <= RANK * size and dependence(form.A.T, at, form.Q, size) <= RANK:
-                said = said or hidden.format(text)
-    return said, *least
+    size = float(np.linalg.norm(form.A, 2)) or 1.0
+    sentence = ""
+    least_reach = 1.0
+    least_mode = ""
+    for eigenvalue in np.linalg.eigvals(form.A):
+        candidates = {eigenvalue}
+        if abs(eigenvalue.real) <= _NEAR_AXIS * size:
+            candidates.add(1j * eigenvalue.imag)
+        for value in candidates:
+            mode = _mode_text(value, size)
+            if value.real >= -RANK * size:
+                reach = dependence(form.A, value, form.B.T, size)
+                if (reach, mode) < (least_reach, least_mode):
+                    least_reach = reach
+                    least_mode = mode
+                if reach <= RANK and not sentence:
+                    sentence = unreached.format(mode)
+            is_undamped = abs(value.real) <= RANK * size
+            if is_undamped and dependence(form.A.T, value, form.Q, size) <= RANK and not sentence:
+                sentence = hidden.format(mode)
+    return Obstacle(sentence, least_reach, least_mode)
+
+
+def _mode_text(eigenvalue: complex, size: float) -> str:
+    """For a message: mode with eigenvalue 0.5 ± 1i; rounding beside the size of A is 0."""
+    real = float(f"{eigenvalue.real / size:.12f}") * size + 0.0
+    imag = float(f"{abs(eigenvalue.imag) / size:.12f}") * size + 0.0
+    text = f"mode with eigenvalue {real:.4g}"
+    if imag > 0.0:
+        text += f" ± {imag:.4g}i"
+    return text
 
 
 def dependence(A: np.ndarray, value: complex, rows: np.ndarray, size: float) -> float:

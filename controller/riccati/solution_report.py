@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from controller.game.zero_sum import Game
-from controller.riccati.balancing import in_units, normal_form, reached
-from controller.riccati.cost import cost_checks, saddle_checks
+from controller.riccati.cost import cost_check
 from controller.riccati.frequency_response import gain_checks
-from controller.riccati.gare import GameSolution, solve_game
+from controller.riccati.gare import Solution, certified, solution_of
 from controller.riccati.margins import DiskMargin, LoopMargin, disk_margin, disk_sizes, loop_margins
-from controller.riccati.smallest_delta import DeltaMin, minimum_delta
+from controller.riccati.normal_form import NormalForm
+from controller.riccati.smallest_delta import DeltaMin, smallest_delta_of
 from hfa_support.errors import NoSolutionError
 from hfa_support.jsonable import finite_or_none
 from hfa_support.progress import Progress
@@ -27,10 +27,16 @@ SCHEMA = "hfa.game-solution/1"
 
 @dataclass(frozen=True, eq=False, repr=False)
 class AnalysedGame(Shown):
-    """The certified solution, the smallest delta, what the policies do in simulation, and their
-    margins."""
+    """A certified solution and what it means.
 
-    solution: GameSolution
+    solution: P, K and their certificate
+    delta_min: the smallest delta
+    meaning: the cost of the policies and the L2 gain, checked
+    loops: margins of each input
+    disk: margin of all inputs at once
+    """
+
+    solution: Solution
     delta_min: DeltaMin
     meaning: tuple[Check, ...]
     loops: tuple[LoopMargin, ...]
@@ -38,39 +44,39 @@ class AnalysedGame(Shown):
 
 
 def analyse_game(game: Game, progress: Progress | None = None) -> AnalysedGame:
-    """Solve, then simulate and analyse the solution, in balanced units of state and with R = I: the
-    verdict must not depend on the user's units, and the flight starts at one unit of each.
-    progress: of the search for delta_min.
+    """The certified solution of a game, its smallest delta, what its policies cost, and margins.
 
-    Raises NoSolutionError when it is not certified, or when its policies do not mean what the
+    Everything is computed in normal form: the verdict must not depend on the user's units, and the
+    flight whose cost is compared starts at one unit of each state. progress: of the search for
+    delta_min.
+
+    Raises NoSolutionError when the game is not certified, or when its policies do not mean what the
     certificate says."""
-    solution, (inside, _) = solve_game(game, progress), reached(game)
-    smallest = minimum_delta(game, progress)
-    found, form = solution if inside is game else solve_game(inside), normal_form(inside)
-    alike = replace(in_units(inside, form.units), B=form.B, R=np.eye(form.B.shape[1]))
-    meaning = meaning_checks(
-        alike, found.P * np.outer(form.units, form.units), np.ones(len(form.units))
-    )
+    form = NormalForm.of(game)
+    found = certified(form, progress)
+    smallest = smallest_delta_of(form, progress)
+    balanced = found.form.game()
+    K = balanced.gain(found.X)
+    meaning = meaning_checks(balanced, found.X, np.ones(len(found.X)))
     for check in meaning:
         if not check.ok:
             unconfirmed = f"certified, but not confirmed in flight: {check.name}: {check.reason}"
             raise NoSolutionError(f"{unconfirmed}; {smallest.advice(game.delta)}")
     return AnalysedGame(
-        solution, smallest, meaning, loop_margins(inside, found.K), disk_margin(inside, found.K)
+        solution=solution_of(form, found),
+        delta_min=smallest,
+        meaning=meaning,
+        loops=loop_margins(balanced, K),
+        disk=disk_margin(balanced, K),
     )
 
 
 def meaning_checks(game: Game, P: np.ndarray, initial: np.ndarray) -> tuple[Check, ...]:
-    """Cost of the policies equals z0'P z0, neither player gains by deviating, and the L2 gain is
-    below delta.
+    """The cost of the policies equals z0'P z0, and the L2 gain is below delta.
 
     P: (n, n), exact or learned; initial z0: (n,).  With delta = inf (no disturbance) the gain is
-    not limited. A game of value 0 has no costs to compare, and no saddle checks."""
-    return (
-        *cost_checks(game, P, initial),
-        *(saddle_checks(game, P, initial) if game.Q.any() or P.any() else ()),
-        *gain_checks(game, game.gain(P)),
-    )
+    not limited."""
+    return cost_check(game, P, initial), *gain_checks(game, game.gain(P))
 
 
 def solution_report(

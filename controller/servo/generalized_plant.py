@@ -22,7 +22,8 @@ import numpy as np
 from controller.game.array_file import read_arrays
 from controller.game.user_files import entries_of, one_number
 from controller.game.zero_sum import LARGEST, Game, check_definite, checked_matrix
-from controller.riccati.balancing import RANK, balanced_units, spectrum
+from controller.riccati.balancing import balanced_units, spectrum
+from controller.riccati.certificate import certified_solution
 from controller.riccati.frequency_response import (
     peak_gain,
     responses,
@@ -30,7 +31,7 @@ from controller.riccati.frequency_response import (
     system_gain,
     without_feedthrough,
 )
-from controller.riccati.gare import solve_certified
+from controller.riccati.normal_form import RANK, NormalForm
 from controller.riccati.smallest_delta import (
     DeltaMin,
     bracketed,
@@ -359,10 +360,11 @@ def _certified(plant: GeneralizedPlant, delta: float) -> OutputFeedback | StateF
     values, checks = [], list[Check]()
     for side, name in zip(plant.sides, ("control", "filter"), strict=False):
         try:
-            found = solve_certified(side.game(delta))
+            form = NormalForm.of(side.game(delta))
+            found = certified_solution(form)
         except NoSolutionError as error:
             raise NoSolutionError(f"the {name} Riccati equation: {error}") from error
-        values.append(found.P)
+        values.append(found.form.value(found.X))
         checks += [
             check._replace(name=f"{name}_{check.name}") for check in found.certificate.checks
         ]
@@ -481,7 +483,7 @@ def _gain_of_optimal_loop(plant: GeneralizedPlant) -> float:
     rounding hides that controller.
     """
     games = [side.game(math.inf) for side in plant.sides]
-    values = [solution_that_holds(game) for game in games]
+    values = [solution_that_holds(NormalForm.of(game)) for game in games]
     if any(value is None for value in values):
         return math.inf
     units = balanced_units(games[0])
@@ -509,8 +511,9 @@ def check_modes(plant: GeneralizedPlant) -> None:
     NoSolutionError names the mode or the zero: without that a Riccati equation has no stabilizing
     solution."""
     for side, sentences in zip(plant.sides, _OBSTACLES, strict=False):
-        if said := obstacle(side.game(math.inf), *sentences)[0]:
-            raise NoSolutionError(said)
+        sentence = obstacle(NormalForm.of(side.game(math.inf)), *sentences).sentence
+        if sentence:
+            raise NoSolutionError(sentence)
 
 
 def _response_difference(one: Controller, other: Controller) -> float:
@@ -530,15 +533,17 @@ def _conditions(plant: GeneralizedPlant, delta: float) -> tuple[bool | None, str
     certificates."""
     if not delta > plant.floor * (1.0 + 1e-9):
         return False, "feedthrough condition"
-    games = [side.game(delta) for side in plant.sides]
-    for which, game in zip(("control", "filter"), games, strict=False):
-        if not (found := has_value(game)):
-            return found, f"{which} Riccati equation" + " (rounding leaves it open)" * (
-                found is None
-            )
-    if len(games) == 1 or math.isinf(delta):
+    forms = [NormalForm.of(side.game(delta)) for side in plant.sides]
+    for which, form in zip(("control", "filter"), forms, strict=False):
+        held = has_value(form)
+        if held is None:
+            return None, f"{which} Riccati equation (rounding leaves it open)"
+        if not held:
+            return False, f"{which} Riccati equation"
+    if len(forms) == 1 or math.isinf(delta):
         return True, ""
-    X, Y = map(solution_that_holds, games)
+    X = solution_that_holds(forms[0])
+    Y = solution_that_holds(forms[1])
     if X is None or Y is None:
         return None, "accuracy of a Riccati solution"
     return (True, "") if _radius(X, Y) < delta**2 else (False, "coupling condition")

@@ -1,0 +1,221 @@
+"""Solutions X of the Riccati equation of a normal form, by four methods; none of them is tested here.
+
+By eigenvectors and by the matrix sign function: stacks of games, fast. By the Schur form and by a
+sequence of LQR problems: one game, as many digits as there are."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from typing import NamedTuple
+
+import numpy as np
+
+from controller.riccati.balancing import is_hurwitz
+from controller.riccati.normal_form import NormalForm, stable_graph
+from hfa_support.errors import NoSolutionError
+
+#: Newton steps after the eigenvectors: two in double precision, one with twice the digits.
+STEPS = 3
+#: Newton steps for the matrix sign: 10 are usual, one more for each halving of |Re λ|.
+SIGN_STEPS = 25
+#: Newton steps after the Schur form. Each gains about 16 digits less those that the condition
+#: takes; two are enough for all but marginal games.
+REFINEMENTS = 12
+#: A correction of this size, relative, is rounding.
+ROUNDING = 4.0 * float(np.finfo(float).eps)
+#: The sequence of LQR problems ends quadratically, but starts with about 2 (delta/delta_min -
+#: 1)^(-1/2) steps of growth: 5 steps far from the smallest delta, 60 within a thousandth of it.
+MAX_STEPS = 300
+#: A correction below this part of X comes of the end of that sequence, where the next ones only
+#: remove what rounding left.
+SETTLING = 1e-9
+_NO_GRAPH = "the Hamiltonian has no stable subspace that is the graph of a P"
+
+
+class FromEigenvectors(NamedTuple):
+    """What the eigenvectors of the Hamiltonians of a stack say; nan where they say nothing.
+
+    X: (N, n, n)
+    correction: (N,), that of the last Newton step, relative to X
+    stable: (N,), how many eigenvalues of the Hamiltonian have a negative real part
+    axis_distance: (N,), not above `Spectrum.axis_distance` of the Hamiltonian
+    """
+
+    X: np.ndarray
+    correction: np.ndarray
+    stable: np.ndarray
+    axis_distance: np.ndarray
+
+
+def by_eigenvectors(form: NormalForm) -> FromEigenvectors:
+    """X = V2 V1⁻¹ of the stable eigenvectors [V1; V2] of each Hamiltonian, then Newton steps.
+
+    V1 has the eigenvectors of A - S X, so that they solve the Lyapunov equation of a step too. The
+    distance to the axis is bounded by the condition of all eigenvectors (Bauer and Fike).
+    Source: Zhou, Doyle and Glover, Section 13.2."""
+    n = form.A.shape[-1]
+    values, vectors = np.linalg.eig(form.hamiltonian)
+    stable = (values.real < 0.0).sum(axis=1)
+    condition = _norm(vectors) * _norm(_inverse(vectors))
+    distance = np.abs(values.real).min(axis=1) / condition / _norm(form.hamiltonian)
+
+    order = np.argsort(values.real, axis=1)[:, :n]
+    rates = np.take_along_axis(values, order, axis=1)
+    basis = np.take_along_axis(vectors, order[:, None, :], axis=2)
+    V1 = basis[:, :n]
+    inverse = _inverse(V1)
+    X = (basis[:, n:] @ inverse).real
+    X = (X + X.mT) / 2.0
+    sums = rates[:, :, None] + rates[:, None, :]
+    for step in range(STEPS):
+        if step < STEPS - 1:
+            half = X @ (form.A - form.S @ X / 2.0)
+            residual = half + half.mT + form.Q
+        else:
+            residual = form.residual(X)
+        Z = (inverse.mT @ ((V1.mT @ residual @ V1) / -sums) @ inverse).real
+        X = X + (Z + Z.mT) / 2.0
+    return FromEigenvectors(X, largest(Z) / largest(X), stable, distance)
+
+
+def by_sign(form: NormalForm) -> np.ndarray:
+    """X with (W + I) [I; X] = 0, W = sign(H) of each Hamiltonian, (N, n, n).
+
+    H <- (c H + (c H)⁻¹) / 2 with c = |det H|^(-1/2n), until it settles.
+    Source: Roberts, Int. J. Control 32 (1980), 677-687."""
+    W = form.hamiltonian
+    n = form.A.shape[-1]
+    for _ in range(SIGN_STEPS):
+        c = np.exp(-np.linalg.slogdet(W)[1] / (2 * n))[:, None, None]
+        last = W
+        W = (c * W + _inverse(c * W)) / 2.0
+        if not (largest(W - last) > 1e-14 * largest(W)).any():
+            break
+    columns = W + np.eye(2 * n)
+    left = columns[:, :, n:]
+    right = -columns[:, :, :n]
+    return _inverse(left.mT @ left) @ (left.mT @ right)
+
+
+def by_schur(form: NormalForm) -> np.ndarray:
+    """X, (n, n), of the ordered Schur form of the Hamiltonian, refined with twice the digits.
+
+    X = 0 where nothing is paid for and A is Hurwitz: there the Schur form finds rounding.
+    Raises NoSolutionError when the stable subspace has no graph, or does not exist.
+    Source: Laub, IEEE Trans. Automatic Control 24 (1979), 913-921."""
+    if not form.Q.any() and is_hurwitz(form.A):
+        return np.zeros_like(form.A)
+    return refined(form, unrefined(form))
+
+
+def unrefined(form: NormalForm) -> np.ndarray:
+    """`by_schur` to about ten digits and much faster, for a search."""
+    try:
+        return stable_graph(form.hamiltonian)
+    except np.linalg.LinAlgError as error:
+        raise NoSolutionError(_NO_GRAPH) from error
+
+
+def refined(form: NormalForm, X: np.ndarray) -> np.ndarray:
+    """X + Z with (A - S X)'Z + Z (A - S X) + residual(X) = 0 (Kleinman's step), repeated.
+
+    Where the condition takes nearly all digits corrections shrink and grow again, and the X after
+    the smallest one counts."""
+    from scipy.linalg import LinAlgError, solve_continuous_lyapunov
+
+    best = X
+    smallest = math.inf
+    for _ in range(REFINEMENTS):
+        try:
+            with warnings.catch_warnings():
+                # SciPy warns of a singular Lyapunov equation.
+                warnings.simplefilter("error", RuntimeWarning)
+                Z = solve_continuous_lyapunov((form.A - form.S @ X).T, -form.residual(X))
+        except (LinAlgError, ValueError, RuntimeWarning) as error:
+            raise NoSolutionError(
+                "the Riccati equation has a multiple root: A - S P is singular"
+            ) from error
+        X = X + (Z + Z.T) / 2.0
+        correction = float(np.abs(Z).max())
+        if correction < smallest:
+            best = X
+            smallest = correction
+        if correction <= ROUNDING * np.abs(X).max():
+            break
+    return best
+
+
+def by_iteration(form: NormalForm) -> np.ndarray:
+    """X₀ = 0,  X_{k+1} = X_k + Z_k  with  A_k'Z + Z A_k - Z B B' Z + F_k = 0,  A_k = A - S X_k.
+
+    F_k is the residual at X_k, Z E E' Z >= 0 but for rounding: each step is an LQR problem, solved
+    by a Schur form of its Hamiltonian. The sequence increases to the smallest solution X >= 0 if
+    there is one; if there is none, some step has no stabilizing solution, or the sequence grows
+    without end. Returns X, (n, n). Raises NoSolutionError when no positive semidefinite stabilizing
+    solution exists. Source: Lanzon, Feng, Anderson and Rotkowitz, IEEE Trans. Automatic Control 53
+    (2008), 2280-2291."""
+    X = np.zeros_like(form.A)
+    best = X
+    smallest = math.inf
+    size = 0.0
+    for step in range(1, MAX_STEPS + 1):
+        Z = _lqr_step(form, X, step)
+        X = X + Z
+        correction = float(np.abs(Z).max())
+        size = max(size, float(np.abs(X).max()))  # of an X of 0 nothing but rounding is left
+        if smallest <= SETTLING * size and correction > 0.5 * smallest:  # no digit more
+            return best
+        best = X
+        smallest = correction
+        if correction <= ROUNDING * size:
+            return X
+    raise NoSolutionError(f"the Lanzon-Feng-Anderson iteration did not settle in {MAX_STEPS} steps")
+
+
+def _lqr_step(form: NormalForm, X: np.ndarray, step: int) -> np.ndarray:
+    """Stabilizing Z of A_k'Z + Z A_k - Z B B' Z + F = 0, solved with Z scaled to one.
+
+    With Z = c Y and F = c G the equation becomes A_k'Y + Y A_k - Y c B B' Y + G = 0. Z is of the
+    size of F, and at least of that of A_k / B B' where A_k must be stabilized."""
+    A = form.A - form.S @ X
+    forcing = form.residual(X)
+    scale = float(np.abs(forcing).max()) or 1.0
+    if not is_hurwitz(A):
+        largest_input = float(np.abs(form.B).max()) or 1.0
+        scale = max(scale, float(np.abs(A).max()) / largest_input**2)
+    H = np.block([[A, -scale * form.B @ form.B.T], [-forcing / scale, -A.T]])
+    try:
+        Z = scale * stable_graph(H)
+    except np.linalg.LinAlgError as error:
+        raise NoSolutionError(
+            f"step {step} of the Lanzon-Feng-Anderson iteration has no solution"
+        ) from error
+    Z = (Z + Z.T) / 2.0
+    loop = A - form.B @ (form.B.T @ Z)
+    if not np.all(np.isfinite(Z)) or np.linalg.eigvals(loop).real.max() >= 0.0:
+        raise NoSolutionError(
+            f"step {step} of the Lanzon-Feng-Anderson iteration is not stabilizing"
+        )
+    return Z
+
+
+def largest(matrices: np.ndarray) -> np.ndarray:
+    """max |M_ij| of each matrix, (...)."""
+    return np.asarray(np.abs(matrices).max(axis=(-2, -1)))
+
+
+def _norm(matrices: np.ndarray) -> np.ndarray:
+    """Frobenius norm of each, (N,)."""
+    return np.asarray(np.linalg.norm(matrices, axis=(1, 2)))
+
+
+def _inverse(matrices: np.ndarray) -> np.ndarray:
+    """Inverses, (N, n, n); nan where a matrix is singular, which must not stop the others."""
+    try:
+        return np.linalg.inv(matrices)
+    except np.linalg.LinAlgError:
+        regular = np.linalg.slogdet(matrices)[0] != 0.0
+        inverses = np.full_like(matrices, np.nan)
+        inverses[regular] = np.linalg.inv(matrices[regular])
+        return inverses

@@ -1,0 +1,238 @@
+"""The normal form of a game: balanced units of state, R = I, δ = 1. Every solver works on it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from controller.game.zero_sum import Game
+from controller.riccati.balancing import hamiltonian, units_of
+from controller.riccati.double_double import add, exact, product
+
+#: Smaller cosines belong to a P of more than the inverse of this, in balanced units.
+MODERATE = 1e-4
+#: What a rank test may leave of a matrix without full rank, relative to A. A mode reached by less
+#: is not reached.
+RANK = 1e-13
+
+
+@dataclass(frozen=True, eq=False)
+class NormalForm:
+    """A'X + X A + Q - X S X = 0 with S = B B' - E E': one game or a stack of games, in y = T z.
+
+    A: (..., n, n)
+    B: (..., n, m), of inputs in which R = I
+    disturbance: (..., n, k), E of the game in y, before it is divided by delta
+    Q: (..., n, n)
+    T: (..., n, n), the P of a game is T'X T
+    root: (m, m), lower triangular, R = root root'
+    delta: of the games
+    """
+
+    A: np.ndarray
+    B: np.ndarray
+    disturbance: np.ndarray
+    Q: np.ndarray
+    T: np.ndarray
+    root: np.ndarray
+    delta: float
+
+    @classmethod
+    def of(cls, game: Game) -> NormalForm:
+        """Of one game."""
+        return cls.of_plants(game.A, game.B, game)
+
+    @classmethod
+    def of_plants(cls, A: np.ndarray, B: np.ndarray, like: Game) -> NormalForm:
+        """Of the games on plants A (..., n, n), B (..., n, m), with E, Q, R and delta of `like`.
+
+        Source of the scaling by R^-½: Zhou, Doyle and Glover, Section 14.1."""
+        root = np.linalg.cholesky(like.R)
+        B = np.linalg.solve(root, B.mT).mT
+        E = like.E / like.delta
+        Q = (like.Q + like.Q.T) / 2.0
+        S = B @ B.mT - E @ E.T
+        units = units_of(A, S, np.broadcast_to(Q, A.shape))
+        rows = units[..., :, None]
+        columns = units[..., None, :]
+        return cls(
+            A=A * columns / rows,
+            B=B / rows,
+            disturbance=like.E / rows,
+            Q=Q * rows * columns,
+            T=np.eye(A.shape[-1]) / rows,
+            root=root,
+            delta=like.delta,
+        )
+
+    def __getitem__(self, index: int | None) -> NormalForm:
+        """One game of a stack, or a stack of one with the index None."""
+        return replace(
+            self,
+            A=self.A[index],
+            B=self.B[index],
+            disturbance=self.disturbance[index],
+            Q=self.Q[index],
+            T=self.T[index],
+        )
+
+    def with_delta(self, delta: float) -> NormalForm:
+        """The same game at another delta, in the same coordinates."""
+        return replace(self, delta=delta)
+
+    def game(self) -> Game:
+        """The game in y, with the R and delta of the user."""
+        B = self.B @ self.root.T
+        return Game(self.A, B, self.disturbance, self.Q, self.root @ self.root.T, self.delta)
+
+    @cached_property
+    def E(self) -> np.ndarray:
+        """Of a disturbance with δ = 1, (..., n, k)."""
+        return self.disturbance / self.delta
+
+    @cached_property
+    def S(self) -> np.ndarray:
+        """B B' - E E', (..., n, n)."""
+        return self.B @ self.B.mT - self.E @ self.E.mT
+
+    @cached_property
+    def hamiltonian(self) -> np.ndarray:
+        """[[A, -S], [-Q, -A']], (..., 2n, 2n)."""
+        return hamiltonian(self.A, self.S, self.Q)
+
+    def residual(self, X: np.ndarray) -> np.ndarray:
+        """A'X + X A + Q - X S X, (..., n, n), X symmetric, computed with twice the digits.
+
+        What cancels in it leaves no rounding: corrections of X by such residuals end at the
+        rounding of X itself, however badly conditioned the equation (Wilkinson's iterative
+        refinement). In double precision they end at a relative error of 1e-16 times the condition,
+        which is 1e-6 a thousandth above the smallest δ of an ordinary game of ten states."""
+        n = X.shape[-1]
+        m = self.B.shape[-1]
+        k = self.E.shape[-1]
+        factors = np.concatenate([self.A, self.B, self.E], axis=-1)
+        high, low = product(exact(X), exact(factors))
+        linear = high[..., :n], low[..., :n]
+        inputs = high[..., n:], low[..., n:]
+        signs = np.repeat([-1.0, 1.0], [m, k])
+        signed = inputs[0] * signs, inputs[1] * signs
+        total = add(linear, add(_transposed(linear), exact(self.Q)))
+        total = add(total, product(signed, _transposed(inputs)))
+        return np.asarray(total[0])
+
+    def relative_residual(self, X: np.ndarray) -> np.ndarray:
+        """`relative_residuals` of the normal form."""
+        return relative_residuals(self.A, self.B @ self.B.mT, self.E @ self.E.mT, self.Q, X)
+
+    def value(self, X: np.ndarray) -> np.ndarray:
+        """P of the game in the user's coordinates, (..., n, n), symmetric."""
+        P = self.T.mT @ ((X + X.mT) / 2.0) @ self.T
+        return (P + P.mT) / 2.0
+
+    def gain(self, X: np.ndarray) -> np.ndarray:
+        """K of u = -K z in the user's coordinates, (..., m, n)."""
+        return np.linalg.solve(self.root.T, self.B.mT @ X @ self.T)
+
+    def disturbance_gain(self, X: np.ndarray) -> np.ndarray:
+        """L of the worst d = L z in the user's coordinates, (..., k, n)."""
+        return (self.E.mT @ X @ self.T) / self.delta
+
+    def turned(self) -> NormalForm:
+        """The same game, (n, n), in coordinates in which the P of its LQ problem is moderate.
+
+        Itself where P is so already. A mode that the input reaches by the part r alone costs 1/r²,
+        and the rounding of that hides all the rest: the step T <- D W'T turns the directions W of P
+        into axes and takes other units D for the dear ones, with twice the digits on the way. With
+        the basis [X1; X2] of the stable subspace X1 = W cos(θ) Z', and tan(θ) are the eigenvalues
+        of P. Source: Golub and Van Loan, Matrix Computations, Section 6.4.3 (angles between
+        subspaces)."""
+        form = self
+        dearest = 1.0
+        while dearest < 1.0 / RANK:
+            basis = stable_basis(form.with_delta(np.inf).hamiltonian)
+            if basis is None:
+                break
+            W, cosines, _ = np.linalg.svd(basis[: len(self.A)])
+            if cosines[-1] > MODERATE:
+                return form
+            D = np.exp2(np.round(-0.5 * np.log2(cosines.clip(np.finfo(float).eps))))
+            form = form._turned_by(W, D)
+            dearest *= float(D[-1])
+        return self
+
+    def _turned_by(self, W: np.ndarray, D: np.ndarray) -> NormalForm:
+        """The game in D W'y, with one rounding at the end.
+
+        W: orthogonal but for rounding. D: powers of two, (n,).
+        """
+        turn = exact(W.T)
+        high, low = product(turn, exact(W))
+        defect = np.eye(len(W)) - high, -low
+        inverse = add(exact(W), product(exact(W), defect))  # a step of Newton's method
+        back = _transposed(inverse)
+        A = product(product(turn, exact(self.A)), inverse)[0]
+        Q = product(product(back, exact(self.Q)), inverse)[0]
+        return replace(
+            self,
+            A=A * D[:, None] / D,
+            B=product(turn, exact(self.B))[0] * D[:, None],
+            disturbance=product(turn, exact(self.disturbance))[0] * D[:, None],
+            Q=(Q + Q.T) / 2.0 / np.outer(D, D),
+            T=D[:, None] * (W.T @ self.T),
+        )
+
+
+def relative_residuals(
+    A: np.ndarray, S_control: np.ndarray, S_disturbance: np.ndarray, Q: np.ndarray, P: np.ndarray
+) -> np.ndarray:
+    """max |A'P + P A + Q - P S P| / max (|A|'|P| + |P||A| + |Q| + |P||S||P|), of each game.
+
+    Every argument: (..., n, n); |·| is entry by entry. |S| denotes |B R⁻¹ B'| + |E E'|/δ²:
+    cancellation between the two players does not count as smallness."""
+    size = np.abs(P)
+    residual = A.mT @ P + P @ A + Q - P @ (S_control - S_disturbance) @ P
+    terms = np.abs(A).mT @ size + size @ np.abs(A) + np.abs(Q)
+    terms = terms + size @ (np.abs(S_control) + np.abs(S_disturbance)) @ size
+    largest = terms.max(axis=(-2, -1))
+    return np.asarray(np.abs(residual).max(axis=(-2, -1)) / np.where(largest > 0.0, largest, 1.0))
+
+
+def relative_residual(game: Game, P: np.ndarray) -> float:
+    """`relative_residuals` of one game, in its own units."""
+    S_disturbance = game.S_disturbance / game.delta**2
+    return float(relative_residuals(game.A, game.S_control, S_disturbance, game.Q, P))
+
+
+def stable_basis(matrix: np.ndarray) -> np.ndarray | None:
+    """(2n, n), orthonormal, of the stable subspace of a Hamiltonian; None where it has not half
+    the dimension.
+
+    Of LAPACK itself, because SciPy's ordered Schur form asks Python about each eigenvalue: a signal
+    that comes there makes it print two lines of its own."""
+    from scipy.linalg.lapack import dgees, dtrsen
+
+    half = len(matrix) // 2
+    form, _, growth, _, basis, _, failed = dgees(lambda *_: 0, matrix)  # the order is not asked
+    if failed:
+        return None
+    _, basis, growth, *_, failed = dtrsen(growth < 0.0, form, basis, job=b"N")
+    stable_first = np.array_equal(growth < 0.0, np.arange(2 * half) < half)
+    return basis[:, :half] if stable_first and not failed else None
+
+
+def stable_graph(matrix: np.ndarray) -> np.ndarray:
+    """P, (n, n), with [I; P] a basis of the stable subspace of a Hamiltonian.
+
+    np.linalg.LinAlgError where there is none.
+    """
+    basis = stable_basis(matrix)
+    if basis is None:
+        raise np.linalg.LinAlgError("the stable subspace has not half the dimension")
+    half = len(matrix) // 2
+    return np.linalg.solve(basis[:half].T, basis[half:].T)
+
+
+def _transposed(pair: tuple[np.ndarray, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    return pair[0].mT, pair[1].mT
