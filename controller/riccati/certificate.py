@@ -61,7 +61,7 @@ TEST_OF_AGREEMENT = {
     ),
 }
 #: Values of tests by name, each of one game or (N,) of a stack.
-Measured = Mapping[str, Any]
+Measured = dict[str, Any]
 
 
 @dataclass(frozen=True)
@@ -187,9 +187,7 @@ def measured_agreement(X: np.ndarray, second_X: np.ndarray) -> Measured:
     return {"second_derivation": largest(X - second_X) / _size(X)}
 
 
-def checks_of(
-    tests: Mapping[str, tuple[str, float, str]], measured: Measured
-) -> tuple[Check, ...]:
+def checks_of(tests: Mapping[str, tuple[str, float, str]], measured: Measured) -> tuple[Check, ...]:
     """The checks of one game."""
     return tuple(
         checked(name, float(measured[name]), relation, limit, reason.format(float(measured[name])))

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from controller.game.zero_sum import Game
 from controller.riccati.balancing import is_hurwitz
 from controller.riccati.normal_form import NormalForm, stable_graph
 from hfa_support.errors import NoSolutionError
@@ -124,6 +125,7 @@ def refined(form: NormalForm, X: np.ndarray) -> np.ndarray:
     the smallest one counts."""
     from scipy.linalg import LinAlgError, solve_continuous_lyapunov
 
+    X = (X + X.T) / 2.0
     best = X
     smallest = math.inf
     for _ in range(REFINEMENTS):
@@ -144,6 +146,18 @@ def refined(form: NormalForm, X: np.ndarray) -> np.ndarray:
         if correction <= ROUNDING * np.abs(X).max():
             break
     return best
+
+
+def schur_solution(game: Game) -> np.ndarray:
+    """P of `by_schur`, (n, n), in the user's units, without a certificate."""
+    form = NormalForm.of(game)
+    return form.value(by_schur(form))
+
+
+def quick_solution(game: Game) -> np.ndarray:
+    """P of `unrefined`, (n, n), in the user's units: for a search, certified afterwards."""
+    form = NormalForm.of(game)
+    return form.value(unrefined(form))
 
 
 def by_iteration(form: NormalForm) -> np.ndarray:

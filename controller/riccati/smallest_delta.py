@@ -231,10 +231,10 @@ def lqr_obstacle(form: NormalForm, failure: str) -> str:
         return found.sentence
     advice = "check the scaling of A, B, Q, R"
     if found.reach <= BARELY:
-        advice = f"the inputs reach the {found.mode} by only {found.reach:.2g} of their size; change B"
-    return (
-        f"the problem without disturbance (delta = inf) is not certified: {failure}; {advice}"
-    )
+        advice = (
+            f"the inputs reach the {found.mode} by only {found.reach:.2g} of their size; change B"
+        )
+    return f"the problem without disturbance (delta = inf) is not certified: {failure}; {advice}"
 
 
 class Obstacle(NamedTuple):

@@ -41,7 +41,7 @@ from studies.update_law.integral_rl import baseline_weights, learn_by_integrals
 from studies.update_law.published_law import PublishedSettings, published_law
 from trim.hfa.printed import regenerate
 from verification import solve_game
-from verification.exact_solution import GameSolution
+from verification.exact_solution import Solution
 
 #: The two aircraft of Section 5.1, degrees of dihedral.
 CASE_I, CASE_II = 15.0, 5.0
@@ -112,7 +112,7 @@ class PaperCase:
         return limits
 
     @cached_property
-    def exact(self) -> GameSolution:
+    def exact(self) -> Solution:
         """The exact solution of the game."""
         return solve_game(self.game)
 

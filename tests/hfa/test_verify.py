@@ -25,7 +25,7 @@ def test_verify_keeps_the_contract() -> None:
     assert all(
         set(check) >= {"name", "value", "limit", "ok"} and check["ok"] for check in data["checks"]
     )
-    assert set(checks_of(data)) >= {"data_rank", "settling_time", "l2_gain", "saddle_control_loses"}
+    assert set(checks_of(data)) >= {"data_rank", "settling_time", "l2_gain"}
     assert (
         set(data) >= {"schema", "diagnosis", "P", "K", "P_exact", "K_exact", "disk_margin"} | LABELS
     )

@@ -19,7 +19,7 @@ from controller import Game, basis, design_model, learn, load_design
 from controller.learning.recording import natural_spread
 from controller.servo.design import Actuator, Design
 from verification import GeneralizedPlant, solve_game
-from verification.exact_solution import GameSolution
+from verification.exact_solution import Solution
 
 #: Of a finite game; the smallest one of `simvfa-1` is 95.
 DELTA = 200.0
@@ -51,7 +51,7 @@ def design_of(name: str) -> Design:
 
 
 @cache
-def exact(name: str) -> tuple[Game, GameSolution]:
+def exact(name: str) -> tuple[Game, Solution]:
     built = design_model(hfa_model.aircraft(), model_at(11.0), design_of(name))
     game = built.game() if built.sensors else built.game().with_delta(DELTA)
     if name == "its filter":

@@ -15,7 +15,7 @@ from controller import Game, basis
 from controller.critic.critic import Critic
 from verification import from_gain, from_value, from_weights, solve_game
 from verification.critic.diagnosis import discounted, held
-from verification.exact_solution import GameSolution
+from verification.exact_solution import Solution
 
 #: Radians in a degree.
 DEGREE = math.pi / 180.0
@@ -27,7 +27,7 @@ def weights_of(P: np.ndarray) -> np.ndarray:
 
 
 @cache
-def solved(game: Game) -> GameSolution:
+def solved(game: Game) -> Solution:
     return solve_game(game)
 
 

@@ -41,12 +41,10 @@ class _Shared:
 
 
 def share(patched: pytest.MonkeyPatch) -> None:
-    """`learn`, as commands call it, and the solution of a game with its certificate."""
+    """`learn`, as commands call it."""
     from controller.learning import certified as module
-    from controller.riccati import certificate, gare, smallest_delta
 
     learn = _Shared(module.learn)
-    solve = _Shared(certificate.certified_solution)
 
     def learned(
         game: Game, law: str = "certified", seed: int = 0, **options: Any
@@ -61,12 +59,7 @@ def share(patched: pytest.MonkeyPatch) -> None:
             **options,
         )
 
-    def solved(game: Game) -> tuple[np.ndarray, certificate.Certificate]:
-        return solve(_key(game), game)
-
     patched.setattr(module, "learn", learned)
-    patched.setattr(gare, "certified_solution", solved)
-    patched.setattr(smallest_delta, "certified_solution", solved)
 
 
 def _key(game: Game) -> tuple[Hashable, ...]:

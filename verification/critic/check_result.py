@@ -14,7 +14,7 @@ from controller.critic.critic import Critic
 from controller.game.basis import basis
 from controller.game.learning_result import LearningResult, settled_at
 from controller.riccati.cost import FlightCost
-from controller.riccati.gare import GameSolution
+from controller.riccati.gare import Solution
 from controller.riccati.margins import DiskMargin
 from hfa_support.errors import BadInputError
 from hfa_support.jsonable import finite_or_none, jsonable
@@ -102,7 +102,7 @@ class CriticCheck(Checked, Reported):
     network: what was searched of a network. run: of a law. predefined_time: T_w, s. discount, dt
     (s): of the discounted problem in discrete time, which has no margins, flight and box."""
 
-    exact: GameSolution | DiscountedSolution
+    exact: Solution | DiscountedSolution
     candidate: Critic
     checks: tuple[Check, ...]
     diagnosis: str

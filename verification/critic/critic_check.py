@@ -16,10 +16,11 @@ from controller.game.basis import Basis, basis
 from controller.game.learning_result import LearningResult, settled_at
 from controller.game.zero_sum import Game
 from controller.riccati.balancing import balanced_units, in_units, spectrum
-from controller.riccati.certificate import INDEFINITENESS, relative_residual
-from controller.riccati.cost import SIGNLESS, flight_cost, saddle_checks
-from controller.riccati.gare import GameSolution, solve_game
+from controller.riccati.certificate import INDEFINITENESS
+from controller.riccati.cost import SIGNLESS, flight_cost
+from controller.riccati.gare import Solution, solve_game
 from controller.riccati.margins import disk_margin
+from controller.riccati.normal_form import relative_residual
 from hfa_support.errors import BadInputError, refuse_unless_positive
 from hfa_support.progress import Progress, told
 from hfa_support.reporting.checks import Check, at_least, at_most, below
@@ -52,13 +53,12 @@ def check_critic(
     """Compare a critic with the exact solution of its game.
 
     Checked: errors of P and K (norms and entries), of V, its slopes and both policies over a box of
-    states, stability of A - B K and A - S P, P > 0, Riccati residual, saddle point, L2 gain below
+    states, stability of A - B K and A - S P, P > 0, Riccati residual, L2 gain below
     delta; for a run also the rank of its data, which is taken from it, and its `settling_time`
     against T_w. limit: of the errors and the residual. box: default `ordinary_box`. at_dihedral:
     degrees -> the game there, to recognize a critic of another angle. Of a network the box is
     searched, and it is flown from there `flights` times, also on a nonlinear plant (z, u) -> z'.
-    With a limit above the default there are no saddle checks: they would refuse what the limit
-    allows. Raises NoSolutionError when the game itself has no certified solution to compare with.
+    Raises NoSolutionError when the game itself has no certified solution to compare with.
     """
     exact, box = solve_game(game), box or ordinary_box(game)
     refuse_unless_positive("limit", limit)
@@ -133,7 +133,7 @@ def check_history(
     check. progress: rows done, rows. BadInputError when a row does not fit the game."""
     units = balanced_units(game)
     check = check_critic(game, history[-1], limit=limit, box=box, at_dihedral=at_dihedral)
-    assert isinstance(check.exact, GameSolution)
+    assert isinstance(check.exact, Solution)
     balanced, squared, rows = in_units(game, units), np.outer(units, units), []
     for candidate in told(history, progress):
         errors = {
@@ -233,13 +233,11 @@ def _lost(exact: DiscountedSolution, K: np.ndarray) -> float:
 
 
 def _value_checks(game: Game, P: np.ndarray, exact: np.ndarray, limit: float) -> list[Check]:
-    """Whether P is a value: stabilizing, not indefinite, a root of the Riccati equation, a saddle
-    point.
+    """Whether P is a value: stabilizing, not indefinite, a root of the Riccati equation.
 
     The value of a state that costs nothing may be 0, which rounding makes negative; the certificate
     allows the same. A limit above the default allows |P - P*| <= limit |P*|, which moves
-    eigenvalues by no more (Weyl). Saddle checks that rounding of the exact P alone fails are left
-    out."""
+    eigenvalues by no more (Weyl)."""
     units = balanced_units(game)
     squared, balanced = np.outer(units, units), in_units(game, units)
     scaled, right, costs = P * squared, exact * squared, np.linalg.eigvalsh(balanced.Q)
@@ -265,14 +263,6 @@ def _value_checks(game: Game, P: np.ndarray, exact: np.ndarray, limit: float) ->
             f"the Riccati equation is left with a residual of {residual:.2g}",
         ),
     ]
-    if limit > LIMIT or not exact.any():
-        return checks
-    initial = np.ones(len(P))
-    saddle = saddle_checks(balanced, scaled, initial)
-    if all(check.ok for check in saddle) or all(
-        check.ok for check in saddle_checks(balanced, right, initial)
-    ):
-        checks += saddle
     return checks
 
 

@@ -16,7 +16,7 @@ import numpy as np
 from controller.critic.critic import Critic
 from controller.game.zero_sum import Game
 from controller.riccati.balancing import balanced_units
-from controller.riccati.gare import GameSolution
+from controller.riccati.gare import Solution
 from hfa_model.vectors import INPUTS, LINEAR_STATES, STATE_UNITS
 from hfa_support.reporting.checks import Check, at_most
 from hfa_support.reporting.unit_system import in_force, si_factor, si_unit, unit_in_force
@@ -98,7 +98,7 @@ def entry_error(difference: np.ndarray, exact: np.ndarray) -> float:
 
 
 def critic_errors(
-    game: Game, critic: Critic, exact: GameSolution, limit: float, box: Box | None = None
+    game: Game, critic: Critic, exact: Solution, limit: float, box: Box | None = None
 ) -> tuple[Check, ...]:
     """Every error of a critic: of K, of P where it has one, and over the box (default
     `ordinary_box`) but of a network."""
@@ -143,7 +143,7 @@ def matrix_errors(
 
 
 def box_errors(
-    game: Game, critic: Critic, exact: GameSolution, box: np.ndarray, limit: float
+    game: Game, critic: Critic, exact: Solution, box: np.ndarray, limit: float
 ) -> tuple[Check, ...]:
     """Bounds over the box, box: (n,), of the errors of V, of each ∂V/∂z_i, and of each entry of u
     and d.

@@ -22,10 +22,10 @@ from controller.critic.critic import Critic
 from controller.game.basis import Basis, basis
 from controller.game.zero_sum import Game
 from controller.riccati.balancing import balanced_units, in_units, spectrum
-from controller.riccati.certificate import relative_residual
+from controller.riccati.derivations import quick_solution
 from controller.riccati.discrete import quick_discounted, sampled
-from controller.riccati.gare import GameSolution, solve_game
-from controller.riccati.gare_schur import quick_solution
+from controller.riccati.gare import Solution, solve_game
+from controller.riccati.normal_form import relative_residual
 from controller.riccati.smallest_delta import minimum_delta
 from hfa_model.printed_matrices import published_models
 from hfa_support.errors import BadInputError, NoSolutionError
@@ -140,7 +140,7 @@ _OF_SLOPES: _Sides = (("slope", (0,), 1.0 / _DEGREE), ("state", (1,), _DEGREE))
 
 def diagnose(
     game: Game,
-    exact: GameSolution,
+    exact: Solution,
     candidate: Critic,
     limit: float,
     at_dihedral: GameAt | None = None,
@@ -215,7 +215,7 @@ def _seen(
 
 def _of_network(
     game: Game,
-    exact: GameSolution,
+    exact: Solution,
     candidate: Critic,
     box: np.ndarray,
     others: Callable[[], list[_Family]],

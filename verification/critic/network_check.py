@@ -16,7 +16,7 @@ import numpy as np
 from controller.critic.critic import Critic
 from controller.game.zero_sum import Game
 from controller.riccati.balancing import spectrum
-from controller.riccati.gare import GameSolution
+from controller.riccati.gare import Solution
 from hfa_support.native.bound import BoundFunction
 from hfa_support.reporting.checks import Check, at_most
 from verification.critic.critic_errors import SMALL
@@ -94,7 +94,7 @@ class NetworkSearch(NamedTuple):
 def network_checks(
     game: Game,
     critic: Critic,
-    exact: GameSolution,
+    exact: Solution,
     b: np.ndarray,
     limit: float,
     flights: int,
@@ -141,7 +141,7 @@ def network_checks(
 
 
 def search(
-    game: Game, critic: Critic, exact: GameSolution, b: np.ndarray
+    game: Game, critic: Critic, exact: Solution, b: np.ndarray
 ) -> tuple[float, tuple[Found, ...]]:
     """The largest error at the origin, and those found over the box |z_i| <= b_i: of V, of any
     dV/dz_i, of any input.
@@ -193,7 +193,7 @@ def search(
 
 
 def _errors(
-    game: Game, critic: Critic, exact: GameSolution, b: np.ndarray, z: ca.SX
+    game: Game, critic: Critic, exact: Solution, b: np.ndarray, z: ca.SX
 ) -> tuple[list[str], Any]:
     """Names of the relative errors, and the errors themselves, of the symbols z."""
     P = ca.DM(exact.P)
@@ -255,7 +255,7 @@ class _Flight:
         return (end[:-1], float(end[-1])) if good else None
 
     def returned(
-        self, start: np.ndarray, exact: GameSolution, game: Game
+        self, start: np.ndarray, exact: Solution, game: Game
     ) -> tuple[np.ndarray, float] | None:
         """`end` when the exact loop has decayed to exp(-`DECAY`); None where V* has not come down
         to `RETURNED`."""
@@ -272,7 +272,7 @@ def _starts(b: np.ndarray, count: int, seed: int = 1) -> np.ndarray:
 
 
 def flown_losses(
-    game: Game, critic: Critic, exact: GameSolution, b: np.ndarray, flights: int
+    game: Game, critic: Critic, exact: Solution, b: np.ndarray, flights: int
 ) -> np.ndarray:
     """Percent of V* that u(z), with the gain K at the origin, costs more than u* from each start in
     the box: (flights,); all inf where it does not return from one.
@@ -299,7 +299,7 @@ def flown_losses(
     return np.array(lost)
 
 
-def reach(flight: _Flight, exact: GameSolution, game: Game, b: np.ndarray) -> float:
+def reach(flight: _Flight, exact: Solution, game: Game, b: np.ndarray) -> float:
     """The largest of 2^-k ... 2^k times the box, k = `DOUBLINGS`, such that a flight returns from
     `FEW` starts in it and in each smaller one tried; 0 for none."""
 

@@ -18,13 +18,12 @@ from controller import Game
 from controller.riccati.balancing import FEW, is_hurwitz, spectrum
 from controller.riccati.certificate import (
     Certificate,
-    agreement_check,
+    agreement_checks,
     hamiltonian_checks,
-    iterated_solution,
-    relative_residual,
     solution_checks,
 )
-from controller.riccati.gare_schur import schur_solution
+from controller.riccati.derivations import by_iteration, schur_solution
+from controller.riccati.normal_form import NormalForm, relative_residual
 from hfa.main import FAILED
 from hfa_support import Check, NoSolutionError
 from verification import minimum_delta, solve_game
@@ -38,8 +37,12 @@ def named(certificate: Certificate) -> dict[str, Check]:
 
 def _certify(game: Game, P: np.ndarray, second_P: np.ndarray) -> Certificate:
     """The tests of `certified_solution` on somebody else's P."""
+    form = NormalForm.of(game)
+    back = np.linalg.inv(form.T)
+    X = back.T @ P @ back
+    second_X = back.T @ second_P @ back
     return Certificate(
-        (*hamiltonian_checks(game), *solution_checks(game, P), agreement_check(game, P, second_P))
+        (*hamiltonian_checks(form), *solution_checks(form, X), *agreement_checks(X, second_X))
     )
 
 
@@ -68,7 +71,7 @@ def test_indefinite_solutions_that_scipy_returns_are_refused() -> None:
     refused = 0
     while refused < 5:
         game = random_game(rng, scaled=False)
-        if not all(check.ok for check in hamiltonian_checks(game)):
+        if not all(check.ok for check in hamiltonian_checks(NormalForm.of(game))):
             continue
         P = schur_solution(game)
         if np.linalg.eigvalsh(P)[0] > -1e-6 * np.abs(P).max():
@@ -79,7 +82,7 @@ def test_indefinite_solutions_that_scipy_returns_are_refused() -> None:
         )
         assert named(certificate)["residual"].ok
         with pytest.raises(NoSolutionError, match="Lanzon-Feng-Anderson"):
-            iterated_solution(game)
+            by_iteration(NormalForm.of(game))
         refused += 1
 
 
@@ -129,7 +132,7 @@ def test_hamiltonian_on_the_axis_is_seen_through_rounding() -> None:
     Q = rotation @ np.diag([1.0, 1.0, 1.0]) @ rotation.T
     hidden = Game(A, np.zeros((3, 1)), np.eye(3), (Q + Q.T) / 2.0, [[1.0]], 1.0)
     for game in (critical, hidden):
-        assert "hamiltonian_axis_distance" in failed_names(hamiltonian_checks(game))
+        assert "hamiltonian_axis_distance" in failed_names(hamiltonian_checks(NormalForm.of(game)))
         with pytest.raises(NoSolutionError, match="delta_min"):
             solve_game(game)
         assert solve_game(game.with_delta(1.01)).certificate.ok

@@ -15,7 +15,8 @@ from game_samples import game_models, random_game, regenerated_models
 from reference_riccati import reference_solution, relative_error
 
 from controller import Game
-from controller.riccati.certificate import iterated_solution
+from controller.riccati.derivations import by_iteration
+from controller.riccati.normal_form import NormalForm
 from controller.riccati.smallest_delta import DeltaMin, has_value
 from hfa_support import NoSolutionError
 from verification import minimum_delta, solve_game
@@ -40,7 +41,8 @@ def test_P_and_K_are_exact_to_1e12(name: str) -> None:
         np.diag(reference.P)
     )  # and so is every entry, in units that make them alike
     assert np.abs((solution.P - reference.P) * np.outer(units, units)).max() < 1e-12
-    assert relative_error(iterated_solution(game), reference.P) < 1e-12  # the second derivation
+    form = NormalForm.of(game)
+    assert relative_error(form.value(by_iteration(form)), reference.P) < 1e-12
 
 
 def test_reference_agrees_with_eigenvectors_by_mpmath(game: Game) -> None:
@@ -217,7 +219,7 @@ def test_existence_is_decided_as_by_the_reference(games: int) -> None:
     for number in range(games):
         game = random_game(rng, scaled=number % 2 == 0)
         exists = reference_solution(game).exists
-        assert has_value(game) == exists
+        assert has_value(NormalForm.of(game)) == exists
         verdicts[exists] += 1
     assert min(verdicts) >= games // 4
 

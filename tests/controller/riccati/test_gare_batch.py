@@ -8,7 +8,10 @@ import pytest
 
 import hfa_model
 from controller import Game, published_game
-from controller.riccati import gare_batch
+from controller.riccati import certificate
+from controller.riccati.certificate import certified_stack
+from controller.riccati.derivations import by_sign
+from controller.riccati.normal_form import NormalForm
 from hfa_model import LINEAR_STATES, STATES, VARIANTS
 from hfa_support import BadInputError, NoSolutionError
 from trim import trim_points
@@ -33,13 +36,14 @@ def test_every_model_gets_the_solution_that_it_gets_alone(dynamics):
         assert np.linalg.norm(batch.K[i] - alone.K) <= 1e-11 * np.linalg.norm(alone.K)
 
 
-def test_what_the_matrix_sign_contradicts_is_solved_alone(monkeypatch):
+def test_what_the_matrix_sign_contradicts_is_decided_by_the_schur_form(monkeypatch):
     A, B = _models("published", 3)
     like = published_game(A[0], B[0])
-    assert not np.isnan(gare_batch._stacked(A, B, like)[0]).any()
-    by_sign = gare_batch._by_sign
-    monkeypatch.setattr(gare_batch, "_by_sign", lambda H: by_sign(H) * (1.0 + 1e-7))
-    assert np.isnan(gare_batch._stacked(A, B, like)[0]).all()
+    assert all(certified_stack(NormalForm.of_plants(A, B, like))[1])
+    monkeypatch.setattr(certificate, "by_sign", lambda form: by_sign(form) * (1.0 + 1e-7))
+    X, checks = certified_stack(NormalForm.of_plants(A, B, like))
+    assert np.isnan(X).all()
+    assert not any(checks)
     assert solve_games(A, B, like).certified.all()
 
 

@@ -18,7 +18,9 @@ from reference_riccati import reference_solution, relative_error
 from scipy.linalg import LinAlgError, block_diag, solve_continuous_are
 
 from controller import Game
-from controller.riccati.certificate import certified_solution, iterated_solution, relative_residual
+from controller.riccati.certificate import certified_solution
+from controller.riccati.derivations import by_iteration
+from controller.riccati.normal_form import NormalForm, relative_residual
 from controller.riccati.smallest_delta import lqr_obstacle
 from hfa_support import NoSolutionError
 from verification import minimum_delta, solve_game
@@ -205,7 +207,9 @@ def _verdict(sample: Sample, worst: float = WORST_ERROR) -> str:
         P = solve_game(game).P
     except NoSolutionError:
         if _exists(game, math.inf):
-            assert "is not certified" in lqr_obstacle(game, "why"), f"{label}: a cause that is none"
+            assert "is not certified" in lqr_obstacle(NormalForm.of(game), "why"), (
+                f"{label}: a cause that is none"
+            )
         if not reference.exists:
             return "refused, rightly"
         with_less = math.isfinite(game.delta) and not _exists(game, game.delta * (1.0 - MARGIN))
@@ -312,15 +316,15 @@ def test_the_two_derivations_agree_on_existence(games: int) -> None:
     for number in range(games):
         game = random_game(rng, scaled=number % 2 == 1)
         verdicts[
-            tuple(_accepts(solver, game) for solver in (certified_solution, iterated_solution))
+            tuple(_accepts(solver, game) for solver in (certified_solution, by_iteration))
         ] += 1
     assert set(verdicts) == {(True, True), (False, False)}
     assert min(verdicts.values()) >= 2 * games // 9
 
 
-def _accepts(solver: Callable[[Game], object], game: Game) -> bool:
+def _accepts(solver: Callable[[NormalForm], object], game: Game) -> bool:
     try:
-        solver(game)
+        solver(NormalForm.of(game))
     except NoSolutionError:
         return False
     return True

@@ -83,8 +83,7 @@ def test_the_value_of_a_state_that_costs_nothing_may_be_0() -> None:
 
 
 def test_the_exact_critic_of_a_barely_controllable_plant_passes_and_a_wrong_one_does_not() -> None:
-    """Unstable at +0.5, reached by 3e-6: the rounding of P moves the cost by more than the saddle
-    checks allow."""
+    """Unstable at +0.5, reached by 3e-6: the rounding of P moves the cost."""
     A, B = np.array([[-0.04, 0.72], [0.72, -0.46]]), np.array([[-0.5999976], [0.8000018]])
     game = Game(A, B, np.zeros((2, 1)), np.eye(2), np.eye(1), math.inf)
     assert check_critic(game, from_value(game, value(game))).ok
@@ -95,7 +94,7 @@ def test_a_gain_alone_passes_and_shows_no_error_of_a_value(game: Game) -> None:
     check = check_critic(game, from_gain(game, gain(game)))
     assert check.ok
     assert check.to_dict()["P_rel_error"] is None
-    assert not any(row.name.startswith(("P_", "saddle", "riccati")) for row in check.checks)
+    assert not any(row.name.startswith(("P_", "riccati")) for row in check.checks)
 
 
 @pytest.mark.usefixtures("no_cause")
@@ -191,13 +190,6 @@ def test_critics_that_overflow_or_are_no_numbers_fail(game: Game) -> None:
             assert {"K_rel_error", "control_loop_abscissa"} <= failed(
                 game, from_weights(game, weights)
             )
-    P = value(game).copy()
-    P[0, 0] += (
-        1e30  # the search for a perturbation that costs little went on for ever, or ended in a traceback
-    )
-    assert {"saddle_control_loses", "saddle_control_slope_error"} <= failed(
-        game, from_value(game, P)
-    )
 
 
 def test_wrong_shapes_numbers_that_are_not_real_and_a_game_without_a_solution_are_named(

@@ -17,8 +17,7 @@ from flint import arb, arb_mat
 
 from controller.game.zero_sum import Game
 from controller.riccati.balancing import balanced_units, in_units
-from controller.riccati.normal_form import NormalForm
-from controller.riccati.smallest_delta import schur_solution
+from controller.riccati.derivations import schur_solution
 from hfa_support.errors import NoSolutionError
 from verification.proof.arithmetic.balls import (
     TaylorModel,

@@ -15,8 +15,7 @@ from flint import arb_mat
 
 from controller.game.zero_sum import Game, usual_game
 from controller.riccati.balancing import balanced_units
-from controller.riccati.normal_form import NormalForm
-from controller.riccati.smallest_delta import schur_solution
+from controller.riccati.derivations import schur_solution
 from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.jsonable import jsonable
 from hfa_support.progress import Progress, told
