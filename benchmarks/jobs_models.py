@@ -23,9 +23,9 @@ from hfa_model.atmosphere import density
 from hfa_support.native.bound import BoundFunction
 from hfa_support.native.machine_code import c_compiler
 from trim.linear.linear_model import level_model
-from trim.linear.modes import track_modes
 from trim.point.condition import TrimCondition, usual_condition
 from trim.point.solve import find_operating_point
+from trim.sweeps.mode_tracking import track_modes
 from trim.sweeps.points import TRIMMED, trim_points
 
 _STATE = np.array([68.0, np.radians(2.8), np.radians(2.8), 0.0, 0.0, 0.0])
@@ -204,7 +204,7 @@ def _many_points(count: int, peer_count: int) -> list[Row]:
         assert (flights.status == TRIMMED).all()
         if modes:
             rows = [STATES.index(name) for name in LINEAR_STATES]
-            track_modes(flights.A[:, rows][:, :, rows], LINEAR_STATES)
+            track_modes(flights.A[:, rows][:, :, rows], LINEAR_STATES, aircraft)
 
     def peer():
         for angle in angles[:: count // peer_count]:

@@ -3,18 +3,19 @@
 from .hfa.hfa_report import trim_figure as trim_figure, trim_report as trim_report
 from .hfa.level_flight import level_flight as level_flight, load_condition as load_condition
 from .hfa.printed import compare as compare, entry_bands as entry_bands, regenerate as regenerate
+from .linear.along import models_along as models_along
 from .linear.linear_model import (
     LinearModel as LinearModel,
     level_model as level_model,
     linearize as linearize,
 )
 from .linear.modes import modes_of as modes_of
-from .linear.varying import InterpolatedModel as InterpolatedModel, models_along as models_along
 from .point.condition import (
     TrimCondition as TrimCondition,
     release as release,
 )
 from .point.operating_point import OperatingPoint as OperatingPoint
 from .point.solve import TrimError as TrimError, find_operating_point as find_operating_point
+from .sweeps.interpolated import InterpolatedModel as InterpolatedModel
 from .sweeps.points import trim_points as trim_points
 from .sweeps.sweep import sweep as sweep

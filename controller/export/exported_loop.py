@@ -21,7 +21,7 @@ from hfa_aircraft.model import Model
 from trim.point.operating_point import OperatingPoint
 
 if TYPE_CHECKING:
-    from trim.linear.varying import InterpolatedModel
+    from trim.sweeps.interpolated import InterpolatedModel
 
 #: s: the longest step of a loop whose own modes are no faster than the aircraft's.
 LONGEST_STEP = 1e-3

@@ -162,7 +162,7 @@ def _in_memory(plan: SweepPlan, arguments: argparse.Namespace) -> tuple[Report, 
     if arguments.output is not None and arguments.output.suffix.lower() == UNIT:
         from controller.export.exported_loop import interpolated_loop
         from controller.export.fmu import write_fmu
-        from trim.linear.varying import InterpolatedModel
+        from trim.sweeps.interpolated import InterpolatedModel
 
         write_fmu(
             interpolated_loop(InterpolatedModel(result)), arguments.output, provenance(arguments)

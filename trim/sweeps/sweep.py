@@ -17,10 +17,11 @@ from hfa_support.reporting.figure import new_figure
 from hfa_support.reporting.report import Picture, Report, Reported
 from hfa_support.reporting.text import RowsMade, Table, eigenvalue_text, shown_unit, shown_value
 from trim.linear.kinks import with_means_at_kinks
-from trim.linear.modes import fastest_first, modes_of, track_modes
+from trim.linear.modes import fastest_first, modes_of
 from trim.point.condition import TrimCondition
 from trim.point.diagnosis import beyond_limits
 from trim.point.operating_point import OperatingPoint, Status
+from trim.sweeps.mode_tracking import track_modes
 from trim.sweeps.points import (
     BEYOND_LIMITS,
     TRIMMED,

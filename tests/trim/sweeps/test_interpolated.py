@@ -1,0 +1,92 @@
+"""Interpolated models against exact ones."""
+
+from __future__ import annotations
+
+import subprocess
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+import pytest
+from c_files import COMPILER, needs_gcc
+
+import hfa_model
+from hfa_support import BadInputError
+from trim import InterpolatedModel, level_model, sweep
+
+GRID = {"dihedral": np.radians([0.0, 5.0, 10.0, 15.0]), "speed": np.array([60.0, 68.0, 76.0])}
+
+
+@pytest.fixture(scope="module")
+def model() -> InterpolatedModel:
+    return InterpolatedModel(sweep(hfa_model.aircraft(), GRID))
+
+
+def test_it_is_exact_at_the_points_and_bilinear_between(model: InterpolatedModel) -> None:
+    exact = level_model(hfa_model.aircraft(), float(GRID["dihedral"][2]))
+    here = model.at(dihedral=GRID["dihedral"][2], speed=68.0)
+    np.testing.assert_allclose(here.A, exact.A, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(here.inputs, exact.input_offsets, rtol=1e-9, atol=1e-12)
+    ends = [
+        model.at(dihedral=eta, speed=speed).B
+        for eta in GRID["dihedral"][:2]
+        for speed in (60.0, 68.0)
+    ]
+    between = model.at(dihedral=np.radians(1.25), speed=66.0).B
+    weights = np.outer([0.75, 0.25], [0.25, 0.75]).ravel()
+    np.testing.assert_allclose(
+        between, sum(w * B for w, B in zip(weights, ends, strict=True)), rtol=1e-12
+    )
+
+
+@needs_gcc
+def test_the_same_in_c(model: InterpolatedModel, folder: Path) -> None:
+    """At random places, at the points, and beyond an end, where the last value holds."""
+    model.to_casadi().generate("models.c")
+    subprocess.run(
+        [str(COMPILER), "-shared", "-fPIC", "-o", "models.so", "models.c", "-lm"], check=True
+    )
+    function = ca.external("models", "./models.so")
+    rng = np.random.default_rng(4)
+    eta = GRID["dihedral"]
+    places = [
+        *zip(rng.uniform(0, eta[-1], 20), rng.uniform(60, 76, 20), strict=True),
+        (eta[1], 68.0),
+        (eta[-1], 76.0),
+    ]
+    for dihedral, speed in places:
+        expected = model.at(dihedral=dihedral, speed=speed)
+        for in_c, values in zip(function([dihedral, speed]), expected, strict=True):
+            in_shape = np.array(in_c).reshape(values.shape)
+            np.testing.assert_allclose(in_shape, values, rtol=1e-12, atol=1e-12)
+    np.testing.assert_array_equal(function([0.5, 80.0])[2], function([eta[-1], 76.0])[2])
+
+
+def test_the_error_falls_with_the_square_of_the_step(model: InterpolatedModel) -> None:
+    """At the middles of the cells, where exact models are made anew."""
+    finer = {name: np.linspace(axis[0], axis[-1], 2 * len(axis) - 1) for name, axis in GRID.items()}
+    errors = []
+    for between in (model, InterpolatedModel(sweep(hfa_model.aircraft(), finer))):
+        axes = zip(GRID, between.axes, strict=True)
+        middles = {name: (axis[1:] + axis[:-1]) / 2 for name, axis in axes}
+        exact = sweep(hfa_model.aircraft(), middles)
+        near = between.at(**dict(zip(GRID, exact.values.T, strict=True)))
+        pairs = (near.A, exact.A), (near.B, exact.B)
+        errors.append(
+            [(np.abs(a - b).max(axis=(1, 2)) / np.abs(b).max(axis=(1, 2))).max() for a, b in pairs]
+        )
+    ratios = np.divide(*errors)
+    assert ((ratios > 3.0) & (ratios < 5.0)).all(), ratios
+
+
+def test_what_cannot_be_interpolated_is_named(model: InterpolatedModel) -> None:
+    with pytest.raises(
+        BadInputError, match="speed lies outside of the sweep, which goes from 60 ft/s to 76 ft/s"
+    ):
+        model.at(dihedral=0.1, speed=50.0)
+    with pytest.raises(BadInputError, match="give dihedral, speed, by name"):
+        model.at(speed=68.0)
+    with pytest.raises(BadInputError, match="no trim at dihedral 0 deg, speed 5 ft/s"):
+        InterpolatedModel(
+            sweep(hfa_model.aircraft(), {"dihedral": [0.0, 0.1], "speed": [5.0, 68.0]})
+        )

@@ -1,0 +1,83 @@
+"""A column of a sweep is one mode through crossings, in any order of the solver, along any grid."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from own_models import F16
+from random_points import STATE_SCALES
+
+import hfa_model
+from hfa_support import Model
+from trim import sweep
+from trim.sweeps.mode_tracking import track_modes
+
+STATES = ("alpha", "pitch_rate", "speed")
+#: Three shapes, far from parallel in units of `STATE_SCALES`.
+SHAPES = np.array([[1.0, 0.2, 0.3], [0.1, 1.0, -0.4], [0.3, -0.2, 1.0]])
+#: Two of them two degrees apart.
+NEARLY_PARALLEL = np.array(
+    [[1.0, np.cos(np.radians(2)), 0.0], [0.0, np.sin(np.radians(2)), 0.0], [0.0, 0.0, 1.0]]
+)
+
+
+def models_with(eigenvalues: np.ndarray, shapes: np.ndarray = SHAPES) -> np.ndarray:
+    """(N, 3, 3) matrices of given eigenvectors, the columns of shapes (3, 3), and eigenvalues (N,
+    3)."""
+    scales = np.array([getattr(STATE_SCALES, name) for name in STATES])
+    vectors = scales[:, None] * shapes
+    return np.einsum("ik,nk,kj->nij", vectors, eigenvalues, np.linalg.inv(vectors))
+
+
+def test_eigenvalues_that_cross_keep_their_columns() -> None:
+    """At the crossing the other mode's eigenvalue is the nearer one: only the shape tells them
+    apart."""
+    s = np.linspace(0.0, 2.0, 8)
+    expected = np.stack([-3.0 + s, -1.0 - s, np.full_like(s, -0.1)], axis=1)
+    nearest = np.abs(expected[3, 0] - expected[4, 1]) < np.abs(expected[3, 0] - expected[4, 0])
+    assert nearest
+    np.testing.assert_allclose(
+        track_modes(models_with(expected), STATES, hfa_model.aircraft()), expected, atol=1e-12
+    )
+
+
+def test_shapes_that_hardly_differ_leave_the_word_to_the_eigenvalues() -> None:
+    """Two modes two degrees apart in shape trade shapes: their speed tells which is which."""
+    values = np.array([[-5.0, -1.0, -0.1]])
+    A = np.concatenate(
+        [models_with(values, NEARLY_PARALLEL), models_with(values, NEARLY_PARALLEL[:, [1, 0, 2]])]
+    )
+    np.testing.assert_allclose(
+        track_modes(A, STATES, hfa_model.aircraft()), np.repeat(values, 2, axis=0), atol=1e-9
+    )
+
+
+def test_a_pair_is_followed_as_a_pair() -> None:
+    """The F-16: beyond 400 ft/s its short period is two real eigenvalues, far to both sides of the
+    phugoid's pair."""
+    result = sweep(F16, {"speed": [300.0, 502.0], "altitude": [0.0, 10_000.0]}, listed=True)
+    names = np.array(result.mode_names)
+    short, phugoid = (result.eigenvalues[1, names == name] for name in ("short period", "phugoid"))
+    np.testing.assert_allclose(short, [-1.5297, 0.1323], atol=1e-4)
+    np.testing.assert_allclose(phugoid, [-0.0847 + 0.1319j, -0.0847 - 0.1319j], atol=1e-4)
+
+
+@pytest.mark.parametrize("sizes", [(5,), (3, 4), (2, 3, 4), (4, 1, 3)])
+def test_a_grid_is_followed_from_neighbour_to_neighbour(
+    published_aircraft: Model, sizes: tuple[int, ...]
+) -> None:
+    """Each step along an axis pairs the eigenvalues as a sweep of that step alone does."""
+    ranges = {"dihedral": (0.05, 0.3), "speed": (64.0, 72.0), "altitude": (39_000.0, 41_000.0)}
+    grid = {
+        name: np.linspace(*ranges[name], size) for name, size in zip(ranges, sizes, strict=False)
+    }
+    result = sweep(published_aircraft, grid)
+    assert result.trimmed.all()
+    index = np.arange(len(result.A)).reshape(sizes)
+    for axis in range(len(sizes)):
+        along = np.moveaxis(index, axis, 0)
+        for one, other in zip(along[:-1].ravel(), along[1:].ravel(), strict=True):
+            step = track_modes(result.A[[one, other]], result.model.linear, hfa_model.aircraft())
+            assert set(zip(*step.round(9).tolist(), strict=True)) == set(
+                zip(*result.eigenvalues[[one, other]].round(9).tolist(), strict=True)
+            )

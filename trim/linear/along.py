@@ -1,0 +1,51 @@
+"""Linear models along a flight, at states that need not balance."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from hfa_aircraft.model import Model
+from hfa_support.errors import BadInputError
+
+
+class Along(NamedTuple):
+    """Linear models along N states of a flight.
+
+    rates: f, (N, n).
+    A: ∂f/∂x, (N, n, n).
+    B: ∂f/∂u, (N, n, m).
+    """
+
+    rates: np.ndarray
+    A: np.ndarray
+    B: np.ndarray
+
+
+def models_along(model: Model, states: np.ndarray, inputs: np.ndarray) -> Along:
+    """Exact linear models at states (N, n) and inputs (N, m) that need not balance.
+
+    Small deviations δx from the flight follow δx' = A(t) δx + B(t) δu.
+
+    BadInputError when a shape is wrong or a derivative is not finite.
+    """
+    n = len(model.states)
+    m = len(model.inputs)
+    x = np.atleast_2d(np.asarray(states, dtype=float))
+    u = np.atleast_2d(np.asarray(inputs, dtype=float))
+    if x.shape[1:] != (n,) or u.shape != (len(x), m):
+        raise BadInputError(f"states {x.shape} and inputs {u.shape} must be (N, {n}) and (N, {m})")
+    function = model.functions(()).map(len(x))
+    f, _, A, B, *_ = function(x.T, u.T, np.tile(model.p[:, None], (1, len(x))))
+    # CasADi lays the results of the states side by side.
+    parts = [np.array(part).reshape(n, len(x), -1).transpose(1, 0, 2) for part in (f, A, B)]
+    rates = parts[0][:, :, 0]
+    finite = np.isfinite(np.concatenate(parts, axis=2)).all(axis=(1, 2))
+    if not finite.all():
+        first = int(np.argmin(finite))
+        names = (*model.states, *model.inputs)
+        values = dict(zip(names, (*x[first], *u[first]), strict=True))
+        reason = model.not_finite(rates[first], values, list(model.states))
+        raise BadInputError(f"state {first} of the flight: {reason}")
+    return Along(rates, parts[1], parts[2])

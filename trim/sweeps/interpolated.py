@@ -1,0 +1,135 @@
+"""Linear models between the points of a sweep."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from hfa_support.errors import BadInputError
+from trim.sweeps.sweep import Sweep
+
+
+class Interpolated(NamedTuple):
+    """Trim and linear model of the sweep's k states at N points; without N at one point.
+
+    states: X0, (N, n).
+    inputs: U0, (N, m).
+    A: (N, k, k).
+    B: (N, k, m).
+    """
+
+    states: np.ndarray
+    inputs: np.ndarray
+    A: np.ndarray
+    B: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class InterpolatedModel:
+    """Trim, A and B over the grid of a sweep, linear in each of its variables (bilinear in two).
+
+    BadInputError when a variable has fewer than two values, or a point of the sweep has no trim.
+    """
+
+    sweep: Sweep
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be interpolated."""
+        plan = self.sweep.plan
+        for name, count in zip(plan.variables, plan.sizes, strict=not plan.listed):
+            if plan.listed or count < 2:
+                raise BadInputError(
+                    f"{name} has one value in the sweep; models are interpolated over two or more"
+                )
+        for values, reason in zip(self.sweep.values, self.sweep.reasons, strict=True):
+            if reason:
+                raise BadInputError(
+                    f"no trim at {self._describe(values)}, so there is nothing to interpolate: "
+                    f"{reason}"
+                )
+
+    @cached_property
+    def axes(self) -> tuple[np.ndarray, ...]:
+        """The values of each variable, ascending."""
+        return tuple(np.unique(column) for column in self.sweep.values.T)
+
+    def at(self, **values: float | np.ndarray) -> Interpolated:
+        """The model at values of all variables, numbers or arrays (N,); BadInputError outside of
+        the grid."""
+        variables = self.sweep.variables
+        if {*values} != {*variables}:
+            raise BadInputError(f"give {', '.join(variables)}, by name")
+        columns = np.broadcast_arrays(*(values[name] for name in variables))
+        for name, axis, column in zip(variables, self.axes, columns, strict=True):
+            if not np.all((axis[0] <= column) & (column <= axis[-1])):
+                describe = self.sweep.model.describe
+                raise BadInputError(
+                    f"{name} lies outside of the sweep, which goes from {describe(name, axis[0])} "
+                    f"to {describe(name, axis[-1])}"
+                )
+        flat = self._interpolator(np.stack(columns, axis=-1))
+        shapes = [table.shape[len(self.axes) :] for table in self._tables]
+        ends = np.cumsum([math.prod(shape) for shape in shapes])
+        parts = np.split(flat, ends[:-1], axis=-1)
+        whole = [
+            part.reshape(*columns[0].shape, *shape)
+            for part, shape in zip(parts, shapes, strict=True)
+        ]
+        return Interpolated(*whole)
+
+    def to_casadi(self) -> ca.Function:
+        """(values of the variables,) -> X0, U0, A, B, as `at`, but held at the ends of the grid.
+
+        `.generate("models.c")` of it writes C that needs no library.
+        """
+        at = ca.SX.sym("at", len(self.axes))
+        weights = ca.SX(1)
+        for x, axis in zip(ca.vertsplit(at), self.axes, strict=True):
+            weights = ca.kron(weights, _hat_functions(x, axis))
+        parts = []
+        for table in self._tables:
+            flat = ca.mtimes(table.reshape(weights.numel(), -1).T, weights)
+            shape = table.shape[len(self.axes) :]
+            parts.append(flat if len(shape) == 1 else ca.reshape(flat, *shape[::-1]).T)
+        return ca.Function("models", [at], parts, ["at"], list(Interpolated._fields))
+
+    @cached_property
+    def _interpolator(self) -> Any:
+        """Of all quantities at once: (..., variables) -> (..., entries)."""
+        from scipy.interpolate import RegularGridInterpolator
+
+        sizes = tuple(map(len, self.axes))
+        flat = [table.reshape(*sizes, -1) for table in self._tables]
+        return RegularGridInterpolator(self.axes, np.concatenate(flat, axis=-1))
+
+    @cached_property
+    def _tables(self) -> list[np.ndarray]:
+        """Each quantity over the grid, the axes of the variables first, ascending."""
+        order = np.lexsort(self.sweep.values.T[::-1])
+        sizes = tuple(map(len, self.axes))
+        tables = []
+        for name in Interpolated._fields:
+            rows = getattr(self.sweep, name)[order]
+            tables.append(rows.reshape(*sizes, *rows.shape[1:]))
+        return tables
+
+    def _describe(self, values: np.ndarray) -> str:
+        describe = self.sweep.model.describe
+        pairs = zip(self.sweep.variables, values, strict=True)
+        return ", ".join(f"{name} {describe(name, value)}" for name, value in pairs)
+
+
+def _hat_functions(x: ca.SX, axis: np.ndarray) -> ca.SX:
+    """The weight of each value of an axis in linear interpolation at x, held at its ends."""
+    held = ca.fmin(ca.fmax(x, axis[0]), axis[-1])
+    rising = [(held - low) / (high - low) for low, high in pairwise(axis)]
+    before = [ca.SX(1), *rising]
+    after = [*(1 - share for share in rising), ca.SX(1)]
+    hats = [ca.fmax(0, ca.fmin(up, down)) for up, down in zip(before, after, strict=True)]
+    return ca.vertcat(*hats)
