@@ -1,5 +1,4 @@
-"""A Monte Carlo of flights: a plan of random scenarios, its members in chunks into a store, and
-their report."""
+"""A Monte Carlo of flights: a plan of random scenarios, and what is kept of each member."""
 
 from __future__ import annotations
 
@@ -15,34 +14,26 @@ import numpy as np
 
 from controller.flight.air import (
     ALPHA,
-    ANGLE_OF_ATTACK,
-    OVER_GROUND,
-    flown_through_air,
     limited_names,
 )
 from controller.flight.closed_loop import ClosedLoop, NonlinearPlant
-from controller.flight.envelope import control_limits, envelope_data, refuse_start
+from controller.flight.envelope import envelope_data, refuse_start
 from controller.flight.nonlinear_flight import NonlinearFlight, fly_within, names_and_units
 from controller.flight.policies import Policy
-from controller.flight.scenario import Scenario, Uncertainty, with_errors
+from controller.flight.scenario import Scenario, with_errors
 from controller.flight.signals import CommandedStates, Waveform
 from controller.flight.simulation import CompiledLoop
 from hfa_aircraft.model import VECTORS, Model, components
 from hfa_support.errors import BadInputError
-from hfa_support.jobs.store import Array, Layout, Store, described
+from hfa_support.jobs.store import Array, Layout, described
 from hfa_support.native.bound import cached_per_thread
 from hfa_support.reporting.fields import Shown
-from hfa_support.reporting.report import Report
-from hfa_support.reporting.text import Table, short_number, shown_unit
 from trim.limits import Limits
 from trim.point.operating_point import OperatingPoint
 
-STORE_SCHEMA, SUMMARY_SCHEMA = "hfa.monte-carlo-store/1", "hfa.monte-carlo-summary/1"
+STORE_SCHEMA = "hfa.monte-carlo-store/1"
 #: Steps of a chunk: at 0.8 µs a step and more, half a second of work or more.
 CHUNK_STEPS = 1_000_000
-#: Shares of the members inside their envelope up to which a quantity stays below its quantile.
-QUANTILES = (0.05, 0.5, 0.95, 1.0)
-
 #: Array of a store, of each member -> its meaning, and its axis or, of one number, its unit.
 _KEPT = {
     "left": ("number in the attribute left; -1: stayed inside", ""),
@@ -131,7 +122,7 @@ class MonteCarlo(Shown):
             "seed": self.seed,
             "parameters": {name: each.start for name, each in self.model.parameters.items()},
             "dynamics": self.model.name,
-            "model": _told_apart(self.model),
+            "model": _equations_identity(self.model),
             "states": self.point.states._asdict(),
             "inputs": self.point.inputs._asdict(),
             "law": {"name": self.policy.name, **self.policy.identity},
@@ -152,19 +143,10 @@ class MonteCarlo(Shown):
             "input": tuple(model.inputs),
         }
         units = {axis: model.units(names) for axis, names in axes.items() if axis != "error"}
-        sizes = {axis: len(names) for axis, names in axes.items()} | {
-            "memory_state": len(self.policy.start)
-        }
-        arrays = {}
-        for name, (meaning, axis) in _KEPT.items():
-            kind, fill = ("int8", -1) if name in ("left", "cycle") else ("float64", np.nan)
-            about = described(
-                meaning, "" if axis in sizes else axis, f"{axis}_unit" if axis in units else ""
-            )
-            own = (axis,) if axis in sizes else ()
-            arrays[name] = Array(tuple(sizes[each] for each in own), kind, fill, own, about)
+        sizes = {axis: len(names) for axis, names in axes.items()}
+        sizes["memory_state"] = len(self.policy.start)
         labels: dict[str, Any] = {axis: (axis, names) for axis, names in axes.items()}
-        labels |= {f"{axis}_unit": (axis, each) for axis, each in units.items()}
+        labels |= {f"{axis}_unit": (axis, names) for axis, names in units.items()}
         attributes = {
             "coordinates": " ".join(f"{axis}_unit" for axis in units),
             "errors": list(axes["error"]),
@@ -173,10 +155,16 @@ class MonteCarlo(Shown):
             "error_units": list(model.units(model.linear)),
             **names_and_units(model),
         }
-        chunk = -(-CHUNK_STEPS // (self.scenario.ticks * self.scenario.steps_per_tick))
-        plan, rows = json.loads(self.identity), self.members
         return Layout(
-            STORE_SCHEMA, "Monte Carlo", rows, "member", chunk, plan, arrays, labels, attributes
+            STORE_SCHEMA,
+            "Monte Carlo",
+            self.members,
+            "member",
+            -(-CHUNK_STEPS // (self.scenario.ticks * self.scenario.steps_per_tick)),
+            json.loads(self.identity),
+            {name: _array(name, sizes, units) for name in _KEPT},
+            labels,
+            attributes,
         )
 
     @property
@@ -195,7 +183,18 @@ class MonteCarlo(Shown):
         return hash(self.identity)
 
 
-def _told_apart(model: Model) -> tuple[str, ...]:
+def _array(name: str, sizes: Mapping[str, int], units: Mapping[str, Any]) -> Array:
+    """The array of a store that keeps one of `_KEPT` of each member."""
+    meaning, axis_or_unit = _KEPT[name]
+    kind, fill = ("int8", -1) if name in ("left", "cycle") else ("float64", np.nan)
+    if axis_or_unit not in sizes:
+        return Array((), kind, fill, (), described(meaning, axis_or_unit, ""))
+    unit_of_axis = f"{axis_or_unit}_unit" if axis_or_unit in units else ""
+    about = described(meaning, "", unit_of_axis)
+    return Array((sizes[axis_or_unit],), kind, fill, (axis_or_unit,), about)
+
+
+def _equations_identity(model: Model) -> tuple[str, ...]:
     """What decides a model's equations: the file that it comes from and its hash, else a hash of
     the expressions."""
     if model.source[0]:
@@ -228,124 +227,38 @@ def fly_members(plan: MonteCarlo, start: int, stop: int) -> Mapping[str, np.ndar
 def member_row(plan: MonteCarlo, result: NonlinearFlight) -> dict[str, Any]:
     """What is kept of the flight of a member: of its steps inside the envelope, and the state and
     memory after them."""
-    model, scenario, flight, left = (
-        plan.model,
-        result.loop.scenario,
-        result.flight,
-        result.departure,
-    )
+    scenario = result.loop.scenario
+    flight = result.flight
+    left = result.departure
+    states = list(plan.model.states)
+    trim = np.array(plan.point.inputs)
     flown = scenario.duration if left is None else left.time
-    inside = slice(round(flown / scenario.step))  # none where turbulence is outside at the start
-    errors, inputs, states = flight.errors[inside], flight.inputs[inside], list(model.states)
-    angles = flight.limited[inside, states.index(ALPHA)] if ALPHA in states else np.zeros(0)
-    names, moving = (*model.inputs, *model.states), scenario.moving_air
+    end = round(flown / scenario.step)  # 0 where turbulence is outside at the start
+    errors = flight.errors[:end]
+    inputs = flight.inputs[:end]
+    angles = flight.limited[:end, states.index(ALPHA)] if ALPHA in states else np.zeros(0)
+    left_number = -1
+    if left is not None:
+        left_number = limited_names(plan.model, scenario.moving_air).index(left.state)
+    cycle_number = -1
+    if result.cycle is not None:
+        cycle_number = [*plan.model.inputs, *states].index(result.cycle.name)
     return {
-        "left": -1 if left is None else limited_names(model, moving).index(left.state),
-        "cycle": -1 if result.cycle is None else names.index(result.cycle.name),
+        "left": left_number,
+        "cycle": cycle_number,
         "factors": [scenario.errors[name] for name in plan.scenario.uncertainty.errors],
         "flown": flown,
-        "rms_error": np.sqrt(np.square(errors).sum(axis=0) / max(len(errors), 1)),
+        "rms_error": _rms(errors),
         "peak_error": np.abs(errors).max(axis=0, initial=0.0),
         "peak_angle_of_attack": np.abs(angles).max(initial=0.0),
-        "effort": np.sqrt(np.square(inputs).sum(axis=0) / max(len(inputs), 1)),
-        "lowest_input": inputs.min(axis=0, initial=np.inf) + np.array(plan.point.inputs),
-        "highest_input": inputs.max(axis=0, initial=-np.inf) + np.array(plan.point.inputs),
-        "final": result.states[inside.stop],
-        "memory": flight.memory[inside.stop],
+        "effort": _rms(inputs),
+        "lowest_input": inputs.min(axis=0, initial=np.inf) + trim,
+        "highest_input": inputs.max(axis=0, initial=-np.inf) + trim,
+        "final": result.states[end],
+        "memory": flight.memory[end],
     }
 
 
-def member_report(plan: MonteCarlo, store: Store, where: str = "") -> Report:
-    """How many of the members in a store stayed within their limits, and what the others did;
-    where: they are kept.
-
-    Angles in degrees for people; data in English units and radians. data: held, members that did
-    not leave their envelope; within_limits: those of them whose inputs stayed within the control
-    limits and that settle; left: members by the state that left first, the earliest after
-    `first_left` s; exceeded: by the input that went beyond its control limit; limit_cycle: by what
-    still oscillates at the end; quantity -> variable -> `QUANTILES` over those inside, None where
-    none was."""
-    model, duration, moving = plan.model, plan.scenario.duration, plan.scenario.moving_air
-    left, flown, cycle = store.read("left"), store.read("flown"), store.read("cycle")
-    inside, names = left < 0, limited_names(model, moving)
-    limits = control_limits(model)
-    beyond = ~(
-        limits.within(store.read("lowest_input")) & limits.within(store.read("highest_input"))
-    )
-    within = int((inside & ~beyond.any(axis=1) & (cycle < 0)).sum())
-    first = None if inside.all() else float(flown[~inside].min())
-    counts = {
-        "left": {name: int((left == index).sum()) for index, name in enumerate(names)},
-        "exceeded": dict(zip(model.inputs, beyond.sum(axis=0).tolist(), strict=True)),
-        "limit_cycle": {
-            name: int((cycle == index).sum())
-            for index, name in enumerate((*model.inputs, *model.states))
-        },
-    }
-    lines = [f"stayed within limits: {within} of {plan.members}"]
-    for name, words in (
-        ("left", "left the envelope, by the state that left first"),
-        ("exceeded", "exceeded control limits"),
-        ("limit_cycle", "limit cycle that does not decay"),
-    ):
-        if any(counts[name].values()):
-            listed = ", ".join(f"{each} {count}" for each, count in counts[name].items() if count)
-            lines.append(
-                f"{words}: {listed}"
-                + (f"; the first after {first:.3g} s" if name == "left" else "")
-            )
-    parts: list[str | Table] = ["\n".join(lines)]
-    quantiles, table = _quantiles(plan, store, inside)
-    if inside.any():
-        parts += [table, *[OVER_GROUND] * (moving and flown_through_air(model))]
-    title = (
-        f"Monte Carlo, {plan.point.called}, nonlinear aircraft, law {plan.policy.name}: "
-        f"{plan.members} members of {duration:g} s, seed {plan.seed}"
-        + (f", {where}" if where else "")
-    )
-    data = {
-        "schema": SUMMARY_SCHEMA,
-        "dynamics": model.name,
-        "plant": "nonlinear",
-        "law": plan.policy.name,
-        "members": plan.members,
-        "seed": plan.seed,
-        "duration": duration,
-        "within_limits": within,
-        "held": int(inside.sum()),
-        "first_left": first,
-        **counts,
-        "quantiles": list(QUANTILES),
-        **quantiles,
-    }
-    alike = plan.scenario.uncertainty == Uncertainty()
-    notes = (
-        ["nothing differs from member to member: give parameter errors, noise or turbulence"]
-        if alike
-        else []
-    )
-    return Report(title, parts, notes, data)
-
-
-def _quantiles(plan: MonteCarlo, store: Store, inside: np.ndarray) -> tuple[dict[str, Any], Table]:
-    """Quantity -> variable -> its `QUANTILES` over the members inside; the same as a table."""
-    model, rows, found = plan.model, list[tuple[str, ...]](), dict[str, Any]()
-    kept = {"rms_error": model.linear, "peak_error": model.linear, "effort": tuple(model.inputs)}
-    if flown_through_air(model):
-        kept["peak_deviation"] = (ANGLE_OF_ATTACK,)
-    for name, of in kept.items():
-        values = store.read("peak_angle_of_attack" if name == "peak_deviation" else name)[
-            inside
-        ].reshape(-1, len(of))
-        ends = (
-            np.quantile(values, QUANTILES, axis=0).T.tolist() if inside.any() else [None] * len(of)
-        )
-        found[name] = dict(zip(of, ends, strict=True))
-        for each, numbers in zip(of, ends, strict=True):
-            if plan.scenario.moving_air or name != "peak_deviation":
-                cells = (short_number(number, model.unit(each)) for number in numbers or ())
-                rows.append(
-                    (f"{name.replace('_', ' ')} {each}", *cells, shown_unit(model.unit(each)))
-                )
-    shares = ["largest" if share == 1.0 else f"{100 * share:g} %" for share in QUANTILES]
-    return found, Table(("of those inside the envelope", *shares, "unit"), rows)
+def _rms(rows: np.ndarray) -> np.ndarray:
+    """Root mean square of each column of (N, k); 0 without rows."""
+    return np.asarray(np.sqrt(np.square(rows).sum(axis=0) / max(len(rows), 1)))

@@ -165,7 +165,8 @@ def monte_carlo(arguments: argparse.Namespace) -> int:
     members go to a Zarr store (-o FILE.zarr), which can be continued after an interruption
     (--resume). Exit code 0 when at least one member stays inside its envelope and within the
     control limits."""
-    from controller.flight.monte_carlo import MonteCarlo, member_report
+    from controller.flight.monte_carlo import MonteCarlo
+    from controller.flight.monte_carlo_report import member_report
     from hfa_support.jobs.store import stream
 
     target = arguments.output
@@ -182,7 +183,7 @@ def monte_carlo(arguments: argparse.Namespace) -> int:
         place = target or folder / "members.zarr"
         store = stream(plan, place, **arguments.workers, resume=arguments.resume, **about)
         report = member_report(
-            plan, store, "members not kept" if target is None else f"members in {target}"
+            plan, store.read, "members not kept" if target is None else f"members in {target}"
         )
     report = report.with_data(store=None if target is None else str(target))
     show(report, arguments, written=True, points=[plan.point])

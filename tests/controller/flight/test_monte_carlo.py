@@ -23,7 +23,8 @@ from controller import (
     fly,
 )
 from controller.flight import monte_carlo
-from controller.flight.monte_carlo import fly_member, fly_members, member_report, member_row
+from controller.flight.monte_carlo import fly_member, fly_members, member_row
+from controller.flight.monte_carlo_report import member_report
 from controller.flight.scenario import with_errors
 from controller.flight.signals import zero
 from hfa_model import LINEAR_STATES, STATES, Input, Parameters, State
@@ -146,7 +147,7 @@ def test_a_member_that_leaves_its_envelope_ends_there(plan: MonteCarlo, tmp_path
     assert 0.0 < departure.time < away.scenario.duration
     assert departure.state in ("pitch_rate", "angle_of_attack")
     assert_same_flight(away, 0)
-    data = member_report(away, stream(away, tmp_path / "a.zarr")).data
+    data = member_report(away, stream(away, tmp_path / "a.zarr").read).data
     assert (data["held"], data["first_left"], set(data["effort"].values())) == (
         0,
         departure.time,
@@ -263,7 +264,7 @@ def test_members_beyond_their_control_limits_are_counted_and_the_input_is_named(
     start = np.zeros(7)
     start[0] = 0.35
     pushed = replace(with_scenario(plan, initial=start, uncertainty=Uncertainty()), members=2)
-    found = member_report(pushed, stream(pushed, tmp_path / "a.zarr"))
+    found = member_report(pushed, stream(pushed, tmp_path / "a.zarr").read)
     assert (
         found.data["held"],
         found.data["within_limits"],
