@@ -1,0 +1,267 @@
+"""XML files of an aircraft: elements with the lines they stand on, numbers in JSBSim's units, and
+the folders that files may come from."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import xml.parsers.expat
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from hfa_support.errors import BadInputError, shortened
+
+#: More nested elements than this are no aircraft.
+_DEEPEST = 100
+#: Entities of JSBSim's files are names of numbers.
+_LONGEST_ENTITY = 100
+
+
+@dataclass
+class Element:
+    """An element of a file.
+
+    name: its tag.
+    attributes: name -> text.
+    children: its elements, in order.
+    lines: (number, text) of each line of text that is not empty.
+    file, line: where it begins.
+    parent: what it stands in; None for the root.
+    """
+
+    name: str
+    attributes: dict[str, str]
+    file: str
+    line: int
+    parent: Element | None = None
+    children: list[Element] = field(default_factory=list)
+    lines: list[tuple[int, str]] = field(default_factory=list)
+
+    @property
+    def where(self) -> str:
+        """File and line, as messages begin."""
+        return f"{self.file}:{self.line}"
+
+    @property
+    def text(self) -> str:
+        """Its first line of text; empty without one."""
+        return self.lines[0][1] if self.lines else ""
+
+    def error(self, fault: str) -> BadInputError:
+        """An error about this element."""
+        return BadInputError(f"{self.where}: {fault}")
+
+    def find(self, name: str) -> Element | None:
+        """Its first child of this name."""
+        return next((child for child in self.children if child.name == name), None)
+
+    def all(self, name: str) -> Iterator[Element]:
+        """Its children of this name."""
+        return (child for child in self.children if child.name == name)
+
+    def need(self, name: str) -> Element:
+        """Its first child of this name; an error without one."""
+        child = self.find(name)
+        if child is None:
+            raise self.error(f"<{self.name}> has no <{name}>; add it")
+        return child
+
+    def number(self, unit: str = "") -> float:
+        """Its text as a number, converted from its own unit where both have one."""
+        value = self.as_number(self.text)
+        own_unit = self.attributes.get("unit", "")
+        if not unit or not own_unit or own_unit == unit:
+            return value
+        return value * self.factor(own_unit, unit)
+
+    def factor(self, own_unit: str, unit: str) -> float:
+        """What a value in its own unit is multiplied by."""
+        if (own_unit, unit) in _FACTORS:
+            return _FACTORS[own_unit, unit]
+        if (unit, own_unit) in _FACTORS:
+            return 1.0 / _FACTORS[unit, own_unit]
+        raise self.error(f'<{self.name}> has the unit "{shortened(own_unit)}"; give it in {unit}')
+
+    def as_number(self, text: str) -> float:
+        """A text of this element as a number."""
+        try:
+            value = float(text)
+        except ValueError as error:
+            raise self.error(f"<{self.name}> holds {shortened(text)!r}, not a number") from error
+        if not math.isfinite(value):
+            raise self.error(f"<{self.name}> is {text}; give a finite number")
+        return value
+
+    def value_of(self, name: str, default: float, unit: str = "") -> float:
+        """The number of its first child of this name; the default without one."""
+        child = self.find(name)
+        return default if child is None else child.number(unit)
+
+    def vector(self, unit: str) -> np.ndarray:
+        """Its children x, y, z (or roll, pitch, yaw) as (3,) numbers; 0 for what it lacks."""
+        own_unit = self.attributes.get("unit", "") or unit
+        factor = 1.0 if own_unit == unit else self.factor(own_unit, unit)
+        numbers = []
+        for names in (("x", "roll"), ("y", "pitch"), ("z", "yaw")):
+            child = self.find(names[0]) or self.find(names[1])
+            numbers.append(0.0 if child is None else child.number() * factor)
+        return np.array(numbers)
+
+
+#: (from, to) -> factor, as in `FGXMLElement`; the reverse follows.
+_FACTORS = {
+    ("M", "FT"): 3.2808399,
+    ("CM", "FT"): 0.032808399,
+    ("KM", "FT"): 3280.8399,
+    ("FT", "IN"): 12.0,
+    ("M", "IN"): 3.2808399 * 12.0,
+    ("M2", "FT2"): 3.2808399**2,
+    ("CM2", "FT2"): 0.032808399**2,
+    ("FT2", "IN2"): 144.0,
+    ("IN3", "CC"): 16.387064,
+    ("FT3", "IN3"): 1728.0,
+    ("M3", "FT3"): 35.3146667,
+    ("LTR", "IN3"): 61.0237441,
+    ("LBS", "KG"): 0.45359237,
+    ("SLUG", "KG"): 14.59390,
+    ("SLUG", "LBS"): 14.59390 / 0.45359237,
+    ("SLUG*FT2", "KG*M2"): 1.35594,
+    ("RAD", "DEG"): 180.0 / math.pi,
+    ("WATTS", "HP"): 0.001341022,
+    ("N", "LBS"): 0.22482,
+    ("ATM", "INHG"): 29.9246899,
+    ("PSI", "INHG"): 2.03625437,
+    ("INHG", "PSF"): 70.7180803,
+    ("INHG", "PA"): 3386.0,
+    ("LBS/FT2", "PA"): 14.5939 * 3.2808399,
+    ("N/M2", "PA"): 1.0,
+    ("KG/SEC", "LBS/SEC"): 1.0 / 0.45359237,
+    ("KG/MIN", "LBS/MIN"): 1.0 / 0.45359237,
+    ("LBS/HP*HR", "KG/KW*HR"): 0.6083,
+    ("KG/L", "LBS/GAL"): 8.3454045,
+}
+
+
+def parsed(text: bytes, file: str) -> Element:
+    """The root element of an XML text. BadInputError where it is none, or where it declares an
+    entity that is more than a short text: nothing grows, nothing is fetched."""
+    parser = xml.parsers.expat.ParserCreate()
+    parser.SetParamEntityParsing(xml.parsers.expat.XML_PARAM_ENTITY_PARSING_NEVER)
+    open_elements: list[Element] = []
+    roots: list[Element] = []
+
+    def start(name: str, attributes: dict[str, str]) -> None:
+        parent = open_elements[-1] if open_elements else None
+        element = Element(name, attributes, file, parser.CurrentLineNumber, parent)
+        (parent.children if parent else roots).append(element)
+        open_elements.append(element)
+        if len(open_elements) > _DEEPEST:
+            raise element.error(f"more than {_DEEPEST} elements in each other; this is no aircraft")
+
+    def end(_: str) -> None:
+        open_elements.pop()
+
+    def characters(text: str) -> None:
+        lines = open_elements[-1].lines
+        number = parser.CurrentLineNumber
+        if lines and lines[-1][0] == number:
+            lines[-1] = (number, lines[-1][1] + text)
+        else:
+            lines.append((number, text))
+
+    def check_entity(name: str, is_parameter: int, value: str | None, *_: object) -> None:
+        line = parser.CurrentLineNumber
+        if value is None or is_parameter or "&" in value or len(value) > _LONGEST_ENTITY:
+            fault = f"the entity {shortened(name)} is a file, or long, or made of others"
+            raise BadInputError(f"{file}:{line}: {fault}; write its text in its place")
+
+    parser.StartElementHandler = start
+    parser.EndElementHandler = end
+    parser.CharacterDataHandler = characters
+    parser.EntityDeclHandler = check_entity
+    try:
+        parser.Parse(text, True)
+    except xml.parsers.expat.ExpatError as error:
+        what = xml.parsers.expat.errors.messages.get(error.code, "")
+        raise BadInputError(f"{file}:{error.lineno}: this is no XML ({what})") from error
+    _strip(roots[0])
+    return roots[0]
+
+
+def _strip(element: Element) -> None:
+    """Drop empty lines of text, and white space around others, in an element and below it."""
+    stripped = [(number, text.strip()) for number, text in element.lines]
+    element.lines = [(number, text) for number, text in stripped if text]
+    for child in element.children:
+        _strip(child)
+
+
+class Folders:
+    """Where the files of one aircraft may come from; what was read is kept for the provenance.
+
+    aircraft: the aircraft's own folder.
+    shared: folders that hold the folders engine and systems, searched in this order.
+    """
+
+    def __init__(self, aircraft: Path, shared: tuple[Path, ...]) -> None:
+        self.aircraft = aircraft
+        self.shared = shared
+        self._files: dict[Path, tuple[Element, str]] = {}
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 of the hashes of all files that were read, in the order of their names."""
+        hashes = (digest for _, (_, digest) in sorted(self._files.items()))
+        return hashlib.sha256("".join(hashes).encode()).hexdigest()
+
+    def read(self, path: Path) -> Element:
+        """The root element of a file; each file is read once."""
+        if path not in self._files:
+            try:
+                text = path.read_bytes()
+            except OSError as error:
+                raise BadInputError(f"{path}: the file cannot be read ({error.strerror})") from error
+            digest = hashlib.sha256(text).hexdigest()
+            self._files[path] = (parsed(text, str(path)), digest)
+        return self._files[path][0]
+
+    def opened(self, element: Element) -> Element:
+        """The element itself, or the root of the file that it names."""
+        name = element.attributes.get("file", "")
+        return self.read(self._found(element, name)) if name else element
+
+    def merged(self, element: Element) -> Element:
+        """The element with what the file that it names holds before its own children
+        (`FGModel::Upload`)."""
+        document = self.opened(element)
+        if document is element:
+            return element
+        if document.name != element.name:
+            fault = f"the file holds <{document.name}>, not <{element.name}>"
+            raise document.error(f"{fault}; {element.where} names it")
+        both = [*document.children, *element.children]
+        attributes = document.attributes | element.attributes
+        return Element(
+            element.name, attributes, document.file, document.line, element.parent, both
+        )
+
+    def _found(self, element: Element, name: str) -> Path:
+        """The file that an element names, in the folders where JSBSim looks for it."""
+        relative = Path(name if name.endswith(".xml") else f"{name}.xml")
+        own_folders = [self.aircraft]
+        kind = "engine" if element.name in ("engine", "thruster") else "systems"
+        if kind == "engine":
+            own_folders += [self.aircraft / "Engines", self.aircraft / "engines"]
+        elif element.name == "system":
+            own_folders += [self.aircraft / "Systems", self.aircraft / "systems"]
+        folders = [*own_folders, *(folder / kind for folder in self.shared)]
+        for folder in folders:
+            path = (folder / relative).resolve()
+            if not path.is_relative_to(folder.resolve()):
+                raise element.error(f"the file {shortened(name)} lies outside the aircraft's folders")
+            if path.is_file():
+                return path
+        raise element.error(f"the file {shortened(name)} is not in {', '.join(map(str, folders))}")
