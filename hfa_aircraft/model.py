@@ -91,7 +91,10 @@ class Model:
     limits of the states that a flight about it keeps where they are not min and max: state ->
     (lowest, highest). check: raises BadInputError for a state, by name, where the equations mean
     nothing whatever the limits. called: how reports name it; its name unless given. source: the
-    file and name that it was loaded from, and a hash. BadInputError when a name is not an
+    file and name that it was loaded from, and a hash. alternatives: groups of names of which a trim
+    imposes one: to impose another sets it free. begin: imposed values by name, numbers or
+    arrays -> where a search for others begins. aliases: name in another program -> name here. notes: what every report says of
+    it. BadInputError when a name is not an
     identifier, is declared twice or is unknown, or when a number cannot be."""
 
     name: str
@@ -114,6 +117,10 @@ class Model:
     check: Callable[[Any], None] | None = None
     called: str = ""
     source: tuple[str, str] = ("", "")
+    alternatives: tuple[tuple[str, ...], ...] = ()
+    begin: Callable[[Mapping[str, Any]], Mapping[str, Any]] | None = None
+    aliases: Mapping[str, str] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         """Check the declaration before anything is compiled."""
@@ -601,7 +608,8 @@ def _check_signal(where: str, signal: Signal) -> None:
 
 
 def load_model(place: str) -> Model:
-    """The Model of `FILE.py:NAME` or `package.module:NAME`: the file is executed.
+    """The Model of `FILE.py:NAME` or `package.module:NAME`, which is executed, or of an aircraft of
+    JSBSim, `jsbsim:NAME` or `FILE.xml`, which is read.
 
     BadInputError names the file and its fault.
     """
@@ -611,10 +619,14 @@ def load_model(place: str) -> Model:
     import types
     from pathlib import Path
 
+    if place.startswith("jsbsim:") or place.endswith(".xml"):
+        from hfa_aircraft.jsbsim.reader import read_model
+
+        return read_model(place)
     where, colon, name = place.rpartition(":")
     if not colon or not name.isidentifier():
         raise BadInputError(
-            f"{shown(place)} is no aircraft; give FILE.py:NAME or package.module:NAME"
+            f"{shown(place)} is no aircraft; give FILE.py:NAME, package.module:NAME, jsbsim:NAME or FILE.xml"
         )
     try:
         if where.endswith(".py"):

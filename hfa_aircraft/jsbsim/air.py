@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import casadi as ca
@@ -49,7 +50,7 @@ def air_at(altitude: Any) -> Air:
     base_pressure = _SEA_LEVEL_PRESSURE
     temperature: Any = 0.0
     pressure: Any = 0.0
-    for (bottom, warmth), (top, next_warmth) in zip(_LAYERS, _LAYERS[1:], strict=False):
+    for (bottom, warmth), (top, next_warmth) in pairwise(_LAYERS):
         lapse = (next_warmth - warmth) / (top - bottom)
         layer_temperature = warmth + lapse * (height - bottom)
         layer_pressure = base_pressure * _pressure_ratio(warmth, lapse, height - bottom)
@@ -84,15 +85,27 @@ def pitot_pressure(mach: Any, pressure: Any) -> Any:
     return pressure * ca.if_else(mach < 1.0, (1.0 + 0.2 * mach * mach) ** 3.5, supersonic)
 
 
-def calibrated_speed(mach: Any, pressure: Any) -> Any:
-    """What an airspeed indicator that is calibrated at sea level shows, ft/s."""
-    ratio = (pitot_pressure(mach, pressure) - pressure) / _SEA_LEVEL_PRESSURE + 1.0
+def mach_of_pitot(impact_pressure: Any, pressure: Any) -> Any:
+    """The Mach number at which a pitot tube shows this pressure above the static one."""
+    ratio = impact_pressure / pressure + 1.0
     subsonic = ca.sqrt(5.0 * (ratio ** (2.0 / 7.0) - 1.0))
     coefficient = 1.2 ** (-0.25 * 7.0) * (1.2 / 1.4) ** (-0.5 * 2.5)
     supersonic = ca.fmax(subsonic, 1.0)
     for _ in range(10):
         supersonic = coefficient * ca.sqrt(ratio * (1.0 - 1.0 / (7.0 * supersonic**2)) ** 2.5)
-    return SEA_LEVEL.sound * ca.if_else(subsonic > 1.0, supersonic, subsonic)
+    return ca.if_else(subsonic > 1.0, supersonic, subsonic)
+
+
+def calibrated_speed(mach: Any, pressure: Any) -> Any:
+    """What an airspeed indicator that is calibrated at sea level shows, ft/s."""
+    impact = pitot_pressure(mach, pressure) - pressure
+    return SEA_LEVEL.sound * mach_of_pitot(impact, _SEA_LEVEL_PRESSURE)
+
+
+def mach_of_calibrated(speed: Any, pressure: Any) -> Any:
+    """The Mach number at a calibrated airspeed, ft/s."""
+    impact = pitot_pressure(speed / SEA_LEVEL.sound, _SEA_LEVEL_PRESSURE) - _SEA_LEVEL_PRESSURE
+    return mach_of_pitot(impact, pressure)
 
 
 @dataclass(frozen=True)

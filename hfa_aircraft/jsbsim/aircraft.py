@@ -13,7 +13,7 @@ import numpy as np
 
 from hfa_aircraft.jsbsim import engines as jets
 from hfa_aircraft.jsbsim.aerodynamics import Aerodynamics
-from hfa_aircraft.jsbsim.air import KNOT, Motion, motion_of, state_properties
+from hfa_aircraft.jsbsim.air import KNOT, motion_of, state_properties
 from hfa_aircraft.jsbsim.airframe import read_mass, read_metrics, read_tanks
 from hfa_aircraft.jsbsim.control_system import add_control_systems
 from hfa_aircraft.jsbsim.engines import Effect, EngineFile, Surroundings
@@ -286,7 +286,7 @@ class Equations:
             "gamma": ca.asin(motion.climb / motion.speed),
             "turn_rate": turning,
             "load_factor": -pushed[2] / self.parameters["gravity"],
-            "lift": -wind_force[2] / weight,
+            "lift_to_weight": -wind_force[2] / weight,
             "thrust": sum((effect.thrust for effect in self.effects), start=ca.SX(0.0)),
         }
         for file, effect in zip(self.parts.engines, self.effects, strict=True):

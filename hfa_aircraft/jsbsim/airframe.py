@@ -153,7 +153,8 @@ def read_mass(element: Element, tanks: Sequence[Tank]) -> Mass:
     weight = sum(body.weight for body in bodies)
     if weight <= 0.0:
         raise element.error(f"the aircraft weighs {weight:g} lb; give its weight")
-    center = sum(body.weight * body.location for body in bodies) / weight
+    moments = [body.weight * body.location for body in bodies]
+    center = np.sum(moments, axis=0) / weight
     inertia = np.zeros((3, 3))
     for body in bodies:
         arm = structural_to_body(body.location - center)

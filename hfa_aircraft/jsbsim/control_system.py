@@ -42,9 +42,7 @@ def add_control_systems(
     _join_units(properties)
 
 
-def _add_component(
-    component: Element, properties: Properties, commands: ca.SX, order: int
-) -> None:
+def _add_component(component: Element, properties: Properties, commands: ca.SX, order: int) -> None:
     """Let a component set what its name and its <output> name."""
     name = component.attributes.get("name", "")
     names = [name if "/" in name else f"fcs/{lower_dashes(name)}"]
@@ -226,7 +224,7 @@ def _second_order(component: Element, properties: Properties) -> Any:
 def _switch(component: Element, properties: Properties) -> Any:
     """The value of the first test that holds, else the default."""
     default = component.find("default")
-    value = 0.0
+    value: Any = 0.0
     if default is not None:
         value = properties.value(default.attributes.get("value", "0"), default)
     for test in reversed(list(component.all("test"))):

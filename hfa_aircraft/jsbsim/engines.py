@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import casadi as ca
@@ -12,11 +13,16 @@ import numpy as np
 
 from hfa_aircraft.jsbsim.air import Motion
 from hfa_aircraft.jsbsim.airframe import Mass, Tank, rotation
-from hfa_aircraft.jsbsim.functions import function_value, table_value
+from hfa_aircraft.jsbsim.functions import function_value, read_table, table_value
 from hfa_aircraft.jsbsim.properties import Properties, Writer
 from hfa_aircraft.jsbsim.xml_file import Element
 from hfa_support.errors import shortened
 
+#: What engines set besides the speeds of their shafts.
+_COMPUTED = (
+    *("thrust-lbs", "power-hp", "map-inhg", "map-pa", "thrust-coefficient", "advance-ratio"),
+    *("prop-induced-velocity_fps", "helical-tip-Mach"),
+)
 KINDS = ("turbine_engine", "rocket_engine", "piston_engine", "turboprop_engine", "electric_engine")
 
 
@@ -112,9 +118,7 @@ def read_engine(
         dry = "oxidizer"
     if engine.name == "electric_engine":
         dry = ""
-    return EngineFile(
-        number, mount, engine, thruster_mount, thruster, location, dry != "", dry
-    )
+    return EngineFile(number, mount, engine, thruster_mount, thruster, location, dry != "", dry)
 
 
 @dataclass(frozen=True)
@@ -183,9 +187,7 @@ def turbine_thrust(file: EngineFile, around: Surroundings) -> Any:
         return ca.SX(0.0)
     position = throttle_of(file, around)
     military = engine.value_of("milthrust", 10000.0, "LBS")
-    shares = {
-        name: _share(file, around, name) for name in ("IdleThrust", "MilThrust", "AugThrust")
-    }
+    shares = {name: _share(file, around, name) for name in ("IdleThrust", "MilThrust", "AugThrust")}
     idle = military * shares["IdleThrust"]
     share = ca.fmin(position, 1.0)
     dry = idle + (military - idle) * shares["MilThrust"] * share**2
@@ -261,9 +263,7 @@ def electric_power(file: EngineFile, around: Surroundings) -> Any:
 def internal_table(table: Element, around: Surroundings, arguments: list[Any]) -> Any:
     """A table that the engine itself gives the arguments; one of lower dimension takes the first
     ones."""
-    from hfa_aircraft.jsbsim.functions import Table
-
-    read = Table(table)
+    read = read_table(table)
     return read.at(around.properties, arguments[: read.dimensions])
 
 
@@ -289,17 +289,18 @@ def add_engine(file: EngineFile, around: Surroundings, compute: Any) -> Writer:
             return 0.0 if effect.power is None else effect.power
         return effect.properties.get(name, 0.0)
 
-    computed = ("thrust-lbs", "power-hp", "map-inhg", "map-pa", "thrust-coefficient")
-    for name in (*computed, "advance-ratio", "prop-induced-velocity_fps", "helical-tip-Mach"):
-        if properties.writer(file.property(name)) is None:
-            full_name = file.property(name)
-            properties.compute(full_name, Writer(lambda name=name: part(name), file.mount.where))
+    for name in _COMPUTED:
+        full_name = file.property(name)
+        if properties.writer(full_name) is None:
+            properties.compute(full_name, Writer(partial(part, name), file.mount.where))
     properties.define_initial(file.property("set-running"), 1.0)
     if file.has_propeller:
         speed = getattr(around.states, f"rpm{file.number}")
         properties.define(file.property("propeller-rpm"), speed)
         properties.define(file.property("engine-rpm"), engine_rpm(file, around))
-        properties.define(file.property("propeller-sense"), file.thruster_mount.value_of("sense", 1.0))
+        properties.define(
+            file.property("propeller-sense"), file.thruster_mount.value_of("sense", 1.0)
+        )
     if file.kind == "turbine_engine" and not file.starved:
         _add_shafts(file, around)
     return writer

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import reduce
 from typing import Any
 
@@ -93,8 +94,16 @@ _OPERATIONS: dict[str, tuple[Callable[..., Any], int, int]] = {
     "ge": (_truth(lambda one, other: one >= other), 2, 2),
     "eq": (_truth(lambda one, other: one == other), 2, 2),
     "nq": (_truth(lambda one, other: one != other), 2, 2),
-    "and": (lambda *values: reduce(ca.fmin, [ca.if_else(v != 0, 1.0, 0.0) for v in values]), 2, _MANY),
-    "or": (lambda *values: reduce(ca.fmax, [ca.if_else(v != 0, 1.0, 0.0) for v in values]), 2, _MANY),
+    "and": (
+        lambda *values: reduce(ca.fmin, [ca.if_else(v != 0, 1.0, 0.0) for v in values]),
+        2,
+        _MANY,
+    ),
+    "or": (
+        lambda *values: reduce(ca.fmax, [ca.if_else(v != 0, 1.0, 0.0) for v in values]),
+        2,
+        _MANY,
+    ),
     "not": (lambda value: ca.if_else(value != 0, 0.0, 1.0), 1, 1),
     "ifthen": (lambda test, one, other: ca.if_else(test != 0, one, other), 3, 3),
     "switch": (_switch, 2, _MANY),
@@ -124,7 +133,9 @@ def _value(element: Element, properties: Properties, number: int | None) -> Any:
     if name in ("table", "t"):
         return table_value(element, properties, number)
     if name not in _OPERATIONS:
-        raise element.error(f"<{shortened(name)}> is no function that can be read; write it in others")
+        raise element.error(
+            f"<{shortened(name)}> is no function that can be read; write it in others"
+        )
     operation, fewest, most = _OPERATIONS[name]
     values = [
         _value(child, properties, number)
@@ -141,71 +152,25 @@ def numbered(element: Element, name: str, number: int | None) -> str:
     if "#" not in name:
         return name
     if number is None:
-        raise element.error(f"{shortened(name)} has a #, which stands for an engine; name the engine")
+        raise element.error(
+            f"{shortened(name)} has a #, which stands for an engine; name the engine"
+        )
     return name.replace("#", str(number))
 
 
+@dataclass(frozen=True)
 class Table:
     """Numbers of a <table>.
 
     values: (n1, ..., nd), one axis for each of rows, columns, tables.
     breakpoints: d arrays.
+    parts: where tables over the last axis have other breakpoints than each other, these tables;
+        values and the first of the breakpoints are then of the last axis alone.
     """
 
-    def __init__(self, element: Element) -> None:
-        nested = list(element.all("tableData"))
-        if not nested and element.name != "tableData":
-            raise element.error("the table has no <tableData>; add it")
-        if len(nested) > 1 or (element.name == "tableData" and nested):
-            tables = [Table(child) for child in nested]
-            points = [child.as_number(child.attributes.get("breakPoint", "")) for child in nested]
-            if len({table.values.shape for table in tables}) == 1 and all(
-                np.array_equal(one, other)
-                for table in tables
-                for one, other in zip(table.breakpoints, tables[0].breakpoints, strict=True)
-            ):
-                self.values = np.stack([table.values for table in tables], axis=-1)
-                self.breakpoints = [*tables[0].breakpoints, np.array(points)]
-                self.parts: list[Table] = []
-            else:
-                self.values = np.arange(float(len(tables)))
-                self.breakpoints = [np.array(points)]
-                self.parts = tables
-        else:
-            self.parts = []
-            self._read(nested[0] if nested else element)
-        for points_of_axis in self.breakpoints:
-            if len(points_of_axis) < 2:
-                raise element.error("the table has one row or column only; give at least two")
-            if not np.all(np.diff(points_of_axis) > 0.0):
-                raise element.error("the breakpoints of the table do not increase; sort them")
-
-    def _read(self, data: Element) -> None:
-        """Rows of numbers: a 2-D table has one number less in its first row."""
-        rows = []
-        for line, text in data.lines:
-            try:
-                rows.append([float(word) for word in text.split()])
-            except ValueError as error:
-                raise Element("tableData", {}, data.file, line).error(
-                    f"{shortened(text)!r} is no row of numbers"
-                ) from error
-        widths = {len(row) for row in rows}
-        if widths == {2}:
-            columns = np.array(rows).T
-            self.breakpoints = [columns[0]]
-            self.values = columns[1]
-            return
-        if len(rows) < 2 or {len(row) for row in rows[1:]} != {len(rows[0]) + 1}:
-            raise data.error("the rows of the table differ in length; correct them")
-        body = np.array(rows[1:])
-        if body.shape[1] == 2:  # one column: it does not depend on the second argument
-            body = np.column_stack([body, body[:, 1]])
-            rows[0] = [rows[0][0], rows[0][0] + 1.0]
-        if len(body) == 1:
-            raise data.error("the table has one row only; give at least two")
-        self.breakpoints = [body[:, 0], np.array(rows[0])]
-        self.values = body[:, 1:]
+    values: np.ndarray
+    breakpoints: list[np.ndarray]
+    parts: tuple[Table, ...] = ()
 
     @property
     def dimensions(self) -> int:
@@ -224,12 +189,69 @@ class Table:
         return low + share * (high - low)
 
 
+def read_table(element: Element) -> Table:
+    """The numbers of a <table>, or of a <tableData> in another."""
+    nested = list(element.all("tableData"))
+    if not nested and element.name != "tableData":
+        raise element.error("the table has no <tableData>; add it")
+    if len(nested) > 1 or (element.name == "tableData" and nested):
+        table = _stacked(nested)
+    else:
+        table = _rows(nested[0] if nested else element)
+    for points in table.breakpoints:
+        if len(points) < 2:
+            raise element.error("the table has one row or column only; give at least two")
+        if not np.all(np.diff(points) > 0.0):
+            raise element.error("the breakpoints of the table do not increase; sort them")
+    return table
+
+
+def _stacked(nested: list[Element]) -> Table:
+    """Tables over a further axis, whose breakpoints they name."""
+    tables = tuple(read_table(child) for child in nested)
+    points = np.array([child.as_number(child.attributes.get("breakPoint", "")) for child in nested])
+    first = tables[0]
+    if any(table.dimensions != first.dimensions for table in tables):
+        raise nested[0].error("the tables over the last axis differ in dimensions; correct them")
+    alike = all(
+        len(one) == len(other) and np.array_equal(one, other)
+        for table in tables
+        for one, other in zip(table.breakpoints, first.breakpoints, strict=True)
+    )
+    if alike and not any(table.parts for table in tables):
+        values = np.stack([table.values for table in tables], axis=-1)
+        return Table(values, [*first.breakpoints, points])
+    return Table(points, [points], tables)
+
+
+def _rows(data: Element) -> Table:
+    """Rows of numbers: pairs, or a row of columns' breakpoints before rows with one number more."""
+    rows = []
+    for line, text in data.lines:
+        try:
+            rows.append([float(word) for word in text.split()])
+        except ValueError as error:
+            place = Element("tableData", {}, data.file, line)
+            raise place.error(f"{shortened(text)!r} is no row of numbers") from error
+    if {len(row) for row in rows} == {2}:
+        pairs = np.array(rows)
+        return Table(pairs[:, 1], [pairs[:, 0]])
+    if len(rows) < 2 or {len(row) for row in rows[1:]} != {len(rows[0]) + 1}:
+        raise data.error("the rows of the table differ in length; correct them")
+    body = np.array(rows[1:])
+    columns = np.array(rows[0])
+    if len(columns) == 1:  # it does not depend on the second argument
+        body = np.column_stack([body, body[:, 1]])
+        columns = np.array([columns[0], columns[0] + 1.0])
+    return Table(body[:, 1:], [body[:, 0], columns])
+
+
 _AXES = {"": 0, "row": 0, "axis1": 0, "column": 1, "axis2": 1, "table": 2, "axis3": 2, "axis4": 3}
 
 
 def table_value(element: Element, properties: Properties, number: int | None = None) -> Any:
     """The value of a <table> at its independent variables."""
-    table = Table(element)
+    table = read_table(element)
     arguments: dict[int, Any] = {}
     for variable in element.all("independentVar"):
         axis = variable.attributes.get("lookup", "")

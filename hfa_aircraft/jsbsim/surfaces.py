@@ -61,7 +61,9 @@ def cut_surfaces(
             sign = -1.0 if surface.startswith("right-aileron") else 1.0
             if key not in cut:
                 unit = "rad" if name.endswith(("-rad", "-deg")) else "1"
-                cut[key] = PilotInput(ca.SX.sym(key), unit, _limits(name, surface, properties, sign))
+                cut[key] = PilotInput(
+                    ca.SX.sym(key), unit, _limits(name, surface, properties, sign)
+                )
                 notes.append(f"{error}: the input {key} is the surface itself")
             _set_surface(name, surface, properties, sign * cut[key].symbol)
     inputs.update(cut)
@@ -77,9 +79,7 @@ def _surface(name: str) -> str:
     return surface
 
 
-def _limits(
-    name: str, surface: str, properties: Properties, sign: float
-) -> tuple[float, float]:
+def _limits(name: str, surface: str, properties: Properties, sign: float) -> tuple[float, float]:
     """Limits of the component that sets the surface, in rad if it is an angle."""
     for source in (name, f"fcs/{surface}-pos-rad", f"fcs/{surface}-pos-deg"):
         writer = properties.writer(source)
@@ -103,9 +103,7 @@ def _set_surface(name: str, surface: str, properties: Properties, value: ca.SX) 
     properties.replace(f"fcs/mag-{surface}-pos-rad", ca.fabs(value))
 
 
-def reach_throttles(
-    engines: Iterable[int], properties: Properties, throttle: ca.SX
-) -> list[str]:
+def reach_throttles(engines: Iterable[int], properties: Properties, throttle: ca.SX) -> list[str]:
     """Where a throttle's position does not follow its command, make the position the input."""
     notes = []
     for number in engines:

@@ -223,7 +223,9 @@ class Folders:
             try:
                 text = path.read_bytes()
             except OSError as error:
-                raise BadInputError(f"{path}: the file cannot be read ({error.strerror})") from error
+                raise BadInputError(
+                    f"{path}: the file cannot be read ({error.strerror})"
+                ) from error
             digest = hashlib.sha256(text).hexdigest()
             self._files[path] = (parsed(text, str(path)), digest)
         return self._files[path][0]
@@ -244,9 +246,7 @@ class Folders:
             raise document.error(f"{fault}; {element.where} names it")
         both = [*document.children, *element.children]
         attributes = document.attributes | element.attributes
-        return Element(
-            element.name, attributes, document.file, document.line, element.parent, both
-        )
+        return Element(element.name, attributes, document.file, document.line, element.parent, both)
 
     def _found(self, element: Element, name: str) -> Path:
         """The file that an element names, in the folders where JSBSim looks for it."""
@@ -261,7 +261,9 @@ class Folders:
         for folder in folders:
             path = (folder / relative).resolve()
             if not path.is_relative_to(folder.resolve()):
-                raise element.error(f"the file {shortened(name)} lies outside the aircraft's folders")
+                raise element.error(
+                    f"the file {shortened(name)} lies outside the aircraft's folders"
+                )
             if path.is_file():
                 return path
         raise element.error(f"the file {shortened(name)} is not in {', '.join(map(str, folders))}")

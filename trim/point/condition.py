@@ -4,7 +4,7 @@ also from a file."""
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Any
@@ -105,11 +105,17 @@ class TrimCondition:
         by, model = self.model.schedule, self.model
         place = self.imposed.get(by, self.begin.get(by, 0.0)) if scheduled is None else scheduled
         own, rates = _apart(model, ({by: place} if by in self.imposed else {}) | dict(hold or {}))
-        imposed = {name: float(self.values_at(name, place)) for name in self.imposed} | own
+        imposed = {name: float(self.values_at(name, place)) for name in self.imposed}
+        imposed = without_alternatives(model, imposed, own) | own
         begin = (
             {**self.begin, by: place} if by in model.variables and by not in imposed else self.begin
         )
         return replace(self, imposed=imposed, rates={**self.rates, **rates}, begin=begin)
+
+    def freed_for(self, names: Iterable[str]) -> TrimCondition:
+        """The condition where these names will be imposed too: of the model's `alternatives`
+        one."""
+        return replace(self, imposed=without_alternatives(self.model, self.imposed, names))
 
     def values_at(self, name: str, scheduled: float | np.ndarray) -> np.ndarray:
         """What is imposed on a variable at one value of the scheduling variable or at many."""
@@ -206,13 +212,24 @@ def release(
     rates = {
         name: rate for name, rate in condition.rates.items() if f"{name}_dot" not in free
     } | held_rates
-    values = {**condition.imposed, **own}
+    values = {**without_alternatives(model, condition.imposed, own), **own}
     begin = {name: values.pop(name) for name in free if name in values}
     begin = {
         name: float(v.values[0]) if isinstance(v, LinearTable) else v for name, v in begin.items()
     }
     limits, begin = {**condition.limits, **(limits or {})}, {**condition.begin, **begin}
     return replace(condition, rates=rates, imposed=values, limits=limits, begin=begin)
+
+
+def without_alternatives(
+    model: Model, imposed: Mapping[str, Any], names: Iterable[str]
+) -> dict[str, Any]:
+    """What stays imposed when these names are imposed too: of the model's `alternatives` one."""
+    released: set[str] = set()
+    for group in model.alternatives:
+        if not set(group).isdisjoint(names):
+            released |= set(group).difference(names)
+    return {name: value for name, value in imposed.items() if name not in released}
 
 
 def _apart(model: Model, held: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:

@@ -73,7 +73,8 @@ class TrimProblem:
                 f"{' and '.join(self.idle)} moves no equation; set something else free"
             )
         if start is None:
-            self.begin: Mapping[str, float] = declared_start(model) | dict(condition.begin)
+            declared = declared_start(model, condition.imposed)
+            self.begin: Mapping[str, float] = declared | dict(condition.begin)
         else:
             self.begin = start.values
         self.c = self.system.constants(self.begin)
@@ -174,6 +175,11 @@ class TrimProblem:
         )
 
 
-def declared_start(model: Model) -> dict[str, float]:
-    """Where the declaration of a model begins the search for each variable."""
-    return {name: model.signals[name].start for name in model.variables}
+def declared_start(model: Model, imposed: Mapping[str, float] | None = None) -> dict[str, float]:
+    """Where the declaration of a model begins the search for each variable: at the values that it
+    declares, or at those that belong to what is imposed."""
+    values = {name: model.signals[name].start for name in model.variables}
+    if model.begin is not None and imposed is not None:
+        begun = model.begin(imposed)
+        values |= {name: float(begun[name]) for name in begun if name in values}
+    return values

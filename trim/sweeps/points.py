@@ -89,6 +89,7 @@ def trim_points(
         model.refuse_unheld("cannot sweep", name, tuple(model.parameters))
     if condition is None:
         condition = usual_condition(model)
+    condition = condition.freed_for(variables)
     if compile_code is None:
         compile_code = len(values) >= COMPILE_FROM
     system = TrimSystem(model, condition, variables, compile_code)
@@ -135,7 +136,7 @@ def parameters_at(model: Model, variables: tuple[str, ...], values: np.ndarray) 
 def is_square(model: Model, variables: tuple[str, ...], condition: TrimCondition) -> bool:
     """Whether the points have as many equations as unknowns, so that Newton's method settles many
     at once."""
-    return TrimSystem(model, condition, variables).equations.square
+    return TrimSystem(model, condition.freed_for(variables), variables).equations.square
 
 
 def _settled_together(
@@ -196,8 +197,14 @@ def _starts(
     cells, cell = np.unique(np.round(values / widths), axis=0, return_inverse=True)
     columns = dict(zip(variables, (cells * widths).T, strict=True))
     c = system.constants(begin, len(cells), columns)
-    z, settled = newton(system, np.tile(first, (len(cells), 1)), c)
-    z[~settled] = first
+    starts = np.tile(first, (len(cells), 1))
+    if system.model.begin is not None:
+        begun = system.model.begin({**system.condition.imposed, **columns})
+        for column, name in enumerate(system.equations.unknowns):
+            if name in begun:
+                starts[:, column] = begun[name] / system.scales[column]
+    z, settled = newton(system, starts, c)
+    z[~settled] = starts[~settled]
     return z[cell.ravel()]
 
 
