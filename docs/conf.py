@@ -14,7 +14,8 @@ from typing import Any
 
 from sphinx.pycode import ModuleAnalyzer
 
-from hfa.main import COMMANDS, filled
+import hfa_model
+from hfa.main import COMMANDS, command_named, filled
 from hfa.options.parser import Parser
 from hfa_support.version import VERSION
 
@@ -49,10 +50,10 @@ suppress_warnings = ["misc.highlighting_failure"]
 
 def commands_page() -> str:
     """The complete help of every command."""
+    aircraft = hfa_model.aircraft()
     parts = ["# Commands"]
     for name in COMMANDS:
-        parser = Parser(prog=f"hfa {name}")
-        filled(parser, name)
+        parser = filled(Parser(prog=f"hfa {name}"), command_named(name), aircraft)
         parts.append(f"## hfa {name}\n\n```text\n{parser.format_help(more=True).strip()}\n```")
     return "\n\n".join(parts) + "\n"
 

@@ -8,24 +8,30 @@ import contextlib
 import importlib
 import inspect
 import io
-import itertools
 import os
+import shlex
 import sys
 import warnings
-from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING, Any
 
 from hfa.entry import INTERRUPTED
-from hfa.options.parser import Command, Option, Parser, unknown
+from hfa.options.parser import Parser, unknown
 from hfa_support.errors import BadInputError, NoSolutionError, on_one_line, shortened
 from hfa_support.progress import drop, say_aside
 from hfa_support.version import VERSION
 
+if TYPE_CHECKING:
+    from hfa.options.command import Command
+    from hfa.options.request import Request
+    from hfa_aircraft.model import Model
+
 DONE, FAILED, BAD_INPUT = 0, 1, 2
 #: Exceptions that are the user's to answer, each in one line; any other is a bug.
 FAILURES = (BadInputError, NoSolutionError, OverflowError, UnicodeError, MemoryError, OSError)
-#: Options whose values are files that a command writes.
+#: Fields of requests: files that a command writes; what names the model.
 _WRITTEN = ("output", "picture")
+_OF_THE_MODEL = ("aircraft", "dynamics", "parameters", "units")
 #: Of warnings of the libraries that compute.
 _MOST_NOTES = 5
 
@@ -83,11 +89,13 @@ MODULES = {
     "lpv": "prove",
 }
 
-#: Commands that take a user's own aircraft.
-WITH_AIRCRAFT = set(COMMANDS) - {"identify", "regenerate", "validate", "report"}
-
-#: Former commands, for one release -> the study that took their place.
-MOVED = {"reproduce": "section5", "study": "update_law", "servo": "servo"}
+#: Former commands, for one version -> what took their place.
+MOVED = {
+    "reproduce": "a study, python -m studies.section5,",
+    "study": "a study, python -m studies.update_law,",
+    "servo": "a study, python -m studies.servo,",
+    "map": "`hfa fly --initial NAME=VALUE`",
+}
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -101,13 +109,12 @@ def main(argv: Sequence[str] | None = None) -> int:
         sys.stdout.reconfigure(errors="replace")  # a terminal that has no "±" shows "?"
     code = DONE
     with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter(
-            "always", UserWarning
-        )  # the project's own are notes, whatever PYTHONWARNINGS says
+        # The project's own are notes, whatever PYTHONWARNINGS says.
+        warnings.simplefilter("always", UserWarning)
         try:
             code = _run(words)
             if sys.stdout is not None:
-                sys.stdout.flush()  # here, so that what goes wrong is reported below and not after the end
+                sys.stdout.flush()  # so that what goes wrong is reported below
         except BrokenPipeError:  # of --help, or of what was left to flush
             drop(sys.stdout)
             return code
@@ -149,71 +156,62 @@ def _failure(error: BaseException) -> tuple[str, int]:
 
 
 def _run(words: list[str]) -> int:
-    """Parse the words and run the command that they name."""
-    with _as_named(words):
+    """Make the request that the words state, and answer it."""
+    from hfa_support.files import inputs_kept
+
+    with contextlib.ExitStack() as around:
+        around.enter_context(inputs_kept())
         try:
-            command, arguments = _parsed(words)
+            command, request = _parsed(words, around)
         except SystemExit:
             return DONE  # how argparse leaves after --help and --version
-        _refuse_same_file(words[1:], arguments)
-        quiet = (
-            contextlib.redirect_stderr(io.StringIO())
-            if arguments.quiet
-            else contextlib.nullcontext()
-        )
-        with quiet:
-            return command.run(arguments)
+        _refuse_to_overwrite(request)
+        if request.quiet:
+            around.enter_context(contextlib.redirect_stderr(io.StringIO()))
+        return command.run(request)
 
 
-@contextlib.contextmanager
-def _as_named(words: list[str]) -> Iterator[None]:
-    """The units that --units names, and the model of --aircraft, whose file is run, or of
-    `--dynamics unsteady`: the other options are read in its names and units. Wrong words are
-    refused when they are parsed."""
-    named = _value_of("--aircraft", words) if words[:1] and words[0] in WITH_AIRCRAFT else None
-    lagging = (
-        words[:1] and words[0] in WITH_AIRCRAFT and _value_of("--dynamics", words) == "unsteady"
-    )
-    with contextlib.ExitStack() as around:
-        if _value_of("--units", words) == "si":
-            from hfa_support.reporting.unit_system import shown_in
+def _parsed(words: list[str], around: contextlib.ExitStack) -> tuple[Command, Request]:
+    """The command that the words name, and the request that they state.
 
-            around.enter_context(shown_in("si"))
-        if named or lagging:
-            from hfa.options.argument_types import OWN
+    The model is loaded first, because the other options are typed in its names and units.
+    around: what is in force until the command ends."""
+    from hfa.options.trims import named_model
+    from hfa_model.provenance import now
 
-            if named:
-                from hfa_aircraft.model import load_model
+    if words[:1] == ["help"]:
+        words = [*words[1:], "--help"]
+    name = _command_name(words)
+    command = command_named(name)
+    of_the_model = {
+        field: option.of(None, field)
+        for field, option in command.request.declared().items()
+        if field in _OF_THE_MODEL
+    }
+    first = Parser(prog=f"hfa {name}", with_help=False)
+    first.declare(of_the_model)
+    chosen = first.parse_some(words[1:])
+    if chosen.get("units") == "si":
+        from hfa_support.reporting.unit_system import shown_in
 
-                model = load_model(named)
-            else:
-                from hfa_model.unsteady import UNSTEADY as model
-            around.callback(OWN.reset, OWN.set(model))
-        yield
-
-
-def _value_of(option: str, words: list[str]) -> str | None:
-    """The last value of an option among words that are not parsed yet."""
-    given = [value for word, value in itertools.pairwise(words) if word == option]
-    given += [word.removeprefix(f"{option}=") for word in words if word.startswith(f"{option}=")]
-    return given[-1] if given else None
+        around.enter_context(shown_in("si"))
+    model = named_model(chosen)
+    typed = filled(Parser(prog=f"hfa {name}"), command, model).parse_words(words[1:])
+    line = shlex.join(["hfa", *words])
+    how: dict[str, Any] = {"model": model, "line": line, "date": now(), "typed": frozenset(typed)}
+    return command, command.request(**how, **typed)
 
 
-def _refuse_same_file(words: Sequence[str], arguments: argparse.Namespace) -> None:
-    """BadInputError when a file that the command writes is also an input of it, or another of its
-    outputs."""
-    values = [
-        part
-        for word in words
-        for part in (word, word.partition("=")[2], word[2:] if word[:2] == "-o" else "")
-    ]
-    named = Counter(os.path.abspath(value) for value in values if value)
-    for name in _WRITTEN:
-        path = getattr(arguments, name, None)
-        if path is not None and named[os.path.abspath(path)] > 1:
-            raise BadInputError(
-                f"--{name} {path} is named twice; give each file that is written a name of its own"
-            )
+def _refuse_to_overwrite(request: Request) -> None:
+    """BadInputError when a file that the run writes was read, or is named for two outputs."""
+    from hfa_support.files import refuse_read
+
+    outputs = [getattr(request, name, None) for name in _WRITTEN]
+    paths = [path for path in outputs if path is not None]
+    for path in paths:
+        refuse_read(path)
+    if len({os.path.realpath(path) for path in paths}) < len(paths):
+        raise BadInputError(f"{paths[0]} is named twice; give each output a name of its own")
 
 
 def _say_warnings(caught: Iterable[warnings.WarningMessage]) -> None:
@@ -221,42 +219,41 @@ def _say_warnings(caught: Iterable[warnings.WarningMessage]) -> None:
     enough."""
     from hfa.output import say_notes
 
-    own = [str(each.message) for each in caught if each.category is UserWarning]
+    notes = [str(warning.message) for warning in caught if warning.category is UserWarning]
     others = [
-        f"while computing: {each.message}; check the result"
-        for each in caught
-        if each.category is not UserWarning
+        f"while computing: {warning.message}; check the result"
+        for warning in caught
+        if warning.category is not UserWarning
     ]
-    say_notes((*dict.fromkeys(own), *list(dict.fromkeys(others))[:_MOST_NOTES]))
+    say_notes((*dict.fromkeys(notes), *list(dict.fromkeys(others))[:_MOST_NOTES]))
 
 
-def _parsed(words: list[str]) -> tuple[Command, argparse.Namespace]:
-    chosen = words[0] if words else "--help"
-    if chosen not in COMMANDS:
-        if chosen in MOVED:
-            study = MOVED[chosen]
-            raise BadInputError(
-                f"`hfa {chosen}` is a study now: run python -m studies.{study} in the repository"
-            )
-        overview().parse_words([chosen])
-        raise BadInputError(
-            unknown(f"command {shortened(chosen)!r}", chosen.lower(), COMMANDS, "hfa")
-        )
-    parser = Parser(prog=f"hfa {chosen}")
-    command = filled(parser, chosen)
-    return command, parser.parse_words(words[1:])
+def _command_name(words: list[str]) -> str:
+    """The command that the words name. BadInputError, or SystemExit after help, without one."""
+    name = words[0] if words else "--help"
+    if name in COMMANDS:
+        return name
+    if name in MOVED:
+        raise BadInputError(f"`hfa {name}` is {MOVED[name]} now")
+    later = [word for word in words if word in COMMANDS]
+    if name.startswith("-") and later:
+        raise BadInputError(f"the command comes first: hfa {later[0]} {shortened(name)} ...")
+    overview().parse_words([name])
+    raise BadInputError(unknown(f"command {shortened(name)!r}", name.lower(), COMMANDS, "hfa"))
 
 
-def filled(parser: Parser, name: str) -> Command:
-    """Give a parser the options of a command; the command."""
-    from hfa.options.trims import IN_FEET, UNITS
-
+def command_named(name: str) -> Command:
+    """The command; its module is imported now."""
     module = importlib.import_module(f"hfa.commands.{MODULES.get(name, name)}")
     command: Command = getattr(module, name.replace("-", "_"))
-    parser.description = inspect.cleandoc(command.run.__doc__ or "")
-    parser.declare({"-q --quiet": Option("no notes and no progress; errors are still said")})
-    parser.declare({**command.options(), **(UNITS if name not in IN_FEET else {})})
     return command
+
+
+def filled(parser: Parser, command: Command, model: Model) -> Parser:
+    """A parser with the options of a command, in the names and units of a model."""
+    parser.description = inspect.cleandoc(command.run.__doc__ or "")
+    parser.declare(command.request.options(model))
+    return parser
 
 
 def overview() -> Parser:
@@ -273,6 +270,6 @@ def overview() -> Parser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("command", nargs="?", help=argparse.SUPPRESS)
-    about = argparse.SUPPRESS
-    parser.add_argument("--version", action="version", version=f"hfa {VERSION}", help=about)
+    version = f"hfa {VERSION}"
+    parser.add_argument("--version", action="version", version=version, help=argparse.SUPPRESS)
     return parser

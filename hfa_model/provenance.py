@@ -41,7 +41,7 @@ class Provenance:
     flight: str = ""
     model: str = ""
     version: str = VERSION
-    date: str = field(default_factory=lambda: _now())
+    date: str = field(default_factory=lambda: now())
 
     def to_dict(self) -> dict[str, Any]:
         """JSON data: angles in radians."""
@@ -104,7 +104,8 @@ def changed_parameters(parameters: ParameterSet) -> dict[str, tuple[float, float
     return {name: (value, other) for name, value, other in pairs if value != other}
 
 
-def _now() -> str:
+def now() -> str:
+    """The date and time, UTC; what SOURCE_DATE_EPOCH says where that is set."""
     epoch = os.environ.get("SOURCE_DATE_EPOCH", "")
     try:
         moment = datetime.fromtimestamp(int(epoch), UTC) if epoch.isdecimal() else datetime.now(UTC)

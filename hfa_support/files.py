@@ -11,7 +11,7 @@ import stat
 import tempfile
 import tomllib
 from collections.abc import Iterator, Mapping
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO, Any
 
@@ -28,6 +28,69 @@ _LONGEST_REASON = 200
 
 #: Temporary files and folders of this process that are still there.
 _UNFINISHED = set[Path]()
+#: Inside of `all_or_none`: written files that wait for their names, (temporary, target).
+_WAITING: list[tuple[Path, Path]] | None = None
+#: Inside of `inputs_kept`: (device, inode) of each file and folder that was read.
+_READ: set[tuple[int, int]] | None = None
+
+
+@contextmanager
+def inputs_kept() -> Iterator[None]:
+    """In the block no file that was read in it can be written, however it is named, and none in a
+    folder that was read."""
+    global _READ
+    _READ = set()
+    try:
+        yield
+    finally:
+        _READ = None
+
+
+def note_read(path: str | Path) -> None:
+    """Count a file, or a folder with all that is in it, among those that were read."""
+    if _READ is not None:
+        with suppress(OSError, ValueError):
+            status = os.stat(path)
+            _READ.add((status.st_dev, status.st_ino))
+
+
+def refuse_read(path: Path) -> None:
+    """BadInputError where the path, or a folder above it, was read: writing would destroy it."""
+    real = Path(os.path.realpath(path))
+    for place in (real, real.parent):
+        with suppress(OSError, ValueError):
+            status = os.stat(place)
+            if _READ and (status.st_dev, status.st_ino) in _READ:
+                what = "it is" if place == real else "it lies in a folder that is"
+                raise BadInputError(
+                    f"cannot write {path}: {what} an input of this run; name another file"
+                )
+
+
+@contextmanager
+def all_or_none(folder: Path | None = None) -> Iterator[None]:
+    """Files that are written in the block get their names when it ends without an error.
+
+    folder: is made if need be, and removed again after an error."""
+    global _WAITING
+    if _WAITING is not None:
+        raise RuntimeError("all_or_none within all_or_none")
+    is_new = folder is not None and not folder.exists()
+    if folder is not None and is_new:
+        folder.mkdir()
+    _WAITING = []
+    try:
+        yield
+        for temporary, target in _WAITING:
+            temporary.replace(target)
+    finally:
+        for temporary, _ in _WAITING:
+            temporary.unlink(missing_ok=True)
+            _UNFINISHED.discard(temporary)
+        _WAITING = None
+        if folder is not None and is_new:
+            with suppress(OSError):  # it stays where there is a file in it
+                folder.rmdir()
 
 
 @contextmanager
@@ -65,6 +128,7 @@ def written_whole(path: str | Path) -> Iterator[IO[bytes]]:
         raise BadInputError(f"cannot write {target}: it is a folder; name a file")
     if target.exists() and not target.is_file():
         raise BadInputError(f"cannot write {target}: it is no regular file; name another")
+    refuse_read(target)
     try:
         handle, name = tempfile.mkstemp(prefix=".hfa-", suffix=".part", dir=target.parent)
     except OSError as error:
@@ -73,16 +137,22 @@ def written_whole(path: str | Path) -> Iterator[IO[bytes]]:
         ) from error
     temporary = Path(name).absolute()
     _UNFINISHED.add(temporary)
+    waits = False
     try:
         with open(handle, "wb") as stream:
             yield stream
         umask = os.umask(0)
         os.umask(umask)
         temporary.chmod(stat.S_IMODE(target.stat().st_mode) if target.exists() else 0o666 & ~umask)
-        temporary.replace(target)
+        if _WAITING is not None:
+            _WAITING.append((temporary, target))
+            waits = True
+        else:
+            temporary.replace(target)
     finally:
-        temporary.unlink(missing_ok=True)
-        _UNFINISHED.discard(temporary)
+        if not waits:
+            temporary.unlink(missing_ok=True)
+            _UNFINISHED.discard(temporary)
 
 
 def write_text(path: str | Path, text: str) -> None:
@@ -94,20 +164,10 @@ def write_text(path: str | Path, text: str) -> None:
 def write_texts(folder: Path, texts: Mapping[str, str]) -> list[Path]:
     """Write UTF-8 text files that belong together, name -> text, all or none, into a folder that is
     made if need be."""
-    with ExitStack() as around:
-        if not folder.exists():
-            folder.mkdir()
-            around.callback(_remove_empty, folder)
+    with all_or_none(folder):
         for name, text in texts.items():
-            stream = around.enter_context(written_whole(folder / name))
-            stream.write(text.encode("utf-8"))
-            stream.flush()  # what the disk has no room for is told before the first of them is renamed
+            write_text(folder / name, text)
     return [folder / name for name in texts]
-
-
-def _remove_empty(folder: Path) -> None:
-    with suppress(OSError):
-        folder.rmdir()
 
 
 def regular_file(path: str | Path, largest: int = LARGEST) -> Path:
@@ -125,6 +185,7 @@ def regular_file(path: str | Path, largest: int = LARGEST) -> Path:
         raise OSError(errno.EINVAL, "not a regular file", str(path))
     if found.st_size > largest:
         raise OSError(errno.EFBIG, f"larger than {largest >> 20} MiB", str(path))
+    note_read(path)
     return Path(path)
 
 

@@ -2,20 +2,28 @@
 
 from __future__ import annotations
 
-import argparse
-from dataclasses import replace
-from functools import partial
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-import hfa_model
 from controller.servo.design import load_design
 from controller.servo.scheduled_controller import SUFFIXES, load_controller, save_controller
-from hfa.options import trims
-from hfa.options.argument_types import input_file, model as named_model, output_file, positive
-from hfa.options.parser import Option, Options, command
-from hfa.options.ranges import array_of, value_range
-from hfa.output import ProgressLine, provenance, show
+from hfa.options.argument_types import input_file, output_file, positive
+from hfa.options.command import command
+from hfa.options.games import design_option
+from hfa.options.ranges import Range, array_of, scheduled_range, value_range
+from hfa.options.request import option
+from hfa.options.trims import (
+    AircraftOptions,
+    OutputOptions,
+    UnitsOption,
+    called_at,
+    refuse_si,
+    scheduled,
+)
+from hfa.output import ProgressLine, print_report
 from hfa_support.errors import BadInputError
 
 #: A second or two each.
@@ -25,32 +33,56 @@ _RANGE = "0:20:1"
 _BANDWIDTHS = (2.0, 10.0)
 
 
-def _options() -> Options:
-    file, by = "a design (.toml), or a controller to print (.npz)", named_model().schedule
-    usual = value_range(by, _RANGE) if by == hfa_model.aircraft().schedule else None
-    bandwidth = "of the actuators behind which margins are computed, rad/s; default 2:10"
-    return {
-        "file": Option(file, "FILE", input_file(".npz", ".toml"), more={"nargs": "?"}),
-        **trims.design(),
-        **trims.at(
-            partial(value_range, by),
-            "RANGE",
-            f"default {_RANGE}" * (usual is not None),
-            default=usual,
-        ),
-        **trims.AIRCRAFT,
-        "--bandwidth": Option(
-            bandwidth, "A[:B...]", lambda text: tuple(map(positive, text.split(":")))
-        ),
-        "-o --output": Option(
-            f"write the controller ({', '.join(SUFFIXES)})", "FILE", output_file(*SUFFIXES)
-        ),
-        **trims.JSON,
-    }
+def _bandwidths(text: str) -> tuple[float, ...]:
+    return tuple(positive(part) for part in text.split(":"))
 
 
-@command(_options)
-def design(arguments: argparse.Namespace) -> int:
+@dataclass(frozen=True, kw_only=True, eq=False)
+class DesignRequest(UnitsOption, AircraftOptions, OutputOptions):
+    """A controller over the scheduling variable, or the file of one."""
+
+    file: Path | None = option(
+        "a design (.toml), or a controller to print (.npz)",
+        "FILE",
+        input_file(".npz", ".toml"),
+        names="file",
+        count="?",
+    )
+    design: Any = design_option()
+    at: Range | None = scheduled(
+        scheduled_range,
+        "RANGE",
+        lambda model: f"default {_RANGE}" if model.schedule == "dihedral" else "",
+    )
+    bandwidth: tuple[float, ...] | None = option(
+        "of the actuators behind which margins are computed, rad/s; default 2:10",
+        "A[:B...]",
+        _bandwidths,
+    )
+    output: Path | None = option(
+        f"write the controller ({', '.join(SUFFIXES)})",
+        "FILE",
+        output_file(*SUFFIXES),
+        names="-o --output",
+    )
+
+    def breakpoints(self, design: Any) -> np.ndarray:
+        """The values of the scheduling variable at which there are controllers, (N,)."""
+        by = self.model.schedule
+        values = self.at
+        if values is None and design.shaping is not None:
+            values = tuple(design.shaping.places)
+        if values is None and by == "dihedral":
+            values = value_range(self.model, by, _RANGE)
+        if values is None:
+            raise BadInputError(
+                f"give the values of {by or 'the scheduling variable'} by --at RANGE"
+            )
+        return array_of(f"--{called_at(self.model)}", values, _MOST_POINTS)
+
+
+@command(DesignRequest)
+def design(request: DesignRequest) -> int:
     """The controller of a design at every dihedral angle, certified, as one file; or the table of a
     file made before.
 
@@ -60,49 +92,40 @@ def design(arguments: argparse.Namespace) -> int:
     from controller.servo.controllers import design_controller
     from controller.servo.servo_loop import check_margins
 
-    trims.refuse_si(arguments, "a controller is in ft, slug, lbf")
-    if (arguments.file is None) == (arguments.design is None):
+    refuse_si(request, "a controller is in ft, slug, lbf")
+    if (request.file is None) == (request.design is None):
         raise BadInputError(
             "name one of --design NAME and a file: of a design (.toml) or of a controller (.npz)"
         )
-    if arguments.file is not None and arguments.file.suffix == ".toml":
-        arguments.design, arguments.file = load_design(str(arguments.file), named_model()), None
-    aircraft, design = trims.aircraft_of(arguments), arguments.design
-    model = aircraft
-    if arguments.file is not None:
-        trims.refuse(arguments, ("at", "output"), "belongs to --design; leave it out with a file")
-        controller = load_controller(arguments.file, model)
+    model, design, stored = request.model, request.design, request.file
+    if stored is not None and stored.suffix == ".toml":
+        design = load_design(str(stored), model)
+    if design is None:
+        assert stored is not None
+        request.refuse(("at", "output"), "belongs to --design; leave it out with a file")
+        controller = load_controller(stored, model)
     else:
-        at = arguments.at
-        if "at" not in arguments.given and design.shaping is not None:
-            at = tuple(design.shaping.places)
-        if at is None:
-            raise BadInputError(
-                f"give the values of {model.schedule or 'the scheduling variable'} by --at RANGE"
-            )
-        at = array_of(f"--{trims.called_at()}", at, _MOST_POINTS)
-        controller = design_controller(aircraft, design, at, progress=ProgressLine("design"))
-        controller = replace(
-            controller, about={**controller.about, "provenance": provenance(arguments).to_dict()}
+        controller = design_controller(
+            model, design, request.breakpoints(design), progress=ProgressLine("design")
         )
+        about = {**controller.about, "provenance": request.provenance.to_dict()}
+        controller = replace(controller, about=about)
     knots, in_degrees = controller.places, model.schedule_unit == "deg"
     between = (knots[1:] + knots[:-1]) / 2.0
     if in_degrees:
         knots = np.degrees(knots).round(10)
         between = np.arange(np.ceil(knots[0]), np.floor(knots[-1]) + 1.0)
     places = np.unique([*knots, *between])
-    bandwidths = arguments.bandwidth or (
-        () if design is not None and not design.actuators else _BANDWIDTHS
-    )
+    bandwidths = request.bandwidth or _BANDWIDTHS
+    if request.bandwidth is None and design is not None and not design.actuators:
+        bandwidths = ()
     seen = np.radians(places) if in_degrees else places
-    margins = check_margins(
-        aircraft, controller, seen, bandwidths, progress=ProgressLine("margins")
-    )
+    margins = check_margins(model, controller, seen, bandwidths, progress=ProgressLine("margins"))
     report = controller.report()
     report = replace(report, parts=(*report.parts, margins.report())).with_data(
         margins=margins.to_dict()
     )
-    if arguments.output is not None:
-        save_controller(arguments.output, controller)
-    show(report, arguments, written=True)
+    if request.output is not None:
+        save_controller(request.output, controller)
+    print_report(report, request)
     return 0 if margins.ok else 1

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-import argparse
 import math
 import re
+from dataclasses import dataclass, replace
 from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from hfa.options import flights, games, trims
-from hfa.options.argument_types import OWN, one_of, output_file
-from hfa.options.parser import Option, Options, command
-from hfa.output import origin_lines, provenance, show
+from hfa.options.argument_types import breakpoint_value, one_of, output_file
+from hfa.options.command import command
+from hfa.options.flights import LawOptions, actuators_of, actuators_option, controller_option
+from hfa.options.games import DEFAULT_LAW
+from hfa.options.request import option
+from hfa.options.trims import AircraftOptions, JsonOption, TrimOptions, scheduled
+from hfa.output import origin_lines, print_report
 from hfa_support.errors import BadInputError
 from hfa_support.files import write_text, write_texts
 from hfa_support.reporting.report import Report
@@ -24,31 +27,34 @@ if TYPE_CHECKING:
     from trim.point.operating_point import OperatingPoint
 
 SCHEMA = "hfa.export/1"
-_LAWS = ("exact", games.DEFAULT_LAW)
+#: Where the HFA is exported unless --dihedral says so.
+_DIHEDRAL = math.radians(15.0)
 
 
-def _options() -> Options:
-    place = "a folder for C source, or a file .fmu (FMU) or .m (the function that reads .mat files of models)"
-    at = math.radians(15.0) if OWN.get() is None else None
-    return {
-        **trims.at(default=at),
-        **trims.flights(),
-        **trims.AIRCRAFT,
-        "-o --output": Option(
-            place, "PLACE", output_file(".fmu", ".m", folder=True), more={"required": True}
-        ),
-        **flights.law(),
-        "--law": Option(
-            "the gain: exact, certified; default exact in C, none in an FMU", "NAME", one_of(*_LAWS)
-        ),
-        **flights.CONTROLLER,
-        **flights.ACTUATORS,
-        **trims.JSON,
-    }
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ExportRequest(LawOptions, AircraftOptions, TrimOptions, JsonOption):
+    """An aircraft for other tools."""
+
+    at: float | None = scheduled(breakpoint_value)
+    output: Path = option(
+        "a folder for C source, or a file .fmu (FMU) or .m (the function that reads .mat files of models)",
+        "PLACE",
+        output_file(".fmu", ".m", folder=True),
+        names="-o --output",
+        required=True,
+    )
+    law: str = option(
+        "the gain: exact, certified; default exact in C, none in an FMU",
+        "NAME",
+        one_of("exact", DEFAULT_LAW),
+        default="",
+    )
+    controller: Path | None = controller_option()
+    actuators: tuple[float, ...] | None = actuators_option()
 
 
-@command(_options)
-def export(arguments: argparse.Namespace) -> int:
+@command(ExportRequest)
+def export(request: ExportRequest) -> int:
     """The aircraft for other tools; the suffix of -o says which.
 
     FOLDER: C source that needs no library: equations of motion, the trim at --dihedral, its A and
@@ -58,37 +64,43 @@ def export(arguments: argparse.Namespace) -> int:
     place of the policy; in the FMU behind --actuators, with which the C files have an example of a
     100 Hz loop too. FILE.m: a function of MATLAB and Octave that makes state-space systems of what
     `hfa sweep` and `hfa linearize` write as .mat."""
-    place = arguments.output
-    provenance(
-        arguments
-    )  # before anything is written: it finds what is wrong with options that nothing below reads
+    alone = request.controller is None and not request.law
+    if alone:
+        request = replace(request, law="exact")
+    if request.at is None and not request.own:
+        request = replace(request, at=_DIHEDRAL)
+    place = request.output
+    # Before anything is written: it finds what is wrong with options that nothing below reads.
+    origin = origin_lines(request)
     if place.suffix == ".m":
         if not re.fullmatch(r"[A-Za-z]\w*", place.stem, re.ASCII):
             raise BadInputError(
                 f"{place}: a function is called by its file's name; choose letters, digits and _, as in hfa_models.m"
             )
         write_text(place, files("controller.export").joinpath("hfa_models.m").read_text("utf-8"))
-        show(_report([place]), arguments, written=True)
+        print_report(_report([place]), request)
         return 0
-    if arguments.controller is None:
-        trims.refuse(arguments, ("actuators",), "belongs to --controller; leave it out")
-    elif place.suffix and arguments.actuators is None:
+    if request.controller is None:
+        request.refuse(("actuators",), "belongs to --controller; leave it out")
+    elif place.suffix and request.actuators is None:
         raise BadInputError(
             "--controller flies behind actuators in an FMU; add --actuators LAG:RATE"
         )
-    alone = arguments.controller is None and arguments.law is None
-    if alone:
-        arguments.law = "exact"
-    flights.check_policy(arguments)
-    model = trims.aircraft_of(arguments)
-    point = trims.point_of(arguments, model)
-    written = _written(arguments, model, point, with_gain=not (alone and place.suffix))
-    show(_report(written), arguments, written=True, notes=point.warnings)
+    request.check_policy()
+    model = request.flown_aircraft()
+    point = request.operating_point(model)
+    written = _written(request, model, point, origin, with_gain=not (alone and place.suffix))
+    print_report(_report(written), request, notes=point.warnings)
     return 0
 
 
 def _written(
-    arguments: argparse.Namespace, model: Model, point: OperatingPoint, *, with_gain: bool
+    request: ExportRequest,
+    model: Model,
+    point: OperatingPoint,
+    origin: str,
+    *,
+    with_gain: bool,
 ) -> list[Path]:
     """The aircraft with the gain of a law, or under a scheduled controller behind actuators."""
     from controller.export.aircraft_c import c_model_texts
@@ -97,31 +109,27 @@ def _written(
     from controller.servo.controller_c import c_controller_texts, controller_steering
     from controller.servo.scheduled_controller import load_controller
 
-    place, actuators, origin = (
-        arguments.output,
-        flights.actuators_of(arguments),
-        origin_lines(arguments),
-    )
+    actuators = actuators_of(model, request.actuators)
     controller = None
-    if arguments.controller is not None:
-        controller = load_controller(arguments.controller, model)
+    if request.controller is not None:
+        controller = load_controller(request.controller, model)
     linear = linearize(model, point)
     policy = None
     if controller is None and with_gain:
-        policy = flights.flown_law_of(arguments, linear)
-    if place.suffix:
+        policy = request.flown_policy(linear)
+    if request.output.suffix:
         steering = None
         if controller is not None:
             steering = controller_steering(controller, model, point)
         elif policy is not None:
             steering = following_a_reference(model, policy)
         loop = exported_loop(model, point, steering, actuators)
-        write_fmu(loop, place, provenance(arguments))
-        return [place]
+        write_fmu(loop, request.output, request.provenance)
+        return [request.output]
     texts = c_model_texts(linear, None if policy is None else policy.gains[0], origin)
     if controller is not None:
         texts |= c_controller_texts(controller, model, point, origin, actuators)
-    return write_texts(place, texts)
+    return write_texts(request.output, texts)
 
 
 def _report(written: list[Path]) -> Report:
@@ -129,7 +137,7 @@ def _report(written: list[Path]) -> Report:
     table = Table(("file", "bytes"), [(name, str(size)) for name, size in rows])
     listed = [{"file": name, "bytes": size} for name, size in rows]
     return Report(
-        f"Exported: {len(rows)} file{'s' * (len(rows) > 1)}",
+        f"Exported: {len(rows)} {'files' if len(rows) > 1 else 'file'}",
         [table],
         data={"schema": SCHEMA, "files": listed},
     )

@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
-import argparse
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
-from hfa.options import games, trims
-from hfa.options.parser import Options, command
+from hfa.options.command import command
+from hfa.options.games import GameOptions, LearningOptions
+from hfa.options.trims import OutputOptions
 from hfa.output import ProgressLine, show
 
 
-def _exact() -> Options:
-    return {**games.game_options(), **trims.output()}
+@dataclass(frozen=True, kw_only=True, eq=False)
+class GameRequest(GameOptions, OutputOptions):
+    """A game."""
 
 
-@command(_exact)
-def solve(arguments: argparse.Namespace) -> int:
+@command(GameRequest)
+def solve(request: GameRequest) -> int:
     """The exact solution of the zero-sum game, its certificate, the smallest delta, and simulations
     of its policies.
 
@@ -24,47 +27,49 @@ def solve(arguments: argparse.Namespace) -> int:
     by default 1.01 delta_min."""
     from controller.riccati.solution_report import analyse_game, solution_report
 
-    found = None
-    if arguments.model is not None:
+    arrays = None
+    if request.plant is not None:
         from controller.game.array_file import read_arrays
         from controller.game.user_files import has_all
 
-        found = read_arrays(arguments.model)
-        if has_all(found, "B2"):
-            return _solve_plant(arguments, found)
-    named = games.game_of(arguments, found)
+        arrays = read_arrays(request.plant)
+        if has_all(arrays, "B2"):
+            return _solve_plant(request, request.plant, arrays)
+    named = request.game(arrays)
     report = solution_report(analyse_game(named.game, ProgressLine("solve")), *named.names)
-    show(report.with_data(**named.labels()), arguments, notes=named.warnings)
+    show(report.with_data(**named.labels()), request, notes=named.warnings)
     return 0
 
 
-def _solve_plant(arguments: argparse.Namespace, found: dict[str, Any]) -> int:
+def _solve_plant(request: GameRequest, file: Path, arrays: dict[str, Any]) -> int:
     from controller.servo.generalized_plant import stored_plant
     from controller.servo.plant_report import plant_report
 
-    games.refuse_of_the_aircraft(arguments)
-    trims.refuse(arguments, ("Q", "R"), "is in C1 and D12 of a generalized plant; leave it out")
-    plant, delta, notes = stored_plant(arguments.model, found)
-    delta = delta if arguments.delta is None else arguments.delta
-    report = plant_report(plant, delta, str(arguments.model)).with_data(warnings=list(notes))
-    show(report, arguments, notes=notes)
+    request.refuse_of_the_aircraft()
+    request.refuse(("Q", "R"), "is in C1 and D12 of a generalized plant; leave it out")
+    plant, delta, notes = stored_plant(file, arrays)
+    if request.delta is not None:
+        delta = request.delta
+    report = plant_report(plant, delta, str(file)).with_data(warnings=list(notes))
+    show(report, request, notes=notes)
     return 0
 
 
-def _learned() -> Options:
-    return {**games.game_options(), **games.learning(), **trims.output()}
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LearnRequest(GameRequest, LearningOptions):
+    """A critic to be learned on a game."""
 
 
-@command(_learned)
-def learn(arguments: argparse.Namespace) -> int:
+@command(LearnRequest)
+def learn(request: LearnRequest) -> int:
     """Learn the value and the gain of the game with a critic; the weights go to a file for `hfa
     verify`.
 
     Exit code 1 when a certificate does not hold.
     """
-    named = games.game_of(arguments)
-    result = games.run_learning(arguments, named.game)
+    named = request.game()
+    result = request.learned(named.game)
     whole = result.report(*named.names, history=True).data
     report = result.report(*named.names).with_data(**named.labels())
-    show(report, arguments, only_in_files=whole, notes=named.warnings)
+    show(report, request, only_in_files=whole, notes=named.warnings)
     return 0 if result.converged else 1

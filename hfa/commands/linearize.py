@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-import argparse
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
 import hfa_model
-from hfa.options import trims
-from hfa.options.argument_types import model, some_of
-from hfa.options.parser import Option, Options, command
-from hfa.output import draw, failure_as_data, show
-from hfa_aircraft.model import Model
+from hfa.options.argument_types import some_of
+from hfa.options.command import command
+from hfa.options.request import OfModel, option
+from hfa.options.trims import OneTrimOptions, OutputOptions, picture_option
+from hfa.output import failure_as_data, show
+from hfa_aircraft import Model
 from hfa_model.variants import VARIANTS
 from hfa_model.vectors import INPUTS, LINEAR_STATES
 from hfa_support.errors import BadInputError, NoSolutionError
@@ -27,67 +28,74 @@ from trim.point.operating_point import OperatingPoint
 from trim.point.solve import find_operating_point
 
 
-def _options() -> Options:
-    of, lists = model(), dict[str, Option]()
-    for name, known, about in (
-        (
-            "states",
-            of.states,
-            f"states of the model, in order; default: {len(of.linear)} of {len(of.states)}",
-        ),
-        ("inputs", of.inputs, "inputs of the model, in order; default: all"),
-        (
-            "outputs",
-            (*of.states, *of.outputs),
-            "outputs of the model, in order; default: the states, C = I",
-        ),
-        (
-            "residualize",
-            of.states,
-            "states that follow the others at once; what is left out stays at its trim",
-        ),
-    ):
-        lists[f"--{name}"] = Option(about, "a,b,...", some_of(*known))
-    bode = {"--bode": Option("also transmission zeros and transfer functions")}
-    picture = trims.picture("Bode plots from the inputs to the outputs")
-    return {**trims.trim(required=True), **lists, **bode, **picture, **trims.output()}
+def _states(model: Model, text: str) -> tuple[str, ...]:
+    return some_of(*model.states)(text)
 
 
-@command(_options)
-def linearize(arguments: argparse.Namespace) -> int:
+def _inputs(model: Model, text: str) -> tuple[str, ...]:
+    return some_of(*model.inputs)(text)
+
+
+def _outputs(model: Model, text: str) -> tuple[str, ...]:
+    return some_of(*model.states, *model.outputs)(text)
+
+
+def _about_states(model: Model) -> str:
+    usual = f"{len(model.linear)} of {len(model.states)}"
+    return f"states of the model, in order; default: {usual}"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LinearizeRequest(OneTrimOptions, OutputOptions):
+    """A linear model at one trim."""
+
+    states: tuple[str, ...] | None = option(_about_states, "a,b,...", OfModel(_states))
+    inputs: tuple[str, ...] | None = option(
+        "inputs of the model, in order; default: all", "a,b,...", OfModel(_inputs), rare=True
+    )
+    outputs: tuple[str, ...] | None = option(
+        "outputs of the model, in order; default: the states, C = I", "a,b,...", OfModel(_outputs)
+    )
+    residualize: tuple[str, ...] = option(
+        "states that follow the others at once; what is left out stays at its trim",
+        "a,b,...",
+        OfModel(_states),
+        default=(),
+    )
+    bode: bool = option("also transmission zeros and transfer functions")
+    picture: Path | None = picture_option("Bode plots from the inputs to the outputs")
+
+
+@command(LinearizeRequest)
+def linearize(request: LinearizeRequest) -> int:
     """Exact linear model at a trim: matrices, modes, handling qualities, transfer functions, error
     bands, the print."""
-    aircraft, condition = trims.aircraft_of(arguments), trims.condition_of(arguments)
-    with failure_as_data(arguments, aircraft):
-        point = trims.point_of(arguments, aircraft)
-    usual, follow = aircraft.linear, arguments.residualize or ()
-    states = arguments.states or tuple(name for name in usual if name not in follow)
+    aircraft, condition = request.flown_aircraft(), request.trim_condition()
+    with failure_as_data(request, condition, aircraft):
+        point = request.operating_point(aircraft)
+    usual, follow = aircraft.linear, request.residualize
+    states = request.states or tuple(name for name in usual if name not in follow)
     if both := set(states) & set(follow):
         raise BadInputError(f"{min(both)} is in --states and in --residualize; name it once")
-    full = _with_winds(aircraft, point, arguments.outputs or states, (*states, *follow))
-    model = full.select(states, arguments.inputs, residualize=follow)
-    report = (
-        linear_model_report(model)
-        if not hfa_model.is_hfa(aircraft)
-        else _of_the_hfa(arguments, condition, model)
-    )
+    full = _with_winds(aircraft, point, request.outputs or states, (*states, *follow))
+    model = full.select(states, request.inputs, residualize=follow)
+    if not hfa_model.is_hfa(aircraft):
+        report = linear_model_report(model)
+    else:
+        report = _of_the_hfa(request, condition, model)
     report = with_qualities(report, aircraft, point)
-    if arguments.bode:
+    if request.bode:
         from trim.linear.frequency import with_transfers
 
         report = with_transfers(report, model)
     # The print is in feet.
-    if (
-        _is_printed(model)
-        and arguments.units != "si"
-        and (printed := printed_at(point)) is not None
-    ):
+    printed = printed_at(point) if _is_printed(model) and request.units != "si" else None
+    if printed is not None:
         report = beside_the_print(report, model, printed)
-    notes = [
-        each for each in (*report.notes, reduction_note(model, full.select(usual), follow)) if each
-    ]
-    draw(arguments, model.bode)
-    show(replace(report, notes=notes).with_data(warnings=notes), arguments)
+    notes = [*report.notes, reduction_note(model, full.select(usual), follow)]
+    notes = [note for note in notes if note]
+    report = replace(report, notes=notes).with_data(warnings=notes)
+    show(report, request, figure=model.bode)
     return 0
 
 
@@ -112,14 +120,12 @@ def _with_winds(
     return found
 
 
-def _of_the_hfa(
-    arguments: argparse.Namespace, condition: TrimCondition, model: LinearModel
-) -> Report:
+def _of_the_hfa(request: LinearizeRequest, condition: TrimCondition, model: LinearModel) -> Report:
     """The report with the bands of the entries and the other dynamics, where they exist."""
-    parameters, bands, other = trims.parameters_of(arguments), None, None
+    parameters, bands, other = request.parameter_set, None, None
     if _is_printed(model):
         bands = entry_bands(parameters, condition, model) if bands_known(parameters) else None
-        name = next((each for each in VARIANTS if each != arguments.dynamics), "")
+        name = next((each for each in VARIANTS if each != request.dynamics), "")
         changed = hfa_model.aircraft(name, parameters.values)
         with suppress(BadInputError, NoSolutionError):  # it has no trim there
             other = linear_model.linearize(

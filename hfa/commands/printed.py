@@ -2,23 +2,26 @@
 
 from __future__ import annotations
 
-import argparse
+from dataclasses import dataclass
+from pathlib import Path
 
-from hfa.options import trims
 from hfa.options.argument_types import whole
-from hfa.options.parser import Option, Options, command
-from hfa.output import ProgressLine, show
+from hfa.options.command import command
+from hfa.options.request import option
+from hfa.options.trims import HfaOptions, OutputOptions, output_option
+from hfa.output import ProgressLine, print_report, show
 
 #: Suffix of a parameters file.
 PARAMETERS = ".toml"
 
 
-def _options() -> Options:
-    return {**trims.HFA_OPTIONS, **trims.output()}
+@dataclass(frozen=True, kw_only=True, eq=False)
+class HfaRequest(HfaOptions, OutputOptions):
+    """The HFA."""
 
 
-@command(_options)
-def regenerate(arguments: argparse.Namespace) -> int:
+@command(HfaRequest)
+def regenerate(request: HfaRequest) -> int:
     """Regenerate both printed pairs (A, B) from one aircraft and compare them with the printed
     ones, entry by entry.
 
@@ -26,13 +29,13 @@ def regenerate(arguments: argparse.Namespace) -> int:
     """
     from verification.regeneration import regenerate_all
 
-    found = regenerate_all(trims.hfa_of(arguments))
-    show(found.report(), arguments)
-    return 0 if found.ok else 1
+    regeneration = regenerate_all(request.hfa)
+    show(regeneration.report(), request)
+    return 0 if regeneration.ok else 1
 
 
-@command(_options)
-def validate(arguments: argparse.Namespace) -> int:
+@command(HfaRequest)
+def validate(request: HfaRequest) -> int:
     """Compare the model with what others have printed and released: a third printed model, and a
     simulation's trims.
 
@@ -40,27 +43,28 @@ def validate(arguments: argparse.Namespace) -> int:
     """
     from verification.validation import validate
 
-    found = validate(trims.hfa_of(arguments))
-    show(found.report(), arguments)
-    return 0 if found.ok else 1
+    validation = validate(request.hfa)
+    show(validation.report(), request)
+    return 0 if validation.ok else 1
 
 
-def _identification() -> Options:
-    seed = Option("seed of the rough guesses; default 0", "N", whole(0), 0)
-    return {"--seed": seed, **trims.output(PARAMETERS, what=" (the parameters)")}
+@dataclass(frozen=True, kw_only=True, eq=False)
+class IdentifyRequest(OutputOptions):
+    """The parameters, identified."""
+
+    seed: int = option("seed of the rough guesses; default 0", "N", whole(0), default=0)
+    output: Path | None = output_option(PARAMETERS, purpose=" (the parameters)")
 
 
-@command(_identification)
-def identify(arguments: argparse.Namespace) -> int:
+@command(IdentifyRequest)
+def identify(request: IdentifyRequest) -> int:
     """Find the aircraft's parameters from the printed matrices and say how far to trust them."""
     from trim.identification import run_identification
 
-    target = arguments.output
-    as_parameters = target is not None and target.suffix.lower() == PARAMETERS
-    if as_parameters:
-        trims.refuse_si(arguments, "a parameters file is in ft, slug, lbf")
-    result = run_identification(arguments.seed, ProgressLine("identify"))
-    if as_parameters:
-        result.fit.save(target)
-    show(result.report(), arguments, written=as_parameters)
+    result = run_identification(request.seed, ProgressLine("identify"))
+    if request.output is not None and request.output.suffix.lower() == PARAMETERS:
+        result.fit.save(request.output)
+        print_report(result.report(), request)
+    else:
+        show(result.report(), request)
     return 0

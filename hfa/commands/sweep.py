@@ -2,26 +2,40 @@
 
 from __future__ import annotations
 
-import argparse
 import csv
 import warnings
-from dataclasses import replace
-from functools import partial
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hfa.options import trims
-from hfa.options.argument_types import model, quantity
-from hfa.options.parser import Options, command
-from hfa.options.ranges import Range, array_of, value_range
-from hfa.output import ProgressLine, draw, provenance, show
+from hfa.options.argument_types import quantity
+from hfa.options.command import command
+from hfa.options.ranges import Range, array_of, scheduled_range, value_range
+from hfa.options.request import OfModel, option
+from hfa.options.trims import (
+    CONDITION_FILE,
+    AircraftOptions,
+    OutputOptions,
+    TrimOptions,
+    UnitsOption,
+    WorkersOptions,
+    condition_or_list,
+    output_option,
+    picture_option,
+    scheduled,
+)
+from hfa.output import ProgressLine, print_report, show
 from hfa_support.errors import BadInputError
-from hfa_support.reporting.report import Report
+from hfa_support.files import LARGEST_TEXT, regular_file
 from trim.point.condition import TrimCondition
 from trim.sweeps.sweep import MOST_POINTS, run_plan
 from trim.sweeps.sweep_plan import SweepPlan
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 #: Suffixes of a store and of a unit of the models between the points; options that only a store
 #: has.
@@ -29,22 +43,77 @@ STORE, UNIT = ".zarr", ".fmu"
 OF_A_STORE = ("workers", "resume")
 
 
-def _options() -> Options:
-    held = "hold a variable, or a parameter of the aircraft, at a value or a range of them"
-    return {
-        **trims.at(
-            partial(value_range, model().schedule), "RANGE", "start:stop:step, a,b,c or one number"
-        ),
-        **trims.flights(value_range, "RANGE", held),
-        **trims.AIRCRAFT,
-        **trims.picture("the root locus"),
-        **trims.workers(f"sweep to {STORE}"),
-        **trims.output(STORE, UNIT),
-    }
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SweepRequest(UnitsOption, AircraftOptions, TrimOptions, WorkersOptions, OutputOptions):
+    """Trims over a grid or a list."""
+
+    at: Range | None = scheduled(scheduled_range, "RANGE", "start:stop:step, a,b,c or one number")
+    hold: Mapping[str, Range] = option(
+        "hold a variable, or a parameter of the aircraft, at a value or a range of them; repeatable",
+        "NAME=RANGE",
+        OfModel(value_range),
+        named=True,
+    )
+    condition: TrimCondition | Path | None = option(
+        f"{CONDITION_FILE}; or a list of points, .csv: a row of names, then a row each, typed as in --hold",
+        "FILE",
+        OfModel(condition_or_list),
+        rare=True,
+    )
+    picture: Path | None = picture_option("the root locus")
+    output: Path | None = output_option(STORE, UNIT)
+
+    @property
+    def stored(self) -> bool:
+        """Whether the points go to a store."""
+        return self.output is not None and self.output.suffix.lower() == STORE
+
+    def plan(self) -> SweepPlan:
+        """What is swept; what stays fixed comes first, because it is not drawn."""
+        listing = self.condition if isinstance(self.condition, Path) else None
+        common = self if listing is None else replace(self, condition=None)
+        condition, by = common.common_condition(), self.model.schedule
+        ranges: dict[str, Range] = {} if self.at is None else {by: self.at}
+        ranges |= {name: values for name, values in self.hold.items() if not self.is_constant(name)}
+        if listing is not None:
+            axes = self._listed_axes(listing, condition, ranges)
+        elif not ranges:
+            raise BadInputError("nothing to sweep; give --dihedral RANGE or --hold NAME=RANGE")
+        elif self.stored:
+            axes = dict(ranges)
+        else:
+            arrays = {name: array_of(name, each, MOST_POINTS) for name, each in ranges.items()}
+            axes = dict(sorted(arrays.items(), key=lambda axis: axis[1].size > 1))
+        if self.picture is not None:
+            varied = [name for name, values in axes.items() if np.ptp(values) > 0]
+            if len(varied) > 1:
+                raise BadInputError(
+                    f"--picture draws a sweep in one variable, not in {' and '.join(varied)}; fix all but one"
+                )
+        is_named = by in (*axes, *condition.free, *self.hold)
+        if listing is None and by == "dihedral" and not is_named:
+            warnings.warn("no --dihedral is given: every point is at 0 deg", stacklevel=2)
+        aircraft = common.flown_aircraft()
+        return SweepPlan(axes, aircraft, condition, self.start_point, listing is not None)
+
+    def _listed_axes(
+        self, listing: Path, condition: TrimCondition, ranges: Mapping[str, Range]
+    ) -> dict[str, Any]:
+        """The columns of a list, and one for each value that holds for all of its rows."""
+        axes: dict[str, Any] = _listed(listing, condition)
+        rows = len(next(iter(axes.values())))
+        for name, values in {**self.hold, **ranges}.items():
+            if name in axes or not (isinstance(values, tuple) and len(values) == 1):
+                raise BadInputError(
+                    f"{name} has a column or a range beside the list {listing}; give one value"
+                )
+        for name, values in ranges.items():
+            axes[name] = np.full(rows, values[0])
+        return axes
 
 
-@command(_options)
-def sweep(arguments: argparse.Namespace) -> int:
+@command(SweepRequest)
+def sweep(request: SweepRequest) -> int:
     """Trims and linear models over a grid of conditions; modes tracked, failures kept as rows.
 
     Whatever a trim can hold can be swept, --hold speed=60:70:2, and any parameter of the aircraft,
@@ -55,64 +124,51 @@ def sweep(arguments: argparse.Namespace) -> int:
     the aircraft and the swept variables. A sweep that outgrows memory goes to a Zarr store (-o
     FILE.zarr): any number of points, several processes or machines (--workers), and it can be
     continued after an interruption (--resume)."""
-    suffix = "" if arguments.output is None else arguments.output.suffix.lower()
-    stored = suffix == STORE
-    if stored:
-        why = "does not go with a store, which holds all seven states, in feet, and no picture"
-        trims.refuse(arguments, ("picture", "units"), why)
-    else:
-        trims.refuse(arguments, OF_A_STORE, f"needs a store; add -o FILE{STORE}")
-    plan = _plan(arguments, stored)
-    report, trimmed = (_in_store if stored else _in_memory)(plan, arguments)
-    # The notes on standard error: the table on standard output stays a table.
-    show(replace(report, notes=()), arguments, written=suffix in (STORE, UNIT), notes=report.notes)
-    return 0 if trimmed else 1
+    if not request.stored:
+        request.refuse(OF_A_STORE, f"needs a store; add -o FILE{STORE}")
+        return _in_memory(request)
+    why = "does not go with a store, which holds all seven states, in feet, and no picture"
+    request.refuse(("picture", "units"), why)
+    return _in_store(request)
 
 
-def _plan(arguments: argparse.Namespace, stored: bool) -> SweepPlan:
-    """What is swept; what stays fixed comes first, because it is not drawn."""
-    listing = arguments.condition if isinstance(arguments.condition, Path) else None
-    if listing is not None:
-        arguments.condition = None
-    condition, aircraft, by = (
-        trims.flights_of(arguments),
-        trims.aircraft_of(arguments),
-        model().schedule,
+def _in_memory(request: SweepRequest) -> int:
+    result = run_plan(request.plan(), progress=ProgressLine("sweep"))
+    report = result.report()
+    figure: Callable[[], Figure] | None = result.figure
+    output = request.output
+    notes = list(report.notes)
+    if request.picture is not None and not result.trimmed.any():
+        notes.append(f"nothing to draw: {request.picture} is not written")
+        figure = None
+    if output is not None and output.suffix.lower() == UNIT:
+        from controller.export.exported_loop import interpolated_loop
+        from controller.export.fmu import write_fmu
+        from trim.sweeps.interpolated import InterpolatedModel
+
+        write_fmu(interpolated_loop(InterpolatedModel(result)), output, request.provenance)
+        request = replace(request, output=None)
+    # The notes go to standard error: the table on standard output stays a table.
+    show(replace(report, notes=()), request, figure=figure, notes=notes)
+    return 0 if result.trimmed.any() else 1
+
+
+def _in_store(request: SweepRequest) -> int:
+    from trim.sweeps.sweep_store import stored_sweep_report, stream_sweep
+
+    plan, target = request.plan(), request.output
+    assert target is not None
+    store = stream_sweep(
+        plan,
+        target,
+        workers=request.workers,
+        resume=request.resume,
+        provenance=request.provenance.to_dict(),
+        progress=ProgressLine("sweep"),
     )
-    held: dict[str, Range] = {} if arguments.at is None else {by: arguments.at}
-    held |= {
-        name: each for name, each in arguments.hold.items() if not trims.is_constant(name, each)
-    }
-    if listing is not None:
-        axes: dict[str, Any] = _listed(listing, condition)
-        for name, values in {**arguments.hold, **held}.items():
-            if name in axes or not (isinstance(values, tuple) and len(values) == 1):
-                raise BadInputError(
-                    f"{name} has a column or a range beside the list {listing}; give one value"
-                )
-        rows = len(next(iter(axes.values())))
-        axes |= {
-            name: np.full(rows, values[0])
-            for name, values in held.items()
-            if isinstance(values, tuple)
-        }
-    elif not held:
-        raise BadInputError("nothing to sweep; give --dihedral RANGE or --hold NAME=RANGE")
-    elif stored:
-        axes = dict(held)
-    else:
-        axes = {name: array_of(name, values, MOST_POINTS) for name, values in held.items()}
-        axes = dict(sorted(axes.items(), key=lambda axis: axis[1].size > 1))
-    if (
-        arguments.picture is not None
-        and len(varied := [name for name, each in axes.items() if np.ptp(each) > 0]) > 1
-    ):
-        raise BadInputError(
-            f"--picture draws a sweep in one variable, not in {' and '.join(varied)}; fix all but one"
-        )
-    if listing is None and by == "dihedral" and by not in (*axes, *condition.free, *arguments.hold):
-        warnings.warn("no --dihedral is given: every point is at 0 deg", stacklevel=2)
-    return SweepPlan(axes, aircraft, condition, trims.start_of(arguments), listing is not None)
+    report = stored_sweep_report(plan, store, target)
+    print_report(replace(report, notes=()), request, notes=report.notes)
+    return 0 if report.data["counts"]["trimmed"] else 1
 
 
 def _listed(path: Path, condition: TrimCondition) -> dict[str, np.ndarray]:
@@ -122,65 +178,30 @@ def _listed(path: Path, condition: TrimCondition) -> dict[str, np.ndarray]:
     BadInputError names the row, the header being row 1, and the column.
     """
     try:
-        lines = path.read_text("utf-8-sig").splitlines()
-        names, *rows = [row for row in csv.reader(lines) if any(map(str.strip, row))] or [[]]
+        lines = regular_file(path, LARGEST_TEXT).read_text("utf-8-sig").splitlines()
+        table_rows = [row for row in csv.reader(lines) if any(cell.strip() for cell in row)]
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise BadInputError(
             f"{path}: cannot be read ({error}); give a CSV file of conditions"
         ) from error
-    names, of = [name.strip() for name in names], condition.model
+    names = [name.strip() for name in table_rows[0]] if table_rows else []
+    rows, model = table_rows[1:], condition.model
     if not rows or len({*names}) < len(names):
         raise BadInputError(
             f"{path}: give a row of names, each once, and a row of their values for each point"
         )
     for name in names:
-        of.refuse_unheld(f"{path}: the column of row 1 is unknown:", name, tuple(of.parameters))
+        what = f"{path}: the column of row 1 is unknown:"
+        model.refuse_unheld(what, name, tuple(model.parameters))
     table = np.empty((len(rows), len(names)))
-    for place, row in enumerate(rows):
+    for index, row in enumerate(rows):
         if len(row) != len(names):
             raise BadInputError(
-                f"{path}: row {place + 2} has {len(row)} cells for {len(names)} columns; correct it"
+                f"{path}: row {index + 2} has {len(row)} cells for {len(names)} columns; correct it"
             )
         for column, (name, text) in enumerate(zip(names, row, strict=True)):
             try:
-                table[place, column] = quantity(name, text)
+                table[index, column] = quantity(model, name, text)
             except BadInputError as error:
-                raise BadInputError(f"{path}: row {place + 2}, column {name} {error}") from error
+                raise BadInputError(f"{path}: row {index + 2}, column {name} {error}") from error
     return dict(zip(names, table.T, strict=True))
-
-
-def _in_memory(plan: SweepPlan, arguments: argparse.Namespace) -> tuple[Report, bool]:
-    """The report, with the picture drawn, and whether any point has a trim."""
-    result = run_plan(plan, progress=ProgressLine("sweep"))
-    report = result.report()
-    if arguments.picture is not None and not result.trimmed.any():
-        report = replace(
-            report, notes=[*report.notes, f"nothing to draw: {arguments.picture} is not written"]
-        )
-    else:
-        draw(arguments, result.figure)
-    if arguments.output is not None and arguments.output.suffix.lower() == UNIT:
-        from controller.export.exported_loop import interpolated_loop
-        from controller.export.fmu import write_fmu
-        from trim.sweeps.interpolated import InterpolatedModel
-
-        write_fmu(
-            interpolated_loop(InterpolatedModel(result)), arguments.output, provenance(arguments)
-        )
-    return report, bool(result.trimmed.any())
-
-
-def _in_store(plan: SweepPlan, arguments: argparse.Namespace) -> tuple[Report, bool]:
-    """The report of the store, and whether any point has a trim."""
-    from trim.sweeps.sweep_store import stored_sweep_report, stream_sweep
-
-    dataset = stream_sweep(
-        plan,
-        arguments.output,
-        workers=arguments.workers.get("scheduler", arguments.workers.get("count", 1)),
-        resume=arguments.resume,
-        provenance=provenance(arguments).to_dict(),
-        progress=ProgressLine("sweep"),
-    )
-    report = stored_sweep_report(plan, dataset, arguments.output)
-    return report, bool(report.data["counts"]["trimmed"])

@@ -2,31 +2,32 @@
 
 from __future__ import annotations
 
-import argparse
+from dataclasses import dataclass
+from pathlib import Path
 
 import hfa_model
-from hfa.options import trims
-from hfa.options.parser import Options, command
-from hfa.output import draw, failure_as_data, show
+from hfa.options.command import command
+from hfa.options.trims import OneTrimOptions, OutputOptions, picture_option
+from hfa.output import failure_as_data, show
 from trim.hfa.hfa_report import trim_figure, trim_report
 
 
-def _options() -> Options:
-    picture = trims.picture("the aircraft from the front with its loads")
-    return {**trims.trim(required=True), **picture, **trims.output()}
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TrimRequest(OneTrimOptions, OutputOptions):
+    """One trim."""
+
+    picture: Path | None = picture_option("the aircraft from the front with its loads")
 
 
-@command(_options)
-def trim(arguments: argparse.Namespace) -> int:
+@command(TrimRequest)
+def trim(request: TrimRequest) -> int:
     """Trim the aircraft and report variables, limits, what binds, each equation's verdict, loads
     and performance."""
-    aircraft = trims.aircraft_of(arguments)
-    if not hfa_model.is_hfa(aircraft):
-        trims.refuse(
-            arguments, ("picture",), "draws the HFA from the front; leave it out with --aircraft"
-        )
-    with failure_as_data(arguments, aircraft):
-        point = trims.point_of(arguments, aircraft)
-    draw(arguments, lambda: trim_figure(trims.hfa_of(arguments), point))
-    show(trim_report(aircraft, trims.condition_of(arguments), point), arguments)
+    if not hfa_model.is_hfa(request.model):
+        request.refuse(("picture",), "draws the HFA from the front; leave it out with --aircraft")
+    aircraft, condition = request.flown_aircraft(), request.trim_condition()
+    with failure_as_data(request, condition, aircraft):
+        point = request.operating_point(aircraft)
+    report = trim_report(aircraft, condition, point)
+    show(report, request, figure=lambda: trim_figure(aircraft, point))
     return 0

@@ -2,23 +2,24 @@
 
 from __future__ import annotations
 
-import argparse
 import math
 import re
-from collections.abc import Callable
-from functools import cache
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
 from controller.critic.critic import from_weights
 from controller.critic.critic_file import NETWORK_FILES, Reading, critics_in, is_network
-from hfa.options import games, trims
 from hfa.options.argument_types import input_file, number, positive
-from hfa.options.games import NamedGame
-from hfa.options.parser import Option, Options, command
-from hfa.output import ProgressLine, draw, show
+from hfa.options.command import command
+from hfa.options.games import GameOptions, LearningOptions, NamedGame, setting_option
+from hfa.options.request import option
+from hfa.options.trims import OutputOptions, picture_option
+from hfa.output import ProgressLine, show
 from hfa_support.errors import BadInputError, refuse_unknown, said_of
-from hfa_support.files import MATRIX_FILES
+from hfa_support.files import MATRIX_FILES, note_read
 from verification.critic.check_result import CriticCheck, check_figure, checks_figure, checks_report
 from verification.critic.critic_check import LIMIT, check_critic, check_discounted, check_history
 from verification.critic.critic_errors import ordinary_box
@@ -39,131 +40,148 @@ def _critics(text: str) -> list[Path]:
     if not folder.is_dir():
         return [input_file(*known)(text)]
     found = sorted(each for each in folder.iterdir() if each.suffix.lower() in known)
+    note_read(folder)
     if not found:
         raise BadInputError(f"{text}: there is no critic in the folder ({' '.join(known)})")
     return sorted(found, key=lambda each: [int(part) for part in re.findall(r"\d+", each.name)])
 
 
-def _options() -> Options:
-    files = f"critics from elsewhere: W, P or K, with `time` also over time ({' '.join(MATRIX_FILES)}), or a network "
-    files += f"of V, dV/dx or u ({' '.join(NETWORK_FILES)}); of several, or of a folder of checkpoints, one table"
-    settings = (
-        "a setting of the law; of --weights predefined_time=S, of a network scale=a,b,... (times each state) and "
-        "of a state dict activation=tanh|relu|... between its layers, after a comma at its output"
+@dataclass(frozen=True, kw_only=True, eq=False)
+class VerifyRequest(GameOptions, LearningOptions, OutputOptions):
+    """Critics to be judged."""
+
+    weights: tuple[list[Path], ...] = option(
+        f"critics from elsewhere: W, P or K, with `time` also over time ({' '.join(MATRIX_FILES)}), or a "
+        f"network of V, dV/dx or u ({' '.join(NETWORK_FILES)}); of several, or of a folder of "
+        "checkpoints, one table",
+        "FILE",
+        _critics,
+        default=(),
+        count="+",
     )
-    functions = "of --weights: a name (default quadratic), or a list 'x1**2, x1*x2, sin(x3)'"
-    network = "which part of a file is what: value, V=critic,policy=actor, gradient=; default: by its number of outputs"
-    discount = "of the discounted problem in discrete time: factor of a step; with --dt"
-    cost = "exit 0 when the critic costs at most this much more than the optimum"
-    return {
-        **games.game_options(),
-        **games.learning(about=settings, own=_SETTINGS),
-        "--weights": Option(files, "FILE", _critics, more={"nargs": "+"}),
-        "--basis": Option(functions, "BASIS"),
-        "--network": Option(network, "[V=]NAME", default=""),
-        "--discount": Option(discount, "NUMBER", positive),
-        "--dt": Option("length of a step of that problem; with --discount", "S", positive),
-        "--limit-error": Option(
-            f"limit of the relative errors; default {LIMIT:g}", "X", positive, LIMIT
-        ),
-        "--limit-cost": Option(cost, "PERCENT", positive),
-        **trims.picture(
-            "P learned, exact, difference, and errors over time; of several critics their errors"
-        ),
-        **trims.output(),
-    }
+    set: Mapping[str, Any] = setting_option(
+        "a setting of the law; of --weights predefined_time=S, of a network scale=a,b,... (times each "
+        "state) and of a state dict activation=tanh|relu|... between its layers, after a comma at its "
+        "output",
+        _SETTINGS,
+    )
+    basis: str | None = option(
+        "of --weights: a name (default quadratic), or a list 'x1**2, x1*x2, sin(x3)'",
+        "BASIS",
+        rare=True,
+    )
+    network: str = option(
+        "which part of a file is what: value, V=critic,policy=actor, gradient=; default: by its number "
+        "of outputs",
+        "[V=]NAME",
+        default="",
+        rare=True,
+    )
+    discount: float | None = option(
+        "of the discounted problem in discrete time: factor of a step; with --dt",
+        "NUMBER",
+        positive,
+    )
+    dt: float | None = option("length of a step of that problem; with --discount", "S", positive)
+    limit_error: float = option(
+        f"limit of the relative errors; default {LIMIT:g}", "X", positive, default=LIMIT
+    )
+    limit_cost: float | None = option(
+        "exit 0 when the critic costs at most this much more than the optimum", "PERCENT", positive
+    )
+    picture: Path | None = picture_option(
+        "P learned, exact, difference, and errors over time; of several critics their errors"
+    )
 
 
-@command(_options)
-def verify(arguments: argparse.Namespace) -> int:
+@command(VerifyRequest)
+def verify(request: VerifyRequest) -> int:
     """Compare a critic with the exact game solution: our own laws, or weights, P, K or networks
     from elsewhere.
 
     Exit code 0 only when every check passes, or with --limit-cost when the critic costs no more
     than that."""
-    paths = [path for each in arguments.weights or [] for path in each]
-    _refuse_unused(arguments, paths)
-    named = games.game_of(arguments)
+    paths = [path for each in request.weights for path in each]
+    _refuse_unused(request, paths)
+    named = request.game()
 
     @cache
     def at_dihedral(degrees: float) -> Any:
-        return games.game_of(
-            argparse.Namespace(**vars(arguments) | {"at": math.radians(degrees)})
-        ).game
+        return replace(request, at=math.radians(degrees)).game().game
 
     how: dict[str, Any] = {
-        "limit": arguments.limit_error,
+        "limit": request.limit_error,
         "box": ordinary_box(named.game, named.states, named.inputs, named.state_units),
-        "at_dihedral": None if arguments.at is None else at_dihedral,
+        "at_dihedral": None if request.at is None else at_dihedral,
     }
-    cost, found, told = arguments.limit_cost, dict[str, CriticCheck](), ProgressLine("compare")
+    cost, found, told = request.limit_cost, dict[str, CriticCheck](), ProgressLine("compare")
     if not paths:
-        result = games.run_learning(arguments, named.game)
+        result = request.learned(named.game)
         time = result.settings.get("predefined_time")
         candidate = from_weights(named.game, result.weights[-1], result.basis)
         found[""] = check_critic(named.game, candidate, run=result, predefined_time=time, **how)
     for count, path in enumerate(paths):
         if len(paths) > 1:
             told(count, len(paths))
-        found[str(path)] = _check_file(path, arguments, named, how, len(paths))
+        found[str(path)] = _check_file(path, request, named, how, len(paths))
     if len(found) == 1:
         (check,) = found.values()
-        draw(arguments, lambda: check_figure(check, *named.names))
+        figure = partial(check_figure, check, *named.names)
         report = check.report(*named.names, limit_cost=cost)
     else:
-        draw(arguments, lambda: checks_figure(found, named.origin))
+        figure = partial(checks_figure, found, named.origin)
         report = checks_report(found, named.origin, cost)
-    show(report.with_data(**named.labels()), arguments, notes=named.warnings)
+    show(report.with_data(**named.labels()), request, figure=figure, notes=named.warnings)
     return 0 if all(check.holds(cost) for check in found.values()) else 1
 
 
-def _refuse_unused(arguments: argparse.Namespace, paths: list[Path]) -> None:
+def _refuse_unused(request: VerifyRequest, paths: list[Path]) -> None:
     """BadInputError for options that would change nothing."""
     if not any(map(is_network, paths)):
-        trims.refuse(arguments, ("network",), "belongs to a network; give its file by --weights")
+        request.refuse(("network",), "belongs to a network; give its file by --weights")
         for name in ("activation", "scale") if paths else ():
-            if name in arguments.set:
+            if name in request.set:
                 raise BadInputError(
                     f"--set {name} belongs to networks; give the file of one by --weights"
                 )
-    if (arguments.discount is None) != (arguments.dt is None):
+    if (request.discount is None) != (request.dt is None):
         raise BadInputError("--discount and --dt belong together; neither has a default")
-    if arguments.discount is not None:
-        trims.refuse(arguments, ("picture",), "does not go with --discount; leave it out")
+    if request.discount is not None:
+        request.refuse(("picture",), "does not go with --discount; leave it out")
         if len(paths) != 1:
             raise BadInputError("--discount needs one file of --weights")
-        if "predefined_time" in arguments.set:
+        if "predefined_time" in request.set:
             raise BadInputError("--set predefined_time does not go with --discount; leave it out")
     if not paths:
-        trims.refuse(arguments, ("basis",), "belongs to --weights; for a law, use --set basis=...")
+        request.refuse(("basis",), "belongs to --weights; for a law, use --set basis=...")
         return
-    trims.refuse(arguments, ("law", "seed"), "belongs to a law; leave it out with --weights")
-    for name in arguments.set:
+    request.refuse(("law", "seed"), "belongs to a law; leave it out with --weights")
+    for name in request.set:
         refuse_unknown("a critic of a file has no setting", name, _SETTINGS)
 
 
 def _check_file(
-    path: Path, arguments: argparse.Namespace, named: NamedGame, how: dict[str, Any], files: int
+    path: Path, request: VerifyRequest, named: NamedGame, how: dict[str, Any], files: int
 ) -> CriticCheck:
     """The critic in a file, or each of its rows where it has a time; of `files` files."""
     game = named.game
-    settings = arguments.set
+    settings = request.set
     time = settings.get("predefined_time")
     activation = settings.get("activation")
     if files == 1 and path.suffix.lower() == ".onnx" and activation is not None:
         raise BadInputError(
             f"{path}: --set activation belongs to a state dict; an ONNX file says it"
         )
-    reading = Reading(arguments.basis, arguments.network, activation, settings.get("scale"))
+    reading = Reading(request.basis, request.network, activation, settings.get("scale"))
     critics = critics_in(path, game, named.plant, reading)
     is_history = critics[-1].time is not None
-    if arguments.discount is not None:
+    if request.discount is not None and request.dt is not None:
         if is_history:
             raise BadInputError(
                 f"{path}: --discount judges one critic and this is over time; give one row of it"
             )
         return check_discounted(
-            game, critics[0], arguments.discount, arguments.dt, limit=arguments.limit_error
+            game, critics[0], request.discount, request.dt, limit=request.limit_error
         )
     if is_history:
         with said_of(path):

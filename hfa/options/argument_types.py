@@ -9,18 +9,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from contextvars import ContextVar
 from functools import partial
 from pathlib import Path
 
-import hfa_model
 from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError, shortened
 from hfa_support.reporting.unit_system import typed
 from hfa_support.schema import NUMBER, POSITIVE, Number
 
-#: The user's own aircraft that --aircraft names; None is the HFA.
-OWN: ContextVar[Model | None] = ContextVar("own", default=None)
 PICTURES = (".png", ".svg", ".pdf")
 _LARGEST_WHOLE = 10**18
 
@@ -39,46 +35,38 @@ def number(text: str, declared: Number = NUMBER) -> float:
 positive = partial(number, declared=POSITIVE)
 
 
-def model() -> Model:
-    """Whose names and units options have."""
-    if (own := OWN.get()) is not None:
-        return own
-
-    return hfa_model.aircraft()
-
-
-def quantity(name: str, text: str) -> float:
+def quantity(model: Model, name: str, text: str) -> float:
     """What was typed for a name of the model, in the shown unit of the one that it declares:
     degrees of rad, m of ft with --units si; a plain number where there is none."""
-    known = {**model().rates, **model().signals}
+    known = {**model.rates, **model.signals}
     unit = known[name].unit if name in known else "1"
     return math.radians(number(text)) if unit.startswith("rad") else typed(number(text), unit)
 
 
-def place(text: str) -> float:
+def breakpoint_value(model: Model, text: str) -> float:
     """The value of the scheduling variable of one trim; a list or range is refused with the command
     that takes it."""
     if "," in text or ":" in text:
         raise BadInputError(
             f"is {shortened(text)!r}; give one number: `hfa sweep` takes lists and ranges"
         )
-    return quantity(model().schedule, text)
+    return quantity(model, model.schedule, text)
 
 
-def places(text: str) -> tuple[float, ...]:
-    """`LOW:HIGH` or one place, as written: a proof is about these numbers."""
+def interval(text: str) -> tuple[float, ...]:
+    """`LOW:HIGH` or one number, as written: a proof is about these numbers."""
     ends = tuple(number(part) for part in text.split(":"))
     if len(ends) > 2 or (len(ends) == 2 and not ends[0] < ends[1]):
         raise BadInputError(f"is {shortened(text)!r}; give LOW:HIGH, the lower end first")
     return ends
 
 
-def span(name: str, text: str) -> tuple[float, float]:
+def span(model: Model, name: str, text: str) -> tuple[float, float]:
     """`LOW:HIGH` of a named variable, low < high."""
     low, colon, high = text.partition(":")
     if not colon or ":" in high:
         raise BadInputError(f"is {shortened(text)!r}; give LOW:HIGH")
-    lowest, highest = quantity(name, low), quantity(name, high)
+    lowest, highest = quantity(model, name, low), quantity(model, name, high)
     if not lowest < highest:
         raise BadInputError(f"is {shortened(text)!r}; the first limit must be the lower one")
     return lowest, highest

@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-import argparse
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 import numpy as np
 
 from controller.game.zero_sum import Game, usual_game
-from hfa.options import trims
-from hfa.options.argument_types import OWN, input_file, number, one_of, whole
-from hfa.options.parser import Option, Options
+from hfa.options.argument_types import input_file, number, one_of, whole
+from hfa.options.request import OfModel, Request, option
+from hfa.options.trims import OF_THE_TRIM, AircraftOptions, TrimOptions, UnitsOption
 from hfa.output import ProgressLine
 from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError, said_of
@@ -41,71 +41,192 @@ def diagonal(text: str) -> np.ndarray:
     return np.diag([number(entry) for entry in text.split(",")])
 
 
-#: The weights of the game.
-WEIGHTS: Options = {
-    "--delta": Option(
+@dataclass(frozen=True, kw_only=True, eq=False)
+class WeightOptions(Request):
+    """The weights of the game."""
+
+    delta: float | None = option(
         "disturbance weight, inf for none; default: the paper's 200", "NUMBER", _delta
-    ),
-    **{
-        f"--{name}": Option(f"diagonal of {name}; default: the paper's", "a,b,...", diagonal)
-        for name in ("Q", "R")
-    },
-}
-MODEL: Options = {
-    "--model": Option(
-        f"a plant of your own: A, B, optionally E, Q, R ({' '.join(MATRIX_FILES)})",
-        "FILE",
-        input_file(*MATRIX_FILES),
     )
-}
-SEED: Options = {
-    "--seed": Option(
-        "seed of the recorded data and of what else is random; default 0", "N", whole(0), 0
+    Q: np.ndarray | None = option(
+        "diagonal of Q; default: the paper's", "a,b,...", diagonal, names="--Q", rare=True
     )
-}
+    R: np.ndarray | None = option(
+        "diagonal of R; default: the paper's", "a,b,...", diagonal, names="--R", rare=True
+    )
+
+    def changed_weights(self, state_units: tuple[str, ...] = ()) -> dict[str, Any]:
+        """Changes of the usual game that the options name; Q, typed in the units in force, in these
+        units."""
+        typed: dict[str, Any] = {"Q": self.Q, "R": self.R, "delta": self.delta}
+        changes = {name: value for name, value in typed.items() if value is not None}
+        if "Q" in changes and len(changes["Q"]) == len(state_units):
+            changes["Q"] = entries_in_force(changes["Q"], (state_units, 1), (state_units, 1))
+        return changes
+
+    def game_on(self, linear: LinearModel) -> Game:
+        """The usual game on a linear model, with the weights that the options change."""
+        changes = self.changed_weights(linear.state_units)
+        return usual_game(linear.point.model, linear.A, linear.B, **changes)
 
 
-def learning(
-    *laws: str, about: str = "", own: Mapping[str, Callable[[str], Any]] | None = None
-) -> Options:
-    """--law, one of `laws` and the one that learns, its --seed and --set.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SeedOption(Request):
+    """Where random numbers begin."""
 
-    about: help of --set. own: further settings, and how a word becomes the value of each.
-    """
+    seed: int = option(
+        "seed of the recorded data and of what else is random; default 0",
+        "N",
+        whole(0),
+        default=0,
+        rare=True,
+    )
+
+
+def law_option(*laws: str) -> Any:
+    """The field `law`: one of these, or the one that learns."""
+    choices = (*laws, DEFAULT_LAW)
+    about = f"only {DEFAULT_LAW} (irl: studies/update_law)"
+    if laws:
+        about = f"{', '.join(choices)}; default {DEFAULT_LAW}"
+    return option(about, "NAME", one_of(*choices), default=DEFAULT_LAW)
+
+
+def setting_option(
+    about: str = "a setting of the law, for example predefined_time=2",
+    more: Mapping[str, Callable[[str], Any]] | None = None,
+) -> Any:
+    """The field `set`. more: further settings, and how a word becomes the value of each."""
 
     def setting(name: str, text: str) -> Any:
         from controller.learning.certified import CertifiedSettings
 
         kinds: dict[str, Callable[[str], Any]] = {
-            **{
-                field.name: partial(_converted, str(field.type))
-                for field in fields(CertifiedSettings)
-            },
-            **(own or {}),
+            field.name: partial(_converted, str(field.type)) for field in fields(CertifiedSettings)
         }
+        kinds |= more or {}
         if name not in kinds:
             raise BadInputError(
                 f"is no setting of law {DEFAULT_LAW!r}; choose from {', '.join(kinds)}"
             )
         return kinds[name](text)
 
-    choices = (*laws, DEFAULT_LAW)
-    said = (
-        f"{', '.join(choices)}; default {DEFAULT_LAW}"
-        if laws
-        else f"only {DEFAULT_LAW} (irl: studies/update_law)"
+    return option(about, "NAME=VALUE", setting, named=True, rare=True)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LearningOptions(SeedOption):
+    """By what a critic is learned."""
+
+    law: str = law_option()
+    set: Mapping[str, Any] = setting_option()
+
+    def learned(self, game: Game) -> LearningResult:
+        """What the law that the options name learns on a game."""
+        from controller.learning.certified import learn
+
+        return learn(game, self.law, self.seed, progress=ProgressLine("learn"), **self.set)
+
+
+def _design(model: Model, name: str) -> Any:
+    from controller.servo.design import load_design
+
+    return load_design(name, model)
+
+
+def design_option(
+    about: str = "actuators, integrals, sensors, weights: paper, servo, or a .toml file",
+) -> Any:
+    """The field `design`: of the HFA or the user's own aircraft."""
+    return option(about, "NAME", OfModel(_design))
+
+
+def plant_option() -> Any:
+    """The field `plant`, typed by --model: a plant of the user's own."""
+    return option(
+        f"a plant of your own: A, B, optionally E, Q, R ({' '.join(MATRIX_FILES)})",
+        "FILE",
+        input_file(*MATRIX_FILES),
+        names="--model",
     )
-    about = about or "a setting of the law, for example predefined_time=2"
-    return {
-        "--law": Option(said, "NAME", one_of(*choices), DEFAULT_LAW),
-        **SEED,
-        "--set": Option(about, "NAME=VALUE", setting, named=True),
-    }
 
 
-def game_options() -> Options:
-    """--at, with a design or without, or --model, and the weights."""
-    return {**trims.trim(), **trims.design(), **MODEL, **WEIGHTS}
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PlantOptions(WeightOptions, AircraftOptions, TrimOptions):
+    """A game: on the aircraft at a trim, with a design or without, or on a plant of the user's own."""
+
+    plant: Path | None = plant_option()
+    design: Any = None
+
+    def origin(self) -> Mapping[str, Any]:
+        """The file of the plant, or the aircraft."""
+        return super().origin() if self.plant is None else {"model": str(self.plant)}
+
+    def game(self, read: dict[str, Any] | None = None) -> NamedGame:
+        """The game that the options name; read: what has been read of --model already."""
+        if self.plant is not None:
+            return self._game_of_file(self.plant, read)
+        if not self.own and self.dynamics != "unsteady" and self.at is None:
+            raise BadInputError("name the plant: either --dihedral DEG or --model FILE")
+        aircraft = self.flown_aircraft()
+        point = self.operating_point(aircraft)
+        linear, model = linearize(aircraft, point), aircraft
+        warnings, origin = (*point.warnings, *linear.kinks), model.name
+        missing = [name for name in ("Q", "R", "delta") if name not in self.changed_weights()]
+        if not self.own:
+            origin = f"the aircraft {at_scheduled(point)}, {model.title}"
+        elif missing:
+            warnings += (
+                f"{' and '.join(missing)} not given: Q, R are 1/nominal^2 on the diagonal, delta is inf (no disturbance)",
+            )
+        if self.design is not None:
+            from controller.servo.design_model import design_model
+
+            built = design_model(aircraft, linear, self.design)
+            with said_of(f"design {built.design.name}"):
+                game = replace(built.game(), **self.changed_weights(built.state_units))
+            names = built.states, built.inputs, built.state_units, built.input_units
+            of_design = f"design {built.design.name} of {origin}"
+            return NamedGame(game, *names, of_design, tuple(point.warnings))
+        names = linear.states, linear.inputs, linear.state_units, linear.input_units
+        return NamedGame(
+            self.game_on(linear),
+            *names,
+            origin,
+            warnings,
+            nonlinear=partial(_about_trim, model, linear),
+        )
+
+    def _game_of_file(self, plant: Path, read: dict[str, Any] | None) -> NamedGame:
+        from controller.game.user_files import stored_game
+
+        self.refuse_of_the_aircraft()
+        game, notes, names, provenance = stored_game(plant, found=read, **self.changed_weights())
+        n, m = game.B.shape
+        labels: dict[str, Any] = {
+            "states": numbered("x", n),
+            "inputs": numbered("u", m),
+            "state_units": ("",) * n,
+            "input_units": ("",) * m,
+            **names,
+        }
+        return NamedGame(
+            game, **labels, origin=str(plant), warnings=notes, plant_provenance=provenance
+        )
+
+    def refuse_of_the_aircraft(self) -> None:
+        """BadInputError where an option of the aircraft comes with --model."""
+        if self.at is not None:
+            raise BadInputError("name the plant: either --dihedral DEG or --model FILE")
+        of_the_aircraft = ("aircraft", *OF_THE_TRIM, "parameters", "design", "units", "dynamics")
+        self.refuse(of_the_aircraft, "belongs to the aircraft; leave it out with --model")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class GameOptions(UnitsOption, PlantOptions):
+    """A game, with a design or without."""
+
+    design: Any = design_option()
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,87 +278,6 @@ class NamedGame:
         }
 
 
-def weights_of(arguments: argparse.Namespace, state_units: tuple[str, ...] = ()) -> dict[str, Any]:
-    """Changes of the usual game that the options name; Q, typed in the units in force, in these
-    units."""
-    found = {
-        name: value
-        for name in ("Q", "R", "delta")
-        if (value := getattr(arguments, name)) is not None
-    }
-    if "Q" in found and len(found["Q"]) == len(state_units):
-        found["Q"] = entries_in_force(found["Q"], (state_units, 1), (state_units, 1))
-    return found
-
-
-def game_on(arguments: argparse.Namespace, model: LinearModel) -> Game:
-    """The usual game on a linear model, with the weights that the options change."""
-    return usual_game(
-        model.point.model, model.A, model.B, **weights_of(arguments, model.state_units)
-    )
-
-
-def game_of(arguments: argparse.Namespace, found: dict[str, Any] | None = None) -> NamedGame:
-    """The game that the options name; found: what has been read of --model already."""
-    if arguments.model is not None:
-        return _game_of_file(arguments, found)
-    if OWN.get() is None and arguments.at is None:
-        raise BadInputError("name the plant: either --dihedral DEG or --model FILE")
-    aircraft = trims.aircraft_of(arguments)
-    point = trims.point_of(arguments, aircraft)
-    model, own = linearize(aircraft, point), aircraft
-    warnings, origin = (*point.warnings, *model.kinks), own.name
-    if arguments.aircraft is None:
-        origin = f"the aircraft {at_scheduled(point)}, {own.title}"
-    elif len(changed := weights_of(arguments)) < 3:
-        missing = [name for name in ("Q", "R", "delta") if name not in changed]
-        warnings += (
-            f"{' and '.join(missing)} not given: Q, R are 1/nominal^2 on the diagonal, delta is inf (no disturbance)",
-        )
-    if arguments.design is not None:
-        from controller.servo.design_model import design_model
-
-        built = design_model(aircraft, model, arguments.design)
-        with said_of(f"design {built.design.name}"):
-            game = replace(built.game(), **weights_of(arguments, built.state_units))
-        names = built.states, built.inputs, built.state_units, built.input_units
-        return NamedGame(
-            game, *names, f"design {built.design.name} of {origin}", tuple(point.warnings)
-        )
-    names = model.states, model.inputs, model.state_units, model.input_units
-    return NamedGame(
-        game_on(arguments, model),
-        *names,
-        origin,
-        warnings,
-        nonlinear=partial(_about_trim, own, model),
-    )
-
-
-def _game_of_file(arguments: argparse.Namespace, found: dict[str, Any] | None) -> NamedGame:
-    """The game of --model."""
-    from controller.game.user_files import stored_game
-
-    refuse_of_the_aircraft(arguments)
-    game, notes, names, provenance = stored_game(
-        arguments.model, found=found, **weights_of(arguments)
-    )
-    n, m = game.B.shape
-    plain = {"states": numbered("x", n), "inputs": numbered("u", m), "state_units": ("",) * n}
-    labels = plain | {"input_units": ("",) * m} | names
-    return NamedGame(
-        game, **labels, origin=str(arguments.model), warnings=notes, plant_provenance=provenance
-    )
-
-
-def refuse_of_the_aircraft(arguments: argparse.Namespace) -> None:
-    """BadInputError where an option of the aircraft comes with --model."""
-    if arguments.at is not None:
-        raise BadInputError("name the plant: either --dihedral DEG or --model FILE")
-    of_the_aircraft = ("aircraft", *trims.OF_THE_TRIM, "parameters", "design", "units", "dynamics")
-    trims.refuse(arguments, of_the_aircraft, "belongs to the aircraft; leave it out with --model")
-
-
 def _about_trim(model: Model, linear: LinearModel) -> ca.Function:
     """(z, u) -> z' of the nonlinear model, deviations from the trim; states that the linear model
     lacks are held."""
@@ -252,15 +292,6 @@ def _about_trim(model: Model, linear: LinearModel) -> ca.Function:
     rates, _ = model.layout.expressions((*at, model.p.tolist()), ())
     return ca.Function(
         "plant", [z, u], [rates[[list(model.states).index(name) for name in linear.states]]]
-    )
-
-
-def run_learning(arguments: argparse.Namespace, game: Game) -> LearningResult:
-    """Run the law that the options name."""
-    from controller.learning.certified import learn
-
-    return learn(
-        game, arguments.law, arguments.seed, progress=ProgressLine("learn"), **arguments.set
     )
 
 

@@ -1,145 +1,126 @@
-"""argparse as `hfa` wants it: commands and options declared as data, and one line for each
-complaint."""
+"""argparse as `hfa` wants it: options declared as data, and one line for each complaint."""
 
 from __future__ import annotations
 
 import argparse
+import difflib
 import re
-import shlex
 import sys
 import textwrap
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
-from typing import Any, NamedTuple, NoReturn
+from typing import Any, NoReturn
 
+from hfa.options.request import Option
 from hfa_support.errors import BadInputError, shortened
 
 
-@dataclass(frozen=True)
-class Option:
-    """One option of a command.
-
-    about: its help. form: how help shows its value; "" for a switch. kind: word -> value; its
-    BadInputError is the rest of a sentence that begins with the option. default: its value where it
-    is not given, {} where `named`: then its words are NAME=VALUE, it may be repeated, and kind
-    takes the name and the word. more: further arguments of `add_argument`."""
-
-    about: str
-    form: str = ""
-    kind: Callable[..., Any] = str
-    default: Any = None
-    named: bool = False
-    more: Mapping[str, Any] = field(default_factory=dict)
-
-
-#: Names of an option, as in "-o --output" -> what it is.
-Options = Mapping[str, Option]
-
-
-class Command(NamedTuple):
-    """What makes the options of a command, and what runs it: its docstring is the help, its result
-    the exit code."""
-
-    options: Callable[[], Options]
-    run: Callable[[argparse.Namespace], int]
-
-
-def command(
-    options: Callable[[], Options],
-) -> Callable[[Callable[[argparse.Namespace], int]], Command]:
-    """Makes a `Command` of the function that runs it."""
-    return lambda run: Command(options, run)
-
-
-#: Options that `--help` lists by name only; `--help more` explains them.
-RARE = (
-    "Q R basis condition delay disturbance effectiveness envelope error fault free inputs limit network noise "
-    "parameters quiet resume samples seed set start turbulence units workers"
-)
-
-
 class Parser(argparse.ArgumentParser):
-    """An argument parser that raises BadInputError."""
+    """An argument parser that raises BadInputError.
 
-    def __init__(self, **options: Any) -> None:
+    with_help: whether it takes --help."""
+
+    def __init__(self, *, with_help: bool = True, **options: Any) -> None:
         super().__init__(allow_abbrev=False, add_help=False, **options)
-        self.add_argument("-h", "--help", nargs="?", const="", action=_Help, help=argparse.SUPPRESS)
+        if with_help:
+            self.add_argument(
+                "-h", "--help", nargs="?", const="", action=_Help, help=argparse.SUPPRESS
+            )
         # "-5:5:1" and "-.5,1" are values too.
         self._negative_number_matcher = re.compile(r"-[\d.]")
-        self._otherwise: dict[str, Any] = {}
+        self._options: dict[str, Option] = {}
+        self._words: dict[str, list[str]] = {}
 
-    def declare(self, options: Options) -> None:
-        """Add the options."""
-        for names, each in options.items():
-            how: dict[str, Any] = (
-                {"type": each.kind, "metavar": each.form} if each.form else {"action": "store_true"}
-            )
-            if each.named:
-                how = {"action": _Named, "value": each.kind, "metavar": each.form}
-            if names.startswith("-"):
-                how["default"] = argparse.SUPPRESS
-            action = self.add_argument(*names.split(), help=each.about, **how, **each.more)
-            usual: Any = {} if each.named else None if each.form else False
-            self._otherwise[action.dest] = usual if each.default is None else each.default
-        places = "".join(f" [{each.metavar}]" for each in self._actions if not each.option_strings)
-        self.usage = f"{self.prog}{places} [options]"
+    def declare(self, options: Mapping[str, Option]) -> None:
+        """Add options, name of the value -> option."""
+        self._options.update(options)
+        for name, option in options.items():
+            names = option.flags
+            how: dict[str, Any] = {"help": option.about}
+            if names[0].startswith("-"):
+                how |= {"dest": name, "default": argparse.SUPPRESS}
+            if option.named:
+                how |= {"action": _Named, "kind": option.kind, "metavar": option.form}
+            elif option.form:
+                how |= {"type": option.kind, "metavar": option.form}
+                if option.repeated:
+                    how["action"] = "append"
+                if option.count:
+                    how["nargs"] = option.count
+            else:
+                how["action"] = "store_true"
+            self.add_argument(*names, **how)
+        positional = [action for action in self._actions if not action.option_strings]
+        words = "".join(f" [{action.metavar}]" for action in positional)
+        self.usage = f"{self.prog}{words} [options]"
 
     def format_help(self, more: bool = False) -> str:
         """Usage, description and options; without `more` the rare ones by name only."""
-        words = {f"--{word}" for word in RARE.split()} if not more else set()
-        rare = [each for each in self._actions if words.intersection(each.option_strings)]
-        kept = [each.help for each in rare]
-        for each in rare:
-            each.help = argparse.SUPPRESS
-        text = super().format_help()
-        for each, about in zip(rare, kept, strict=True):
-            each.help = about
-        named = ", ".join(each.option_strings[-1] for each in rare)
-        return text + (
-            textwrap.fill(f"more ({self.prog} --help more): {named}", 80) + "\n" if rare else ""
-        )
+        if more:
+            return super().format_help()
+        rare = {name for name, option in self._options.items() if option.rare}
+        hidden = [action for action in self._actions if action.dest in rare]
+        texts = [action.help for action in hidden]
+        for action in hidden:
+            action.help = argparse.SUPPRESS
+        shown = super().format_help()
+        for action, text in zip(hidden, texts, strict=True):
+            action.help = text
+        if not hidden:
+            return shown
+        names = ", ".join(action.option_strings[-1] for action in hidden)
+        return shown + textwrap.fill(f"more ({self.prog} --help more): {names}", 80) + "\n"
 
-    def parse_words(self, words: list[str]) -> argparse.Namespace:
-        """The options and their values, of an option that comes twice the last; `given`: the names
-        of those typed, `line`: the whole command line."""
+    def parse_words(self, words: list[str]) -> dict[str, Any]:
+        """What was typed: name -> value."""
+        known = self._option_string_actions
         for word in words[: words.index("--")] if "--" in words else words:
-            option = word.partition("=")[0]
-            if option.startswith("--") and option not in self._option_string_actions:
-                known = self._option_string_actions
-                raise BadInputError(
-                    unknown(f"option {shortened(option)}", option, known, self.prog)
-                )
-        # A stray word is named before an option that is missing: `hfa trim 15`.
-        required = [action for action in self._actions if action.required]
-        for action in required:
-            action.required = False
-        arguments, strays = self.parse_known_intermixed_args(words)
+            name = word.partition("=")[0]
+            if name.startswith("--") and name not in known:
+                complaint = unknown(f"option {shortened(name)}", name, known, self.prog)
+                raise BadInputError(complaint)
+        parsed, strays = self.parse_known_intermixed_args(words)
         if strays:
             self.error(f"unrecognized arguments: {' '.join(map(shortened, strays))}")
-        typed = {name: value for name, value in vars(arguments).items() if value is not None}
-        missing = [action.option_strings[-1] for action in required if action.dest not in typed]
+        typed = self._typed(parsed)
+        missing = [
+            option.flags[-1]
+            for name, option in self._options.items()
+            if option.required and name not in typed
+        ]
         if missing:
             self.error(f"the following arguments are required: {', '.join(missing)}")
-        line = shlex.join([*self.prog.split(), *words])
-        return argparse.Namespace(**{**self._otherwise, **typed}, given=frozenset(typed), line=line)
+        return typed
+
+    def parse_some(self, words: list[str]) -> dict[str, Any]:
+        """The same of a parser that knows only some of the options; the other words are ignored."""
+        return self._typed(self.parse_known_args(words)[0])
+
+    @staticmethod
+    def _typed(parsed: argparse.Namespace) -> dict[str, Any]:
+        typed = {name: value for name, value in vars(parsed).items() if value is not None}
+        return {
+            name: tuple(value) if isinstance(value, list) else value
+            for name, value in typed.items()
+        }
 
     def _get_value(self, action: argparse.Action, arg_string: str) -> Any:
         try:
             return self._registry_get("type", action.type, action.type)(arg_string)
         except BadInputError as error:
             raise argparse.ArgumentError(action, str(error)) from error
-        except (
-            ValueError,
-            RecursionError,
-        ) as error:  # a file of digits, or of brackets, without end
+        # A file of digits, or of brackets, without end.
+        except (ValueError, RecursionError) as error:
             reason = f"{shortened(arg_string)}: cannot be read ({shortened(str(error))})"
             raise argparse.ArgumentError(action, reason) from error
 
     def _get_values(self, action: argparse.Action, arg_strings: list[str]) -> Any:
-        if action.option_strings and arg_strings == [
-            "--"
-        ]:  # argparse would make an empty list of it
+        if action.option_strings and arg_strings == ["--"]:  # argparse makes an empty list of it
             raise argparse.ArgumentError(action, "is '--'; give a value")
+        if action.option_strings and type(action) is argparse._StoreAction:
+            before = self._words.setdefault(action.dest, arg_strings)
+            if before != arg_strings:
+                both = " and ".join(shortened(" ".join(words)) for words in (before, arg_strings))
+                raise argparse.ArgumentError(action, f"is given twice, {both}; give it once")
         return super()._get_values(action, arg_strings)
 
     def error(self, message: str) -> NoReturn:
@@ -159,11 +140,12 @@ class _Help(argparse.Action):
 
 
 class _Named(argparse.Action):
-    """`NAME=VALUE` words of a repeatable option, as name -> value(name, text)."""
+    """`NAME=VALUE` words of a repeatable option, as name -> kind(name, text)."""
 
-    def __init__(self, *, value: Callable[[str, str], Any], **options: Any) -> None:
+    def __init__(self, *, kind: Callable[[str, str], Any], **options: Any) -> None:
         super().__init__(**options)
-        self._value = value
+        self._kind = kind
+        self._texts: dict[str, str] = {}
 
     def __call__(
         self, parser: Any, namespace: argparse.Namespace, values: Any, option_string: Any = None
@@ -171,19 +153,20 @@ class _Named(argparse.Action):
         name, separator, text = values.partition("=")
         if not separator:
             raise argparse.ArgumentError(self, f"{shortened(values)!r} is not NAME=VALUE")
+        before = self._texts.setdefault(name, text)
+        if before != text:
+            twice = f"is given twice, {shortened(before)} and {shortened(text)}; give it once"
+            raise argparse.ArgumentError(self, f"{shortened(name)} {twice}")
         try:
-            found = self._value(name, text)
+            value = self._kind(name, text)
         except BadInputError as error:
             raise argparse.ArgumentError(self, f"{shortened(name)} {error}") from error
-        setattr(namespace, self.dest, {**getattr(namespace, self.dest, {}), name: found})
+        setattr(namespace, self.dest, {**getattr(namespace, self.dest, {}), name: value})
 
 
 def unknown(what: str, name: str, known: Iterable[str], program: str) -> str:
     """The complaint that an option or a command does not exist, with the one that was probably
     meant."""
-    import difflib
-
     close = difflib.get_close_matches(name, known, n=1, cutoff=0.7)
-    return f"unknown {what}" + (
-        f"; did you mean {close[0]}?" if close else f" (see `{program} --help`)"
-    )
+    advice = f"; did you mean {close[0]}?" if close else f" (see `{program} --help`)"
+    return f"unknown {what}{advice}"

@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from hfa.options.argument_types import number, quantity
+from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError, shortened
 from trim.sweeps.sweep_plan import MOST_POINTS, Steps
 
@@ -14,11 +15,11 @@ from trim.sweeps.sweep_plan import MOST_POINTS, Steps
 Range = tuple[float, ...] | Steps
 
 
-def value_range(name: str, text: str) -> Range:
+def value_range(model: Model, name: str, text: str) -> Range:
     """`a,b,c`, one number or `start:stop:step` of a name; the last value is at or before stop."""
     parts = text.split(":")
     if len(parts) == 1:
-        return tuple(quantity(name, word) for word in text.split(","))
+        return tuple(quantity(model, name, word) for word in text.split(","))
     if len(parts) != 3:
         raise BadInputError(
             f"is {shortened(text)!r}; give start:stop:step, a list a,b,c or one number"
@@ -30,15 +31,21 @@ def value_range(name: str, text: str) -> Range:
         raise BadInputError(f"runs backwards from {start:g} to {stop:g}; give the lower end first")
     intervals = (stop - start) / step
     if intervals >= MOST_POINTS:
-        said = f"{np.floor(intervals) + 1.0:,.15g}"
+        points = f"{np.floor(intervals) + 1.0:,.15g}"
         raise BadInputError(
-            f"is a range of {said} points; at most {MOST_POINTS:,} are allowed, take a larger step"
+            f"is a range of {points} points; at most {MOST_POINTS:,} are allowed, take a larger step"
         )
-    unit, count = quantity(name, "1"), math.floor(intervals + 1e-9) + 1
+    unit = quantity(model, name, "1")
+    count = math.floor(intervals + 1e-9) + 1
     spacing = min(step * unit, (stop - start) * unit / (count - 1)) if count > 1 else step * unit
     while start * unit + spacing * (count - 1) > stop * unit:  # by rounding: stop may be a limit
         spacing = np.nextafter(spacing, 0.0)
     return Steps(start * unit, float(spacing), count)
+
+
+def scheduled_range(model: Model, text: str) -> Range:
+    """A range of the scheduling variable."""
+    return value_range(model, model.schedule, text)
 
 
 def array_of(name: str, values: Range, most: int) -> np.ndarray:

@@ -1,45 +1,34 @@
-"""Options of every trim, of the aircraft, of outputs and workers, and the aircraft and conditions
-that they name."""
+"""Options of the aircraft, of a trim, of outputs and workers, and the model and the condition that they
+name."""
 
 from __future__ import annotations
 
-import argparse
 import warnings
-from collections.abc import Callable, Iterable
-from dataclasses import replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import hfa_model
 from hfa.options.argument_types import (
-    OWN,
     PICTURES,
-    model,
-    one_of,
+    breakpoint_value,
     output_file,
-    place,
     quantity,
     span,
     whole,
 )
-from hfa.options.parser import Option, Options
+from hfa.options.request import OfModel, Request, option
 from hfa_aircraft.model import Model
 from hfa_model.parameters import NAMED, ParameterSet, default_parameters, load_parameters
 from hfa_model.variants import variant_named
-from hfa_support.errors import BadInputError, NoSolutionError, refuse_unknown
+from hfa_support.errors import BadInputError, NoSolutionError, refuse_unknown, shortened
 from hfa_support.reporting.report import SUFFIXES, Report
 from hfa_support.reporting.unit_system import SYSTEMS
 from trim.hfa.level_flight import CONDITIONS, load_condition
-from trim.point.condition import (
-    TrimCondition,
-    release,
-    usual_condition,
-)
+from trim.point.condition import TrimCondition, release, usual_condition
 from trim.point.operating_point import OperatingPoint
 from trim.point.solve import TrimError, find_operating_point
-
-if TYPE_CHECKING:
-    pass
 
 #: All that says where the aircraft is trimmed, the scheduling variable apart.
 OF_THE_TRIM = ("condition", "free", "hold", "limit", "start")
@@ -50,314 +39,382 @@ REPORTS: dict[str, Callable[[Report], str]] = {
     ".md": Report.markdown,
     ".html": lambda report: f'<!doctype html>\n<meta charset="utf-8">\n{report.html()}',
 }
-#: Commands without --units: what they compare, prove or write is in ft, slug, lbf, and says so.
-IN_FEET = ("regenerate", "prove", "lpv", "export")
-
-
-#: The HFA.
-HFA_OPTIONS: Options = {
-    "--dynamics": Option(
-        "published (regenerates the printed matrices; default), newton (exact mechanics, the same air loads) or "
-        "unsteady (newton with air that has mass and memory, and tails that feel pitch rate)",
-        "VARIANT",
-        default="published",
-    ),
-    "--parameters": Option(
-        f"parameters file, or {' or '.join(NAMED)} (default: identified)", "FILE", load_parameters
-    ),
-}
-#: The HFA, or a model of the user's own, which `main` has loaded.
-AIRCRAFT: Options = {
-    "--aircraft": Option(
-        "an aircraft of your own, or package.module:NAME; the file is executed; default: the HFA",
-        "FILE.py:NAME",
-        lambda _: OWN.get(),
-    ),
-    **HFA_OPTIONS,
-}
-UNITS: Options = {
-    "--units": Option(
-        "of what is typed, printed, drawn and written: english (ft, slug, lbf; default) or si (m, kg, N)",
-        "UNITS",
-        one_of(*SYSTEMS),
-        "english",
-    )
-}
-JSON: Options = {"--json": Option("print JSON (angles in radians) instead of text")}
-
-
-def at(
-    kind: Callable[[str], Any] = place,
-    form: str = "",
-    about: str = "",
-    *,
-    default: Any = None,
-    required: bool = False,
-) -> Options:
-    """--at: the scheduling variable of the model, of the HFA also --dihedral. kind, form, default:
-    of its values."""
-    by = model().schedule
-    unit = model().schedule_unit if by else ""
-    words = ", ".join(
-        filter(None, (by or "the scheduling variable", "degrees" if unit == "deg" else unit, about))
-    )
-    called = "--at --dihedral" if by == "dihedral" else "--at"
-    more = {"required": required and by == "dihedral"}
-    return {
-        called: Option(
-            words,
-            form or ("DEG" if unit == "deg" else "VALUE"),
-            kind if by else _nowhere,
-            default,
-            more=more,
-        )
-    }
-
-
-def _nowhere(_: str) -> None:
-    raise BadInputError(f"is of a scheduling variable; {model().name} declares none")
-
-
-def design(about: str = "") -> Options:
-    """--design: of the HFA or the user's own aircraft."""
-    about = about or "actuators, integrals, sensors, weights: paper, servo, or a .toml file"
-    return {"--design": Option(about, "NAME", _design)}
-
-
-def _design(name: str) -> Any:
-    from controller.servo.design import load_design
-
-    return load_design(name, model())
-
-
-def flights(
-    kind: Callable[[str, str], Any] = quantity, form: str = "VALUE", about: str = ""
-) -> Options:
-    """What a trim imposes and leaves free besides. kind, form, about: the values of --hold, and
-    what it does."""
-    of = model()
-    own = [
-        f"{name} {of.describe(name, value)}"
-        for name, value in of.trim.items()
-        if name != of.schedule
-    ]
-    usual = f"hold a variable, by default {', '.join(own[:4])}" if own else "hold a variable"
-    lists = "; or a list of points, .csv: a row of names, then a row each, typed as in --hold"
-    files = f"file, or {', '.join(CONDITIONS)}; what it imposes in place of the usual values"
-    return {
-        "--condition": Option(files + lists * (kind is not quantity), "FILE", _condition),
-        "--free": Option(
-            "leave a variable free; repeatable", "NAME", default=(), more={"action": "append"}
-        ),
-        "--hold": Option(f"{about or usual}; repeatable", f"NAME={form}", kind, named=True),
-        "--limit": Option(
-            "limits of an unknown, degrees for angles; repeatable",
-            "NAME=LOW:HIGH",
-            span,
-            named=True,
-        ),
-        "--start": Option(
-            "begin from a saved operating point (.json), or with these values: NAME=VALUE,NAME=VALUE",
-            "FILE",
-            _start,
-        ),
-    }
-
-
-def trim(*, required: bool = False) -> Options:
-    """A single trim, and the aircraft."""
-    return {**at(required=required), **flights(), **AIRCRAFT}
-
-
-def output(*also: str, what: str = "") -> Options:
-    """--json and --output; `also`: further suffixes; `what`: their purpose."""
-    known = (*SUFFIXES, *REPORTS)
-    about = f"also write {', '.join(known)}" + (f" or {', '.join(also)}{what}" if also else "")
-    return {**JSON, "-o --output": Option(about, "FILE", output_file(*known, *also))}
-
-
-def picture(what: str) -> Options:
-    """--picture, which draws the named thing."""
-    return {
-        "--picture": Option(f"draw {what} ({', '.join(PICTURES)})", "FILE", output_file(*PICTURES))
-    }
-
-
-def workers(what: str) -> Options:
-    """--workers, --resume."""
-    return {
-        "--workers": Option(
-            "processes, or a Dask scheduler, tcp://host:port; default 1", "N|URL", _workers, {}
-        ),
-        "--resume": Option(f"continue an interrupted {what}"),
-    }
-
-
-def _condition(text: str) -> TrimCondition | Path:
-    """A condition, or the path of a list of them."""
-    return (
-        Path(text)
-        if text.lower().endswith(".csv")
-        else load_condition(text, usual_condition(model()))
-    )
-
-
-def _start(text: str) -> OperatingPoint | dict[str, float]:
-    """A saved operating point, or the values of some variables."""
-    if "=" not in text or Path(text).exists():
-        return OperatingPoint.load(Path(text), model())
-    words = dict(word.partition("=")[::2] for word in text.split(","))
-    for name in words:
-        refuse_unknown("no variable is called", name, model().variables)
-    return {name: quantity(name, word) for name, word in words.items()}
-
-
-def _workers(text: str) -> dict[str, Any]:
-    """A number of processes, or the address of a Dask scheduler, as `stream` takes them."""
-    return {"scheduler": text} if "://" in text else {"count": whole(1, MOST_WORKERS)(text)}
-
-
-def refuse(arguments: argparse.Namespace, names: Iterable[str], reason: str) -> None:
-    """BadInputError for the first option of these that was given: it would change nothing."""
-    for name in names:
-        if name in arguments.given:
-            raise BadInputError(f"--{name.replace('_', '-')} {reason}")
-
-
-def refuse_si(arguments: argparse.Namespace, reason: str) -> None:
-    """BadInputError when --units si is given with --output, whose file is always in feet."""
-    if arguments.units == "si":
-        refuse(arguments, ("output",), f"does not go with --units si: {reason}; leave one out")
-
 
 # The aircraft.
 
 
-def parameters_of(arguments: argparse.Namespace) -> ParameterSet:
-    """The parameters of the HFA that the options name."""
-    chosen: ParameterSet | None = arguments.parameters
-    return default_parameters() if chosen is None else chosen
+def _unit_system(text: str) -> str:
+    if text.lower() not in SYSTEMS:
+        raise BadInputError(f"is {shortened(text)!r}; use one of {', '.join(SYSTEMS)}")
+    return text.lower()
 
 
-def aircraft_of(arguments: argparse.Namespace) -> Model:
-    """The HFA, or the user's own model with the parameters that --hold names; the unsteady dynamics
-    are such a one."""
-    if OWN.get() is None:
-        return hfa_model.aircraft(arguments.dynamics, parameters_of(arguments).values)
-    own: Model | None = arguments.aircraft
-    if own is None:
-        from hfa_model.unsteady import UNSTEADY
+@dataclass(frozen=True, kw_only=True, eq=False)
+class UnitsOption(Request):
+    """In which units the model is."""
 
-        own = UNSTEADY.with_parameters(**parameters_of(arguments).values._asdict())
-    else:
-        refuse(
-            arguments,
-            ("dynamics", "parameters"),
-            "belongs to the HFA; --hold imposes parameters of --aircraft",
-        )
-    return own.with_parameters(**held_parameters(arguments))
-
-
-def held_parameters(arguments: argparse.Namespace) -> dict[str, float]:
-    """The parameters of the model in use that the options hold at one value."""
-    held = {**getattr(arguments, "hold", {}), model().schedule: arguments.at}
-    return {name: held[name] for name in model().parameters if isinstance(held.get(name), float)}
-
-
-def hfa_of(arguments: argparse.Namespace) -> Model:
-    """The HFA that the options name, of a command that takes no other."""
-    variant_named(arguments.dynamics)
-    return hfa_model.aircraft(arguments.dynamics, parameters_of(arguments).values)
-
-
-# The trims.
-
-
-def flights_of(arguments: argparse.Namespace) -> TrimCondition:
-    """What all trims of the options have in common, the scheduling variable apart."""
-    own, by = model(), model().schedule
-    usual, free, held = (
-        arguments.condition or usual_condition(own),
-        tuple(arguments.free),
-        arguments.hold,
+    units: str = option(
+        "of what is typed, printed, drawn and written: english (ft, slug, lbf; default) or si (m, kg, N)",
+        "UNITS",
+        _unit_system,
+        default="english",
+        rare=True,
     )
-    for name in free:
-        if name in held:
-            raise BadInputError(f"{name} is both set free and held; name it once")
-    if arguments.at is not None:
-        if by in held:
-            raise BadInputError(
-                f"{by} is given twice, by --{called_at()} and by --hold; give it once"
-            )
-        # One value is where the search for a free one begins.
-        if by in free and not isinstance(arguments.at, float):
-            raise BadInputError(
-                f"{by} is given by --{called_at()} and set free by --free; leave one of them out"
-            )
-    if isinstance(usual, Path):
-        raise BadInputError(f"--condition {usual} is a list of points; `hfa sweep` takes it")
-    constant = {
-        name: value if isinstance(value, float) else value[0]
-        for name, value in held.items()
-        if isinstance(value, float) or is_constant(name, value)
-    }
-    if OWN.get() is not None:
-        constant = {name: value for name, value in constant.items() if name not in own.parameters}
-    changed = release(usual, free=free, hold=constant, limits=arguments.limit)
-    begin = arguments.start if isinstance(arguments.start, dict) else {}
-    return replace(changed, begin={**changed.begin, **begin}) if begin else changed
 
 
-def called_at() -> str:
+@dataclass(frozen=True, kw_only=True, eq=False)
+class HfaOptions(Request):
+    """Which of the HFA's equations, with which parameters."""
+
+    dynamics: str = option(
+        "published (regenerates the printed matrices; default), newton (exact mechanics, the same air loads) or "
+        "unsteady (newton with air that has mass and memory, and tails that feel pitch rate)",
+        "VARIANT",
+        default="published",
+    )
+    parameters: ParameterSet | None = option(
+        f"parameters file, or {' or '.join(NAMED)} (default: identified)",
+        "FILE",
+        load_parameters,
+        rare=True,
+    )
+
+    @property
+    def own(self) -> bool:
+        """Whether the model is the user's own, and not the HFA."""
+        return self.model.source[0] != ""
+
+    @property
+    def parameter_set(self) -> ParameterSet:
+        """The parameters of the HFA."""
+        return default_parameters() if self.parameters is None else self.parameters
+
+    @property
+    def hfa(self) -> Model:
+        """The HFA as it was identified, `published` or `newton`."""
+        variant_named(self.dynamics)
+        return self.model
+
+    def origin(self) -> Mapping[str, Any]:
+        """The aircraft."""
+        return self._origin(self.model, condition={})
+
+    def _origin(self, model: Model, **of_the_trim: Any) -> Mapping[str, Any]:
+        """What provenance says about a model and what else is named."""
+        from hfa_model.provenance import changed_parameters, parameter_hash
+
+        chosen = self.parameter_set
+        changed = changed_parameters(chosen)
+        for name, signal in model.parameters.items():
+            usual = self.model.parameters[name].start
+            if signal.start != usual:
+                changed[name] = (signal.start, usual)
+        return {
+            "dynamics": self.dynamics,
+            "parameters": chosen.name,
+            "parameter_hash": parameter_hash(chosen.values),
+            "changed": changed,
+            **of_the_trim,
+        }
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class AircraftOptions(HfaOptions):
+    """The HFA, or an aircraft of the user's own."""
+
+    aircraft: str | None = option(
+        "an aircraft of your own, or package.module:NAME; the file is executed; default: the HFA",
+        "FILE.py:NAME",
+    )
+
+
+def named_model(typed: Mapping[str, Any]) -> Model:
+    """The model that --aircraft names, or the HFA with the --dynamics and --parameters.
+
+    typed: the fields of `AircraftOptions` that were typed."""
+    if "aircraft" in typed:
+        from hfa_aircraft.model import load_model
+
+        for name in ("dynamics", "parameters"):
+            if name in typed:
+                raise BadInputError(
+                    f"--{name} belongs to the HFA; --hold imposes parameters of --aircraft"
+                )
+        return load_model(typed["aircraft"])
+    values = (typed.get("parameters") or default_parameters()).values
+    return hfa_model.aircraft(typed.get("dynamics", HfaOptions.dynamics), values)
+
+
+# The trim.
+
+
+def called_at(model: Model) -> str:
     """What people call --at."""
-    return "dihedral" if model().schedule == "dihedral" else "at"
+    return "dihedral" if model.schedule == "dihedral" else "at"
 
 
-def is_constant(name: str, values: Any) -> bool:
-    """Whether --hold of a sweep imposes one value on a trim variable; a parameter is always one of
-    its axes."""
-    return isinstance(values, tuple) and len(values) == 1 and name not in model().parameters
+def scheduled(
+    kind: Callable[[Model, str], Any],
+    form: str = "",
+    about: str | Callable[[Model], str] = "",
+    *,
+    required: bool = False,
+) -> Any:
+    """The field `at`, typed by --at, of the HFA also by --dihedral: the scheduling variable.
 
+    kind: (model, word) -> value. form: how help shows it. required: whether the HFA needs it."""
 
-def condition_of(arguments: argparse.Namespace) -> TrimCondition:
-    """The trim that the options name."""
-    return flights_of(arguments).at(
-        None if model().schedule in model().parameters else arguments.at
+    def convert(model: Model, text: str) -> Any:
+        if not model.schedule:
+            raise BadInputError(f"is of a scheduling variable; {model.name} declares none")
+        return kind(model, text)
+
+    def unit(model: Model) -> str:
+        return model.schedule_unit if model.schedule else ""
+
+    def words(model: Model) -> str:
+        name = model.schedule or "the scheduling variable"
+        shown_unit = "degrees" if unit(model) == "deg" else unit(model)
+        more = about(model) if callable(about) else about
+        return ", ".join(filter(None, (name, shown_unit, more)))
+
+    return option(
+        words,
+        lambda model: form or ("DEG" if unit(model) == "deg" else "VALUE"),
+        OfModel(convert),
+        names=lambda model: "--at --dihedral" if model.schedule == "dihedral" else "--at",
+        required=lambda model: required and model.schedule == "dihedral",
     )
 
 
-def start_of(arguments: argparse.Namespace) -> OperatingPoint | None:
-    """The saved point that --start names."""
-    return arguments.start if isinstance(arguments.start, OperatingPoint) else None
+def _usual(model: Model) -> str:
+    """Help of --hold: what the model holds by itself."""
+    held = [
+        f"{name} {model.describe(name, value)}"
+        for name, value in model.trim.items()
+        if name != model.schedule
+    ]
+    usual = f", by default {', '.join(held[:4])}" if held else ""
+    return f"hold a variable{usual}; repeatable"
 
 
-def point_of(arguments: argparse.Namespace, aircraft: Model) -> OperatingPoint:
-    """The trim at the condition that the options name, begun where --start says.
+def condition_or_list(model: Model, text: str) -> TrimCondition | Path:
+    """A condition, or the path of a list of them."""
+    if text.lower().endswith(".csv"):
+        return Path(text)
+    return load_condition(text, usual_condition(model))
 
-    Raises TrimError that also says so where a held angle of attack is why there is no trim.
-    """
-    condition, by, start = condition_of(arguments), model().schedule, start_of(arguments)
-    if arguments.at is not None and by in condition.free:
-        begins = (
-            f"--{called_at()} {model().describe(by, arguments.at)}"
-            if arguments.start is None
-            else "--start"
-        )
-        warnings.warn(f"{by} is free: the search begins at {begins}", stacklevel=2)
-    try:
-        return find_operating_point(aircraft, condition, start)
-    except TrimError as error:
-        if "alpha" not in condition.imposed:
-            raise
+
+def _start(model: Model, text: str) -> OperatingPoint | dict[str, float]:
+    """A saved operating point, or the values of some variables."""
+    if "=" not in text or Path(text).exists():
+        return OperatingPoint.load(Path(text), model)
+    words = dict(word.partition("=")[::2] for word in text.split(","))
+    for name in words:
+        refuse_unknown("no variable is called", name, model.variables)
+    return {name: quantity(model, name, word) for name, word in words.items()}
+
+
+CONDITION_FILE = f"file, or {', '.join(CONDITIONS)}; what it imposes in place of the usual values"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TrimOptions(HfaOptions):
+    """Where the aircraft is trimmed."""
+
+    at: Any = scheduled(breakpoint_value)
+    condition: TrimCondition | Path | None = option(
+        CONDITION_FILE, "FILE", OfModel(condition_or_list), rare=True
+    )
+    free: tuple[str, ...] = option(
+        "leave a variable free; repeatable", "NAME", repeated=True, rare=True
+    )
+    hold: Mapping[str, Any] = option(_usual, "NAME=VALUE", OfModel(quantity), named=True)
+    limit: Mapping[str, tuple[float, float]] = option(
+        "limits of an unknown, degrees for angles; repeatable",
+        "NAME=LOW:HIGH",
+        OfModel(span),
+        named=True,
+        rare=True,
+    )
+    start: OperatingPoint | Mapping[str, float] | None = option(
+        "begin from a saved operating point (.json), or with these values: NAME=VALUE,NAME=VALUE",
+        "FILE",
+        OfModel(_start),
+        rare=True,
+    )
+
+    def held_parameters(self) -> dict[str, float]:
+        """The parameters of the model that the options hold at one value."""
+        held = {**self.hold, self.model.schedule: self.at}
+        return {
+            name: held[name] for name in self.model.parameters if isinstance(held.get(name), float)
+        }
+
+    def flown_aircraft(self) -> Model:
+        """The model with the parameters that the options hold."""
+        return self.model.with_parameters(**self.held_parameters())
+
+    def common_condition(self) -> TrimCondition:
+        """What all trims of the options have in common, the scheduling variable apart."""
+        model, by = self.model, self.model.schedule
+        usual = self.condition or usual_condition(model)
+        for name in self.free:
+            if name in self.hold:
+                raise BadInputError(f"{name} is both set free and held; name it once")
+        if self.at is not None:
+            option_name = f"--{called_at(model)}"
+            if by in self.hold:
+                raise BadInputError(
+                    f"{by} is given twice, by {option_name} and by --hold; give it once"
+                )
+            # One value is where the search for a free one begins.
+            if by in self.free and not isinstance(self.at, float):
+                raise BadInputError(
+                    f"{by} is given by {option_name} and set free by --free; leave one of them out"
+                )
+        if isinstance(usual, Path):
+            raise BadInputError(f"--condition {usual} is a list of points; `hfa sweep` takes it")
+        constant = {
+            name: value if isinstance(value, float) else value[0]
+            for name, value in self.hold.items()
+            if name not in model.parameters and (isinstance(value, float) or self.is_constant(name))
+        }
+        changed = release(usual, free=self.free, hold=constant, limits=self.limit)
+        if isinstance(self.start, Mapping):
+            return replace(changed, begin={**changed.begin, **self.start})
+        return changed
+
+    def is_constant(self, name: str) -> bool:
+        """Whether --hold of a sweep imposes one value on a trim variable; a parameter is always one
+        of its axes."""
+        values = self.hold[name]
+        one_value = isinstance(values, tuple) and len(values) == 1
+        return one_value and name not in self.model.parameters
+
+    def trim_condition(self) -> TrimCondition:
+        """The condition of the one trim that the options name."""
+        is_parameter = self.model.schedule in self.model.parameters
+        return self.common_condition().at(None if is_parameter else self.at)
+
+    @property
+    def start_point(self) -> OperatingPoint | None:
+        """The saved point that --start names."""
+        return self.start if isinstance(self.start, OperatingPoint) else None
+
+    def operating_point(self, aircraft: Model) -> OperatingPoint:
+        """The trim that the options name, begun where --start says.
+
+        Raises TrimError that also says so where a held angle of attack is why there is no trim."""
+        condition, by, describe = self.trim_condition(), self.model.schedule, self.model.describe
+        if self.at is not None and by in condition.free:
+            typed = f"--{called_at(self.model)} {describe(by, self.at)}"
+            begins = typed if self.start is None else "--start"
+            warnings.warn(f"{by} is free: the search begins at {begins}", stacklevel=2)
         try:
-            free = find_operating_point(aircraft, release(condition, free=("alpha",)), start)
-        except NoSolutionError:
-            raise error from None
-        held, found = (
-            model().describe("alpha", each)
-            for each in (condition.imposed["alpha"], free.states.alpha)
-        )
-        how = "leave --hold alpha out and " * ("alpha" in arguments.hold) + "add --free alpha"
-        raise TrimError(
-            f"{error}; alpha is held at {held}, free it trims at {found}: {how}", error.attempt
-        ) from None
+            return find_operating_point(aircraft, condition, self.start_point)
+        except TrimError as error:
+            if "alpha" not in condition.imposed:
+                raise
+            freed = release(condition, free=("alpha",))
+            try:
+                free_point = find_operating_point(aircraft, freed, self.start_point)
+            except NoSolutionError:
+                raise error from None
+            held = describe("alpha", condition.imposed["alpha"])
+            trimmed = describe("alpha", free_point.states.alpha)
+            advice = "add --free alpha"
+            if "alpha" in self.hold:
+                advice = f"leave --hold alpha out and {advice}"
+            raise TrimError(
+                f"{error}; alpha is held at {held}, free it trims at {trimmed}: {advice}",
+                error.attempt,
+            ) from None
+
+    def origin(self) -> Mapping[str, Any]:
+        """The aircraft, and the condition of its trims."""
+        common = self.common_condition()
+        condition: dict[str, Any] = common.to_dict()
+        if self.own:
+            condition["parameters"] = self.held_parameters()
+            file, digest = self.model.source
+            return {"model": f"{file} (SHA-256 {digest[:12]})", "condition": condition}
+        if isinstance(self.at, float):
+            single = common.at(self.at)
+            limits = {name: list(single.limits_of(name)) for name in single.free}
+            condition = {
+                "imposed": dict(single.imposed),
+                "free": list(single.free),
+                "limits": limits,
+            }
+        held = self.model.with_parameters(**self.held_parameters())
+        return self._origin(held, condition=condition, flight=common.in_words())
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class OneTrimOptions(UnitsOption, AircraftOptions, TrimOptions):
+    """One trim of any aircraft."""
+
+    at: float | None = scheduled(breakpoint_value, required=True)
+
+
+# Outputs and workers.
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class JsonOption(Request):
+    """Whether data are printed in place of text."""
+
+    json: bool = option("print JSON (angles in radians) instead of text")
+
+
+def output_option(*more: str, purpose: str = "") -> Any:
+    """The field `output`. more: further suffixes than those of a report, with their purpose."""
+    known = (*SUFFIXES, *REPORTS)
+    about = f"also write {', '.join(known)}"
+    if more:
+        about += f" or {', '.join(more)}{purpose}"
+    return option(about, "FILE", output_file(*known, *more), names="-o --output")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class OutputOptions(JsonOption):
+    """Where the report goes."""
+
+    output: Path | None = output_option()
+    picture: Path | None = None
+
+
+def picture_option(shows: str) -> Any:
+    """The field `picture`. shows: what is drawn."""
+    return option(f"draw {shows} ({', '.join(PICTURES)})", "FILE", output_file(*PICTURES))
+
+
+def _workers(text: str) -> int | str:
+    """A number of processes, or the address of a Dask scheduler."""
+    return text if "://" in text else whole(1, MOST_WORKERS)(text)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class WorkersOptions(Request):
+    """Who works at many points."""
+
+    workers: int | str = option(
+        "processes, or a Dask scheduler, tcp://host:port; default 1",
+        "N|URL",
+        _workers,
+        default=1,
+        rare=True,
+    )
+    resume: bool = option("continue an interrupted run of the same options", rare=True)
+
+
+def worker_words(workers: int | str) -> dict[str, Any]:
+    """The same as `stream` takes them."""
+    return {"scheduler": workers} if isinstance(workers, str) else {"count": workers}
+
+
+def refuse_si(request: UnitsOption, reason: str) -> None:
+    """BadInputError when --units si is given with --output, whose file is always in feet."""
+    if request.units == "si":
+        request.refuse(("output",), f"does not go with --units si: {reason}; leave one out")

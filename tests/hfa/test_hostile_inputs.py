@@ -12,7 +12,7 @@ from cli import Result, hfa
 from hostile import WAYS, attempt, case, said_wrongly, seeds
 
 from hfa.commands import trim
-from hfa.options.parser import Command
+from hfa.options.command import Command
 
 #: Warnings are what the command makes of them, as they are for its users.
 pytestmark = pytest.mark.filterwarnings("default")
@@ -69,7 +69,7 @@ def _hang(_: object) -> int:
     ],
 )
 def test_planted_faults_are_seen(monkeypatch: pytest.MonkeyPatch, run, said: str) -> None:
-    monkeypatch.setattr(trim, "trim", Command(trim.trim.options, run))
+    monkeypatch.setattr(trim, "trim", Command(trim.trim.request, run))
     monkeypatch.setattr(hostile, "LONGEST", 0.05 if run is _hang else 10.0)
     assert said in (attempt(["trim", "--dihedral", "5", "-o", "a.json"], {}) or "")
 

@@ -24,7 +24,7 @@ from cli import Result, hfa, unchecked_hfa
 from game_files import small
 
 import hfa_model
-from hfa.main import COMMANDS, filled
+from hfa.main import COMMANDS, command_named, filled
 from hfa.options.parser import Parser
 
 #: Seconds of the processor that a command may take, unless it announces that it takes long.
@@ -313,8 +313,7 @@ def _hostile_file(name: str, content: bytes, chance: random.Random) -> bytes:
 
 def _hostile_words(chance: random.Random) -> list[str]:
     command, *words = chance.choice(LINES).split()
-    parser = Parser()
-    filled(parser, command)
+    parser = filled(Parser(), command_named(command), hfa_model.aircraft())
     more = [name for name in parser._option_string_actions if name != "--workers"]
     for _ in range(chance.randint(1, 3)):
         at = chance.randint(0, len(words))

@@ -1,0 +1,23 @@
+"""A command: its class of requests, and what answers one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple, TypeVar
+
+from hfa.options.request import Request
+
+R = TypeVar("R", bound=Request)
+
+
+class Command(NamedTuple):
+    """request: the class whose fields are the options. run: request -> exit code; its docstring is
+    the help."""
+
+    request: type[Request]
+    run: Callable[[Any], int]
+
+
+def command(request: type[R]) -> Callable[[Callable[[R], int]], Command]:
+    """Makes a `Command` of the function that answers requests of this class."""
+    return lambda run: Command(request, run)

@@ -1,0 +1,145 @@
+"""Requests: what a run of the command was asked for, each field declared with the option that types it.
+
+A command has one class of requests. The parser makes one from the command line, and nothing else of
+the command line is seen by the rest of the program."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, fields
+from functools import cached_property, partial
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from hfa_support.errors import BadInputError
+
+if TYPE_CHECKING:
+    from hfa_aircraft import Model
+    from hfa_model.provenance import Provenance
+
+
+class OfModel(NamedTuple):
+    """A kind of option whose first argument is the model, in whose names and units values are typed."""
+
+    kind: Callable[..., Any]
+
+
+@dataclass(frozen=True)
+class Option:
+    """The option that types a field.
+
+    about: its help.
+    form: how help shows its value; "" for a switch.
+    kind: word -> value; its BadInputError is the rest of a sentence that begins with the option.
+    names: as in "-o --output"; a name without dashes is a positional argument.
+    named: its words are NAME=VALUE and it may be repeated; kind takes the name and the word.
+    repeated: it may be repeated; the field has all values.
+    count: how many words a positional argument has, or one option, as argparse's nargs; None for one.
+    required: whether it must be typed.
+    rare: `--help` lists it by name only; `--help more` explains it.
+
+    about, form, names and required may also be functions of the model that return these."""
+
+    about: str | Callable[[Model], str]
+    form: str | Callable[[Model], str] = ""
+    kind: Callable[..., Any] | OfModel = str
+    names: str | Callable[[Model], str] = ""
+    named: bool = False
+    repeated: bool = False
+    count: str | None = None
+    required: bool | Callable[[Model], bool] = False
+    rare: bool = False
+
+    def of(self, model: Model | None, name: str) -> Option:
+        """The same option for a model; None where nothing of it depends on one. name: of the field."""
+        kind = partial(self.kind.kind, model) if isinstance(self.kind, OfModel) else self.kind
+        names = _resolved(self.names, model) or "--" + name.replace("_", "-")
+        return Option(
+            about=_resolved(self.about, model),
+            form=_resolved(self.form, model),
+            kind=kind,
+            names=names,
+            named=self.named,
+            repeated=self.repeated,
+            count=self.count,
+            required=_resolved(self.required, model),
+            rare=self.rare,
+        )
+
+    @property
+    def flags(self) -> list[str]:
+        """Its names, one an entry; the last is the one to call it by."""
+        return str(self.names).split()
+
+
+def _resolved(value: Any, model: Model | None) -> Any:
+    return value(model) if callable(value) else value
+
+
+def option(
+    about: str | Callable[[Model], str],
+    form: str | Callable[[Model], str] = "",
+    kind: Callable[..., Any] | OfModel = str,
+    default: Any = None,
+    **more: Any,
+) -> Any:
+    """A field of a request that is typed by an option. more: further entries of `Option`."""
+    declared = Option(about, form, kind, **more)
+    metadata = {"option": declared}
+    if declared.named:
+        return field(default_factory=dict, metadata=metadata)
+    if declared.repeated:
+        return field(default=(), metadata=metadata)
+    if not form:
+        return field(default=False, metadata=metadata)
+    return field(default=default, metadata=metadata)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Request:
+    """What one run was asked for.
+
+    model: the aircraft, in whose names and units the other fields are.
+    line: the command line, as typed.
+    date: when the run began, UTC, as outputs say it.
+    typed: the names of the fields that were typed; the others have their default values.
+    quiet: no notes and no progress."""
+
+    model: Model
+    line: str = ""
+    date: str = ""
+    typed: frozenset[str] = frozenset()
+    quiet: bool = option(
+        "no notes and no progress; errors are still said", names="-q --quiet", rare=True
+    )
+
+    @classmethod
+    def declared(cls) -> dict[str, Option]:
+        """Field -> its option: those of its bases first, then those of this class."""
+        options = {each.name: each.metadata["option"] for each in fields(cls) if each.metadata}
+        classes = (*cls.__mro__[1:], cls)
+        names = [name for each in classes for name in inspect.get_annotations(each)]
+        return {name: options[name] for name in dict.fromkeys(names) if name in options}
+
+    @classmethod
+    def options(cls, model: Model) -> dict[str, Option]:
+        """Field -> its option, in the names and units of a model."""
+        return {name: option.of(model, name) for name, option in cls.declared().items()}
+
+    @cached_property
+    def provenance(self) -> Provenance:
+        """Where the outputs of this run come from."""
+        from hfa_model.provenance import Provenance
+
+        return Provenance(self.line, date=self.date, **self.origin())
+
+    def origin(self) -> Mapping[str, Any]:
+        """What the provenance says besides the command line."""
+        return {}
+
+    def refuse(self, names: Iterable[str], reason: str) -> None:
+        """BadInputError for the first of these options that was typed: it would change nothing."""
+        options = self.options(self.model)
+        for name in names:
+            if name in self.typed:
+                raise BadInputError(f"{options[name].flags[-1]} {reason}")
