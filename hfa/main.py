@@ -176,13 +176,13 @@ def _parsed(words: list[str], around: contextlib.ExitStack) -> tuple[Command, Re
 
     The model is loaded first, because the other options are typed in its names and units.
     around: what is in force until the command ends."""
-    from hfa.options.trims import named_model
-    from hfa_model.provenance import now
-
     if words[:1] == ["help"]:
         words = [*words[1:], "--help"]
     name = _command_name(words)
     command = command_named(name)
+    from hfa.options.trims import named_model
+    from hfa_model.provenance import now
+
     of_the_model = {
         field: option.of(None, field)
         for field, option in command.request.declared().items()

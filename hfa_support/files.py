@@ -48,23 +48,27 @@ def inputs_kept() -> Iterator[None]:
 
 def note_read(path: str | Path) -> None:
     """Count a file, or a folder with all that is in it, among those that were read."""
-    if _READ is not None:
-        with suppress(OSError, ValueError):
-            status = os.stat(path)
-            _READ.add((status.st_dev, status.st_ino))
+    identity = _identity(path)
+    if _READ is not None and identity is not None:
+        _READ.add(identity)
 
 
 def refuse_read(path: Path) -> None:
     """BadInputError where the path, or a folder above it, was read: writing would destroy it."""
-    real = Path(os.path.realpath(path))
-    for place in (real, real.parent):
-        with suppress(OSError, ValueError):
-            status = os.stat(place)
-            if _READ and (status.st_dev, status.st_ino) in _READ:
-                what = "it is" if place == real else "it lies in a folder that is"
-                raise BadInputError(
-                    f"cannot write {path}: {what} an input of this run; name another file"
-                )
+    read, real = _READ or set(), Path(os.path.realpath(path))
+    if _identity(real) in read:
+        raise BadInputError(f"{path} is an input of this run; name another file")
+    if _identity(real.parent) in read:
+        raise BadInputError(f"{path} lies in an input of this run; name another file")
+
+
+def _identity(path: str | Path) -> tuple[int, int] | None:
+    """Device and inode, the same by whatever name; None where there is nothing."""
+    try:
+        status = os.stat(path)
+    except (OSError, ValueError):
+        return None
+    return status.st_dev, status.st_ino
 
 
 @contextmanager

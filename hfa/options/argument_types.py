@@ -14,6 +14,7 @@ from pathlib import Path
 
 from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError, shortened
+from hfa_support.files import note_read
 from hfa_support.reporting.unit_system import typed
 from hfa_support.schema import NUMBER, POSITIVE, Number
 
@@ -125,6 +126,7 @@ def input_file(*suffixes: str) -> Callable[[str], Path]:
             )
         if not path.is_file():
             raise BadInputError(f"{text}: there is no such file")
+        note_read(path)
         return path
 
     return convert

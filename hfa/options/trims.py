@@ -23,6 +23,7 @@ from hfa_aircraft.model import Model
 from hfa_model.parameters import NAMED, ParameterSet, default_parameters, load_parameters
 from hfa_model.variants import variant_named
 from hfa_support.errors import BadInputError, NoSolutionError, refuse_unknown, shortened
+from hfa_support.files import note_read
 from hfa_support.reporting.report import SUFFIXES, Report
 from hfa_support.reporting.unit_system import SYSTEMS
 from trim.hfa.level_flight import CONDITIONS, load_condition
@@ -140,6 +141,7 @@ def named_model(typed: Mapping[str, Any]) -> Model:
                 raise BadInputError(
                     f"--{name} belongs to the HFA; --hold imposes parameters of --aircraft"
                 )
+        note_read(typed["aircraft"].rpartition(":")[0])
         return load_model(typed["aircraft"])
     values = (typed.get("parameters") or default_parameters()).values
     return hfa_model.aircraft(typed.get("dynamics", HfaOptions.dynamics), values)

@@ -1,0 +1,75 @@
+"""No output is a file that the run has read, however either is named; what fails leaves no file."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cli import assert_refused, hfa
+from game_files import small, stored
+
+from hfa.main import BAD_INPUT, DONE
+
+
+def plant_of_parts() -> None:
+    """A plant whose matrices are files of their own: A.csv, B.csv."""
+    np.savetxt("A.csv", [[0.0, 1.0], [-1.0, -1.0]], delimiter=",")
+    np.savetxt("B.csv", [[0.0], [1.0]], delimiter=",")
+
+
+OF_PARTS = "--Q 1,1 --R 1 --delta inf"
+
+
+@pytest.mark.parametrize(
+    ("words", "kept"),
+    [
+        (f"solve --model A.csv {OF_PARTS} -o B.csv", "B.csv"),
+        (f"solve --model A.csv {OF_PARTS} -o ./A.csv", "A.csv"),
+        (f"solve --model link.csv {OF_PARTS} -o A.csv", "A.csv"),
+        (f"solve --model A.csv {OF_PARTS} -o link.csv", "A.csv"),
+        ("verify --model plant.json --weights critics -o critics/new.json", "critics/a.json"),
+        ("verify --model plant.json --weights critics/a.json -o critics/a.json", "critics/a.json"),
+        ("trim --aircraft navion.py:NAVION -o saved.json --start saved.json", "saved.json"),
+    ],
+)
+def test_no_output_is_an_input(words: str, kept: str) -> None:
+    plant_of_parts()
+    Path("link.csv").symlink_to("A.csv")
+    small("plant.json")
+    Path("critics").mkdir()
+    stored("critics/a.json", W=np.ones(3))
+    shutil.copy(Path(__file__).parents[2] / "examples" / "navion.py", ".")
+    assert hfa("trim", "--aircraft", "navion.py:NAVION", "-o", "saved.json").code == DONE
+    before = Path(kept).read_bytes()
+    assert_refused(hfa(*words.split()), BAD_INPUT, "an input of this run; name another file")
+    assert Path(kept).read_bytes() == before
+
+
+def test_an_output_in_a_folder_beside_the_inputs_is_written() -> None:
+    plant_of_parts()
+    assert hfa("solve", "--model", "A.csv", *OF_PARTS.split(), "-o", "result.csv").code == DONE
+    assert Path("result.csv").is_file()
+
+
+def test_no_picture_is_left_when_the_file_fails(monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("hfa_support.reporting.data_files.write_text", full)
+    result = hfa("trim", "--dihedral", "15", "--picture", "trim.png", "-o", "trim.json")
+    assert (result.code, result.out) == (BAD_INPUT, "")
+    assert list(Path().iterdir()) == []
+
+
+def test_no_picture_is_left_of_a_report_that_fails(monkeypatch: pytest.MonkeyPatch) -> None:
+    from hfa.commands import report as module
+
+    def full(path: Path, text: str) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(module, "write_text", full)
+    result = hfa("report", "--dihedral", "15", "--sweep", "15", "-o", "page")
+    assert result.code == BAD_INPUT
+    assert not Path("page").exists()
