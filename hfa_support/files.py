@@ -53,6 +53,13 @@ def note_read(path: str | Path) -> None:
         _READ.add(identity)
 
 
+def forget_read(path: Path) -> None:
+    """Count the file no longer among the inputs: the run goes on with it, as --resume asks."""
+    identity = _identity(path)
+    if _READ is not None and identity is not None:
+        _READ.discard(identity)
+
+
 def refuse_read(path: Path) -> None:
     """BadInputError where the path, or a folder above it, was read: writing would destroy it."""
     read, real = _READ or set(), Path(os.path.realpath(path))

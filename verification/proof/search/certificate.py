@@ -12,7 +12,7 @@ from typing import Any
 from hfa_aircraft.model import Model
 from hfa_model.provenance import Provenance
 from hfa_support.errors import BadInputError, NoSolutionError
-from hfa_support.files import write_text
+from hfa_support.files import forget_read, write_text
 from hfa_support.jsonable import jsonable
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.version import VERSION
@@ -107,6 +107,7 @@ class CertificateFile:
             stated = check_certificate(self.path, model=model).statement
         except Rejected as error:
             raise BadInputError(f"{error}; remove the file and begin again") from error
+        forget_read(self.path)
         content: Content = json.loads(self.path.read_text(encoding="utf-8"))
         same = all(stated.get(key) == value for key, value in jsonable(statement).items())
         if not same or content["toolchain"] != VERSION:
