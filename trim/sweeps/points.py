@@ -44,7 +44,7 @@ class Points(NamedTuple):
     A: (N, n, n), nan where not trimmed
     B: (N, n, m), nan where not trimmed
     failures: number of a point that `find_operating_point` could not trim -> why
-    one_by_one: number of points that went to `find_operating_point`, a thousand times slower
+    one_by_one: (N,), whether the point went to `find_operating_point`, a thousand times slower
     """
 
     status: np.ndarray
@@ -53,7 +53,7 @@ class Points(NamedTuple):
     A: np.ndarray
     B: np.ndarray
     failures: dict[int, str]
-    one_by_one: int
+    one_by_one: np.ndarray
 
 
 def trim_points(
@@ -94,7 +94,7 @@ def trim_points(
         compile_code = len(values) >= COMPILE_FROM
     system = TrimSystem(model, condition, variables, compile_code)
     points = _settled_together(system, variables, values, start)
-    slow = np.flatnonzero(points.status == NO_TRIM).tolist()
+    slow = np.flatnonzero(points.one_by_one).tolist()
     for done, i in enumerate(slow, start=len(values) - len(slow) + 1):
         _settle_alone(system, points, i, variables, values[i], start)
         if progress is not None:
@@ -102,7 +102,7 @@ def trim_points(
     untrimmed = points.status != TRIMMED
     points.A[untrimmed] = np.nan
     points.B[untrimmed] = np.nan
-    return points._replace(one_by_one=len(slow))
+    return points
 
 
 def model_at(model: Model, variables: tuple[str, ...], row: np.ndarray) -> Model:
@@ -152,7 +152,7 @@ def _settled_together(
         nothing = np.full(count, NO_TRIM, dtype=np.int8)
         states, inputs = np.full((count, n), np.nan), np.full((count, m), np.nan)
         A, B = np.full((count, n, n), np.nan), np.full((count, n, m), np.nan)
-        return Points(nothing, states, inputs, A, B, {}, 0)
+        return Points(nothing, states, inputs, A, B, {}, nothing == NO_TRIM)
     if start is not None:
         begin = start.values
     else:
@@ -175,7 +175,9 @@ def _settled_together(
     status[balanced & within] = TRIMMED
     if system.only_inputs:
         status[balanced & ~within] = BEYOND_LIMITS
-    return Points(status, states, inputs, A.reshape(-1, n, n), B.reshape(-1, n, m), {}, 0)
+    return Points(
+        status, states, inputs, A.reshape(-1, n, n), B.reshape(-1, n, m), {}, status == NO_TRIM
+    )
 
 
 def _starts(

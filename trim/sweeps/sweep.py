@@ -43,10 +43,16 @@ MOST_POINTS = 1_000_000
 LOOKED_AT = 2_000
 #: A mode is slow when it never has a larger share of the fastest eigenvalue.
 _SLOW = 0.15
+#: A longer sweep prints its first and last rows only.
+_LONGEST = 200
+#: Rows that are printed of each end of it, and failures, at most.
+_SHOWN = 20
+#: So many points that were trimmed one by one are told.
+_MANY_SLOW = 20
 
 
 def run_points(
-    aircraft: Model,
+    model: Model,
     variables: tuple[str, ...],
     values: np.ndarray,
     condition: TrimCondition,
@@ -54,11 +60,10 @@ def run_points(
     compile_code: bool,
     progress: Progress | None = None,
 ) -> dict[str, Any]:
-    """The points of a task: the arrays of a store by name, and `failures` and `kinked`, words by
-    point. What a worker runs."""
-    model = aircraft
+    """The arrays of a sweep by name for the points of a task; and by number of a point `failures`,
+    why it has no trim, and `kinked`, its notes on kinks. What a worker runs."""
     points = trim_points(
-        aircraft,
+        model,
         variables,
         values,
         condition,
@@ -67,8 +72,7 @@ def run_points(
         progress=progress,
     )
     # Machine code trims a point in the time that a look for kinks takes.
-    looked_at = LOOKED_AT if compile_code else len(values)
-    few = slice(0, looked_at)
+    few = slice(0, LOOKED_AT if compile_code else len(values))
     smoothed = with_means_at_kinks(
         model,
         points.states[few],
@@ -86,10 +90,9 @@ def run_points(
     trimmed = points.status == TRIMMED
     eigenvalues = np.full(points.states.shape, np.nan, dtype=complex)
     eigenvalues[trimmed] = fastest_first(np.linalg.eigvals(points.A[trimmed]))
-    columns = dict(zip(variables, values.T, strict=True))
     return {
         **points._asdict(),
-        **columns,
+        **dict(zip(variables, values.T, strict=True)),
         "values": values,
         "eigenvalues": eigenvalues,
         "kinks": kinks,
@@ -97,16 +100,32 @@ def run_points(
     }
 
 
+def slow_note(one_by_one: int, count: int) -> list[str]:
+    """A sentence where many of the points were trimmed one by one."""
+    if one_by_one < _MANY_SLOW:
+        return []
+    return [
+        f"{one_by_one:,} of {count:,} points were trimmed one by one, which is slower: Newton's "
+        "method on all points at once did not settle them"
+    ]
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Sweep(ByValue, Reported):
-    """N points in the order of the grid, the last variable running fastest.
+    """N points in the order of the grid, the last variable running fastest; units of the model.
 
-    plan: what was swept. values: (N, variables), all combinations of its values. reasons: "" where
-    trimmed, else why not. states: (N, n), inputs: (N, m), A: (N, k, k), B: (N, k, m), eigenvalues:
-    (N, k), a column following one mode through the sweep, of the k linear states of the model; nan
-    where the trim failed. mode_names: name of each column at the first trimmed point. kinks: point
-    -> entries of A and B whose one-sided slopes differ, in words. Units: the model's, eigenvalues
-    1/s."""
+    plan: what was swept.
+    values: (N, variables), all combinations of its values.
+    reasons: (N,), "" where trimmed, else why not.
+    states: (N, n), X0; nan where the trim failed, as in all arrays below.
+    inputs: (N, m), U0.
+    A: (N, k, k), of the k linear states of the model.
+    B: (N, k, m).
+    eigenvalues: (N, k), 1/s, a column following one mode through the sweep.
+    mode_names: (k,), name of each column at the first trimmed point; empty where none is.
+    kinks: number of a point -> notes on entries of A and B at a kink.
+    one_by_one: number of points that were trimmed one by one.
+    """
 
     plan: SweepPlan
     values: np.ndarray
@@ -118,6 +137,7 @@ class Sweep(ByValue, Reported):
     eigenvalues: np.ndarray
     mode_names: tuple[str, ...]
     kinks: dict[int, tuple[str, ...]] = field(default_factory=dict)
+    one_by_one: int = 0
 
     @property
     def model(self) -> Model:
@@ -136,9 +156,21 @@ class Sweep(ByValue, Reported):
 
     @property
     def slow(self) -> np.ndarray:
-        """(n,) which eigenvalues stay slow: below a share of the fastest everywhere."""
+        """(k,) which eigenvalues stay slow: below a share of the fastest everywhere."""
         size = np.nanmax(np.abs(self.eigenvalues), axis=0)
         return np.asarray(size < _SLOW * size.max())
+
+    @property
+    def warnings(self) -> list[str]:
+        """What to know before trusting it: values beyond a range, kinks, points that took long."""
+        warnings = [*self.plan.warnings, *slow_note(self.one_by_one, len(self.reasons))]
+        if self.kinks:
+            first, notes = next(iter(self.kinks.items()))
+            warnings.append(
+                f"{notes[0]} ({len(self.kinks)} of {len(self.reasons)} points, the first at "
+                f"{', '.join(self._varied(first))})"
+            )
+        return warnings
 
     def figure(self) -> Figure:
         """The root locus over the last variable: one color a mode, the slow ones enlarged; both
@@ -153,26 +185,28 @@ class Sweep(ByValue, Reported):
         if slow.any() and not slow.all():
             parts.append(("the slow modes", slow))
         figure = new_figure(10.0, 5.2)
-        for axes, (title, shown) in zip(
-            figure.subplots(1, len(parts), squeeze=False)[0], parts, strict=True
-        ):
-            self._draw(axes, shown)
+        panels = figure.subplots(1, len(parts), squeeze=False)[0]
+        for axes, (title, columns) in zip(panels, parts, strict=True):
+            self._draw(axes, columns)
             axes.set_title(f"{self.model.title}, {title}", fontsize=10)
-        handles, labels = figure.axes[0].get_legend_handles_labels()
+        handles, labels = panels[0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside upper center", ncols=4, fontsize=8)
         return figure
 
-    def _draw(self, axes: Axes, shown: np.ndarray) -> None:
-        """The columns that are shown, a line a mode, and both ends of the line."""
+    def _draw(self, axes: Axes, columns: np.ndarray) -> None:
+        """The chosen columns of eigenvalues, (k,) booleans, a line a mode, and both ends of it."""
         names = list(dict.fromkeys(self.mode_names))
-        for column in np.flatnonzero(shown).tolist():
-            name, roots = self.mode_names[column], self.eigenvalues[:, column]
-            style = ("-", "--", "-.", ":")[names.index(name) % 4]
+        for column in np.flatnonzero(columns).tolist():
+            name = self.mode_names[column]
+            number = names.index(name)
+            roots = self.eigenvalues[:, column]
+            style = ("-", "--", "-.", ":")[number % 4]
             label = name if column == self.mode_names.index(name) else None
-            axes.plot(roots.real, roots.imag, style, color=f"C{names.index(name)}", label=label)
+            axes.plot(roots.real, roots.imag, style, color=f"C{number}", label=label)
+        unit = self.plan.units[-1]
         for end, marker in zip(np.flatnonzero(self.trimmed)[[0, -1]], "os", strict=True):
-            roots, unit = self.eigenvalues[end, shown], self.plan.units[-1]
-            note = f"{self.variables[-1]} {shown_value(self.values[end, -1], unit, '.4g')} {shown_unit(unit)}"
+            roots = self.eigenvalues[end, columns]
+            value = shown_value(self.values[end, -1], unit, ".4g")
             axes.plot(
                 roots.real,
                 roots.imag,
@@ -180,7 +214,7 @@ class Sweep(ByValue, Reported):
                 color="black",
                 fillstyle="none",
                 markersize=5,
-                label=note,
+                label=f"{self.variables[-1]} {value} {shown_unit(unit)}",
             )
         axes.axvline(0.0, color="gray", linewidth=0.8)
         axes.set_xlabel("real part, 1/s")
@@ -188,82 +222,91 @@ class Sweep(ByValue, Reported):
         axes.grid(alpha=0.3)
 
     def report(self) -> Report:
-        """One line a point: the varied values and the eigenvalues of each mode, or why there is no
-        trim.
+        """A line a point: the varied values and the eigenvalues of each mode, or why there is no
+        trim; of a long sweep the first and last lines.
 
         A conjugate pair has one column; where it splits into two real eigenvalues, it has both.
         Where the modes of two columns meet in a conjugate pair, each column has one of its members.
         """
-        modes = tuple(dict.fromkeys(self.mode_names))
-        members = [[i for i, each in enumerate(self.mode_names) if each == name] for name in modes]
-
-        def varied(i: int) -> tuple[str, ...]:
-            return tuple(map(shown_value, self.values[i], self.plan.units))
-
-        def row(i: int) -> tuple[str, ...]:
-            if self.reasons[i]:
-                return *varied(i), *("-" for _ in modes)
-            return *varied(i), *(_mode_text(self.eigenvalues[i, columns]) for columns in members)
-
-        count, warnings = len(self.reasons), self.plan.warnings
-        if self.kinks:
-            first, words = next(iter(self.kinks.items()))
-            where = f"{len(self.kinks)} of {count} points, the first at {', '.join(varied(first))}"
-            warnings.append(f"{words[0]} ({where})")
-        header = (
-            *(
-                f"{name} {shown_unit(unit)}"
-                for name, unit in zip(self.variables, self.plan.units, strict=True)
-            ),
-            *(f"{name} 1/s" for name in modes),
-        )
-        failures = [
-            f"{', '.join(varied(i))}: {reason}" for i, reason in enumerate(self.reasons) if reason
-        ]
-        pictures, moving = tuple[Picture, ...](), np.ptp(self.values, axis=0) > 0
+        count = len(self.reasons)
+        failed = np.flatnonzero(~self.trimmed).tolist()
+        parts: list[Any] = [self._table()]
+        for i in failed[:_SHOWN]:
+            parts.append(f"{', '.join(self._varied(i))}: {self.reasons[i]}")
+        if len(failed) > _SHOWN:
+            parts.append(f"{len(failed) - _SHOWN:,} more points have no trim; -o FILE.csv has all")
+        moving = np.ptp(self.values, axis=0) > 0
         if self.mode_names and moving.sum() == 1 and moving[-1]:
             text = f"Eigenvalues over {self.variables[-1]}"
-            pictures = (Picture("root_locus.png", text, self.figure),)
+            parts.append(Picture("root_locus.png", text, self.figure))
+        warnings = self.warnings
         return Report(
-            title=f"Sweep, {self.model.title}: {int(self.trimmed.sum())} of {count} points trimmed",
-            parts=((Table(header, RowsMade(count, row)), *failures), *pictures),
+            title=f"Sweep, {self.model.title}: {count - len(failed)} of {count} points trimmed",
+            parts=tuple(parts),
             notes=warnings,
             data=self.to_dict() | {"warnings": warnings},
             records=self.records(),
         )
 
+    def _table(self) -> Table:
+        """The varied values and the eigenvalues of each mode, a row a point."""
+        modes = tuple(dict.fromkeys(self.mode_names))
+        columns = [[i for i, name in enumerate(self.mode_names) if name == mode] for mode in modes]
+        varied = zip(self.variables, self.plan.units, strict=True)
+        header = (
+            *(f"{name} {shown_unit(unit)}" for name, unit in varied),
+            *(f"{name} 1/s" for name in modes),
+        )
+
+        def row(i: int) -> tuple[str, ...]:
+            if self.reasons[i]:
+                return *self._varied(i), *("-" for _ in modes)
+            return *self._varied(i), *(
+                _mode_text(self.eigenvalues[i, chosen]) for chosen in columns
+            )
+
+        count = len(self.reasons)
+        if count <= _LONGEST:
+            return Table(header, RowsMade(count, row))
+        between = (f"({count - 2 * _SHOWN:,} more)", *("..." for _ in header[1:]))
+        head = [row(i) for i in range(_SHOWN)]
+        tail = [row(i) for i in range(count - _SHOWN, count)]
+        return Table(header, [*head, between, *tail])
+
+    def _varied(self, i: int) -> tuple[str, ...]:
+        """The varied values of a point, as people read them."""
+        return tuple(map(shown_value, self.values[i], self.plan.units))
+
     def records(self) -> Table:
         """One row a point: the varied values, status, reason, operating point, eigenvalues, entries
         of A and B."""
-        n, model = len(self.model.linear), self.model
-        header = (
-            *(
-                f"{name} [{unit}]"
-                for name, unit in zip(self.variables, self.plan.units, strict=True)
-            ),
-            *("status", "reason"),
-            *(f"state {name} [{each.unit}]" for name, each in model.states.items()),
-            *(f"input {name} [{each.unit}]" for name, each in model.inputs.items()),
-            *(
-                f"{part} eigenvalue {i + 1} [1/s]"
-                for i in range(n)
-                for part in ("real", "imaginary")
-            ),
-            *(
-                f"{matrix}({row}, {column}) [{model.entry_unit(row, column)}]"
-                for matrix, names in (("A", self.model.linear), ("B", tuple(model.inputs)))
-                for row in self.model.linear
-                for column in names
-            ),
-        )
+        model = self.model
+        varied = zip(self.variables, self.plan.units, strict=True)
+        header = [f"{name} [{unit}]" for name, unit in varied]
+        header += ["status", "reason"]
+        header += [f"state {name} [{signal.unit}]" for name, signal in model.states.items()]
+        header += [f"input {name} [{signal.unit}]" for name, signal in model.inputs.items()]
+        for number in range(1, len(model.linear) + 1):
+            header += [f"{part} eigenvalue {number} [1/s]" for part in ("real", "imaginary")]
+        for matrix, names in (("A", model.linear), ("B", tuple(model.inputs))):
+            for row_name in model.linear:
+                header += [
+                    f"{matrix}({row_name}, {column}) [{model.entry_unit(row_name, column)}]"
+                    for column in names
+                ]
 
         def row(i: int) -> tuple[Any, ...]:
-            status = str(Status.FAILED if self.reasons[i] else Status.TRIMMED)
-            roots = self.eigenvalues[i].view(float)
-            numbers = self.states[i], self.inputs[i], roots, self.A[i].ravel(), self.B[i].ravel()
-            return *self.values[i], status, self.reasons[i], *np.concatenate(numbers)
+            status = Status.FAILED if self.reasons[i] else Status.TRIMMED
+            numbers = (
+                self.states[i],
+                self.inputs[i],
+                self.eigenvalues[i].view(float),
+                self.A[i].ravel(),
+                self.B[i].ravel(),
+            )
+            return *self.values[i], str(status), self.reasons[i], *np.concatenate(numbers)
 
-        return Table(header, RowsMade(len(self.reasons), row))
+        return Table(tuple(header), RowsMade(len(self.reasons), row))
 
     def to_xarray(self) -> Any:
         """The sweep as an `xarray.Dataset`: states, inputs, A, B and eigenvalues over the axes of
@@ -322,18 +365,20 @@ class Sweep(ByValue, Reported):
 def _mode_text(eigenvalues: np.ndarray) -> str:
     """The eigenvalues of a mode; the two members of a pair at once, one of them alone with its own
     sign."""
-    pairs = {value for value in eigenvalues if value.imag > 0 and value.conjugate() in eigenvalues}
-    shown = (each for each in eigenvalues if each.conjugate() not in pairs)
-    return ", ".join(
-        f"{each.real:.4f} {each.imag:+.4f}i"
-        if each.imag and each not in pairs
-        else eigenvalue_text(each)
-        for each in shown
-    )
+    words = []
+    for value in eigenvalues:
+        paired = value.imag != 0 and value.conjugate() in eigenvalues
+        if value.imag < 0 and paired:
+            continue  # shown with the other member
+        if value.imag and not paired:
+            words.append(f"{value.real:.4f} {value.imag:+.4f}i")
+        else:
+            words.append(eigenvalue_text(value))
+    return ", ".join(words)
 
 
 def sweep(
-    aircraft: Model,
+    model: Model,
     grid: Mapping[str, Sequence[float] | np.ndarray],
     *,
     condition: TrimCondition | None = None,
@@ -344,13 +389,16 @@ def sweep(
     """Trim and linearize at every point of the product of the given values, or, when `listed`, at
     every row of these columns: a `SweepPlan` run in memory.
 
-    grid: trim variable or parameter of the aircraft -> values that are held (rad, ft/s, ft).
-    condition: what the other variables do, by default the model's own trim, of the HFA the paper's
-    level flight with a flat wing; the grid overrides it. start: where the search begins at each
-    point. A point that has no trim becomes a row with its reason. progress is called with (points
-    done, points in all). BadInputError when a name is unknown, a value lies outside its limits, or
-    the grid is empty or has more than `MOST_POINTS` points."""
-    plan = SweepPlan(grid, aircraft, condition, start=start, listed=listed)  # type: ignore[arg-type]
+    grid: trim variable or parameter of the model -> values that are held, in its units.
+    condition: what the other variables do, the model's own trim unless given; the grid overrides
+        it.
+    start: where the search begins at each point.
+    progress: called with (points done, points in all).
+
+    A point that has no trim becomes a row with its reason. BadInputError when a name is unknown, a
+    value lies outside its limits, or the grid is empty or has more than `MOST_POINTS` points.
+    """
+    plan = SweepPlan(grid, model, condition, start=start, listed=listed)  # type: ignore[arg-type]
     return run_plan(plan, progress)
 
 
@@ -360,57 +408,70 @@ def run_plan(plan: SweepPlan, progress: Progress | None = None) -> Sweep:
         raise BadInputError(
             f"the sweep has {plan.count:,} points; a grid of at most {MOST_POINTS:,} fits in memory"
         )
-    model, rows = plan.model, run_points(*plan.task(0, plan.count), progress)  # type: ignore[call-arg]
+    model = plan.model
+    rows = run_points(*plan.task(0, plan.count), progress)  # type: ignore[call-arg]
     trimmed = rows["status"] == TRIMMED
+    linear = [list(model.states).index(name) for name in model.linear]
+    A = rows["A"][:, linear][:, :, linear]
+    B = rows["B"][:, linear]
+    eigenvalues = np.full((plan.count, len(linear)), np.nan, dtype=complex)
+    mode_names: tuple[str, ...] = ()
+    if trimmed.any():
+        neighbours = _neighbours(plan.sizes, trimmed)
+        eigenvalues[trimmed] = track_modes(A[trimmed], model.linear, model, neighbours)
+        first = int(np.argmax(trimmed))
+        mode_names = _names_of(eigenvalues[first], A[first], model)
+    return Sweep(
+        plan=plan,
+        values=rows["values"],
+        reasons=_reasons(plan, rows),
+        states=np.where(trimmed[:, None], rows["states"], np.nan),
+        inputs=np.where(trimmed[:, None], rows["inputs"], np.nan),
+        A=A,
+        B=B,
+        eigenvalues=eigenvalues,
+        mode_names=mode_names,
+        kinks=rows["kinked"],
+        one_by_one=int(rows["one_by_one"].sum()),
+    )
+
+
+def _reasons(plan: SweepPlan, rows: Mapping[str, Any]) -> tuple[str, ...]:
+    """Of each point why it has no trim, "" where it has one. rows: of `run_points`."""
     reasons = [rows["failures"].get(i, "") for i in range(plan.count)]
     for i in np.flatnonzero(rows["status"] == BEYOND_LIMITS).tolist():
-        balancing = dict(zip(model.inputs, rows["inputs"][i].tolist(), strict=True))
-        at = condition_at(plan.condition, plan.variables, rows["values"][i])
+        values = rows["values"][i]
+        balancing = dict(zip(plan.model.inputs, rows["inputs"][i].tolist(), strict=True))
+        condition = condition_at(plan.condition, plan.variables, values)
         reasons[i] = beyond_limits(
-            model_at(model, plan.variables, rows["values"][i]), at, balancing
+            model_at(plan.model, plan.variables, values), condition, balancing
         )
-    states, inputs = (
-        np.where(trimmed[:, None], rows[name], np.nan) for name in ("states", "inputs")
-    )
-    chosen = [list(model.states).index(name) for name in model.linear]
-    A, B = rows["A"][:, chosen][:, :, chosen], rows["B"][:, chosen]
-    eigenvalues, names = (
-        np.full((plan.count, len(chosen)), np.nan, dtype=complex),
-        tuple[str, ...](),
-    )
-    if trimmed.any():
-        eigenvalues[trimmed] = track_modes(
-            A[trimmed], model.linear, model, _neighbours(plan.sizes, trimmed)
-        )
-        first = int(np.argmax(trimmed))
-        modes = modes_of(A[first], model.linear, model.modes)
-        up = [complex(value.real, abs(value.imag)) for value in eigenvalues[first]]
-        names = tuple(
-            min(modes, key=lambda mode: abs(mode.eigenvalue - value)).name for value in up
-        )
-    return Sweep(
-        plan,
-        rows["values"],
-        tuple(reasons),
-        states,
-        inputs,
-        A,
-        B,
-        eigenvalues,
-        names,
-        rows["kinked"],
-    )
+    return tuple(reasons)
+
+
+def _names_of(eigenvalues: np.ndarray, A: np.ndarray, model: Model) -> tuple[str, ...]:
+    """The name of the mode of A that each of its eigenvalues (k,) belongs to."""
+    modes = modes_of(A, model.linear, model.modes)
+    names = []
+    for value in eigenvalues:
+        upper = complex(value.real, abs(value.imag))
+        nearest = min(modes, key=lambda mode: abs(mode.eigenvalue - upper))
+        names.append(nearest.name)
+    return tuple(names)
 
 
 def _neighbours(sizes: list[int], trimmed: np.ndarray) -> np.ndarray:
     """(M, 2) numbers, among the trimmed points, of those that follow one another along a line of
     the grid."""
-    numbers, index = np.cumsum(trimmed) - 1, np.arange(trimmed.size).reshape(sizes)
+    numbers = np.cumsum(trimmed) - 1
+    index = np.arange(trimmed.size).reshape(sizes)
     pairs = []
     for axis, size in enumerate(sizes):
         along = np.moveaxis(index, axis, -1).ravel()
         line = np.arange(trimmed.size) // size
-        along, line = along[trimmed[along]], line[trimmed[along]]
-        same = line[1:] == line[:-1]
-        pairs.append(np.stack([along[:-1][same], along[1:][same]], axis=-1))
+        kept = trimmed[along]
+        along = along[kept]
+        line = line[kept]
+        same_line = line[1:] == line[:-1]
+        pairs.append(np.stack([along[:-1][same_line], along[1:][same_line]], axis=-1))
     return np.asarray(numbers[np.concatenate(pairs)])

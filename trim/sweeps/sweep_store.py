@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +11,7 @@ from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Table
 from hfa_support.zarr_store import RowJob, array_of_rows, fill_store
 from trim.sweeps.points import STATUS, is_square
-from trim.sweeps.sweep import run_points
+from trim.sweeps.sweep import run_points, slow_note
 from trim.sweeps.sweep_arrays import ARRAYS, labels_of
 from trim.sweeps.sweep_plan import SweepPlan
 
@@ -54,9 +53,11 @@ def _template(plan: SweepPlan) -> Any:
         "flag_meanings": " ".join(word.replace(" ", "_") for word in STATUS),
     }
     kinks = {"long_name": "entries of A and B at a kink, -1 where not looked for"}
+    slow = {"long_name": "1 where the point was trimmed on its own, a thousand times slower"}
     fill_status = np.int8(MISSING)
     arrays["status"] = array_of_rows((_POINT,), (plan.count,), fill_status, chunk, status)
     arrays["kinks"] = array_of_rows((_POINT,), (plan.count,), np.int16(-1), chunk, kinks)
+    arrays["one_by_one"] = array_of_rows((_POINT,), (plan.count,), np.int8(0), chunk, slow)
 
     coordinates: dict[str, Any] = dict(labels_of(model, rates=states))
     for name, unit in zip(plan.variables, plan.units, strict=True):
@@ -71,7 +72,7 @@ def _template(plan: SweepPlan) -> Any:
         "input_units": list(model.units(inputs)),
         "status": [str(word) for word in STATUS],
         "warnings": plan.warnings,
-        "plan": json.dumps(plan.to_dict()),
+        "plan": plan.text,
     }
 
     import xarray
@@ -86,15 +87,17 @@ def stored_sweep_report(plan: SweepPlan, dataset: Any, path: Path) -> Report:
     """
     totals = np.zeros(len(STATUS) + 1, dtype=int)
     kinks = 0
+    one_by_one = 0
     for start in range(0, plan.count, CHUNK):
         part = dataset.isel({_POINT: slice(start, start + CHUNK)})
         totals += np.bincount(part.status.values - MISSING, minlength=len(totals))
         kinks += int(np.count_nonzero(part.kinks.values > 0))
-    notes = plan.warnings
+        one_by_one += int(np.count_nonzero(part.one_by_one.values))
+    notes = [*plan.warnings, *slow_note(one_by_one, plan.count)]
     if kinks:
         notes.append(
-            f"kinks at {kinks} points: one-sided slopes differ from A or B (the array kinks counts "
-            "entries)"
+            f"kinks at {kinks} points: entries of A and B there are means of two slopes (the array "
+            "kinks counts them)"
         )
     counts = dict(zip(("missing", *STATUS), totals.tolist(), strict=True))
     rows = [(status, str(count)) for status, count in counts.items()]

@@ -31,7 +31,7 @@ from trim import (
 )
 from trim.hfa.level_flight import LEVEL_FLIGHT
 from trim.sweeps.points import BEYOND_LIMITS, NO_TRIM, TRIMMED, condition_at, is_square, trim_points
-from trim.sweeps.sweep import Sweep, run_points
+from trim.sweeps.sweep import Sweep, run_plan, run_points
 from trim.sweeps.sweep_plan import Steps, SweepPlan
 from trim.sweeps.sweep_store import stored_sweep_report, stream_sweep
 
@@ -320,7 +320,7 @@ def test_a_trim_with_spare_unknowns_is_found_point_by_point(published_aircraft: 
     condition = release(LEVEL_FLIGHT, free=("aileron_center",))
     angles = np.radians([5.0, 15.0])
     points = trim_points(model, ("dihedral",), angles[:, None], condition)
-    assert points.one_by_one == 2
+    assert points.one_by_one.sum() == 2
     for i, angle in enumerate(angles):
         single = release(level_flight(float(angle)), free=("aileron_center",))
         point = find_operating_point(model, single)
@@ -459,3 +459,35 @@ def test_a_store_has_the_points_of_a_sweep_in_memory_and_is_continued_as_no_othe
     ):
         with pytest.raises(BadInputError, match="another sweep"):
             stream_sweep(other, tmp_path / "a.zarr", resume=True)
+
+
+# What is printed.
+
+
+def test_a_long_sweep_prints_its_first_and_last_rows_and_what_failed(
+    published_aircraft: Model,
+) -> None:
+    speeds = np.linspace(68.0, 75.0, 3_001)
+    speeds[[1_000, 2_000]] = 30.0
+    result = sweep(published_aircraft, {"dihedral": [0.1], "speed": speeds})
+    text = result.report().text()
+    assert "2999 of 3001 points trimmed" in text
+    assert "(2,961 more)" in text
+    assert len(re.findall(r"^ *5\.7\S* ", text, re.MULTILINE)) == 40
+    assert text.count("would have to be") == 2
+    assert len(result.records().rows) == 3_001
+
+
+def test_points_that_were_trimmed_one_by_one_are_counted(
+    published_aircraft: Model, tmp_path: Path
+) -> None:
+    """With more unknowns than equations all of them are."""
+    condition = release(LEVEL_FLIGHT, free=("alpha",))
+    plan = SweepPlan({"speed": np.linspace(64.0, 68.0, 25)}, published_aircraft, condition)
+    note = (
+        "25 of 25 points were trimmed one by one, which is slower: Newton's method on all points "
+        "at once did not settle them"
+    )
+    assert run_plan(plan).warnings == [note]
+    dataset = stream_sweep(plan, tmp_path / "a.zarr")
+    assert note in stored_sweep_report(plan, dataset, tmp_path).notes
