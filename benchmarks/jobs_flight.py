@@ -19,7 +19,7 @@ from controller.flight.scenario import Scenario
 from controller.flight.signals import Harmonic, Waveform, zero
 from controller.flight.simulation import CompiledLoop
 from controller.game.basis import basis
-from controller.game.zero_sum import published_game
+from controller.hfa_game import published_game
 from controller.riccati.gare import solve_game
 from hfa_model.printed_matrices import published_models
 from hfa_support.native.machine_code import c_compiler

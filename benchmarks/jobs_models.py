@@ -15,7 +15,7 @@ import numpy as np
 
 import hfa_model
 from benchmarks.report import Row, in_turn
-from controller.game.zero_sum import published_game
+from controller.hfa_game import published_game
 from controller.riccati.gare import solve_games
 from hfa_aircraft.model import load_model
 from hfa_model import LINEAR_STATES, STATES, Parameters, default_parameters

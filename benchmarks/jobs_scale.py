@@ -24,7 +24,7 @@ from controller.flight.envelope import flight_envelope
 from controller.flight.monte_carlo import MonteCarlo, fly_member
 from controller.flight.policies import GainPolicy
 from controller.flight.scenario import Scenario, Uncertainty
-from controller.game.zero_sum import published_game
+from controller.hfa_game import published_game
 from controller.riccati.gare import solve_game
 from hfa_model.vectors import STATES
 from hfa_support.jobs.store import stream

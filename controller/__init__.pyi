@@ -12,8 +12,8 @@ from .flight.scenario import Scenario as Scenario, Uncertainty as Uncertainty
 from .flight.signals import CommandSteps as CommandSteps, Waveform as Waveform
 from .game.basis import basis as basis
 from .game.gain_schedule import GainTable as GainTable
-from .game.user_files import load_game as load_game
-from .game.zero_sum import Game as Game, published_game as published_game
+from .game.zero_sum import Game as Game
+from .hfa_game import load_game as load_game, published_game as published_game
 from .learning.certified import learn as learn
 from .learning.certify import run as run
 from .learning.recording import Stack as Stack, random_pool as random_pool, record as record

@@ -1,10 +1,10 @@
-"""Plants and critics in users' files: their matrices, names and units; critics once or over
-time."""
+"""Plants in users' files: their matrices, names and units."""
 
 from __future__ import annotations
 
-import warnings
-from collections.abc import Mapping
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -12,51 +12,43 @@ import numpy as np
 
 from controller.game.array_file import read_arrays
 from controller.game.zero_sum import LARGEST, Game, checked_matrix
-from hfa_model.printed_matrices import published_data
-from hfa_model.vectors import LINEAR_STATES, LINEAR_UNITS
 from hfa_support.errors import BadInputError, numbers_in, said_of, shortened
 from hfa_support.reporting.unit_system import si_factor, si_unit
 
 MODEL_KEYS = ("A", "B", "E", "Q", "R", "delta")
 #: Keys of names and units, used where they are.
-_NAMES = ("states", "inputs", "state_units", "input_units")
+NAME_KEYS = ("states", "inputs", "state_units", "input_units")
 #: How python-control calls them in a `StateSpace`.
 _OF_CONTROL = {"state_labels": "states", "input_labels": "inputs"}
-#: What a critic consists of -> dimensions of one.
-_NDIM = {"W": 1, "P": 2, "K": 2}
-#: Other names of an entry.
-_ALSO = {"weights": "W", "gains": "K", "times": "time", "t": "time"}
-
-
-# Names and units.
 
 
 def found_in(stored: Mapping[str, Any]) -> str:
     """For a message: the names in a file."""
-    return (
-        f" (found: {shortened(', '.join(sorted(stored)), 200)})"
-        if stored
-        else " (the file is empty)"
-    )
+    if not stored:
+        return " (the file is empty)"
+    return f" (found: {shortened(', '.join(sorted(stored)), 200)})"
 
 
 def words(stored: Mapping[str, Any], key: str) -> tuple[str, ...]:
-    """The texts of an entry; () where it holds anything else. BadInputError for what a terminal
-    would obey."""
-    said = np.ravel(
-        np.asarray(stored.get(key, ()), dtype=object)
-    ).tolist()  # of JSON: rows may differ in length
-    if not all(isinstance(word, str) for word in said):
+    """The texts of an entry; () where it holds anything else.
+
+    BadInputError for what a terminal would obey.
+    """
+    # As objects: rows of JSON may differ in length.
+    entries = np.ravel(np.asarray(stored.get(key, ()), dtype=object)).tolist()
+    if not all(isinstance(entry, str) for entry in entries):
         return ()
-    for word in said:
-        if not word.isprintable():
-            raise BadInputError(f"{key} has {shortened(ascii(word))}, which cannot be printed")
-    return tuple(said)
+    for entry in entries:
+        if not entry.isprintable():
+            raise BadInputError(f"{key} has {shortened(ascii(entry))}, which cannot be printed")
+    return tuple(entries)
 
 
 class PlantNames(NamedTuple):
-    """What a plant calls its states and inputs, and the units of the states; () where it does not
-    say."""
+    """What a plant calls its states and inputs, and the units of the states.
+
+    () where it does not say.
+    """
 
     states: tuple[str, ...] = ()
     inputs: tuple[str, ...] = ()
@@ -67,43 +59,56 @@ UNNAMED = PlantNames()
 
 
 def file_scales(stored: Mapping[str, Any], plant: PlantNames) -> np.ndarray:
-    """s with x_file = s x, (n,), from the entry `state_units`; ones where the file or the plant
-    says no units.
+    """s with x_file = s x, (n,), from the entry `state_units`.
 
-    BadInputError for units that are neither the plant's nor their SI or English ones, and where
-    `states` or `inputs` of the file are the plant's in another order."""
+    Ones where the file or the plant says no units. BadInputError for units that are neither the
+    plant's nor their SI or English ones, and where `states` or `inputs` of the file are the plant's
+    in another order."""
     for key in ("states", "inputs"):
-        said, own = words(stored, key), getattr(plant, key)
-        if said != own and sorted(said) == sorted(own):
+        in_file = words(stored, key)
+        of_plant = getattr(plant, key)
+        if in_file != of_plant and sorted(in_file) == sorted(of_plant):
             raise BadInputError(
-                f"its {key} are in the order {shortened(', '.join(said), 200)}; those of the plant are "
-                f"{shortened(', '.join(own), 200)}: reorder the matrices, or leave {key} out of the file"
+                f"its {key} are in the order {shortened(', '.join(in_file), 200)}; those of the"
+                f" plant are {shortened(', '.join(of_plant), 200)}: reorder the matrices, or leave"
+                f" {key} out of the file"
             )
-    scales, units = np.ones(len(plant.state_units)), words(stored, "state_units")
+    units = words(stored, "state_units")
+    scales = np.ones(len(plant.state_units))
     if len(units) != len(scales):
         return scales
-    for place, (unit, own) in enumerate(zip(units, plant.state_units, strict=True)):
-        if si_unit(own) == unit != own:
-            scales[place] = si_factor(own)
-        elif si_unit(unit) == own != unit:
-            scales[place] = 1.0 / si_factor(unit)
-        elif "" not in (unit, own) and unit != own:
+    for i, (unit, unit_of_plant) in enumerate(zip(units, plant.state_units, strict=True)):
+        if si_unit(unit_of_plant) == unit != unit_of_plant:
+            scales[i] = si_factor(unit_of_plant)
+        elif si_unit(unit) == unit_of_plant != unit:
+            scales[i] = 1.0 / si_factor(unit)
+        elif unit and unit_of_plant and unit != unit_of_plant:
             raise BadInputError(
-                f"state {place + 1} is in {shortened(unit)} and that of the plant in {own}; convert it, or leave "
-                "state_units out of the file"
+                f"state {i + 1} is in {shortened(unit)} and that of the plant in {unit_of_plant};"
+                " convert it, or leave state_units out of the file"
             )
     return scales
 
 
-# Plants.
+@dataclass(frozen=True)
+class Defaults:
+    """What a game takes where its file does not say it.
+
+    values: of E, Q, R, delta, where there is a default
+    words: by the same keys, for the note: "as in the paper"
+    """
+
+    values: Mapping[str, Any] = field(default_factory=dict)
+    words: Mapping[str, str] = field(default_factory=dict)
 
 
 class StoredGame(NamedTuple):
-    """The game of a file, and what to know of it: entries that were not used, defaults that were
-    taken.
+    """The game of a file, and what to know of it.
 
+    notes: entries that were not used, defaults that were taken
     names: states, inputs and their units as the file has them, by key; a key without one name for
-    each is left out. provenance: where the plant comes from, as the file says it: entry -> text.
+        each is left out
+    provenance: where the plant comes from, as the file says it: entry -> text
     """
 
     game: Game
@@ -112,85 +117,62 @@ class StoredGame(NamedTuple):
     provenance: dict[str, str]
 
 
-def load_game(path: str | Path, **changes: Any) -> Game:
-    """The game of `stored_game`, whose notes become warnings."""
-    found = stored_game(path, **changes)
-    for note in found.notes:
-        warnings.warn(note, stacklevel=2)
-    return found.game
+def no_defaults(parts: Mapping[str, Any], names: PlantNames) -> Defaults:
+    """Of a plant of which nothing is known."""
+    return Defaults()
 
 
 def stored_game(
-    path: str | Path, *, found: dict[str, Any] | None = None, **changes: Any
+    path: str | Path,
+    *,
+    found: dict[str, Any] | None = None,
+    defaults: Callable[[Mapping[str, Any], PlantNames], Defaults] = no_defaults,
+    **changes: Any,
 ) -> StoredGame:
-    """The game of the plant in a file: keys A, B and optionally E (default identity), Q, R, delta.
+    """The game of the plant in a file: keys A, B, Q, R and optionally E and delta.
 
-    changes: Q, R, delta, where they are not None. found: what `read_arrays` has read of it already.
+    found: what `read_arrays` has read of it already
+    defaults: what the game of these parts and names takes where the file does not say it
+    changes: of Q, R, delta, where they are not None
 
-    An argument counts before the file, the file before the settings of the paper (Section 5.1),
-    whose Q and R fit six states and five inputs only; where the file names the aircraft's states in
-    m/s, the same game in m/s. A structure with A and B is read where the file has neither at its
-    top. Raises BadInputError, one line that names the file."""
-    found = read_arrays(path) if found is None else found
+    An argument counts before the file, the file before the defaults. Without any, E is the identity
+    and delta is inf (no disturbance: the linear quadratic regulator). A structure with A and B is
+    read where the file has neither at its top. Raises BadInputError, one line that names the
+    file."""
+    contents = read_arrays(path) if found is None else found
     with said_of(path):
-        stored, notes = entries_of(found, {"A", "B"})
-        given = {key: stored[key] for key in MODEL_KEYS if key in stored}
-        if (
-            "disturbances" in stored
-        ):  # E is the wind's column in a file of `hfa linearize`, whose game is the paper's
-            given.pop("E", None)
-        given |= {key: value for key, value in changes.items() if value is not None}
+        stored, notes = entries_of(contents, {"A", "B"})
+        parts = {key: stored[key] for key in MODEL_KEYS if key in stored}
+        if "disturbances" in stored and "E" in parts:  # of `hfa linearize`
+            del parts["E"]
+            notes.append("its E is that of the wind and not used")
         for key in ("A", "B"):
-            if key not in given:
+            if key not in parts:
                 beside = "a model file holds A and B (.csv, .npy: A.csv with B.csv beside it)"
                 raise BadInputError(f"there is no {key}; {beside}{found_in(stored)}")
-            given[key] = checked_matrix(key, given[key], LARGEST)
-        unused = sorted(set(stored) - {*MODEL_KEYS, *_NAMES})
-        if unused and not "".join(words(stored, "schema")[:1]).startswith("hfa."):
-            notes.append(
-                f"{shortened(', '.join(unused), 200)} not used; a model file holds {', '.join(MODEL_KEYS)}"
-            )
-        missing = [key for key in MODEL_KEYS if key not in given]
-        taken = ", ".join(
-            f"{key} {'the identity' if key == 'E' else 'as in the paper'}" for key in missing
+            parts[key] = checked_matrix(key, parts[key], LARGEST)
+        parts |= {key: value for key, value in changes.items() if value is not None}
+        notes += _unused(stored)
+        names = _names(stored, len(parts["A"]), parts["B"].shape[1], notes)
+        plant_names = PlantNames(
+            *(names.get(key, ()) for key in ("states", "inputs", "state_units"))
         )
-        if missing:
-            wind = "disturbances" in stored and "E" in missing
-            absent = (
-                "its E is that of the wind and not used"
-                if wind
-                else f"there is no {', '.join(missing)}"
-            )
-            notes.append(f"{absent}; taken: {taken}")
-        names: dict[str, tuple[str, ...]] = {}
-        n, m = len(given["A"]), given["B"].shape[1]
-        for key, size in zip(_NAMES, (n, m, n, m), strict=True):
-            named, is_unit = words(stored, key), key.endswith("units")
-            if len(named) == size and (is_unit or len(set(named)) == size):
-                names[key] = named
-            elif key in stored:
-                instead = (
-                    "none is used"
-                    if is_unit
-                    else f"they are called {'xu'[key == 'inputs']}1 and so on"
-                )
-                notes.append(
-                    f"{key} has not one {'unit' if is_unit else 'name'} for each; {instead}"
-                )
+        game = _completed(parts, defaults(parts, plant_names), notes)
         noted = tuple(f"{path}: {note}" for note in notes)
-        return StoredGame(_completed(given, names), noted, names, _provenance(stored))
+        return StoredGame(game, noted, names, _provenance(stored))
 
 
 def has_all(found: dict[str, Any], *names: str) -> bool:
     """Whether a file, or a structure in it, has these entries."""
-    return any(
-        set(names) <= set(each) for each in (found, *found.values()) if isinstance(each, dict)
-    )
+    structures = [found, *(value for value in found.values() if isinstance(value, dict))]
+    return any(set(names) <= set(structure) for structure in structures)
 
 
 def entries_of(found: dict[str, Any], needed: set[str]) -> tuple[dict[str, Any], list[str]]:
-    """The entries of a plant in continuous time, from the one structure that has the needed ones
-    where the file itself has none of them, and what to know of it."""
+    """The entries of a plant in continuous time, and what to know of it.
+
+    They are those of the one structure that has the needed ones where the file itself has none of
+    them."""
     notes: list[str] = []
     if not needed & set(found):
         plants = [
@@ -202,40 +184,68 @@ def entries_of(found: dict[str, Any], needed: set[str]) -> tuple[dict[str, Any],
             found = found[plants[0]]
             notes.append(f"{' and '.join(sorted(needed))} are read from its structure {plants[0]}")
     stored = {_OF_CONTROL.get(key, key): value for key, value in found.items()}
-    dt = np.asarray(
-        stored.pop("dt", None), dtype=object
-    )  # of python-control: 0 or None for continuous time
+    # Of python-control: 0 or None for continuous time.
+    dt = np.asarray(stored.pop("dt", None), dtype=object)
     if np.any((dt != 0) & (dt != None)):  # noqa: E711  entry by entry
-        said = shortened(str(dt.item() if dt.size == 1 else dt.tolist()))
-        raise BadInputError(f"dt is {said}, a model in discrete time; give x' = A x + B u, dt = 0")
+        text = shortened(str(dt.item() if dt.size == 1 else dt.tolist()))
+        raise BadInputError(f"dt is {text}, a model in discrete time; give x' = A x + B u, dt = 0")
     return stored, notes
 
 
 def one_number(name: str, value: Any) -> float:
-    """Of MATLAB a 1 x 1 matrix. BadInputError where it is not one number."""
-    found = numbers_in(name, value)
-    if found.size != 1:
-        raise BadInputError(f"{name} has {found.size} numbers; give one")
-    return float(found.item())
+    """Of MATLAB a 1 x 1 matrix, of JSON also the text "inf". BadInputError where it is not one
+    number."""
+    if isinstance(value, str) and value.strip().lower() in ("inf", "infinity"):
+        return math.inf
+    numbers = numbers_in(name, value)
+    if numbers.size != 1:
+        raise BadInputError(f"{name} has {numbers.size} numbers; give one")
+    return float(numbers.item())
 
 
-def _completed(given: dict[str, Any], names: dict[str, tuple[str, ...]]) -> Game:
-    """The game with what is missing from Section 5.1; where the file names the aircraft's states in
-    m/s, in m."""
-    settings, scales = published_data()["game"], np.ones(len(given["A"]))
-    if names.get("states") == LINEAR_STATES:
-        scales = file_scales(
-            {"state_units": names.get("state_units", ())}, PlantNames(state_units=LINEAR_UNITS)
-        )
-    usual: dict[str, Any] = {"E": np.diag(scales), "delta": settings["delta"]}
-    for key, of, units in (("Q", "states", scales), ("R", "inputs", np.ones(given["B"].shape[1]))):
-        diagonal = np.array(settings[f"{key}_diag"], dtype=float)
-        if key not in given:
-            if len(diagonal) != len(units):
-                said = f"the model has {len(units)} {of} and the {key} of the paper is for {len(diagonal)}"
-                raise BadInputError(f"{said}; give {key} in the file or as an argument")
-            usual[key] = np.diag(diagonal / units**2)
-    found = usual | given
+def _unused(stored: Mapping[str, Any]) -> list[str]:
+    """The note on entries that are not used; none of a file of this project."""
+    unused = sorted(set(stored) - {*MODEL_KEYS, *NAME_KEYS})
+    schema = "".join(words(stored, "schema")[:1])
+    if not unused or schema.startswith("hfa."):
+        return []
+    known = ", ".join(MODEL_KEYS)
+    return [f"{shortened(', '.join(unused), 200)} not used; a model file holds {known}"]
+
+
+def _names(
+    stored: Mapping[str, Any], n: int, m: int, notes: list[str]
+) -> dict[str, tuple[str, ...]]:
+    """Names and units by key, of those keys that have one for each; the others are noted."""
+    names: dict[str, tuple[str, ...]] = {}
+    for key, size in zip(NAME_KEYS, (n, m, n, m), strict=True):
+        texts = words(stored, key)
+        is_unit = key.endswith("units")
+        if len(texts) == size and (is_unit or len(set(texts)) == size):
+            names[key] = texts
+        elif key in stored and is_unit:
+            notes.append(f"{key} has not one unit for each; none is used")
+        elif key in stored:
+            letter = "u" if key == "inputs" else "x"
+            notes.append(f"{key} has not one name for each; they are called {letter}1 and so on")
+    return names
+
+
+def _completed(parts: dict[str, Any], defaults: Defaults, notes: list[str]) -> Game:
+    """The game with its defaults, which are noted."""
+    n, m = parts["B"].shape
+    values = {"E": np.eye(n), "delta": math.inf, **defaults.values}
+    described = {"E": "the identity", "delta": "inf (no disturbance)", **defaults.words}
+    missing = [key for key in MODEL_KEYS if key not in parts]
+    for key, size, what in (("Q", n, "states"), ("R", m, "inputs")):
+        if key in missing and key not in values:
+            raise BadInputError(
+                f"there is no {key}; give {key} of the {size} {what} in the file or as an argument"
+            )
+    if missing:
+        taken = ", ".join(f"{key} {described[key]}" for key in missing)
+        notes.append(f"there is no {', '.join(missing)}; taken: {taken}")
+    found = values | parts
     return Game(**found | {"delta": one_number("delta", found["delta"])})
 
 

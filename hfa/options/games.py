@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any
 import casadi as ca
 import numpy as np
 
-from controller.game.zero_sum import Game, usual_game
+from controller.game.zero_sum import Game
+from controller.hfa_game import paper_defaults, usual_game
 from hfa.options.argument_types import input_file, number, one_of, whole
 from hfa.options.request import OfModel, Request, option
 from hfa.options.trims import OF_THE_TRIM, AircraftOptions, TrimOptions, UnitsOption
@@ -46,7 +47,9 @@ class WeightOptions(Request):
     """The weights of the game."""
 
     delta: float | None = option(
-        "disturbance weight, inf for none; default: the paper's 200", "NUMBER", _delta
+        "disturbance weight, inf for none; default: the paper's 200, of another plant inf",
+        "NUMBER",
+        _delta,
     )
     Q: np.ndarray | None = option(
         "diagonal of Q; default: the paper's", "a,b,...", diagonal, names="--Q", rare=True
@@ -176,9 +179,8 @@ class PlantOptions(WeightOptions, AircraftOptions, TrimOptions):
         if not self.own:
             origin = f"the aircraft {at_scheduled(point)}, {model.title}"
         elif missing:
-            warnings += (
-                f"{' and '.join(missing)} not given: Q, R are 1/nominal^2 on the diagonal, delta is inf (no disturbance)",
-            )
+            taken = [f"{name} {USUAL_WEIGHTS[name]}" for name in missing]
+            warnings += (f"{' and '.join(missing)} not given; taken: {', '.join(taken)}",)
         if self.design is not None:
             from controller.servo.design_model import design_model
 
@@ -201,7 +203,9 @@ class PlantOptions(WeightOptions, AircraftOptions, TrimOptions):
         from controller.game.user_files import stored_game
 
         self.refuse_of_the_aircraft()
-        game, notes, names, provenance = stored_game(plant, found=read, **self.changed_weights())
+        game, notes, names, provenance = stored_game(
+            plant, found=read, defaults=paper_defaults, **self.changed_weights()
+        )
         n, m = game.B.shape
         labels: dict[str, Any] = {
             "states": numbered("x", n),
@@ -227,6 +231,14 @@ class GameOptions(UnitsOption, PlantOptions):
     """A game, with a design or without."""
 
     design: Any = design_option()
+
+
+#: What `usual_game` takes of a model that is not the aircraft, for a note.
+USUAL_WEIGHTS = {
+    "Q": "1/nominal^2 on the diagonal",
+    "R": "1/nominal^2 on the diagonal",
+    "delta": "inf (no disturbance)",
+}
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,16 +15,13 @@ import numpy as np
 
 from controller.critic.critic import Critic
 from controller.game.zero_sum import Game
+from controller.hfa_game import ORDINARY_DEVIATIONS
 from controller.riccati.balancing import balanced_units
 from controller.riccati.gare import Solution
 from hfa_model.vectors import INPUTS, LINEAR_STATES, STATE_UNITS
 from hfa_support.reporting.checks import Check, at_most
 from hfa_support.reporting.unit_system import in_force, si_factor, si_unit, unit_in_force
 
-#: Half widths of the box of ordinary deviations of the aircraft, the judge's own: ft/s, rad and
-#: rad/s, in the order of `LINEAR_STATES`; the size of the commands of Section 5.1, less for the
-#: dihedral.
-ORDINARY_DEVIATIONS = (7.0, 0.1, 0.1, 0.1, 0.1, 0.1)
 #: States and inputs of the aircraft's linear model.
 AIRCRAFT_SHAPE = (6, 5)
 _UNITS = tuple(getattr(STATE_UNITS, name) for name in LINEAR_STATES)

@@ -14,7 +14,8 @@ from controller.flight.nonlinear_flight import NonlinearFlight, fly
 from controller.flight.policies import Measurements, Policy
 from controller.flight.scenario import Scenario
 from controller.game.gain_schedule import GainTable
-from controller.game.zero_sum import Game, published_game
+from controller.game.zero_sum import Game
+from controller.hfa_game import published_game
 from controller.learning.certified import learned_value
 from controller.riccati.balancing import spectrum
 from controller.riccati.gare import solve_game

@@ -10,7 +10,7 @@ import numpy as np
 
 import hfa_model
 from controller.critic.critic import from_weights
-from controller.game.zero_sum import published_game
+from controller.hfa_game import published_game
 from controller.learning.certified import learn
 from controller.riccati.solution_report import AnalysedGame, analyse_game
 from hfa_aircraft.model import Model

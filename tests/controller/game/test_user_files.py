@@ -14,6 +14,7 @@ from scipy.sparse import csc_matrix
 
 from controller import Game, load_game, published_game
 from controller.game.user_files import PlantNames, file_scales, stored_game
+from controller.hfa_game import paper_defaults
 from hfa.options.games import diagonal
 from hfa_model import LINEAR_STATES, published_models
 from hfa_support import BadInputError
@@ -57,22 +58,27 @@ def test_what_is_missing_comes_from_the_paper() -> None:
 
 
 def test_the_paper_s_game_on_a_plant_in_meters() -> None:
-    """Q T⁻² and T E are the same game; a plant that does not name the aircraft's states is left
-    alone."""
+    """Q T⁻² and T E are the same game; a plant of other names gets nothing of the paper."""
     units = ["m/s", "rad", "rad", "rad/s", "rad", "rad/s"]
     stored("si.npz", **MODEL, states=LINEAR_STATES, state_units=units)
     stored("other.npz", **MODEL, states=[f"s{i}" for i in range(6)], state_units=units)
-    si = stored_game("si.npz").game
+    si = stored_game("si.npz", defaults=paper_defaults).game
     np.testing.assert_allclose(
         np.diag(si.Q), [1000.0 / 0.3048**2, 1000.0, 0.01, 0.01, 1000.0, 0.01], rtol=1e-15
     )
     assert np.array_equal(np.diag(si.E), [0.3048, 1.0, 1.0, 1.0, 1.0, 1.0])
-    assert stored_game("other.npz").game == published_game(**MODEL)
+    with pytest.raises(BadInputError, match="there is no Q; give Q of the 6 states"):
+        load_game("other.npz")
+    weights = {"Q": np.eye(6), "R": np.eye(5)}
+    stored("weighed.npz", **MODEL, **weights)
+    with pytest.warns(UserWarning, match="taken: E the identity, delta inf"):
+        assert load_game("weighed.npz") == Game(**MODEL, E=np.eye(6), **weights, delta=math.inf)
 
 
 def test_an_argument_counts_before_the_file() -> None:
     path = stored("plant.json", **PLANT, delta=5.0)
     assert stored_game(path).game.delta == 5.0
+    assert stored_game(stored("inf.json", **PLANT, delta="inf")).game.delta == math.inf
     game, *_ = stored_game(path, Q=np.eye(2), R=diagonal("9"), delta=math.inf)
     assert game == Game(**PLANT | {"E": np.eye(2), "Q": np.eye(2), "R": [[9.0]], "delta": math.inf})
     assert np.array_equal(diagonal("1, 0.5,2e3"), np.diag([1.0, 0.5, 2000.0]))
@@ -80,10 +86,10 @@ def test_an_argument_counts_before_the_file() -> None:
 
 def test_misnamed_entries_defaults_and_the_matrix_of_a_wind_are_noted() -> None:
     game, notes, *_ = stored_game(stored("plant.npz", **PLANT, D=[[1.0], [0.0]], gamma=7.0))
-    assert game == Game(**PLANT, E=np.eye(2), delta=200.0)
+    assert game == Game(**PLANT, E=np.eye(2), delta=math.inf)
     assert notes == (
         "plant.npz: D, gamma not used; a model file holds A, B, E, Q, R, delta",
-        "plant.npz: there is no E, delta; taken: E the identity, delta as in the paper",
+        "plant.npz: there is no E, delta; taken: E the identity, delta inf (no disturbance)",
     )
     assert stored_game(small("ours.npz", schema="hfa.linear-model/1", modes=[1.0])).notes == ()
     wind = stored(
@@ -91,7 +97,10 @@ def test_misnamed_entries_defaults_and_the_matrix_of_a_wind_are_noted() -> None:
     )
     game, notes, *_ = stored_game(wind, delta=200.0)
     assert game == Game(**PLANT, E=np.eye(2), delta=200.0)
-    assert notes == ("wind.npz: its E is that of the wind and not used; taken: E the identity",)
+    assert notes == (
+        "wind.npz: its E is that of the wind and not used",
+        "wind.npz: there is no E; taken: E the identity",
+    )
 
 
 def test_a_structure_is_looked_into_only_where_nothing_stands_outside() -> None:
@@ -110,12 +119,12 @@ def test_a_structure_is_looked_into_only_where_nothing_stands_outside() -> None:
         (
             load_game,
             {"A": A2, "B": B2},
-            "the model has 2 states and the Q of the paper is for 6; give Q",
+            "there is no Q; give Q of the 2 states",
         ),
         (
             load_game,
             {"A": A2, "B": B2, "Q": A2},
-            "the model has 1 inputs and the R of the paper is for 5; give R",
+            "there is no R; give R of the 1 inputs",
         ),
         (
             load_game,

@@ -14,6 +14,7 @@ from game_samples import game_models
 
 from controller import Game, basis, published_game
 from controller.game.basis import BASES, PAPER_QUARTIC_CHANNELS, Basis
+from controller.game.zero_sum import is_semidefinite
 from hfa_model import LINEAR_STATES, published_models
 from hfa_support import BadInputError
 
@@ -163,3 +164,35 @@ def test_weights_and_matrix_are_the_same_value_in_any_units() -> None:
         assert (functions.scaling(scales) * W) @ functions.psi(z) == pytest.approx(
             W @ functions.psi(scales * z)
         )
+
+
+@pytest.mark.parametrize(
+    ("matrix", "semidefinite"),
+    [
+        (np.diag([1e12, -0.2]), False),
+        (np.diag([1e12, 0.2, 0.0]), True),
+        ([[1e12, 2.0], [2.0, 1e-12]], False),
+        ([[1e12, 1.0], [1.0, 1e-12]], True),
+        ([[1.0, 1e-9], [1e-9, 0.0]], False),
+        (np.zeros((2, 2)), True),
+    ],
+)
+def test_semidefinite_is_decided_whatever_the_units(matrix: Any, semidefinite: bool) -> None:
+    """A negative weight is not rounding of a large one in another unit."""
+    matrix = np.asarray(matrix, dtype=float)
+    assert is_semidefinite(matrix) is semidefinite
+    n = len(matrix)
+    parts = {"A": -np.eye(n), "B": np.eye(n), "E": np.eye(n), "R": np.eye(n), "delta": np.inf}
+    if semidefinite:
+        assert np.array_equal(Game(**parts, Q=matrix).Q, matrix)
+        return
+    with pytest.raises(BadInputError, match="Q is not positive semidefinite"):
+        Game(**parts, Q=matrix)
+
+
+@pytest.mark.parametrize("rank", [1, 2, 5])
+def test_sums_of_squares_are_semidefinite_in_any_units(rank: int) -> None:
+    rng = np.random.default_rng(rank)
+    for _ in range(20):
+        C = rng.standard_normal((rank, 6)) * 10.0 ** rng.uniform(-8.0, 8.0, 6)
+        assert is_semidefinite(C.T @ C)

@@ -13,7 +13,8 @@ from typing import NamedTuple
 import numpy as np
 from flint import arb_mat
 
-from controller.game.zero_sum import Game, usual_game
+from controller.game.zero_sum import Game
+from controller.hfa_game import usual_game
 from controller.riccati.balancing import balanced_units
 from controller.riccati.derivations import schur_solution
 from hfa_support.errors import BadInputError, NoSolutionError

@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from controller.game.gain_schedule import GainTable
-from controller.game.zero_sum import Game, usual_game
+from controller.game.zero_sum import Game
+from controller.hfa_game import usual_game
 from controller.riccati.gare import solve_game
 from controller.servo.design import Actuator
 from controller.servo.scheduled_controller import ScheduledController

@@ -16,7 +16,7 @@ from proof_cases import content, delayed_abscissa, exact_table, family, forge, t
 
 import hfa_model
 from controller import ScheduledController
-from controller.game.zero_sum import usual_game
+from controller.hfa_game import usual_game
 from controller.servo.design import Actuator
 from hfa_aircraft.model import load_model
 from hfa_model import INPUTS, LINEAR_STATES

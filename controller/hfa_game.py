@@ -1,0 +1,118 @@
+"""The game of paper Section 5.1 on the flexible aircraft: its Q, R, delta and E, and its box."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping
+from pathlib import Path
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from controller.game.user_files import Defaults, PlantNames, file_scales, stored_game
+from controller.game.zero_sum import LARGEST, Game, checked_matrix
+from hfa_aircraft.model import Model
+from hfa_model.printed_matrices import published_data
+from hfa_model.vectors import INPUTS, LINEAR_STATES, LINEAR_UNITS
+from hfa_support.errors import BadInputError, refuse_unknown
+
+if TYPE_CHECKING:
+    from trim.linear.linear_model import LinearModel
+
+#: Half widths of the box of ordinary deviations of the aircraft: ft/s, rad and rad/s, in the order
+#: of `LINEAR_STATES`; the size of the commands of Section 5.1, less for the dihedral.
+ORDINARY_DEVIATIONS = (7.0, 0.1, 0.1, 0.1, 0.1, 0.1)
+
+
+def published_game(
+    A: LinearModel | np.ndarray, B: np.ndarray | None = None, **changes: Any
+) -> Game:
+    """The game of paper Section 5.1 on (A, B) or on a linear model: its Q, R, delta and E = I.
+
+    changes: of Q, R, delta, E. A linear model with more than the paper's six states has weight 0
+    and no disturbance on the others; with anything else than six states and five inputs Q and R
+    must be given."""
+    states = getattr(A, "states", LINEAR_STATES)
+    if B is None:
+        model: Any = A
+        if not hasattr(model, "B"):
+            raise BadInputError("B is missing; give A and B, or a linear model")
+        A = model.A
+        B = model.B
+    for name in changes:
+        refuse_unknown("a game has no", name, ("Q", "R", "delta", "E"))
+    settings = published_data()["game"]
+    A = checked_matrix("A", A, LARGEST)
+    E = np.eye(len(A))
+    Q = np.diag(settings["Q_diag"]).astype(float)
+    if len(states) > len(Q) and set(LINEAR_STATES) <= set(states):
+        E = E[:, [states.index(name) for name in LINEAR_STATES]]
+        Q = E @ Q @ E.T
+    parts = {
+        "E": E,
+        "Q": Q,
+        "R": np.diag(settings["R_diag"]).astype(float),
+        "delta": settings["delta"],
+    }
+    return Game(A=A, B=B, **(parts | changes))
+
+
+def usual_game(model: Model, A: np.ndarray, B: np.ndarray, **changes: Any) -> Game:
+    """The game on (A, B) of a model where nothing else is asked for.
+
+    Of a model with the aircraft's states and inputs the paper's; else 1/nominal² on the diagonals
+    of Q and R, and delta inf (no disturbance). changes: of Q, R, delta.
+    """
+    if set(LINEAR_STATES) <= set(model.linear) and tuple(model.inputs) == INPUTS:
+        linear: Any = SimpleNamespace(A=A, B=B, states=model.linear)
+        return published_game(linear, **changes)
+    parts: dict[str, Any] = {
+        "E": np.eye(len(A)),
+        "Q": np.diag([model.signals[name].nominal ** -2.0 for name in model.linear]),
+        "R": np.diag([model.signals[name].nominal ** -2.0 for name in model.inputs]),
+        "delta": np.inf,
+    }
+    return Game(A, B, **(parts | changes))
+
+
+def load_game(path: str | Path, **changes: Any) -> Game:
+    """The game of a plant's file, by `stored_game` with `paper_defaults`; notes become warnings.
+
+    changes: of Q, R, delta.
+    """
+    stored = stored_game(path, defaults=paper_defaults, **changes)
+    for note in stored.notes:
+        warnings.warn(note, stacklevel=2)
+    return stored.game
+
+
+def paper_defaults(parts: Mapping[str, Any], names: PlantNames) -> Defaults:
+    """What a plant file that may be the aircraft's takes from the paper: E, Q, R and delta.
+
+    The plant is taken for the aircraft's where its states and inputs have the aircraft's names; or
+    where it has no names, six states and five inputs, and not both Q and R of its own. Where the
+    file names the aircraft's states in m/s it is the same game in m/s. Nothing of any other plant.
+    """
+    m = len(INPUTS)
+    n = len(LINEAR_STATES)
+    if parts["A"].shape != (n, n) or parts["B"].shape != (n, m):
+        return Defaults()
+    if names.states or names.inputs:
+        if names.states not in ((), LINEAR_STATES) or names.inputs not in ((), INPUTS):
+            return Defaults()
+    elif "Q" in parts and "R" in parts:
+        return Defaults()
+    scales = np.ones(n)
+    if names.states == LINEAR_STATES:
+        units = {"state_units": names.state_units}
+        scales = file_scales(units, PlantNames(state_units=LINEAR_UNITS))
+    settings = published_data()["game"]
+    values = {
+        "E": np.diag(scales),
+        "Q": np.diag(np.array(settings["Q_diag"], dtype=float) / scales**2),
+        "R": np.diag(settings["R_diag"]).astype(float),
+        "delta": settings["delta"],
+    }
+    words = dict.fromkeys(("Q", "R", "delta"), "as in the paper")
+    return Defaults(values, words)
