@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -39,20 +40,18 @@ class Limits:
     ) -> Limits:
         """The limits of the named signals: min and max of their declarations, or the pairs in
         `changes`, name -> (lowest, highest)."""
-        ends = {name: (model.signals[name].min, model.signals[name].max) for name in names}
-        for name in ends:
+        lowest = np.array([model.signals[name].min for name in names])
+        highest = np.array([model.signals[name].max for name in names])
+        for index, name in enumerate(names):
             if changes and name in changes:
-                ends[name] = changes[name]
-        pairs = np.array(list(ends.values()), dtype=float).reshape(-1, 2)
-        return Limits(model, tuple(names), pairs[:, 0], pairs[:, 1])
+                lowest[index], highest[index] = changes[name]
+        return Limits(model, tuple(names), lowest, highest)
 
     def within(self, values: np.ndarray | Sequence[float]) -> np.ndarray:
         """Which of the values (..., k) lie between their limits, give or take `SLACK`; nan does
         not."""
         array = np.asarray(values)
-        above = array >= self.lowest - SLACK * self._measure(self.lowest)
-        below = array <= self.highest + SLACK * self._measure(self.highest)
-        return np.asarray(above & below)
+        return np.asarray((array >= self.least) & (array <= self.most))
 
     def at_lowest(self, values: np.ndarray | Sequence[float]) -> np.ndarray:
         """Which of the values (..., k) lie at their lowest limit or below, give or take `NEAR`."""
@@ -79,6 +78,16 @@ class Limits:
                     f"{name} would have to be {needed}, it must lie between {self.between(name)}"
                 )
         return sentences
+
+    @cached_property
+    def least(self) -> np.ndarray:
+        """(k,), the lowest values that are within."""
+        return self.lowest - SLACK * self._measure(self.lowest)
+
+    @cached_property
+    def most(self) -> np.ndarray:
+        """(k,), the highest values that are within."""
+        return self.highest + SLACK * self._measure(self.highest)
 
     def _measure(self, limit: np.ndarray) -> np.ndarray:
         """(k,) nominal + |limit|; 0 where there is no limit."""

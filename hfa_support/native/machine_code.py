@@ -10,21 +10,40 @@ import hashlib
 import os
 import shutil
 import subprocess
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import casadi as ca
 
 from hfa_support.files import temporary_folder
 from hfa_support.progress import say_aside
 
-_FLAGS = ("-O2", "-fPIC", "-shared", "-fno-math-errno")
+_FLAGS = ("-fPIC", "-shared", "-fno-math-errno")
+
+Loaded = TypeVar("Loaded")
 
 
 def machine_code(function: ca.Function) -> ca.Function:
     """The same function compiled to machine code, or with one note the function itself where no
+    compiler works."""
+    loaded = compiled(
+        lambda symbol: _c_text(function, symbol),
+        lambda symbol, library: ca.external(symbol, str(library)),
+    )
+    return function if loaded is None else loaded
+
+
+def compiled(
+    text: Callable[[str], str], load: Callable[[str, Path], Loaded], optimize: str = "-O2"
+) -> Loaded | None:
+    """What `load` makes of the symbol and the library of a C text; None, with one note, where no
     compiler works.
+
+    text: symbol -> C text that defines it
+    load: symbol, library -> whatever calls it
+    optimize: how the compiler optimizes
 
     The library is kept in `cache_folder()` under two hashes: of the C text, the compiler and its
     flags, and of its own content, which is checked before it is loaded. Its symbol carries the
@@ -33,27 +52,22 @@ def machine_code(function: ca.Function) -> ca.Function:
     compiler = c_compiler()
     if compiler is None:
         _say("no C compiler found; running without machine code")
-        return function
-    key = hashlib.sha256(
-        "\n".join([_c_text(function, "placeholder"), compiler, *_FLAGS]).encode()
-    ).hexdigest()[:24]
-    symbol, library = f"hfa_{key}", None
+        return None
+    command = [compiler, optimize, *_FLAGS]
+    content = "\n".join([text("placeholder"), *command])
+    symbol = f"hfa_{hashlib.sha256(content.encode()).hexdigest()[:24]}"
+    library = None
     try:
         folder = _own_folder(cache_folder())
-        kept = [each for each in folder.glob(f"{symbol}-*.so") if each.stem.endswith(_digest(each))]
-        library = (
-            kept[0]
-            if kept
-            else _compile([compiler, *_FLAGS], _c_text(function, symbol), folder, symbol)
-        )
-        return ca.external(symbol, str(library))
-    except (OSError, RuntimeError, subprocess.CalledProcessError) as error:
+        kept = [path for path in folder.glob(f"{symbol}-*.so") if path.stem.endswith(_digest(path))]
+        library = kept[0] if kept else _compile(command, text(symbol), folder, symbol)
+        return load(symbol, library)
+    except (OSError, RuntimeError, AttributeError, subprocess.CalledProcessError) as error:
         if library is not None:
             library.unlink(missing_ok=True)
-        _say(
-            f"cannot compile machine code with {compiler} ({str(error).splitlines()[0]}); running without"
-        )
-        return function
+        why = str(error).splitlines()[0]
+        _say(f"cannot compile machine code with {compiler} ({why}); running without")
+        return None
 
 
 def cache_folder() -> Path:

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import hfa_model
-from trim.point.condition import TrimCondition, read_condition, usual_condition
+from trim.point.condition import TrimCondition, usual_condition
+from trim.point.condition_file import read_condition
 
 #: Shipped condition -> its file in this folder.
 CONDITIONS = {

@@ -6,16 +6,8 @@ from contextlib import suppress
 
 import numpy as np
 
+from trim.point.machine import LEAST_SHARE, LONGEST, MOST_TRIALS, NEARLY
 from trim.point.system import FEW, TrimSystem
-
-#: Norm of the scaled residuals from which one more step ends at rounding.
-NEARLY = 1e-7
-#: Evaluations of a point, at most.
-MOST_TRIALS = 300
-#: Shortest share of a step that is tried.
-LEAST_SHARE = 2.0**-20
-#: Largest entry of a step, in scaled units; a Jacobian that asks for more counts as singular.
-LONGEST = 1e6
 
 
 def newton(
@@ -40,14 +32,15 @@ def newton(
     if moving is not None or bounded or not system.equations.square:
         return _halving(system, z, c, moving, bounded)
     if system.machine is not None:
-        return system.machine.newton(z, c)
-    if len(system.scales) > FEW:
+        best, settled, rest = system.machine.newton(z, c)
+    elif len(system.scales) > FEW:
         return _halving(system, z, c)
-    best, norms = system.full_steps(z, c)
-    falls = (norms[:, 1:] < norms[:, :-1]) | (norms[:, 1:] <= NEARLY)
-    settled = falls.all(axis=1) & (norms[:, -1] <= NEARLY)
-    if not settled.all():
+    else:
+        best, norms = system.full_steps(z, c)
+        falls = (norms[:, 1:] < norms[:, :-1]) | (norms[:, 1:] <= NEARLY)
+        settled = falls.all(axis=1) & (norms[:, -1] <= NEARLY)
         rest = ~settled
+    if rest.any():
         best[rest], settled[rest] = _halving(system, z[rest], c[rest])
     return best, settled
 

@@ -39,7 +39,6 @@ class TrimProblem:
     """A condition in numbers, its equations, and the point where the search begins.
 
     system: the equations; unknowns z are scaled
-    begin: value of each variable where the search begins; idle variables stay there
     c: (1, ..), the constants of the system
     free, idle: the unknowns, and the free variables that are in no equation
     names: the equations: states for their rates, then outputs
@@ -63,7 +62,7 @@ class TrimProblem:
             condition = condition.at()
         self.model = model
         self.condition = condition
-        self.system = TrimSystem(model, condition)
+        self.system = TrimSystem(model, condition, begin=None if start is None else start.values)
         self.free = self.system.equations.unknowns
         self.idle = self.system.equations.idle
         self.names = self.system.equations.names
@@ -72,12 +71,7 @@ class TrimProblem:
             raise BadInputError(
                 f"{' and '.join(self.idle)} moves no equation; set something else free"
             )
-        if start is None:
-            declared = declared_start(model, condition.imposed)
-            self.begin: Mapping[str, float] = declared | dict(condition.begin)
-        else:
-            self.begin = start.values
-        self.c = self.system.constants(self.begin)
+        self.c = self.system.constants()
         self._last: tuple[bytes, Evaluation] | None = None
 
     def at(self, z: np.ndarray) -> Evaluation:
@@ -173,13 +167,3 @@ class TrimProblem:
             self.model,
             started,
         )
-
-
-def declared_start(model: Model, imposed: Mapping[str, float] | None = None) -> dict[str, float]:
-    """Where the declaration of a model begins the search for each variable: at the values that it
-    declares, or at those that belong to what is imposed."""
-    values = {name: model.signals[name].start for name in model.variables}
-    if model.begin is not None and imposed is not None:
-        begun = model.begin(imposed)
-        values |= {name: float(begun[name]) for name in begun if name in values}
-    return values

@@ -17,8 +17,8 @@ from trim.point.condition import TrimCondition, usual_condition
 from trim.point.diagnosis import failure
 from trim.point.newton import newton
 from trim.point.operating_point import OperatingPoint, Status
-from trim.point.problem import TrimProblem, declared_start
-from trim.point.system import Structure, equations
+from trim.point.problem import TrimProblem
+from trim.point.system import Structure, declared_start, equations
 
 #: Shares of the way from the model's own trim that continuation tries, and their number.
 _FIRST_SHARE, _LEAST_SHARE, _MOST_STEPS = 0.25, 1e-3, 200
@@ -59,7 +59,7 @@ def find_operating_point(
     problem = TrimProblem(model, condition, start)
     try:
         with np.errstate(over="raise"):
-            return _solution(problem, problem.clip(problem.unknowns(problem.begin)))
+            return _solution(problem, problem.clip(problem.system.start))
     except (ArithmeticError, np.linalg.LinAlgError) as error:
         raise BadInputError(
             f"the equations overflow or divide by zero at this condition with these parameters; "
@@ -79,7 +79,7 @@ def other_trims(
     moved, unknowns = problem.count
     starts = [*problem.starts(known[0])] if moved == unknowns else []
     if starts:
-        starts.append(problem.unknowns(declared_start(model)))
+        starts.append(problem.unknowns(declared_start(model, condition.imposed)))
     for start in starts:
         solution = _solved_from(problem, start, TrimProblem.newton_within)
         if solution is None:
@@ -167,10 +167,10 @@ def _continued(problem: TrimProblem) -> np.ndarray | None:
         if name in usual.imposed
     }
     values |= {name: np.zeros(1) for name in system.equations.constants if name.endswith("_dot")}
-    first = system.constants(problem.begin, 1, values)
+    first = system.constants(1, values)
     if np.array_equal(first, asked) or not system.equations.square:
         return None
-    guess = system.unknowns(declared_start(problem.model))[None]
+    guess = system.unknowns(declared_start(problem.model, usual.imposed))[None]
     z, settled = newton(system, guess, first)
     previous, previous_share = z, 0.0
     share, step = 0.0, _FIRST_SHARE

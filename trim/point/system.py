@@ -5,8 +5,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from functools import lru_cache
-from typing import NamedTuple
+from functools import cached_property, lru_cache
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -14,7 +14,9 @@ import numpy as np
 from hfa_aircraft.model import Layout, Model, components
 from hfa_support.linear_table import LinearTable
 from hfa_support.native.bound import RowFunction, cached_per_thread
+from trim.limits import Limits
 from trim.point.condition import TrimCondition
+from trim.point.machine import compiled_trim
 
 #: Steps of Newton's method that one evaluation takes, and with how many unknowns at most.
 FULL_STEPS = 5
@@ -136,7 +138,8 @@ def equations(structure: Structure) -> Equations:
     scales = ca.DM([structure.free[j][1] for j in moving])
     z = ca.SX.sym("z", len(moving))
     jacobian = ca.densify(jacobian[moved, moving]) @ ca.diag(scales)
-    parts = [x, u, y[len(outputs) :], residual[[*moved, *still]], jacobian]
+    y = ca.vertcat(ca.SX(0, 1), *components(y)[len(outputs) :])
+    parts = [x, u, y, residual[[*moved, *still]], jacobian]
     x, u, y, residual, jacobian = ca.substitute(parts, [free[moving]], [z * scales])
     every = [*(name for name, _ in structure.rates), *outputs]
     return Equations(
@@ -206,12 +209,15 @@ class TrimSystem:
 
     model, condition: whose equations these are; what the points do not give is the condition's
     structure, equations: what they consist of
+    begin: values of the variables where a search begins; idle variables stay there
     scales: (k,), one scaled unit of each unknown
+    start: (k,), the scaled unknowns where a search begins
     limits: of the unknowns, in the units of the model
     lowest, highest: (k,), the same in scaled units
     watched: limits of the states and outputs that are watched
     row_scales: (e,), one scaled unit of each equation
     moved: number of equations that the unknowns can move, the first ones
+    machine: the same as machine code, where that was asked for and a compiler works
     """
 
     def __init__(
@@ -219,13 +225,20 @@ class TrimSystem:
         model: Model,
         condition: TrimCondition,
         varied: Sequence[str] = (),
+        begin: Mapping[str, float] | None = None,
         compile_code: bool = False,
     ) -> None:
+        """varied: variables, outputs, rates and parameters that differ between points; begin: where
+        condition and declaration begin unless given."""
+        if begin is None:
+            begin = declared_start(model, condition.imposed) | dict(condition.begin)
         self.model = model
         self.condition = condition
+        self.begin = begin
         self.structure = structure_of(model, condition, varied)
         self.equations = equations(self.structure)
         self.scales = np.array([model.signals[name].nominal for name in self.equations.unknowns])
+        self.start = self.unknowns(begin)
         self.limits = condition.limits_on(self.equations.unknowns)
         self.lowest = self.limits.lowest / self.scales
         self.highest = self.limits.highest / self.scales
@@ -234,12 +247,22 @@ class TrimSystem:
         self.row_scales = np.array([scales[name] for name in self.equations.names])
         self.moved = self.equations.jacobian.shape[0]
         self.machine = None
+        if compile_code and self.equations.square:
+            self.machine = compiled_trim(
+                residual_function(self.structure), linear_function(self.structure)
+            )
 
     @property
     def only_inputs(self) -> bool:
         """Whether all unknowns are inputs: the equations are then nearly affine, with one
         solution."""
         return set(self.equations.unknowns) <= set(self.model.inputs)
+
+    @cached_property
+    def point_limits(self) -> Limits:
+        """The limits of states, inputs and watched states and outputs."""
+        names = (*self.model.states, *self.model.inputs, *self.watched.names)
+        return self.condition.limits_on(names)
 
     def residuals(self, z: np.ndarray, c: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """r (N, e) and J (N, m, k) at the unknowns z (N, k) and the constants c (N, ..)."""
@@ -261,42 +284,70 @@ class TrimSystem:
 
     def linear(self, z: np.ndarray, c: np.ndarray) -> np.ndarray:
         """(N, ..): x, u, watched outputs, A and B row by row, and r of each point."""
+        if self.machine is not None:
+            return self.machine.linear(z, c)
         (flat,) = _rows_of(linear_function(self.structure))(z, c)
         return flat
 
     def constants(
-        self,
-        begin: Mapping[str, float],
-        count: int = 1,
-        columns: Mapping[str, np.ndarray] | None = None,
+        self, count: int = 1, columns: Mapping[str, np.ndarray] | None = None
     ) -> np.ndarray:
-        """(N, ..), what the points give.
+        """(N, ..), the values that the points give.
 
-        begin: values of the idle variables
         columns: name of a variable, output, rate or parameter -> its values (N,); the others
-        have those of the condition and the model
+            have those of the condition and the model
         """
         columns = columns or {}
-        scheduled = self.model.schedule
-        at = columns.get(scheduled, self.condition.imposed.get(scheduled, 0.0))
-        table = np.empty((count, len(self.equations.constants) + len(self.model.p)))
-        for i, name in enumerate(self.equations.constants):
-            if name in columns:
-                table[:, i] = columns[name]
-            elif name in self.equations.idle:
-                table[:, i] = begin[name]
-            elif name in self.model.rates:
-                table[:, i] = self.condition.rates[name.removesuffix("_dot")]
-            elif isinstance(self.condition.imposed[name], LinearTable):
-                table[:, i] = self.condition.values_at(name, at)
-            else:
-                table[:, i] = self.condition.imposed[name]
-        table[:, len(self.equations.constants) :] = self.model.p
-        for i, name in enumerate(self.model.parameters, start=len(self.equations.constants)):
-            if name in columns:
-                table[:, i] = columns[name]
+        table = np.empty((count, len(self._row)))
+        table[:] = self._row
+        for index, name in self._tables:
+            scheduled = self.model.schedule
+            at = columns.get(scheduled, self.condition.imposed.get(scheduled, 0.0))
+            table[:, index] = self.condition.values_at(name, at)
+        for name, values in columns.items():
+            if name in self._index:
+                table[:, self._index[name]] = values
         return table
+
+    @cached_property
+    def _index(self) -> dict[str, int]:
+        """Name of a constant or parameter -> its column in the table of constants."""
+        names = (*self.equations.constants, *self.model.parameters)
+        return {name: index for index, name in enumerate(names)}
+
+    @cached_property
+    def _tables(self) -> list[tuple[int, str]]:
+        """The constants that change with the scheduling variable: column, name."""
+        imposed = self.condition.imposed
+        return [
+            (index, name)
+            for name, index in self._index.items()
+            if isinstance(imposed.get(name), LinearTable)
+        ]
+
+    @cached_property
+    def _row(self) -> np.ndarray:
+        """The constants of a point that gives no values of its own; 0 for tables."""
+        row = []
+        for name in self.equations.constants:
+            value = self.condition.imposed.get(name, 0.0)
+            if name in self.equations.idle:
+                value = self.begin[name]
+            elif name in self.model.rates:
+                value = self.condition.rates.get(name.removesuffix("_dot"), 0.0)
+            row.append(0.0 if isinstance(value, LinearTable) else value)
+        return np.array([*row, *self.model.p.tolist()])
 
     def unknowns(self, values: Mapping[str, float]) -> np.ndarray:
         """(k,), the scaled unknowns among the values of all variables."""
         return np.array([values[name] for name in self.equations.unknowns]) / self.scales
+
+
+def declared_start(model: Model, imposed: Mapping[str, Any]) -> dict[str, float]:
+    """Where the declaration of a model begins the search for each variable: at the values that it
+    declares, or at those that belong to what is imposed."""
+    values = {name: model.signals[name].start for name in model.variables}
+    if model.begin is not None:
+        begun = model.begin(imposed)
+        values |= {name: float(begun[name]) for name in begun if name in values}
+    return values

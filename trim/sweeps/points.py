@@ -5,8 +5,7 @@ trim keeps its status and the reason."""
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -16,7 +15,6 @@ from hfa_support.progress import Progress
 from trim.point.condition import TrimCondition, usual_condition
 from trim.point.newton import newton
 from trim.point.operating_point import BALANCE, OperatingPoint, Status
-from trim.point.problem import declared_start
 from trim.point.solve import find_operating_point
 from trim.point.system import TrimSystem
 
@@ -85,15 +83,12 @@ def trim_points(
         raise BadInputError(
             f"values are {values.shape}; they must be (N, {len(variables)}), a column a variable"
         )
-    for name in variables:
-        model.refuse_unheld("cannot sweep", name, tuple(model.parameters))
     if condition is None:
         condition = usual_condition(model)
-    condition = condition.freed_for(variables)
     if compile_code is None:
         compile_code = len(values) >= COMPILE_FROM
-    system = TrimSystem(model, condition, variables, compile_code)
-    points = _settled_together(system, variables, values, start)
+    system = _system(model, condition, variables, start, compile_code)
+    points = _settled_together(system, variables, values)
     slow = np.flatnonzero(points.one_by_one).tolist()
     for done, i in enumerate(slow, start=len(values) - len(slow) + 1):
         _settle_alone(system, points, i, variables, values[i], start)
@@ -139,12 +134,27 @@ def is_square(model: Model, variables: tuple[str, ...], condition: TrimCondition
     return TrimSystem(model, condition.freed_for(variables), variables).equations.square
 
 
-def _settled_together(
-    system: TrimSystem,
-    variables: tuple[str, ...],
-    values: np.ndarray,
-    start: OperatingPoint | None,
-) -> Points:
+#: What `_system` was asked for last, and what it made.
+_last_system: tuple[tuple[Any, ...], TrimSystem] | None = None
+
+
+def _system(*asked: Any) -> TrimSystem:
+    """The system of (model, condition, variables, start, compile_code): that of the last call
+    where these are the same objects, as in many calls with one point each."""
+    global _last_system
+    last = _last_system
+    if last is not None and all(a is b for a, b in zip(asked, last[0], strict=True)):
+        return last[1]
+    model, condition, variables, start, compile_code = asked
+    for name in variables:
+        model.refuse_unheld("cannot sweep", name, tuple(model.parameters))
+    begin = None if start is None else start.values
+    system = TrimSystem(model, condition.freed_for(variables), variables, begin, compile_code)
+    _last_system = (asked, system)
+    return system
+
+
+def _settled_together(system: TrimSystem, variables: tuple[str, ...], values: np.ndarray) -> Points:
     """The points with what Newton's method settles; NO_TRIM where it settles nothing."""
     model = system.model
     n, m, count = len(model.states), len(model.inputs), len(values)
@@ -153,59 +163,48 @@ def _settled_together(
         states, inputs = np.full((count, n), np.nan), np.full((count, m), np.nan)
         A, B = np.full((count, n, n), np.nan), np.full((count, n, m), np.nan)
         return Points(nothing, states, inputs, A, B, {}, nothing == NO_TRIM)
-    if start is not None:
-        begin = start.values
-    else:
-        begin = declared_start(model) | dict(system.condition.begin)
-    columns = dict(zip(variables, values.T, strict=True))
-    c = system.constants(begin, count, columns)
-    z = _starts(system, variables, values, begin)
+    c = system.constants(count, dict(zip(variables, values.T, strict=True)))
+    z = _starts(system, variables, values)
     z, settled = newton(system, z, c)
     if not settled.all():
         _settle_from_neighbours(system, values, z, c, settled)
     flat = system.linear(z, c)
     w = len(system.structure.watched)
     ends = list(itertools.accumulate((n, m, w, n * n, n * m)))
-    states, inputs, watched, A, B, residual = np.split(flat, ends, axis=1)
-    names = (*model.states, *model.inputs)
-    within = system.condition.limits_on(names).within(flat[:, : n + m]).all(axis=1)
-    within &= system.watched.within(watched).all(axis=1)
+    states, inputs, _, A, B, residual = np.split(flat, ends, axis=1)
+    within = system.point_limits.within(flat[:, : ends[2]]).all(axis=1)
     balanced = (np.abs(residual) <= BALANCE).all(axis=1)
     status = np.full(count, NO_TRIM, dtype=np.int8)
     status[balanced & within] = TRIMMED
     if system.only_inputs:
         status[balanced & ~within] = BEYOND_LIMITS
-    return Points(
-        status, states, inputs, A.reshape(-1, n, n), B.reshape(-1, n, m), {}, status == NO_TRIM
-    )
+    A, B = A.reshape(-1, n, n), B.reshape(-1, n, m)
+    return Points(status, states, inputs, A, B, {}, status == NO_TRIM)
 
 
 def _starts(
     system: TrimSystem,
     variables: tuple[str, ...],
     values: np.ndarray,
-    begin: Mapping[str, float],
 ) -> np.ndarray:
     """(N, k), the unknowns where the search for each point begins.
 
     Inputs alone have one solution. With states free there may be others: all points begin at
     solutions of the same coarse grid (a fiftieth of the nominal values), the model's, so that no
     row depends on its neighbours."""
-    first = system.unknowns(begin)
     if system.only_inputs or not variables:
-        return np.tile(first, (len(values), 1))
+        return np.tile(system.start, (len(values), 1))
     signals = {**system.model.rates, **system.model.signals}
     widths = np.array([_CELL * signals[name].nominal for name in variables])
     cells, cell = np.unique(np.round(values / widths), axis=0, return_inverse=True)
     columns = dict(zip(variables, (cells * widths).T, strict=True))
-    c = system.constants(begin, len(cells), columns)
-    starts = np.tile(first, (len(cells), 1))
+    starts = np.tile(system.start, (len(cells), 1))
     if system.model.begin is not None:
         begun = system.model.begin({**system.condition.imposed, **columns})
         for column, name in enumerate(system.equations.unknowns):
             if name in begun:
                 starts[:, column] = begun[name] / system.scales[column]
-    z, settled = newton(system, starts, c)
+    z, settled = newton(system, starts, system.constants(len(cells), columns))
     z[~settled] = starts[~settled]
     return z[cell.ravel()]
 

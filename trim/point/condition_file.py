@@ -1,0 +1,82 @@
+"""A trim condition from a file."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from hfa_aircraft.model import Model
+from hfa_support.errors import BadInputError, said_of, shown
+from hfa_support.linear_table import LinearTable
+from hfa_support.schema import NUMBER, checked, read_named
+from trim.point.condition import TrimCondition, release
+
+#: What a file of a condition holds.
+_FILE = {
+    "description": str,
+    "source": str,
+    "impose": {str: None},
+    "free": [str],
+    "limits": {str: [NUMBER]},
+}
+
+
+def read_condition(
+    name: str, usual: TrimCondition, shipped: Mapping[str, str] = MappingProxyType({})
+) -> TrimCondition:
+    """A condition from a file; it changes the usual one.
+
+    name: of the user's file, or of a shipped one
+    usual: what the file changes
+    shipped: name -> file in `trim.hfa`, the conditions that come with the paper's aircraft
+
+    [impose]: variable = value, or variable = [[breakpoint, value], ...]; angles in degrees under
+    the variable's name with _deg behind it (alpha_deg), in rad without. free: list of variables.
+    [limits]: variable = [lowest, highest], likewise. BadInputError names the file, the entry and
+    the fault."""
+    data = read_named("condition", name, shipped, "trim.hfa", _FILE)
+    model = usual.model
+    hold: dict[str, Any] = {}
+    for key, value in data.get("impose", {}).items():
+        variable, factor = _variable(model, name, key)
+        if isinstance(value, list):
+            hold[variable] = _table(model, name, key, value, factor)
+        else:
+            hold[variable] = checked(name, value, NUMBER, key) * factor
+    limits: dict[str, Any] = {}
+    for key, ends in data.get("limits", {}).items():
+        variable, factor = _variable(model, name, key, *model.states)
+        limits[variable] = tuple(end * factor for end in ends)
+    free = tuple(_variable(model, name, key)[0] for key in data.get("free", []))
+    with said_of(name):
+        return replace(release(usual, free=free, hold=hold, limits=limits), name=name)
+
+
+def _variable(model: Model, file: str, key: str, *more: str) -> tuple[str, float]:
+    """The variable that a key of the file names, and the factor from its unit; `more`: names that
+    are allowed beside those that a trim can impose."""
+    name = key.removesuffix("_deg")
+    model.refuse_unheld(f"{file}: unknown trim variable", name, more)
+    if name == key:
+        return name, 1.0
+    if not model.unit(name).startswith("rad"):
+        raise BadInputError(f"{file}: {key} is no angle; write {name}, in {model.unit(name)}")
+    return name, math.pi / 180.0
+
+
+def _table(model: Model, file: str, key: str, value: Any, factor: float) -> LinearTable:
+    """A variable's values over the scheduling variable, which is in degrees where it is an
+    angle."""
+    rows = checked(file, value, [[NUMBER]], key)
+    if not rows or any(len(row) != 2 for row in rows):
+        raise BadInputError(f"{file}: {key} is {shown(value)}; give [{model.schedule}, value] rows")
+    breakpoints, values = np.array(rows).T
+    if model.schedule and model.unit(model.schedule).startswith("rad"):
+        breakpoints = np.radians(breakpoints)
+    with said_of(f"{file}: {key}"):
+        return LinearTable(breakpoints, values * factor)

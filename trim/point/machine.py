@@ -1,0 +1,219 @@
+"""Newton's method of `trim.point.newton` in C: the same steps for one point after the other."""
+
+from __future__ import annotations
+
+import ctypes
+from functools import lru_cache
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+
+#: Norm of the scaled residuals from which one more step ends at rounding.
+NEARLY = 1e-7
+#: Evaluations of a point, at most.
+MOST_TRIALS = 300
+#: Shortest share of a step that is tried.
+LEAST_SHARE = 2.0**-20
+#: Largest entry of a step, in scaled units; a Jacobian that asks for more counts as singular.
+LONGEST = 1e6
+#: What the C code answers for each point.
+_UNSETTLED, _SETTLED, _SINGULAR = range(3)
+
+_C_TEXT = """
+{functions}
+#define K {unknowns}
+#define E {equations}
+#define C {constants}
+#define FLAT {flat}
+
+static void evaluate(const double *z, const double *c, double *r, double *J)
+{{
+    const double *arg[{residual_arg}] = {{z, c}};
+    double *res[{residual_res}] = {{r, J}}, w[{residual_w}];
+    casadi_int iw[{residual_iw}];
+    residual(arg, res, iw, w, 0);
+}}
+
+static double norm(const double *v)
+{{
+    double sum = 0.0;
+    for (int i = 0; i < K; i++)
+        sum += v[i] * v[i];
+    return sqrt(sum);
+}}
+
+/* J -> its factors L and U, row by row, with partial pivoting; 0 where it is singular. */
+static int factor(double *J, int *pivots)
+{{
+    for (int j = 0; j < K; j++) {{
+        int p = j;
+        for (int i = j + 1; i < K; i++)
+            if (fabs(J[i * K + j]) > fabs(J[p * K + j]))
+                p = i;
+        pivots[j] = p;
+        if (!(fabs(J[p * K + j]) > 0.0))
+            return 0;
+        if (p != j)
+            for (int i = 0; i < K; i++) {{
+                double swapped = J[j * K + i];
+                J[j * K + i] = J[p * K + i];
+                J[p * K + i] = swapped;
+            }}
+        for (int i = j + 1; i < K; i++) {{
+            double share = J[i * K + j] / J[j * K + j];
+            J[i * K + j] = share;
+            for (int l = j + 1; l < K; l++)
+                J[i * K + l] -= share * J[j * K + l];
+        }}
+    }}
+    return 1;
+}}
+
+/* d = -J^-1 r of the factors of J. */
+static void solve(const double *J, const int *pivots, const double *r, double *d)
+{{
+    for (int i = 0; i < K; i++)
+        d[i] = -r[i];
+    for (int j = 0; j < K; j++) {{
+        double swapped = d[j];
+        d[j] = d[pivots[j]];
+        d[pivots[j]] = swapped;
+    }}
+    for (int i = 1; i < K; i++)
+        for (int j = 0; j < i; j++)
+            d[i] -= J[i * K + j] * d[j];
+    for (int i = K - 1; i >= 0; i--) {{
+        for (int j = i + 1; j < K; j++)
+            d[i] -= J[i * K + j] * d[j];
+        d[i] /= J[i * K + i];
+    }}
+}}
+
+static int newton(const double *c, double *z)
+{{
+    double r[E], J[K * K], step[K], trial[K], trial_r[E], trial_J[K * K], next[K];
+    int pivots[K];
+    double share = 1.0, size;
+    evaluate(z, c, r, J);
+    size = norm(r);
+    if (!factor(J, pivots))
+        return {singular};
+    solve(J, pivots, r, step);
+    for (int trials = 0; trials < {most_trials}; trials++) {{
+        for (int i = 0; i < K; i++)
+            if (!(fabs(step[i]) < {longest}))
+                return {singular};
+        if (size <= {nearly}) {{
+            for (int i = 0; i < K; i++)
+                z[i] += step[i];
+            return {settled};
+        }}
+        if (share < {least_share})
+            return {unsettled};
+        for (int i = 0; i < K; i++)
+            trial[i] = z[i] + share * step[i];
+        evaluate(trial, c, trial_r, trial_J);
+        double trial_size = norm(trial_r);
+        int better = trial_size < size;
+        if (!better) {{
+            solve(J, pivots, trial_r, next);
+            better = norm(next) < (1.0 - share / 4.0) * norm(step);
+        }}
+        if (!better) {{
+            share /= 2.0;
+            continue;
+        }}
+        for (int i = 0; i < K; i++)
+            z[i] = trial[i];
+        for (int i = 0; i < K * K; i++)
+            J[i] = trial_J[i];
+        size = trial_size;
+        share = 1.0;
+        if (!factor(J, pivots))
+            return {singular};
+        solve(J, pivots, trial_r, step);
+    }}
+    return {unsettled};
+}}
+
+void {symbol}_newton(long long count, const double *c, double *z, signed char *status)
+{{
+    for (long long i = 0; i < count; i++)
+        status[i] = (signed char)newton(c + i * C, z + i * K);
+}}
+
+void {symbol}_linear(long long count, const double *c, const double *z, double *flat)
+{{
+    for (long long i = 0; i < count; i++) {{
+        const double *arg[{linear_arg}] = {{z + i * K, c + i * C}};
+        double *res[{linear_res}] = {{flat + i * FLAT}}, w[{linear_w}];
+        casadi_int iw[{linear_iw}];
+        linear(arg, res, iw, w, 0);
+    }}
+}}
+"""
+
+
+class CompiledTrim:
+    """The two loops of a library: Newton's method, and the linear models."""
+
+    def __init__(self, symbol: str, library: Path, flat: int) -> None:
+        functions = ctypes.CDLL(str(library))
+        self._newton = getattr(functions, f"{symbol}_newton")
+        self._linear = getattr(functions, f"{symbol}_linear")
+        self._flat = flat
+
+    def newton(self, z: np.ndarray, c: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """z (N, k) after Newton's method from z (N, k) with the constants c (N, ..), which points
+        are settled (N,), and where a Jacobian is singular (N,)."""
+        found = np.array(z, order="C")
+        constants = np.ascontiguousarray(c)
+        status = np.empty(len(z), dtype=np.int8)
+        count = ctypes.c_longlong(len(z))
+        self._newton(count, _address(constants), _address(found), _address(status))
+        return found, status == _SETTLED, status == _SINGULAR
+
+    def linear(self, z: np.ndarray, c: np.ndarray) -> np.ndarray:
+        """(N, ..), a row of `linear_function` a point."""
+        flat = np.empty((len(z), self._flat))
+        unknowns, constants = np.ascontiguousarray(z), np.ascontiguousarray(c)
+        count = ctypes.c_longlong(len(z))
+        self._linear(count, _address(constants), _address(unknowns), _address(flat))
+        return flat
+
+
+@lru_cache(maxsize=16)
+def compiled_trim(residual: ca.Function, linear: ca.Function) -> CompiledTrim | None:
+    """The loops over these functions of (z, c), as many equations as unknowns; None, with one note,
+    where no compiler works."""
+    from hfa_support.native.machine_code import compiled
+
+    generator = ca.CodeGenerator("generated.c", {"with_header": False})
+    sizes: dict[str, int] = {}
+    for name, function in (("residual", residual), ("linear", linear)):
+        generator.add(ca.Function(name, function.sx_in(), function.call(function.sx_in())))
+        for kind in ("arg", "res", "iw", "w"):
+            sizes[f"{name}_{kind}"] = max(2, getattr(function, f"sz_{kind}")())
+    numbers = {
+        "unknowns": residual.numel_in(0),
+        "constants": residual.numel_in(1),
+        "equations": residual.numel_out(0),
+        "flat": linear.numel_out(0),
+        "most_trials": MOST_TRIALS,
+        "longest": LONGEST,
+        "nearly": NEARLY,
+        "least_share": LEAST_SHARE,
+        "unsettled": _UNSETTLED,
+        "settled": _SETTLED,
+        "singular": _SINGULAR,
+    }
+    functions = str(generator.dump())
+    return compiled(
+        lambda symbol: _C_TEXT.format(functions=functions, symbol=symbol, **numbers, **sizes),
+        lambda symbol, library: CompiledTrim(symbol, library, linear.numel_out(0)),
+    )
+
+
+def _address(array: np.ndarray) -> ctypes.c_void_p:
+    return ctypes.c_void_p(array.ctypes.data)
