@@ -1,4 +1,4 @@
-"""The page of formats of the documentation, from hfa/formats.toml."""
+"""The page of formats of the documentation, from hfa/formats.toml and the classes of results."""
 
 from __future__ import annotations
 

@@ -5,21 +5,53 @@ from __future__ import annotations
 import json
 import sys
 import tomllib
+from dataclasses import dataclass
 from functools import cache
+from importlib import import_module
 from importlib.resources import files
-from typing import Any
+from typing import Any, Literal
+
+from hfa_model.provenance import Provenance
+from hfa_support.reporting.results import Result, json_schema, parts_of
 
 #: Types of JSON.
 _PLAIN = {"object", "array", "string", "number", "integer", "boolean", "null"}
 
 
+#: Results that commands write: module and class. Those of formats.toml wait to be declared so.
+RESULTS = (
+    ("trim.point.trim_report", "TrimData"),
+    ("trim.linear.linear_model", "LinearModelData"),
+)
+#: Parts that only formats.toml refers to.
+PARTS = (("hfa_model.provenance", "Provenance"),)
+
+
+@dataclass(frozen=True)
+class Stamp(Result):
+    """What the command adds to every result.
+
+    units: of every number here, english (ft, slug, lbf) or si (m, kg, N); each name states its unit.
+    provenance: version, command, date, equations, parameters with a hash, condition."""
+
+    units: Literal["english", "si"] | None = None
+    provenance: Provenance | None = None
+
+
 @cache
 def formats() -> dict[str, Any]:
-    """The schema of the declarations in formats.toml: every output is one of its `oneOf`, by the
-    key `schema`."""
+    """The schema of all outputs: every output is one of its `oneOf`, by the key `schema`."""
     declared = tomllib.loads(files("hfa").joinpath("formats.toml").read_text("utf-8"))
     tables = declared["parts"] | declared["outputs"]
-    objects = {name: _object(table, declared["keys"]) for name, table in tables.items()}
+    definitions = {name: _value(text) for name, text in declared["types"].items()}
+    definitions |= {name: _object(table, declared["keys"]) for name, table in tables.items()}
+    results = [getattr(import_module(module), name) for module, name in RESULTS]
+    parts = [getattr(import_module(module), name) for module, name in PARTS]
+    parts += [part for result in (*results, *parts) for part in parts_of(result)]
+    for result in results:
+        definitions[_name(result)] = _stamped(json_schema(result))
+    definitions |= {part.__name__: json_schema(part) for part in parts}
+    outputs = [*map(_name, results), *declared["outputs"]]
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "$id": declared["id"],
@@ -27,9 +59,19 @@ def formats() -> dict[str, Any]:
         "description": declared["description"],
         "type": "object",
         "required": ["schema"],
-        "oneOf": [{"$ref": f"#/$defs/{name}"} for name in declared["outputs"]],
-        "$defs": {name: _value(text) for name, text in declared["types"].items()} | objects,
+        "oneOf": [{"$ref": f"#/$defs/{name}"} for name in outputs],
+        "$defs": definitions,
     }
+
+
+def _name(result: type[Result]) -> str:
+    """trim of hfa.trim/1."""
+    return result.schema.removeprefix("hfa.").partition("/")[0]
+
+
+def _stamped(schema: dict[str, Any]) -> dict[str, Any]:
+    """The schema of a result with what the command adds."""
+    return schema | {"properties": schema["properties"] | json_schema(Stamp)["properties"]}
 
 
 def _object(table: dict[str, Any], shared: dict[str, str]) -> dict[str, Any]:

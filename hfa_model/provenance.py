@@ -12,9 +12,9 @@ from typing import Any
 
 from hfa_model.parameters import FIELDS, Parameters, ParameterSet, default_parameters
 from hfa_support.errors import BadInputError, shown
+from hfa_support.reporting.results import Result
 from hfa_support.version import VERSION
 
-SCHEMA = "hfa.provenance/1"
 #: Hexadecimal digits of a parameter hash.
 _DIGITS = 12
 #: Differences of a parameter set that people are told; files have all.
@@ -22,54 +22,57 @@ _MOST_TOLD = 3
 
 
 @dataclass(frozen=True)
-class Provenance:
+class Change(Result):
+    """A parameter that is not the identified one.
+
+    value: as it is.
+    identified: as it was identified."""
+
+    value: float
+    identified: float
+
+
+@dataclass(frozen=True)
+class Provenance(Result):
     """One block that every output carries.
 
-    command: as typed. dynamics: the equations, empty for a plant of the user's own. parameters:
-    name or file of the set. parameter_hash: of the values alone, so that two files with the same
-    numbers have the same. changed: parameter -> (value, identified value), where they differ.
-    condition: what a trim imposes, leaves free and limits; flight: the same in words, what it
-    changes of the paper's level flight. model: file of a plant. date: UTC; taken from
-    SOURCE_DATE_EPOCH where that is set, so that outputs can be made again byte for byte."""
+    command: as typed.
+    dynamics: the equations, "" for a plant of the user's own.
+    parameters: name or file of the set.
+    parameter_hash: of the values alone, so that two files with the same numbers have the same.
+    changed: parameter -> its value and the identified one, where they differ.
+    condition: what a trim imposes, leaves free and limits; angles in radians.
+    flight: the same in words, what it changes of the paper's level flight; not among the data.
+    model: file of a plant.
+    version: of the program.
+    date: UTC; from SOURCE_DATE_EPOCH where that is set, so that outputs can be made again byte for
+        byte."""
+
+    schema = "hfa.provenance/1"
 
     command: str
     dynamics: str = ""
     parameters: str = ""
     parameter_hash: str = ""
-    changed: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    changed: Mapping[str, Change] = field(default_factory=dict)
     condition: Mapping[str, Any] = field(default_factory=dict)
-    flight: str = ""
+    flight: str = field(default="", repr=False)
     model: str = ""
     version: str = VERSION
     date: str = field(default_factory=lambda: now())
-
-    def to_dict(self) -> dict[str, Any]:
-        """JSON data: angles in radians."""
-        changed = {
-            name: {"value": value, "identified": known}
-            for name, (value, known) in self.changed.items()
-        }
-        found = {
-            "schema": SCHEMA,
-            **vars(self),
-            "condition": dict(self.condition),
-            "changed": changed,
-        }
-        del found["flight"]
-        return found
 
     def _changes(self) -> list[str]:
         """The parameters that differ, the relatively largest differences first; of many their
         number and the first."""
         sizes = {
-            name: abs(value - known) / (abs(known) or 1.0)
-            for name, (value, known) in self.changed.items()
+            name: abs(change.value - change.identified) / (abs(change.identified) or 1.0)
+            for name, change in self.changed.items()
         }
         told = []
         for name in sorted(sizes, key=lambda name: -sizes[name])[:_MOST_TOLD]:
-            value, known = self.changed[name]
+            change = self.changed[name]
             unit = f" {getattr(FIELDS, name).unit}" if name in FIELDS._fields else ""
-            told.append(f"{name} {value:.6g}{unit} (identified: {known:.6g})")
+            told.append(f"{name} {change.value:.6g}{unit} (identified: {change.identified:.6g})")
         return [f"{len(sizes)} parameters differ, most", *told] if len(sizes) > _MOST_TOLD else told
 
     def text(self) -> str:
@@ -97,11 +100,11 @@ def parameter_hash(values: Parameters) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:_DIGITS]
 
 
-def changed_parameters(parameters: ParameterSet) -> dict[str, tuple[float, float]]:
+def changed_parameters(parameters: ParameterSet) -> dict[str, Change]:
     """Parameter -> (value, identified value) for those that are not the identified ones."""
     known = default_parameters().values
     pairs = zip(Parameters._fields, parameters.values, known, strict=True)
-    return {name: (value, other) for name, value, other in pairs if value != other}
+    return {name: Change(value, other) for name, value, other in pairs if value != other}
 
 
 def now() -> str:

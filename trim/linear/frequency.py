@@ -3,15 +3,16 @@ plot."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import product
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from hfa_support.errors import BadInputError
 from hfa_support.reporting.figure import new_figure
 from hfa_support.reporting.report import Report
+from hfa_support.reporting.results import Result, Roots, plain
 from hfa_support.reporting.text import Table, eigenvalue_text
 from hfa_support.reporting.unit_system import entries_in_force, in_force, unit_in_force
 from trim.linear.modes import fastest_first
@@ -28,23 +29,25 @@ _ROUNDING = 1e-12
 _CANCELS, _SLOW = 1e-7, 1e-9
 
 
-class Transfer(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Transfer(Result):
     """output / input = gain Π(s - zero) / Π(s - pole), without what cancels.
 
-    unit: of the output over that of the input. gain: 0 where the input does not reach the output.
-    static: the value at s = 0, infinite where a pole is there. zeros, poles: 1/s."""
+    output: its name.
+    input: its name.
+    unit: of the output over that of the input.
+    gain: 0 where the input does not reach the output.
+    static: the value at s = 0, null where a pole is there.
+    zeros: (zeros,), 1/s.
+    poles: (poles,), 1/s."""
 
     output: str
     input: str
     unit: str
     gain: float
     static: float
-    zeros: np.ndarray
-    poles: np.ndarray
-
-    def to_dict(self) -> dict[str, Any]:
-        """Ready for JSON; zeros and poles as [re, im]."""
-        return self._asdict() | {"zeros": _re_im(self.zeros), "poles": _re_im(self.poles)}
+    zeros: Roots
+    poles: Roots
 
 
 def transfers(model: LinearModel) -> list[Transfer]:
@@ -74,7 +77,7 @@ def transfers(model: LinearModel) -> list[Transfer]:
                     else np.inf
                 )
         unit = f"({signals[output].unit})/({signals[name].unit})"
-        found.append(Transfer(output, name, unit, gain, static, zeros, poles))
+        found.append(Transfer(output, name, unit, gain, static, zeros + 0j, poles + 0j))
     return found
 
 
@@ -166,12 +169,7 @@ def with_transfers(report: Report, model: LinearModel) -> Report:
     said = f"Transmission zeros from {', '.join(model.inputs)} to {', '.join(model.outputs)}, 1/s: {_pairs_text(zeros)}"
     table = Table(("transfer function", "gain", "at s = 0", "zeros 1/s", "poles 1/s"), rows)
     report = replace(report, parts=(*report.parts, said, table))
-    return report.with_data(zeros=_re_im(zeros), transfers=[each.to_dict() for each in found])
-
-
-def _re_im(values: np.ndarray) -> list[list[float]]:
-    """Complex numbers as JSON has them."""
-    return [[value.real, value.imag] for value in values.tolist()]
+    return report.with_data(zeros=plain(zeros + 0j), transfers=plain(found))
 
 
 def scaled(model: LinearModel) -> tuple[np.ndarray, ...]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from typing import TYPE_CHECKING, Any
@@ -12,12 +13,14 @@ from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError, refuse_unknown
 from hfa_support.reporting.fields import ByValue
 from hfa_support.reporting.report import Report, Reported
+from hfa_support.reporting.results import Matrix, Result, Roots, Vector
 from hfa_support.reporting.text import Table, degrees, matrix_table
 from hfa_support.reporting.unit_system import unit_in_force
+from trim.linear.frequency import Transfer
 from trim.linear.kinks import with_means_at_kinks
 from trim.linear.modes import Mode, modes_of, modes_table
 from trim.point.condition import usual_condition
-from trim.point.operating_point import OperatingPoint, at_scheduled, scheduled_data
+from trim.point.operating_point import OperatingPoint, PointData, at_scheduled, scheduled_data
 from trim.point.solve import find_operating_point
 
 if TYPE_CHECKING:
@@ -25,7 +28,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from trim.hfa.printed import Bands
-    from trim.linear.frequency import Transfer
 
 
 #: Condition number, in nominal units, from which a matrix counts as singular.
@@ -200,6 +202,82 @@ def reduction_note(
     return f"{'; '.join(said)}; {apart}" if said else ""
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LinearModelData(Result):
+    """A linear model as data; angles in radians.
+
+    dihedral_deg: dihedral angle, degrees; null of other models than the HFA.
+    scheduled: of other models the scheduling variable.
+    dynamics: published or newton, or the name of another model.
+    operating_point: X0, U0 and residuals.
+    states: names of the states, in order.
+    inputs: names of the inputs, in order.
+    state_units: unit of each state.
+    input_units: unit of each input.
+    state_offsets: (n,) X0 of the states.
+    input_offsets: (m,) U0.
+    A: (n, n) of x' = A x + B u, deviations from the trim; unit of a row's rate per column's unit.
+    B: (n, m) of the same.
+    outputs: names of the outputs, in order.
+    output_units: unit of each output.
+    C: (k, n) of y = C x + D u.
+    D: (k, m) of the same.
+    disturbances: what w is, where the model has some.
+    disturbance_units: unit of each w.
+    E: (n, l) of x' = A x + B u + E w.
+    F: (k, l) of y = C x + D u + F w.
+    output_offsets: (k,) Y0.
+    A_band: (n, n) two standard errors of each entry of A from the rounding of the printed matrices.
+    B_band: (n, m) the same of B.
+    other_dynamics: the dynamics that the model is compared with: newton for published, and the
+        other way round.
+    A_difference: (n, n) A with the other dynamics at the same condition minus A.
+    B_difference: (n, m) the same of B.
+    printed: A and B as the paper prints them, at its angles.
+    warnings: what to know before trusting the result.
+    modes: eigenvalues with damping, frequency, times and participation.
+    handling_qualities: name -> value, unit: short period, phugoid, n/alpha, CAP, lateral modes,
+        where the model declares them.
+    zeros: with --bode the transmission zeros, (re, im) each, 1/s.
+    transfers: with --bode the transfer function of each output and input."""
+
+    schema = "hfa.linear-model/1"
+    made_by = "hfa linearize"
+
+    dihedral_deg: float
+    scheduled: Mapping[str, float] | None = None
+    dynamics: str
+    operating_point: PointData
+    states: Sequence[str]
+    inputs: Sequence[str]
+    state_units: Sequence[str]
+    input_units: Sequence[str]
+    state_offsets: Vector
+    input_offsets: Vector
+    A: Matrix
+    B: Matrix
+    outputs: Sequence[str]
+    output_units: Sequence[str]
+    C: Matrix
+    D: Matrix
+    disturbances: Sequence[str] | None = None
+    disturbance_units: Sequence[str] | None = None
+    E: Matrix | None = None
+    F: Matrix | None = None
+    output_offsets: Vector | None = None
+    A_band: Matrix | None = None
+    B_band: Matrix | None = None
+    other_dynamics: str | None = None
+    A_difference: Matrix | None = None
+    B_difference: Matrix | None = None
+    printed: Mapping[str, Any] | None = None
+    warnings: Sequence[str]
+    modes: Sequence[Mode]
+    handling_qualities: Mapping[str, Any] | None = None
+    zeros: Roots | None = None
+    transfers: Sequence[Transfer] | None = None
+
+
 def linear_model_report(
     model: LinearModel,
     bands: Bands | None = None,
@@ -220,27 +298,44 @@ def linear_model_report(
         (*model.state_offsets.tolist(), *model.input_offsets.tolist()),
     )
     offsets = [(name, *degrees(value, own.unit(name))) for name, value in zip(*places, strict=True)]
-    warnings, names = model.warnings, _ALWAYS + _WINDY * bool(model.disturbances)
-    data: dict[str, Any] = {
-        "schema": "hfa.linear-model/1",
+    warnings = model.warnings
+    data = LinearModelData(
         **scheduled_data(point),
-        "dynamics": point.dynamics,
-        "operating_point": point.to_dict(),
-        **{name: np.asarray(getattr(model, name)).tolist() for name in names.split()},
-        "output_units": list(own.units(model.outputs)),
-        "modes": [mode.to_dict() for mode in model.modes],
-        "warnings": warnings,
-    }
+        dynamics=point.dynamics,
+        operating_point=PointData.of(point),
+        states=model.states,
+        inputs=model.inputs,
+        state_units=model.state_units,
+        input_units=model.input_units,
+        state_offsets=model.state_offsets,
+        input_offsets=model.input_offsets,
+        A=model.A,
+        B=model.B,
+        outputs=model.outputs,
+        output_units=own.units(model.outputs),
+        C=model.C,
+        D=model.D,
+        modes=model.modes,
+        warnings=warnings,
+    )
     if model.disturbances:
-        data["disturbance_units"] = list(own.units(model.disturbances))
+        data = replace(
+            data,
+            disturbances=model.disturbances,
+            disturbance_units=own.units(model.disturbances),
+            E=model.E,
+            F=model.F,
+            output_offsets=model.output_offsets,
+        )
     if bands is not None:
-        data |= {"A_band": bands.A.tolist(), "B_band": bands.B.tolist()}
+        data = replace(data, A_band=bands.A, B_band=bands.B)
     if other is not None:
-        differences = {
-            f"{name}_difference": (getattr(other, name) - getattr(model, name)).tolist()
-            for name in "AB"
-        }
-        data |= {"other_dynamics": other.point.dynamics, **differences}
+        data = replace(
+            data,
+            other_dynamics=other.point.dynamics,
+            A_difference=other.A - model.A,
+            B_difference=other.B - model.B,
+        )
     records: list[tuple[Any, ...]] = []
     for name, down, across, values in blocks:
         band = getattr(bands, name) if bands is not None and name in "AB" else None
@@ -265,7 +360,7 @@ def linear_model_report(
             modes_table(model.modes),
         ],
         notes=warnings,
-        data=data,
+        data=data.to_dict(),
         records=Table(("matrix", "row", "column", "value", "unit", "band"), records),
     )
 
@@ -287,11 +382,6 @@ def _blocks(model: LinearModel) -> list[tuple[str, tuple[str, ...], tuple[str, .
         for i, each in enumerate(rows)
         for across, names in ((model.states, "AC"), (model.inputs, "BD"))
     ]
-
-
-#: What the data has of every model, and of one with disturbances.
-_ALWAYS = "states inputs state_units input_units state_offsets input_offsets A B outputs C D"
-_WINDY = " disturbances E F output_offsets"
 
 
 def _positions(what: str, names: tuple[str, ...] | None, known: tuple[str, ...]) -> list[int]:

@@ -5,12 +5,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any
 
 import numpy as np
 
+from hfa_support.reporting.results import Result
 from hfa_support.reporting.text import Table, eigenvalue_text
 
 #: An eigenvalue that is no larger than this many times its error by rounding counts as 0.
@@ -18,7 +18,7 @@ _ZERO = 10.0
 
 
 @dataclass(frozen=True)
-class Mode:
+class Mode(Result):
     """One real eigenvalue or one conjugate pair λ = -ζ ω_n ± i ω_n sqrt(1 - ζ²).
 
     Times are in the model's unit of time, s unless it declares another.
@@ -43,14 +43,6 @@ class Mode:
     time_to_double: float
     stable: bool
     participation: dict[str, float]
-
-    def to_dict(self) -> dict[str, Any]:
-        """Ready for JSON; infinite times become null."""
-        row = asdict(self)
-        row["eigenvalue"] = [self.eigenvalue.real, self.eigenvalue.imag]
-        for key in ("period", "time_to_half", "time_to_double"):
-            row[key] = row[key] if math.isfinite(row[key]) else None
-        return row
 
 
 def modes_of(

@@ -14,6 +14,7 @@ from hfa_support.errors import BadInputError, said_of
 from hfa_support.files import read_json, write_text
 from hfa_support.jsonable import json_text
 from hfa_support.reporting.report import Report, Reported
+from hfa_support.reporting.results import Result
 from hfa_support.reporting.text import Table, degrees, in_degrees
 from hfa_support.reporting.unit_system import english
 from hfa_support.schema import NUMBER, checked
@@ -31,6 +32,43 @@ class Status(StrEnum):
     BEYOND_LIMITS = "beyond limits"
     NO_TRIM = "no trim"
     FAILED = "failed"
+
+
+@dataclass(frozen=True, eq=False)
+class PointData(Result):
+    """An operating point in files.
+
+    dynamics: name of the model.
+    status: "trimmed", "beyond limits", "no trim" or "failed".
+    states: X0, by name.
+    state_units: unit of each.
+    inputs: U0, by name.
+    input_units: unit of each.
+    residuals: of each balanced equation, by the name of its state or output."""
+
+    schema = SCHEMA
+
+    dynamics: str
+    status: str
+    states: Mapping[str, float]
+    state_units: Mapping[str, str]
+    inputs: Mapping[str, float]
+    input_units: Mapping[str, str]
+    residuals: Mapping[str, float]
+
+    @staticmethod
+    def of(point: OperatingPoint) -> PointData:
+        """The data of a point."""
+        model = point.model
+        return PointData(
+            dynamics=point.dynamics,
+            status=str(point.status),
+            states=point.states._asdict(),
+            state_units={name: model.unit(name) for name in model.states},
+            inputs=point.inputs._asdict(),
+            input_units={name: model.unit(name) for name in model.inputs},
+            residuals=point.residuals,
+        )
 
 
 #: What a saved point holds; later versions may add to it.
@@ -151,17 +189,8 @@ class OperatingPoint(Reported):
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """Names, units and values, ready for JSON; floats keep all 17 digits."""
-        return {
-            "schema": SCHEMA,
-            "dynamics": self.dynamics,
-            "status": str(self.status),
-            "states": self.states._asdict(),
-            "state_units": {name: self.model.unit(name) for name in self.model.states},
-            "inputs": self.inputs._asdict(),
-            "input_units": {name: self.model.unit(name) for name in self.model.inputs},
-            "residuals": self.residuals,
-        }
+        """The data of `PointData`."""
+        return PointData.of(self).to_dict()
 
     def save(self, path: Path) -> None:
         """Write the point as JSON that `load` reads back bit for bit."""

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,16 +12,68 @@ import numpy as np
 from hfa_aircraft.model import Model
 from hfa_support.jsonable import finite_or_none
 from hfa_support.reporting.report import Report
+from hfa_support.reporting.results import Result
 from hfa_support.reporting.text import Cell, Table, degrees, short_number, shown_unit, shown_value
 from hfa_support.reporting.unit_system import in_force, unit_in_force
 from trim.point.condition import TrimCondition
-from trim.point.operating_point import BALANCE, OperatingPoint, Status, scheduled_data
+from trim.point.operating_point import BALANCE, OperatingPoint, PointData, Status, scheduled_data
 from trim.point.problem import STARTS, TrimProblem
 from trim.point.solve import other_trims
 
 #: A variable is at its limit when it is this close to it, in its scaled unit and relative to the
 #: limit.
 _CLOSE = 1e-6
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TrimData(Result):
+    """A trim as data; angles in radians.
+
+    dihedral_deg: dihedral angle, degrees; null of other models than the HFA.
+    scheduled: of other models the scheduling variable.
+    dynamics: published or newton, or the name of another model.
+    operating_point: X0, U0 and residuals.
+    scaled_residuals: residual of each balanced equation in its scale.
+    balance_limit: largest scaled residual of a trim.
+    loads: of the HFA forces and moments on aircraft and panels.
+    load_units: unit of each.
+    margins: distance of each unknown from its nearer limit.
+    variables: name -> value, unit, role, limits, margin.
+    nearest_limits: unknowns nearest to a limit.
+    binding: limits that bind.
+    equations: equation -> imposed rate, residual, tolerance, unit, verdict.
+    rates_left: rate of each state that the trim does not balance.
+    search: equations, unknowns, whether of least effort, number of the start, idle variables, other
+        trims found.
+    performance: of the HFA weight, lift coefficient, load factor and so on; of others their outputs.
+    performance_units: unit of each.
+    status: trimmed or failed; a failed trim has the nearest point within the limits, and exit code 1.
+    reason: why there is no trim.
+    warnings: what to know before trusting the result."""
+
+    schema = "hfa.trim/1"
+    made_by = "hfa trim"
+
+    dihedral_deg: float
+    scheduled: Mapping[str, float] | None = None
+    dynamics: str
+    operating_point: PointData
+    scaled_residuals: Mapping[str, float]
+    balance_limit: float
+    loads: Mapping[str, float] | None = None
+    load_units: Mapping[str, str] | None = None
+    margins: Mapping[str, float]
+    variables: Mapping[str, Any]
+    nearest_limits: Sequence[str]
+    binding: Sequence[str]
+    equations: Mapping[str, Any]
+    rates_left: Mapping[str, float]
+    search: Mapping[str, Any]
+    performance: Mapping[str, float] | None = None
+    performance_units: Mapping[str, str] | None = None
+    status: str
+    reason: str | None = None
+    warnings: Sequence[str]
 
 
 class Margin(NamedTuple):
@@ -177,23 +230,22 @@ def point_report(
     if left:
         rows = [(name, *degrees(rate, model.rate_unit(name))) for name, rate in left.items()]
         parts.append(Table(("not balanced", "rate", "unit"), rows))
-    data = {
-        "schema": "hfa.trim/1",
-        "status": str(point.status),
+    data = TrimData(
         **scheduled_data(point),
-        "dynamics": point.dynamics,
-        "operating_point": point.to_dict(),
-        "scaled_residuals": point.scaled_residuals,
-        "balance_limit": BALANCE,
-        "margins": {each.name: each.distance for each in limited},
-        "variables": {name: each.to_dict() for name, each in every.items()},
-        "nearest_limits": [each.name for each in near],
-        "binding": [each.name for each in near if each.at_limit and each.role != "held"],
-        "equations": equations,
-        "warnings": point.warnings,
-        "search": search,
-        "rates_left": left,
-    }
+        dynamics=point.dynamics,
+        operating_point=PointData.of(point),
+        scaled_residuals=point.scaled_residuals,
+        balance_limit=BALANCE,
+        margins={margin.name: margin.distance for margin in limited},
+        variables={name: margin.to_dict() for name, margin in every.items()},
+        nearest_limits=[margin.name for margin in near],
+        binding=[margin.name for margin in near if margin.at_limit and margin.role != "held"],
+        equations=equations,
+        rates_left=left,
+        search=search,
+        status=str(point.status),
+        warnings=point.warnings,
+    ).to_dict()
     report = Report(point.title, parts, point.warnings, data, point.records())
     if not with_outputs:
         return report

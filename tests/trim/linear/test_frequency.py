@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import control
@@ -43,7 +44,7 @@ def test_transfer_functions_have_the_frequency_response_of_the_model(model: Line
         reached += 1
         assert np.abs(response(transfer) - one).max() <= 1e-6 * size, transfer[:2]
         if transfer.zeros.size:
-            off = transfer._replace(zeros=transfer.zeros * (1 + 1e-4))
+            off = replace(transfer, zeros=transfer.zeros * (1 + 1e-4))
             assert np.abs(response(off) - one).max() > 1e-6 * size
     assert reached >= 6
 
