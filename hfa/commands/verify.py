@@ -12,38 +12,53 @@ from typing import Any
 
 from controller.critic.critic import from_weights
 from controller.critic.critic_file import NETWORK_FILES, Reading, critics_in, is_network
+from controller.game.zero_sum import Game
 from hfa.options.argument_types import input_file, number, positive
 from hfa.options.command import command
 from hfa.options.games import GameOptions, LearningOptions, NamedGame, setting_option
 from hfa.options.request import option
 from hfa.options.trims import OutputOptions, picture_option
 from hfa.output import ProgressLine, show
+from hfa_model.printed_matrices import published_models
 from hfa_support.errors import BadInputError, refuse_unknown, said_of
 from hfa_support.files import MATRIX_FILES, note_read
-from verification.critic.check_result import CriticCheck, check_figure, checks_figure, checks_report
-from verification.critic.critic_check import LIMIT, check_critic, check_discounted, check_history
-from verification.critic.critic_errors import ordinary_box
+from verification.critic.about_trim import box_within_limits, nonlinear_plant
+from verification.critic.critic_check import (
+    LIMIT,
+    Scope,
+    check_critic,
+    check_discounted,
+    check_history,
+)
+from verification.critic.figures import verdict_figure, verdicts_figure
+from verification.critic.other_games import Nearby, Scheduled
+from verification.critic.verdict import Verdict, verdicts_report
+from verification.hfa_box import ordinary_box
 
 #: Of more files than this, each network is flown from a few starts.
-_MANY, _FEW_FLIGHTS = 5, 10
+_MANY = 5
+_FEW_FLIGHTS = 10
+#: Dihedral angles where a search for that of a critic begins, degrees; none where stationary.
+_ANGLES = (1.0, 3.0, 5.0, 8.0, 12.0, 16.0, 20.0)
 #: What --set says of a file of --weights -> the kind of its value; of networks the last two.
 _SETTINGS: dict[str, Callable[[str], Any]] = {
     "predefined_time": positive,
     "activation": str,
-    "scale": lambda text: [number(each) for each in text.split(",")],
+    "scale": lambda text: [number(entry) for entry in text.split(",")],
 }
 
 
 def _critics(text: str) -> list[Path]:
     """A file; of a folder those with a known suffix, in the order of the numbers in their names."""
-    known, folder = (*MATRIX_FILES, *NETWORK_FILES), Path(text)
+    suffixes = (*MATRIX_FILES, *NETWORK_FILES)
+    folder = Path(text)
     if not folder.is_dir():
-        return [input_file(*known)(text)]
-    found = sorted(each for each in folder.iterdir() if each.suffix.lower() in known)
+        return [input_file(*suffixes)(text)]
+    paths = sorted(path for path in folder.iterdir() if path.suffix.lower() in suffixes)
     note_read(folder)
-    if not found:
-        raise BadInputError(f"{text}: there is no critic in the folder ({' '.join(known)})")
-    return sorted(found, key=lambda each: [int(part) for part in re.findall(r"\d+", each.name)])
+    if not paths:
+        raise BadInputError(f"{text}: there is no critic in the folder ({' '.join(suffixes)})")
+    return sorted(paths, key=lambda path: [int(part) for part in re.findall(r"\d+", path.name)])
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -101,38 +116,55 @@ def verify(request: VerifyRequest) -> int:
 
     Exit code 0 only when every check passes, or with --limit-cost when the critic costs no more
     than that."""
-    paths = [path for each in request.weights for path in each]
+    paths = [path for files in request.weights for path in files]
     _refuse_unused(request, paths)
     named = request.game()
-
-    @cache
-    def at_dihedral(degrees: float) -> Any:
-        return replace(request, at=math.radians(degrees)).game().game
-
-    how: dict[str, Any] = {
-        "limit": request.limit_error,
-        "box": ordinary_box(named.game, named.states, named.inputs, named.state_units),
-        "at_dihedral": None if request.at is None else at_dihedral,
-    }
-    cost, found, told = request.limit_cost, dict[str, CriticCheck](), ProgressLine("compare")
+    scope = _scope(request, named)
+    verdicts = {}
+    progress = ProgressLine("compare")
     if not paths:
-        result = request.learned(named.game)
-        time = result.settings.get("predefined_time")
-        candidate = from_weights(named.game, result.weights[-1], result.basis)
-        found[""] = check_critic(named.game, candidate, run=result, predefined_time=time, **how)
+        run = request.learned(named.game)
+        critic = from_weights(named.game, run.weights[-1], run.basis)
+        verdicts[""] = check_critic(
+            named.game, critic, run=run, limit=request.limit_error, scope=scope
+        )
     for count, path in enumerate(paths):
         if len(paths) > 1:
-            told(count, len(paths))
-        found[str(path)] = _check_file(path, request, named, how, len(paths))
-    if len(found) == 1:
-        (check,) = found.values()
-        figure = partial(check_figure, check, *named.names)
-        report = check.report(*named.names, limit_cost=cost)
+            progress(count, len(paths))
+        verdicts[str(path)] = _check_file(path, request, named, scope, len(paths))
+    cost = request.limit_cost
+    if len(verdicts) == 1:
+        (verdict,) = verdicts.values()
+        figure = partial(verdict_figure, verdict, *named.names)
+        report = verdict.report(*named.names, limit_cost=cost)
     else:
-        figure = partial(checks_figure, found, named.origin)
-        report = checks_report(found, named.origin, cost)
+        figure = partial(verdicts_figure, verdicts, named.origin)
+        report = verdicts_report(verdicts, named.origin, cost)
     show(report.with_data(**named.labels()), request, figure=figure, notes=named.warnings)
-    return 0 if all(check.holds(cost) for check in found.values()) else 1
+    return 0 if all(verdict.holds(cost) for verdict in verdicts.values()) else 1
+
+
+def _scope(request: VerifyRequest, named: NamedGame) -> Scope:
+    """What critics of this game are judged on beside it: the box of states, and other games."""
+    box = ordinary_box(named.states, named.inputs, named.state_units)
+    if box is None and named.linear is not None and named.states == named.linear.states:
+        box = box_within_limits(named.linear)
+    if request.at is None:
+        return Scope(box)
+
+    @cache
+    def game_at(degrees: float) -> Game:
+        return replace(request, at=math.radians(degrees)).game().game
+
+    printed = {
+        f"of the matrices printed for {pair.dihedral_deg:g} deg": replace(
+            named.game, A=pair.A, B=pair.B
+        )
+        for pair in published_models()
+        if pair.B.shape == named.game.B.shape
+    }
+    scheduled = Scheduled(lambda degrees: f"at dihedral {degrees:.4f} deg", game_at, _ANGLES)
+    return Scope(box, Nearby(printed, scheduled))
 
 
 def _refuse_unused(request: VerifyRequest, paths: list[Path]) -> None:
@@ -161,18 +193,18 @@ def _refuse_unused(request: VerifyRequest, paths: list[Path]) -> None:
 
 
 def _check_file(
-    path: Path, request: VerifyRequest, named: NamedGame, how: dict[str, Any], files: int
-) -> CriticCheck:
-    """The critic in a file, or each of its rows where it has a time; of `files` files."""
+    path: Path, request: VerifyRequest, named: NamedGame, scope: Scope, files: int
+) -> Verdict:
+    """The verdict on the critic in a file, or on the last of a history; of `files` files."""
     game = named.game
-    settings = request.set
-    time = settings.get("predefined_time")
-    activation = settings.get("activation")
+    limit = request.limit_error
+    time = request.set.get("predefined_time")
+    activation = request.set.get("activation")
     if files == 1 and path.suffix.lower() == ".onnx" and activation is not None:
         raise BadInputError(
             f"{path}: --set activation belongs to a state dict; an ONNX file says it"
         )
-    reading = Reading(request.basis, request.network, activation, settings.get("scale"))
+    reading = Reading(request.basis, request.network, activation, request.set.get("scale"))
     critics = critics_in(path, game, named.plant, reading)
     is_history = critics[-1].time is not None
     if request.discount is not None and request.dt is not None:
@@ -180,19 +212,23 @@ def _check_file(
             raise BadInputError(
                 f"{path}: --discount judges one critic and this is over time; give one row of it"
             )
-        return check_discounted(
-            game, critics[0], request.discount, request.dt, limit=request.limit_error
-        )
+        return check_discounted(game, critics[0], request.discount, request.dt, limit=limit)
     if is_history:
         with said_of(path):
             return check_history(
-                game, critics, predefined_time=time, progress=ProgressLine("compare"), **how
+                game,
+                critics,
+                limit=limit,
+                scope=scope,
+                predefined_time=time,
+                progress=ProgressLine("compare"),
             )
     if time is not None:
         raise BadInputError(
             f"--set predefined_time belongs to a critic over time; {path} has no time"
         )
-    flown: dict[str, Any] = {"flights": _FEW_FLIGHTS} if files > _MANY else {}
-    if critics[0].network and named.nonlinear is not None:
-        flown["plant"] = named.nonlinear()
-    return check_critic(game, critics[0], **flown, **how)
+    if files > _MANY:
+        scope = replace(scope, flights=_FEW_FLIGHTS)
+    if critics[0].network and named.linear is not None:
+        scope = replace(scope, plant=nonlinear_plant(named.linear))
+    return check_critic(game, critics[0], limit=limit, scope=scope)

@@ -9,7 +9,6 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import casadi as ca
 import numpy as np
 
 from controller.game.zero_sum import Game
@@ -196,7 +195,7 @@ class PlantOptions(WeightOptions, AircraftOptions, TrimOptions):
             *names,
             origin,
             warnings,
-            nonlinear=partial(_about_trim, model, linear),
+            linear=linear,
         )
 
     def _game_of_file(self, plant: Path, read: dict[str, Any] | None) -> NamedGame:
@@ -245,7 +244,7 @@ USUAL_WEIGHTS = {
 class NamedGame:
     """A game with the names of its states and inputs, and where it comes from.
 
-    nonlinear: where there is a trim, makes (z, u) -> z', the aircraft about it.
+    linear: the linear model that the game is of; None of a plant from a file or of a design.
     """
 
     game: Game
@@ -256,7 +255,7 @@ class NamedGame:
     origin: str
     warnings: tuple[str, ...] = ()
     plant_provenance: Mapping[str, str] = field(default_factory=dict)
-    nonlinear: Callable[[], ca.Function] | None = None
+    linear: LinearModel | None = None
 
     @property
     def names(
@@ -288,23 +287,6 @@ class NamedGame:
             "delta": delta,
             "warnings": list(self.warnings),
         }
-
-
-def _about_trim(model: Model, linear: LinearModel) -> ca.Function:
-    """(z, u) -> z' of the nonlinear model, deviations from the trim; states that the linear model
-    lacks are held."""
-    z, u = (
-        ca.SX.sym(name, len(each)) for name, each in (("z", linear.states), ("u", linear.inputs))
-    )
-    moved = dict(
-        zip((*linear.states, *linear.inputs), (*ca.vertsplit(z), *ca.vertsplit(u)), strict=True)
-    )
-    trim = linear.point.states._asdict(), linear.point.inputs._asdict()
-    at = [[value + moved.get(name, 0.0) for name, value in each.items()] for each in trim]
-    rates, _ = model.layout.expressions((*at, model.p.tolist()), ())
-    return ca.Function(
-        "plant", [z, u], [rates[[list(model.states).index(name) for name in linear.states]]]
-    )
 
 
 def _converted(kind: str, text: str) -> Any:

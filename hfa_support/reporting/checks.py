@@ -21,7 +21,11 @@ RELATIONS: Mapping[str, Callable[[float, float], bool]] = {
 
 
 class Check(NamedTuple):
-    """A named number that must be `value relation limit`; `reason` is empty when `ok`."""
+    """A named number that must be `value relation limit`.
+
+    reason: why it fails; empty when `ok`.
+    kind: what it is about, where that decides what is said of it: "error", "stability", "cost".
+    """
 
     name: str
     value: float
@@ -29,6 +33,7 @@ class Check(NamedTuple):
     ok: bool
     reason: str
     relation: str = "<="
+    kind: str = ""
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values for JSON; a number that is not finite becomes None."""
@@ -56,26 +61,28 @@ class Checked:
         return all(check.ok for check in self.checks)
 
 
-def checked(name: str, value: float, relation: str, limit: float, reason: str = "") -> Check:
+def checked(
+    name: str, value: float, relation: str, limit: float, reason: str = "", kind: str = ""
+) -> Check:
     """Passes when `value relation limit`, one of `RELATIONS`; a value that is not a number
     fails."""
     ok = RELATIONS[relation](float(value), float(limit))
-    return Check(name, float(value), float(limit), ok, "" if ok else reason, relation)
+    return Check(name, float(value), float(limit), ok, "" if ok else reason, relation, kind)
 
 
-def at_most(name: str, value: float, limit: float, reason: str) -> Check:
+def at_most(name: str, value: float, limit: float, reason: str, kind: str = "") -> Check:
     """Passes when value <= limit; a value that is not a number fails."""
-    return checked(name, value, "<=", limit, reason)
+    return checked(name, value, "<=", limit, reason, kind)
 
 
-def at_least(name: str, value: float, limit: float, reason: str) -> Check:
+def at_least(name: str, value: float, limit: float, reason: str, kind: str = "") -> Check:
     """Passes when value >= limit; a value that is not a number fails."""
-    return checked(name, value, ">=", limit, reason)
+    return checked(name, value, ">=", limit, reason, kind)
 
 
-def below(name: str, value: float, limit: float, reason: str) -> Check:
+def below(name: str, value: float, limit: float, reason: str, kind: str = "") -> Check:
     """Passes when value < limit, strictly; a value that is not a number fails."""
-    return checked(name, value, "<", limit, reason)
+    return checked(name, value, "<", limit, reason, kind)
 
 
 def checks_block(checks: Iterable[Check]) -> Part:

@@ -30,7 +30,7 @@ SHOWN = {
     "RegeneratedPair": "Dihedral 15 deg, published dynamics",
     "LearningResult": "Law 'certified', basis 'quadratic': converged",
     "Solution": "Exact game solution, delta 200",
-    "CriticCheck": "Critic on the plant, against the exact game solution",
+    "Verdict": "Critic on the plant, against the exact game solution",
     "Game": "Game: J = ∫ z'Qz + u'Ru - δ² d'd dt,  z' = A z + B u + E d,",
     "Critic": "origin: K",
     "AnalysedGame": "cost_lyapunov",

@@ -14,7 +14,7 @@ from scipy.linalg import solve_continuous_are, solve_continuous_lyapunov
 from controller import Game, basis
 from controller.critic.critic import Critic
 from verification import from_gain, from_value, from_weights, solve_game
-from verification.critic.diagnosis import discounted, held
+from verification.critic.other_games import discounted, held
 from verification.exact_solution import Solution
 
 #: Radians in a degree.

@@ -4,31 +4,40 @@ should."""
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-import casadi as ca
 import numpy as np
 
 from controller.critic.critic import Critic
-from controller.game.basis import Basis, basis
-from controller.game.learning_result import LearningResult, settled_at
+from controller.game.basis import basis
 from controller.game.zero_sum import Game
 from controller.riccati.balancing import balanced_units, in_units, spectrum
 from controller.riccati.certificate import INDEFINITENESS
-from controller.riccati.cost import SIGNLESS, flight_cost
+from controller.riccati.cost import SIGNLESS, FlightCost, flight_cost
 from controller.riccati.gare import Solution, solve_game
-from controller.riccati.margins import disk_margin
-from controller.riccati.normal_form import relative_residual
-from hfa_support.errors import BadInputError, refuse_unless_positive
+from controller.riccati.margins import DiskMargin, disk_margin
+from controller.riccati.normal_form import relative_residual, relative_residuals
+from hfa_support.errors import BadInputError, NoSolutionError, refuse_unless_positive
 from hfa_support.progress import Progress, told
 from hfa_support.reporting.checks import Check, at_least, at_most, below
-from verification.critic.check_result import HISTORY, CriticCheck, HistoryErrors
-from verification.critic.critic_errors import Box, critic_errors, matrix_errors, ordinary_box
+from hfa_support.reporting.text import Table
+from verification.critic.critic_errors import (
+    Box,
+    balanced_box,
+    critic_errors,
+    matrix_errors,
+    relative_error,
+)
+from verification.critic.verdict import COLUMNS, ErrorTable, Section, Verdict
 
 if TYPE_CHECKING:
+    from controller.game.learning_result import LearningResult
     from controller.riccati.discrete import DiscountedSolution
+    from verification.critic.about_trim import NonlinearPlant
+    from verification.critic.other_games import Nearby
 
 #: Default limit of the errors of P, K, V, its slopes and the policies, and of the Riccati residual.
 LIMIT = 1e-6
@@ -38,189 +47,221 @@ FLIGHTS = 100
 SETTLED = 1e-9
 
 
+@dataclass(frozen=True)
+class Scope:
+    """What a critic is judged on beside its game.
+
+    box: of the states over which V, its slopes and the policies are compared; by default
+        `balanced_box`.
+    nearby: other games, to recognize a critic that was learned on one of them.
+    plant: the nonlinear plant about its trim, on which a network is flown too.
+    flights: from how many starts a network is flown.
+    """
+
+    box: Box | None = None
+    nearby: Nearby | None = None
+    plant: NonlinearPlant | None = None
+    flights: int = FLIGHTS
+
+
 def check_critic(
     game: Game,
-    candidate: Critic,
+    critic: Critic,
     *,
     limit: float = LIMIT,
-    box: Box | None = None,
+    scope: Scope | None = None,
     run: LearningResult | None = None,
-    predefined_time: float | None = None,
-    at_dihedral: Callable[[float], Game] | None = None,
-    flights: int = FLIGHTS,
-    plant: ca.Function | None = None,
-) -> CriticCheck:
-    """Compare a critic with the exact solution of its game.
+) -> Verdict:
+    """The verdict on a critic, compared with the exact solution of its game.
 
     Checked: errors of P and K (norms and entries), of V, its slopes and both policies over a box of
-    states, stability of A - B K and A - S P, P > 0, Riccati residual, L2 gain below
-    delta; for a run also the rank of its data, which is taken from it, and its `settling_time`
-    against T_w. limit: of the errors and the residual. box: default `ordinary_box`. at_dihedral:
-    degrees -> the game there, to recognize a critic of another angle. Of a network the box is
-    searched, and it is flown from there `flights` times, also on a nonlinear plant (z, u) -> z'.
-    Raises NoSolutionError when the game itself has no certified solution to compare with.
-    """
-    exact, box = solve_game(game), box or ordinary_box(game)
-    refuse_unless_positive("limit", limit)
-    flight, K, P, finite = (
-        flight_cost(game, exact, candidate.K),
-        candidate.K,
-        candidate.P,
-        candidate.finite,
-    )
-    abscissa = spectrum(game.A - game.B @ K).abscissa if finite else math.inf
-    errors = critic_errors(game, candidate, exact, limit, box)
-    searched, network = list[Check](), None
-    if candidate.network or candidate.origin.startswith("network"):
-        from verification.critic.network_check import network_checks
+    states, stability of A - B K and A - S P, P > 0, Riccati residual, L2 gain below delta. The box of a network is searched, and it is flown from there.
 
-        flown = flights if abscissa < 0.0 else 0
-        searched, network = network_checks(
-            game, candidate, exact, box.half_widths, limit, flown, plant
-        )
-    checks = [
-        *errors,
-        below(
-            "control_loop_abscissa",
-            abscissa,
-            0.0,
-            f"A - B K is not Hurwitz (abscissa {abscissa:+.3g} 1/s)",
-        ),
-        *(_value_checks(game, P, exact.P, limit) if P is not None and finite else ()),
-    ]
-    if math.isfinite(game.delta) and finite:
-        said = f"the closed loop has an L2 gain of {flight.gain:.4g}, not below delta"
-        checks.append(below("l2_gain", flight.gain, game.delta, said))
+    limit: of the errors and the residual.
+    scope: on what else it is judged.
+    run: the training run that the critic is the end of: the rank of its data is checked, and the
+        time when it settles where it promises one.
+
+    NoSolutionError when the game itself has no certified solution to compare with.
+    """
+    refuse_unless_positive("limit", limit)
+    scope = scope or Scope()
+    exact = solve_game(game)
+    box = scope.box or balanced_box(game)
+    lost = _flight_cost(game, exact, critic.K)
+    errors = list(critic_errors(game, critic, exact, limit, box))
+    loops = _loop_checks(game, critic, lost)
+    checks = [*errors, *loops]
+    if critic.P is not None and critic.finite:
+        checks += _value_checks(game, critic.P, exact.P, limit)
+    cost_lost = lost.worst
+    states = 0
+    sections = [_flight_section(game, critic, exact, lost)]
+    if critic.origin.startswith("network") or critic.network:
+        from verification.critic.network_search import findings
+
+        flights = scope.flights if loops[0].ok else 0
+        found = findings(game, critic, exact, box.half_widths, limit, flights, scope.plant)
+        errors += found.errors
+        checks += found.checks
+        cost_lost = max(cost_lost, found.cost_lost)
+        states = found.states
+        sections.append(found.section)
     diagnosis = ""
+    table = None
     if run is not None:
-        run_checks = _run_checks(game, run, predefined_time)
-        checks, diagnosis = [*checks, *run_checks], run_checks[0].reason
-    checks += searched
-    if not diagnosis and finite and not all(check.ok for check in (*errors, *searched)):
+        table = _run_table(game, run, exact)
+        run_checks = _run_checks(run, table)
+        checks += run_checks
+        diagnosis = run_checks[0].reason
+    if not diagnosis and critic.finite and not all(check.ok for check in errors):
         from verification.critic.diagnosis import diagnose
 
-        diagnosis = diagnose(game, exact, candidate, limit, at_dihedral, box.half_widths)
-    return CriticCheck(
-        exact=exact,
-        candidate=candidate,
-        checks=tuple(_explained(checks, diagnosis)),
-        diagnosis=diagnosis,
-        lost=max(flight.worst, 0.0 if network is None else network.cost_lost_flown_percent),
-        learned_margin=disk_margin(game, K) if abscissa < 0.0 else None,
-        exact_margin=disk_margin(game, exact.K),
-        flight=flight,
-        box=box,
-        network=network,
-        run=run,
-        predefined_time=predefined_time,
+        with suppress(NoSolutionError):  # of another game, with which it would be compared
+            diagnosis = diagnose(game, exact, critic, limit, scope.nearby, box.half_widths)
+    return Verdict(
+        critic,
+        exact,
+        _explained(checks, diagnosis),
+        limit,
+        diagnosis,
+        cost_lost,
+        states,
+        sections=(Section((f"Box of states: {box.about}",), {"box": box.to_dict()}), *sections),
+        table=table,
     )
 
 
 def check_history(
     game: Game,
-    history: Sequence[Critic],
+    critics: Sequence[Critic],
     *,
     limit: float = LIMIT,
-    box: Box | None = None,
+    scope: Scope | None = None,
     predefined_time: float | None = None,
     progress: Progress | None = None,
-    at_dihedral: Callable[[float], Game] | None = None,
-) -> CriticCheck:
-    """`check_critic` of the last row of a history, and the errors of every row; somebody's own
-    W(t), P(t) or K(t).
+) -> Verdict:
+    """The verdict on the last critic of a history, with the errors of all of them over time.
 
+    critics: with their `time`, as `critics_in` and `critics_over_time` make them.
     predefined_time: T_w, s, by which every error must be within the limit for good; None: no such
-    check. progress: rows done, rows. BadInputError when a row does not fit the game."""
-    units = balanced_units(game)
-    check = check_critic(game, history[-1], limit=limit, box=box, at_dihedral=at_dihedral)
-    assert isinstance(check.exact, Solution)
-    balanced, squared, rows = in_units(game, units), np.outer(units, units), []
-    for candidate in told(history, progress):
+        check.
+    progress: called with rows done, rows.
+
+    BadInputError when the critics have no times.
+    """
+    if not critics or any(critic.time is None for critic in critics):
+        raise BadInputError("a history needs critics with times; make them by critics_over_time")
+    verdict = check_critic(game, critics[-1], limit=limit, scope=scope)
+    box = scope.box if scope is not None else None
+    rows = []
+    for critic in told(critics, progress):
         errors = {
-            each.name: each.value
-            for each in critic_errors(game, candidate, check.exact, limit, check.box)
+            check.name: check.value
+            for check in critic_errors(game, critic, verdict.exact, limit, box)
         }
-        residual = (
-            math.nan if candidate.P is None else relative_residual(balanced, candidate.P * squared)
-        )
         rows.append(
             (
                 errors.get("P_rel_error", math.nan),
                 errors["K_rel_error"],
-                residual,
+                math.nan if critic.P is None else _residual(game, critic.P),
                 max(errors.values()),
             )
         )
-    times = np.array([critic.time for critic in history], dtype=float)
-    columns = dict(zip(HISTORY, np.array(rows).T, strict=True))
-    found, checks = HistoryErrors(times, columns, limit, predefined_time), check.checks
+    times = np.array([critic.time for critic in critics], dtype=float)
+    errors_by_name = dict(zip(COLUMNS, np.array(rows).T, strict=True))
+    table = ErrorTable(times, errors_by_name, "largest_error", limit, predefined_time)
+    checks = verdict.checks
     if predefined_time is not None:
-        late = f"{found.said}; T_w is {predefined_time:g} s"
-        checks = (*checks, at_most("settling_time", found.settling_time, predefined_time, late))
-    return replace(check, checks=checks, history=found, predefined_time=predefined_time)
+        reason = f"{table.sentence}; T_w is {predefined_time:g} s"
+        settled = table.settling_time
+        checks = (
+            *checks,
+            at_most("settling_time", settled, predefined_time, reason, kind="data"),
+        )
+    sections = (*verdict.sections, table.section())
+    return replace(verdict, checks=checks, sections=sections, table=table)
 
 
 def check_discounted(
-    game: Game, candidate: Critic, discount: float, dt: float, *, limit: float = LIMIT
-) -> CriticCheck:
-    """A critic of the discounted problem in discrete time against the exact solution of that
-    problem.
+    game: Game, critic: Critic, discount: float, dt: float, *, limit: float = LIMIT
+) -> Verdict:
+    """The verdict on a critic of the discounted problem in discrete time, compared with the exact
+    solution of that problem.
 
-    x⁺ = A x + B u + E w,  J = Σ γᵏ (x'Qx + u'Ru - δ² w'w) dt, u and w held over each step. A critic
-    of V or dV/dx has the policy that `policies_of_step` makes of its P, not R⁻¹B'P; a K that came
-    without P is compared alone. L2 gain, margins and the box of states belong to continuous time
-    and are not checked. NoSolutionError where the problem has no certified solution."""
+    x⁺ = A x + B u + E w,  J = Σ γᵏ (x'Qx + u'Ru - δ² w'w) dt, u and w held over each step.
+
+    A critic of V or dV/dx has the policy that `policies_of_step` makes of its P, not R⁻¹B'P; a K
+    that came without P is compared alone. Both √γ (A - B K), on which the discounted cost depends,
+    and A - B K itself must be stable: the exact solution of a discounted problem need not
+    stabilize, and then the verdict is that it is exact, does not stabilize and fails.
+
+    L2 gain, margins and the box of states belong to continuous time and are not checked.
+    NoSolutionError where the problem has no certified solution.
+    """
     from controller.riccati.discrete import discounted_checks, policies_of_step, solve_discounted
-    from verification.critic.diagnosis import repaired
+    from verification.critic.diagnosis import diagnose_discounted
 
     exact = solve_discounted(game, discount, dt)
-    step, K, P, root = exact.game, candidate.K, candidate.P, math.sqrt(discount)
-    if not candidate.finite:
+    if not critic.finite:
         raise BadInputError("the critic has numbers that are too large or not finite")
-    if P is not None and candidate.feedback is not None:
+    step = exact.game
+    P = None if critic.P is None else (critic.P + critic.P.T) / 2.0
+    if P is not None and critic.feedback is not None:
         with np.errstate(all="ignore"):
-            K = policies_of_step(step, (P + P.T) / 2.0, discount)[0]
-    candidate = replace(candidate, K=K, feedback=None, network={})
-    radius = (
-        float(np.abs(np.linalg.eigvals(root * (step.A - step.B @ K))).max())
-        if np.isfinite(K).all()
-        else math.inf
-    )
+            K = policies_of_step(step, P, discount)[0]
+        critic = replace(critic, K=K, feedback=None)
+    K = critic.K
+    radius = math.inf
+    if np.isfinite(K).all():
+        radius = float(np.abs(np.linalg.eigvals(step.A - step.B @ K)).max())
+    root = math.sqrt(discount)
     errors = matrix_errors(game, "K", K, exact.K, limit)
-    errors += () if P is None else matrix_errors(game, "P", P, exact.P, limit)
+    if P is not None and critic.P is not None:
+        errors += matrix_errors(game, "P", critic.P, exact.P, limit)
+    unstable = f"A - B K of a step has the spectral radius {radius:.7g}"
+    if all(check.ok for check in errors):
+        unstable += ": the exact solution of this discounted problem does not stabilize either"
+    unpaid = f"sqrt(discount) (A - B K) has the spectral radius {root * radius:.7g}"
     checks = [
         *errors,
-        below(
-            "control_loop_radius", radius, 1.0, f"sqrt(discount) (A - B K) has radius {radius:.4g}"
-        ),
+        below("control_loop_radius", radius, 1.0, unstable, kind="stability"),
+        below("discounted_loop_radius", root * radius, 1.0, unpaid, kind="cost"),
     ]
     if P is not None:
         alike = Game(root * step.A, root * step.B, root * step.E, step.Q, step.R, step.delta)
-        residual = discounted_checks(alike, (P + P.T) / 2.0)[0].value
-        said = f"Bellman's equation is left with a residual of {residual:.2g}"
-        checks.append(at_most("bellman_residual", residual, limit, said))
-    diagnosis = (
-        "" if all(check.ok for check in errors) else repaired(game, exact.P, exact.K, candidate)
-    )
-    return CriticCheck(
+        residual = discounted_checks(alike, P)[0].value
+        reason = f"Bellman's equation is left with a residual of {residual:.2g}"
+        checks.append(at_most("bellman_residual", residual, limit, reason, kind="error"))
+    diagnosis = ""
+    if not all(check.ok for check in errors):
+        diagnosis = diagnose_discounted(game, exact.P, exact.K, critic)
+    lost = _discounted_cost_lost(exact, K)
+    text = "L2 gain, margins and the box of states belong to continuous time and are not checked"
+    data = {"discount": exact.discount, "dt": dt, "cost_lost_worst_percent": lost}
+    return Verdict(
+        critic,
         exact,
-        candidate,
-        tuple(_explained(checks, diagnosis)),
+        _explained(checks, diagnosis),
+        limit,
         diagnosis,
-        _lost(exact, K),
-        discount=exact.discount,
-        dt=dt,
+        lost,
+        problem=f"solution of the discounted game, discount {exact.discount:g} a step of {dt:g} s",
+        schema="hfa.discounted-check/1",
+        sections=(Section((text,), data),),
     )
 
 
-def _lost(exact: DiscountedSolution, K: np.ndarray) -> float:
+def _discounted_cost_lost(exact: DiscountedSolution, K: np.ndarray) -> float:
     """Percent that u = -K x costs more than the optimum from the worst start, under the exact w = L
     x.
 
-    Largest of x'Dx / x'P*x: D = γ F'D F + (K - K*)'(R + γ B'P*B)(K - K*), F = A - B K + E L*."""
+    Largest of x'Dx / x'P*x: D = γ F'D F + (K - K*)'(R + γ B'P*B)(K - K*), F = A - B K + E L*.
+    """
     from scipy.linalg import eigh, solve_discrete_lyapunov
 
-    step, away = exact.game, K - exact.K
+    step = exact.game
+    away = K - exact.K
     F = math.sqrt(exact.discount) * (step.A - step.B @ K + step.E @ exact.disturbance_gain)
     if not np.isfinite(F).all() or np.abs(np.linalg.eigvals(F)).max() >= 1.0:
         return math.inf
@@ -232,38 +273,61 @@ def _lost(exact: DiscountedSolution, K: np.ndarray) -> float:
         return math.inf if D.any() else 0.0
 
 
+def _flight_cost(game: Game, exact: Solution, K: np.ndarray) -> FlightCost:
+    """What K costs; without bound where rounding hides whether its loop is stable."""
+    try:
+        return flight_cost(game, exact, K)
+    except NoSolutionError:
+        return flight_cost(game, exact, np.full_like(K, math.inf))
+
+
+def _loop_checks(game: Game, critic: Critic, lost: FlightCost) -> list[Check]:
+    """Whether A - B K is stable, and its L2 gain below delta."""
+    abscissa = math.inf
+    if critic.finite:
+        abscissa = spectrum(game.A - game.B @ critic.K).abscissa
+    reason = f"A - B K is not Hurwitz (abscissa {abscissa:+.3g} 1/s)"
+    checks = [below("control_loop_abscissa", abscissa, 0.0, reason, kind="stability")]
+    if math.isfinite(game.delta) and critic.finite:
+        reason = f"the closed loop has an L2 gain of {lost.gain:.4g}, not below delta"
+        checks.append(below("l2_gain", lost.gain, game.delta, reason, kind="gain"))
+    return checks
+
+
+def _residual(game: Game, P: np.ndarray) -> float:
+    """The relative Riccati residual of P in balanced units."""
+    units = balanced_units(game)
+    return relative_residual(in_units(game, units), P * np.outer(units, units))
+
+
 def _value_checks(game: Game, P: np.ndarray, exact: np.ndarray, limit: float) -> list[Check]:
     """Whether P is a value: stabilizing, not indefinite, a root of the Riccati equation.
 
     The value of a state that costs nothing may be 0, which rounding makes negative; the certificate
     allows the same. A limit above the default allows |P - P*| <= limit |P*|, which moves
-    eigenvalues by no more (Weyl)."""
+    eigenvalues by no more (Weyl).
+    """
     units = balanced_units(game)
-    squared, balanced = np.outer(units, units), in_units(game, units)
-    scaled, right, costs = P * squared, exact * squared, np.linalg.eigvalsh(balanced.Q)
-    residual, abscissa = relative_residual(balanced, scaled), spectrum(game.A - game.S @ P).abscissa
-    smallest = _smallest_eigenvalue(scaled)
+    squared = np.outer(units, units)
+    balanced = in_units(game, units)
+    scaled = P * squared
+    right = exact * squared
+    abscissa = spectrum(game.A - game.S @ P).abscissa
+    unstable = f"A - S P is not Hurwitz (abscissa {abscissa:+.3g} 1/s)"
+    residual = relative_residual(balanced, scaled)
+    left = f"the Riccati equation is left with a residual of {residual:.2g}"
+    costs = np.linalg.eigvalsh(balanced.Q)
     least = 0.0 if costs[0] > SIGNLESS * costs[-1] else -INDEFINITENESS
     if limit > LIMIT and exact.any():
         allowed = limit * float(np.linalg.norm(right) / np.abs(right).max())
         least = min(least, _smallest_eigenvalue(right) - allowed)
+    smallest = _smallest_eigenvalue(scaled)
     indefinite = f"P is indefinite (smallest eigenvalue {smallest:.3g} of its size)"
-    checks = [
-        below(
-            "game_loop_abscissa",
-            abscissa,
-            0.0,
-            f"A - S P is not Hurwitz (abscissa {abscissa:+.3g} 1/s)",
-        ),
-        at_least("P_smallest_eigenvalue", smallest, least, indefinite),
-        at_most(
-            "riccati_residual",
-            residual,
-            limit,
-            f"the Riccati equation is left with a residual of {residual:.2g}",
-        ),
+    return [
+        below("game_loop_abscissa", abscissa, 0.0, unstable, kind="stability"),
+        at_least("P_smallest_eigenvalue", smallest, least, indefinite, kind="cost"),
+        at_most("riccati_residual", residual, limit, left, kind="error"),
     ]
-    return checks
 
 
 def _smallest_eigenvalue(P: np.ndarray) -> float:
@@ -271,54 +335,78 @@ def _smallest_eigenvalue(P: np.ndarray) -> float:
     return float(np.linalg.eigvalsh((P + P.T) / 2.0)[0] / np.abs(P).max()) if np.any(P) else 0.0
 
 
-def _explained(checks: list[Check], diagnosis: str) -> Iterator[Check]:
-    """The first failed check carries the diagnosis, so that the reason is where a reader looks
-    first."""
-    first = next((check for check in checks if not check.ok), None)
-    for check in checks:
-        new = check is first and diagnosis not in check.reason
-        yield check._replace(reason=f"{check.reason}: {diagnosis}") if new else check
+def _explained(checks: Sequence[Check], diagnosis: str) -> tuple[Check, ...]:
+    """The checks; the first that failed carries the diagnosis, where a reader looks first."""
+    explained = list(checks)
+    for index, check in enumerate(checks):
+        if not check.ok:
+            if diagnosis not in check.reason:
+                explained[index] = check._replace(reason=f"{check.reason}: {diagnosis}")
+            break
+    return tuple(explained)
 
 
-def _run_checks(
-    game: Game, run: LearningResult, predefined_time: float | None
-) -> tuple[Check, ...]:
-    """The richness of the data, as the run says it; the settling time only of a law that promises
-    one."""
-    rank = run.excitation
-    poor = f"the data have rank {rank.rank} of {rank.size}: whatever their residual, they do not determine the weights"
-    rich = at_least("data_rank", rank.rank, rank.size, poor)
-    if predefined_time is None:
-        return (rich,)
-    settled = settling_time(game, run, basis(run.basis, len(game.A)))
-    late = (
-        f"the residual settles at {settled:.4g} s"
-        if math.isfinite(settled)
-        else "the residual does not settle"
-    )
-    return (
-        rich,
-        at_most(
-            "settling_time",
-            settled,
-            predefined_time,
-            f"{late}, not within T_w = {predefined_time:g} s",
-        ),
-    )
-
-
-def settling_time(game: Game, run: LearningResult, functions: Basis) -> float:
-    """First time from which the Riccati residual of the run's P(t) stays within `SETTLED`, s; inf
-    when it does not.
-
-    Computed from the recorded weights, with `certificate.relative_residual` in balanced units:
-    whatever the law measures is not asked."""
+def _run_table(game: Game, run: LearningResult, exact: Solution) -> ErrorTable:
+    """The errors of P(t) of a training run, computed anew from its weights."""
+    psi = basis(run.basis, len(game.A))
+    values = np.array([psi.matrix(weights) for weights in run.weights])
     units = balanced_units(game)
-    balanced, squared = in_units(game, units), np.outer(units, units)
-    residuals = np.array(
-        [
-            relative_residual(balanced, functions.matrix(weights) * squared)
-            for weights in run.weights
-        ]
+    balanced = in_units(game, units)
+    residuals = relative_residuals(
+        balanced.A,
+        balanced.S_control,
+        balanced.S_disturbance / balanced.delta**2,
+        balanced.Q,
+        values * np.outer(units, units),
     )
-    return settled_at(run.times, residuals, SETTLED)
+    errors = {
+        "riccati_residual": residuals,
+        "P_rel_error": np.array([relative_error(P, exact.P) for P in values]),
+    }
+    promised = run.settings.get("predefined_time")
+    return ErrorTable(run.times, errors, "riccati_residual", SETTLED, promised)
+
+
+def _run_checks(run: LearningResult, table: ErrorTable) -> list[Check]:
+    """Whether the data determine the weights, and the settling time of a run that promises one."""
+    rank = run.excitation
+    poor = (
+        f"the data have rank {rank.rank} of {rank.size}: whatever their residual, they do not "
+        "determine the weights"
+    )
+    checks = [at_least("data_rank", rank.rank, rank.size, poor, kind="data")]
+    promised = table.predefined_time
+    if promised is not None:
+        reason = f"{table.sentence}; T_w is {promised:g} s"
+        settled = table.settling_time
+        checks.append(at_most("settling_time", settled, promised, reason, kind="data"))
+    return checks
+
+
+def _flight_section(game: Game, critic: Critic, exact: Solution, lost: FlightCost) -> Section:
+    """What the critic costs in closed loop, and its margins, beside the exact ones."""
+    learned = None
+    if math.isfinite(lost.gain):
+        with suppress(NoSolutionError):
+            learned = disk_margin(game, critic.K)
+    best = disk_margin(game, exact.K)
+    rows = [
+        ("cost lost, worst start, percent", f"{lost.worst:.3g}", "0"),
+        ("cost lost, mean over starts, percent", f"{lost.mean:.3g}", "0"),
+        ("L2 gain", f"{lost.gain:.4g}", f"{lost.exact_gain:.4g}"),
+        ("distance to instability", f"{lost.distance:.3g}", f"{lost.exact_distance:.3g}"),
+        ("margin of all inputs, disk", _margin(learned, "disk"), _margin(best, "disk")),
+        ("margin of all inputs, gain", _margin(learned, "gain"), _margin(best, "gain")),
+        ("margin of all inputs, phase, deg", _margin(learned, "phase"), _margin(best, "phase")),
+    ]
+    data = {
+        "graded": lost.to_dict(),
+        "disk_margin": None if learned is None else learned.disk,
+        "disk_margin_exact": best.disk,
+    }
+    table = Table(("in flight, under the worst disturbance", "learned", "exact"), rows)
+    return Section((table,), data)
+
+
+def _margin(margin: DiskMargin | None, name: str) -> str:
+    return "-" if margin is None else f"{getattr(margin, name):.4g}"

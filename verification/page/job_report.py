@@ -30,7 +30,7 @@ from trim.hfa.printed import (
 )
 from trim.linear.linear_model import LinearModel, linear_model_report, matrices
 from trim.linear.modes import modes_of, modes_table
-from verification.critic.check_result import check_figure
+from verification.critic.figures import verdict_figure
 from verification.page.claims import claims_section
 from verification.page.main_job import Angle, MainJob
 from verification.page.plots import front_view, locus_plot
@@ -128,7 +128,7 @@ def angle_report(job: MainJob, angle: Angle) -> Report:
     if (check := angle.check) is not None:
 
         def draw() -> Figure:
-            return check_figure(check, *named)
+            return verdict_figure(check, *named)
 
         text = f"P learned, P exact and their difference at {angle.dihedral_deg:g} deg; residual and error over time"
         judged, picture = (

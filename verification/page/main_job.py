@@ -26,8 +26,9 @@ from trim.point.condition import TrimCondition
 from trim.point.operating_point import OperatingPoint
 from trim.point.solve import find_operating_point
 from trim.sweeps.sweep import Sweep, sweep
-from verification.critic.check_result import CriticCheck
-from verification.critic.critic_check import check_critic
+from verification.critic.critic_check import Scope, check_critic
+from verification.critic.verdict import Verdict
+from verification.hfa_box import ordinary_box
 from verification.page.claims import Claims
 from verification.regeneration import Regeneration, regenerate_all
 
@@ -51,7 +52,7 @@ class Angle:
     condition: TrimCondition
     model: LinearModel | None = None
     solution: AnalysedGame | None = None
-    check: CriticCheck | None = None
+    check: Verdict | None = None
     reason: str = ""
 
     @property
@@ -91,9 +92,9 @@ def with_game(angle: Angle) -> Angle:
     try:
         angle = replace(angle, solution=analyse_game(game))
         run = learn(game)
-        time = run.settings["predefined_time"]
         learned = from_weights(game, run.weights[-1], run.basis)
-        return replace(angle, check=check_critic(game, learned, run=run, predefined_time=time))
+        scope = Scope(box=ordinary_box())
+        return replace(angle, check=check_critic(game, learned, run=run, scope=scope))
     except NoSolutionError as error:
         return replace(angle, reason=str(error))
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -23,10 +23,12 @@ from controller.critic.critic import Critic
 from examples.train_a_network import fit
 from hfa.main import FAILED
 from verification import check_critic, from_gain, from_network, from_value, from_weights
-from verification.critic.critic_check import LIMIT
-from verification.critic.critic_errors import critic_errors, ordinary_box
+from verification.critic.critic_check import LIMIT, Scope
+from verification.critic.critic_errors import critic_errors
 from verification.critic.diagnosis import diagnose
-from verification.critic.network_check import search
+from verification.critic.network_search import search
+from verification.critic.other_games import Nearby, Scheduled
+from verification.hfa_box import ordinary_box
 
 pytestmark = pytest.mark.usefixtures("folder")
 SLOW = pytest.mark.slow
@@ -39,8 +41,13 @@ def named(
     candidate: Critic,
     at: Callable[[float], Game] | None = None,
     box: np.ndarray | None = None,
+    printed: Mapping[str, Game] | None = None,
 ) -> str:
-    return diagnose(game, solved(game), candidate, LIMIT, at, box)
+    scheduled = None
+    if at is not None:
+        starts = (1.0, 3.0, 5.0, 8.0, 12.0, 16.0, 20.0)
+        scheduled = Scheduled(lambda x: f"at dihedral {x:.4f} deg", at, starts)
+    return diagnose(game, solved(game), candidate, LIMIT, Nearby(printed or {}, scheduled), box)
 
 
 def wrong(game: Game, candidate: Critic) -> bool:
@@ -139,7 +146,8 @@ def test_a_critic_of_the_printed_matrices_is_named(game: Game, degrees: int) -> 
     printed = game_models()[f"published-{degrees}"]
     for other in (from_value(game, value(printed)), from_gain(game, gain(printed))):
         assert wrong(game, other)
-        said = named(game, other, lambda _: game)
+        description = f"of the matrices printed for {degrees} deg"
+        said = named(game, other, printed={description: printed})
         assert said.endswith(f"of another game, of the matrices printed for {degrees} deg")
 
 
@@ -292,7 +300,9 @@ def test_a_network_is_made_again_and_one_of_64_64_is_judged_within_5_seconds(
     np.savez("again.npz", **again)
     errors = [
         check_critic(
-            game, from_network(game, path, activation="tanh", scale=1.0 / BOX), flights=1
+            game,
+            from_network(game, path, activation="tanh", scale=1.0 / BOX),
+            scope=Scope(ordinary_box(), flights=1),
         ).largest_error
         for path in ("again.npz", TRAINED / f"{name}.npz")
     ]
@@ -309,7 +319,7 @@ def test_a_network_is_made_again_and_one_of_64_64_is_judged_within_5_seconds(
 )
 def test_the_search_finds_what_a_grid_finds(game: Game, name: str, points: int) -> None:
     """The errors of V and of the policy, at four or eight values of each state."""
-    exact, b = solved(game), ordinary_box(game).half_widths
+    exact, b = solved(game), BOX
     z = np.array(np.meshgrid(*[np.linspace(-1.0, 1.0, points)] * 6)).reshape(6, -1) * b[:, None]
     largest = np.sqrt(game.R.diagonal()) * (np.abs(exact.K) @ b)
     u_size = np.maximum(largest, 1e-5 * largest.max()) / np.sqrt(game.R.diagonal())

@@ -25,11 +25,13 @@ from controller import Game, critic_in, load_game
 from controller.critic.activations import ACTIVATIONS
 from controller.critic.features import features_of
 from controller.critic.network_file import network_in
+from controller.hfa_game import ORDINARY_DEVIATIONS
 from hfa.main import BAD_INPUT, DONE, FAILED
 from hfa_support import BadInputError
 from verification import check_critic, from_network, from_weights, solve_game
-from verification.critic.critic_errors import ordinary_box
-from verification.critic.network_check import flown_losses, search
+from verification.critic.critic_check import FLIGHTS, Scope
+from verification.critic.network_search import flown_losses, search
+from verification.hfa_box import ordinary_box
 
 HERE = Path(__file__).parent
 DATA = json.loads((HERE / "networks.json").read_text(encoding="utf-8"))
@@ -37,9 +39,15 @@ GOPS = DATA["gops"]
 #: z'Pz: x P, times x, summed.
 QUADRATIC = [("MatMul", "x P", "h"), ("Mul", "x h", "terms"), ("MatMul", "terms ones", "y")]
 ONES = np.ones((6, 1))
+BOX = np.array(ORDINARY_DEVIATIONS)
 RNG = np.random.default_rng(0)
 X = RNG.normal(size=(7, 6)).astype("float32")
 pytestmark = pytest.mark.usefixtures("folder")
+
+
+def on_the_box(flights: int = FLIGHTS) -> Scope:
+    """The box of the aircraft's ordinary deviations."""
+    return Scope(box=ordinary_box(), flights=flights)
 
 
 def linear(weight: np.ndarray, name: str = "policy.pt") -> str:
@@ -166,16 +174,16 @@ def test_a_network_that_is_the_value_passes(game: Game) -> None:
         )
         for kind in ("float64", "float32")
     )
-    check = check_critic(game, from_network(game, wide), flights=4)
+    check = check_critic(game, from_network(game, wide), scope=on_the_box(4))
     assert check.ok
-    assert check.network is not None
-    assert (check.network.output, check.network.precision) == ("V", "float64")
-    assert {"value", "gradient", "policy"} == {each.name for each in check.network.searched}
+    found = check.to_dict()["network"]
+    assert (found["output"], found["precision"]) == ("V", "float64")
+    assert {"value", "gradient", "policy"} == {each["name"] for each in found["searched"]}
     assert pickle.loads(pickle.dumps(check)).to_dict()["network"] == check.to_dict()["network"]
     assert from_network(game, narrow).precision == "float32"
     said = hfa("verify", *AT_15, "--weights", narrow).out
     assert said.startswith(
-        "PASS by the error limit 1e-06: exact within 1e-06, stabilizing, no cost lost"
+        "PASS: no error above 1e-06 found at 1000 states, stabilizing, no cost lost"
     )
     assert "(searched, 1000 starts; not a bound)" in said
 
@@ -201,15 +209,17 @@ def test_gradients_and_policies_pass(game: Game) -> None:
                 game, write(name, {"actor.0.weight": weight, "actor.0.bias": np.zeros(len(weight))})
             )
             assert set(critic.network) == {output}
-            assert check_critic(game, critic, flights=1).ok
+            assert check_critic(game, critic, scope=on_the_box(1)).ok
 
 
 def test_an_almost_linear_tanh_network_passes(game: Game) -> None:
     """u = -(K/e) tanh(e z): its error is (e z)²/3."""
     tensors = {"0.weight": 1e-4 * np.eye(6), "2.weight": -1e4 * gain(game)}
     path = torch_file("actor.pth", tensors)
-    assert check_critic(game, from_network(game, path, activation="tanh"), flights=1).ok
-    assert not check_critic(game, from_network(game, path, activation="relu"), flights=1).ok
+    assert check_critic(game, from_network(game, path, activation="tanh"), scope=on_the_box(1)).ok
+    assert not check_critic(
+        game, from_network(game, path, activation="relu"), scope=on_the_box(1)
+    ).ok
     for activation, said in (
         (None, "give --set activation=tanh|relu"),
         ("cosh", "unknown activation 'cosh'"),
@@ -224,7 +234,7 @@ def test_an_almost_linear_tanh_network_passes(game: Game) -> None:
 def test_the_scale_of_the_inputs_counts(game: Game) -> None:
     scale = np.array([1 / 7.0, *[10.0] * 5])
     path = torch_file("scaled.pt", {"weight": -gain(game) / scale})
-    assert check_critic(game, from_network(game, path, scale=scale), flights=1).ok
+    assert check_critic(game, from_network(game, path, scale=scale), scope=on_the_box(1)).ok
     assert "needs 6 numbers" in hfa("verify", *AT_15, "--weights", path, "--set", "scale=1,2").err
 
 
@@ -241,15 +251,13 @@ def test_a_network_right_at_the_origin_alone_fails(game: Game) -> None:
         "first": 5.0 ** (1 / 3) / 7.0 * np.eye(6)[:, :1] @ np.eye(5)[:1],
     }
     critic = from_network(game, onnx_file("bent.onnx", [*nodes, ("Add", "u c", "y")], constants, 5))
-    box = ordinary_box(game)
-    check = check_critic(game, critic)
+    check = check_critic(game, critic, scope=on_the_box())
     assert check.K_rel_error < 1e-12
     assert [each.name for each in check.checks if not each.ok] == ["searched_policy_error"]
-    assert check.network is not None
-    (found,) = check.network.searched
-    largest = np.sqrt(game.R.diagonal()) * (np.abs(solve_game(game).K) @ box.half_widths)
-    assert found.error == pytest.approx(5.0 * np.sqrt(game.R[0, 0]) / largest[0], rel=1e-6)
-    assert check.flight.worst <= 1e-6
+    (found,) = check.to_dict()["network"]["searched"]
+    largest = np.sqrt(game.R.diagonal()) * (np.abs(solve_game(game).K) @ BOX)
+    assert found["error"] == pytest.approx(5.0 * np.sqrt(game.R[0, 0]) / largest[0], rel=1e-6)
+    assert check.to_dict()["graded"]["cost_lost_worst_percent"] <= 1e-6
     assert not check.holds(1e-6)
 
 
@@ -270,10 +278,7 @@ def test_a_value_that_is_not_a_number_somewhere_fails(game: Game) -> None:
     constants |= {"half": np.array(2.5), "zero": np.array(1e-30)}
     path = onnx_file("nan.onnx", [*nodes, ("Mul", "r zero", "n"), ("Add", "V n", "y")], constants)
     critic, exact = from_network(game, path), solve_game(game)
-    found = {
-        each.name: each.error
-        for each in search(game, critic, exact, ordinary_box(game).half_widths)[1]
-    }
+    found = {each.name: each.error for each in search(game, critic, exact, BOX)[1]}
     assert found["value"] == math.inf
 
 
@@ -283,15 +288,14 @@ def test_the_cost_in_flight_is_that_of_the_linear_loop_where_the_network_is_line
     """From 40 starts, under the disturbance of the exact policies: no more than the worst of
     all."""
     critic, exact = from_network(game, linear(-1.2 * gain(game))), solve_game(game)
-    check = check_critic(game, critic, flights=40)
-    assert check.network is not None
-    assert (
-        0.1 * check.flight.mean
-        < check.network.cost_lost_flown_percent
-        <= check.flight.worst * (1 + 1e-6)
-    )
+    check = check_critic(game, critic, scope=on_the_box(40))
+    data = check.to_dict()
+    flown = data["network"]["cost_lost_flown_percent"]
+    linear_loop = data["graded"]
+    assert 0.1 * linear_loop["cost_lost_mean_percent"] < flown
+    assert flown <= linear_loop["cost_lost_worst_percent"] * (1 + 1e-6)
     away = from_network(game, torch_file("b.pt", {"weight": -gain(game), "bias": np.full(5, 0.5)}))
-    assert flown_losses(game, away, exact, ordinary_box(game).half_widths, 40).max() > 1.0
+    assert flown_losses(game, away, exact, BOX, 40).max() > 1.0
 
 
 def test_the_published_weights_of_gops() -> None:
@@ -382,7 +386,9 @@ def test_v_and_a_policy_are_judged_together(game: Game) -> None:
     for sign, ok in ((-1.0, True), (1.0, False)):
         constants = {"P": value(game), "axes": np.array([1]), "K": sign * gain(game).T}
         path = onnx_file("both.onnx", [*nodes, ("Concat", "V u", "y", {"axis": 1})], constants, 6)
-        check = check_critic(game, from_network(game, path, network="V+policy="), flights=1)
+        check = check_critic(
+            game, from_network(game, path, network="V+policy="), scope=on_the_box(1)
+        )
         assert check.ok == ok
         assert check.diagnosis == (
             "" if ok else "the gain has the wrong sign: the policy is u = -K z"
@@ -406,13 +412,16 @@ def test_a_basis_in_words_or_as_a_function_and_a_constant(game: Game) -> None:
     )
     assert answer(*words, "speed**2, speed*x2, x2**2, sin(alpha)**4", code=FAILED)["ok"] is False
     weights = np.append(-3.0, weights_of(value(game)))
-    check = check_critic(game, from_weights(game, weights, features_of(FEATURES, 6)), flights=1)
+    check = check_critic(
+        game, from_weights(game, weights, features_of(FEATURES, 6)), scope=on_the_box(1)
+    )
     assert check.ok
-    assert check.network is not None
-    assert check.network.value_at_origin == -3.0
+    assert check.to_dict()["network"]["value_at_origin"] == -3.0
     z = ca.SX.sym("z", 6)
     squares = ca.Function("squares", [z], [z**2])
-    assert not check_critic(game, from_weights(game, np.diag(value(game)), squares), flights=1).ok
+    assert not check_critic(
+        game, from_weights(game, np.diag(value(game)), squares), scope=on_the_box(1)
+    ).ok
     with pytest.raises(
         BadInputError, match="there are 6 weights and 6 states; the features are 22 functions"
     ):

@@ -1,0 +1,61 @@
+"""What a model about its trim is to a verdict: the nonlinear plant, and the box of states."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from trim.limits import Limits
+from trim.linear.linear_model import LinearModel
+from verification.critic.critic_errors import Box
+
+
+class NonlinearPlant(NamedTuple):
+    """A plant in deviations from its trim.
+
+    rates: (z, u) -> z'.
+    lowest, highest: (m,), limits of u.
+    """
+
+    rates: ca.Function
+    lowest: np.ndarray
+    highest: np.ndarray
+
+    def closed(self, z: ca.SX, u: ca.SX) -> ca.SX:
+        """z' under u, held within the limits."""
+        return self.rates(z, ca.fmin(ca.fmax(u, ca.DM(self.lowest)), ca.DM(self.highest)))
+
+
+def nonlinear_plant(linear: LinearModel) -> NonlinearPlant:
+    """The model about its trim, within the limits of its inputs; states that the linear model lacks
+    are held."""
+    point = linear.point
+    model = point.model
+    z = ca.SX.sym("z", len(linear.states))
+    u = ca.SX.sym("u", len(linear.inputs))
+    deviations = dict(zip(linear.states, ca.vertsplit(z), strict=True))
+    deviations |= dict(zip(linear.inputs, ca.vertsplit(u), strict=True))
+    states = [value + deviations.get(name, 0.0) for name, value in point.states._asdict().items()]
+    trim = point.inputs._asdict()
+    inputs = [value + deviations.get(name, 0.0) for name, value in trim.items()]
+    rates, _ = model.layout.expressions((states, inputs, model.p.tolist()), ())
+    rows = [list(model.states).index(name) for name in linear.states]
+    limits = Limits.of(model, linear.inputs)
+    at_trim = np.array([trim[name] for name in linear.inputs], dtype=float)
+    lowest = np.minimum(limits.lowest - at_trim, 0.0)
+    highest = np.maximum(limits.highest - at_trim, 0.0)
+    return NonlinearPlant(ca.Function("plant", [z, u], [rates[rows]]), lowest, highest)
+
+
+def box_within_limits(linear: LinearModel) -> Box | None:
+    """The states between the limits that the model declares, as far as they are symmetric about the
+    trim; None where a state has no limits."""
+    limits = Limits.of(linear.point.model, linear.states)
+    trim = linear.point.states._asdict()
+    at_trim = np.array([trim[name] for name in linear.states], dtype=float)
+    half_widths = np.minimum(at_trim - limits.lowest, limits.highest - at_trim)
+    if not np.all(np.isfinite(half_widths) & (half_widths > 0.0)):
+        return None
+    return Box(half_widths, "within the limits of the states that the model declares")

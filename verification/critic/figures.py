@@ -1,0 +1,138 @@
+"""Pictures of verdicts: P or K learned and exact, and errors over time or over checkpoints."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hfa_support.reporting.checks import verdict_text
+from hfa_support.reporting.figure import new_figure
+from hfa_support.reporting.unit_system import entries_in_force, unit_in_force
+from verification.critic.verdict import COLUMNS, Verdict
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+#: Entries below this share of the largest are drawn on a linear scale.
+_LINEAR_SHARE = 1e-4
+#: A logarithmic axis has no 0: errors below this are drawn here.
+_FLOOR = 1e-17
+#: Below this an error is rounding, whose size differs from machine to machine: then the axis begins
+#: at `_FLOOR`.
+_ROUNDED = 1e-12
+
+
+def verdict_figure(
+    verdict: Verdict,
+    states: tuple[str, ...],
+    inputs: tuple[str, ...],
+    origin: str = "the plant",
+    state_units: tuple[str, ...] = (),
+    input_units: tuple[str, ...] = (),
+) -> Figure:
+    """P learned, exact and their relative difference as heat maps (signed logarithmic scale), K
+    where there is no P; where there is a table also its errors over time.
+
+    origin: what the plant is called.
+    """
+    table = verdict.table
+    figure = new_figure(12.0, 4.2 if table is None else 7.6)
+    figure.suptitle(
+        f"Critic on {origin}, against the exact {verdict.problem}: {verdict_text(verdict.ok)}"
+    )
+    grid = figure.add_gridspec(1 if table is None else 2, 3)
+    if verdict.critic.P is not None:
+        name = "P"
+        rows = states
+        learned = verdict.critic.P
+        exact = verdict.exact.P
+        axis_units = ((state_units, -1), (state_units, -1))
+    else:
+        name = "K"
+        rows = inputs
+        learned = verdict.critic.K
+        exact = verdict.exact.K
+        axis_units = ((input_units, 1), (state_units, -1))
+    if state_units:
+        learned = entries_in_force(learned, *axis_units)
+        exact = entries_in_force(exact, *axis_units)
+    largest = float(np.abs(exact).max())
+    with np.errstate(divide="ignore", invalid="ignore"):  # none where the exact entry is 0
+        relative = np.ma.masked_invalid((learned - exact) / np.abs(exact))
+    maps = (
+        (f"{name} learned", learned, largest),
+        (f"{name} exact", exact, largest),
+        ("(learned - exact) / |exact|", relative, None),
+    )
+    for index, (title, entries, size) in enumerate(maps):
+        axes = figure.add_subplot(grid[0, index])
+        _heat_map(figure, axes, title, entries, size)
+        axes.set_xticks(range(len(states)), states, rotation=60, ha="right", fontsize=7)
+        axes.set_yticks(range(len(rows)), rows, fontsize=7)
+        if state_units and size is not None:
+            units = dict.fromkeys(unit_in_force(unit) for unit in state_units)
+            axes.set_xlabel(f"of states in {', '.join(units)}", fontsize=7)
+    if table is not None:
+        axes = figure.add_subplot(grid[1, :])
+        axes.axhline(table.limit, color="C3", linewidth=0.8, label=f"limit {table.limit:g}")
+        curves = {COLUMNS[name]: values for name, values in table.errors.items()}
+        _draw_errors(axes, table.times, curves, table.predefined_time)
+    return figure
+
+
+def verdicts_figure(verdicts: Mapping[str, Verdict], origin: str) -> Figure:
+    """Errors and cost lost of several critics in their order: a learning curve, where they are
+    checkpoints."""
+    figure = new_figure(12.0, 4.2)
+    figure.suptitle(f"Critics on {origin}, against the exact game solution")
+    axes = figure.add_subplot()
+    positions = np.arange(len(verdicts))
+    judged = list(verdicts.values())
+    curves = {
+        "error of P": np.array([verdict.P_rel_error for verdict in judged]),
+        "error of K": np.array([verdict.K_rel_error for verdict in judged]),
+        "largest error": np.array([verdict.largest_error for verdict in judged]),
+        "cost lost, of the optimum": np.array([verdict.cost_lost / 100.0 for verdict in judged]),
+    }
+    _draw_errors(axes, positions, curves, None)
+    axes.set_xlabel("")
+    names: Sequence[str] = [Path(name).name for name in verdicts]
+    axes.set_xticks(positions, names, rotation=30, ha="right", fontsize=7)
+    return figure
+
+
+def _draw_errors(
+    axes: Axes, times: np.ndarray, curves: Mapping[str, np.ndarray], predefined_time: float | None
+) -> None:
+    known = {label: values for label, values in curves.items() if not np.all(np.isnan(values))}
+    for (label, values), style in zip(known.items(), ("-", "--", "-.", ":"), strict=False):
+        axes.semilogy(times, np.maximum(values, _FLOOR), style, label=label)
+    if predefined_time is not None:
+        label = f"T_w = {predefined_time:g} s"
+        axes.axvline(predefined_time, color="black", linestyle=":", label=label)
+    if any(np.nanmin(values, initial=np.inf) < _ROUNDED for values in known.values()):
+        axes.set_ylim(bottom=_FLOOR)
+    axes.set_xlabel("time, s")
+    axes.set_ylabel("relative size")
+    axes.grid(alpha=0.3)
+    axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3, frameon=False)
+
+
+def _heat_map(
+    figure: Figure, axes: Axes, title: str, matrix: np.ndarray, size: float | None
+) -> None:
+    """size: of the color scale; by default, and when it is 0, the largest entry."""
+    from matplotlib.colors import SymLogNorm
+
+    size = size or float(np.ma.filled(np.abs(matrix), 0.0).max()) or 1.0
+    norm = SymLogNorm(linthresh=size * _LINEAR_SHARE, vmin=-size, vmax=size)
+    image = axes.imshow(matrix, cmap="RdBu_r", norm=norm)
+    axes.set_title(title)
+    powers = 10.0 ** (np.floor(np.log10(size)) - np.array([0.0, 1.0, 2.0]))
+    ticks = [*-powers, 0.0, *powers[::-1]]
+    bar = figure.colorbar(image, ax=axes, shrink=0.8, ticks=ticks, format="%g")
+    bar.ax.minorticks_off()

@@ -1,0 +1,268 @@
+"""Mistakes that people make with critics: each in words, with the critic as it would be without it.
+
+Each is a guess from the critic's own numbers; only the comparison with the exact answer makes it a
+cause (`diagnosis`).
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from controller.game.basis import Basis
+from controller.game.zero_sum import Game
+
+#: Numbers of a critic beyond those that are fitted; fewer would agree by chance.
+REDUNDANT = 2
+#: A factor this near to a power of ten, in decades, is that power.
+_NEAR = 1e-3
+_DEGREE = math.pi / 180.0
+#: A scale is one of degrees within this factor, as a logarithm.
+_DEGREE_BAND = 1.5
+#: Rounds of fitting a scale to each state of a symmetric matrix.
+_ROUNDS = 5
+_FACTORS = {"has the wrong sign": -1.0, "is half the exact one": 2.0, "is twice the exact one": 0.5}
+
+
+class Hypothesis(NamedTuple):
+    """A mistake that a critic may have.
+
+    says: the mistake, as a sentence.
+    undo: P (n, n) or K (m, n) without it.
+    fitted: what was fitted to the critic: "" for nothing, "factor" for one of all entries, "scales"
+        for one of each state or input. What is fitted must explain more.
+    """
+
+    says: str
+    undo: np.ndarray
+    fitted: str = ""
+
+
+class View(NamedTuple):
+    """A matrix of the critic beside the exact one.
+
+    kind: "P" or "K".
+    given, exact: (k, n).
+    weights: (k, n), of the entries in an error.
+    """
+
+    kind: str
+    given: np.ndarray
+    exact: np.ndarray
+    weights: np.ndarray
+
+    @property
+    def noun(self) -> str:
+        """What the matrix is an answer's."""
+        return "solution" if self.kind == "P" else "gain"
+
+    @property
+    def known(self) -> int:
+        """How many numbers the critic has to match."""
+        return int(np.count_nonzero(np.triu(self.exact) if self.kind == "P" else self.exact))
+
+    def transposed(self) -> View:
+        """The same with rows for columns."""
+        return View(self.kind, self.given.T, self.exact.T, self.weights.T)
+
+
+def of_weights(weights: np.ndarray, exact: np.ndarray, psi: Basis) -> Iterator[Hypothesis]:
+    """Products z_i z_j in another order, without their factor 2, of half the cost, or two in each
+    other's place; weights: (M,), exact: P (n, n)."""
+    row, column = np.triu_indices(psi.states)
+    given = weights[: psi.quadratic_size]
+    orders = {
+        "": np.arange(len(given)),
+        "stand column by column": np.lexsort((row, column)),
+        "stand with the squares first": np.argsort(row != column, kind="stable"),
+    }
+    factors = {
+        "": np.ones(len(given)),
+        "lack the factor 2 of products z_i z_j": np.where(row == column, 1.0, 2.0),
+    }
+    costs = {"": 1.0, "are of half the cost": 2.0}
+    for order, factor, cost in itertools.product(orders, factors, costs):
+        mistakes = [mistake for mistake in (order, factor, cost) if mistake]
+        if mistakes and mistakes != ["are of half the cost"]:
+            placed = np.empty_like(given)
+            placed[orders[order]] = given
+            right = costs[cost] * factors[factor] * placed
+            says = f"the weights {' and '.join(mistakes)}"
+            if order:
+                says += "; they must go row by row, i <= j"
+            yield Hypothesis(says, psi.matrix(right))
+    if len(given) > 1:
+        exact_weights = psi.weights(exact)[: psi.quadratic_size]
+        distances = np.abs(given - exact_weights)
+        first, second = np.sort(np.argsort(distances, kind="stable")[-2:])
+        swapped = given.copy()
+        swapped[[first, second]] = given[[second, first]]
+        says = f"weights {first + 1} and {second + 1} are interchanged"
+        yield Hypothesis(says, psi.matrix(swapped))
+
+
+def of_matrix(game: Game, view: View) -> Iterator[Hypothesis]:
+    """Sign and factor, order, signs and units of states and inputs, a wrong entry; of P the factor 2
+    beside the diagonal, of K a missing R⁻¹ and the order of its entries."""
+    if view.kind == "P":
+        view = view._replace(given=(view.given + view.given.T) / 2.0)
+        yield from _factors(view, "value", "V is z'Pz, without a factor 1/2")
+        beside = np.where(np.eye(len(view.given), dtype=bool), 1.0, 0.5)
+        says = "P has entries beside the diagonal of twice their size: they are W / 2"
+        yield Hypothesis(says, view.given * beside)
+        yield from of_sides(view, "state")
+    else:
+        K = view.given
+        yield from _factors(view, "gain", "the policy is u = -K z")
+        if K.shape[0] == K.shape[1]:
+            yield Hypothesis("K is transposed", K.T)
+        says = "R⁻¹ is missing: this is B'P, and K is R⁻¹B'P"
+        yield Hypothesis(says, np.linalg.solve(game.R, K))
+        says = "K was read row by row, its entries stand column by column"
+        yield Hypothesis(says, K.reshape(K.shape[::-1]).T)
+        yield from of_rows(view, "input", 1.0 / _DEGREE)
+        for mistake in of_rows(view.transposed(), "state", _DEGREE):
+            yield mistake._replace(undo=mistake.undo.T)
+    yield from _one_entry(view)
+
+
+def _factors(view: View, noun: str, meant: str) -> Iterator[Hypothesis]:
+    """All entries times one number."""
+    for mistake, factor in _FACTORS.items():
+        yield Hypothesis(f"the {noun} {mistake}: {meant}", factor * view.given)
+    weights = view.weights**2
+    size = float(np.sum(view.exact**2 * weights)) or 1.0
+    factor = float(np.sum(view.given * view.exact * weights)) / size
+    power = _power_of_ten(factor)
+    if power:
+        factor = 10.0**power
+    if power or (math.isfinite(factor) and factor != 0.0 and view.known >= 1 + REDUNDANT):
+        says = f"every entry of {view.kind} is {factor:.6g} times the exact one"
+        yield Hypothesis(says, view.given / factor, "factor")
+
+
+def _power_of_ten(ratio: float) -> int:
+    """k where ratio is 10^k, 0 where it is none."""
+    if not (math.isfinite(ratio) and ratio > 0.0):
+        return 0
+    decades = math.log10(ratio)
+    return round(decades) if abs(decades - round(decades)) < _NEAR else 0
+
+
+def _one_entry(view: View) -> Iterator[Hypothesis]:
+    """The sign or a decimal slip of the entry that is farthest off, of P with its mirror image."""
+    if view.known < 1 + REDUNDANT:
+        return
+    errors = np.abs(view.given - view.exact) * view.weights
+    row, column = np.unravel_index(int(np.argmax(errors)), errors.shape)
+    exact = view.exact[row, column]
+    if exact == 0.0:
+        return
+    ratio = float(view.given[row, column] / exact)
+    power = _power_of_ten(ratio)
+    name = f"{view.kind}({row + 1}, {column + 1})"
+    factor = 1.0
+    if abs(ratio + 1.0) < _NEAR:
+        says = f"{name} has the wrong sign"
+        factor = -1.0
+    elif power:
+        says = f"{name} is {10.0**power:g} times the exact one: a decimal slip"
+        factor = 10.0**power
+    else:
+        return
+    undo = view.given.copy()
+    undo[row, column] /= factor
+    if view.kind == "P" and row != column:
+        undo[column, row] /= factor
+    yield Hypothesis(says, undo)
+
+
+def of_rows(view: View, noun: str, degree: float) -> Iterator[Hypothesis]:
+    """Order, signs, degrees and scales of the rows of a matrix, which are inputs, slopes or states.
+
+    degree: what a row is multiplied by where its quantity is in degrees.
+    """
+    size = len(view.given)
+    with np.errstate(all="ignore"):
+        away = np.sum(((view.given[:, None] - view.exact) * view.weights) ** 2, axis=-1)
+        weights = view.weights**2
+        factors = np.sum(view.given * view.exact * weights, axis=1)
+        factors /= np.sum(view.exact**2 * weights, axis=1)
+    order = _best_order(away)
+    yield Hypothesis(_order_says(noun, order), np.eye(size)[order].T @ view.given)
+    for says, divisors, fitted in _scales(view, noun, factors, degree):
+        yield Hypothesis(says, view.given / divisors[:, None], fitted)
+
+
+def of_sides(view: View, noun: str) -> Iterator[Hypothesis]:
+    """Order, signs, degrees and scales of the states, of which a symmetric matrix has rows and
+    columns."""
+    size = len(view.given)
+    with np.errstate(all="ignore"):
+        rows = np.sort(view.given)[:, None]
+        exact_rows = np.sort(view.exact)[None]
+        apart = np.abs(rows - exact_rows) / (np.abs(rows) + np.abs(exact_rows))
+        factors = _symmetric_factors(view)
+    order = _best_order(np.sum(np.nan_to_num(apart), axis=-1))
+    back = np.eye(size)[order].T
+    yield Hypothesis(_order_says(noun, order), back @ view.given @ back.T)
+    for says, divisors, fitted in _scales(view, noun, factors, _DEGREE):
+        yield Hypothesis(says, view.given / np.outer(divisors, divisors), fitted)
+
+
+def _symmetric_factors(view: View) -> np.ndarray:
+    """t (n,) with given_ij about t_i t_j exact_ij: from the diagonal, then each by least squares
+    with the others as they are."""
+    P = view.exact
+    signs = np.sign(view.given * P)[int(np.argmax(np.diag(P)))]
+    factors = np.sqrt(np.abs(np.diag(view.given) / np.diag(P)))
+    factors = np.where(signs < 0.0, -factors, factors)
+    if 2 * np.count_nonzero(factors < 0.0) > len(factors):
+        factors = -factors
+    for _ in range(_ROUNDS):
+        for index in range(len(factors)):
+            line = P[index] * factors
+            weighted = line * view.weights[index] ** 2
+            factors[index] = view.given[index] @ weighted / (line @ weighted)
+    return factors
+
+
+def _scales(
+    view: View, noun: str, factors: np.ndarray, degree: float
+) -> Iterator[tuple[str, np.ndarray, str]]:
+    """Signs, degrees and scales that the factors of states or inputs tell: the mistake, what each
+    must be divided by, and what was fitted."""
+    flipped = factors < 0.0
+    with np.errstate(all="ignore"):
+        angles = np.abs(np.log(np.abs(factors) / degree)) < _DEGREE_BAND
+    if flipped.any() and not flipped.all():
+        verb = "has the wrong sign" if flipped.sum() == 1 else "have the wrong sign"
+        yield f"{_listed(noun, flipped)} {verb}", np.where(flipped, -1.0, 1.0), ""
+    if angles.any() and not angles.all():
+        verb = "is in degrees" if angles.sum() == 1 else "are in degrees"
+        yield f"{_listed(noun, angles)} {verb}", np.where(angles, degree, 1.0), ""
+    are_scales = bool(np.all(np.isfinite(factors) & (factors > 0.0)))
+    if are_scales and view.known >= len(factors) + REDUNDANT:
+        values = ", ".join(f"{factor:.3g}" for factor in factors)
+        yield f"the {noun}s look scaled by {values}", factors, "scales"
+
+
+def _listed(noun: str, where: np.ndarray) -> str:
+    """ "state 2", "states 2, 3 and 5"."""
+    *numbers, last = (str(index + 1) for index in np.flatnonzero(where))
+    return f"{noun}s {', '.join(numbers)} and {last}" if numbers else f"{noun} {last}"
+
+
+def _order_says(noun: str, order: Sequence[int] | np.ndarray) -> str:
+    return f"the {noun}s are in the order {', '.join(str(index + 1) for index in order)}"
+
+
+def _best_order(away: np.ndarray) -> np.ndarray:
+    """order (n,) for which the sum of away[i, order[i]] is least."""
+    from scipy.optimize import linear_sum_assignment
+
+    return np.asarray(linear_sum_assignment(np.nan_to_num(away, nan=1e300, posinf=1e300))[1])

@@ -1,0 +1,478 @@
+"""A critic that is a nonlinear function of the state: its errors searched over a box of states, and
+flown from there.
+
+What a search or a flight finds is a lower bound of the largest error, cost or gain.
+"""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from controller.critic.critic import Critic
+from controller.game.zero_sum import Game
+from controller.riccati.balancing import spectrum
+from hfa_support.native.bound import BoundFunction
+from hfa_support.reporting.checks import Check, at_most
+from verification.critic.about_trim import NonlinearPlant
+from verification.critic.critic_errors import SMALL, Exact, error_check
+from verification.critic.verdict import Section
+
+#: States at which the errors are computed, half of them corners of the box.
+STARTS = 1000
+#: From how many corners and how many others a search climbs.
+CLIMBS = 3
+#: A flight ends when the exact loop has decayed to exp(-`DECAY`).
+DECAY = 5.0
+#: Steps of LSODA in a flight, at most.
+STEPS = 1000
+#: A flight has returned where V* has come down to this part.
+RETURNED = 0.05
+#: From how many starts the largest box is sought, among 2^-`DOUBLINGS` ... 2^`DOUBLINGS` times the
+#: box.
+FEW = 6
+DOUBLINGS = 4
+#: Newton steps to a rest point, and its largest distance, in boxes.
+_NEWTON_STEPS = 30
+_FARTHEST_REST = 100.0
+_NOUNS = {"value": "V", "gradient": "a slope of V", "policy": "the policy"}
+
+
+class Found(NamedTuple):
+    """The largest error that was found: relative, of `name`, at the state z (n,)."""
+
+    name: str
+    error: float
+    at: np.ndarray
+
+
+@dataclass(frozen=True)
+class Flown:
+    """What flights of a network from the box showed.
+
+    flights: from how many starts; 0 where the linear loop is unstable.
+    lost, lost_mean: percent of V*, beyond the optimum, at most and on average.
+    rest: (n,), where the linear loop comes to rest; None for nowhere.
+    reach: the largest multiple of the box from which it returns, on the linear plant.
+    reach_nonlinear, reach_nonlinear_exact: on the nonlinear plant, there also of the exact policy;
+        None without such a plant.
+    """
+
+    flights: int = 0
+    lost: float = math.inf
+    lost_mean: float = math.inf
+    rest: np.ndarray | None = None
+    reach: float = 0.0
+    reach_nonlinear: float | None = None
+    reach_nonlinear_exact: float | None = None
+
+
+class Findings(NamedTuple):
+    """What was found of a network.
+
+    errors: at the origin and in the box.
+    checks: the errors, and the rest point where it was flown.
+    states: how many were searched; 0 of a polynomial.
+    cost_lost: in flight, percent.
+    section: of the report.
+    """
+
+    errors: tuple[Check, ...]
+    checks: tuple[Check, ...]
+    states: int
+    cost_lost: float
+    section: Section
+
+
+def findings(
+    game: Game,
+    critic: Critic,
+    exact: Exact,
+    b: np.ndarray,
+    limit: float,
+    flights: int,
+    plant: NonlinearPlant | None = None,
+) -> Findings:
+    """Search a network over the box |z_i| <= b_i, and fly it from there; a polynomial is only
+    described.
+
+    flights: from how many starts; 0 where the linear loop is unstable.
+    """
+    if not critic.network:
+        return Findings((), (), 0, 0.0, network_section(critic, b, (), None))
+    origin, found = search(game, critic, exact, b)
+    what = "u" if critic.gradient is None else "the slope of V"
+    errors = [
+        error_check("origin_error", origin, limit, f"{what} at the origin, where 0 is right,")
+    ]
+    for item in found:
+        what = f"{_NOUNS[item.name]} in the box"
+        errors.append(error_check(f"searched_{item.name}_error", item.error, limit, what))
+    checks = list(errors)
+    flown = Flown()
+    if flights:
+        flown = fly(game, critic, exact, b, flights, plant)
+        checks.append(rest_check(flown.rest, b, limit))
+    section = network_section(critic, b, found, flown)
+    return Findings(tuple(errors), tuple(checks), STARTS, flown.lost, section)
+
+
+# The search.
+
+
+def search(
+    game: Game, critic: Critic, exact: Exact, b: np.ndarray
+) -> tuple[float, tuple[Found, ...]]:
+    """The largest error at the origin, and those found over the box |z_i| <= b_i: of V, of any
+    dV/dz_i, of any input.
+
+    Each is relative to the largest of the exact V, dV/dz_i or u_i in the box; V but for its
+    constant, on which no policy depends. L-BFGS-B climbs each error from the `CLIMBS` worst corners
+    and the `CLIMBS` worst others of `STARTS` states. All errors are compared at all states that any
+    climb reaches.
+    """
+    z = ca.SX.sym("z", len(b))
+    names, errors = _errors(game, critic, exact, b, z)
+    values = ca.Function("values", [z], [errors])
+    climb = _climber(values, errors, z, b)
+    starts = _starts(np.ones(len(b)), STARTS, seed=0)
+    ends = []
+    for sampled, unit in zip(np.array(values((b * starts).T)), np.eye(len(names)), strict=True):
+        sizes = np.where(np.isfinite(sampled), np.abs(sampled), math.inf)
+        order = np.argsort(-sizes, kind="stable")
+        ends.append(starts[order[0]])
+        if not math.isfinite(sizes[order[0]]):
+            continue
+        corners = order[order % 2 == 0][:CLIMBS]
+        inside = order[order % 2 == 1][:CLIMBS]
+        for index in (order[0], *corners, *inside):
+            ends.append(climb(np.copysign(unit, sampled[index]), starts[index]))
+    reached = b * np.array(ends)
+    sizes = _sizes(values(reached.T))
+    found: dict[str, Found] = {}
+    for name, row in zip(names, sizes, strict=True):
+        worst = int(np.argmax(row))
+        if name not in found or row[worst] > found[name].error:
+            found[name] = Found(name, float(row[worst]), reached[worst])
+    return float(_sizes(values(np.zeros(len(b)))).max()), tuple(found.values())
+
+
+def _sizes(values: ca.DM) -> np.ndarray:
+    sizes = np.abs(np.array(values))
+    return np.where(np.isfinite(sizes), sizes, math.inf)
+
+
+def _climber(
+    values: ca.Function, errors: ca.SX, z: ca.SX, b: np.ndarray
+) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
+    """(weights, y) -> where weights'errors(b y), |y_i| <= 1, is largest on the way up from y."""
+    from scipy.optimize import minimize
+
+    w = ca.SX.sym("w", errors.numel())
+    slopes = ca.Function("slopes", [z, w], [ca.jtimes(errors, z, w, True)])
+
+    def climb(weights: np.ndarray, start: np.ndarray) -> np.ndarray:
+        def descent(y: np.ndarray) -> tuple[float, np.ndarray]:
+            value = -float(weights @ np.array(values(b * y)).ravel())
+            return value, -np.array(slopes(b * y, weights)).ravel() * b
+
+        bounds = [(-1.0, 1.0)] * len(b)
+        end = minimize(
+            descent, start, jac=True, method="L-BFGS-B", bounds=bounds, options={"maxiter": 25}
+        )
+        return np.asarray(end.x)
+
+    return climb
+
+
+def _errors(
+    game: Game, critic: Critic, exact: Exact, b: np.ndarray, z: ca.SX
+) -> tuple[list[str], ca.SX]:
+    """Names of the relative errors, and the errors themselves, of the symbols z."""
+    P = ca.DM(exact.P)
+    scale = np.sqrt(np.diag(game.R))
+    parts = []
+    if critic.value is not None:
+        error = critic.value(z) - critic.constant - ca.bilin(P, z, z)
+        parts.append(("value", error, np.atleast_1d(b @ np.abs(exact.P) @ b)))
+    if critic.gradient is not None:
+        error = critic.gradient(z) - 2.0 * P @ z
+        parts.append(("gradient", error, _floored(2.0 * np.abs(exact.P) @ b)))
+    error = critic.policy(z) + ca.DM(exact.K) @ z
+    parts.append(("policy", error, _floored(scale * (np.abs(exact.K) @ b)) / scale))
+    names = [name for name, _, sizes in parts for _ in sizes]
+    return names, ca.vertcat(*(error / ca.DM(sizes) for _, error, sizes in parts))
+
+
+def _floored(sizes: np.ndarray) -> np.ndarray:
+    """As in `entry_error`: small ones are compared with a part of the largest."""
+    return np.maximum(sizes, SMALL * sizes.max() or 1.0)
+
+
+def _starts(b: np.ndarray, count: int, seed: int = 1) -> np.ndarray:
+    """States of the box, every other one a corner: (count, n)."""
+    starts = np.random.default_rng(seed).uniform(-1.0, 1.0, (count, len(b)))
+    starts[::2] = np.sign(starts[::2])
+    return starts * b
+
+
+# Flights.
+
+
+class _Loop:
+    """z' = rates(z) and cost' = running(z), CasADi expressions of z (n,), integrated by LSODA.
+
+    rest: where it comes to rest near z = 0, None for nowhere.
+    """
+
+    def __init__(self, z: ca.SX, rates: ca.SX, exact: Exact, time: float, b: np.ndarray) -> None:
+        self._z = z
+        self._rates = rates
+        self._P = exact.P
+        self._time = time
+        self.rest = rest_point(z, rates, b)
+        self._bound = self._slopes_of(ca.SX(0.0))
+
+    def with_cost(self, running: Callable[[ca.SX], ca.SX]) -> _Loop:
+        """The same loop with a cost; running(z) is 0 at rest."""
+        self._bound = self._slopes_of(running(self._z))
+        return self
+
+    def _slopes_of(self, running: ca.SX) -> BoundFunction:
+        y = ca.vertcat(self._z, ca.SX.sym("cost"))
+        slopes = ca.densify(ca.vertcat(self._rates, running))
+        return BoundFunction(ca.Function("slopes", [y], [slopes]))
+
+    def _slopes(self, y: np.ndarray, _: float) -> np.ndarray:
+        self._bound.inputs[0][:] = y
+        self._bound()
+        return self._bound.results[0]
+
+    def returned(self, start: np.ndarray) -> tuple[np.ndarray, float] | None:
+        """The end, less the rest point, and the cost; None where V* about the rest point has not
+        come down to `RETURNED`."""
+        from scipy.integrate import odeint
+
+        if self.rest is None:
+            return None
+        tolerances = {"rtol": 1e-7, "atol": 1e-9 * np.abs(start).max(), "mxstep": STEPS}
+        with (
+            np.errstate(all="ignore"),
+            warnings.catch_warnings(action="ignore"),
+        ):  # of LSODA, where it gives up
+            (_, end), outcome = odeint(
+                self._slopes,
+                np.append(start, 0.0),
+                [0.0, self._time],
+                full_output=True,
+                **tolerances,
+            )
+        if outcome["message"] != "Integration successful." or not np.all(np.isfinite(end)):
+            return None
+        z = end[:-1] - self.rest
+        begin = start - self.rest
+        if z @ self._P @ z > RETURNED * (begin @ self._P @ begin):
+            return None
+        return z, float(end[-1])
+
+
+def rest_point(z: ca.SX, rates: ca.SX, b: np.ndarray) -> np.ndarray | None:
+    """z (n,) with rates(z) = 0 near 0, by Newton; None where there is none within
+    `_FARTHEST_REST` boxes."""
+    step = ca.Function("step", [z], [rates, ca.jacobian(rates, z)])
+    point = np.zeros(len(b))
+    for _ in range(_NEWTON_STEPS):
+        rate, jacobian = (np.array(part) for part in step(point))
+        if not (np.all(np.isfinite(rate)) and np.all(np.isfinite(jacobian))):
+            return None
+        try:
+            change = np.linalg.solve(jacobian, rate.ravel())
+        except np.linalg.LinAlgError:
+            return None
+        point = point - change
+        if np.any(np.abs(point) > _FARTHEST_REST * b):
+            return None
+        if np.all(np.abs(change) <= 1e-12 * b):
+            return point
+    return None
+
+
+def rest_check(rest: np.ndarray | None, b: np.ndarray, limit: float) -> Check:
+    """Whether the loop comes to rest at trim."""
+    if rest is None:
+        return at_most("rest_point", math.inf, limit, "no rest point near trim", kind="cost")
+    distance = float((np.abs(rest) / b).max())
+    return at_most(
+        "rest_point", distance, limit, f"rests off trim by {distance:.2g} of the box", kind="cost"
+    )
+
+
+def fly(
+    game: Game,
+    critic: Critic,
+    exact: Exact,
+    b: np.ndarray,
+    flights: int,
+    plant: NonlinearPlant | None = None,
+) -> Flown:
+    """Fly a network whose linear loop is stable from the box |z_i| <= b_i."""
+    z = ca.SX.sym("z", len(b))
+    u = critic.policy(z)
+    time = DECAY / abs(spectrum(game.A - game.B @ exact.K).abscissa)
+    losses = flown_losses(game, critic, exact, b, flights)
+    linear = _Loop(z, ca.DM(game.A) @ z + ca.DM(game.B) @ u, exact, time, b)
+    reached = [_reach(linear, b)]
+    if plant is not None:
+        for policy in (u, -ca.DM(exact.K) @ z):
+            reached.append(_reach(_Loop(z, plant.closed(z, policy), exact, time, b), b))
+    return Flown(
+        flights,
+        float(losses.max()),
+        float(losses.mean()),
+        linear.rest,
+        *reached,
+    )
+
+
+def flown_losses(
+    game: Game, critic: Critic, exact: Exact, b: np.ndarray, flights: int
+) -> np.ndarray:
+    """Percent of V* that u(z) costs more than u* from each start in the box: (flights,); all inf
+    where it does not return from one.
+
+    Under d = L* z, the worst disturbance of the exact policies, J - V* = ∫ (u - u*)'R(u - u*) dt.
+    What comes after the end is that of the linear loop. A policy that rests off trim is judged by
+    its way to the rest point: its u - u* there is taken off.
+    """
+    from scipy.linalg import solve_continuous_lyapunov
+
+    A = game.A + game.E @ exact.disturbance_gain
+    linear = A - game.B @ critic.K
+    if spectrum(linear).abscissa >= 0.0:
+        return np.full(flights, math.inf)
+    change = critic.K - exact.K
+    after = solve_continuous_lyapunov(linear.T, -change.T @ game.R @ change)
+    z = ca.SX.sym("z", len(b))
+    u = critic.policy(z)
+    time = DECAY / abs(spectrum(game.A - game.B @ exact.K).abscissa)
+    loop = _Loop(z, ca.DM(A) @ z + ca.DM(game.B) @ u, exact, time, b)
+    if loop.rest is None:
+        return np.full(flights, math.inf)
+    rest = loop.rest
+    at_rest = np.array(critic.policy(rest)).ravel() + exact.K @ rest
+
+    def running(z: ca.SX) -> ca.SX:
+        away = critic.policy(z) + ca.DM(exact.K) @ z - ca.DM(at_rest)
+        return ca.bilin(ca.DM(game.R), away, away)
+
+    loop.with_cost(running)
+    losses = []
+    for start in _starts(b, flights):
+        end = loop.returned(start)
+        if end is None:
+            return np.full(flights, math.inf)
+        cost = end[1] + end[0] @ after @ end[0]
+        losses.append(100.0 * float(cost / (start @ exact.P @ start)))
+    return np.array(losses)
+
+
+def _reach(loop: _Loop, b: np.ndarray) -> float:
+    """The largest of 2^-k ... 2^k times the box, k = `DOUBLINGS`, such that a flight returns from
+    `FEW` starts in it and in each smaller one tried; 0 for none."""
+
+    def returns(size: float) -> bool:
+        return all(loop.returned(start) is not None for start in size * _starts(b, FEW))
+
+    size = 1.0
+    if returns(size):
+        while size < 2.0**DOUBLINGS and returns(2.0 * size):
+            size *= 2.0
+        return size
+    while size > 2.0**-DOUBLINGS:
+        size /= 2.0
+        if returns(size):
+            return size
+    return 0.0
+
+
+# What is said of them.
+
+
+def network_section(
+    critic: Critic, b: np.ndarray, found: tuple[Found, ...], flown: Flown | None
+) -> Section:
+    """What was read of a network, one value to compare with one's own, and what was found.
+
+    found: empty of a polynomial, whose errors are bounded; then flown is None.
+    """
+    kinds = [name for name in ("V", "gradient", "policy") if name in critic.network]
+    if "V" in kinds and "gradient" in kinds:
+        kinds.remove("gradient")  # its derivative
+    output = " and ".join(kinds) or "V"
+    data: dict[str, Any] = {
+        "output": output,
+        "precision": critic.precision,
+        "value_at_origin": critic.constant,
+        "origin": critic.origin,
+        "searched": [item._asdict() for item in found],
+        "starts": STARTS if found else 0,
+    }
+    constant = f", V(0) = {critic.constant:.4g}" if "V" in output else ""
+    if flown is None:
+        text = (f"Polynomial, {critic.precision} weights{constant}",)
+        return Section(text, {"network": data})
+    name = "u" if kinds == ["policy"] else "V" if "V" in kinds else "dV/dz"
+    function = {"u": critic.policy, "V": critic.value, "dV/dz": critic.gradient}[name]
+    assert function is not None
+    value = np.array(function(b)).ravel()
+    data |= {"at": b, "value_at": value, **_flown_data(flown)}
+    errors = "; ".join(
+        f"{_NOUNS[item.name]} {item.error:.3g} at ({_row(item.at)})" for item in found
+    )
+    lines = [
+        f"Network of {output}, {critic.precision} weights, linearized exactly at the origin"
+        f"{constant}",
+        f"Read: {critic.origin}",
+        f"{name}({_row(b)}) = {_row(value)}; compare it with your own",
+        f"Largest errors in the box (searched, {STARTS} starts; not a bound): {errors}",
+    ]
+    return Section((*lines, *_flown_lines(flown)), {"network": data})
+
+
+def _row(numbers: np.ndarray) -> str:
+    return ", ".join(f"{number:.4g}" for number in numbers)
+
+
+def _flown_data(flown: Flown) -> dict[str, Any]:
+    return {
+        "flights": flown.flights,
+        "cost_lost_flown_percent": flown.lost,
+        "cost_lost_flown_mean_percent": flown.lost_mean,
+        "rest_point": flown.rest,
+        "reach": flown.reach,
+        "reach_nonlinear": flown.reach_nonlinear,
+        "reach_nonlinear_exact": flown.reach_nonlinear_exact,
+    }
+
+
+def _flown_lines(flown: Flown) -> list[str]:
+    if not flown.flights:
+        return ["Not flown: the linear loop is not stable"]
+    lines = [
+        f"Flown from {flown.flights} starts in the box (not a bound): cost lost "
+        f"{flown.lost:.3g} percent at most, {flown.lost_mean:.3g} on average",
+    ]
+    reach = f"{flown.reach:g} times the box on the linear plant"
+    if flown.reach_nonlinear is not None:
+        reach += (
+            f", {flown.reach_nonlinear:g} times on the nonlinear one within the limits of its controls "
+            f"(the exact policy {flown.reach_nonlinear_exact:g})"
+        )
+    lines.append(f"Returns to rest from {reach} ({FEW} starts each, doubled up to {2**DOUBLINGS})")
+    return lines

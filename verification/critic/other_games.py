@@ -1,0 +1,340 @@
+"""Of which other game a critic is the answer: with another delta, Q, R, discount, time step or
+scheduling value.
+
+Along one parameter the game whose answer is nearest is found by a search; diagonal Q and R follow
+from P, because the Riccati equation is linear in them. The game is then solved, and only its answer
+counts.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from controller.game.zero_sum import Game
+from controller.riccati.balancing import balanced_units, in_units
+from controller.riccati.derivations import quick_solution
+from controller.riccati.discrete import quick_discounted, sampled
+from controller.riccati.smallest_delta import minimum_delta
+from hfa_support.errors import BadInputError, NoSolutionError
+from verification.critic.hypotheses import REDUNDANT, Hypothesis, View
+
+#: Where searches begin: 1/delta² and Q, R, discount as factors, steps of time in s.
+_FACTORS = (0.01, 0.1, 0.3, 1.0, 3.0, 10.0, 100.0)
+_TIMES = (1e-3, 1e-2, 5e-2, 0.2, 1.0)
+#: Steps of a search, and the relative step of its derivative.
+_STEPS = 30
+_STEP = 1e-5
+#: Where there is no game, as a difference: so many times that of the start.
+_NO_GAME = 1e3
+#: A search must take the difference down to this part of the best start's, or to rounding.
+_REACHED = 0.1
+ROUNDING = 1e-9
+#: Entries of Q and R that differ by less, relative, are the game's.
+_SAME_WEIGHT = 1e-3
+
+
+class Answer(NamedTuple):
+    """P (n, n), None where only a gain is known, and K (m, n)."""
+
+    P: np.ndarray | None
+    K: np.ndarray
+
+
+class Scheduled(NamedTuple):
+    """The games of a model along its scheduling variable.
+
+    says: value -> "at dihedral 12.0000 deg".
+    game_at: value -> the game there.
+    starts: values where a search begins; none where the model is stationary.
+    """
+
+    says: Callable[[float], str]
+    game_at: Callable[[float], Game]
+    starts: tuple[float, ...]
+
+
+class Nearby(NamedTuple):
+    """Other games that the critic may have been learned on.
+
+    named: what differs, as "of the matrices printed for 5 deg" -> game.
+    scheduled: games along the scheduling variable.
+    """
+
+    named: Mapping[str, Game] = {}
+    scheduled: Scheduled | None = None
+
+
+class Family(NamedTuple):
+    """Games along one parameter x.
+
+    says: (noun, x) -> whose answer it is.
+    answer: x -> the answer; NoSolutionError where there is none.
+    starts: where a search of x begins; none for one game alone.
+    is_lqr: whether it is the game without disturbance.
+    """
+
+    says: Callable[[str, float], str]
+    answer: Callable[[float], Answer]
+    starts: tuple[float, ...] = ()
+    is_lqr: bool = False
+
+
+def families(game: Game, nearby: Nearby) -> list[Family]:
+    """The LQR, named games, and games with another delta, scheduling value, Q, R, discount or in
+    discrete time."""
+    logs = tuple(math.log(factor) for factor in _FACTORS)
+    times = tuple(math.log(time) for time in _TIMES)
+    lqr = game.with_delta(math.inf)
+    is_game = math.isfinite(game.delta)
+    size = game.delta if is_game else minimum_delta(game).value
+    found = []
+    if is_game:
+        found.append(
+            Family(
+                lambda noun, _: (
+                    f"this is the LQR {noun} (delta = inf), not the game's at delta "
+                    f"= {game.delta:.6g}"
+                ),
+                lambda _: solved(lqr),
+                is_lqr=True,
+            )
+        )
+    if size > 0.0:  # P and K are smooth in x = 1/δ², relative
+        found.append(
+            _another(
+                lambda x: f"at delta = {size / math.sqrt(x):.4g}",
+                lambda x: game.with_delta(size / math.sqrt(x)),
+                _FACTORS,
+            )
+        )
+    for description, other in nearby.named.items():
+        if other.B.shape == game.B.shape:
+            found.append(_named(description, other))
+    if nearby.scheduled is not None:
+        says, game_at, starts = nearby.scheduled
+        found.append(_another(says, game_at, starts))
+    found += [
+        _another(
+            lambda x: f"with Q {math.exp(x):.4g} times as large",
+            lambda x: replace(game, Q=math.exp(x) * game.Q),
+            logs,
+        ),
+        _another(
+            lambda x: f"with R {math.exp(x):.4g} times as large",
+            lambda x: replace(game, R=math.exp(x) * game.R),
+            logs,
+        ),
+        _another(
+            lambda x: f"with a discount of {math.exp(x):.4g} 1/s",
+            lambda x: discounted(game, math.exp(x)),
+            logs,
+        ),
+        _in_steps("of another game, ", lambda step: held(game, step), times),
+        _in_steps(
+            "of another game, ",
+            lambda step: held(game, step, whole=True),
+            times,
+            " and its whole cost",
+        ),
+        _in_steps(
+            "of another game, ", lambda step: euler(game, step), times, " of x + (A x + B u) dt"
+        ),
+    ]
+    if is_game:
+        found.append(_in_steps("of the LQR ", lambda step: held(lqr, step), times))
+        found.append(
+            _in_steps("of the LQR ", lambda step: euler(lqr, step), times, " of x + (A x + B u) dt")
+        )
+    return found
+
+
+def _another(
+    says: Callable[[float], str],
+    game_at: Callable[[float], Game],
+    starts: tuple[float, ...] = (),
+) -> Family:
+    """Another game in continuous time; says: what differs at x."""
+    return Family(
+        lambda noun, x: f"this is the {noun} of another game, {says(x)}",
+        lambda x: solved(game_at(x)),
+        starts,
+    )
+
+
+def _named(description: str, game: Game) -> Family:
+    """One other game."""
+    return _another(lambda _: description, lambda _: game)
+
+
+def _in_steps(
+    whose: str, answer: Callable[[float], Answer], starts: tuple[float, ...], how: str = ""
+) -> Family:
+    """A game in discrete time, with its step exp(x) s."""
+    return Family(
+        lambda noun, x: (
+            f"this is the {noun} {whose}in discrete time, a step of {math.exp(x):.4g} s{how}"
+        ),
+        lambda x: answer(math.exp(x)),
+        starts,
+    )
+
+
+def solved(game: Game) -> Answer:
+    """The answer of a game, neither refined nor certified."""
+    P = quick_solution(game)
+    return Answer(P, game.gain(P))
+
+
+def discounted(game: Game, rate: float) -> Game:
+    """The game whose P is that of ∫ e^(-rate t) (z'Qz + u'Ru - δ² d'd) dt; rate: 1/s."""
+    return replace(game, A=game.A - 0.5 * rate * np.eye(len(game.A)))
+
+
+def held(game: Game, step: float, *, whole: bool = False) -> Answer:
+    """The answer with u and d held over each step, s; whole: its cost is not multiplied by its
+    length."""
+    P, K = quick_discounted(sampled(game, step))
+    return Answer(P / step if whole else P, K)
+
+
+def euler(game: Game, step: float) -> Answer:
+    """The answer of x⁺ = x + (A x + B u + E d) step, with the cost times the step, s."""
+    A = np.eye(len(game.A)) + step * game.A
+    of_step = Game(
+        A, step * game.B, step * game.E, step * game.Q, step * game.R, math.sqrt(step) * game.delta
+    )
+    return Answer(*quick_discounted(of_step))
+
+
+def is_answer(view: View, answer: Answer, says: str) -> Hypothesis:
+    """The critic taken for the answer to another question: what is wrong is its difference from
+    that."""
+    matrix = answer.P if view.kind == "P" else answer.K
+    assert matrix is not None
+    return Hypothesis(says, view.given - matrix + view.exact)
+
+
+def answers(view: View, candidates: list[Family], explained: float) -> Iterator[Hypothesis]:
+    """Of each family the game whose answer is nearest.
+
+    explained: how far a search must take the difference down.
+    """
+    few = view.known <= REDUNDANT  # a few numbers fit many games
+    for family in candidates:
+        x: float | None = 0.0
+        if family.starts:
+            x = None if few else _nearest(view, family, explained)
+        if x is not None:
+            with contextlib.suppress(NoSolutionError):
+                yield is_answer(view, family.answer(x), family.says(view.noun, x))
+
+
+def other_weights(game: Game, P: np.ndarray) -> Iterator[tuple[str, Answer]]:
+    """Games with another diagonal Q or R whose value may be P (n, n), and what they are called.
+
+    A'P + P A + Σ q_i e_i e_i' - P (Σ b_j b_j' / r_j - δ⁻² E E') P = 0 is linear in q and 1/r.
+    """
+    units = balanced_units(game)
+    there = in_units(game, units)
+    P = (P + P.T) / 2.0 * np.outer(units, units)
+    control = P @ there.S_control @ P
+    constant = there.A.T @ P + P @ there.A + P @ there.S_disturbance @ P / there.delta**2
+    if _is_diagonal(game.Q):
+        squares = [np.diag(row) for row in np.eye(len(P))]
+        fitted = _fitted(squares, constant - control)
+        if fitted is not None:
+            diagonal = fitted / units**2
+            yield from _with_weights(game, "Q", "state", diagonal)
+    if _is_diagonal(game.R):
+        squares = [-np.outer(column, column) for column in (P @ there.B).T]
+        fitted = _fitted(squares, constant + there.Q)
+        if fitted is not None and np.all(fitted > 0.0):
+            yield from _with_weights(game, "R", "input", 1.0 / fitted)
+
+
+def _is_diagonal(matrix: np.ndarray) -> bool:
+    return bool(np.array_equal(matrix, np.diag(np.diag(matrix))))
+
+
+def _fitted(terms: list[np.ndarray], constant: np.ndarray) -> np.ndarray | None:
+    """x of the least squares Σ x_i terms_i + constant = 0; None where too few equations would test
+    them."""
+    upper = np.triu_indices(len(constant))
+    matrix = np.array([term[upper] for term in terms]).T
+    if len(matrix) < matrix.shape[1] + REDUNDANT:
+        return None
+    return np.linalg.lstsq(matrix, -constant[upper], rcond=None)[0]
+
+
+def _with_weights(
+    game: Game, name: str, noun: str, diagonal: np.ndarray
+) -> Iterator[tuple[str, Answer]]:
+    """The answer with this diagonal of "Q" or "R"."""
+    own = np.diag(getattr(game, name))
+    changed = np.flatnonzero(np.abs(diagonal - own) > _SAME_WEIGHT * np.abs(own))
+    says = f"with {name} = diag({', '.join(f'{weight:.4g}' for weight in diagonal)})"
+    if len(changed) == 1 and own[changed[0]] != 0.0:
+        (index,) = changed
+        factor = diagonal[index] / own[index]
+        says = f"with {name} of {noun} {index + 1} {factor:.4g} times as large"
+    with contextlib.suppress(NoSolutionError, BadInputError, np.linalg.LinAlgError):
+        weights = np.diag(diagonal)
+        other = replace(game, Q=weights) if name == "Q" else replace(game, R=weights)
+        yield f"this is the solution of another game, {says}", solved(other)
+
+
+def _nearest(view: View, family: Family, explained: float) -> float | None:
+    """The parameter at which the answer differs least, by least squares.
+
+    It lies between the starts or as far beyond them. None when the difference does not fall to
+    `_REACHED` of the best start's.
+    """
+    from scipy.optimize import least_squares
+
+    @lru_cache
+    def difference(parameter: float) -> np.ndarray | None:
+        try:
+            with np.errstate(divide="raise", invalid="raise"):
+                answer = family.answer(parameter)
+                matrix = answer.P if view.kind == "P" else answer.K
+                assert matrix is not None
+                away = (matrix - view.given) * view.weights
+                return np.ravel(away / np.linalg.norm(matrix * view.weights))
+        except (NoSolutionError, BadInputError, ValueError, ArithmeticError):  # no such game
+            return None
+
+    tried = {start: difference(start) for start in family.starts}
+    sizes = {
+        start: float(np.linalg.norm(away)) for start, away in tried.items() if away is not None
+    }
+    if not sizes:
+        return None
+    begin = min(sizes, key=lambda start: sizes[start])
+    nowhere = np.full(view.given.size, _NO_GAME * max(sizes[begin], ROUNDING))
+
+    def residuals(parameter: np.ndarray) -> np.ndarray:
+        away = difference(float(parameter[0]))
+        return nowhere if away is None else away
+
+    lowest = min(family.starts)
+    highest = max(family.starts)
+    end = least_squares(
+        residuals,
+        [begin],
+        bounds=(2.0 * lowest - highest, 2.0 * highest - lowest),
+        ftol=0.1,
+        xtol=1e-14,
+        gtol=1e-15,
+        diff_step=_STEP,
+        max_nfev=_STEPS,
+    )
+    left = float(np.linalg.norm(end.fun))
+    enough = max(_REACHED * sizes[begin], explained, ROUNDING)
+    return float(end.x[0]) if left <= enough else None

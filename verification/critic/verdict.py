@@ -1,0 +1,389 @@
+"""The verdict on a critic: every check, what it lost, the likely mistake, and how that reads."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from controller.critic.critic import Critic
+from controller.game.learning_result import settled_at
+from hfa_support.errors import BadInputError
+from hfa_support.jsonable import finite_or_none, jsonable
+from hfa_support.reporting.checks import Check, Checked, checks_block, verdict_text
+from hfa_support.reporting.report import Part, Report, Reported
+from hfa_support.reporting.text import Table, entry_rows, numbered
+from hfa_support.reporting.unit_system import in_force
+from verification.critic.critic_errors import Exact
+
+#: What is computed for each row of a table of critics, and the head of its column and curve.
+COLUMNS = {
+    "P_rel_error": "error of P",
+    "K_rel_error": "error of K",
+    "riccati_residual": "Riccati residual",
+    "largest_error": "largest error",
+}
+#: Rows of a table of critics over time, and entries of P and K, in a report; in that of a critic
+#: that fails fewer entries. Files have all.
+_TIMES = 9
+_ENTRIES = 12
+_ENTRIES_OF_A_FAILURE = 3
+#: Failures with their reasons; the others by name.
+_FAILURES = 6
+#: Difference of an entry, relative, and cost lost, percent, that are rounding.
+ROUNDING = 1e-9
+#: Columns of the first line of a report.
+_FIRST_LINE = 100
+
+
+@dataclass(frozen=True, eq=False)
+class ErrorTable:
+    """Errors of a critic at each time of its history.
+
+    times: (N,), s.
+    errors: by the names of `COLUMNS`, (N,) each; nan where P is not known.
+    decides: whose column must settle.
+    limit: of that column.
+    predefined_time: T_w, s; None when none is promised.
+    """
+
+    times: np.ndarray
+    errors: Mapping[str, np.ndarray]
+    decides: str
+    limit: float
+    predefined_time: float | None = None
+
+    @property
+    def settling_time(self) -> float:
+        """First time from which the deciding column stays within the limit, s; inf when it does
+        not."""
+        return settled_at(self.times, self.errors[self.decides], self.limit)
+
+    @property
+    def sentence(self) -> str:
+        """When it settles, in words."""
+        what = f"the {COLUMNS[self.decides]}"
+        if math.isfinite(self.settling_time):
+            return f"{what} stays within {self.limit:g} from {self.settling_time:.4g} s on"
+        last = self.errors[self.decides][-1]
+        return f"{what} ends at {last:.3g} and does not settle within {self.limit:g}"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Ready for JSON."""
+        kept = None
+        if self.predefined_time is not None:
+            kept = self.settling_time <= self.predefined_time
+        return {
+            "time": self.times,
+            **self.errors,
+            "limit": self.limit,
+            "settling_time": finite_or_none(self.settling_time),
+            "predefined_time": self.predefined_time,
+            "predefined_time_kept": kept,
+        }
+
+    def section(self) -> Section:
+        """Some rows and the settling time for a report, all rows for a file."""
+        columns = np.column_stack([self.times, *self.errors.values()])
+        some = np.unique(np.linspace(0, len(columns) - 1, _TIMES).round().astype(int))
+        rows = [(f"{time:.4g}", *map(_number, errors)) for time, *errors in columns[some].tolist()]
+        shown = Table(("time, s", *(COLUMNS[name] for name in self.errors)), rows)
+        records = Table(("time [s]", *self.errors), columns)  # type: ignore[arg-type]
+        return Section((shown, self.sentence), {"history": self.to_dict()}, records)
+
+
+class Section(NamedTuple):
+    """A part of a verdict.
+
+    part: of the report.
+    data: entries of the JSON.
+    records: rows of a file, in place of the entries of P and K.
+    """
+
+    part: Part
+    data: dict[str, Any]
+    records: Table | None = None
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Verdict(Checked, Reported):
+    """The verdict on one critic: PASS when every check holds.
+
+    critic: what was judged.
+    exact: the certified solution that it was compared with.
+    checks: with their kind: error, stability, cost, gain or data.
+    limit: of the errors.
+    diagnosis: the mistake recognized, or "".
+    cost_lost: against the optimum, at most, percent.
+    searched: how many states were searched, where the errors over the box are no bounds; else 0.
+    problem: what the exact solution is of.
+    schema: of the JSON.
+    sections: what else was found.
+    table: errors over time, of a history or a training run; else None.
+    """
+
+    critic: Critic
+    exact: Exact
+    checks: tuple[Check, ...]
+    limit: float
+    diagnosis: str = ""
+    cost_lost: float = 0.0
+    searched: int = 0
+    problem: str = "game solution"
+    schema: str = "hfa.critic-check/1"
+    sections: tuple[Section, ...] = field(default_factory=tuple)
+    table: ErrorTable | None = None
+
+    def value_of(self, name: str) -> float:
+        """The number of a check; nan where there is no such check."""
+        return next((check.value for check in self.checks if check.name == name), math.nan)
+
+    @property
+    def P_rel_error(self) -> float:
+        """|P - P*| / |P*|, Frobenius norms in the units of the game; nan where only a gain is
+        known."""
+        return self.value_of("P_rel_error")
+
+    @property
+    def K_rel_error(self) -> float:
+        """|K - K*| / |K*|, Frobenius norms in the units of the game."""
+        return self.value_of("K_rel_error")
+
+    @property
+    def largest_error(self) -> float:
+        """The largest of the errors."""
+        return max(check.value for check in self.checks if check.kind == "error")
+
+    @property
+    def stabilizing(self) -> bool:
+        """Whether A - B K is stable."""
+        return all(check.ok for check in self.checks if check.name.startswith("control_loop"))
+
+    def holds(self, limit_cost: float | None = None) -> bool:
+        """Whether every check holds; with a limit, percent, whether the critic costs no more."""
+        return self.ok if limit_cost is None else self.cost_lost <= limit_cost
+
+    def headline(self, limit_cost: float | None = None) -> str:
+        """Pass or fail, exact or not, stabilizing or not, cost lost and L2 gain, in at most 100
+        columns."""
+        failed = [check for check in self.checks if not check.ok]
+        decided = ""
+        if limit_cost is not None:
+            decided = f" by cost limit {limit_cost:g} %"
+        elif failed and not any(check.kind in ("error", "stability") for check in failed):
+            decided = f" by {failed[0].name}"
+        line = f"{verdict_text(self.holds(limit_cost))}{decided}: {self._exactness(failed)}"
+        facts = ["stabilizing" if self.stabilizing else "not stabilizing"]
+        facts += [check.reason for check in failed if check.name == "rest_point"]
+        if math.isinf(self.cost_lost):
+            facts.append("cost without bound")
+        elif self.cost_lost < ROUNDING:
+            facts.append("no cost lost")
+        else:
+            facts.append(f"cost lost {self.cost_lost:.2g} %")
+        gain = next((check for check in self.checks if check.kind == "gain"), None)
+        if gain is not None and math.isfinite(gain.value):
+            facts.append(f"L2 gain {gain.value:.4g} (delta {gain.limit:g})")
+        for fact in facts:
+            if len(line) + len(fact) + 2 <= _FIRST_LINE:
+                line += f", {fact}"
+        return line
+
+    def _exactness(self, failed: Sequence[Check]) -> str:
+        wrong = next((check for check in failed if check.kind == "error"), None)
+        if wrong is not None:
+            return f"not exact ({wrong.reason.partition(':')[0]})"
+        if self.searched:
+            return f"no error above {self.limit:g} found at {self.searched} states"
+        return f"exact within {self.limit:g}"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Ready for JSON."""
+        data: dict[str, Any] = {
+            "schema": self.schema,
+            "ok": self.ok,
+            "P_rel_error": self.P_rel_error,
+            "K_rel_error": self.K_rel_error,
+            "diagnosis": self.diagnosis,
+            "checks": [check.to_dict() | {"kind": check.kind} for check in self.checks],
+            "P": self.critic.P,
+            "K": self.critic.K,
+            "P_exact": self.exact.P,
+            "K_exact": self.exact.K,
+        }
+        for section in self.sections:
+            data |= section.data
+        return dict(jsonable(data))
+
+    def data(self, limit_cost: float | None = None) -> dict[str, Any]:
+        """`to_dict`, and the verdict on the cost where that has a limit."""
+        data = self.to_dict()
+        if limit_cost is not None and "graded" in data:
+            data["graded"] |= {"limit_cost_percent": limit_cost, "ok": self.holds(limit_cost)}
+        return data
+
+    def report(
+        self,
+        states: tuple[str, ...] = (),
+        inputs: tuple[str, ...] = (),
+        origin: str = "the plant",
+        state_units: tuple[str, ...] = (),
+        input_units: tuple[str, ...] = (),
+        *,
+        limit_cost: float | None = None,
+    ) -> Report:
+        """The verdict in the first line, every check, the sections, P and K entry by entry.
+
+        states, inputs: names, by default x1, x2, ... and u1, u2, ...
+        origin: what the plant is called.
+        state_units, input_units: "" where they are not known.
+        limit_cost: percent, then decides the verdict.
+        """
+        m, n = self.exact.K.shape
+        states = states or numbered("x", n)
+        inputs = inputs or numbered("u", m)
+        if (len(states), len(inputs)) != (n, m):
+            raise BadInputError(
+                f"names are given of {len(states)} states and {len(inputs)} inputs; there are {n} "
+                f"and {m}"
+            )
+        units = (state_units or ("",) * n, input_units or ("",) * m)
+        P = self.critic.P
+        values = () if P is None else (P, self.exact.P)
+        entries = entry_rows(values, (self.critic.K, self.exact.K), (states, inputs), units)
+        records = Table(("matrix", "row", "column", "learned", "exact", "unit"), entries)
+        for section in self.sections:
+            records = section.records or records
+        heading = [f"Critic on {origin}, against the exact {self.problem}"]
+        if self.diagnosis:
+            heading.append(f"Reason: {self.diagnosis}")
+        return Report(
+            self.headline(limit_cost),
+            [
+                tuple(heading),
+                checks_block(self.checks) if self.ok else _failures(self.checks),
+                *(section.part for section in self.sections),
+                self._farthest_entries(entries, states),
+            ],
+            data={"state_units": list(state_units), "input_units": list(input_units)}
+            | self.data(limit_cost),
+            records=records,
+        )
+
+    def _farthest_entries(
+        self, entries: Sequence[tuple[Any, ...]], states: tuple[str, ...]
+    ) -> Part:
+        """The entries that are farthest off, relative to the largest of their matrix, in their
+        order; of P the upper triangle."""
+        largest = {
+            "P": float(np.abs(self.exact.P).max()) or 1.0,
+            "K": float(np.abs(self.exact.K).max()) or 1.0,
+        }
+        candidates = [
+            entry
+            for entry in entries
+            if entry[0] == "K" or states.index(entry[1]) <= states.index(entry[2])
+        ]
+        errors = [
+            abs(learned - exact) / largest[matrix] for matrix, _, _, learned, exact, _ in candidates
+        ]
+        sizes = np.nan_to_num(np.array(errors), nan=np.inf)
+        sizes[sizes < ROUNDING] = 0.0  # which of them are the largest is chance
+        most = _ENTRIES if self.ok else _ENTRIES_OF_A_FAILURE
+        rows = []
+        for index in sorted(np.argsort(-sizes, kind="stable")[:most]):
+            matrix, row, column, learned, exact, unit = candidates[index]
+            learned = in_force(learned, unit)
+            exact = in_force(exact, unit)
+            rows.append(
+                (
+                    f"{matrix}({row}, {column})",
+                    f"{learned:.8g}",
+                    f"{exact:.8g}",
+                    f"{learned - exact:+.2e}",
+                )
+            )
+        table = Table(("entry", "learned", "exact", "difference"), rows)
+        if len(candidates) <= most:
+            return (table,)
+        which = f"the {most} of {len(candidates)} entries that are farthest off"
+        if not sizes.any():
+            which = f"the first {most} of {len(candidates)} entries; all differ by rounding only"
+        return (table, f"{which}; -o FILE has all")
+
+
+def verdicts_report(
+    verdicts: Mapping[str, Verdict], origin: str, limit_cost: float | None = None
+) -> Report:
+    """Several critics of one game in one table, by the names of their files.
+
+    limit_cost: as in `Verdict.report`.
+    """
+    header = (
+        "critic",
+        "verdict",
+        "error of P",
+        "error of K",
+        "largest error",
+        "stabilizing",
+        "cost lost, percent",
+        "L2 gain",
+    )
+    rows = []
+    for name, verdict in verdicts.items():
+        lost = 0.0 if verdict.cost_lost < ROUNDING else verdict.cost_lost
+        gain = verdict.value_of("l2_gain")
+        rows.append(
+            (
+                name,
+                verdict_text(verdict.holds(limit_cost)),
+                _number(verdict.P_rel_error),
+                _number(verdict.K_rel_error),
+                _number(verdict.largest_error),
+                "yes" if verdict.stabilizing else "no",
+                f"{lost:.3g}",
+                "" if math.isnan(gain) else f"{gain:.4g}",
+            )
+        )
+    passed = sum(verdict.holds(limit_cost) for verdict in verdicts.values())
+    parts: list[Part] = []
+    if limit_cost is not None:
+        parts.append(f"Decided by the cost limit {limit_cost:g} percent")
+    reasons = [
+        f"{name}: {verdict.diagnosis}" for name, verdict in verdicts.items() if verdict.diagnosis
+    ]
+    return Report(
+        title=f"{passed} of {len(verdicts)} critics on {origin} pass against the exact solution",
+        parts=(*parts, Table(header, rows), tuple(reasons)),
+        data={
+            "schema": "hfa.critic-checks/1",
+            "ok": passed == len(verdicts),
+            "critics": {name: verdict.data(limit_cost) for name, verdict in verdicts.items()},
+        },
+        records=Table(header, rows),
+    )
+
+
+def _number(value: float) -> str:
+    return "" if math.isnan(value) else f"{value:.3g}"
+
+
+def _failures(checks: Sequence[Check]) -> Part:
+    """What failed and why, a line each: the loops, P and K, then the other errors."""
+
+    def order(check: Check) -> tuple[bool, bool]:
+        return check.kind == "error", check.name not in ("P_rel_error", "K_rel_error")
+
+    failed = sorted((check for check in checks if not check.ok), key=order)
+    lines = [
+        f"FAIL {check.name}: {check.reason} (must be {check.relation} {check.limit:.3g})"
+        for check in failed[:_FAILURES]
+    ]
+    if len(failed) > _FAILURES:
+        lines.append(f"FAIL too: {', '.join(check.name for check in failed[_FAILURES:])}")
+    passed = len(checks) - len(failed)
+    lines.append(f"{passed} check{'' if passed == 1 else 's'} passed; --json has all")
+    return tuple(lines)

@@ -1,0 +1,32 @@
+"""The box of states over which critics of the paper's aircraft are compared."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from controller.hfa_game import ORDINARY_DEVIATIONS
+from hfa_model.vectors import INPUTS, LINEAR_STATES, STATE_UNITS
+from hfa_support.reporting.unit_system import si_factor, si_unit
+from verification.critic.critic_errors import Box
+
+_UNITS = tuple(getattr(STATE_UNITS, name) for name in LINEAR_STATES)
+_SI_UNITS = tuple(si_unit(unit) for unit in _UNITS)
+
+
+def ordinary_box(
+    states: tuple[str, ...] = LINEAR_STATES,
+    inputs: tuple[str, ...] = INPUTS,
+    state_units: tuple[str, ...] = (),
+) -> Box | None:
+    """The ordinary deviations where states, inputs and units (English or SI; () for not said) are
+    those of the paper's aircraft; else None."""
+    if (states, inputs) != (LINEAR_STATES, INPUTS):
+        return None
+    widths = np.array(ORDINARY_DEVIATIONS)
+    speed = f"{widths[0]:g} ft/s"
+    if state_units == _SI_UNITS:
+        widths = widths * [si_factor(unit) for unit in _UNITS]
+        speed = f"{widths[0]:.4g} m/s"
+    elif any(state_units) and state_units != _UNITS:
+        return None
+    return Box(widths, f"ordinary deviations of the aircraft, {speed}, 0.1 rad, 0.1 rad/s")
