@@ -14,7 +14,7 @@ from scipy.linalg import solve_continuous_are, solve_continuous_lyapunov
 from controller import Game, basis
 from controller.critic.critic import Critic
 from verification import from_gain, from_value, from_weights, solve_game
-from verification.critic.other_games import discounted, held
+from verification.critic.other_games import discounted, euler, held
 from verification.exact_solution import Solution
 
 #: Radians in a degree.
@@ -305,24 +305,65 @@ NAMED: dict[str, tuple[str, Plant, str]] = {
         lambda game: gain(replace(game, R=0.25 * game.R)),
         "with R 0.25 times as large",
     ),
-}
-#: Wrong, and without a reason that could be told.
-UNNAMED: dict[str, tuple[str, Plant]] = {
     "squares first": (
         "W",
         lambda game: in_order(game, lambda row, column: np.argsort(row != column, kind="stable")),
+        "the weights stand with the squares first",
     ),
-    "sign of an entry, P": ("P", lambda game: changed(value(game), -1, (1, 4), (4, 1))),
-    "sign of an entry, K": ("K", lambda game: changed(gain(game), -1, (3, 0))),
-    "decimal slip, P": ("P", lambda game: changed(value(game), 10, (2, 5), (5, 2))),
-    "decimal slip, K": ("K", lambda game: changed(gain(game), 0.01, (4, 4))),
-    "half cost, no factor 2": ("W", lambda game: without_the_factor(game) / 2),
-    "weak E": ("P", lambda game: value(replace(game, E=game.E[:, 1:2]))),
-    "another Q": ("P", lambda game: value(replace(game, Q=HEAVY @ game.Q))),
+    "half cost, no factor 2": (
+        "W",
+        lambda game: without_the_factor(game) / 2,
+        "the weights lack the factor 2 of products z_i z_j and are of half the cost",
+    ),
+    "sign of an entry, P": (
+        "P",
+        lambda game: changed(value(game), -1, (1, 4), (4, 1)),
+        "P(2, 5) has the wrong sign",
+    ),
+    "sign of an entry, K": (
+        "K",
+        lambda game: changed(gain(game), -1, (3, 0)),
+        "K(4, 1) has the wrong sign",
+    ),
+    "decimal slip, P": (
+        "P",
+        lambda game: changed(value(game), 10, (2, 5), (5, 2)),
+        "P(3, 6) is 10 times the exact one: a decimal slip",
+    ),
+    "decimal slip, K": (
+        "K",
+        lambda game: changed(gain(game), 0.01, (4, 4)),
+        "K(5, 5) is 0.01 times the exact one: a decimal slip",
+    ),
+    "another Q": (
+        "P",
+        lambda game: value(replace(game, Q=HEAVY @ game.Q)),
+        "with Q = diag(3000, 1000, 0.01, 0.01, 200, 0.01)",
+    ),
+    "Q of one state": (
+        "P",
+        lambda game: value(replace(game, Q=np.diag([1.0, 2.5, 1.0, 1.0, 1.0, 1.0]) @ game.Q)),
+        "of another game, with Q of state 2 2.5 times as large",
+    ),
     "another R": (
         "P",
         lambda game: value(replace(game, R=np.diag([100.0, 400.0, 300.0, 400.0, 50.0]))),
+        "of another game, with R of input 3 0.75 times as large",
     ),
+    "I + A dt, K": (
+        "K",
+        lambda game: euler(game, 0.02).K,
+        "in discrete time, a step of 0.02 s of x + (A x + B u) dt",
+    ),
+    "I + A dt, LQR": (
+        "K",
+        lambda game: euler(game.with_delta(math.inf), 0.05).K,
+        "of the LQR in discrete time, a step of 0.05 s of x + (A x + B u) dt",
+    ),
+}
+#: Wrong, and without a reason that could be told.
+UNNAMED: dict[str, tuple[str, Plant]] = {
+    "weak E": ("P", lambda game: value(replace(game, E=game.E[:, 1:2]))),
     "recorded policy": ("P", recorded_policy),
     "Q and R doubled": ("P", lambda game: value(replace(game, Q=2.0 * game.Q, R=2.0 * game.R))),
     "stable before": ("P", lambda game: value(replace(game, A=game.A * 1.01))),

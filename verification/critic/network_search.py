@@ -108,9 +108,7 @@ def findings(
         return Findings((), (), 0, 0.0, network_section(critic, b, (), None))
     origin, found = search(game, critic, exact, b)
     what = "u" if critic.gradient is None else "the slope of V"
-    errors = [
-        error_check("origin_error", origin, limit, f"{what} at the origin, where 0 is right,")
-    ]
+    errors = [error_check("origin_error", origin, limit, f"{what} at the origin")]
     for item in found:
         what = f"{_NOUNS[item.name]} in the box"
         errors.append(error_check(f"searched_{item.name}_error", item.error, limit, what))
@@ -378,7 +376,7 @@ def flown_losses(
         if end is None:
             return np.full(flights, math.inf)
         cost = end[1] + end[0] @ after @ end[0]
-        losses.append(100.0 * float(cost / (start @ exact.P @ start)))
+        losses.append(max(100.0 * float(cost / (start @ exact.P @ start)), 0.0))
     return np.array(losses)
 
 

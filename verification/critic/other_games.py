@@ -241,6 +241,8 @@ def other_weights(game: Game, P: np.ndarray) -> Iterator[tuple[str, Answer]]:
 
     A'P + P A + Σ q_i e_i e_i' - P (Σ b_j b_j' / r_j - δ⁻² E E') P = 0 is linear in q and 1/r.
     """
+    if not P.any():
+        return
     units = balanced_units(game)
     there = in_units(game, units)
     P = (P + P.T) / 2.0 * np.outer(units, units)

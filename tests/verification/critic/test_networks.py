@@ -18,6 +18,7 @@ import numpy as np
 import pytest
 from cli import answer, hfa
 from game_files import AT_15, small, stored
+from game_samples import failed_names
 from network_files import onnx_file, safetensors_file, torch_file
 from planted_critics import gain, value, weights_of
 
@@ -30,7 +31,7 @@ from hfa.main import BAD_INPUT, DONE, FAILED
 from hfa_support import BadInputError
 from verification import check_critic, from_network, from_weights, solve_game
 from verification.critic.critic_check import FLIGHTS, Scope
-from verification.critic.network_search import flown_losses, search
+from verification.critic.network_search import search
 from verification.hfa_box import ordinary_box
 
 HERE = Path(__file__).parent
@@ -287,15 +288,30 @@ def test_the_cost_in_flight_is_that_of_the_linear_loop_where_the_network_is_line
 ) -> None:
     """From 40 starts, under the disturbance of the exact policies: no more than the worst of
     all."""
-    critic, exact = from_network(game, linear(-1.2 * gain(game))), solve_game(game)
+    critic = from_network(game, linear(-1.2 * gain(game)))
     check = check_critic(game, critic, scope=on_the_box(40))
     data = check.to_dict()
     flown = data["network"]["cost_lost_flown_percent"]
     linear_loop = data["graded"]
     assert 0.1 * linear_loop["cost_lost_mean_percent"] < flown
     assert flown <= linear_loop["cost_lost_worst_percent"] * (1 + 1e-6)
-    away = from_network(game, torch_file("b.pt", {"weight": -gain(game), "bias": np.full(5, 0.5)}))
-    assert flown_losses(game, away, exact, BOX, 40).max() > 1.0
+
+
+def test_an_actor_with_a_constant_is_stable_and_rests_off_trim(game: Game) -> None:
+    """The exact gain and 1 % of the largest input: a finding of its own, with its rest point."""
+    offset = 0.01 * np.abs(gain(game)) @ BOX
+    critic = from_network(game, torch_file("b.pt", {"weight": -gain(game), "bias": offset}))
+    verdict = check_critic(game, critic, scope=on_the_box(10))
+    assert failed_names(verdict.checks) == {"origin_error", "searched_policy_error", "rest_point"}
+    data = verdict.to_dict()["network"]
+    rest = np.linalg.solve(game.B @ gain(game) - game.A, game.B @ offset)
+    assert data["rest_point"] == pytest.approx(rest, rel=1e-9)
+    assert data["cost_lost_flown_percent"] == pytest.approx(0.0, abs=1e-9)
+    assert data["reach"] == 16.0
+    headline = verdict.headline()
+    assert "stabilizing, rests off trim by" in headline
+    assert "without bound" not in headline
+    assert verdict.diagnosis == "it is right but for a constant in u"
 
 
 def test_the_published_weights_of_gops() -> None:
