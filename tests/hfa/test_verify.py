@@ -143,7 +143,5 @@ def test_the_cost_of_a_critic_is_told_and_can_decide(game: Game) -> None:
     )
     assert answer(*words, "--limit-cost", "1e-9", code=FAILED)["graded"]["ok"] is False
     said = hfa(*words, "--limit-cost", "0.01").out
-    assert (
-        "PASS by cost limit 0.01 %: not exact (K is off by 0.004), stabilizing, " in said
-    )
+    assert "PASS by cost limit 0.01 %: not exact (K is off by 0.004), stabilizing, " in said
     assert "\ncost lost, worst start, percent " in said
