@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -169,8 +170,10 @@ class Equations:
         }
         for file in self.parts.engines:
             for lever, value in levers.items():
-                for kind in ("cmd", "pos"):
-                    properties.define(f"fcs/{lever}-{kind}-norm[{file.number}]", value)
+                command = f"fcs/{lever}-cmd-norm[{file.number}]"
+                properties.define(command, value)
+                follow = Writer(partial(properties.read, command, file.mount.where), "", -1)
+                properties.compute(f"fcs/{lever}-pos-norm[{file.number}]", follow)
         properties.define_initial("gear/gear-pos-norm", 1.0)
         properties.define("accelerations/gravity-ft_sec2", self.parameters["gravity"])
         for name in ("simulation/sim-time-sec", "gear/wow", "propulsion/refuel"):

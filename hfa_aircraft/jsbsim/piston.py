@@ -63,16 +63,18 @@ def piston_power(file: EngineFile, around: Surroundings) -> tuple[Any, dict[str,
     mixture = around.properties.read_or(f"fcs/mixture-pos-norm[{file.number}]", lever, where)
     fuel_share = 1.3 * mixture * 101325.0 / ambient / 14.7
     fuel_flow = air_flow * fuel_share * 2.2046 * 3600.0
-    indicated = fuel_flow / _consumption(file, around, breathing)
+    indicated: Any = fuel_flow / _consumption(file, around, breathing)
     indicated = indicated * _mixture_efficiency(engine, around, fuel_share)
     indicated = indicated - engine.value_of("static-friction", 1.5, "HP")
-    friction = -engine.value_of("dynamic-fmep", 18400.0, "PA") * piston_speed * _FT_TO_M
+    friction: Any = -engine.value_of("dynamic-fmep", 18400.0, "PA") * piston_speed * _FT_TO_M
     friction = friction - engine.value_of("static-fmep", 46500.0, "PA")
     pumping = (throttled - ambient) * efficiency
+    if file.starved:  # it is dragged along
+        indicated = -engine.value_of("static-friction", 1.5, "HP")
+        friction = 0.0
     cycles = engine.value_of("cycles", 4.0)
     lost = (pumping + friction) * displacement * speed / (cycles * 22371)
-    loss = _boost_loss(engine, throttled, manifold, volume_flow)
-    power = ca.SX(0.0) if file.starved else indicated + lost - loss
+    power = indicated + lost - _boost_loss(engine, throttled, manifold, volume_flow)
     return power, {"map-pa": manifold, "map-inhg": manifold / _INHG_TO_PA}
 
 

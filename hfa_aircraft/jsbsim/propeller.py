@@ -36,8 +36,8 @@ def propeller_effect(file: EngineFile, around: Surroundings, power: Any) -> Effe
     diameter = max(prop.value_of("diameter", 0.001, "FT"), 0.001)
     inertia = max(prop.value_of("ixx", 1e-6, "SLUG*FT2"), 1e-6)
     turns = getattr(around.states, f"rpm{number}") / 60.0
-    omega = 2.0 * math.pi * turns
-    advance = local[0] / (diameter * turns)
+    omega = ca.fmax(2.0 * math.pi * turns, 0.01)
+    advance = local[0] / (diameter * ca.fmax(turns, 0.01))
     tip_mach = ca.sqrt((turns * diameter * math.pi) ** 2 + local[0] ** 2) / motion.air.sound
     blade, blade_rates = _blade(file, around)
     thrust_coefficient = _coefficient(file, around, "C_THRUST", [advance, blade], tip_mach)

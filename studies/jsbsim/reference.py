@@ -1,0 +1,256 @@
+"""JSBSim itself as the reference, in a process of its own: it can end Python.
+
+`python -m studies.jsbsim.reference` reads {"aircraft": NAME, "points": [{...}]} as JSON and writes
+a list with what JSBSim finds at each point, line by line, so that what was found is kept if it
+ends. The package jsbsim is needed.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import re
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+#: Radius of the earth, ft, and standard gravity at its surface, ft/s^2.
+RADIUS = 20925646.32546
+GRAVITY = 32.174049
+_PLANET = f"""<planet name="Sphere">
+ <semimajor_axis unit="FT">{RADIUS!r}</semimajor_axis>
+ <semiminor_axis unit="FT">{RADIUS!r}</semiminor_axis>
+ <rotation_rate unit="RAD/SEC">0</rotation_rate>
+ <GM unit="FT3/SEC2">{GRAVITY * RADIUS * RADIUS!r}</GM>
+ <J2>0</J2>
+</planet>"""
+#: State of a model -> initial condition, in the order in which JSBSim takes them: angles of flow
+#: before those of attitude.
+_INITIAL = {
+    "altitude": "ic/h-sl-ft",
+    "speed": "ic/vt-fps",
+    "alpha": "ic/alpha-rad",
+    "beta": "ic/beta-rad",
+    "roll": "ic/phi-rad",
+    "pitch": "ic/theta-rad",
+    "yaw": "ic/psi-true-rad",
+    "roll_rate": "ic/p-rad_sec",
+    "pitch_rate": "ic/q-rad_sec",
+    "yaw_rate": "ic/r-rad_sec",
+}
+_STATE = {
+    "altitude": "position/h-sl-ft",
+    "speed": "velocities/vt-fps",
+    "alpha": "aero/alpha-rad",
+    "beta": "aero/beta-rad",
+    "roll": "attitude/phi-rad",
+    "pitch": "attitude/theta-rad",
+    "yaw": "attitude/psi-rad",
+    "roll_rate": "velocities/p-rad_sec",
+    "pitch_rate": "velocities/q-rad_sec",
+    "yaw_rate": "velocities/r-rad_sec",
+}
+_COMMANDS = {
+    "aileron": "fcs/aileron-cmd-norm",
+    "elevator": "fcs/elevator-cmd-norm",
+    "rudder": "fcs/rudder-cmd-norm",
+    "flap": "fcs/flap-cmd-norm",
+    "gear": "gear/gear-cmd-norm",
+}
+_MEASURED = {
+    "udot": "accelerations/udot-ft_sec2",
+    "vdot": "accelerations/vdot-ft_sec2",
+    "wdot": "accelerations/wdot-ft_sec2",
+    "pdot": "accelerations/pdot-rad_sec2",
+    "qdot": "accelerations/qdot-rad_sec2",
+    "rdot": "accelerations/rdot-rad_sec2",
+    "gravity": "accelerations/gravity-ft_sec2",
+    "kcas": "velocities/vc-kts",
+    "elevator": "fcs/elevator-pos-rad",
+    "left_aileron": "fcs/left-aileron-pos-rad",
+    "aileron": "fcs/aileron-pos-rad",
+    "rudder": "fcs/rudder-pos-rad",
+    "weight": "inertia/weight-lbs",
+    "fbx": "forces/fbx-aero-lbs",
+    "fby": "forces/fby-aero-lbs",
+    "fbz": "forces/fbz-aero-lbs",
+    "l": "moments/l-aero-lbsft",
+    "m": "moments/m-aero-lbsft",
+    "n": "moments/n-aero-lbsft",
+}
+#: JSBSim's steps a second, and how long it flies in place at most, s.
+_RATE = 120
+_LONGEST = 120
+#: Properties that may be missing.
+_MISSING = 200
+
+
+def measured(name: str, points: Sequence[Mapping[str, Any]], seconds: float = 600.0) -> list[Any]:
+    """What JSBSim finds at each point, in another process; None for those that it did not reach.
+
+    name: of an aircraft of JSBSim.
+    points: {"state": {...}, "commands": {...}} of `Model` names, or {"trim": {"kcas", "altitude"}}.
+    """
+    request = json.dumps({"aircraft": name, "points": list(points)})
+    command = [sys.executable, "-m", "studies.jsbsim.reference"]
+    try:
+        process = subprocess.run(
+            command,
+            input=request,
+            capture_output=True,
+            text=True,
+            timeout=seconds,
+            check=False,
+            cwd=Path(__file__).parents[2],
+        )
+        lines = process.stdout.splitlines()
+    except subprocess.TimeoutExpired as late:
+        output = late.stdout or b""
+        lines = (output.decode() if isinstance(output, bytes) else output).splitlines()
+    answers = []
+    for line in lines:
+        with contextlib.suppress(json.JSONDecodeError):
+            answers.append(json.loads(line))
+    return [*answers, *[None] * (len(points) - len(answers))]
+
+
+def main() -> int:
+    """Answer one request."""
+    request = json.load(sys.stdin)
+    answers = os.fdopen(os.dup(1), "w")
+    os.dup2(2, 1)  # JSBSim writes on standard output
+    for point in request["points"]:
+        with _simulator(request["aircraft"]) as simulator:
+            answer = _trimmed(simulator, point) if "trim" in point else _settled(simulator, point)
+        answers.write(json.dumps(answer) + "\n")
+        answers.flush()
+    return 0
+
+
+@contextlib.contextmanager
+def _simulator(name: str) -> Iterator[Any]:
+    """JSBSim with an aircraft over a sphere that does not turn."""
+    import jsbsim
+
+    simulator = jsbsim.FGFDMExec(str(Path(jsbsim.__file__).parent))
+    simulator.set_debug_level(0)
+    with tempfile.TemporaryDirectory() as folder:
+        planet = Path(folder) / "planet.xml"
+        planet.write_text(_PLANET)
+        simulator.load_planet(str(planet), False)
+    simulator.load_model(name)
+    simulator["simulation/gravity-model"] = 0
+    yield simulator
+
+
+def _start(simulator: Any, state: Mapping[str, float], commands: Mapping[str, float]) -> None:
+    """Set state and commands; engines run, levers for mixture and propeller as in the model."""
+    for name, full_name in _INITIAL.items():
+        simulator[full_name] = state.get(name, 0.0)
+    _run(simulator.run_ic, simulator)
+    for name, full_name in _COMMANDS.items():
+        simulator[full_name] = commands.get(name, 0.0)
+    propulsion = simulator.get_propulsion()
+    for number in range(propulsion.get_num_engines()):
+        propulsion.get_engine(number).init_running()
+        index = f"[{number}]" if number else ""
+        simulator[f"fcs/throttle-cmd-norm{index}"] = commands.get("throttle", 0.0)
+        simulator[f"fcs/advance-cmd-norm{index}"] = commands.get("advance", 1.0)
+        simulator[f"fcs/mixture-cmd-norm{index}"] = (
+            commands.get("mixture", 1.0) * simulator["atmosphere/delta"]
+        )
+    simulator["propulsion/fuel_freeze"] = 1
+
+
+def _run(step: Callable[[], Any], simulator: Any) -> None:
+    """Run; properties that JSBSim misses, because FlightGear would set them, are set to 0."""
+    for _ in range(_MISSING):
+        try:
+            step()
+        except Exception as error:  # JSBSim has its own
+            missing = re.search(r"The property (\S+) does not exist", str(error))
+            if missing is None:
+                raise
+            simulator[missing[1]] = 0.0
+        else:
+            return
+    raise RuntimeError("too many properties are missing")
+
+
+def _settled(simulator: Any, point: Mapping[str, Any]) -> dict[str, float]:
+    """What JSBSim measures at a state that does not move, when its engines and surfaces no longer
+    do."""
+    for kind in ("rate", "position"):
+        for motion in ("rotational", "translational"):
+            simulator[f"simulation/integrator/{kind}/{motion}"] = 0
+    commands = point.get("commands", {})
+    _start(simulator, point["state"], commands)
+    for name, value in point.get("override", {}).items():
+        simulator[name] = value
+    speeds = _propeller_speeds(simulator)
+    steady = 0
+    for second in range(_LONGEST):
+        for _ in range(_RATE):
+            _run(simulator.run, simulator)
+        before, speeds = speeds, _propeller_speeds(simulator)
+        moved = max((abs(a - b) for a, b in zip(before, speeds, strict=True)), default=0.0)
+        steady = steady + 1 if moved < 1e-9 else 0
+        if second >= 20 and steady >= 2:
+            break
+    answer = {name: _value(simulator, full_name) for name, full_name in _MEASURED.items()}
+    answer |= {f"state.{name}": simulator[full_name] for name, full_name in _STATE.items()}
+    for number in range(simulator.get_propulsion().get_num_engines()):
+        prefix = _engine(number)
+        answer[f"rpm{number}"] = _value(simulator, f"{prefix}/propeller-rpm")
+        answer[f"blade{number}"] = _value(simulator, f"{prefix}/blade-angle")
+        answer[f"thrust{number}"] = _value(simulator, f"{prefix}/thrust-lbs")
+        answer[f"power{number}"] = _value(simulator, f"{prefix}/power-hp")
+    return answer
+
+
+def _propeller_speeds(simulator: Any) -> list[float]:
+    """Speeds of all propellers, rpm."""
+    count = simulator.get_propulsion().get_num_engines()
+    return [_value(simulator, f"{_engine(number)}/propeller-rpm") for number in range(count)]
+
+
+def _engine(number: int) -> str:
+    """The folder of an engine's properties; JSBSim leaves [0] out."""
+    return f"propulsion/engine[{number}]" if number else "propulsion/engine"
+
+
+def _value(simulator: Any, name: str) -> float:
+    """The value of a property; 0 without it."""
+    try:
+        return float(simulator[name])
+    except KeyError:
+        return 0.0
+
+
+def _trimmed(simulator: Any, point: Mapping[str, Any]) -> dict[str, Any]:
+    """JSBSim's own trim in flight at a speed and an altitude."""
+    simulator["ic/h-sl-ft"] = point["trim"]["altitude"]
+    simulator["ic/vc-kts"] = point["trim"]["kcas"]
+    simulator["ic/gamma-deg"] = 0.0
+    _run(simulator.run_ic, simulator)
+    simulator["propulsion/set-running"] = -1
+    simulator["gear/gear-cmd-norm"] = 0
+    try:
+        simulator.do_trim(1)
+    except Exception as error:  # JSBSim has its own
+        return {"trimmed": False, "reason": str(error).strip()[:200]}
+    return {
+        "trimmed": True,
+        "alpha": simulator["aero/alpha-rad"],
+        "throttle": simulator["fcs/throttle-cmd-norm"],
+        "elevator": simulator["fcs/elevator-cmd-norm"],
+        "speed": simulator["velocities/vt-fps"],
+    }
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
