@@ -93,7 +93,7 @@ class Model:
     nothing whatever the limits. called: how reports name it; its name unless given. source: the
     file and name that it was loaded from, and a hash. alternatives: groups of names of which a trim
     imposes one: to impose another sets it free. begin: imposed values by name, numbers or
-    arrays -> where a search for others begins. aliases: name in another program -> name here. notes: what every report says of
+    arrays -> where a search for others begins; the value of the first of a group is exact. aliases: name in another program -> name here. notes: what every report says of
     it. BadInputError when a name is not an
     identifier, is declared twice or is unknown, or when a number cannot be."""
 

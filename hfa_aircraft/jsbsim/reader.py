@@ -305,7 +305,9 @@ class _Declaration:
         }
 
         def begin(imposed: Mapping[str, Any]) -> dict[str, Any]:
-            altitude = imposed.get("altitude", 5000.0)
+            altitude = imposed.get("altitude")
+            if altitude is None:
+                return {}
             speed = imposed.get("speed")
             if speed is None:
                 speed = _true_speed(imposed, altitude)

@@ -127,6 +127,11 @@ class TrimCondition:
             return self
         return replace(self, imposed=without_alternatives(self.model, self.imposed, names))
 
+    def resolved(self) -> TrimCondition:
+        """The condition in which the first of each group of the model's `alternatives` is imposed
+        in place of the others, where they give its value: speed in place of kcas."""
+        return replace(self, imposed=with_first_alternatives(self.model, self.imposed))
+
     def values_at(self, name: str, scheduled: float | np.ndarray) -> np.ndarray:
         """What is imposed on a variable at one value of the scheduling variable or at many."""
         table = self.imposed[name]
@@ -236,6 +241,21 @@ def release(
         limits={**condition.limits, **(limits or {})},
         begin=begin,
     )
+
+
+def with_first_alternatives(model: Model, imposed: Mapping[str, Any]) -> dict[str, Any]:
+    """What is imposed, numbers or arrays, with the first name of each group of the model's
+    `alternatives` in place of the others, where these give its value."""
+    if model.begin is None:
+        return dict(imposed)
+    begun = model.begin(imposed)
+    values = dict(imposed)
+    for group in model.alternatives:
+        others = set(group[1:]).intersection(imposed)
+        if len(others) == 1 and group[0] not in imposed and group[0] in begun:
+            values = {name: value for name, value in values.items() if name not in others}
+            values[group[0]] = begun[group[0]]
+    return values
 
 
 def without_alternatives(

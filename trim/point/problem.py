@@ -60,6 +60,7 @@ class TrimProblem:
             )
         if any(isinstance(value, LinearTable) for value in condition.imposed.values()):
             condition = condition.at()
+        condition = condition.resolved()
         self.model = model
         self.condition = condition
         self.system = TrimSystem(model, condition, begin=None if start is None else start.values)

@@ -5,6 +5,7 @@ trim keeps its status and the reason."""
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,7 +13,7 @@ import numpy as np
 from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError, NoSolutionError, numbers_in
 from hfa_support.progress import Progress
-from trim.point.condition import TrimCondition, usual_condition
+from trim.point.condition import TrimCondition, usual_condition, with_first_alternatives
 from trim.point.newton import newton
 from trim.point.operating_point import BALANCE, OperatingPoint, Status
 from trim.point.solve import find_operating_point
@@ -87,6 +88,7 @@ def trim_points(
         condition = usual_condition(model)
     if compile_code is None:
         compile_code = len(values) >= COMPILE_FROM
+    variables, values, condition = _resolved(variables, values, condition)
     system = _system(model, condition, variables, start, compile_code)
     points = _settled_together(system, variables, values)
     slow = np.flatnonzero(points.one_by_one).tolist()
@@ -98,6 +100,27 @@ def trim_points(
     points.A[untrimmed] = np.nan
     points.B[untrimmed] = np.nan
     return points
+
+
+def _resolved(
+    variables: tuple[str, ...], values: np.ndarray, condition: TrimCondition
+) -> tuple[tuple[str, ...], np.ndarray, TrimCondition]:
+    """The same points with the first of each group of the model's `alternatives` in place of the
+    others: speed in place of kcas."""
+    if not condition.model.alternatives:
+        return variables, values, condition
+    condition = condition.freed_for(variables)
+    columns = dict(zip(variables, values.T, strict=True))
+    before = {**condition.imposed, **columns}
+    after = with_first_alternatives(condition.model, before)
+    if set(after) == set(before):
+        return variables, values, condition
+    kept = {name: column for name, column in columns.items() if name in after}
+    for name in set(after).difference(before):
+        kept[name] = np.broadcast_to(after[name], len(values))
+    imposed = {name: value for name, value in condition.imposed.items() if name in after}
+    table = np.column_stack(list(kept.values()))
+    return tuple(kept), table, replace(condition, imposed=imposed)
 
 
 def model_at(model: Model, variables: tuple[str, ...], row: np.ndarray) -> Model:
