@@ -104,9 +104,11 @@ class _Breathing:
         self.throttle = idle_impedance * (_STANDARD_PRESSURE / lowest - 1.0) - self.air_box
 
     def pressure_ratio(self, throttle: Any, piston_speed: Any) -> Any:
-        """Pressure behind the throttle, relative to that of the ram air."""
+        """Pressure behind the throttle, relative to that of the ram air; it goes on rising beyond
+        full throttle, so that a search for more finds a direction."""
         impedance = self.peak_speed / piston_speed
-        return impedance / (impedance + self.air_box + (1.0 - throttle) ** 2 * self.throttle)
+        closed = (1.0 - throttle) * ca.fabs(1.0 - throttle)
+        return impedance / (impedance + self.air_box + closed * self.throttle)
 
 
 def _consumption(file: EngineFile, around: Surroundings, breathing: _Breathing) -> Any:

@@ -52,6 +52,8 @@ ALIASES = {
     "fcs/yaw-trim-cmd-norm": "yaw_trim",
     "gear/gear-cmd-norm": "gear",
 }
+#: Advance ratio V / (n D) where a search for the speed of a propeller begins.
+_ADVANCE_RATIO = 0.72
 _MODES = {
     "short period": ("alpha", "pitch_rate"),
     "phugoid": ("speed", "pitch"),
@@ -215,7 +217,7 @@ class _Declaration:
         """Signals of the inputs."""
         signals = {}
         for name, given in self.inputs.items():
-            start = 0.5 if name == "throttle" else 0.0
+            start = 0.6 if name == "throttle" else 0.0
             signals[name] = Signal(given.unit, 0.1, *given.limits, start)
         return signals
 
@@ -298,11 +300,11 @@ class _Declaration:
         attack in proportion to the lift coefficient, propellers at usual advance ratios. Numbers,
         or arrays of one length."""
         usual_speed = self.usual_speed
-        diameters = {
-            f"rpm{file.number}": file.thruster.value_of("diameter", 0.001, "FT")
+        propellers = [
+            (f"rpm{file.number}", file.thruster.value_of("diameter", 0.001, "FT"), _rpm(file).start)
             for file in self.parts.engines
-            if file.has_propeller and file.thruster.find("maxrpm") is None
-        }
+            if file.has_propeller and not file.governed
+        ]
 
         def begin(imposed: Mapping[str, Any]) -> dict[str, Any]:
             altitude = imposed.get("altitude")
@@ -317,8 +319,9 @@ class _Declaration:
             lift = 0.5 * (usual_speed / speed) ** 2 * SEA_LEVEL.density / density
             alpha = np.clip(0.2 * (lift - 0.25), -0.05, 0.25)
             values = {"speed": speed, "alpha": alpha, "pitch": alpha + imposed.get("gamma", 0.0)}
-            for name, diameter in diameters.items():
-                values[name] = 60.0 * speed / (0.6 * diameter)
+            for name, diameter, usual in propellers:
+                turns = 60.0 * speed / (_ADVANCE_RATIO * diameter)
+                values[name] = np.clip(turns, 0.5 * usual, 1.1 * usual)
             return values
 
         return begin
