@@ -4,6 +4,7 @@ names from it."""
 from __future__ import annotations
 
 import math
+import re
 import warnings
 from collections import namedtuple
 from collections.abc import Callable, Mapping, Sequence
@@ -274,12 +275,20 @@ class Model:
         """Their units, in order."""
         return tuple(map(self.unit, names))
 
+    @cached_property
+    def time_unit(self) -> str:
+        """s; min, h or day where units are made of it and none of s."""
+        bases = {base for each in self.signals.values() for base in re.findall("[a-z]+", each.unit)}
+        longer = [unit for unit in ("min", "h", "day") if unit in bases]
+        return longer[0] if longer and "s" not in bases else "s"
+
     def rate_unit(self, name: str) -> str:
         """Unit of a state's rate: ft/s of ft, ft/s^2 of ft/s."""
-        head, slash, power = self.unit(name).rpartition("/s")
+        per_time = f"/{self.time_unit}"
+        head, slash, power = self.unit(name).rpartition(per_time)
         if slash and (not power or power[1:].isdigit()):
-            return f"{head}/s^{int(power[1:] or 1) + 1}"
-        return f"{self.unit(name)}/s"
+            return f"{head}{per_time}^{int(power[1:] or 1) + 1}"
+        return f"{self.unit(name)}{per_time}"
 
     def rate_scale(self, name: str) -> float:
         """One scaled unit of a state's rate."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,13 +20,16 @@ from hfa_model.variants import VARIANTS
 from hfa_model.vectors import INPUTS, LINEAR_STATES
 from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.reporting.report import Report
-from trim.hfa.printed import bands_known, beside_the_print, entry_bands, printed_at, trust_in
+from trim.hfa.printed import bands_known, beside_the_print, entry_bands, printed_at, with_bands
 from trim.linear import linear_model
 from trim.linear.handling_qualities import with_qualities
 from trim.linear.linear_model import LinearModel, linear_model_report, reduction_note
 from trim.point.condition import TrimCondition
 from trim.point.operating_point import OperatingPoint
 from trim.point.solve import find_operating_point
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 def _states(model: Model, text: str) -> tuple[str, ...]:
@@ -95,7 +99,13 @@ def linearize(request: LinearizeRequest) -> int:
     notes = [*report.notes, reduction_note(model, full.select(usual), follow)]
     notes = [note for note in notes if note]
     report = replace(report, notes=notes).with_data(warnings=notes)
-    show(report, request, figure=model.bode)
+
+    def figure() -> Figure:
+        from trim.linear.frequency import bode_figure
+
+        return bode_figure(model)
+
+    show(report, request, figure=figure)
     return 0
 
 
@@ -131,7 +141,7 @@ def _of_the_hfa(request: LinearizeRequest, condition: TrimCondition, model: Line
             other = linear_model.linearize(
                 changed, find_operating_point(changed, condition, model.point)
             )
-    return linear_model_report(model, bands, trust_in(bands, model, other), other=other)
+    return with_bands(linear_model_report(model), model, bands, other)
 
 
 def _is_printed(model: LinearModel) -> bool:

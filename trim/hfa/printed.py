@@ -25,7 +25,7 @@ from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.text import TONES, Cell, Table, four_decimals, matrix_table
 from hfa_support.reporting.unit_system import entries_in_force
 from trim.hfa.level_flight import level_flight
-from trim.linear.linear_model import LinearModel, level_model
+from trim.linear.linear_model import LinearModel, level_model, matrices
 from trim.point.condition import TrimCondition
 from trim.point.operating_point import OperatingPoint
 
@@ -216,25 +216,64 @@ class Bands(ByValue, Reported):
         )
 
 
+def with_bands(
+    report: Report, model: LinearModel, bands: Bands | None, other: LinearModel | None = None
+) -> Report:
+    """The report of a linear model of the HFA with the bands of its entries and the differences to
+    the other dynamics, where these are known, and a sentence on how far the entries may be off.
+
+    bands: of the model's entries.
+    other: the model of the other dynamics at the same condition.
+    """
+    tables = len(matrices(model))
+    sentence = trust_in(bands, model, other)
+    parts = (*report.parts[:tables], sentence, *report.parts[tables:])
+    data: dict[str, Any] = {}
+    by_matrix: dict[str, np.ndarray] = {}
+    if bands is not None:
+        by_matrix = {"A": bands.A, "B": bands.B}
+        data |= {f"{name}_band": band.tolist() for name, band in by_matrix.items()}
+    if other is not None:
+        data["other_dynamics"] = other.point.dynamics
+        data["A_difference"] = (other.A - model.A).tolist()
+        data["B_difference"] = (other.B - model.B).tolist()
+    assert report.records is not None
+    rows = []
+    for row in report.records.rows:
+        matrix, row_name, column = row[:3]
+        band: Any = ""
+        if matrix in by_matrix:
+            columns = model.states if matrix == "A" else model.inputs
+            place = (model.states.index(row_name), columns.index(column))
+            band = by_matrix[matrix][place]
+        rows.append((*row, band))
+    records = Table((*report.records.header, "band"), rows)
+    return replace(report, parts=parts, records=records).with_data(**data)
+
+
 def trust_in(
     bands: Bands | None, model: LinearModel | None = None, other: LinearModel | None = None
 ) -> str:
     """How far the entries of a six-state model may be off: by the rounding of the print, and by the
     choice of the dynamics, `other` being the model of the other ones at the same condition."""
-    said = [
-        "No bands of the rounding of the print: only the six printed states of the identified aircraft have them"
-    ]
+    sentences = []
     if bands is not None:
-        said = [
-            f"Largest band of an entry from the rounding of the print: {_largest(bands.A, bands.B)}"
-        ]
+        largest = _largest(bands.A, bands.B)
+        sentences.append(f"Largest band of an entry from the rounding of the print: {largest}")
+    else:
+        sentences.append(
+            "No bands of the rounding of the print: only the six printed states of the identified "
+            "aircraft have them"
+        )
     if model is not None and other is not None:
         difference = _largest(np.abs(other.A - model.A), np.abs(other.B - model.B))
-        said.append(
+        sentences.append(
             f"Largest difference of an entry to {other.point.dynamics} dynamics: {difference}"
         )
-    known = bands is not None or len(said) > 1
-    return "\n".join(said) + " (every entry: --json or -o)" * known
+    text = "\n".join(sentences)
+    if bands is not None or len(sentences) > 1:
+        text += " (every entry: --json or -o)"
+    return text
 
 
 def _largest(A: np.ndarray, B: np.ndarray) -> str:

@@ -90,6 +90,7 @@ def _rates(layout: Layout) -> ca.Function:
     return ca.Function("rates", vectors, [rates])
 
 
+@lru_cache(maxsize=16)
 def _calls_functions(layout: Layout) -> bool:
     """Whether the equations call functions: tables of `casadi.interpolant`, functions that are not
     inlined."""

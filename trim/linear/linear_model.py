@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import product
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -16,33 +16,40 @@ from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Matrix, Result, Roots, Vector
 from hfa_support.reporting.text import Table, degrees, matrix_table
 from hfa_support.reporting.unit_system import unit_in_force
-from trim.linear.frequency import Transfer
 from trim.linear.kinks import with_means_at_kinks
 from trim.linear.modes import Mode, modes_of, modes_table
+from trim.linear.transfer import Transfer
 from trim.point.condition import usual_condition
 from trim.point.operating_point import OperatingPoint, PointData, at_scheduled, scheduled_data
 from trim.point.solve import find_operating_point
 
 if TYPE_CHECKING:
     import control
-    from matplotlib.figure import Figure
-
-    from trim.hfa.printed import Bands
-
 
 #: Condition number, in nominal units, from which a matrix counts as singular.
 _SINGULAR = 1e12
+#: Units of length.
+_LENGTHS = ("ft", "m", "km", "nmi", "mi", "in", "cm", "mm")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LinearModel(ByValue, Reported):
     """x' = A x + B u + E w, y - Y0 = C x + D u + F w with x = X - X0, u = U - U0 (paper Eq. 9).
 
-    A: (n, n), B: (n, m). states, inputs: names, in order; units in `state_units`, `input_units`.
-    point: the operating point, whose values are the offsets X0, U0. outputs: names y, in order; the
-    states unless others were asked for, with C (k, n) the identity and D (k, m) zero.
-    output_offsets: Y0, (k,). disturbances: names w; without any E (n, l) and F (k, l) have no
-    columns. kinks: entries of A and B whose one-sided slopes differ, in words."""
+    A: (n, n), ∂f/∂X.
+    B: (n, m), ∂f/∂U.
+    states: names, in order; units in `state_units`.
+    inputs: names, in order; units in `input_units`.
+    point: the operating point, whose values are the offsets X0, U0.
+    outputs: names y, in order; the states unless others were asked for.
+    C: (k, n), the identity where the outputs are the states.
+    D: (k, m).
+    E: (n, l), no columns without disturbances.
+    F: (k, l).
+    output_offsets: Y0, (k,).
+    disturbances: names w.
+    kinks: notes on entries of A and B that are means of two slopes, or of rates that jump.
+    """
 
     A: np.ndarray
     B: np.ndarray
@@ -102,55 +109,62 @@ class LinearModel(ByValue, Reported):
         BadInputError when the model has no such name, it comes twice, or A22 is singular."""
         if states is None:
             states = tuple(name for name in self.states if name not in residualize)
-        rows, columns = (
-            _positions("state", states, self.states),
-            _positions("input", inputs, self.inputs),
-        )
-        left = _positions("state", (*states, *residualize), self.states)[len(rows) :]
+        rows = _positions("state", states, self.states)
+        columns = _positions("input", inputs, self.inputs)
+        following = _positions("state", (*states, *residualize), self.states)[len(rows) :]
         if not rows:
             raise BadInputError(
                 "no state is left in the model; leave at least one out of residualize"
             )
-        seen = rows if self.outputs == self.states else list(range(len(self.outputs)))
-        A22 = self.A[np.ix_(left, left)]
-        sizes = np.array([self.point.model.states[name].nominal for name in residualize])
-        if left and np.linalg.cond(A22 * sizes / sizes[:, None]) > _SINGULAR:
-            raise BadInputError(
-                f"{', '.join(residualize)} cannot follow the other states: their rates do not determine them (A22 is "
-                "singular); residualize fewer"
-            )
-        kept: dict[str, Any] = {}
-        winds = list(range(len(self.disturbances)))
-        for of_rates, of_outputs, by in (("A", "C", rows), ("B", "D", columns), ("E", "F", winds)):
-            rates, shown = (
-                getattr(self, of_rates)[:, by],
-                getattr(self, of_outputs)[np.ix_(seen, by)],
-            )
-            kept |= {of_rates: rates[rows], of_outputs: shown}
-            if left:
-                follow = -np.linalg.solve(A22, rates[left])
-                kept[of_rates] = rates[rows] + self.A[np.ix_(rows, left)] @ follow
-                kept[of_outputs] = shown + self.C[np.ix_(seen, left)] @ follow
+        outputs = list(range(len(self.outputs)))
+        if self.outputs == self.states:
+            outputs = rows
+        disturbances = list(range(len(self.disturbances)))
+        A, C = self._reduced(self.A, self.C, rows, following, outputs, rows)
+        B, D = self._reduced(self.B, self.D, rows, following, outputs, columns)
+        E, F = self._reduced(self.E, self.F, rows, following, outputs, disturbances)
         return replace(
             self,
+            A=A,
+            B=B,
+            C=C,
+            D=D,
+            E=E,
+            F=F,
             states=tuple(self.states[i] for i in rows),
             inputs=tuple(self.inputs[i] for i in columns),
-            outputs=tuple(self.outputs[i] for i in seen),
-            output_offsets=self.output_offsets[seen],
-            **kept,
+            outputs=tuple(self.outputs[i] for i in outputs),
+            output_offsets=self.output_offsets[outputs],
         )
 
-    def zeros(self) -> np.ndarray:
-        """Transmission zeros from all inputs to all outputs, 1/s."""
-        from trim.linear.frequency import scaled, transmission_zeros
-
-        return transmission_zeros(*scaled(self))[0]
-
-    def transfers(self) -> list[Transfer]:
-        """The transfer function of each output and input, outputs first."""
-        from trim.linear.frequency import transfers
-
-        return transfers(self)
+    def _reduced(
+        self,
+        of_rates: np.ndarray,
+        of_outputs: np.ndarray,
+        rows: list[int],
+        following: list[int],
+        outputs: list[int],
+        columns: list[int],
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """The rows and columns that are kept of A and C, of B and D or of E and F, with what the
+        states that follow at once add. BadInputError when their rates do not determine them."""
+        rates = of_rates[:, columns]
+        shown = of_outputs[np.ix_(outputs, columns)]
+        if not following:
+            return rates[rows], shown
+        A22 = self.A[np.ix_(following, following)]
+        names = [self.states[i] for i in following]
+        nominal = np.array([self.point.model.states[name].nominal for name in names])
+        if np.linalg.cond(A22 * nominal / nominal[:, None]) > _SINGULAR:
+            raise BadInputError(
+                f"{', '.join(names)} cannot follow the other states: their rates do not determine "
+                "them (A22 is singular); residualize fewer"
+            )
+        followed = -np.linalg.solve(A22, rates[following])
+        return (
+            rates[rows] + self.A[np.ix_(rows, following)] @ followed,
+            shown + self.C[np.ix_(outputs, following)] @ followed,
+        )
 
     def frequency_response(self, omega: Any = None) -> control.FrequencyResponseData:
         """C (iω - A)⁻¹ B + D at ω, rad/s, (outputs, inputs, N); python-control chooses ω unless
@@ -158,12 +172,6 @@ class LinearModel(ByValue, Reported):
         import control
 
         return control.frequency_response(self.to_control(), omega)
-
-    def bode(self) -> Figure:
-        """Its magnitude and phase, a column an output and a line an input."""
-        from trim.linear.frequency import bode_figure
-
-        return bode_figure(self)
 
     def report(self) -> Report:
         """A, B, offsets and modes."""
@@ -173,12 +181,15 @@ class LinearModel(ByValue, Reported):
         """The same model as python-control's `StateSpace`, names kept."""
         import control
 
-        names = {
-            "states": list(self.states),
-            "inputs": list(self.inputs),
-            "outputs": list(self.outputs),
-        }
-        return control.ss(self.A, self.B, self.C, self.D, **names)
+        return control.ss(
+            self.A,
+            self.B,
+            self.C,
+            self.D,
+            states=list(self.states),
+            inputs=list(self.inputs),
+            outputs=list(self.outputs),
+        )
 
 
 def reduction_note(
@@ -186,20 +197,35 @@ def reduction_note(
 ) -> str:
     """What a model of fewer states does to the eigenvalues of the whole one; "" where no state of
     it is missing."""
-    left = tuple(name for name in whole.states if name not in (*model.states, *residualized))
-    kinds = (left, "left out (truncated)"), (residualized, "residualized (at rest at every moment)")
-    said = [
-        f"{', '.join(names)} {'is' if len(names) == 1 else 'are'} {how}"
-        for names, how in kinds
-        if names
-    ]
-    found, known = np.linalg.eigvals(model.A), np.linalg.eigvals(whole.A)
-    off = max(
-        float(np.min(np.abs(each - known) / np.maximum(np.abs(known), 1e-12))) for each in found
+    truncated = tuple(name for name in whole.states if name not in (*model.states, *residualized))
+    clauses = []
+    for names, how in (
+        (truncated, "left out (truncated)"),
+        (residualized, "residualized (at rest at every moment)"),
+    ):
+        if names:
+            clauses.append(f"{', '.join(names)} {'is' if len(names) == 1 else 'are'} {how}")
+    if not clauses:
+        return ""
+    eigenvalues = np.linalg.eigvals(whole.A)
+    sizes = np.maximum(np.abs(eigenvalues), 1e-12)
+    apart = [np.min(np.abs(value - eigenvalues) / sizes) for value in np.linalg.eigvals(model.A)]
+    advice = "" if residualized else " (--residualize names states that follow instead)"
+    return (
+        f"{'; '.join(clauses)}; the eigenvalues lie up to {100 * float(max(apart)):.2g} % from "
+        f"those of all {len(whole.states)} states{advice}"
     )
-    more = "" if residualized else " (--residualize names states that follow instead)"
-    apart = f"the eigenvalues lie up to {100 * off:.2g} % from those of all {len(whole.states)} states{more}"
-    return f"{'; '.join(said)}; {apart}" if said else ""
+
+
+class Block(NamedTuple):
+    """One of A, B, C, D with the names and units of its rows and columns, as it is printed."""
+
+    name: str
+    rows: tuple[str, ...]
+    row_units: tuple[str, ...]
+    columns: tuple[str, ...]
+    column_units: tuple[str, ...]
+    values: np.ndarray
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -278,27 +304,41 @@ class LinearModelData(Result):
     transfers: Sequence[Transfer] | None = None
 
 
-def linear_model_report(
-    model: LinearModel,
-    bands: Bands | None = None,
-    trust: str = "",
-    *,
-    other: LinearModel | None = None,
-) -> Report:
-    """A, B, offsets and modes; the bands of the entries, and a sentence on them, where they are
-    asked for; in the data E and F too. other: the model of the other dynamics at the same
-    condition, for the differences."""
-    point, own, blocks = model.point, model.point.model, _blocks(model)
-    shown, units = [name for name, *_ in blocks], {*model.state_units, *model.input_units}
-    unit = ", ".join(sorted(units - {"1"}))
-    if any("ft" in each for each in units):
-        unit = f"rad, {unit_in_force('ft')}, s"
-    places = (
-        (*model.states, *model.inputs),
-        (*model.state_offsets.tolist(), *model.input_offsets.tolist()),
+def linear_model_report(model: LinearModel) -> Report:
+    """A, B, offsets and modes; in the data E and F too."""
+    point = model.point
+    signals = point.model
+    blocks = _blocks(model)
+    names = (*model.states, *model.inputs)
+    offsets = (*model.state_offsets.tolist(), *model.input_offsets.tolist())
+    offset_rows = [
+        (name, *degrees(value, signals.unit(name)))
+        for name, value in zip(names, offsets, strict=True)
+    ]
+    matrix_names = [block.name for block in blocks]
+    equations = "x' = A x + B u, "
+    if "C" in matrix_names:
+        equations += "y = C x + D u, "
+    title = (
+        f"Linear model {at_scheduled(point)}, {point.called} ({equations}x = X - X0, u = U - U0)\n"
+        f"{', '.join(matrix_names[:-1])} and {matrix_names[-1]} in {units_in_words(model)}; the "
+        "offsets X0 and U0 in the units next to them"
     )
-    offsets = [(name, *degrees(value, own.unit(name))) for name, value in zip(*places, strict=True)]
-    warnings = model.warnings
+    return Report(
+        title=title,
+        parts=[
+            *matrices(model),
+            Table(("offset", "value", "unit"), offset_rows),
+            modes_table(model.modes, signals.time_unit),
+        ],
+        notes=model.warnings,
+        data=_data(model).to_dict(),
+        records=_records(model, blocks),
+    )
+
+
+def _data(model: LinearModel) -> LinearModelData:
+    point = model.point
     data = LinearModelData(
         **scheduled_data(point),
         dynamics=point.dynamics,
@@ -312,76 +352,95 @@ def linear_model_report(
         A=model.A,
         B=model.B,
         outputs=model.outputs,
-        output_units=own.units(model.outputs),
+        output_units=point.model.units(model.outputs),
         C=model.C,
         D=model.D,
         modes=model.modes,
-        warnings=warnings,
+        warnings=model.warnings,
     )
-    if model.disturbances:
-        data = replace(
-            data,
-            disturbances=model.disturbances,
-            disturbance_units=own.units(model.disturbances),
-            E=model.E,
-            F=model.F,
-            output_offsets=model.output_offsets,
-        )
-    if bands is not None:
-        data = replace(data, A_band=bands.A, B_band=bands.B)
-    if other is not None:
-        data = replace(
-            data,
-            other_dynamics=other.point.dynamics,
-            A_difference=other.A - model.A,
-            B_difference=other.B - model.B,
-        )
-    records: list[tuple[Any, ...]] = []
-    for name, down, across, values in blocks:
-        band = getattr(bands, name) if bands is not None and name in "AB" else None
-        for (i, row), (j, column) in product(enumerate(down), enumerate(across)):
-            of = f"({own.rate_unit(row) if name in 'AB' else own.unit(row)})/({own.unit(column)})"
-            records.append(
-                (name, row, column, values[i, j], of, "" if band is None else band[i, j])
-            )
-    kinds = ["X0"] * len(model.states) + ["U0"] * len(model.inputs)
-    records += [
-        (kind, name, "", value, own.unit(name), "")
-        for kind, name, value in zip(kinds, *places, strict=True)
-    ]
-    return Report(
-        title=f"Linear model {at_scheduled(point)}, {point.called} "
-        f"(x' = A x + B u,{' y = C x + D u,' * ('C' in shown)} x = X - X0, u = U - U0)\n"
-        f"{', '.join(shown[:-1])} and {shown[-1]} in {unit}; the offsets X0 and U0 in the units next to them",
-        parts=[
-            *matrices(model),
-            *filter(None, [trust]),
-            Table(("offset", "value", "unit"), offsets),
-            modes_table(model.modes),
-        ],
-        notes=warnings,
-        data=data.to_dict(),
-        records=Table(("matrix", "row", "column", "value", "unit", "band"), records),
+    if not model.disturbances:
+        return data
+    return replace(
+        data,
+        disturbances=model.disturbances,
+        disturbance_units=point.model.units(model.disturbances),
+        E=model.E,
+        F=model.F,
+        output_offsets=model.output_offsets,
     )
+
+
+def _records(model: LinearModel, blocks: list[Block]) -> Table:
+    """A row an entry of the matrices and an offset: matrix, row, column, value, unit."""
+    rows: list[tuple[Any, ...]] = []
+    for block in blocks:
+        for i, row in enumerate(block.rows):
+            for j, column in enumerate(block.columns):
+                unit = f"({block.row_units[i]})/({block.column_units[j]})"
+                rows.append((block.name, row, column, block.values[i, j], unit))
+    unit_of = model.point.model.unit
+    for name, value in zip(model.states, model.state_offsets.tolist(), strict=True):
+        rows.append(("X0", name, "", value, unit_of(name)))
+    for name, value in zip(model.inputs, model.input_offsets.tolist(), strict=True):
+        rows.append(("U0", name, "", value, unit_of(name)))
+    return Table(("matrix", "row", "column", "value", "unit"), rows)
+
+
+def units_in_words(model: LinearModel) -> str:
+    """The units that the entries of the matrices are made of, and which names have others: "rad,
+    ft, s, but elevator, aileron in deg"."""
+    units = model.point.model.units
+    length = next(
+        (unit for state in model.state_units for unit in _base_units(state) if unit in _LENGTHS), ""
+    )
+    names = dict.fromkeys((*model.states, *model.inputs, *model.outputs))
+    time = model.point.model.time_unit
+    common = {"rad", length, time}
+    others: dict[str, list[str]] = {}
+    present = {time}
+    for name, unit in zip(names, units(tuple(names)), strict=True):
+        bases = _base_units(unit)
+        if bases <= common:
+            present |= bases
+        else:
+            others.setdefault(unit, []).append(name)
+    words = ", ".join(unit for unit in ("rad", length, time) if unit in present)
+    if others:
+        listed = [f"{', '.join(names)} in {unit}" for unit, names in others.items()]
+        words += f", but {'; '.join(listed)}"
+    return unit_in_force(words)
+
+
+def _base_units(unit: str) -> set[str]:
+    """The units that a unit is made of: ft and s of ft/s^2."""
+    return {*re.findall(r"[A-Za-z%]+", unit)}
 
 
 def matrices(model: LinearModel) -> tuple[Table, ...]:
     """A and B with their names, C and D where the outputs are not the states."""
     units = model.point.model.units
-    return tuple(
-        matrix_table(name, rows, columns, values, (units(rows), 1), (units(columns), -1))
-        for name, rows, columns, values in _blocks(model)
-    )
+    tables = []
+    for block in _blocks(model):
+        row_axis = (units(block.rows), 1)
+        column_axis = (block.column_units, -1)
+        tables.append(
+            matrix_table(block.name, block.rows, block.columns, block.values, row_axis, column_axis)
+        )
+    return tuple(tables)
 
 
-def _blocks(model: LinearModel) -> list[tuple[str, tuple[str, ...], tuple[str, ...], np.ndarray]]:
-    """The matrices of the text and of the records: name, names of rows and of columns, values."""
-    rows = [model.states] if model.outputs == model.states else [model.states, model.outputs]
-    return [
-        (names[i], each, across, getattr(model, names[i]))
-        for i, each in enumerate(rows)
-        for across, names in ((model.states, "AC"), (model.inputs, "BD"))
-    ]
+def _blocks(model: LinearModel) -> list[Block]:
+    """The matrices of the text and of the records."""
+    signals = model.point.model
+    of_states = (model.states, model.state_units)
+    of_inputs = (model.inputs, model.input_units)
+    rates = (model.states, tuple(signals.rate_unit(name) for name in model.states))
+    blocks = [Block("A", *rates, *of_states, model.A), Block("B", *rates, *of_inputs, model.B)]
+    if model.outputs != model.states:
+        outputs = (model.outputs, signals.units(model.outputs))
+        blocks.append(Block("C", *outputs, *of_states, model.C))
+        blocks.append(Block("D", *outputs, *of_inputs, model.D))
+    return blocks
 
 
 def _positions(what: str, names: tuple[str, ...] | None, known: tuple[str, ...]) -> list[int]:
@@ -395,7 +454,7 @@ def _positions(what: str, names: tuple[str, ...] | None, known: tuple[str, ...])
 
 
 def linearize(
-    aircraft: Model,
+    model: Model,
     point: OperatingPoint,
     *,
     full: bool = False,
@@ -403,35 +462,48 @@ def linearize(
     disturbances: tuple[str, ...] | None = None,
 ) -> LinearModel:
     """A = ∂f/∂X, B = ∂f/∂U, C = ∂y/∂X, D = ∂y/∂U, E = ∂f/∂w, F = ∂y/∂w at (X0, U0) at w = 0, by
-    algorithmic differentiation (exact to rounding).
+    algorithmic differentiation (exact to rounding); at a kink the means of two slopes.
 
-    Returns the model's linear states, of the HFA the paper's six (Section 2.2), or all of them when
-    `full`. outputs: names of outputs or of states; None for the states of the model. disturbances:
-    names; None for the first one where outputs are asked for. The HFA's are winds, ft/s.
-    BadInputError when the point is of another model or other dynamics, or a name is unknown."""
-    own = aircraft
-    point.refuse_other(own)
-    plain = outputs is None and disturbances is None
-    seen = tuple(own.states) if plain else tuple(outputs or (own.states if full else own.linear))
-    winds = tuple(
-        disturbances if disturbances is not None else [*own.disturbances][: outputs is not None]
+    full: all states; otherwise the model's linear states, of the HFA the paper's six (Section 2.2).
+    outputs: names of outputs or of states; None for the states of the model.
+    disturbances: names; None for the first one where outputs are asked for, else for none.
+
+    BadInputError when the point is of another model, or a name is unknown.
+    """
+    point.refuse_other(model)
+    states = tuple(model.states)
+    if outputs is None and disturbances is None:
+        shown = states
+    else:
+        shown = tuple(outputs or (states if full else model.linear))
+    if disturbances is None:
+        disturbances = tuple(model.disturbances)[: 0 if outputs is None else 1]
+    _positions("output", shown, (*states, *model.outputs))
+    _positions("disturbance", disturbances, tuple(model.disturbances))
+    exact = model.at(point.states, point.inputs, shown, disturbances)
+    x = np.array([point.states])
+    u = np.array([point.inputs])
+    smoothed = with_means_at_kinks(model, x, u, model.p[None], exact.A[None], exact.B[None])
+    linear = LinearModel(
+        A=smoothed.A[0],
+        B=smoothed.B[0],
+        states=states,
+        inputs=tuple(model.inputs),
+        point=point,
+        outputs=shown,
+        C=exact.C,
+        D=exact.D,
+        E=exact.E,
+        F=exact.F,
+        output_offsets=exact.y,
+        disturbances=tuple(disturbances),
+        kinks=smoothed.notes.get(0, ()),
     )
-    _positions("output", seen, (*own.states, *own.outputs))
-    _positions("disturbance", winds, tuple(own.disturbances))
-    found = own.at(point.states, point.inputs, seen, winds)
-    x, u = np.array([point.states]), np.array([point.inputs])
-    smoothed = with_means_at_kinks(own, x, u, own.p[None], found.A[None], found.B[None])
-    A, B, kinks = smoothed.A[0], smoothed.B[0], smoothed.notes.get(0, ())
-    names = tuple(own.states), tuple(own.inputs)
-    model = LinearModel(A, B, *names, point, seen, *found[4:], found.y, winds, kinks)
-    return model if full else model.select(own.linear)
+    return linear if full else linear.select(model.linear)
 
 
-def level_model(aircraft: Model, scheduled: float) -> LinearModel:
+def level_model(model: Model, scheduled: float) -> LinearModel:
     """A, B at the model's own trim with this value of its scheduling variable, of the HFA the
-    paper's level flight with this dihedral, rad. Raises TrimError when there is no such trim."""
-    model = aircraft
-    return linearize(
-        aircraft,
-        find_operating_point(aircraft, usual_condition(model).at(hold={model.schedule: scheduled})),
-    )
+    paper's level flight with this dihedral, rad. TrimError when there is no such trim."""
+    condition = usual_condition(model).at(hold={model.schedule: scheduled})
+    return linearize(model, find_operating_point(model, condition))

@@ -217,8 +217,8 @@ class Sweep(ByValue, Reported):
                 label=f"{self.variables[-1]} {value} {shown_unit(unit)}",
             )
         axes.axvline(0.0, color="gray", linewidth=0.8)
-        axes.set_xlabel("real part, 1/s")
-        axes.set_ylabel("imaginary part, 1/s")
+        axes.set_xlabel(f"real part, 1/{self.model.time_unit}")
+        axes.set_ylabel(f"imaginary part, 1/{self.model.time_unit}")
         axes.grid(alpha=0.3)
 
     def report(self) -> Report:
@@ -255,7 +255,7 @@ class Sweep(ByValue, Reported):
         varied = zip(self.variables, self.plan.units, strict=True)
         header = (
             *(f"{name} {shown_unit(unit)}" for name, unit in varied),
-            *(f"{name} 1/s" for name in modes),
+            *(f"{name} 1/{self.model.time_unit}" for name in modes),
         )
 
         def row(i: int) -> tuple[str, ...]:
@@ -287,7 +287,10 @@ class Sweep(ByValue, Reported):
         header += [f"state {name} [{signal.unit}]" for name, signal in model.states.items()]
         header += [f"input {name} [{signal.unit}]" for name, signal in model.inputs.items()]
         for number in range(1, len(model.linear) + 1):
-            header += [f"{part} eigenvalue {number} [1/s]" for part in ("real", "imaginary")]
+            header += [
+                f"{part} eigenvalue {number} [1/{model.time_unit}]"
+                for part in ("real", "imaginary")
+            ]
         for matrix, names in (("A", model.linear), ("B", tuple(model.inputs))):
             for row_name in model.linear:
                 header += [

@@ -26,7 +26,7 @@ from trim.hfa.printed import (
     entry_bands,
     matrices_beside_the_print,
     printed_at,
-    trust_in,
+    with_bands,
 )
 from trim.linear.linear_model import LinearModel, linear_model_report, matrices
 from trim.linear.modes import modes_of, modes_table
@@ -160,7 +160,7 @@ def _model_report(job: MainJob, angle: Angle, model: LinearModel) -> Report:
     bands = (
         entry_bands(job.parameters, angle.condition, model) if bands_known(job.parameters) else None
     )
-    report = linear_model_report(model, bands, trust_in(bands))
+    report = with_bands(linear_model_report(model), model, bands)
     printed = printed_at(model.point)
     if printed is None or system_in_force() == "si":  # the print is in feet
         return report

@@ -14,7 +14,8 @@ from own_models import F16, NAVION, trimmed
 import hfa_model
 from hfa_support import BadInputError
 from trim import LinearModel, level_model, linearize
-from trim.linear.frequency import Transfer, transmission_zeros
+from trim.linear.frequency import bode_figure, transfers
+from trim.linear.transfer import Transfer, transmission_zeros
 
 OMEGA = np.logspace(-3, 2, 40)
 
@@ -22,10 +23,10 @@ OMEGA = np.logspace(-3, 2, 40)
 @pytest.fixture(scope="module", params=["hfa", "f16", "navion"])
 def model(request: pytest.FixtureRequest) -> LinearModel:
     if request.param == "hfa":
-        found = level_model(hfa_model.aircraft(), 0.2)
-        return linearize(hfa_model.aircraft(), found.point, outputs=("gamma", "speed", "dihedral"))
-    own = F16.with_parameters(xcg=0.3) if request.param == "f16" else NAVION
-    return linearize(own, trimmed(own), outputs=("gamma", "speed", "roll_rate"))
+        point = level_model(hfa_model.aircraft(), 0.2).point
+        return linearize(hfa_model.aircraft(), point, outputs=("gamma", "speed", "dihedral"))
+    foreign = F16.with_parameters(xcg=0.3) if request.param == "f16" else NAVION
+    return linearize(foreign, trimmed(foreign), outputs=("gamma", "speed", "roll_rate"))
 
 
 def response(transfer: Transfer) -> np.ndarray:
@@ -34,18 +35,22 @@ def response(transfer: Transfer) -> np.ndarray:
 
 
 def test_transfer_functions_have_the_frequency_response_of_the_model(model: LinearModel) -> None:
-    exact, reached = model.frequency_response(OMEGA).frdata, 0
-    for transfer in model.transfers():
-        one = exact[model.outputs.index(transfer.output), model.inputs.index(transfer.input)]
-        size = np.abs(one).max()
+    exact = model.frequency_response(OMEGA).frdata
+    reached = 0
+    for transfer in transfers(model):
+        expected = exact[model.outputs.index(transfer.output), model.inputs.index(transfer.input)]
+        size = np.abs(expected).max()
         if size == 0:
             assert transfer.gain == 0
             continue
         reached += 1
-        assert np.abs(response(transfer) - one).max() <= 1e-6 * size, transfer[:2]
+        assert np.abs(response(transfer) - expected).max() <= 1e-6 * size, (
+            transfer.output,
+            transfer.input,
+        )
         if transfer.zeros.size:
             off = replace(transfer, zeros=transfer.zeros * (1 + 1e-4))
-            assert np.abs(response(off) - one).max() > 1e-6 * size
+            assert np.abs(response(off) - expected).max() > 1e-6 * size
     assert reached >= 6
 
 
@@ -75,23 +80,23 @@ def test_a_known_zero_is_found_and_cancels() -> None:
 
 
 def test_residualized_models_are_those_of_python_control(model: LinearModel) -> None:
-    keep, follow = (
-        tuple(name for name in model.states if name not in ("alpha", "pitch_rate")),
-        ("alpha", "pitch_rate"),
-    )
-    found, whole = model.select(residualize=follow), model.to_control()
+    follow = ("alpha", "pitch_rate")
+    keep = tuple(name for name in model.states if name not in follow)
+    reduced = model.select(residualize=follow)
+    whole = model.to_control()
     peer = control.model_reduction(
         whole, elim_states=list(follow), method="matchdc", warn_unstable=False
     )
     for name in "ABCD":
         np.testing.assert_allclose(
-            getattr(found, name), getattr(peer, name), rtol=1e-10, atol=1e-12
+            getattr(reduced, name), getattr(peer, name), rtol=1e-10, atol=1e-12
         )
-    assert found.states == keep
-    np.testing.assert_allclose(found.to_control()(0), whole(0), rtol=1e-8, atol=1e-10)
+    assert reduced.states == keep
+    np.testing.assert_allclose(reduced.to_control()(0), whole(0), rtol=1e-8, atol=1e-10)
     slow = 1e-2j
     errors = [
-        np.abs(each.to_control()(slow) - whole(slow)).max() for each in (found, model.select(keep))
+        np.abs(fewer.to_control()(slow) - whole(slow)).max()
+        for fewer in (reduced, model.select(keep))
     ]
     assert errors[0] < 0.1 * errors[1]
 
@@ -105,22 +110,20 @@ def test_what_cannot_be_done_is_said() -> None:
     with pytest.raises(
         BadInputError, match="the model has no inputs: there is no Bode plot to draw"
     ):
-        model.select(inputs=()).bode()
+        bode_figure(model.select(inputs=()))
     navion = linearize(NAVION, trimmed(NAVION), outputs=("beta",)).select(inputs=("thrust",))
     with pytest.raises(BadInputError, match="no chosen input reaches a chosen output"):
-        navion.bode()
+        bode_figure(navion)
 
 
 def test_the_command_shows_what_the_model_has(tmp_path: Path) -> None:
     chosen = "--inputs", "throttle,elevator_center", "--outputs", "gamma,speed"
     words = "linearize", "--dihedral", "10", "--bode", *chosen
-    data, si = (
-        answer(*words, "--picture", str(tmp_path / "bode.svg")),
-        answer(*words, "--units", "si"),
-    )
+    data = answer(*words, "--picture", str(tmp_path / "bode.svg"))
+    si = answer(*words, "--units", "si")
     assert (tmp_path / "bode.svg").read_text().count("<svg") == 1
     point = level_model(hfa_model.aircraft(), float(np.radians(10.0))).point
-    first = linearize(hfa_model.aircraft(), point, outputs=("gamma", "speed")).transfers()[0]
+    first = transfers(linearize(hfa_model.aircraft(), point, outputs=("gamma", "speed")))[0]
     assert data["transfers"][0]["gain"] == first.gain
     assert data["transfers"][0]["zeros"] == [[zero.real, zero.imag] for zero in first.zeros]
     assert si["transfers"][:2] == data["transfers"][:2]  # angles and percent: no feet

@@ -1,0 +1,55 @@
+"""The units that a linear model's report names are those that hold."""
+
+from __future__ import annotations
+
+import pytest
+from own_models import F16, NAVION, trimmed
+
+import hfa_model
+from hfa_aircraft import Model, Signal
+from trim import find_operating_point, level_model, linearize
+from trim.linear.linear_model import units_in_words
+from trim.point.condition import usual_condition
+
+
+def tank(level: str, flow: str) -> Model:
+    return Model(
+        name="tank",
+        equations=lambda x, u, p, w: ({"level": u.flow - x.level}, {}),
+        states={"level": Signal(level)},
+        inputs={"flow": Signal(flow)},
+    )
+
+
+def test_columns_in_other_units_are_named() -> None:
+    """The title said "A and B in rad, ft, s" though three columns are per degree."""
+    model = linearize(F16, trimmed(F16))
+    assert units_in_words(model) == "rad, ft, s, but elevator, aileron, rudder in deg"
+    assert "A and B in rad, ft, s, but elevator" in model.report().title
+    units = {row[:3]: row[4] for row in model.report().records.rows}
+    assert units["B", "pitch_rate", "elevator"] == "(rad/s^2)/(deg)"
+    assert units_in_words(level_model(hfa_model.aircraft(), 0.1)) == "rad, ft, s"
+
+
+@pytest.mark.parametrize(
+    ("level", "flow", "words"),
+    [
+        ("m", "m/s", "m, s"),
+        ("1", "1", "s"),
+        ("m", "m/min", "m, min"),
+        ("kg", "kg/h", "h, but level in kg; flow in kg/h"),
+    ],
+)
+def test_a_model_has_its_own_units_of_length_and_time(level: str, flow: str, words: str) -> None:
+    """Seconds were named where the model counts minutes."""
+    model = tank(level, flow)
+    linear = linearize(model, find_operating_point(model, usual_condition(model)))
+    assert units_in_words(linear) == words
+    time = words.split(",")[0] if flow == "kg/h" else words.split(", ")[-1]
+    assert f"eigenvalue 1/{time}" in linear.report().text()
+    units = {row[:3]: row[4] for row in linear.report().records.rows}
+    assert units["A", "level", "level"] == f"({level}/{time})/({level})"
+
+
+def test_a_navion_is_in_feet() -> None:
+    assert units_in_words(linearize(NAVION, trimmed(NAVION))).startswith("rad, ft, s")

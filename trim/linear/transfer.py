@@ -1,0 +1,138 @@
+"""Transfer functions and transmission zeros of A, B, C, D."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from hfa_support.reporting.results import Result, Roots
+from trim.linear.modes import fastest_first
+
+#: Of the largest entry of the system: what is smaller is rounding where a rank is decided.
+ROUNDING = 1e-12
+#: A zero and a pole that are as close, relative to 0.01 + |zero|, cancel.
+_CANCELS = 1e-7
+#: A zero or a pole that is slower, 1/s, is at 0.
+_SLOW = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Transfer(Result):
+    """output / input = gain Π(s - zero) / Π(s - pole), without what cancels.
+
+    output: its name.
+    input: its name.
+    unit: of the output over that of the input.
+    gain: 0 where the input does not reach the output.
+    static: the value at s = 0, null where a pole is there.
+    zeros: (zeros,), 1/s.
+    poles: (poles,), 1/s.
+    """
+
+    output: str
+    input: str
+    unit: str
+    gain: float
+    static: float
+    zeros: Roots
+    poles: Roots
+
+
+class StateSpace(NamedTuple):
+    """A (n, n), B (n, m), C (k, n) and D (k, m) of x' = A x + B u, y = C x + D u."""
+
+    A: np.ndarray
+    B: np.ndarray
+    C: np.ndarray
+    D: np.ndarray
+
+    def transposed(self) -> StateSpace:
+        """The system with the transposed transfer matrix."""
+        return StateSpace(self.A.T, self.C.T, self.B.T, self.D.T)
+
+
+def gain_and_roots(
+    system: StateSpace, poles: np.ndarray, size: float
+) -> tuple[float, float, np.ndarray, np.ndarray]:
+    """Gain, static gain, zeros and poles of a system of one input and one output, whose A has these
+    eigenvalues; gains are multiplied by `size`."""
+    zeros, rank = transmission_zeros(*system)
+    if rank == 0:
+        nothing = np.zeros(0, dtype=complex)
+        return 0.0, 0.0, nothing, nothing
+    zeros, poles = _without_common(zeros, poles)
+    # The gain is the first of D, C B, C A B, C A² B, ... that is not 0.
+    order = len(poles) - len(zeros)
+    first = system.D
+    if order > 0:
+        first = system.C @ np.linalg.matrix_power(system.A, order - 1) @ system.B
+    gain = first.item() * size
+    if np.abs(zeros).min(initial=np.inf) <= _SLOW:
+        static = 0.0
+    elif np.abs(poles).min(initial=np.inf) <= _SLOW:
+        static = math.inf
+    else:
+        static = float(np.real(gain * np.prod(-zeros) / np.prod(-poles)))
+    return gain, static, zeros, poles
+
+
+def transmission_zeros(
+    A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray
+) -> tuple[np.ndarray, int]:
+    """The invariant zeros of x' = A x + B u, y = C x + D u, 1/s, and the normal rank of its
+    transfer matrix.
+
+    The system is reduced to one of the same zeros whose D is square and invertible (A.
+    Emami-Naeini, P. Van Dooren, Automatica 18, 1982); they are the eigenvalues of A - B D⁻¹ C.
+    """
+    small = ROUNDING * float(np.linalg.norm(np.block([[A, B], [C, D]])))
+    rows_reduced = _with_full_rows(StateSpace(A, B, C, D), small)
+    reduced = _with_full_rows(rows_reduced.transposed(), small).transposed()
+    rank = len(reduced.D)
+    A_of_zeros = reduced.A
+    if rank:
+        A_of_zeros = reduced.A - reduced.B @ np.linalg.solve(reduced.D, reduced.C)
+    return fastest_first(np.linalg.eigvals(A_of_zeros)), rank
+
+
+def _with_full_rows(system: StateSpace, small: float) -> StateSpace:
+    """A smaller system of the same zeros whose D has independent rows: what y shows without u is no
+    state. small: singular values up to it are rounding."""
+    A, B, C, D = system
+    while len(D):
+        turned, sizes, _ = np.linalg.svd(D) if D.size else (np.eye(len(D)), np.zeros(0), None)
+        rank = int((sizes > small).sum())
+        C = turned.T @ C
+        D = turned.T @ D
+        direct = C[:rank]
+        without_input = C[rank:]
+        D = D[:rank]
+        if not without_input.size:
+            return StateSpace(A, B, direct, D)
+        _, sizes, basis = np.linalg.svd(without_input)
+        count = int((sizes > small).sum())
+        if not count:
+            return StateSpace(A, B, direct, D)
+        shown = basis[:count]
+        hidden = basis[count:]
+        C = np.vstack([direct, shown @ A]) @ hidden.T
+        D = np.vstack([D, shown @ B])
+        A = hidden @ A @ hidden.T
+        B = hidden @ B
+    return StateSpace(A, B, C, D)
+
+
+def _without_common(zeros: np.ndarray, poles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Both without the pairs that cancel."""
+    kept_zeros = []
+    kept_poles = [*fastest_first(poles)]
+    for zero in zeros:
+        nearest = min(kept_poles, key=lambda pole: abs(pole - zero), default=np.inf)
+        if abs(nearest - zero) <= _CANCELS * (0.01 + abs(zero)):
+            kept_poles.remove(nearest)
+        else:
+            kept_zeros.append(zero)
+    return np.array(kept_zeros, dtype=complex), np.array(kept_poles, dtype=complex)
