@@ -11,7 +11,7 @@ from .flight.policies import GainPolicy as GainPolicy, Policy as Policy
 from .flight.scenario import Scenario as Scenario, Uncertainty as Uncertainty
 from .flight.signals import CommandSteps as CommandSteps, Waveform as Waveform
 from .game.basis import basis as basis
-from .game.gain_schedule import GainTable as GainTable
+from .game.gain_schedule import GainSchedule as GainSchedule
 from .game.zero_sum import Game as Game
 from .hfa_game import load_game as load_game, published_game as published_game
 from .learning.certified import learn as learn

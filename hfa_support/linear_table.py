@@ -1,8 +1,9 @@
-"""Numbers that change with one variable: linear between given places, constant beyond both ends."""
+"""Numbers that change with one variable: linear between breakpoints, constant beyond both ends."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import casadi as ca
 import numpy as np
@@ -13,46 +14,49 @@ from hfa_support.reporting.fields import ByValue
 
 @dataclass(frozen=True, eq=False)
 class LinearTable(ByValue):
-    """places: (N,), increasing. values: (N, ...), an array of any shape at each place.
-    BadInputError where the places do not increase, or there are not as many values."""
+    """An array of any shape over one variable.
 
-    places: np.ndarray
+    breakpoints: (N,), increasing
+    values: (N, ...), the array at each breakpoint
+
+    BadInputError where the breakpoints do not increase, or there are not as many values.
+    """
+
+    breakpoints: np.ndarray
     values: np.ndarray
 
     def __post_init__(self) -> None:
         """Keep both as arrays of numbers."""
-        places, values = np.asarray(self.places, dtype=float), np.asarray(self.values, dtype=float)
-        if (
-            places.ndim != 1
-            or not places.size
-            or len(values) != len(places)
-            or not (np.diff(places) > 0).all()
-        ):
+        breakpoints = np.asarray(self.breakpoints, dtype=float)
+        values = np.asarray(self.values, dtype=float)
+        increasing = breakpoints.ndim == 1 and breakpoints.size > 0 and (np.diff(breakpoints) > 0).all()
+        if not increasing or len(values) != len(breakpoints):
             raise BadInputError(
                 "the places of a table must increase, with one value for each; sort them"
             )
-        object.__setattr__(self, "places", places)
+        object.__setattr__(self, "breakpoints", breakpoints)
         object.__setattr__(self, "values", values)
 
     def at(self, where: float | np.ndarray) -> np.ndarray:
         """v_i + (v_i+1 - v_i) (x - x_i)/(x_i+1 - x_i): the values at x, their shape behind that of
         `where`."""
-        x = np.clip(where, self.places[0], self.places[-1])
-        if len(self.places) == 1:
+        x = np.clip(where, self.breakpoints[0], self.breakpoints[-1])
+        count = len(self.breakpoints)
+        if count == 1:
             return np.broadcast_to(self.values[0], (*np.shape(x), *self.values.shape[1:])).copy()
-        i = np.clip(np.searchsorted(self.places, x, side="right") - 1, 0, len(self.places) - 2)
-        share = (x - self.places[i]) / (self.places[i + 1] - self.places[i])
+        i = np.clip(np.searchsorted(self.breakpoints, x, side="right") - 1, 0, count - 2)
+        share = (x - self.breakpoints[i]) / (self.breakpoints[i + 1] - self.breakpoints[i])
         share = share.reshape(np.shape(share) + (1,) * (self.values.ndim - 1))
         return np.asarray(self.values[i] + share * (self.values[i + 1] - self.values[i]))
 
     def expression(self, where: ca.SX) -> ca.SX:
         """The same of a CasADi expression: v_0 + Σ_i (v_i+1 - v_i) sat((x - x_i)/(x_i+1 - x_i), 0,
-        1), a column (k,), the values of each place row by row."""
-        rows = self.values.reshape(len(self.places), -1)
+        1), a column (k,), the values of each breakpoint row by row."""
+        rows = self.values.reshape(len(self.breakpoints), -1)
         value = ca.SX(ca.DM(rows[0]))
-        for low, high, difference in zip(
-            self.places[:-1], self.places[1:], np.diff(rows, axis=0), strict=True
+        for (low, high), difference in zip(
+            pairwise(self.breakpoints.tolist()), np.diff(rows, axis=0), strict=True
         ):
-            share = ca.fmin(ca.fmax((where - float(low)) / float(high - low), 0.0), 1.0)
+            share = ca.fmin(ca.fmax((where - low) / (high - low), 0.0), 1.0)
             value = value + ca.sparsify(ca.DM(difference)) * share
         return value

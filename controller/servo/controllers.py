@@ -46,11 +46,11 @@ class LinearController:
 def design_controller(
     aircraft: Model,
     design: Design,
-    places: np.ndarray,
+    breakpoints: np.ndarray,
     *,
     progress: Progress | None = None,
 ) -> ScheduledController:
-    """The controllers of a design at `places` (N,), increasing values of the scheduling variable,
+    """The controllers of a design at `breakpoints` (N,), increasing values of the scheduling variable,
     in one table.
 
     They measure the sensors of the design; without any the states. BadInputError for a model that
@@ -64,7 +64,7 @@ def design_controller(
         )
     design = design.of(own)
     found, models = [], []
-    for place in told(places.tolist(), progress):
+    for place in told(breakpoints.tolist(), progress):
         try:
             models.append(level_model(aircraft, place))
             found.append(controller_at(aircraft, models[-1], design))
@@ -87,7 +87,7 @@ def design_controller(
     return ScheduledController(
         name=design.name,
         feedback="output" if design.sensors else "state",
-        places=np.array(at),
+        breakpoints=np.array(at),
         **{part: np.array([getattr(each, part) for each in found]) for part in "ABCDW"},
         states=states,
         measurements=_measurements(design),

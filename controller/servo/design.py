@@ -91,7 +91,7 @@ class Shaping(NamedTuple):
 
     inputs: Mapping[str, float]
     outputs: Mapping[str, OutputWeight]
-    places: tuple[float, ...]
+    breakpoints: tuple[float, ...]
     following: Following
     factor: float = 1.1
     schedule: Mapping[str, Sequence[float]] = MappingProxyType({})
@@ -99,7 +99,8 @@ class Shaping(NamedTuple):
     def outputs_at(self, place: float) -> dict[str, OutputWeight]:
         """The weights with their gains at a value of the scheduling variable."""
         factors = {
-            name: float(np.interp(place, self.places, row)) for name, row in self.schedule.items()
+            name: float(np.interp(place, self.breakpoints, row))
+            for name, row in self.schedule.items()
         }
         return {
             name: each._replace(gain=each.gain * factors.get(name, 1.0))
@@ -167,12 +168,12 @@ class Design:
                 "weight in shaping.following.rates": following.rates,
             }
             for name, factors in shaping.schedule.items():
-                if len(factors) != len(shaping.places):
+                if len(factors) != len(shaping.breakpoints):
                     raise BadInputError(
                         f"{where} shaping.schedule.{name} needs one factor for each {model.schedule}"
                     )
-            if len(following.filter) != 2 or list(shaping.places) != (
-                sorted({*shaping.places}) or [0]
+            if len(following.filter) != 2 or list(shaping.breakpoints) != (
+                sorted({*shaping.breakpoints}) or [0]
             ):
                 raise BadInputError(
                     f"{where} shaping.following.filter is a bandwidth and a damping, and the {model.schedule}s increase"
@@ -297,7 +298,7 @@ def design_of(name: str, data: Mapping[str, Any], model: Model) -> Design:
                     f"{name}: {other} belongs to a game, [shaping] has none; leave one of them out"
                 )
         table = dict(data["shaping"])
-        table["places"] = tuple(
+        table["breakpoints"] = tuple(
             map(math.radians if model.schedule_unit == "deg" else float, table.pop(places))
         )
         table["outputs"] = {

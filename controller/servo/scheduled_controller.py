@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from controller.game.array_file import read_arrays
+from controller.game.gain_schedule import GainSchedule, load_gain_schedule
 from controller.servo.design import signal_unit
 from hfa_aircraft.model import Model
 from hfa_model.provenance import parameter_hash
@@ -38,7 +39,7 @@ _AT_THE_END = 1e-9
 SCHEMA, DESIGN_SCHEMA = "hfa.controller/1", "hfa.controller-design/1"
 #: Formats that a controller is written in.
 SUFFIXES = (".npz", ".mat")
-_ARRAYS = ("places", "A", "B", "C", "D", "W", "trim_states", "trim_inputs", "command_filter")
+_ARRAYS = ("breakpoints", "A", "B", "C", "D", "W", "trim_states", "trim_inputs", "command_filter")
 _NAMES = ("states", "measurements", "commands", "inputs")
 _TEXTS = ("name", "feedback", "dynamics", "parameters")
 
@@ -48,24 +49,35 @@ class ScheduledController(ByValue, Reported):
     """x' = A(η) x + B(η) y + W(η) (u_applied - u),   u = C(η) x + D(η) y,   U_command = U0 + u,
     x(0) = 0.
 
-    η is the measured scheduling variable of `model`; every matrix is linear in it between `places`
-    and constant beyond the ends. y = [measured; told]: `measurements` are states, outputs or parts
-    of them and, as INPUT_position and INPUT_rate, those of the actuators, as deviations from their
-    values at the trim X0, U0 in which the flight begins; `commands` are OUTPUT_command r (deviation
-    from the same trim), OUTPUT_command_rate r', and OUTPUT_command_end, the value that the command
-    filter is on its way to. The controller itself integrates measured minus commanded value. u:
-    `inputs`, the others stay at U0. u_applied: u after the limits, equal to u where there are none.
+    η is the measured scheduling variable of `model`; every matrix is linear in it between
+    `breakpoints` and constant beyond the ends. y = [measured; commanded], as deviations from the
+    trim X0, U0 in which the flight begins. u_applied: u after the limits, u itself without any.
 
-    places: (N,), values of η, angles in rad, increasing. A: (N, n, n). B: (N, n, p). C: (N, m, n).
-    D: (N, m, p). W: (N, n, m). states: names of x. trim_states, trim_inputs: (N, all of the
-    model's), trims at the places. feedback: "state" or "output". dynamics, parameters: the model's
-    name and the `parameter_hash` of its values. command_filter: bandwidth (rad/s) and damping of
-    the filter that the controller knows, or (). about: the table of its design, provenance. model:
-    whose names these are. BadInputError when a shape, an order or a name is wrong."""
+    feedback: "state" or "output"
+    breakpoints: (N,), values of η, radians for angles, increasing
+    A: (N, n, n)
+    B: (N, n, p)
+    C: (N, m, n)
+    D: (N, m, p)
+    W: (N, n, m)
+    states: names of x, (n,)
+    measurements: states, outputs or parts of them and, as INPUT_position and INPUT_rate, those of
+        the actuators
+    commands: OUTPUT_command r, OUTPUT_command_rate r', OUTPUT_command_end, the value that the
+        command filter is on its way to; the controller itself integrates measured minus commanded
+    inputs: names of u, (m,); the others stay at U0
+    trim_states, trim_inputs: (N, all of the model's), trims at the breakpoints
+    dynamics, parameters: the model's name and the `parameter_hash` of its values
+    command_filter: bandwidth (rad/s) and damping of the filter that the controller knows, or ()
+    about: the table of its design, provenance
+    model: whose names these are
+
+    BadInputError when a shape, an order or a name is wrong.
+    """
 
     name: str
     feedback: str
-    places: np.ndarray
+    breakpoints: np.ndarray
     A: np.ndarray
     B: np.ndarray
     C: np.ndarray
@@ -85,45 +97,9 @@ class ScheduledController(ByValue, Reported):
 
     def __post_init__(self) -> None:
         """Check once what every flight relies on."""
-        count, n, where, model = (
-            len(self.places),
-            len(self.states),
-            f"controller {self.name}:",
-            self.model,
-        )
-        p, m = len(self.measurements) + len(self.commands), len(self.inputs)
-        told = tuple(f"{name}{signal}" for name in model.measurable for signal in COMMAND_SIGNALS)
-        moving = tuple(f"{name}_{what}" for name in model.inputs for what in ("position", "rate"))
-        for what, names, known in (
-            ("measurement", self.measurements, (*model.measurable, *moving)),
-            ("command", self.commands, told),
-            ("input", self.inputs, model.inputs),
-        ):
-            for name in names:
-                if name not in known:
-                    raise BadInputError(f"{where} unknown {what} {shown(name)}")
-        shapes = {
-            "places": (count,),
-            "A": (count, n, n),
-            "B": (count, n, p),
-            "C": (count, m, n),
-            "D": (count, m, p),
-        }
-        shapes |= {"W": (count, n, m), "trim_states": (count, len(model.states))}
-        for name, shape in (shapes | {"trim_inputs": (count, len(model.inputs))}).items():
-            values = getattr(self, name)
-            if np.shape(values) != shape:
-                raise BadInputError(f"{where} {name} is {np.shape(values)}; it must be {shape}")
-            if not np.all(np.isfinite(values)):
-                raise BadInputError(f"{where} {name} has a number that is not finite")
-        if len(self.command_filter) not in (0, 2) or not all(
-            0.0 < each < np.inf for each in self.command_filter
-        ):
-            raise BadInputError(
-                f"{where} command_filter must be a bandwidth and a damping, both positive, or empty"
-            )
-        if count < 1 or np.any(np.diff(self.places) <= 0.0):
-            raise BadInputError(f"{where} {model.schedule}s must increase, from at least one on")
+        where = f"controller {self.name}:"
+        self._check_names(where)
+        self._check_arrays(where)
         if not self.name.isprintable():
             raise BadInputError(
                 f"the name of a controller is {shown(self.name)}; give letters on one line"
@@ -133,114 +109,167 @@ class ScheduledController(ByValue, Reported):
                 raise BadInputError(
                     f"{where} a state is called {shown(name)}; give letters, digits and _ as in C"
                 )
-        if len({name.upper() for name in self.states}) < n:
+        if len({name.upper() for name in self.states}) < len(self.states):
             raise BadInputError(f"{where} two states have one name; give each its own")
 
-    def at(self, place: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    def _check_names(self, where: str) -> None:
+        """BadInputError for a measurement, a command or an input that the model does not have."""
+        model = self.model
+        moved = {f"{name}_{what}" for name in model.inputs for what in ("position", "rate")}
+        followed = {f"{name}{end}" for name in model.measurable for end in COMMAND_SIGNALS}
+        choices = {
+            "measurement": (self.measurements, {*model.measurable} | moved),
+            "command": (self.commands, followed),
+            "input": (self.inputs, {*model.inputs}),
+        }
+        for what, (names, known) in choices.items():
+            for name in names:
+                if name not in known:
+                    raise BadInputError(f"{where} unknown {what} {shown(name)}")
+
+    def _check_arrays(self, where: str) -> None:
+        """BadInputError for a wrong shape or order, or a number that is not finite."""
+        count = len(self.breakpoints)
+        n = len(self.states)
+        m = len(self.inputs)
+        p = len(self.measurements) + len(self.commands)
+        shapes = {
+            "breakpoints": (count,),
+            "A": (count, n, n),
+            "B": (count, n, p),
+            "C": (count, m, n),
+            "D": (count, m, p),
+            "W": (count, n, m),
+            "trim_states": (count, len(self.model.states)),
+            "trim_inputs": (count, len(self.model.inputs)),
+        }
+        for name, shape in shapes.items():
+            values = getattr(self, name)
+            if np.shape(values) != shape:
+                raise BadInputError(f"{where} {name} is {np.shape(values)}; it must be {shape}")
+            if not np.all(np.isfinite(values)):
+                raise BadInputError(f"{where} {name} has a number that is not finite")
+        positive = all(0.0 < number < np.inf for number in self.command_filter)
+        if len(self.command_filter) not in (0, 2) or not positive:
+            raise BadInputError(
+                f"{where} command_filter must be a bandwidth and a damping, both positive, or empty"
+            )
+        if count < 1 or np.any(np.diff(self.breakpoints) <= 0.0):
+            raise BadInputError(
+                f"{where} {self.model.schedule}s must increase, from at least one on"
+            )
+
+    def at(self, eta: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """A, B, C, D at η."""
         A, B, C, D = (
-            LinearTable(self.places, stack).at(place) for stack in (self.A, self.B, self.C, self.D)
+            LinearTable(self.breakpoints, stack).at(eta)
+            for stack in (self.A, self.B, self.C, self.D)
         )
         return A, B, C, D
 
-    def refuse_other(self, aircraft: Model, lowest: float, highest: float) -> None:
-        """BadInputError when it was made for another aircraft, or lowest to highest leaves its
-        places."""
-        own, first, last = aircraft, float(self.places[0]), float(self.places[-1])
-        if own.name != self.dynamics:
-            choose = (
-                f", or choose --dynamics {self.dynamics}" if self.dynamics in own.variants else ""
-            )
+    def gain_schedule(self) -> GainSchedule | None:
+        """The gains of a controller that is u = -K(η) x of the states of the linear model, without
+        memory and commands; None of another."""
+        if self.states or self.commands or self.measurements != self.model.linear:
+            return None
+        gains = np.zeros((len(self.breakpoints), len(self.model.inputs), len(self.model.linear)))
+        rows = [list(self.model.inputs).index(name) for name in self.inputs]
+        gains[:, rows] = -self.D
+        return GainSchedule(self.breakpoints, gains, self.model)
+
+    def refuse_other(self, model: Model, lowest: float, highest: float) -> None:
+        """BadInputError when it was made for another model, or lowest to highest leaves its
+        breakpoints."""
+        if model.name != self.dynamics:
+            choose = ""
+            if self.dynamics in model.variants:
+                choose = f", or choose --dynamics {self.dynamics}"
             raise BadInputError(
-                f"controller {self.name} was designed for {self.called}, the aircraft has {own.title}; "
-                f"design it for them{choose}"
+                f"controller {self.name} was designed for {self.called}, the aircraft has"
+                f" {model.title}; design it for them{choose}"
             )
-        if identity(own) != self.parameters:
+        if identity(model) != self.parameters:
             raise BadInputError(
-                f"controller {self.name} was designed for an aircraft with other parameters ({self.parameters}); "
-                "design it for this one"
+                f"controller {self.name} was designed for an aircraft with other parameters"
+                f" ({self.parameters}); design it for this one"
             )
+        first = float(self.breakpoints[0])
+        last = float(self.breakpoints[-1])
         if min(lowest - first, last - highest) < -_AT_THE_END * max(1.0, abs(first), abs(last)):
             raise BadInputError(
-                f"controller {self.name} covers {own.schedule} {self._between(first, last)}; "
-                f"{self._between(lowest, highest)} is asked for: design it for these values"
+                f"controller {self.name} covers {model.schedule} {self._between(first, last)};"
+                f" {self._between(lowest, highest)} is asked for: design it for these values"
             )
 
     def _between(self, first: float, last: float) -> str:
         """5 to 20 deg."""
         schedule = self.model.schedule
-        return f"{shown_value(first, self.model.unit(schedule))} to {self.model.describe(schedule, last)}"
+        lowest = shown_value(first, self.model.unit(schedule))
+        return f"{lowest} to {self.model.describe(schedule, last)}"
 
     @property
     def called(self) -> str:
         """The model that it was made for."""
-        return (
-            f"{self.dynamics} dynamics" if self.dynamics in self.model.variants else self.dynamics
-        )
+        if self.dynamics in self.model.variants:
+            return f"{self.dynamics} dynamics"
+        return self.dynamics
 
     def report(self) -> Report:
         """The table of `about`: delta, delta_min or gamma_min of each angle, certificate."""
-        points, model, count = self.about.get("angles", []), self.model, len(self.places)
-        limit = "delta_min" if any("delta_min" in row for row in points) else "gamma_min"
-        by, unit, (first, last) = (
-            model.schedule,
-            model.unit(model.schedule),
-            self.places[[0, -1]].tolist(),
+        rows = self.about.get("angles", [])
+        limit = "delta_min" if any("delta_min" in row for row in rows) else "gamma_min"
+        by = self.model.schedule
+        cells = []
+        for row in rows:
+            value = shown_value(row[by], self.model.unit(by))
+            verdict = verdict_text(all(check["ok"] for check in row["checks"]))
+            cells.append((value, f"{row.get(limit, np.nan):.6g}", verdict))
+        table = Table((by, limit, "certificate"), cells)
+        title = (
+            f"Controller {self.name}: {self.feedback} feedback, {len(self.states)} states,"
+            f" {self._where()}, {self.called}"
         )
-        rows = [
-            (
-                shown_value(row[by], unit),
-                f"{row.get(limit, np.nan):.6g}",
-                verdict_text(all(each["ok"] for each in row["checks"])),
-            )
-            for row in points
-        ]
-        delta = self.about.get("delta")
-        said = (
-            []
-            if limit == "gamma_min"
-            else [f"delta {'inf' if delta is None else format(delta, 'g')}"]
-        )
-        said += [f"measured: {', '.join(self.measurements)}", f"moved: {', '.join(self.inputs)}"]
-        said += [f"told: {', '.join(self.commands)}"] if self.commands else []
+        return Report(title, (self._summary(limit), table), data=self._data())
+
+    def _where(self) -> str:
+        """At how many breakpoints, from where to where."""
+        first = float(self.breakpoints[0])
+        last = float(self.breakpoints[-1])
+        if len(self.breakpoints) == 1:
+            return f"at {self.model.describe(self.model.schedule, first)}"
+        kind = "angles" if self.model.schedule_unit == "deg" else "places"
+        return f"{len(self.breakpoints)} {kind} from {self._between(first, last)}"
+
+    def _summary(self, limit: str) -> str:
+        """Delta of a game, what is measured, moved and commanded."""
+        parts = []
+        if limit == "delta_min":
+            delta = self.about.get("delta")
+            parts.append(f"delta {'inf' if delta is None else format(delta, 'g')}")
+        parts.append(f"measured: {', '.join(self.measurements)}")
+        parts.append(f"moved: {', '.join(self.inputs)}")
+        if self.commands:
+            parts.append(f"told: {', '.join(self.commands)}")
         if self.command_filter:
-            said.append(
-                "of a command filter of {:g} rad/s, damping {:g}".format(*self.command_filter)
-            )
-        what = "angles" if model.schedule_unit == "deg" else "places"
-        where = (
-            f"{count} {what} from {self._between(first, last)}"
-            if count > 1
-            else f"at {model.describe(by, first)}"
-        )
-        shown_as = {
-            "signal": (*self.measurements, *self.commands),
-            "state": self.states,
-            "input": self.inputs,
+            bandwidth, damping = self.command_filter
+            parts.append(f"of a command filter of {bandwidth:g} rad/s, damping {damping:g}")
+        return "; ".join(parts)
+
+    def _data(self) -> dict[str, Any]:
+        """What JSON has: the file but for name and trims, and the units of its signals."""
+        data: dict[str, Any] = jsonable(_stored(self))
+        for key in ("name", "trim_states", "trim_inputs"):
+            del data[key]
+        signals = (*self.measurements, *self.commands)
+        for kind, names in {"signal": signals, "state": self.states, "input": self.inputs}.items():
+            data[f"{kind}_units"] = [signal_unit(self.model, name) for name in names]
+        return data | {
+            "schema": DESIGN_SCHEMA,
+            "design": self.name,
+            "schedule": self.model.schedule,
+            "delta": self.about.get("delta"),
+            "angles": list(self.about.get("angles", [])),
         }
-        stored = {
-            key: each
-            for key, each in _stored(self).items()
-            if key not in ("name", "trim_states", "trim_inputs")
-        }
-        return Report(
-            f"Controller {self.name}: {self.feedback} feedback, {len(self.states)} states, {where}, {self.called}",
-            ("; ".join(said), Table((by, limit, "certificate"), rows)),
-            data={
-                **jsonable(stored),
-                **{
-                    f"{kind}_units": [signal_unit(model, name) for name in names]
-                    for kind, names in shown_as.items()
-                },
-                **{
-                    "schema": DESIGN_SCHEMA,
-                    "design": self.name,
-                    "schedule": by,
-                    "delta": delta,
-                    "angles": list(points),
-                },
-            },
-        )
 
 
 def identity(model: Model) -> str:
@@ -255,12 +284,12 @@ def _key(model: Model) -> str:
 
 def _stored(controller: ScheduledController) -> dict[str, Any]:
     """The arrays, names and texts of a controller by the keys that files and data have."""
-    keys = {"places": _key(controller.model)}
     content: dict[str, Any] = {key: getattr(controller, key) for key in _TEXTS}
     content |= {key: list(getattr(controller, key)) for key in _NAMES}
-    return content | {
-        keys.get(key, key): np.array(getattr(controller, key), dtype=float) for key in _ARRAYS
-    }
+    for key in _ARRAYS:
+        stored_key = _key(controller.model) if key == "breakpoints" else key
+        content[stored_key] = np.array(getattr(controller, key), dtype=float)
+    return content
 
 
 def save_controller(path: str | Path, controller: ScheduledController) -> None:
@@ -284,36 +313,13 @@ def load_controller(path: str | Path, model: Model) -> ScheduledController:
     if Path(path).suffix.lower() != ".npz":
         raise BadInputError(f"{path}: a controller is read from a .npz file; save it as one")
     content = read_arrays(path)
-    if str(content.get("schema", "")) != SCHEMA:
+    if not _is_controller(content):
         raise BadInputError(
             f"{path}: this is no controller file ({SCHEMA}); make one with hfa design -o"
         )
-    row = {
-        f"{model.schedule}*": NUMBER,
-        "delta_min": NUMBER,
-        "gamma_min": NUMBER,
-        "checks*": [{"ok*": None, ...: None}],
-    }
     try:
         with said_of(path):
-            found: dict[str, Any] = {key: str(content[key]) for key in _TEXTS}
-            found |= {key: tuple(map(str, content[key].ravel())) for key in _NAMES}
-            if found["dynamics"] not in (model.name, *model.variants):
-                raise BadInputError(
-                    f"the controller was made for {found['dynamics']}, not for {model.title}"
-                )
-            content["places"] = content[_key(model)]
-            found |= {key: np.asarray(content[key], dtype=float) for key in _ARRAYS} | {
-                "model": model
-            }
-            found["command_filter"] = tuple(found["command_filter"].ravel().tolist())
-            about = {
-                key: value
-                for key, value in json.loads(str(content["about"])).items()
-                if value is not None
-            }
-            about = checked("its content", about, {"delta": POSITIVE, "angles": [row], ...: None})
-            return ScheduledController(**found, about=about)
+            return _controller_of(content, model)
     except BadInputError:
         raise
     except KeyError as error:
@@ -324,3 +330,43 @@ def load_controller(path: str | Path, model: Model) -> ScheduledController:
         raise BadInputError(
             f"{path}: its content is damaged ({error}); make the file anew"
         ) from error
+
+
+def load_controller_or_gains(path: Path, model: Model) -> ScheduledController | GainSchedule:
+    """What a file has: a controller, or a schedule of gains; a controller that is u = -K(η) x of
+    the states of the linear model is a schedule too. BadInputError as of `load_controller` and
+    `load_gain_schedule`."""
+    if path.suffix.lower() == ".npz" and _is_controller(read_arrays(path)):
+        controller = load_controller(path, model)
+        return controller.gain_schedule() or controller
+    return load_gain_schedule(path, model)
+
+
+def _is_controller(content: Mapping[str, Any]) -> bool:
+    """Whether arrays that were read are those of `save_controller`."""
+    return str(content.get("schema", "")) == SCHEMA
+
+
+def _controller_of(content: Mapping[str, Any], model: Model) -> ScheduledController:
+    """The controller of the arrays of a file."""
+    texts = {key: str(content[key]) for key in _TEXTS}
+    if texts["dynamics"] not in (model.name, *model.variants):
+        raise BadInputError(
+            f"the controller was made for {texts['dynamics']}, not for {model.title}"
+        )
+    names = {key: tuple(map(str, content[key].ravel())) for key in _NAMES}
+    arrays: dict[str, Any] = {}
+    for key in _ARRAYS:
+        stored_key = _key(model) if key == "breakpoints" else key
+        arrays[key] = np.asarray(content[stored_key], dtype=float)
+    arrays["command_filter"] = tuple(arrays["command_filter"].ravel().tolist())
+    about = json.loads(str(content["about"]))
+    about = {key: value for key, value in about.items() if value is not None}
+    row = {
+        f"{model.schedule}*": NUMBER,
+        "delta_min": NUMBER,
+        "gamma_min": NUMBER,
+        "checks*": [{"ok*": None, ...: None}],
+    }
+    about = checked("its content", about, {"delta": POSITIVE, "angles": [row], ...: None})
+    return ScheduledController(**texts, **names, **arrays, about=about, model=model)

@@ -115,7 +115,7 @@ class ServoPolicy(Policy):
     @cached_property
     def _table(self) -> MatrixTables:
         stacks = [getattr(self.controller, name) for name in _MATRICES]
-        return MatrixTables(self.controller.places, stacks)
+        return MatrixTables(self.controller.breakpoints, stacks)
 
 
 class MatrixTables:
@@ -153,11 +153,11 @@ def servo_policy(
     start = point.values[model.schedule]
     commanded = commands.values[:, np.array(commands.names) == model.schedule]
     reached = np.append(start + commanded, start)
-    if len(controller.places) == 1:  # not scheduled: flown as it is everywhere
-        reached = controller.places
+    if len(controller.breakpoints) == 1:  # not scheduled: flown as it is everywhere
+        reached = controller.breakpoints
     controller.refuse_other(model, float(reached.min()), float(reached.max()))
     identity = {
-        "controller": {name: getattr(controller, name) for name in ("places", *_MATRICES)},
+        "controller": {name: getattr(controller, name) for name in ("breakpoints", *_MATRICES)},
         "commands": {
             "names": list(commands.names),
             "times": commands.times,

@@ -71,7 +71,7 @@ class DesignRequest(UnitsOption, AircraftOptions, OutputOptions):
         by = self.model.schedule
         values = self.at
         if values is None and design.shaping is not None:
-            values = tuple(design.shaping.places)
+            values = tuple(design.shaping.breakpoints)
         if values is None and by == "dihedral":
             values = value_range(self.model, by, _RANGE)
         if values is None:
@@ -110,7 +110,7 @@ def design(request: DesignRequest) -> int:
         )
         about = {**controller.about, "provenance": request.provenance.to_dict()}
         controller = replace(controller, about=about)
-    knots, in_degrees = controller.places, model.schedule_unit == "deg"
+    knots, in_degrees = controller.breakpoints, model.schedule_unit == "deg"
     between = (knots[1:] + knots[:-1]) / 2.0
     if in_degrees:
         knots = np.degrees(knots).round(10)

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from controller.game.basis import basis
-from controller.game.gain_schedule import load_gains
+from controller.game.gain_schedule import load_gain_schedule
 from controller.game.user_files import UNNAMED, PlantNames
 from controller.servo.scheduled_controller import load_controller
 from hfa.options.argument_types import input_file, interval, number, one_of, positive
@@ -254,7 +254,7 @@ def _table(
     if request.design is not None:
         controller = load_controller(weights, of)
         return servo_table(controller, request.design.of(of).actuators, speed, of, **uncertain)
-    table = LoopTable.of(load_gains(weights, of))
+    table = LoopTable.of(load_gain_schedule(weights, of))
     return table.through(**uncertain) if uncertain else table
 
 

@@ -147,7 +147,7 @@ def designed_servo(aircraft: Model) -> ScheduledController:
     """The servo of the package, at the angles of its design; the same for all cases."""
     design = load_design("servo", hfa_model.aircraft()).of(aircraft)
     assert design.shaping is not None
-    return design_controller(aircraft, design, np.array(design.shaping.places))
+    return design_controller(aircraft, design, np.array(design.shaping.breakpoints))
 
 
 def _paper(on: Start) -> Policy:
@@ -244,7 +244,7 @@ def run_case(
         "duration": duration,
         "laws": list(laws_of(case.actuator.order, controllers, only)),
         "controllers": {
-            key: {part: getattr(made, part) for part in ("places", "A", "B", "C", "D", "W")}
+            key: {part: getattr(made, part) for part in ("breakpoints", "A", "B", "C", "D", "W")}
             for key, made in controllers.items()
         },
     }

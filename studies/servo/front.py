@@ -41,7 +41,7 @@ def front(aircraft: Model) -> Report:
             REGULATED[1]: weight._replace(gain=factor * weight.gain),
         }
         own = replace(design, name=f"{factor:g}", shaping=design.shaping._replace(outputs=outputs))
-        made = design_controller(aircraft, own, np.array(design.shaping.places))
+        made = design_controller(aircraft, own, np.array(design.shaping.breakpoints))
         single = check_margins(aircraft, made, np.radians([TRIM_DEG]), (2.0, 10.0)).single
         (flight,) = fly_case(
             aircraft, CASES["order-1-fault"], {own.name: made}, SECONDS, only=[own.name]

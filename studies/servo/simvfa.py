@@ -148,7 +148,7 @@ def reference_servo(aircraft: Model, design: str, dihedrals: np.ndarray) -> Sche
     return ScheduledController(
         name=f"{design}, reference model",
         feedback="output",
-        places=dihedrals,
+        breakpoints=dihedrals,
         A=A,
         B=B,
         C=C,

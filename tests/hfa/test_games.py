@@ -277,7 +277,7 @@ def test_a_design_becomes_a_file_that_prints_the_same_table() -> None:
     )
     data = answer("design", "servo.npz")
     np.testing.assert_array_equal(data["C"], controller.C)
-    assert [row["dihedral"] for row in data["angles"]] == pytest.approx(controller.places)
+    assert [row["dihedral"] for row in data["angles"]] == pytest.approx(controller.breakpoints)
 
 
 def test_matrices_go_to_other_tools() -> None:

@@ -16,7 +16,7 @@ import hfa_model
 import hfa_support
 import trim
 import verification
-from controller.game.gain_schedule import GainTable
+from controller.game.gain_schedule import GainSchedule
 
 #: Result -> a line that its report has at the prompt.
 SHOWN = {
@@ -61,7 +61,7 @@ def results() -> dict[str, Any]:
     model = trim.linearize(aircraft, point)
     game = controller.published_game(model)
     family, gain = verification.Family(aircraft), verification.solve_game(game).K
-    gains = GainTable(np.array([15.0, 15.25]), np.stack([gain, gain]), hfa_model.aircraft())
+    gains = GainSchedule(np.radians([15.0, 15.25]), np.stack([gain, gain]), hfa_model.aircraft())
     regeneration = verification.regenerate_all(aircraft)
     found = (
         aircraft,

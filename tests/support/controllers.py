@@ -22,7 +22,7 @@ def small_controller(aircraft: Model, **changed: object) -> ScheduledController:
     settings = {
         "name": "small",
         "feedback": "output",
-        "places": angles,
+        "breakpoints": angles,
         **stacks,
         "states": ("dihedral_integral",),
         "measurements": ("pitch_rate", "dihedral"),

@@ -137,7 +137,7 @@ class TrimCondition:
         table = self.imposed[name]
         if not isinstance(table, LinearTable):
             return np.full(np.shape(scheduled), table)
-        first, last = table.places[[0, -1]]
+        first, last = table.breakpoints[[0, -1]]
         points = np.atleast_1d(scheduled)
         outside = points[(points < first - _ROUNDING) | (points > last + _ROUNDING)]
         if outside.size:
@@ -155,7 +155,7 @@ class TrimCondition:
         imposed: dict[str, Any] = {}
         for name, value in self.imposed.items():
             if isinstance(value, LinearTable):
-                imposed[name] = np.column_stack([value.places, value.values]).tolist()
+                imposed[name] = np.column_stack([value.breakpoints, value.values]).tolist()
             elif usual.get(name) != value:
                 imposed[name] = value
         begin = {

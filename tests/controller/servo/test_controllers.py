@@ -124,7 +124,7 @@ def test_matrices_are_linear_between_the_angles_and_constant_beyond(
     [
         ({"A": np.zeros((3, 2, 2))}, r"A is \(3, 2, 2\); it must be \(3, 1, 1\)"),
         ({"D": np.full((3, 1, 4), math.nan)}, "D has a number that is not finite"),
-        ({"places": np.array([0.2, 0.1, 0.3])}, "dihedrals must increase"),
+        ({"breakpoints": np.array([0.2, 0.1, 0.3])}, "dihedrals must increase"),
         ({"measurements": ("pitch_rate", "lift")}, "unknown measurement 'lift'"),
         (
             {"states": ("A = 1000",)},
@@ -258,7 +258,7 @@ def test_a_path_from_inputs_to_a_sensor_at_once_is_closed_as_the_equations_say(
 def gentle(aircraft: Model, gain: float) -> ScheduledController:
     """aileron_outer = gain pitch_rate at 5 deg, its state decays by itself."""
     table = small_controller(aircraft)
-    first = {name: getattr(table, name)[:1] for name in ("places", "trim_states", "trim_inputs")}
+    first = {name: getattr(table, name)[:1] for name in ("breakpoints", "trim_states", "trim_inputs")}
     zero = {name: 0.0 * getattr(table, name)[:1] for name in "BCW"}
     return replace(
         table, A=-np.ones((1, 1, 1)), D=np.array([[[gain, 0.0, 0.0, 0.0]]]), **first, **zero

@@ -125,7 +125,7 @@ def servo(dynamics: str, degrees: tuple[float, ...] = ()) -> ScheduledController
     )
     assert design.shaping is not None
     return design_controller(
-        aircraft, design, np.radians(degrees) if degrees else np.array(design.shaping.places)
+        aircraft, design, np.radians(degrees) if degrees else np.array(design.shaping.breakpoints)
     )
 
 

@@ -16,7 +16,7 @@ from itertools import pairwise
 import numpy as np
 from flint import arb_mat
 
-from controller.game.gain_schedule import GainTable
+from controller.game.gain_schedule import GainSchedule
 from hfa_support.errors import BadInputError
 from hfa_support.progress import Progress, told
 from verification.proof.arithmetic.ball_function import Undecided
@@ -66,7 +66,7 @@ _POWER = 8
 
 def prove_schedule(
     family: Family,
-    table: GainTable | LoopTable,
+    table: GainSchedule | LoopTable,
     low: float,
     high: float,
     *,

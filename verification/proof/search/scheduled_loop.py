@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from controller.game.gain_schedule import GainTable
+from controller.game.gain_schedule import GainSchedule
 from controller.game.zero_sum import Game
 from controller.hfa_game import usual_game
 from controller.riccati.gare import solve_game
@@ -65,11 +65,11 @@ class LoopTable(Shown):
     actuators: Actuators | None = None
 
     @classmethod
-    def of(cls, table: GainTable | LoopTable) -> LoopTable:
+    def of(cls, table: GainSchedule | LoopTable) -> LoopTable:
         """The loop of a table of gains."""
         if isinstance(table, LoopTable):
             return table
-        return cls.of_gains(table.places, table.K, len(table.model.linear))
+        return cls.of_gains(table.file_breakpoints, table.gains, len(table.model.linear))
 
     @classmethod
     def of_gains(cls, places: np.ndarray, K: np.ndarray, count: int) -> LoopTable:
@@ -167,7 +167,7 @@ def servo_table(
     second = [i for i, each in enumerate(own) if each.order == 2]
     m, nx, alpha = len(inputs), len(linear), linear.index("alpha") if "alpha" in linear else 0
     start = nx + m + len(second)
-    count, size = len(controller.places), start + len(controller.states)
+    count, size = len(controller.breakpoints), start + len(controller.states)
     K, M = np.zeros((count, len(all_inputs), size)), np.zeros((count, size, size))
     N, X = np.zeros((count, size, nx)), np.zeros((count, nx, size))
     X[:, alpha, alpha] = 1.0
@@ -199,7 +199,7 @@ def servo_table(
             lag[nx + i, row], lag[row, row] = 1.0, -2.0 * each.damping
         lag[row, nx + i], G[row, i] = -1.0, 1.0
     in_degrees = model.schedule_unit == "deg"
-    places = np.round(np.degrees(controller.places), _DIGITS) if in_degrees else controller.places
+    places = np.round(np.degrees(controller.breakpoints), _DIGITS) if in_degrees else controller.breakpoints
     table = LoopTable(places, K, M, N, X)
     if uncertain:
         return replace(table, actuators=Actuators(lag, G, U, **uncertain))

@@ -14,7 +14,7 @@ from known_models import model_at
 from proof_cases import ORIGIN, between, exact_table, family, proved, unstable_between
 
 import hfa_model
-from controller.game.gain_schedule import GainTable
+from controller.game.gain_schedule import GainSchedule
 from controller.riccati.balancing import spectrum
 from hfa_model import default_parameters
 from hfa_support import BadInputError
@@ -180,7 +180,7 @@ def test_an_interrupted_proof_is_continued_to_the_same_bits(
 def test_what_cannot_be_proved_of_is_refused() -> None:
     """Gains beyond all numbers; intervals without angles, which no box would refute; angles beyond
     the table."""
-    table = GainTable(np.array([14.0, 15.0]), np.full((2, 5, 6), 1e308), hfa_model.aircraft())
+    table = GainSchedule(np.radians([14.0, 15.0]), np.full((2, 5, 6), 1e308), hfa_model.aircraft())
     with pytest.raises(BadInputError, match="too large to compute with"):
         prove_schedule(family(), table, 14.5, 14.6)
     for low, high in ((15.0, 14.0), (14.5, 14.5), (14.0, float("nan"))):
@@ -210,7 +210,7 @@ def test_what_cannot_be_proved_of_is_refused() -> None:
 )
 def test_a_table_that_is_none_is_refused(angles: list[float], shape: tuple[int, ...]) -> None:
     with pytest.raises(BadInputError):
-        GainTable(np.array(angles), np.zeros(shape), hfa_model.aircraft())
+        GainSchedule(np.radians(angles), np.zeros(shape), hfa_model.aircraft())
 
 
 @pytest.mark.slow
