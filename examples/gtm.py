@@ -7,7 +7,7 @@ speed, .4282 (here) or .4284, by which the throttle moves 0.004 %, and in a term
 states the trim at 45 m/s as alpha .04924, elevator .04892, throttle 14.33; here it is .04888, .04920, 14.30.
 
     hfa linearize --aircraft examples/gtm.py:GTM --hold speed=45
-    hfa schedule --aircraft examples/gtm.py:GTM --hold speed=30 --to 60:60 --law exact
+    hfa fly --aircraft examples/gtm.py:GTM --hold speed=40 --law exact --gust 100:3
     hfa prove schedule --aircraft examples/gtm.py:GTM --at 30:60
 """
 

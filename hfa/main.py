@@ -61,8 +61,6 @@ GROUPS = {
         "hfa fly --dihedral 15 --gust 400:5",
         {
             "fly": "simulate a policy on the nonlinear aircraft and compare with the linear prediction",
-            "schedule": "simulate a slow change of dihedral under a schedule of certified gains",
-            "monte-carlo": "simulate many members of one flight with parameter errors, noise and turbulence",
             "design": "the certified controller of a design at every dihedral angle, as one file",
         },
     ),
@@ -85,7 +83,7 @@ COMMANDS = {name: about for _, commands in GROUPS.values() for name, about in co
 MODULES = {
     **dict.fromkeys(("identify", "regenerate", "validate"), "printed"),
     **dict.fromkeys(("solve", "learn"), "game"),
-    **dict.fromkeys(("fly", "schedule", "monte-carlo"), "flight"),
+    "fly": "flight",
     "lpv": "prove",
 }
 
@@ -95,6 +93,8 @@ MOVED = {
     "study": "a study, python -m studies.update_law,",
     "servo": "a study, python -m studies.servo,",
     "map": "`hfa fly --initial NAME=VALUE`",
+    "schedule": "`hfa fly --controller GAINS --command dihedral=TIME:VALUE`",
+    "monte-carlo": "`hfa fly --samples N`",
 }
 
 

@@ -29,7 +29,9 @@ class LinearTable(ByValue):
         """Keep both as arrays of numbers."""
         breakpoints = np.asarray(self.breakpoints, dtype=float)
         values = np.asarray(self.values, dtype=float)
-        increasing = breakpoints.ndim == 1 and breakpoints.size > 0 and (np.diff(breakpoints) > 0).all()
+        increasing = (
+            breakpoints.ndim == 1 and breakpoints.size > 0 and (np.diff(breakpoints) > 0).all()
+        )
         if not increasing or len(values) != len(breakpoints):
             raise BadInputError(
                 "the places of a table must increase, with one value for each; sort them"

@@ -21,7 +21,6 @@ from controller.flight.envelope import envelope_data, refuse_start
 from controller.flight.nonlinear_flight import NonlinearFlight, fly_within, names_and_units
 from controller.flight.policies import Policy
 from controller.flight.scenario import Scenario, with_errors
-from controller.flight.signals import CommandedStates, Waveform
 from controller.flight.simulation import CompiledLoop
 from hfa_aircraft.model import VECTORS, Model, components
 from hfa_support.errors import BadInputError
@@ -88,7 +87,7 @@ class MonteCarlo(Shown):
             )
         object.__setattr__(self, "scenario", self.scenario.on(self.model))
         for name in ("reference", "disturbance", "noise"):
-            if not isinstance(getattr(self.scenario, name), (Waveform, CommandedStates)):
+            if not hasattr(getattr(self.scenario, name), "to_dict"):
                 raise BadInputError(
                     f"the {name} of a Monte Carlo must be a Waveform, whose formula says what it is"
                 )

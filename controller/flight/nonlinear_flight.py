@@ -227,7 +227,7 @@ class NonlinearFlight(Reported):
             "rms_error": _by_name(model.linear, np.sqrt(np.mean(late**2, axis=0))),
             "share_beyond_control_limits": _by_name(model.inputs, beyond.mean(axis=0)),
             "checks": [],
-            "policy": {"law": self.loop.policy.name},
+            "policy": self.loop.policy.data(model),
         }
         if flown_through_air(model):
             angles = self.angles_of_attack
@@ -237,9 +237,6 @@ class NonlinearFlight(Reported):
         if self.predicted is not None:
             difference = np.abs(flight.states - self.predicted.states).max(axis=0)
             data["largest_difference_from_linear"] = _by_name(model.states, difference)
-        if isinstance(self.loop.policy, GainPolicy):
-            data["policy"]["state_units"] = list(model.units(model.linear))
-            data["policy"]["K"] = self.loop.policy.gains[-1]
         commanded = self.loop.policy.tracking_errors(flight)
         if commanded:
             data["commanded"] = commanded

@@ -11,6 +11,7 @@ import casadi as ca
 import numpy as np
 
 from controller.flight.signals import CommandSteps
+from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError, numbers_in, refuse_unknown
 from hfa_support.reporting.fields import Shown
 
@@ -73,6 +74,10 @@ class Policy(Shown):
         row: np.ndarray = self.held[min(tick, len(self.held) - 1)]
         return row
 
+    def data(self, model: Model) -> dict[str, Any]:
+        """What JSON says of the policy of a flight of this model."""
+        return {"law": self.name}
+
     def tracking_errors(self, flight: Flight) -> dict[str, dict[str, Any]]:
         """Commanded output -> its `rms_error`, `largest_error` and `unit` over a flight; none
         unless the policy regulates outputs."""
@@ -105,6 +110,11 @@ class GainPolicy(Policy):
     def control(self, t: ca.SX, measurements: Measurements, memory: ca.SX, held: ca.SX) -> ca.SX:
         """-K z."""
         return -ca.mtimes(ca.reshape(held, *self.gains.shape[1:]), measurements.error)
+
+    def data(self, model: Model) -> dict[str, Any]:
+        """With the gain of the last tick."""
+        units = list(model.units(model.linear))
+        return {"law": self.name, "state_units": units, "K": self.gains[-1]}
 
 
 def column_by_column(matrix: np.ndarray) -> np.ndarray:

@@ -12,6 +12,7 @@ import numpy as np
 from controller.flight.policies import Measurements, Policy
 from controller.flight.signals import CommandSteps
 from controller.game.gain_schedule import GainSchedule
+from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError
 from hfa_support.linear_table import LinearTable
 from trim.point.condition import TrimCondition
@@ -42,6 +43,11 @@ class TrimPath:
     def size(self) -> int:
         """States of the linear model."""
         return len(self.base.model.linear)
+
+    @property
+    def until(self) -> float:
+        """When the last step is commanded, s."""
+        return float(self.commands.times[-1])
 
     def commanded(self, t: ca.SX) -> ca.SX:
         """r(t), absolute."""
@@ -88,6 +94,15 @@ class ScheduledGainPolicy(Policy):
         entries = self.schedule.table.expression(measured)
         K = ca.reshape(entries, len(model.linear), len(model.inputs)).T
         return self.path.inputs_at(t) - ca.mtimes(K, measurements.error)
+
+    def data(self, model: Model) -> dict[str, Any]:
+        """With the gains at all breakpoints."""
+        return {
+            "law": self.name,
+            "state_units": list(model.units(model.linear)),
+            model.schedule_key: self.schedule.file_breakpoints,
+            "K": self.schedule.gains,
+        }
 
 
 def scheduled_gains(

@@ -349,12 +349,12 @@ def _is_controller(content: Mapping[str, Any]) -> bool:
 
 def _controller_of(content: Mapping[str, Any], model: Model) -> ScheduledController:
     """The controller of the arrays of a file."""
-    texts = {key: str(content[key]) for key in _TEXTS}
+    texts: dict[str, Any] = {key: str(content[key]) for key in _TEXTS}
     if texts["dynamics"] not in (model.name, *model.variants):
         raise BadInputError(
             f"the controller was made for {texts['dynamics']}, not for {model.title}"
         )
-    names = {key: tuple(map(str, content[key].ravel())) for key in _NAMES}
+    names: dict[str, Any] = {key: tuple(map(str, content[key].ravel())) for key in _NAMES}
     arrays: dict[str, Any] = {}
     for key in _ARRAYS:
         stored_key = _key(model) if key == "breakpoints" else key

@@ -123,8 +123,8 @@ class LawOptions(LearningOptions, WeightOptions):
 
 def controller_option() -> Any:
     """The field `controller`."""
-    about = "a scheduled controller of hfa design, instead of a law"
-    return option(about, "FILE", input_file(".npz"))
+    about = "a scheduled controller of hfa design, or gains over the scheduling variable, instead of a law"
+    return option(about, "FILE", input_file(*MATRIX_FILES))
 
 
 def actuators_option() -> Any:
@@ -158,16 +158,6 @@ def _state(model: Model, name: str, text: str) -> float:
 
 def _disturbed(model: Model, name: str, text: str) -> float:
     return among((*model.linear, *model.disturbances), model, name, text)
-
-
-def error_option(about: str) -> Any:
-    """The field `error`: parameter -> number."""
-    return option(about, "NAME=NUMBER", _number, named=True, rare=True)
-
-
-def noise_option(about: str) -> Any:
-    """The field `noise`: state -> value."""
-    return option(about, "NAME=VALUE", OfModel(_linear_state), named=True, rare=True)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -205,10 +195,20 @@ class ScenarioOptions(LawOptions, TrimOptions):
         OfModel(_turbulence_numbers),
         rare=True,
     )
-    error: Mapping[str, float] = error_option(
-        "factor on a parameter of the simulated aircraft alone"
+    error: Mapping[str, float] = option(
+        "factor on a parameter of the simulated aircraft alone; with --samples its relative standard deviation",
+        "NAME=NUMBER",
+        _number,
+        named=True,
+        rare=True,
     )
-    noise: Mapping[str, float] = noise_option("added to what a sensor says")
+    noise: Mapping[str, float] = option(
+        "added to what a sensor says, degrees for angles; with --samples its standard deviation",
+        "NAME=VALUE",
+        OfModel(_linear_state),
+        named=True,
+        rare=True,
+    )
     gust: tuple[float, ...] | None = option(
         "1-cosine updraft, ft, ft/s and s", _GUST, OfModel(_gust_numbers)
     )
@@ -240,16 +240,17 @@ class ScenarioOptions(LawOptions, TrimOptions):
                 name: _constant([value]) for name, value in disturbed.items() if name not in names
             },
         )
+        if self.gust is not None and self.turbulence is not None:
+            raise BadInputError("--gust and --turbulence do not go together; give one of them")
+        gust = self._gust(point, common)
         if self.samples is not None:
             uncertainty = Uncertainty(self.error, self.noise, self.turbulence)
-            return replace(common, uncertainty=uncertainty).on(model)
+            return replace(common, uncertainty=uncertainty, gust=gust).on(model)
         noise = _constant([self.noise.get(name, 0.0) for name in names])
-        gust = self._gust(point, common)
         return replace(common, noise=noise, errors=self.error, gust=gust).on(model)
 
     def _gust(self, point: OperatingPoint, happens: Scenario) -> Gust | None:
-        if self.gust is not None and self.turbulence is not None:
-            raise BadInputError("--gust and --turbulence do not go together; give one of them")
+        """The gust, or the turbulence of one flight; that of members is drawn later."""
         if self.gust is not None:
             length, peak, begin = self.gust
             if not 0 <= begin < happens.duration:
@@ -257,7 +258,7 @@ class ScenarioOptions(LawOptions, TrimOptions):
                     f"--gust begins at {begin:g} s; the flight lasts from 0 to {happens.duration:g} s"
                 )
             return OneMinusCosine(length, peak, gust_speed(point), begin)
-        if self.turbulence is not None:
+        if self.turbulence is not None and self.samples is None:
             intensity, scale = self.turbulence
             return Dryden(
                 intensity, scale, gust_speed(point), happens.tick, happens.ticks, self.seed
@@ -280,35 +281,50 @@ class FlightOptions(ScenarioOptions):
     )
 
     def flight(self) -> Flight:
-        """What flies from where, by which law, through what, within which limits; the commands are
-        the reference."""
+        """What flies from where, by which policy, through what, within which limits; the commands
+        are the reference."""
         from controller.flight.policies import open_loop
-        from controller.servo.scheduled_controller import load_controller
-        from controller.servo.servo_policy import servo_policy
 
         self.check_policy()
         model = self.flown_aircraft()
         point = self.operating_point(model)
-        happens = self.scenario(point)
+        scenario = self.scenario(point)
         steps = _steps_of(self.command)
-        states = point.model.linear
+        reference: Any = None
         if self.controller is not None:
-            if self.actuators is None:
-                raise BadInputError("--controller flies behind actuators; add --actuators LAG:RATE")
-            controller = load_controller(self.controller, model)
-            steps = CommandSteps(steps.names, steps.times, steps.values, *controller.command_filter)
-            happens = replace(happens, reference=CommandedStates(steps, states))
-            policy: Policy = servo_policy(controller, steps, model, point)
+            policy, reference = self._controller_policy(model, point, steps)
         elif self.law == NONE:
-            policy = open_loop(steps, tuple(point.model.inputs), happens.tick, happens.ticks)
+            policy = open_loop(steps, tuple(model.inputs), scenario.tick, scenario.ticks)
         else:
             for name in steps.names:
-                refuse_unknown("a gain follows no command of", name, states)
+                refuse_unknown("a gain follows no command of", name, model.linear)
             if steps.names:
-                happens = replace(happens, reference=CommandedStates(steps, states, filtered=False))
+                reference = CommandedStates(steps, model.linear, filtered=False)
             policy = self.flown_policy(linearize(model, point))
-        envelope = flight_envelope(model, point, self.envelope)
-        return Flight(model, point, policy, happens, envelope)
+        if reference is not None:
+            scenario = replace(scenario, reference=reference)
+        return Flight(model, point, policy, scenario, flight_envelope(model, point, self.envelope))
+
+    def _controller_policy(
+        self, model: Model, point: OperatingPoint, steps: CommandSteps
+    ) -> tuple[Policy, Any]:
+        """The policy of --controller, and what it follows."""
+        from controller.flight.scheduled_gains import scheduled_gains
+        from controller.game.gain_schedule import GainSchedule
+        from controller.servo.scheduled_controller import load_controller_or_gains
+        from controller.servo.servo_policy import servo_policy
+
+        assert self.controller is not None
+        controller = load_controller_or_gains(self.controller, model)
+        if isinstance(controller, GainSchedule):
+            name = f"gains of {self.controller}"
+            condition = self.common_condition().at
+            scheduled = scheduled_gains(name, controller, point, steps, condition)
+            return scheduled, scheduled.path
+        if self.actuators is None:
+            raise BadInputError("--controller flies behind actuators; add --actuators LAG:RATE")
+        steps = CommandSteps(steps.names, steps.times, steps.values, *controller.command_filter)
+        return servo_policy(controller, steps, model, point), CommandedStates(steps, model.linear)
 
 
 class Flight(NamedTuple):

@@ -366,12 +366,12 @@ def test_json_has_the_whole_condition(heavy: Path) -> None:
     assert (found["date"], found["dynamics"]) == ("2026-09-21T14:13:20Z", "published")
 
 
-@pytest.mark.parametrize("command", ["sweep", pytest.param("monte-carlo", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("command", ["sweep", pytest.param("fly", marks=pytest.mark.slow)])
 def test_a_store_has_it(command: str, heavy: Path, tmp_path: Path) -> None:
     path = tmp_path / "out.zarr"
     words = {
         "sweep": ("--dihedral", "0:10:5"),
-        "monte-carlo": ("--dihedral", "12", "--samples", "2", "--duration", "0.1"),
+        "fly": ("--dihedral", "12", "--samples", "2", "--duration", "0.1"),
     }
     assert hfa(command, *words[command], "--parameters", str(heavy), "-o", str(path)).code == 0
     assert zarr.open_group(str(path), mode="r").attrs["provenance"]["parameter_hash"] == hash_of(

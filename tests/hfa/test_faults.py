@@ -70,7 +70,7 @@ NO_HOME = {
 
 
 PICTURE = "trim --dihedral 15 --picture a.png"
-MACHINE_CODE = "monte-carlo --dihedral 15 --law exact --samples 3 --duration 0.1 -o a.zarr"
+MACHINE_CODE = "fly --dihedral 15 --law exact --samples 3 --duration 0.1 -o a.zarr"
 
 
 @pytest.mark.parametrize(

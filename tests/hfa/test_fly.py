@@ -1,4 +1,4 @@
-"""`hfa fly`, `schedule` and `monte-carlo`: what they say and write, their exit codes, and what they
+"""`hfa fly`: what they say and write, their exit codes, and what they
 refuse."""
 
 from __future__ import annotations
@@ -166,7 +166,7 @@ def test_controllers_that_do_not_fit_are_refused() -> None:
 
 @pytest.mark.usefixtures("_there")
 def test_members_follow_commands_behind_failing_actuators() -> None:
-    words = ("monte-carlo", *BEHIND, "--duration", "2", "--samples", "3")
+    words = ("fly", *BEHIND, "--duration", "2", "--samples", "3")
     noisy = ("--noise", "dihedral=0.01", "--turbulence", "0.01:1750", "--command", "dihedral=0:1")
     data = [
         json.loads(hfa(*words, *noisy, "--controller", "slow.npz", *more, "--json").out)
@@ -187,7 +187,7 @@ def test_the_command_flies_and_sums_up(tmp_path: Path) -> None:
     store = str(tmp_path / "a.zarr")
     uncertain = ("--error", "panel_mass=0.05", "--noise", "alpha=0.1", "--turbulence", "3:1750")
     words = (
-        "monte-carlo",
+        "fly",
         "--dihedral",
         "15",
         "--law",
@@ -218,32 +218,30 @@ def test_the_command_flies_and_sums_up(tmp_path: Path) -> None:
     assert "members not kept" in hfa(*words).out
 
 
-# Schedules.
+# Gains over the dihedral.
 
-SCHEDULE = ("schedule", "--dihedral", "5", "--to", "15:10:3", "--duration", "16")
+SCHEDULE = ("fly", "--dihedral", "5", "--command", "dihedral=1:10", "--duration", "16")
 
 
-def test_gains_of_a_file_are_flown_as_they_are() -> None:
-    """The exact gains from a file fly as the exact law does; one gain for all angles, and others,
-    fly otherwise."""
-    result = hfa(*SCHEDULE, "--law", "exact", "-o", "exact.json")
-    assert (result.code, result.err) == (0, "")
-    title = "Flight, published dynamics, dihedral 5 deg, to 15 deg over 10 s, law exact, scheduled"
-    assert result.out.startswith(
-        f"{title}\nstayed within limits: 16 s inside the envelope and the control limits\n"
-    )
-    assert result.out.count("8 hold") == 3
-    reference = json.loads(Path("exact.json").read_text("utf-8"))
-    np.testing.assert_allclose(reference["schedule"]["dihedrals"], np.radians([5.0, 10.0, 15.0]))
-    K = np.array(reference["schedule"]["gains"])
+def test_gains_of_a_file_are_flown_along_the_trims_of_the_command() -> None:
+    """The same gains as a table, as MATLAB stacks it, and as a controller of `hfa design`; one gain
+    for all angles flies otherwise."""
+    made = hfa("design", "--design", "paper", "--dihedral", "5,10,15", "-o", "paper.npz", "--json")
+    assert made.code == 0, made.err
+    K = -np.array(json.loads(made.out)["D"])
+    stored("gains.json", K=K, dihedral_deg=np.array([5.0, 10.0, 15.0]))
+    stored("stacked.mat", K=np.moveaxis(K, 0, -1), dihedral_deg=np.array([5.0, 10.0, 15.0]))
+    stored("one.json", K=K[0])
     finals = {}
-    for name, gains in {"one.json": K[0], "stacked.mat": np.moveaxis(K, 0, -1)}.items():
-        stored(name, K=gains, dihedral_deg=np.array([5.0, 10.0, 15.0]))
-        result = hfa(*SCHEDULE, "--weights", name, "-o", "flown.json")
-        assert result.code == 0, result.err
-        assert f"law gain of {name}, scheduled" in result.out
+    for name in ("paper.npz", "gains.json", "stacked.mat", "one.json"):
+        result = hfa(*SCHEDULE, "--controller", name, "-o", "flown.json")
+        assert (result.code, result.err) == (0, "")
+        assert f"law gains of {name}\nstayed within limits: 16 s" in result.out
         data = json.loads(Path("flown.json").read_text("utf-8"))
-        assert data["schedule"]["distances_from_exact"] == [None] * 3
         finals[name] = np.array(data["history"]["states"][-1])
-    np.testing.assert_allclose(finals["stacked.mat"], reference["history"]["states"][-1], rtol=1e-9)
-    assert abs(finals["one.json"] - finals["stacked.mat"]).max() > 1e-6
+    np.testing.assert_allclose(data["policy"]["K"], K[:1])
+    np.testing.assert_allclose(finals["gains.json"], finals["paper.npz"], rtol=1e-9)
+    np.testing.assert_allclose(finals["stacked.mat"], finals["paper.npz"], rtol=1e-9)
+    assert np.abs(finals["one.json"] - finals["paper.npz"]).max() > 1e-6
+    beyond = hfa(*SCHEDULE[:3], "--command", "dihedral=1:11", "--controller", "paper.npz")
+    assert_refused(beyond, 2, "the gains cover 5 deg to 15 deg, not 5 deg to 16 deg")

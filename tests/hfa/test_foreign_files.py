@@ -30,7 +30,6 @@ SLOW_TABLES = {
     "learn --dihedral 10 --set predefined_time=2": _LEARNED,
     "verify --dihedral 10": (),
     "validate": _ENTRIES,
-    "schedule --dihedral 5 --to 5.1:0.1:2 --duration 5.2": (),
     "lpv --dihedral 10:11": (),
     "identify": _ENTRIES,
 }

@@ -1,4 +1,4 @@
-"""`hfa fly`, `schedule`, `monte-carlo` and `export` with `--aircraft FILE.py:NAME`."""
+"""`hfa fly` and `export` with `--aircraft FILE.py:NAME`."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def test_a_gain_flies_with_offsets_actuators_faults_and_a_delay() -> None:
 
 def test_members_are_drawn_by_workers_and_a_changed_file_is_noticed() -> None:
     words = (
-        "monte-carlo",
+        "fly",
         "--aircraft",
         NAVION,
         "--law",
@@ -76,36 +76,25 @@ def test_members_are_drawn_by_workers_and_a_changed_file_is_noticed() -> None:
     kept = open_store(Path("a.zarr"))
     assert kept.read("final").shape == (4, 8)
     xcg = ("--error", "xcg=0.02", "-o", "f16.zarr")
-    assert hfa(
-        "monte-carlo", "--aircraft", F16, "--hold", "altitude=10000", *words[3:], *xcg
-    ).code in (0, 1)
+    assert hfa("fly", "--aircraft", F16, "--hold", "altitude=10000", *words[3:], *xcg).code in (
+        0,
+        1,
+    )
     assert open_store(Path("f16.zarr")).read("factors").shape == (4, 1)
     source = Path("navion.py").read_text("utf-8")
     Path("navion.py").write_text(source.replace("4.44", "4.45"), "utf-8")
     assert_refused(hfa(*noisy, "--resume"), 2, "another Monte Carlo")
 
 
-def test_a_schedule_over_the_speed() -> None:
-    result = hfa("schedule", "--aircraft", NAVION, "--law", "exact", "--to", "190:20:2", "--duration", "26",
-                 "--json")  # fmt: skip
-    data = json.loads(result.out)
-    assert (result.code, data["schedule"]["dihedrals"]) == (0, [176.0, 190.0])
-    gains = {"speed": np.array([170.0, 200.0]), "K": np.array(data["schedule"]["gains"])}
-    np.savez("gains.npz", **gains)
-    same = (
-        "schedule",
-        "--aircraft",
-        NAVION,
-        "--weights",
-        "gains.npz",
-        "--to",
-        "190:20:2",
-        "--duration",
-        "26",
-    )
-    assert len(json.loads(hfa(*same, "--json").out)["schedule"]["dihedrals"]) == 2
-    np.savez("gains.npz", **gains | {"speed": np.array([170.0, 180.0])})
-    assert_refused(hfa(*same), 2, "the gains cover 170 ft/s to 180 ft/s, not 176 ft/s to 190 ft/s")
+def test_gains_over_the_speed_follow_a_command_of_it() -> None:
+    gain = json.loads(hfa("solve", "--aircraft", NAVION, "--json").out)["K"]
+    np.savez("gains.npz", speed=np.array([170.0, 200.0]), K=np.array([gain, gain]))
+    words = ("fly", "--aircraft", NAVION, "--controller", "gains.npz", "--command", "speed=1:14")
+    result = hfa(*words, "--duration", "80", "--json")
+    assert result.code == 0, result.err
+    assert json.loads(result.out)["final"]["speed"] == pytest.approx(190.0, abs=1.0)
+    np.savez("gains.npz", speed=np.array([170.0, 180.0]), K=np.array([gain, gain]))
+    assert_refused(hfa(*words), 2, "the gains cover 170 ft/s to 180 ft/s, not 176 ft/s to 190 ft/s")
 
 
 def test_exports_have_its_names() -> None:
@@ -127,8 +116,7 @@ def test_exports_have_its_names() -> None:
         ("fly --error mass=1.1", "unknown parameter 'mass'"),
         ("fly --envelope speed=200:300", "the trim has speed 176 ft/s, outside the envelope's"),
         ("fly --delay 0.0105", "make it a whole number of ticks"),
-        ("schedule --to 176", "begins and ends at 176 ft/s"),
-        ("schedule --to 190 --dihedral 5", "unknown option --dihedral"),
+        ("schedule --to 190", "`hfa schedule` is `hfa fly --controller GAINS"),
     ],
 )
 def test_what_does_not_fit_the_model_is_one_line(words: str, named: str) -> None:

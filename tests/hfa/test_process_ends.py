@@ -31,7 +31,7 @@ LONG: dict[str, tuple[str, ...]] = {
     ),
     "monte-carlo": (
         *(
-            "monte-carlo",
+            "fly",
             "--dihedral",
             "15",
             "--law",
@@ -160,7 +160,7 @@ RUN = {
         "a.zarr",
     ),
     "monte-carlo": (
-        "monte-carlo",
+        "fly",
         "--dihedral",
         "15",
         "--law",
@@ -310,7 +310,7 @@ def test_ended_at_random_moments_and_continued_it_comes_to_the_same_bits(
 
 #: Four chunks.
 WORDS = (
-    "monte-carlo",
+    "fly",
     "--dihedral",
     "15",
     "--law",

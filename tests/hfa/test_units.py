@@ -144,8 +144,7 @@ RUNS: dict[str, tuple[str, ...]] = {
     "verify": AT,
     "design": ("--design", "servo", "--dihedral", "5,10"),
     "fly": (*AT, *FLIGHT, "--gust", "200ft:5ft", "--command", "speed=0:0.01ft"),
-    "schedule": ("--dihedral", "5", "--to", "6:1:2", "--law", "exact", "--duration", "7"),
-    "monte-carlo": (*AT, *FLIGHT, "--samples", "2", "--turbulence", "3ft:200ft"),
+    "fly --samples 2": (*AT, *FLIGHT, "--turbulence", "3ft:200ft"),
     "report": (*AT, "--sweep", "10,12"),
 }
 #: The same of a model of the user, whose units are its own.
@@ -162,10 +161,9 @@ OWN: dict[str, tuple[str, ...]] = {
         "-o",
         "{}.json",
     ),
-    "schedule": (*NAVION, "--to", "190ft:20:2", "--duration", "26", "-o", "{}.json"),
-    "monte-carlo": (*NAVION, "--duration", "1", "--samples", "2", "--initial", "speed=5ft"),
+    "fly --samples 2": (*NAVION, "--duration", "1", "--initial", "speed=5ft"),
 }
-LONG = ("report", "design", "learn", "schedule", "monte-carlo")
+LONG = ("report", "design", "learn", "fly --samples 2")
 #: What a number with a unit may be multiplied with: of lengths and their squares, of forces,
 #: moments, masses.
 FACTORS = (
@@ -244,7 +242,9 @@ def test_every_command_is_here() -> None:
     "name", [pytest.param(name, marks=[pytest.mark.slow] * (name in LONG)) for name in RUNS]
 )
 def test_what_has_a_unit_changes_and_nothing_else(name: str) -> None:
-    before, after = (answer(*typed((name, *RUNS[name]), system)) for system in ("english", "si"))
+    before, after = (
+        answer(*typed((*name.split(), *RUNS[name]), system)) for system in ("english", "si")
+    )
     assert (before.pop("units"), after.pop("units")) == ("english", "si")
     assert before != after
     assert not complaints(name, before, after)
@@ -254,14 +254,15 @@ def test_what_has_a_unit_changes_and_nothing_else(name: str) -> None:
     ("name", "moved"),
     [
         ("fly", "final history.states scenario.initial"),
-        pytest.param("schedule", "final schedule.dihedrals history.errors", marks=pytest.mark.slow),
-        ("monte-carlo", "peak_error effort rms_error"),
+        ("fly --samples 2", "peak_error effort rms_error"),
     ],
 )
 def test_what_a_model_declares_in_feet_and_pounds_changes_and_nothing_else(
     name: str, moved: str
 ) -> None:
-    before, after = (answer(*typed((name, *OWN[name]), system)) for system in ("english", "si"))
+    before, after = (
+        answer(*typed((*name.split(), *OWN[name]), system)) for system in ("english", "si")
+    )
     if "-o" in OWN[name]:  # with its history
         before, after = (
             json.loads(Path(f"{system}.json").read_text("utf-8")) for system in ("english", "si")

@@ -258,7 +258,9 @@ def test_a_path_from_inputs_to_a_sensor_at_once_is_closed_as_the_equations_say(
 def gentle(aircraft: Model, gain: float) -> ScheduledController:
     """aileron_outer = gain pitch_rate at 5 deg, its state decays by itself."""
     table = small_controller(aircraft)
-    first = {name: getattr(table, name)[:1] for name in ("breakpoints", "trim_states", "trim_inputs")}
+    first = {
+        name: getattr(table, name)[:1] for name in ("breakpoints", "trim_states", "trim_inputs")
+    }
     zero = {name: 0.0 * getattr(table, name)[:1] for name in "BCW"}
     return replace(
         table, A=-np.ones((1, 1, 1)), D=np.array([[[gain, 0.0, 0.0, 0.0]]]), **first, **zero

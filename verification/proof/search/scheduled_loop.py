@@ -199,7 +199,11 @@ def servo_table(
             lag[nx + i, row], lag[row, row] = 1.0, -2.0 * each.damping
         lag[row, nx + i], G[row, i] = -1.0, 1.0
     in_degrees = model.schedule_unit == "deg"
-    places = np.round(np.degrees(controller.breakpoints), _DIGITS) if in_degrees else controller.breakpoints
+    places = (
+        np.round(np.degrees(controller.breakpoints), _DIGITS)
+        if in_degrees
+        else controller.breakpoints
+    )
     table = LoopTable(places, K, M, N, X)
     if uncertain:
         return replace(table, actuators=Actuators(lag, G, U, **uncertain))

@@ -1,1 +1,0 @@
-"""Checks and limits of nonlinear flights."""
