@@ -44,16 +44,11 @@ def fly(request: FlyRequest) -> int:
     """Simulate a policy on all states of the nonlinear aircraft and compare with the prediction of
     its linear model.
 
-    Exit code 0 when every state stays inside its envelope, every input within its control limits,
-    and no oscillation is left that does not decay; else 1, and the report names the state that left
-    first and the inputs that exceeded their limits. `--law none --command elevator=1:2,2:-2,3:0`
-    flies a doublet without a law. With `--controller` and gains over the scheduling variable a
-    `--command` of that variable is followed along its trims.
-
-    --samples N flies N members, of which --error and --noise are standard deviations and
-    --turbulence is drawn anew; member k is decided by --seed and k alone: any number of workers
-    gives the same bits. The members go to a Zarr store (-o FILE.zarr), which can be continued after
-    an interruption (--resume). Exit code 0 when at least one member stays within its limits."""
+    `--law none --command elevator=1:2,2:-2,3:0` flies a doublet without a law. With gains over the
+    scheduling variable a --command of it is followed along its trims. --samples N flies N members:
+    --error and --noise are standard deviations then, --turbulence is drawn anew; member k is
+    decided by --seed and k alone. Exit code 1 when a state leaves its envelope, an input exceeds
+    its control limits, or an oscillation does not decay; of members, when each does so."""
     if request.samples is not None:
         return _fly_members(request)
     from controller.flight.flight_figure import flight_figure

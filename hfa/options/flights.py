@@ -123,7 +123,7 @@ class LawOptions(LearningOptions, WeightOptions):
 
 def controller_option() -> Any:
     """The field `controller`."""
-    about = "a scheduled controller of hfa design, or gains over the scheduling variable, instead of a law"
+    about = "a controller of hfa design, or gains over the scheduling variable"
     return option(about, "FILE", input_file(*MATRIX_FILES))
 
 
