@@ -35,7 +35,7 @@ class FlyRequest(FlightOptions, OneTrimOptions, WorkersOptions, OutputOptions):
         whole(1, _MOST_MEMBERS),
         rare=True,
     )
-    output: Path | None = output_option(".zarr", purpose=" (every member of --samples)")
+    output: Path | None = output_option(".zarr", purpose=" (members)")
     picture: Path | None = picture_option("the flight")
 
 
@@ -46,9 +46,9 @@ def fly(request: FlyRequest) -> int:
 
     `--law none --command elevator=1:2,2:-2,3:0` flies a doublet without a law. With gains over the
     scheduling variable a --command of it is followed along its trims. --samples N flies N members:
-    --error and --noise are standard deviations then, --turbulence is drawn anew; member k is
-    decided by --seed and k alone. Exit code 1 when a state leaves its envelope, an input exceeds
-    its control limits, or an oscillation does not decay; of members, when each does so."""
+    --error and --noise are standard deviations, --turbulence is drawn anew; member k is
+    decided by --seed and k alone. Exit code 1 when a state leaves its envelope, an input its control
+    limits, or an oscillation does not decay."""
     if request.samples is not None:
         return _fly_members(request)
     from controller.flight.flight_figure import flight_figure

@@ -123,7 +123,7 @@ class LawOptions(LearningOptions, WeightOptions):
 
 def controller_option() -> Any:
     """The field `controller`."""
-    about = "a controller of hfa design, or gains over the scheduling variable"
+    about = "a controller of hfa design, or scheduled gains"
     return option(about, "FILE", input_file(*MATRIX_FILES))
 
 
@@ -210,7 +210,7 @@ class ScenarioOptions(LawOptions, TrimOptions):
         rare=True,
     )
     gust: tuple[float, ...] | None = option(
-        "1-cosine updraft, ft, ft/s and s", _GUST, OfModel(_gust_numbers)
+        "1-cosine updraft, ft, ft/s, s", _GUST, OfModel(_gust_numbers)
     )
     envelope: Mapping[str, tuple[float, float]] = option(
         "other limits of a state, absolute (alpha: through the air); repeatable",
