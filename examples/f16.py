@@ -265,7 +265,7 @@ ANGLE, RATE, PLACE = Signal("rad", 0.1), Signal("rad/s", 0.1, rate=1.0), Signal(
 STEADY = ("speed", "alpha", "beta", "roll", "pitch", "roll_rate", "pitch_rate", "yaw_rate", "power")
 F16 = Model(
     "F-16",
-    {"speed": Signal("ft/s", 500.0, 100.0, 1000.0, 500.0, rate=32.0), "alpha": Signal("rad", 0.1, -0.17, 0.79, 0.05),
+    {"speed": Signal("ft/s", 500.0, 100.0, 1000.0, 500.0, rate=32.0), "alpha": Signal("rad", 0.1, -0.17, 0.80, 0.05),
      "beta": Signal("rad", 0.1, -0.52, 0.52), "roll": Signal("rad", 0.1, -3.1, 3.1),
      "pitch": Signal("rad", 0.1, -1.55, 1.55), "yaw": ANGLE, "roll_rate": RATE, "pitch_rate": RATE, "yaw_rate": RATE,
      "north": PLACE, "east": PLACE, "altitude": Signal("ft", 1000.0, 0.0, 50000.0),

@@ -21,6 +21,7 @@ from trim import TrimError, find_operating_point, linearize, release, sweep
 from trim.hfa.hfa_report import trim_report
 from trim.point.condition import usual_condition
 from trim.point.solve import other_trims
+from trim.sweeps.points import TRIMMED, trim_points
 
 #: Stevens and Lewis, table 3.6-3: xcg, what is held, rates, alpha, beta, throttle, elevator,
 #: aileron, rudder.
@@ -51,6 +52,73 @@ def test_trims_of_the_book(
         for each in ("alpha", "beta", "throttle", "elevator", "aileron", "rudder")
     ]
     np.testing.assert_allclose(found, printed, rtol=6e-4, atol=6e-5)
+
+
+#: Stevens and Lewis, table 3.6-2: speed, alpha in deg, throttle, elevator in deg.
+SLOW_FLIGHTS = [
+    (130.0, 45.6, 0.816, 20.1),
+    (140.0, 40.3, 0.736, -1.36),
+    (170.0, 27.2, 0.463, 0.621),
+]
+
+
+@pytest.mark.parametrize(("speed", "alpha", "throttle", "elevator"), SLOW_FLIGHTS)
+def test_slow_flights_of_the_book(
+    speed: float, alpha: float, throttle: float, elevator: float
+) -> None:
+    """Newton's method does not find the slowest from where the declaration begins."""
+    point = trimmed(F16, {"speed": speed})
+    found = [np.degrees(point.states.alpha), point.inputs.throttle, point.inputs.elevator]
+    np.testing.assert_allclose(found, [alpha, throttle, elevator], rtol=4e-3)
+
+
+@pytest.mark.parametrize(
+    ("kind", "name"), [("states", "alpha"), ("inputs", "elevator"), ("outputs", "gamma")]
+)
+@pytest.mark.parametrize("factor", [0.01, 5.0, 100.0])
+def test_the_search_does_not_depend_on_declared_scales(kind: str, name: str, factor: float) -> None:
+    """A nominal size that is off: the slow flight is found, and no point of a sweep goes one by
+    one."""
+    signals = getattr(F16, kind)
+    scaled = signals[name]._replace(nominal=factor * signals[name].nominal)
+    model = replace(F16, **{kind: {**signals, name: scaled}})
+    assert trimmed(model, {"speed": 130.0}).states.alpha == pytest.approx(0.795774, abs=1e-6)
+    speeds = np.linspace(130.0, 700.0, 300)[:, None]
+    points = trim_points(model, ("speed",), speeds)
+    assert (points.status == TRIMMED).all()
+    assert not points.one_by_one.any()
+
+
+def rotating(x, u, p, w):
+    """A turn about one axis by a quaternion (a, b), and what keeps it at an angle."""
+    rates = {"a": -0.5 * x.b * x.rate, "b": 0.5 * x.a * x.rate, "rate": u.torque - 2 * x.a * x.b}
+    return rates, {"sine": 2 * x.a * x.b}
+
+
+def test_a_trim_that_the_equations_do_not_determine_says_so() -> None:
+    """With the norm of the quaternion free every length balances."""
+    free = Model(
+        "rotation",
+        {"a": Signal(start=0.7), "b": Signal(start=0.5), "rate": Signal()},
+        {"torque": Signal()},
+        rotating,
+        outputs={"sine": Signal()},
+        trim={"torque": 0.5},
+    )
+    condition = usual_condition(free)
+    report = trim_report(free, condition, find_operating_point(free, condition)).text()
+    assert "their Jacobian is singular here, along a, b; hold one of these" in report
+    held = release(condition, hold={"a": 0.9}, free=("a_dot",))
+    report = trim_report(free, held, find_operating_point(free, held)).text()
+    assert "singular" not in report
+
+
+def test_imbalances_that_do_not_matter_are_not_named() -> None:
+    """At 100 ft/s the F-16 falls; the equations of its turn are off by rounding."""
+    with pytest.raises(TrimError) as refusal:
+        trimmed(F16, {"speed": 110.0})
+    assert "speed by" in str(refusal.value)
+    assert "roll" not in str(refusal.value)
 
 
 def test_modes_of_the_book() -> None:

@@ -12,7 +12,7 @@ import numpy as np
 #: Norm of the scaled residuals from which one more step ends at rounding.
 NEARLY = 1e-7
 #: Evaluations of a point, at most.
-MOST_TRIALS = 300
+MOST_TRIALS = 100
 #: Shortest share of a step that is tried.
 LEAST_SHARE = 2.0**-20
 #: Largest entry of a step, in scaled units; a Jacobian that asks for more counts as singular.

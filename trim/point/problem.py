@@ -99,27 +99,22 @@ class TrimProblem:
         found, _ = newton(self.system, z[None], self.c, moving)
         return found[0]
 
-    def newton_within(self, z: np.ndarray) -> np.ndarray:
-        """The unknowns (k,) that Newton's method leads to whose trials stay within the limits."""
-        found, _ = newton(self.system, z[None], self.c, bounded=True)
-        return found[0]
-
     def clip(self, z: np.ndarray) -> np.ndarray:
         """The nearest unknowns within the limits."""
         return np.clip(z, self.system.lowest, self.system.highest)
 
     def solved(self, z: np.ndarray) -> bool:
-        """Whether the equations balance within all limits; no where the model has no values."""
-        if not self.system.limits.within(z * self.system.scales).all():
-            return False
-        try:
-            return self.balanced(z) and not self.beyond(z)
-        except (BadInputError, FloatingPointError):
-            return False
+        """Whether the equations balance within all limits."""
+        within = self.system.limits.within(z * self.system.scales).all()
+        return bool(within) and self.balanced(z) and not self.beyond(z)
 
     def balanced(self, z: np.ndarray) -> bool:
-        """Whether every residual is within `BALANCE`, whatever the limits say."""
-        return bool(np.abs(self.at(z).residual).max() <= BALANCE)
+        """Whether every residual is within `BALANCE`, whatever the limits say; no where the model
+        has no values."""
+        try:
+            return bool(np.abs(self.at(z).residual).max() <= BALANCE)
+        except (BadInputError, FloatingPointError):
+            return False
 
     def beyond(self, z: np.ndarray) -> list[str]:
         """The watched states and outputs that lie beyond their limits, in words."""

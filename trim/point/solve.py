@@ -4,7 +4,7 @@ outnumber equations."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Iterator
 from functools import lru_cache
 from typing import Any
 
@@ -18,14 +18,12 @@ from trim.point.diagnosis import failure
 from trim.point.newton import newton
 from trim.point.operating_point import OperatingPoint, Status
 from trim.point.problem import TrimProblem
-from trim.point.system import Structure, declared_start, equations
+from trim.point.system import Structure, declared_start, equations as equations_of
 
 #: Shares of the way from the model's own trim that continuation tries, and their number.
 _FIRST_SHARE, _LEAST_SHARE, _MOST_STEPS = 0.25, 1e-3, 200
 #: What a step of continuation may change, in scaled units.
 _FARTHEST = 10.0
-
-_Search = Callable[[TrimProblem, np.ndarray], np.ndarray]
 
 
 class TrimError(NoSolutionError):
@@ -74,83 +72,76 @@ def other_trims(
     finds from where the declaration begins and from `STARTS` points between the limits: the back
     side of the power curve beside the front side. They may not be all."""
     problem = TrimProblem(model, condition, point)
-    known = [problem.unknowns(point.values)]
-    others: list[OperatingPoint] = []
-    moved, unknowns = problem.count
-    starts = [*problem.starts(known[0])] if moved == unknowns else []
-    if starts:
-        starts.append(problem.unknowns(declared_start(model, condition.imposed)))
-    for start in starts:
-        solution = _solved_from(problem, start, TrimProblem.newton_within)
-        if solution is None:
-            continue
-        if min(float(np.abs(solution - each).max()) for each in known) > 1e-6:
+    trim = problem.unknowns(point.values)
+    equations, unknowns = problem.count
+    starts = [*problem.starts(trim)]
+    if not starts or equations != unknowns:
+        return []
+    starts.append(problem.unknowns(declared_start(model, condition.imposed)))
+    known = [trim]
+    for solution in _ends_within(problem, starts):
+        distances = [float(np.abs(solution - z).max()) for z in known]
+        if problem.solved(solution) and min(distances) > 1e-6:
             known.append(solution)
-            others.append(problem.point(solution, Status.TRIMMED))
-    return others
+    return [problem.point(z, Status.TRIMMED) for z in known[1:]]
 
 
 def _solution(problem: TrimProblem, guess: np.ndarray) -> OperatingPoint:
-    """The trim from a guess, or TrimError."""
+    """The first trim that a search from a guess ends at, or TrimError."""
     problem.at(guess)  # where the equations have no value there, that is the answer
-    moved, unknowns = problem.count
-    search: _Search = TrimProblem.newton
-    if unknowns > moved:
-        search = _least_effort
-    nearest = _nearest(problem, guess, search)
-    if problem.solved(nearest):
-        return problem.point(nearest, Status.TRIMMED)
-    tried = 0
-    # Beyond the limits the inputs alone, in which equations are nearly affine, balance them at one
-    # point.
-    if not (problem.system.only_inputs and problem.balanced(nearest)):
-        continued = _continued(problem) if moved == unknowns else None
-        if continued is not None and problem.solved(continued):
-            return problem.point(continued, Status.TRIMMED)
-        from_afar = search if search is _least_effort else TrimProblem.newton_within
-        for tried, start in enumerate(problem.starts(guess), start=1):
-            solution = _solved_from(problem, start, from_afar)
-            if solution is not None:
-                return problem.point(solution, Status.TRIMMED, tried)
-        if continued is not None and not problem.balanced(nearest) and problem.balanced(continued):
-            nearest = continued  # beyond the limits
+    equations, unknowns = problem.count
+    searches = _least_efforts if unknowns > equations else _balances
+    nearest = guess
+    number = 0
+    for number, z in searches(problem, guess):
+        if problem.solved(z):
+            return problem.point(z, Status.TRIMMED, number)
+        if problem.balanced(z):
+            nearest = z
+            # Inputs alone, in which equations are nearly affine, balance them at one point.
+            if problem.system.only_inputs:
+                break
+        elif number == 0 and not problem.balanced(nearest):
+            nearest = z
     message = failure(problem, nearest)
-    if tried:
-        message += f"; {tried} other starts failed too"
+    if number:
+        message += f"; {number} other starts failed too"
     raise TrimError(message, problem.point(problem.clip(nearest), Status.FAILED))
 
 
-def _solved_from(problem: TrimProblem, start: np.ndarray, search: _Search) -> np.ndarray | None:
-    """The solution that a search leads to; None where it leads to none, or out of the model."""
-    try:
-        z = search(problem, start)
-        return z if problem.solved(z) else None
-    except (BadInputError, FloatingPointError, np.linalg.LinAlgError):
-        return None
-
-
-def _nearest(problem: TrimProblem, guess: np.ndarray, search: _Search) -> np.ndarray:
-    """The solution that a search leads to, failing that the one that it leads to from the least
-    squares within the limits, failing that these or what balances beyond the limits."""
-    solution = _solved_from(problem, guess, search)
-    if solution is not None:
-        return solution
+def _balances(problem: TrimProblem, guess: np.ndarray) -> Iterator[tuple[int, np.ndarray]]:
+    """Where Newton's method ends, with the number of the start: from the guess, from the least
+    squares within the limits, along the path from the model's own trim, from other starts; and
+    these least squares."""
+    yield 0, problem.newton(guess)
     nearest = _bounded_least_squares(problem, guess)
-    if search is TrimProblem.newton:
-        return _balancing(problem, nearest)
-    nearest = _polished(problem, nearest)
-    solution = _solved_from(problem, nearest, search) if problem.solved(nearest) else None
-    return nearest if solution is None else solution
+    yield 0, problem.newton(nearest)
+    continued = _continued(problem)
+    if continued is not None:
+        yield 0, continued
+    yield 0, nearest
+    yield from enumerate(_ends_within(problem, [*problem.starts(guess)]), start=1)
 
 
-def _balancing(problem: TrimProblem, nearest: np.ndarray) -> np.ndarray:
-    """What balances the equations whatever the limits say, near the least squares within them;
-    these where nothing does."""
-    z = problem.newton(nearest)
-    try:
-        return z if problem.balanced(z) else nearest
-    except (BadInputError, FloatingPointError):
-        return nearest
+def _least_efforts(problem: TrimProblem, guess: np.ndarray) -> Iterator[tuple[int, np.ndarray]]:
+    """Trims of least effort, with the number of the start: from the guess, from the least squares
+    within the limits, from other starts; and these least squares."""
+    yield 0, _least_effort(problem, guess)
+    nearest = _polished(problem, _bounded_least_squares(problem, guess))
+    if problem.solved(nearest):
+        yield 0, _least_effort(problem, nearest)
+    yield 0, nearest
+    for number, start in enumerate(problem.starts(guess), start=1):
+        yield number, _least_effort(problem, start)
+
+
+def _ends_within(problem: TrimProblem, starts: list[np.ndarray]) -> np.ndarray:
+    """Where Newton's method within the limits ends from each of the starts, (number of them, k)."""
+    c = np.repeat(problem.c, len(starts), axis=0)
+    begin = np.reshape(starts, (len(starts), len(problem.free)))
+    with np.errstate(over="ignore"):
+        z, _ = newton(problem.system, begin, c, bounded=True)
+    return z
 
 
 def _continued(problem: TrimProblem) -> np.ndarray | None:
@@ -234,7 +225,7 @@ _IPOPT: dict[str, Any] = {
 def _effort_program(structure: Structure) -> ca.Function:
     """min Σ z_i² over the inputs among the unknowns z, with g = the residuals that they can move
     and the watched outputs."""
-    e = equations(structure)
+    e = equations_of(structure)
     inputs = [i for i, name in enumerate(e.unknowns) if name in structure.layout.names[1]]
     scales = ca.DM([scale for _, scale in structure.watched])
     program = {

@@ -267,7 +267,7 @@ class TrimSystem:
     def residuals(self, z: np.ndarray, c: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """r (N, e) and J (N, m, k) at the unknowns z (N, k) and the constants c (N, ..)."""
         residual, jacobian = _rows_of(residual_function(self.structure))(z, c)
-        return residual, jacobian.reshape(len(z), self.moved, -1)
+        return residual, jacobian.reshape(len(z), self.moved, z.shape[1])
 
     def full_steps(self, z: np.ndarray, c: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """z (N, k) after `FULL_STEPS` steps of Newton's method, none of them halved, and |r| before

@@ -29,7 +29,7 @@ from trim import (
     trim_report,
 )
 from trim.hfa.hfa_report import panels_from_the_front, performance
-from trim.point.trim_report import all_margins
+from trim.point.margins import all_margins
 
 BASE = level_flight(float(np.radians(10.0)))
 

@@ -1,0 +1,132 @@
+"""How far each variable of a trim lies from its limits."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+from hfa_aircraft.model import Model
+from hfa_support.jsonable import finite_or_none
+from hfa_support.reporting.text import degrees, shown_value
+from trim.limits import NEAR
+from trim.point.condition import TrimCondition
+from trim.point.operating_point import OperatingPoint
+from trim.point.problem import TrimProblem
+
+
+class Margin(NamedTuple):
+    """A variable between its limits, in its own unit.
+
+    role: "free", "held", "left" where the search begins, or "follows" for a state or an output that
+        is neither
+    lowest, highest: infinite where there is no limit
+    scale: the nominal size
+    """
+
+    name: str
+    value: float
+    role: str
+    lowest: float
+    highest: float
+    unit: str
+    scale: float
+
+    @property
+    def distance(self) -> float:
+        """min(value - lowest, highest - value): to the nearer limit; negative beyond it, infinite
+        without one."""
+        return min(self.value - self.lowest, self.highest - self.value)
+
+    @property
+    def nearer(self) -> str:
+        """Which limit the distance is to: "lowest" or "highest"; empty where there is none."""
+        if math.isinf(self.distance):
+            return ""
+        return "lowest" if self.value - self.lowest <= self.highest - self.value else "highest"
+
+    @property
+    def nearer_limit(self) -> float:
+        """The value of the nearer limit."""
+        return self.lowest if self.nearer == "lowest" else self.highest
+
+    @property
+    def share(self) -> float:
+        """distance / (highest - lowest): 0 at a limit, 0.5 halfway; 0 where the range is
+        infinite."""
+        return self.distance / (self.highest - self.lowest)
+
+    @property
+    def at_limit(self) -> bool:
+        """Whether the variable is at its nearer limit or beyond it."""
+        return bool(self.nearer) and self.distance <= NEAR * (self.scale + abs(self.nearer_limit))
+
+    def row(self) -> tuple[str, ...]:
+        """Name, value, unit, status, limits, margin and the nearer limit; angles in degrees."""
+        lowest, highest = (
+            "" if math.isinf(limit) else shown_value(limit, self.unit)
+            for limit in (self.lowest, self.highest)
+        )
+        margin = degrees(self.distance, self.unit)[0] if self.nearer else ""
+        role = "imposed" if self.role == "held" else self.role
+        value, unit = degrees(self.value, self.unit)
+        return self.name, value, unit, role, lowest, highest, margin, self.nearer
+
+    def to_dict(self) -> dict[str, Any]:
+        """Ready for JSON; a limit that does not exist is null."""
+        return {
+            "value": self.value,
+            "unit": self.unit,
+            "role": self.role,
+            "lowest": finite_or_none(self.lowest),
+            "highest": finite_or_none(self.highest),
+            "margin": finite_or_none(self.distance),
+            "nearer": self.nearer,
+            "at_limit": self.at_limit,
+        }
+
+
+def all_margins(condition: TrimCondition, point: OperatingPoint) -> dict[str, Margin]:
+    """Every state, every output that a trim imposes or the model limits, and every input, in this
+    order."""
+    model = point.model
+    roles = _roles(condition, point)
+    outputs = []
+    for name, signal in model.outputs.items():
+        limited = math.isfinite(signal.min) or math.isfinite(signal.max)
+        if limited or name in model.variables or name in condition.imposed:
+            outputs.append(name)
+    values = model.outputs_at(point.states, point.inputs, outputs) | point.values
+    limits = {name: condition.limits_of(name) for name in (*model.states, *outputs, *model.inputs)}
+    for state, output in model.replaced.items():
+        lowest, highest = _limits_through(model, point, state, output, limits[state])
+        limits[output] = max(limits[output][0], lowest), min(limits[output][1], highest)
+    margins = {}
+    for name, (lowest, highest) in limits.items():
+        signal, role = model.signals[name], roles.get(name, "follows")
+        margins[name] = Margin(
+            name, values[name], role, lowest, highest, signal.unit, signal.nominal
+        )
+    return margins
+
+
+def _roles(condition: TrimCondition, point: OperatingPoint) -> dict[str, str]:
+    """Variable -> its role in the trim, of those that have one."""
+    roles = dict.fromkeys(condition.imposed, "held") | dict.fromkeys(condition.free, "free")
+    roles |= dict.fromkeys(TrimProblem(point.model, condition, point).idle, "left")
+    if set(condition.free) <= set(point.model.inputs):
+        # All states are held then, those that outputs replace too.
+        roles |= dict.fromkeys(point.model.replaced, "held")
+    return roles
+
+
+def _limits_through(
+    model: Model, point: OperatingPoint, state: str, output: str, limits: tuple[float, float]
+) -> tuple[float, float]:
+    """What the limits of a state x leave of the output y in its place, y = y0 + slope (x - x0)."""
+    x = getattr(point.states, state)
+    step = model.states[state].nominal
+    moved = point.states._replace(**{state: x + step})
+    y = model.outputs_at(point.states, point.inputs, [output])[output]
+    slope = (model.outputs_at(moved, point.inputs, [output])[output] - y) / step
+    ends = sorted(y + slope * (limit - x) for limit in limits)
+    return ends[0], ends[1]
