@@ -64,7 +64,7 @@ run = controller.run(DampedPolicyIteration(game, controller.random_pool(game, 60
 history = controller.critics_over_time(game, run.history["time"], W=run.history["weights"])
 check = verification.check_history(game, history)
 print(check.report().title)
-print(check.history.said)
+print(check.table.sentence)
 print(
     "by 15 s:",
     "PASS" if verification.check_history(game, history, predefined_time=15.0).ok else "FAIL",

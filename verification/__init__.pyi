@@ -1,6 +1,10 @@
 """Is it true: the exact game solution with its certificate, and everything that is checked against it."""
 
-from .critic.critic_check import check_critic as check_critic, check_history as check_history
+from .critic.critic_check import (
+    Scope as Scope,
+    check_critic as check_critic,
+    check_history as check_history,
+)
 from .critic.critic_errors import relative_error as relative_error
 from .critics import (
     from_gain as from_gain,
