@@ -203,6 +203,83 @@ def test_safetensors_sorts_names_and_the_layers_keep_their_order(game: Game) -> 
     assert np.array_equal(found, expected)
 
 
+def square_layers(*names: str) -> dict[str, np.ndarray]:
+    """Layers 6-6-...-1 with these names; the widths fit in any order of all but the last."""
+    rng = np.random.default_rng(4)
+    layers = {f"{name}.weight": rng.normal(size=(6, 6)) for name in names[:-1]}
+    return layers | {f"{names[-1]}.weight": np.ones((1, 6))}
+
+
+def test_layers_of_an_npz_run_in_the_order_of_their_numbers(game: Game) -> None:
+    right = square_layers("0", "2", "10", "12")
+    np.savez("sorted.npz", **{name: right[name] for name in sorted(right)})  # 0, 10, 12, 2
+    expected = from_network(game, torch_file("a.pt", right), activation="tanh")
+    critic = from_network(game, "sorted.npz", activation="tanh")
+    assert np.array_equal(critic.K, expected.K)
+    assert critic.origin == (
+        "network sorted.npz: 6 -> tanh 6 -> tanh 6 -> tanh 6 -> 1 (layers 0, 2, 10, 12)"
+    )
+
+
+@pytest.mark.parametrize("write", [safetensors_file, np.savez])
+def test_layers_whose_names_do_not_tell_their_order_are_refused(game: Game, write: Any) -> None:
+    """Formats that sort their names, or may have been written from a sorted dictionary."""
+    layers = square_layers("hidden", "embed", "out")
+    path = "letters.npz" if write is np.savez else "letters.safetensors"
+    if write is np.savez:
+        np.savez(path, **layers)
+    else:
+        write(path, layers)
+    with pytest.raises(BadInputError, match="fit together in more than one order"):
+        from_network(game, path, activation="tanh")
+
+
+def test_names_do_not_matter_where_the_widths_leave_one_order(game: Game) -> None:
+    layers = {"w.weight": np.ones((4, 6)), "b.weight": np.ones((3, 4)), "a.weight": np.ones((1, 3))}
+    np.savez("widths.npz", **{name: layers[name] for name in sorted(layers)})
+    expected = from_network(game, torch_file("a.pt", layers), activation="tanh")
+    assert np.array_equal(from_network(game, "widths.npz", activation="tanh").K, expected.K)
+
+
+def test_a_module_declared_in_another_order_than_its_numbers_is_refused(game: Game) -> None:
+    path = torch_file("declared.pt", square_layers("fc2", "fc1", "out"))
+    with pytest.raises(BadInputError, match="'fc1' stands after 'fc2': the file does not tell"):
+        from_network(game, path, activation="tanh")
+
+
+def test_what_was_read_is_shown_with_one_value(game: Game) -> None:
+    """A residual connection leaves no trace in a state dict: the user compares the value."""
+    layers = square_layers("first", "second", "third")
+    said = hfa(
+        "verify", *AT_15, "--weights", torch_file("a.pt", layers), "--set", "activation=tanh"
+    )
+    first, second, third = layers.values()
+    value_there = (third @ np.tanh(second @ np.tanh(first @ BOX))).item()
+    assert (
+        "Read: network a.pt: 6 -> tanh 6 -> tanh 6 -> 1 (layers first, second, third)" in said.out
+    )
+    row = ", ".join(f"{number:.4g}" for number in BOX)
+    assert f"V({row}) = {value_there:.4g}; compare it with your own" in said.out
+
+
+def test_division_of_integers_in_a_graph_leaves_no_fraction(game: Game) -> None:
+    """7 / 2 = 3 numbers of the state are summed."""
+    nodes = [
+        ("Div", "seven two", "three"),
+        ("Slice", "x begin three axis", "part"),
+        ("ReduceSum", "part axis", "y"),
+    ]
+    constants = {
+        "seven": np.array([7]),
+        "two": np.array([2]),
+        "begin": np.array([0]),
+        "axis": np.array([1]),
+    }
+    path = onnx_file("div.onnx", nodes, constants)
+    (summed,) = network_in(path, 6).functions.values()
+    assert float(summed(np.arange(1.0, 7.0))) == 6.0
+
+
 def test_gradients_and_policies_pass(game: Game) -> None:
     for name, write in (("a.pt", torch_file), ("a.safetensors", safetensors_file)):
         for output, weight in (("gradient", 2.0 * value(game)), ("policy", -gain(game))):

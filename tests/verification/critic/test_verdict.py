@@ -1,0 +1,135 @@
+"""What a verdict says: one line that is true, checks by their kind, entries that differ."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from game_samples import failed_names
+from known_models import game_at
+from network_files import torch_file
+from planted_critics import gain, other_root, value
+
+import hfa_model
+from controller import Game
+from controller.critic.critic import Critic
+from controller.hfa_game import ORDINARY_DEVIATIONS
+from trim import find_operating_point, level_flight, linearize
+from verification import (
+    Scope,
+    check_critic,
+    from_gain,
+    from_network,
+    from_value,
+    solve_discounted,
+    solve_game,
+)
+from verification.critic.about_trim import nonlinear_plant
+from verification.critic.critic_check import check_discounted
+from verification.critic.network_search import search
+from verification.hfa_box import ordinary_box
+
+pytestmark = pytest.mark.usefixtures("folder")
+BOX = np.array(ORDINARY_DEVIATIONS)
+
+
+def bent_actor(game: Game) -> Critic:
+    """u = -10 K tanh(z / 10), right at the origin only."""
+    layers = {"0.weight": 0.1 * np.eye(6), "2.weight": -10.0 * gain(game)}
+    return from_network(game, torch_file("bent.pt", layers), activation="tanh")
+
+
+CRITICS: dict[str, Any] = {
+    "exact": lambda game: from_value(game, value(game)),
+    "other root": lambda game: from_value(game, other_root(game)),
+    "huge": lambda game: from_value(game, 1e40 * value(game)),
+    "overflowing": lambda game: from_gain(game, np.full((5, 6), 1e300)),
+    "unstable": lambda game: from_gain(game, -gain(game)),
+    "near": lambda game: from_gain(game, (1.0 + 1.23456e-5) * gain(game)),
+    "bent": bent_actor,
+}
+
+
+@pytest.mark.parametrize("name", CRITICS)
+@pytest.mark.parametrize("limit_cost", [None, 1e-3])
+def test_the_first_line_has_at_most_100_columns(
+    game: Game, name: str, limit_cost: float | None
+) -> None:
+    scope = Scope(ordinary_box(), flights=3)
+    verdict = check_critic(game, CRITICS[name](game), scope=scope)
+    line = verdict.report(limit_cost=limit_cost).title
+    assert len(line) <= 100
+    assert line.startswith("PASS" if verdict.holds(limit_cost) else "FAIL")
+    assert ("not stabilizing" in line) == (
+        name in ("other root", "huge", "overflowing", "unstable")
+    )
+
+
+def test_the_l2_gain_is_no_error_where_the_limits_agree(game: Game) -> None:
+    """With a limit of delta the gain of 150 was the largest error."""
+    verdict = check_critic(game, from_gain(game, gain(game)), limit=game.delta)
+    assert verdict.value_of("l2_gain") > 100.0
+    assert verdict.largest_error < 1e-12
+
+
+def test_entries_that_differ_by_rounding_are_not_said_to_be_the_farthest_off(game: Game) -> None:
+    exact = check_critic(game, from_value(game, value(game)))
+    assert "12 of 51 entries; all differ by rounding only" in exact.report().text()
+
+
+def test_an_exact_discounted_critic_that_does_not_stabilize_is_exact_and_fails() -> None:
+    """Of 0.95 a step of 5 ms at 20 deg: the spectral radius is 1.00003, times the root below 1."""
+    game = game_at(20.0)
+    exact = solve_discounted(game, 0.95, 0.005)
+    verdict = check_discounted(game, from_value(game, exact.P), 0.95, 0.005)
+    assert verdict.headline().startswith("FAIL: exact within 1e-06, not stabilizing")
+    assert failed_names(verdict.checks) == {"control_loop_radius"}
+    assert verdict.value_of("control_loop_radius") == pytest.approx(1.00003, abs=3e-6)
+    assert verdict.value_of("discounted_loop_radius") == pytest.approx(
+        math.sqrt(0.95) * verdict.value_of("control_loop_radius"), rel=1e-12
+    )
+    (reason,) = [check.reason for check in verdict.checks if not check.ok]
+    assert "the exact solution of this discounted problem does not stabilize either" in reason
+
+
+def test_a_continuous_game_without_a_solution_does_not_end_a_discounted_verdict() -> None:
+    """Only the diagnosis asks for the answer in continuous time."""
+    game = game_at(15.0).with_delta(110.0)
+    exact = solve_discounted(game, 0.9, 0.01)
+    assert not check_discounted(game, from_value(game, 1.1 * exact.P), 0.9, 0.01).ok
+
+
+# Networks: what was searched, where, and how they fly.
+
+
+def test_all_errors_are_compared_at_the_states_that_any_search_reaches(game: Game) -> None:
+    """V of the network trained for it: its error is nowhere larger than said, also where the policy
+    is worst."""
+    z = np.random.default_rng(0).uniform(-0.3, 0.3, (20, 6)) * BOX
+    layers = {
+        "0.weight": np.vstack([np.diag(1.0 / BOX), -np.diag(1.0 / BOX)]),
+        "2.weight": np.arange(1.0, 13.0)[None],
+    }
+    critic = from_network(game, torch_file("v.pt", layers), activation="softplus")
+    assert critic.value is not None
+    exact = solve_game(game)
+    _, found = search(game, critic, exact, BOX)
+    errors = {item.name: item.error for item in found}
+    size = BOX @ np.abs(exact.P) @ BOX
+    for state in (*(item.at for item in found), *z):
+        error = float(critic.value(state)) - critic.constant - state @ exact.P @ state
+        assert abs(error) / size <= errors["value"] * (1.0 + 1e-12)
+
+
+def test_a_network_is_flown_within_the_limits_of_the_controls() -> None:
+    model = hfa_model.aircraft()
+    point = find_operating_point(model, level_flight(np.radians(15.0)))
+    plant = nonlinear_plant(linearize(model, point))
+    z = np.zeros(6)
+    u = np.full(5, 1000.0)
+    assert np.all(plant.highest < u)
+    held = np.array(plant.rates(z, plant.highest))
+    assert np.array(plant.closed(z, u)) == pytest.approx(held, rel=1e-12)
+    assert np.array(plant.closed(z, 0.0 * u)) == pytest.approx(0.0, abs=1e-8)
