@@ -94,7 +94,8 @@ class Model:
     nothing whatever the limits. called: how reports name it; its name unless given. source: the
     file and name that it was loaded from, and a hash. alternatives: groups of names of which a trim
     imposes one: to impose another sets it free. begin: imposed values by name, numbers or
-    arrays -> where a search for others begins; the value of the first of a group is exact. aliases: name in another program -> name here. notes: what every report says of
+    arrays -> where a search for others begins; the value of the first of a group is exact. explain: (imposed values, solve) -> why there is no trim, in
+    the words of its field (`trim.point.reasons`). aliases: name in another program -> name here. notes: what every report says of
     it. BadInputError when a name is not an
     identifier, is declared twice or is unknown, or when a number cannot be."""
 
@@ -120,6 +121,7 @@ class Model:
     source: tuple[str, str] = ("", "")
     alternatives: tuple[tuple[str, ...], ...] = ()
     begin: Callable[[Mapping[str, Any]], Mapping[str, Any]] | None = None
+    explain: Callable[[Mapping[str, float], Callable[..., Any]], str] | None = None
     aliases: Mapping[str, str] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
 

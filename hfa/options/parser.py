@@ -39,7 +39,8 @@ class Parser(argparse.ArgumentParser):
             if names[0].startswith("-"):
                 how |= {"dest": name, "default": argparse.SUPPRESS}
             if option.named:
-                how |= {"action": _Named, "kind": option.kind, "metavar": option.form}
+                how |= {"action": _Named, "kind": option.kind, "aliases": option.aliases}
+                how |= {"metavar": option.form}
             elif option.form:
                 how |= {"type": option.kind, "metavar": option.form}
                 if option.repeated:
@@ -142,9 +143,12 @@ class _Help(argparse.Action):
 class _Named(argparse.Action):
     """`NAME=VALUE` words of a repeatable option, as name -> kind(name, text)."""
 
-    def __init__(self, *, kind: Callable[[str, str], Any], **options: Any) -> None:
+    def __init__(
+        self, *, kind: Callable[[str, str], Any], aliases: Mapping[str, str], **options: Any
+    ) -> None:
         super().__init__(**options)
         self._kind = kind
+        self._aliases = aliases
         self._texts: dict[str, str] = {}
 
     def __call__(
@@ -153,6 +157,7 @@ class _Named(argparse.Action):
         name, separator, text = values.partition("=")
         if not separator:
             raise argparse.ArgumentError(self, f"{shortened(values)!r} is not NAME=VALUE")
+        name = self._aliases.get(name, name)
         before = self._texts.setdefault(name, text)
         if before != text:
             twice = f"is given twice, {shortened(before)} and {shortened(text)}; give it once"

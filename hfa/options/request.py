@@ -36,6 +36,7 @@ class Option:
     repeated: it may be repeated; the field has all values.
     count: how many words a positional argument has, or one option, as argparse's nargs; None for one.
     required: whether it must be typed.
+    aliases: other names of a model's names, of those that are `named`.
     rare: `--help` lists it by name only; `--help more` explains it.
 
     about, form, names and required may also be functions of the model that return these."""
@@ -49,6 +50,7 @@ class Option:
     count: str | None = None
     required: bool | Callable[[Model], bool] = False
     rare: bool = False
+    aliases: Mapping[str, str] = field(default_factory=dict)
 
     def of(self, model: Model | None, name: str) -> Option:
         """The same option for a model; None where nothing of it depends on one. name: of the field."""
@@ -64,6 +66,7 @@ class Option:
             count=self.count,
             required=_resolved(self.required, model),
             rare=self.rare,
+            aliases={} if model is None else model.aliases,
         )
 
     @property

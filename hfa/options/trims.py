@@ -29,6 +29,7 @@ from hfa_support.reporting.unit_system import SYSTEMS
 from trim.hfa.level_flight import CONDITIONS, load_condition
 from trim.point.condition import TrimCondition, release, usual_condition
 from trim.point.operating_point import OperatingPoint
+from trim.point.reasons import explained
 from trim.point.solve import TrimError, find_operating_point
 
 #: All that says where the aircraft is trimmed, the scheduling variable apart.
@@ -124,7 +125,8 @@ class AircraftOptions(HfaOptions):
     """The HFA, or an aircraft of the user's own."""
 
     aircraft: str | None = option(
-        "an aircraft of your own, or package.module:NAME; the file is executed; default: the HFA",
+        "an aircraft of your own, or package.module:NAME; the file is executed; jsbsim:NAME or FILE.xml, an "
+        "aircraft of JSBSim, is read; default: the HFA",
         "FILE.py:NAME",
     )
 
@@ -207,11 +209,17 @@ def condition_or_list(model: Model, text: str) -> TrimCondition | Path:
     return load_condition(text, usual_condition(model))
 
 
+def _name(model: Model, text: str) -> str:
+    """A name of the model, or another name of it."""
+    return model.aliases.get(text, text)
+
+
 def _start(model: Model, text: str) -> OperatingPoint | dict[str, float]:
     """A saved operating point, or the values of some variables."""
     if "=" not in text or Path(text).exists():
         return OperatingPoint.load(Path(text), model)
-    words = dict(word.partition("=")[::2] for word in text.split(","))
+    typed_words = dict(word.partition("=")[::2] for word in text.split(","))
+    words = {_name(model, name): word for name, word in typed_words.items()}
     for name in words:
         refuse_unknown("no variable is called", name, model.variables)
     return {name: quantity(model, name, word) for name, word in words.items()}
@@ -229,8 +237,9 @@ class TrimOptions(HfaOptions):
         CONDITION_FILE, "FILE", OfModel(condition_or_list), rare=True
     )
     free: tuple[str, ...] = option(
-        "leave a variable free; repeatable", "NAME", repeated=True, rare=True
+        "leave a variable free; repeatable", "NAME", OfModel(_name), repeated=True, rare=True
     )
+    glide: bool = option("throttle at its lowest, the flight-path angle free")
     hold: Mapping[str, Any] = option(_usual, "NAME=VALUE", OfModel(quantity), named=True)
     limit: Mapping[str, tuple[float, float]] = option(
         "limits of an unknown, degrees for angles; repeatable",
@@ -282,7 +291,12 @@ class TrimOptions(HfaOptions):
             for name, value in self.hold.items()
             if name not in model.parameters and (isinstance(value, float) or self.is_constant(name))
         }
-        changed = release(usual, free=self.free, hold=constant, limits=self.limit)
+        free = self.free
+        if self.glide:
+            free = (*free, "gamma")
+            if "throttle" in model.inputs:
+                constant["throttle"] = model.inputs["throttle"].min
+        changed = release(usual, free=free, hold=constant, limits=self.limit)
         if isinstance(self.start, Mapping):
             return replace(changed, begin={**changed.begin, **self.start})
         return changed
@@ -315,9 +329,10 @@ class TrimOptions(HfaOptions):
             warnings.warn(f"{by} is free: the search begins at {begins}", stacklevel=2)
         try:
             return find_operating_point(aircraft, condition, self.start_point)
-        except TrimError as error:
+        except TrimError as failure:
+            error = explained(failure, aircraft, condition)
             if "alpha" not in condition.imposed:
-                raise
+                raise error from None
             freed = release(condition, free=("alpha",))
             try:
                 free_point = find_operating_point(aircraft, freed, self.start_point)

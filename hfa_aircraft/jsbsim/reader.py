@@ -6,6 +6,7 @@ import importlib.util
 import math
 import os
 from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from hfa_aircraft.jsbsim.air import KNOT, SEA_LEVEL, air_at, mach_of_calibrated
 from hfa_aircraft.jsbsim.aircraft import STATES, Equations, Parts
 from hfa_aircraft.jsbsim.airframe import SLUG_TO_LB
 from hfa_aircraft.jsbsim.engines import EngineFile
+from hfa_aircraft.jsbsim.reasons import explain, of_files
 from hfa_aircraft.jsbsim.xml_file import Folders
 from hfa_aircraft.model import Model, Signal
 from hfa_support.errors import BadInputError, shortened
@@ -164,7 +166,7 @@ class _Declaration:
         states = self._states()
         outputs = self._outputs()
         steady = tuple(name for name in states if name not in ("yaw", "altitude"))
-        notes = [*self.parts.notes, *self.equations.notes]
+        notes = [*of_files(self.parts), *self.parts.notes, *self.equations.notes]
         for name, where in self.equations.properties.unset.items():
             notes.append(f"{where}: nothing sets {name}; it is 0")
         return Model(
@@ -184,6 +186,7 @@ class _Declaration:
             alternatives=(("speed", "kcas", "mach"),),
             aliases=ALIASES,
             begin=self._beginning(),
+            explain=partial(explain, self.parts),
         )
 
     def _states(self) -> dict[str, Signal]:

@@ -130,7 +130,7 @@ class OperatingPoint(Reported):
     @property
     def warnings(self) -> list[str]:
         """What a user should know before trusting a model at this point."""
-        return beyond_range(self.model, self.states._asdict())
+        return [*self.model.notes, *beyond_range(self.model, self.states._asdict())]
 
     def refuse_other(self, model: Model) -> None:
         """BadInputError when the point was trimmed with another model, or other dynamics."""

@@ -1,0 +1,45 @@
+"""Why there is no trim, in the words of the model."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from hfa_aircraft.model import Model
+from hfa_support.errors import BadInputError
+from trim.point.condition import TrimCondition, release
+from trim.point.operating_point import Status
+from trim.point.problem import TrimProblem
+from trim.point.solve import TrimError
+
+
+def explained(error: TrimError, model: Model, condition: TrimCondition) -> TrimError:
+    """The same error, with what the model's `explain` says before the equations.
+
+    `explain` may solve the condition with other values held and names set free, by Newton's method
+    from the usual start."""
+    if model.explain is None:
+        return error
+
+    def solve(hold: Mapping[str, float], free: tuple[str, ...]) -> Mapping[str, float] | None:
+        known = {name: value for name, value in hold.items() if name in model.holdable}
+        try:
+            changed = release(condition.resolved(), hold=known, free=free)
+            problem = TrimProblem(model, changed)
+            z = problem.newton(problem.clip(problem.system.start))
+            if not problem.solved(z):
+                return None
+            point = problem.point(z, Status.TRIMMED)
+        except (BadInputError, ArithmeticError):
+            return None
+        rates = model.rates_at(point.states, point.inputs)
+        return {
+            **point.values,
+            **model.outputs_at(point.states, point.inputs),
+            **{f"{name}_dot": rate for name, rate in rates.items()},
+        }
+
+    reason = model.explain(condition.imposed, solve)
+    if not reason:
+        return error
+    details = str(error).removeprefix("no trim: ")
+    return TrimError(f"no trim: {reason} ({details})", error.attempt)
