@@ -125,8 +125,7 @@ class AircraftOptions(HfaOptions):
     """The HFA, or an aircraft of the user's own."""
 
     aircraft: str | None = option(
-        "an aircraft of your own, or package.module:NAME; the file is executed; jsbsim:NAME or FILE.xml, an "
-        "aircraft of JSBSim, is read; default: the HFA",
+        "your own, executed (or package.module:NAME), or jsbsim:NAME, FILE.xml; default: the HFA",
         "FILE.py:NAME",
     )
 
@@ -239,7 +238,7 @@ class TrimOptions(HfaOptions):
     free: tuple[str, ...] = option(
         "leave a variable free; repeatable", "NAME", OfModel(_name), repeated=True, rare=True
     )
-    glide: bool = option("throttle at its lowest, the flight-path angle free")
+    glide: bool = option("throttle at its lowest, the flight-path angle free", rare=True)
     hold: Mapping[str, Any] = option(_usual, "NAME=VALUE", OfModel(quantity), named=True)
     limit: Mapping[str, tuple[float, float]] = option(
         "limits of an unknown, degrees for angles; repeatable",
