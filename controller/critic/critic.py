@@ -59,6 +59,15 @@ class Critic(Shown):
         matrices = [matrix for matrix in (self.K, self.P) if matrix is not None]
         return all(bool(np.all(np.abs(matrix) <= LARGEST_CRITIC_ENTRY)) for matrix in matrices)
 
+    @property
+    def linear(self) -> bool:
+        """Whether the policy is u = -K z and nothing else."""
+        if self.network:
+            return False
+        if self.feedback is None or self.basis is None:
+            return True
+        return self.basis.size == self.basis.quadratic_size
+
     @cached_property
     def policy(self) -> ca.Function:
         """z (n,) -> u (m,)."""

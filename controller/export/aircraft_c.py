@@ -18,19 +18,30 @@ from controller.export.c_text import (
     positions,
     units_of,
 )
+from controller.flight.policies import FunctionPolicy, GainPolicy
 from hfa_aircraft.model import Model, components
 from hfa_support.native.c_code import c_function
 from trim.linear.linear_model import LinearModel
 
 #: Header, source, and the example that uses them.
 AIRCRAFT_FILES = ("hfa_aircraft.h", "hfa_aircraft.c", "loop_100hz.c")
+#: Bodies of hfa_policy, of the deviations z.
+_LINEAR = """    for (int i = 0; i < HFA_INPUTS; i++) {
+        u[i] = hfa_u0[i];
+        for (int j = 0; j < HFA_LINEAR_STATES; j++) u[i] -= hfa_K[i][j] * z[j];
+    }"""
+_CALLED = """    double v[HFA_INPUTS];
+    policy(z, v);
+    for (int i = 0; i < HFA_INPUTS; i++) u[i] = hfa_u0[i] + v[i];"""
 
 
-def c_model_texts(linear: LinearModel, gain: np.ndarray | None, origin: str) -> dict[str, str]:
-    """File -> its text: header and source and, with a gain, a loop of 100 Hz that uses them.
+def c_model_texts(
+    linear: LinearModel, policy: GainPolicy | FunctionPolicy | None, origin: str
+) -> dict[str, str]:
+    """File -> its text: header and source and, with a policy, a loop of 100 Hz that uses them.
 
     linear: the model at a trim
-    gain: K (m, k) of u = -K x, None for none
+    policy: about that trim, None for none; of gains that change in time the first
     origin: where it comes from, lines of text
 
     BadInputError for what C cannot express.
@@ -41,6 +52,14 @@ def c_model_texts(linear: LinearModel, gain: np.ndarray | None, origin: str) -> 
     states = units_of(model, tuple(model.states))
     inputs = units_of(model, tuple(model.inputs))
     winds = or_unused(units_of(model, tuple(model.disturbances)))
+    gain = policy.gains[0] if isinstance(policy, GainPolicy) else np.zeros(linear.B.T.shape)
+    functions = c_function(_rates(model), "rates", ("x", "u", "w", "p"), ("dx",))
+    formula = "u = u0 - K z: the policy at x. Nothing is limited."
+    body = _LINEAR
+    if isinstance(policy, FunctionPolicy):
+        functions += "\n" + _policy_function(policy)
+        formula = "u = u0 + v(z): the policy at x, within the control limits. K is zero."
+        body = _CALLED
     texts = {
         header: filled(
             __package__,
@@ -51,6 +70,7 @@ def c_model_texts(linear: LinearModel, gain: np.ndarray | None, origin: str) -> 
             winds=positions(winds, "WIND_"),
             linear_states=", ".join(model.linear),
             linear_count=len(model.linear),
+            policy=formula,
         ),
         source: filled(
             __package__,
@@ -63,7 +83,7 @@ def c_model_texts(linear: LinearModel, gain: np.ndarray | None, origin: str) -> 
                     "const double hfa_u0": linear.point.inputs,
                     "const double hfa_A": linear.A,
                     "const double hfa_B": linear.B,
-                    "const double hfa_K": np.zeros(linear.B.T.shape) if gain is None else gain,
+                    "const double hfa_K": gain,
                     "const int hfa_linear_state": [
                         list(model.states).index(name) for name in model.linear
                     ],
@@ -72,10 +92,11 @@ def c_model_texts(linear: LinearModel, gain: np.ndarray | None, origin: str) -> 
                     **name_tables("wind", winds),
                 }
             ),
-            function=c_function(_rates(model), "rates", ("x", "u", "w", "p"), ("dx",)),
+            function=functions,
+            policy=body,
         ),
     }
-    if gain is not None:
+    if policy is not None:
         state, amount = displaced_state(model)
         texts[example] = filled(
             __package__, example, state=state.upper(), amount=amount, unit=model.unit(state)
@@ -91,6 +112,12 @@ def _parameters(model: Model) -> str:
     ] or ["    0.0, /* none */"]
     values = "\n".join(lines)
     return f"static const double parameters[{len(lines)}] = {{\n{values}\n}};"
+
+
+def _policy_function(policy: FunctionPolicy) -> str:
+    """`static void policy(const double *z, double *v)`."""
+    z = ca.SX.sym("z", policy.function.numel_in(0))
+    return c_function(ca.Function("policy", [z], [policy.expression(z)]), "policy", ("z",), ("v",))
 
 
 def _rates(model: Model) -> ca.Function:

@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, NamedTuple
+from functools import cached_property
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
 
+from controller.flight.flight_history import Flight
 from controller.flight.signals import CommandSteps
 from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError, numbers_in, refuse_unknown
 from hfa_support.reporting.fields import Shown
-
-if TYPE_CHECKING:
-    from controller.flight.simulation import Flight
+from trim.limits import Limits
+from trim.point.operating_point import OperatingPoint
 
 
 class Measurements(NamedTuple):
@@ -115,6 +117,44 @@ class GainPolicy(Policy):
         """With the gain of the last tick."""
         units = list(model.units(model.linear))
         return {"law": self.name, "state_units": units, "K": self.gains[-1]}
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class FunctionPolicy(Policy):
+    """u = sat(π(z), lowest, highest): the policy of a critic that is not linear, a network say.
+
+    function: π, CasADi Function z (k,) -> u (m,)
+    lowest, highest: (m,), limits of the inputs as deviations from trim
+    """
+
+    function: ca.Function
+    lowest: np.ndarray
+    highest: np.ndarray
+
+    def control(self, t: ca.SX, measurements: Measurements, memory: ca.SX, held: ca.SX) -> ca.SX:
+        """π(z), within the limits."""
+        return self.limited(measurements.error)
+
+    @cached_property
+    def limited(self) -> ca.Function:
+        """z -> u, which is called and not written out: a network is long."""
+        z = ca.SX.sym("z", self.function.numel_in(0))
+        return ca.Function("policy", [z], [self.expression(z)], {"never_inline": True})
+
+    def expression(self, z: ca.SX) -> ca.SX:
+        """u at z, written out."""
+        u = ca.fmin(ca.fmax(self.function(z), ca.DM(self.lowest)), ca.DM(self.highest))
+        return ca.densify(u)
+
+
+def function_policy(name: str, function: ca.Function, point: OperatingPoint) -> FunctionPolicy:
+    """The policy π(z) about a trim, within the control limits of the model."""
+    limits = Limits.of(point.model, tuple(point.model.inputs))
+    trim = np.array(point.inputs)
+    identity = {"function": hashlib.sha256(function.serialize().encode()).hexdigest()}
+    return FunctionPolicy(
+        name, function, limits.lowest - trim, limits.highest - trim, identity=identity
+    )
 
 
 def column_by_column(matrix: np.ndarray) -> np.ndarray:

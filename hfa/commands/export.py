@@ -11,7 +11,13 @@ from typing import TYPE_CHECKING
 
 from hfa.options.argument_types import breakpoint_value, one_of, output_file
 from hfa.options.command import command
-from hfa.options.flights import LawOptions, actuators_of, actuators_option, controller_option
+from hfa.options.flights import (
+    LawOptions,
+    actuators_of,
+    actuators_option,
+    controller_option,
+    weights_option,
+)
 from hfa.options.games import DEFAULT_LAW
 from hfa.options.request import option
 from hfa.options.trims import AircraftOptions, JsonOption, TrimOptions, scheduled
@@ -49,6 +55,7 @@ class ExportRequest(LawOptions, AircraftOptions, TrimOptions, JsonOption):
         one_of("exact", DEFAULT_LAW),
         default="",
     )
+    weights: Path | None = weights_option()
     controller: Path | None = controller_option()
     actuators: tuple[float, ...] | None = actuators_option()
 
@@ -64,7 +71,7 @@ def export(request: ExportRequest) -> int:
     place of the policy; in the FMU behind --actuators, with which the C files have an example of a
     100 Hz loop too. FILE.m: a function of MATLAB and Octave that makes state-space systems of what
     `hfa sweep` and `hfa linearize` write as .mat."""
-    alone = request.controller is None and not request.law
+    alone = request.controller is None and request.weights is None and not request.law
     if alone:
         request = replace(request, law="exact")
     if request.at is None and not request.own:
@@ -126,7 +133,7 @@ def _written(
         loop = exported_loop(model, point, steering, actuators)
         write_fmu(loop, request.output, request.provenance)
         return [request.output]
-    texts = c_model_texts(linear, None if policy is None else policy.gains[0], origin)
+    texts = c_model_texts(linear, policy, origin)
     if controller is not None:
         texts |= c_controller_texts(controller, model, point, origin, actuators)
     return write_texts(request.output, texts)

@@ -11,10 +11,11 @@ from pathlib import Path
 from typing import Any
 
 from controller.critic.critic import from_weights
-from controller.critic.critic_file import NETWORK_FILES, Reading, critics_in, is_network
+from controller.critic.critic_file import NETWORK_FILES, critics_in, is_network
 from controller.game.zero_sum import Game
-from hfa.options.argument_types import input_file, number, positive
+from hfa.options.argument_types import input_file, positive
 from hfa.options.command import command
+from hfa.options.critics import READING_SETTINGS, ReadingOptions
 from hfa.options.games import GameOptions, LearningOptions, NamedGame, setting_option
 from hfa.options.request import option
 from hfa.options.trims import OutputOptions, picture_option
@@ -43,8 +44,7 @@ _ANGLES = (1.0, 3.0, 5.0, 8.0, 12.0, 16.0, 20.0)
 #: What --set says of a file of --weights -> the kind of its value; of networks the last two.
 _SETTINGS: dict[str, Callable[[str], Any]] = {
     "predefined_time": positive,
-    "activation": str,
-    "scale": lambda text: [number(entry) for entry in text.split(",")],
+    **READING_SETTINGS,
 }
 
 
@@ -62,7 +62,7 @@ def _critics(text: str) -> list[Path]:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class VerifyRequest(GameOptions, LearningOptions, OutputOptions):
+class VerifyRequest(GameOptions, LearningOptions, ReadingOptions, OutputOptions):
     """Critics to be judged."""
 
     weights: tuple[list[Path], ...] = option(
@@ -79,18 +79,6 @@ class VerifyRequest(GameOptions, LearningOptions, OutputOptions):
         "state) and of a state dict activation=tanh|relu|... between its layers, after a comma at its "
         "output",
         _SETTINGS,
-    )
-    basis: str | None = option(
-        "of --weights: a name (default quadratic), or a list 'x1**2, x1*x2, sin(x3)'",
-        "BASIS",
-        rare=True,
-    )
-    network: str = option(
-        "which part of a file is what: value, V=critic,policy=actor, gradient=; default: by its number "
-        "of outputs",
-        "[V=]NAME",
-        default="",
-        rare=True,
     )
     discount: float | None = option(
         "of the discounted problem in discrete time: factor of a step; with --dt",
@@ -204,8 +192,7 @@ def _check_file(
         raise BadInputError(
             f"{path}: --set activation belongs to a state dict; an ONNX file says it"
         )
-    reading = Reading(request.basis, request.network, activation, request.set.get("scale"))
-    critics = critics_in(path, game, named.plant, reading)
+    critics = critics_in(path, game, named.plant, request.reading())
     is_history = critics[-1].time is not None
     if request.discount is not None and request.dt is not None:
         if is_history:

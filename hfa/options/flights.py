@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from controller.critic.critic_file import NETWORK_FILES
 from controller.flight.actuators import ActuatorBank, ActuatorFault
 from controller.flight.air import UPDRAFT, gust_speed
 from controller.flight.envelope import control_limits, flight_envelope
@@ -19,7 +20,14 @@ from controller.flight.gusts import Dryden, Gust, OneMinusCosine
 from controller.flight.scenario import Scenario, Uncertainty
 from controller.flight.signals import CommandedStates, CommandSteps, Waveform
 from hfa.options.argument_types import input_file, number, numbers, quantity, span
-from hfa.options.games import DEFAULT_LAW, LearningOptions, WeightOptions, law_option
+from hfa.options.critics import READING_SETTINGS, ReadingOptions
+from hfa.options.games import (
+    DEFAULT_LAW,
+    LearningOptions,
+    WeightOptions,
+    law_option,
+    setting_option,
+)
 from hfa.options.request import OfModel, option
 from hfa.options.trims import TrimOptions
 from hfa.output import ProgressLine
@@ -31,7 +39,7 @@ from trim.linear.linear_model import LinearModel, linearize
 from trim.point.operating_point import OperatingPoint
 
 if TYPE_CHECKING:
-    from controller.flight.policies import GainPolicy, Policy
+    from controller.flight.policies import FunctionPolicy, GainPolicy, Policy
 
 #: No law: the commands are of inputs.
 NONE = "none"
@@ -42,7 +50,7 @@ _ACTUATORS, _FAULT = "LAG:RATE[:ORDER]", "EFFECTIVENESS:BANDWIDTH[:BEGIN]"
 #: What flies in place of a law -> options that then would change nothing.
 _IN_PLACE = {
     "controller": ("law", "set", "weights", "delta", "Q", "R"),
-    "weights": ("law", "set", "delta", "Q"),
+    "weights": ("law", "delta", "Q"),
 }
 
 
@@ -68,19 +76,21 @@ def _command(model: Model, name: str, text: str) -> list[tuple[float, float]]:
     return found
 
 
-def weights_option(
-    about: str = "use this gain K, or the policy of the critic W or P, instead of a law",
-) -> Any:
+def weights_option() -> Any:
     """The field `weights`."""
-    words = f"{about} ({' '.join(MATRIX_FILES)})"
-    return option(words, "FILE", input_file(*MATRIX_FILES))
+    about = "use this gain K, critic W or P, or network, instead of a law"
+    return option(about, "FILE", input_file(*MATRIX_FILES, *NETWORK_FILES))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class LawOptions(LearningOptions, WeightOptions):
+class LawOptions(LearningOptions, WeightOptions, ReadingOptions):
     """The policy that flies: one of the laws and its game, a gain or a critic of a file."""
 
     law: str = law_option("exact")
+    set: Mapping[str, Any] = setting_option(
+        "a setting of the law, for example predefined_time=2; of a network of --weights activation, scale",
+        READING_SETTINGS,
+    )
     weights: Path | None = None
     controller: Path | None = None
     turbulence: tuple[float, float] | None = None
@@ -93,18 +103,26 @@ class LawOptions(LearningOptions, WeightOptions):
             self.refuse(_IN_PLACE[name], f"changes nothing beside --{name}; leave it out")
         if self.law == NONE:
             self.refuse(("delta", "Q", "R"), f"belongs to a law; leave it out with --law {NONE}")
+        reads = {*READING_SETTINGS} & {*self.set}
+        if reads and self.weights is None:
+            raise BadInputError(f"--set {min(reads)} is of a network; name its file by --weights")
         if self.law == DEFAULT_LAW and not instead:
             return
-        nothing = f"with --law {self.law} there is nothing to learn"
-        self.refuse(("set",), f"belongs to a learning law; {nothing}")
+        if {*self.set} - reads:
+            nothing = f"with --law {self.law} there is nothing to learn"
+            if instead:
+                nothing = f"beside --{instead[0]} there is nothing to learn"
+            self.refuse(("set",), f"belongs to a learning law; {nothing}")
         if self.samples is None and self.turbulence is None:
             nothing = "here nothing is random"
             self.refuse(("seed",), f"belongs to a learning law or to --turbulence; {nothing}")
 
-    def flown_policy(self, linear: LinearModel) -> GainPolicy:
-        """The gain that is used: of a file, exact, or learned on the linear model."""
+    def flown_policy(self, linear: LinearModel) -> GainPolicy | FunctionPolicy:
+        """The policy about a trim: of a file, exact, or learned on the linear model.
+
+        What is not linear, a network say, keeps the control limits of the model."""
         from controller.critic.critic_file import critic_in
-        from controller.flight.policies import GainPolicy
+        from controller.flight.policies import GainPolicy, function_policy
         from controller.game.user_files import PlantNames
         from controller.learning.certified import learned_value
         from controller.riccati.gare import solve_game
@@ -116,7 +134,10 @@ class LawOptions(LearningOptions, WeightOptions):
             progress = ProgressLine("learn")
             value = learned_value(game, self.law, self.seed, progress, **self.set)
             return GainPolicy(self.law, value.K)
-        critic = critic_in(path, game, PlantNames(linear.states, linear.inputs, linear.state_units))
+        plant = PlantNames(linear.states, linear.inputs, linear.state_units)
+        critic = critic_in(path, game, plant, self.reading())
+        if not critic.linear:
+            return function_policy(f"critic of {path}", critic.policy, linear.point)
         kind = "gain" if critic.feedback is None else "weights"
         return GainPolicy(f"{kind} of {path}", critic.K)
 

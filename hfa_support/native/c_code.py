@@ -3,6 +3,7 @@ their own."""
 
 from __future__ import annotations
 
+import math
 import textwrap
 
 import casadi as ca
@@ -60,6 +61,12 @@ def c_function(
     one result, comes before it. Avoids compiler warnings about empty and unused variables.
     BadInputError names an operation that is not known here."""
     inner = function.find_functions(0)
+    for each in inner:
+        if not each.is_a("SXFunction"):
+            raise BadInputError(
+                f"{name}: the function {each.name()} ({each.class_name()}) of the model cannot be"
+                " written as C: declare it by expressions"
+            )
     called = "".join(c_function(each, f"{name}_{each.name()}", ("x",), ("y",)) for each in inner)
     names = ", ".join(
         [*(f"const double *{each}" for each in arguments), *(f"double *{each}" for each in results)]
@@ -73,7 +80,7 @@ def c_function(
         )
         used |= set(out if code != ca.OP_OUTPUT else source) - {-1}
         if code == ca.OP_CONST:
-            lines.append(f"w{out[0]} = {function.instruction_constant(index)!r};")
+            lines.append(f"w{out[0]} = {_number(function.instruction_constant(index))};")
         elif code == ca.OP_INPUT:
             lines.append(f"w{out[0]} = {arguments[source[0]]}[{source[1]}];")
         elif code == ca.OP_OUTPUT:
@@ -104,3 +111,10 @@ def c_function(
         f"    (void){each};\n" for each in (*arguments, *results) if f"{each}[" not in body
     )
     return f"{called}static void {name}({names})\n{{\n{body}\n{idle}}}\n"
+
+
+def _number(value: float) -> str:
+    """A constant as C writes it."""
+    if math.isinf(value):
+        return "HUGE_VAL" if value > 0.0 else "-HUGE_VAL"
+    return repr(value)

@@ -8,11 +8,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from c_files import called, compiled, needs_gcc
 from cli import assert_refused, hfa
 from controllers import integrating_controller
 from game_files import stored
+from known_models import model_at
+from network_files import torch_file
 
 from controller import Game, basis, save_controller
+from controller.flight.envelope import control_limits
 from hfa_aircraft.model import Model
 from hfa_model import LINEAR_STATES
 from hfa_support.jobs.store import open_store
@@ -178,6 +182,61 @@ def test_members_follow_commands_behind_failing_actuators() -> None:
     assert weak < 0.5 * whole
     stiff = json.loads(hfa(*words, *noisy, "--controller", "servo.npz", "--json").out)
     assert (stiff["held"], stiff["law"]) == (3, "simvfa-1, reference model")
+
+
+# Networks.
+
+
+def network_of(K: np.ndarray) -> str:
+    """The file of a network that is u = -K z: relu(z) - relu(-z) = z."""
+    twice = np.vstack([np.eye(6), -np.eye(6)])
+    layers = {
+        "0.weight": twice,
+        "0.bias": np.zeros(12),
+        "2.weight": -K @ twice.T,
+        "2.bias": np.zeros(5),
+    }
+    return torch_file("net.pt", layers)
+
+
+def test_a_network_flies_as_the_gain_that_it_is_within_the_control_limits(game: Game) -> None:
+    path = network_of(solve_game(game).K)
+    network = ("--weights", path, "--set", "activation=relu")
+    words = ("fly", "--dihedral", "15", "--duration", "0.5", "-o", "a.json")
+    flown = {}
+    for name, policy in (("gain", ("--law", "exact")), ("network", network)):
+        assert hfa(*words, *policy, "--initial", "speed=0.1").code == 0
+        flown[name] = json.loads(Path("a.json").read_text("utf-8"))
+    assert flown["network"]["policy"] == {"law": "critic of net.pt"}
+    states = {name: np.array(data["history"]["states"]) for name, data in flown.items()}
+    np.testing.assert_allclose(states["network"], states["gain"], rtol=1e-9, atol=1e-12)
+    largest = flown["network"]["largest_difference_from_linear"]
+    assert largest == pytest.approx(flown["gain"]["largest_difference_from_linear"], rel=1e-6)
+    far = ("--initial", "speed=0.5", "--json")
+    gain = json.loads(hfa(*words[:-2], "--law", "exact", *far).out)
+    assert gain["exceeded"][0]["input"] == "elevator_outer"
+    limited = json.loads(hfa(*words[:-2], *network, *far).out)
+    assert limited["exceeded"] == []
+
+
+@needs_gcc
+def test_a_network_is_exported_as_c_and_as_an_fmu(game: Game) -> None:
+    K = solve_game(game).K
+    network = ("--weights", network_of(K), "--set", "activation=relu", "--dihedral", "15")
+    assert hfa("export", "-o", "c", *network).code == 0
+    folder = Path("c").resolve()
+    compiled(folder, "-shared", "-fPIC", "hfa_aircraft.c", "-o", "library.so")
+    point = model_at(15.0).point
+    x = np.array(point.states) + np.array([0.01, 1e-3, 0.0, 1e-3, 1e-3, 1e-3, 1e-3])
+    u = np.empty(5)
+    called(folder, "hfa_policy", x, u)
+    z = np.delete(x - np.array(point.states), 2)
+    np.testing.assert_allclose(u, np.array(point.inputs) - K @ z, rtol=1e-12)
+    called(folder, "hfa_policy", x + np.array([5.0, 0, 0, 0, 0, 0, 0]), u)
+    limits = control_limits(point.model)
+    assert limits.within(u).all()
+    assert np.isclose(u, limits.highest).any()
+    assert hfa("export", "-o", "a.fmu", *network).code == 0
 
 
 # Monte Carlo.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -95,6 +96,43 @@ def test_gains_over_the_speed_follow_a_command_of_it() -> None:
     assert json.loads(result.out)["final"]["speed"] == pytest.approx(190.0, abs=1.0)
     np.savez("gains.npz", speed=np.array([170.0, 180.0]), K=np.array([gain, gain]))
     assert_refused(hfa(*words), 2, "the gains cover 170 ft/s to 180 ft/s, not 176 ft/s to 190 ft/s")
+
+
+TANKS = """
+import casadi as ca
+from hfa import Model, Signal
+
+TABLE = ca.interpolant("drag", "linear", [[0.0, 1.0, 2.0, 3.0]], [0.0, 1.0, 3.0, 6.0])
+X, Y = ca.SX.sym("x"), ca.SX.sym("y")
+ROOT = ca.rootfinder("inflow", "newton", {"x": X, "p": Y, "g": X + 0.1 * X**3 - Y})
+
+
+def tank(rate):
+    return Model("tank", {"level": Signal("ft", start=0.5)}, {"pump": Signal(start=0.5)},
+                 lambda x, u, p, w: ({"level": rate(x.level, u.pump) + 0.1 * w.rain}, {}),
+                 disturbances={"rain": Signal("ft/s")}, trim={"level": 0.5}, schedule="level")
+
+
+PLAIN = tank(lambda level, pump: pump - level)
+WITH_TABLE = tank(lambda level, pump: pump - TABLE(level))
+IMPLICIT = tank(lambda level, pump: ROOT(1.0, pump) - level)
+"""
+
+
+def test_exports_have_the_model_s_own_disturbances_and_name_what_c_cannot_express() -> None:
+    Path("tanks.py").write_text(TANKS, "utf-8")
+    for place in ("c", "a.fmu"):
+        assert hfa("export", "--aircraft", "tanks.py:PLAIN", "-o", place).code == 0
+        for name, function in (("WITH_TABLE", "drag"), ("IMPLICIT", "inflow")):
+            refused = hfa("export", "--aircraft", f"tanks.py:{name}", "-o", f"refused_{place}")
+            assert_refused(refused, 2, f"the function {function}", "cannot be written as C")
+    texts = [path.read_text("utf-8") for path in Path("c").iterdir()]
+    assert any("HFA_WIND_RAIN, /* ft/s */" in text for text in texts)
+    assert not any("updraft" in text or "dihedral" in text for text in texts)
+    with zipfile.ZipFile("a.fmu") as archive:
+        description = archive.read("modelDescription.xml").decode()
+    assert 'name="rain"' in description
+    assert "updraft" not in description
 
 
 def test_exports_have_its_names() -> None:

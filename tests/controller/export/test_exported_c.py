@@ -16,7 +16,7 @@ from known_models import model_at
 from random_points import INPUT_SCALES, STATE_SCALES, rising, state_rates, symbols
 
 import hfa_model
-from controller import ActuatorBank, CommandSteps, Scenario, ScheduledController
+from controller import ActuatorBank, CommandSteps, GainPolicy, Scenario, ScheduledController
 from controller.export.aircraft_c import AIRCRAFT_FILES, c_model_texts
 from controller.flight.closed_loop import ClosedLoop, NonlinearPlant
 from controller.flight.policies import Measurements
@@ -48,7 +48,7 @@ EXAMPLES = Path(__file__).parents[3] / "examples"
 def folder(aircraft: Model, tmp_path_factory: pytest.TempPathFactory) -> Path:
     gain = np.arange(30.0).reshape(5, 6) / 100
     linear = model_at(15.0, hfa_model.variant_of(aircraft).name)
-    texts = c_model_texts(linear, gain, "from */ here")
+    texts = c_model_texts(linear, GainPolicy("any", gain), "from */ here")
     return written(tmp_path_factory.mktemp("c"), texts, SOURCE)
 
 
@@ -121,7 +121,7 @@ def test_another_aircraft_is_ours_too_and_flies(name: str, tmp_path: Path) -> No
     model = load_model(str(EXAMPLES / name))
     point = find_operating_point(model, usual_condition(model))
     linear, gain = linearize(model, point), np.zeros((len(model.inputs), len(model.linear)))
-    written(tmp_path, c_model_texts(linear, gain, "here"), SOURCE)
+    written(tmp_path, c_model_texts(linear, GainPolicy("none", gain), "here"), SOURCE)
     random, dx = np.random.default_rng(5), np.empty(len(model.states))
     still = np.zeros(max(1, len(model.disturbances)))
     for _ in range(50):

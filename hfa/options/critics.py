@@ -1,0 +1,40 @@
+"""Options that say how the file of a critic is to be read."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from controller.critic.critic_file import Reading
+from hfa.options.argument_types import number
+from hfa.options.request import Request, option
+
+#: What --set says of a file of --weights -> the kind of its value.
+READING_SETTINGS: dict[str, Callable[[str], Any]] = {
+    "activation": str,
+    "scale": lambda text: [number(entry) for entry in text.split(",")],
+}
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ReadingOptions(Request):
+    """How the file of --weights is to be read, where it does not say so itself."""
+
+    basis: str | None = option(
+        "of --weights: a name (default quadratic), or a list 'x1**2, x1*x2, sin(x3)'",
+        "BASIS",
+        rare=True,
+    )
+    network: str = option(
+        "which part of a file is what: value, V=critic,policy=actor, gradient=; default: by its number "
+        "of outputs",
+        "[V=]NAME",
+        default="",
+        rare=True,
+    )
+    set: Mapping[str, Any]
+
+    def reading(self) -> Reading:
+        """How the file is to be read."""
+        return Reading(self.basis, self.network, self.set.get("activation"), self.set.get("scale"))
