@@ -15,8 +15,8 @@ from .game.gain_schedule import GainSchedule as GainSchedule
 from .game.zero_sum import Game as Game
 from .hfa_game import load_game as load_game, published_game as published_game
 from .learning.certified import learn as learn
-from .learning.certify import run as run
 from .learning.recording import Stack as Stack, random_pool as random_pool, record as record
+from .learning.ticks import run as run
 from .servo.controllers import design_controller as design_controller
 from .servo.design import load_design as load_design
 from .servo.design_model import design_model as design_model

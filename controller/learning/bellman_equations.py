@@ -10,9 +10,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from controller.game.basis import Basis
-from controller.game.learning_result import Excitation
+from controller.game.training_run import Excitation
 from controller.game.zero_sum import Game
 from controller.learning.recording import Stack, excitation
+
+#: Most steps of a refinement; each squares the error until rounding stops it.
+MOST_REFINEMENTS = 20
 
 
 class PartialGame(NamedTuple):
@@ -221,3 +224,57 @@ def newton_step(found: Residuals, normaliser: np.ndarray) -> np.ndarray:
     if failed:
         raise np.linalg.LinAlgError("the regressors are singular")
     return np.asarray(step)
+
+
+class Riccati(NamedTuple):
+    """A'P + PA + Q - PSP with S = G G' - D D', of drifts that were recorded.
+
+    A: (n, n), fitted to the drifts
+    control: G, (n, m)
+    disturbance: D, (n, k)
+    Q: (n, n)
+
+    P S P is taken from its roots: where few inputs hold a large P in check, |G'P| is not a small
+    difference of large numbers, and S P is."""
+
+    A: np.ndarray
+    control: np.ndarray
+    disturbance: np.ndarray
+    Q: np.ndarray
+
+    def residual(self, P: np.ndarray) -> np.ndarray:
+        """A'P + PA + Q - PSP, (n, n)."""
+        pushed = P @ self.control
+        disturbed = P @ self.disturbance
+        return self.A.T @ P + P @ self.A + self.Q - pushed @ pushed.T + disturbed @ disturbed.T
+
+    def correction(self, P: np.ndarray) -> np.ndarray:
+        """N with (A - S P)'N + N (A - S P) = `residual`, (n, n): P - N is the next policy
+        iteration.
+
+        Solved as n² linear equations. Raises numpy.linalg.LinAlgError when they are singular.
+        """
+        closed = (
+            self.A
+            - self.control @ (self.control.T @ P)
+            + self.disturbance @ (self.disturbance.T @ P)
+        )
+        eye = np.eye(len(P))
+        operator = np.kron(closed.T, eye) + np.kron(eye, closed.T)
+        step = np.linalg.solve(operator, self.residual(P).reshape(-1)).reshape(P.shape)
+        return np.asarray(step + step.T) / 2.0
+
+    def refined(self, P: np.ndarray) -> np.ndarray:
+        """P - N repeated until the correction no longer halves, which is rounding."""
+        last = np.inf
+        for _ in range(MOST_REFINEMENTS):
+            try:
+                correction = self.correction(P)
+            except np.linalg.LinAlgError:
+                break
+            size = float(np.linalg.norm(correction))
+            if not size < 0.5 * last:
+                break
+            P = P - correction
+            last = size
+        return P

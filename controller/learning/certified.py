@@ -16,12 +16,19 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from controller.game.basis import Basis, basis
-from controller.game.learning_result import LearningResult
+from controller.game.training_run import TrainingRun
 from controller.game.zero_sum import Game, checked_matrix
 from controller.learning import recording
-from controller.learning.bellman_equations import GAME, LQ, PartialGame, StackEquations, newton_step
-from controller.learning.certify import Riccati, Run, conclude, run
+from controller.learning.bellman_equations import (
+    GAME,
+    LQ,
+    PartialGame,
+    Riccati,
+    StackEquations,
+    newton_step,
+)
 from controller.learning.recording import Stack
+from controller.learning.ticks import Run, run, training_run
 from hfa_support.errors import (
     BadInputError,
     NoSolutionError,
@@ -205,6 +212,8 @@ def raise_disturbance(
 
     Raises NoSolutionError with the δ at which the solution is lost.
     """
+    if not equations.disturbance.any():
+        return here._replace(problem=here.problem._replace(share=target))
     step = target - here.problem.share
     while here.problem.share < target:
         share = min(target, here.problem.share + step)
@@ -438,7 +447,7 @@ class CertifiedLaw:
         return here
 
     def observe(self, tick: int, memory: Memory) -> Mapping[str, Any]:
-        """See `certify.run`."""
+        """See `ticks.run`."""
         here, normaliser, _ = memory
         return {
             "time": self.time(tick),
@@ -447,17 +456,21 @@ class CertifiedLaw:
             "law_residual_norm": self._law_residual(here, normaliser),
         }
 
-    def conclude(self, finished: Run) -> LearningResult:
-        """The result of a finished run with its certificates."""
+    def conclude(self, finished: Run) -> TrainingRun:
+        """The training run of finished ticks."""
         here, _, first_discount = finished.memory
-        diagnostics = {"discount_at_start": first_discount, "drift_misfit": self.drift_misfit}
-        of = "certified", self.game, self.equations, finished.history
-        return conclude(
-            *of,
+        return training_run(
+            "certified",
+            self.game,
+            self.equations,
+            finished.history,
             self.equations.excitation(here.weights),
-            asdict(self.settings),
-            self.seed,
-            diagnostics,
+            settings=asdict(self.settings),
+            seed=self.seed,
+            diagnostics={
+                "discount_at_start": first_discount,
+                "drift_misfit": self.drift_misfit,
+            },
         )
 
 
@@ -489,14 +502,14 @@ def learn(
     pool: Stack | None = None,
     progress: Progress | None = None,
     **options: Any,
-) -> LearningResult:
+) -> TrainingRun:
     """Learn the value z'Pz and the gain K of a game with the certified law (a law of your own:
     `run`).
 
     pool: recorded samples (z, F) to learn from; by default states drawn with `seed`. options:
     `CertifiedSettings`. progress is called with (fraction done, 1, residual).
 
-    The result says "failed: reason" when the law ran to its end and a certificate does not hold.
+    Whether what was learned is right the judge says (`verification.check_critic`), who knows A.
     Raises BadInputError for an unknown law or option and for data that cannot determine the
     weights; NoSolutionError when the law cannot reach its end: no game value at this delta, (A, B)
     not stabilizable, overflow."""
@@ -510,19 +523,22 @@ def learn(
         )
     if not isinstance(pool, Stack | None):
         raise BadInputError(f"pool is {pool!r}; pool must be a Stack of recorded samples")
-    process = certified_law(game, CertifiedSettings(**options), seed, pool)
-    return process.conclude(run(process, progress=progress))
+    settings = CertifiedSettings(**options)
+    if progress is not None:
+        progress(0.0, 1.0, "choosing samples")
+    learner = certified_law(game, settings, seed, pool)
+    return learner.conclude(run(learner, progress=progress))
 
 
 def learned_value(
     game: Game, law: str, seed: int, progress: Progress | None = None, **settings: Any
-) -> LearningResult:
+) -> TrainingRun:
     """The learning of a law on a game; settings: of the law.
 
-    Raises NoSolutionError, naming the certificate, when what was learned is not certified."""
+    Raises NoSolutionError when it has not settled."""
     result = learn(game, law, seed, progress=progress, **settings)
-    if not result.converged:
+    if not result.settled:
         raise NoSolutionError(
-            f"law '{law}' is not certified here ({result.outcome}); choose another law or model"
+            f"law '{law}' has not learned here: {result.outcome}; choose another law or model"
         )
     return result

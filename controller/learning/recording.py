@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from controller.game.basis import Basis
-from controller.game.learning_result import Excitation
+from controller.game.training_run import Excitation
 from controller.game.zero_sum import LARGEST, Game, checked_matrix
 from hfa_support.errors import BadInputError
 from hfa_support.reporting.fields import Shown

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -19,8 +19,8 @@ class GameRequest(GameOptions, OutputOptions):
 
 @command(GameRequest)
 def solve(request: GameRequest) -> int:
-    """The exact solution of the zero-sum game, its certificate, the smallest delta, and simulations
-    of its policies.
+    """The exact solution of the zero-sum game, its certificate, the smallest delta, the cost of its
+    policies and their margins.
 
     Exit code 1 without a certified solution. A --model with B1, B2, C1, D12 and optionally C2, D21,
     D11, D22 is a generalized plant, as `hinfsyn` takes it: the controller with a gain below delta,
@@ -65,11 +65,23 @@ def learn(request: LearnRequest) -> int:
     """Learn the value and the gain of the game with a critic; the weights go to a file for `hfa
     verify`.
 
-    Exit code 1 when a certificate does not hold.
+    What was learned is compared with the exact solution. Exit code 1 when a check does not hold.
     """
+    from controller.critic.critic import from_weights
+    from hfa_support.reporting.checks import checks_block
+    from verification.critic.critic_check import check_critic
+
     named = request.game()
-    result = request.learned(named.game)
-    whole = result.report(*named.names, history=True).data
-    report = result.report(*named.names).with_data(**named.labels())
+    run = request.learned(named.game)
+    critic = from_weights(named.game, run.weights[-1], run.basis)
+    verdict = check_critic(named.game, critic, run=run)
+    judged = {
+        "converged": verdict.ok,
+        "certificates": [check.to_dict() for check in verdict.checks],
+    }
+    report = run.report(*named.names)
+    parts = (verdict.headline(), *report.parts, checks_block(verdict.checks))
+    report = replace(report, parts=parts).with_data(**named.labels(), **judged)
+    whole = {**run.report(*named.names, history=True).data, **judged}
     show(report, request, only_in_files=whole, notes=named.warnings)
-    return 0 if result.converged else 1
+    return 0 if verdict.ok else 1

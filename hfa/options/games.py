@@ -26,7 +26,7 @@ from trim.linear.linear_model import LinearModel, linearize
 from trim.point.operating_point import at_scheduled
 
 if TYPE_CHECKING:
-    from controller.game.learning_result import LearningResult
+    from controller.game.training_run import TrainingRun
     from controller.game.user_files import PlantNames
 
 DEFAULT_LAW = "certified"
@@ -123,7 +123,7 @@ class LearningOptions(SeedOption):
     law: str = law_option()
     set: Mapping[str, Any] = setting_option()
 
-    def learned(self, game: Game) -> LearningResult:
+    def learned(self, game: Game) -> TrainingRun:
         """What the law that the options name learns on a game."""
         from controller.learning.certified import learn
 

@@ -28,7 +28,7 @@ from controller.flight.policies import Measurements, column_by_column
 from controller.flight.signals import Harmonic, zero
 from controller.flight.simulation import CompiledLoop, Flight
 from controller.game.basis import Basis
-from controller.game.learning_result import LearningResult
+from controller.game.training_run import TrainingRun
 from hfa_model import INPUTS, LINEAR_STATES, published_models
 from hfa_model.vectors import CONTROL_LIMITS
 from hfa_support.errors import refuse_unknown
@@ -384,7 +384,7 @@ def _published(
 @lru_cache(maxsize=4)
 def _plan(
     setting: Setting, case: PaperCase, law: str, predefined_time: float
-) -> tuple[LearningResult, np.ndarray, float]:
+) -> tuple[TrainingRun, np.ndarray, float]:
     """A learning run, its gains tick by tick and when they are certified; flights that differ in
     the plant or in noise share it."""
     configuration, critic = setting.configuration, setting.configuration.critic

@@ -12,7 +12,7 @@ import numpy as np
 from controller import Game
 from controller.flight.simulation import Flight
 from controller.game.basis import Basis
-from controller.game.learning_result import settled_at
+from controller.game.training_run import settled_at
 from hfa_model import INPUTS, LINEAR_STATES
 from studies.section5.configuration import Configuration
 

@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 
 from controller.game.basis import Basis, basis
-from controller.game.learning_result import LearningResult
+from controller.game.training_run import TrainingRun
 from controller.game.zero_sum import Game
 from controller.learning import recording
 from controller.learning.bellman_equations import StackEquations
 from controller.learning.certified import enough_for, initial_weights
-from controller.learning.certify import Run, conclude, run
 from controller.learning.recording import Stack, natural_spread, record, refuse_poor, unit_rows
+from controller.learning.ticks import Run, run, training_run
 from hfa_support.errors import BadInputError, NoSolutionError
 
 #: The baseline that is used while nothing is certified: the LQR of the game's Q and this many times
@@ -199,8 +199,8 @@ class IntegralLearning:
             "law_residual_norm": float(memory["misfit"]),
         }
 
-    def conclude(self, finished: Run) -> LearningResult:
-        """The result of a finished run with its certificates."""
+    def conclude(self, finished: Run) -> TrainingRun:
+        """The training run of finished ticks."""
         weights = finished.history["weights"]
         change = np.linalg.norm(np.diff(weights, axis=0), axis=1) / np.linalg.norm(weights[-1])
         late = np.flatnonzero(change > 1e-3)
@@ -211,19 +211,19 @@ class IntegralLearning:
         rows, _ = self._least_squares(finished.memory["weights"])
         richness = recording.excitation(rows, self.record.monomials)
         chosen = asdict(self.settings) | {"intervals": self.intervals}
-        return conclude(
+        return training_run(
             "irl",
             self.target,
             self.equations,
             finished.history,
             richness,
-            chosen,
-            self.seed,
-            diagnostics,
+            settings=chosen,
+            seed=self.seed,
+            diagnostics=diagnostics,
         )
 
 
-def learn_by_integrals(game: Game, seed: int = 0, **options: Any) -> LearningResult:
+def learn_by_integrals(game: Game, seed: int = 0, **options: Any) -> TrainingRun:
     """The result of the law on a probing flight, with the quadratic basis; options: of
     `IrlSettings`."""
     law = IntegralLearning(game, basis("quadratic", game.A.shape[0]), IrlSettings(**options), seed)

@@ -17,10 +17,10 @@ import numpy as np
 
 from controller import Game, Stack, basis, random_pool
 from controller.game.basis import Basis
-from controller.game.learning_result import LearningResult
+from controller.game.training_run import TrainingRun
 from controller.learning.bellman_equations import StackEquations
-from controller.learning.certify import Run, conclude
 from controller.learning.recording import choose
+from controller.learning.ticks import Run, training_run
 from hfa_support import BadInputError, NoSolutionError
 
 #: Rows of history of a run; the steps between two rows are one tick of the runner.
@@ -411,11 +411,18 @@ class PublishedLaw:
             + f" the step is {self.settings.step:g} s; use law 'certified', or give gains"
         )
 
-    def conclude(self, finished: Run) -> LearningResult:
-        """The result of a finished run with its certificates."""
-        e, told = self.equations, (asdict(self.settings), self.seed, self.facts)
-        richness = e.excitation(finished.memory["weights"])
-        return conclude("published", self.game, e, finished.history, richness, *told)
+    def conclude(self, finished: Run) -> TrainingRun:
+        """The training run of finished ticks."""
+        return training_run(
+            "published",
+            self.game,
+            self.equations,
+            finished.history,
+            self.equations.excitation(finished.memory["weights"]),
+            settings=asdict(self.settings),
+            seed=self.seed,
+            diagnostics=self.facts,
+        )
 
 
 def published_law(

@@ -12,12 +12,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from controller import Game, learn, published_game, random_pool, run
-from controller.game.learning_result import LearningResult, settled_at
+from controller.game.training_run import TrainingRun, settled_at
+from controller.riccati.balancing import is_hurwitz
 from hfa_model import published_models
 from hfa_support import NoSolutionError
 from hfa_support.jsonable import jsonable
 from studies.update_law.published_law import PublishedSettings, published_law
-from verification import relative_error
+from verification import check_critic, from_weights, relative_error
 
 SCHEMA = "hfa.published-study/2"
 #: Half-widths of a box of ordinary deviations, ft/s, rad and rad/s, in the order of
@@ -152,7 +153,7 @@ class Reference(NamedTuple):
 
     dihedral_deg: float
     game: Game
-    exact: LearningResult
+    exact: TrainingRun
     lqr_weights: tuple[float, ...]
 
     def settings(self, case: Case) -> PublishedSettings:
@@ -161,16 +162,16 @@ class Reference(NamedTuple):
 
 
 def references() -> tuple[Reference, ...]:
-    """Of both printed models, with what the certified law learns. NoSolutionError where its
-    certificates fail."""
+    """Of both printed models, with what the certified law learns. NoSolutionError where it
+    does not settle."""
     found = []
     for model in published_models():
         game = published_game(model.A, model.B)
         lqr = replace(game, Q=1000.0 * np.eye(len(game.A)), delta=np.inf)
         exact, start = learn(game, tick=0.1), learn(lqr, tick=0.1)
-        if not (exact.converged and start.converged):
+        if not (exact.settled and start.settled):
             raise NoSolutionError(
-                f"no certified reference at {model.dihedral_deg:g} deg; run hfa learn to see why"
+                f"no settled reference at {model.dihedral_deg:g} deg; run hfa learn to see why"
             )
         found.append(Reference(model.dihedral_deg, game, exact, tuple(start.weights[-1].tolist())))
     return tuple(found)
@@ -210,10 +211,11 @@ def made(reference: Reference, case: Case, chosen: PublishedSettings) -> dict[st
         "K_error": relative_error(result.K, exact.K),
         "settled": settled_at(result.times, own, SETTLED * own[0]),
         "last_lambda_0": float(np.linalg.svd(last.regressors, compute_uv=False)[-1] ** 2),
-        "stabilizing": all(
-            row.ok for row in result.certificates if row.name.startswith("abscissa")
-        ),
-        "certified": result.converged,
+        "stabilizing": is_hurwitz(game.A - game.S @ result.P)
+        and is_hurwitz(game.A - game.B @ result.K),
+        "certified": check_critic(
+            game, from_weights(game, result.weights[-1], result.basis), run=result
+        ).ok,
     }
     stack["P_errors_nearby"] = [
         relative_error(other.conclude(run(other)).P, exact.P) for other in repeated

@@ -73,7 +73,7 @@ def test_every_start_ends_certified_at_the_exact_solution_in_time(name: str, sta
         found = learn(game, seed=index, tick=0.2, samples=samples, initial_weights=tuple(weights))
         errors = relative_error(found.P, solution.P), relative_error(found.K, solution.K)
         largest, latest = np.maximum(largest, errors), max(latest, found.settling_time)
-        if not (found.converged and max(errors) <= 1e-8 and found.settling_time <= 10.0):
+        if not (found.settled and max(errors) <= 1e-8 and found.settling_time <= 10.0):
             wrong.append((index, errors, found.outcome))
     assert wrong == []
     if starts == 1000:

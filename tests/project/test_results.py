@@ -28,7 +28,7 @@ SHOWN = {
     "Sweep": "Sweep, published dynamics: 2 of 3 points trimmed",
     "Regeneration": "Both pairs regenerated: yes",
     "RegeneratedPair": "Dihedral 15 deg, published dynamics",
-    "LearningResult": "Law 'certified', basis 'quadratic': converged",
+    "TrainingRun": "Law 'certified', basis 'quadratic': settled",
     "Solution": "Exact game solution, delta 200",
     "Verdict": "Critic on the plant, against the exact game solution",
     "Game": "Game: J = ∫ z'Qz + u'Ru - δ² d'd dt,  z' = A z + B u + E d,",

@@ -16,7 +16,7 @@ from known_models import FlownCase, case_at, exact_gain, game_at, model_at
 
 import hfa_model
 from controller import Game
-from controller.game.learning_result import LearningResult
+from controller.game.training_run import TrainingRun
 from hfa_aircraft.model import Model
 from hfa_model import VARIANTS, Parameters, default_parameters
 from hfa_model.parameters import ParameterSet
@@ -46,9 +46,7 @@ def share(patched: pytest.MonkeyPatch) -> None:
 
     learn = _Shared(module.learn)
 
-    def learned(
-        game: Game, law: str = "certified", seed: int = 0, **options: Any
-    ) -> LearningResult:
+    def learned(game: Game, law: str = "certified", seed: int = 0, **options: Any) -> TrainingRun:
         if options.get("progress") is not None:
             return learn._function(game, law, seed, **options)
         return learn(

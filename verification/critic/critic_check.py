@@ -34,7 +34,7 @@ from verification.critic.critic_errors import (
 from verification.critic.verdict import COLUMNS, ErrorTable, Section, Verdict
 
 if TYPE_CHECKING:
-    from controller.game.learning_result import LearningResult
+    from controller.game.training_run import TrainingRun
     from controller.riccati.discrete import DiscountedSolution
     from verification.critic.about_trim import NonlinearPlant
     from verification.critic.other_games import Nearby
@@ -70,7 +70,7 @@ def check_critic(
     *,
     limit: float = LIMIT,
     scope: Scope | None = None,
-    run: LearningResult | None = None,
+    run: TrainingRun | None = None,
 ) -> Verdict:
     """The verdict on a critic, compared with the exact solution of its game.
 
@@ -346,7 +346,7 @@ def _explained(checks: Sequence[Check], diagnosis: str) -> tuple[Check, ...]:
     return tuple(explained)
 
 
-def _run_table(game: Game, run: LearningResult, exact: Solution) -> ErrorTable:
+def _run_table(game: Game, run: TrainingRun, exact: Solution) -> ErrorTable:
     """The errors of P(t) of a training run, computed anew from its weights."""
     psi = basis(run.basis, len(game.A))
     values = np.array([psi.matrix(weights) for weights in run.weights])
@@ -367,7 +367,7 @@ def _run_table(game: Game, run: LearningResult, exact: Solution) -> ErrorTable:
     return ErrorTable(run.times, errors, "riccati_residual", SETTLED, promised)
 
 
-def _run_checks(run: LearningResult, table: ErrorTable) -> list[Check]:
+def _run_checks(run: TrainingRun, table: ErrorTable) -> list[Check]:
     """Whether the data determine the weights, and the settling time of a run that promises one."""
     rank = run.excitation
     poor = (

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from controller.critic.critic import Critic
-from controller.game.learning_result import settled_at
+from controller.game.training_run import settled_at
 from hfa_support.errors import BadInputError
 from hfa_support.jsonable import finite_or_none, jsonable
 from hfa_support.reporting.checks import Check, Checked, checks_block, verdict_text

@@ -1,5 +1,4 @@
-"""One entry to all laws: the same bits from the same seed, plain results, and certificates that see
-planted errors."""
+"""One entry to all laws: the same bits from the same seed, plain results, judged from outside."""
 
 from __future__ import annotations
 
@@ -9,29 +8,20 @@ from typing import Any
 
 import numpy as np
 import pytest
-from learning_samples import PUBLISHED, QUADRATIC, published, stable_game
-from planted_critics import other_root
+from learning_samples import published, stable_game
 from reference_riccati import reference_solution, relative_error
 
-from controller import Game, basis, learn, random_pool
-from controller.game.learning_result import Excitation, LearningResult
-from controller.learning import certify
-from controller.learning.bellman_equations import StackEquations
-from controller.learning.certify import (
-    Riccati,
-    certificates,
-    positivity,
-    relative_correction,
-    relative_residual,
-)
-from controller.learning.recording import choose
+from controller import Game, learn
+from controller.game.training_run import TrainingRun
+from controller.learning import ticks
+from controller.learning.bellman_equations import Riccati, control_root
 from hfa_model import INPUTS, LINEAR_STATES
 from hfa_model.vectors import LINEAR_UNITS
 from hfa_support import BadInputError
-from verification import minimum_delta
+from verification import check_critic, from_weights, minimum_delta
 
 
-def short_run(seed: int = 4, **more: Any) -> LearningResult:
+def short_run(seed: int = 4, **more: Any) -> TrainingRun:
     return learn(published("published-5")[0], seed=seed, tick=0.1, predefined_time=8.0, **more)
 
 
@@ -40,10 +30,12 @@ def test_progress_rises_to_one_and_nothing_is_printed(capsys: pytest.CaptureFixt
     short_run(progress=lambda fraction, _, message: seen.append((fraction, message)))
     fractions = [fraction for fraction, _ in seen]
     assert fractions == sorted(fractions)
-    assert 5 <= len(fractions) <= 100
+    assert len(fractions) >= 5
     assert fractions[-1] == 1.0
+    assert seen[0] == (0.0, "choosing samples")
     assert all(
-        "t = " in message and "residual" in message and "\n" not in message for _, message in seen
+        "t = " in message and "residual" in message and "\n" not in message
+        for _, message in seen[1:]
     )
     assert capsys.readouterr() == ("", "")
 
@@ -63,7 +55,6 @@ def test_results_are_plain_json() -> None:
     assert plain["status"] == result.outcome
     assert np.array_equal(np.array(plain["P"]), result.P)
     assert plain["settings"]["basis"] == "quadratic"
-    assert [row["ok"] for row in plain["certificates"]] == [row.ok for row in result.certificates]
     assert plain["excitation"]["rank"] == 21
     units = result.report(LINEAR_STATES, INPUTS, state_units=LINEAR_UNITS).data["weight_units"]
     assert (len(units), units[:2]) == (21, ["1/((ft/s) (ft/s))", "1/((ft/s) (rad))"])
@@ -74,7 +65,7 @@ def test_the_samples_taken_by_default_are_enough_for_the_plant() -> None:
     A, end = np.diag(-np.linspace(0.5, 5.0, 10)) + np.diag(np.ones(9), 1), np.eye(10)[:, -1:]
     game = Game(A=A, B=end, E=end, Q=np.eye(10), R=np.eye(1), delta=50.0)
     result = learn(game, tick=0.1)
-    assert result.converged
+    assert result.settled
     assert relative_error(result.P, reference_solution(game).P) < 1e-9
     assert (result.settings["samples"], result.settings["pool_samples"]) == (83, 500)
     with pytest.raises(BadInputError, match="54 samples cannot determine 55 weights"):
@@ -84,90 +75,26 @@ def test_the_samples_taken_by_default_are_enough_for_the_plant() -> None:
 def test_rows_are_kept_evenly_with_the_start_and_the_end(monkeypatch: pytest.MonkeyPatch) -> None:
     every = short_run()
     assert every.times == pytest.approx(0.1 * np.arange(81))
-    monkeypatch.setattr(certify, "MOST_ROWS", 30)
+    monkeypatch.setattr(ticks, "MOST_ROWS", 30)
     kept, rows = short_run(), [*range(0, 80, 3), 80]
     assert np.array_equal(kept.times, every.times[rows])
     assert np.array_equal(kept.weights, every.weights[rows])
 
 
-# The certificates of a learned value see every planted error.
+# What was learned is judged by the one who knows A.
 
 
-def failures(
-    game: Game, weights: np.ndarray, richness: Excitation | None = None, name: str = "quadratic"
-) -> list[str]:
-    """Names of the certificates that do not hold for W'ψ(z)."""
-    functions = basis(name, len(game.A))
-    stack = choose(random_pool(game, 300, 0), functions, functions.size + 5)
-    equations = StackEquations.build(game, functions, stack, stack.channel_scales())
-    found = richness or equations.excitation(equations.scaled(weights))
-    return [row.name for row in certificates(game, equations, weights, found) if not row.ok]
+def test_a_poor_stack_is_not_settled_whatever_the_residual() -> None:
+    run = short_run()
+    poor = replace(run, excitation=replace(run.excitation, rank=20))
+    assert run.settled
+    assert not poor.settled
+    assert poor.outcome == "the data have rank 20 of 21"
+    late = replace(run, settling_residual=np.ones_like(run.times))
+    assert "does not settle: 1 at the end" in late.outcome
 
 
-@pytest.mark.parametrize("name", PUBLISHED)
-def test_the_exact_solution_passes_and_small_errors_of_P_are_seen_and_sized(name: str) -> None:
-    game, exact = published(name)
-    assert failures(game, QUADRATIC.weights(exact.P)) == []
-    error = np.random.default_rng(0).normal(size=(6, 6)) * np.sqrt(
-        np.outer(np.diag(exact.P), np.diag(exact.P))
-    )
-    error = 1e-7 * (error + error.T) * np.linalg.norm(exact.P) / np.linalg.norm(error)
-    assert "next Newton correction over |P|" in failures(game, QUADRATIC.weights(exact.P + error))
-    relative = np.linalg.norm(error) / np.linalg.norm(exact.P)
-    assert relative_correction(game, exact.P + error, np.ones(6)) == pytest.approx(
-        relative, rel=0.01
-    )
-
-
-@pytest.mark.parametrize("name", PUBLISHED)
-def test_a_wrong_root_has_a_small_residual_and_fails(name: str) -> None:
-    game, _ = published(name)
-    wrong = other_root(game)
-    assert relative_residual(game, wrong, np.ones(6)) < 1e-9
-    found = failures(game, QUADRATIC.weights(wrong))
-    assert "abscissa of A - S P [1/s]" in found
-    assert "relative Riccati residual" not in found
-
-
-def test_a_poor_stack_fails_whatever_the_residual() -> None:
-    game, exact = published(PUBLISHED[0])
-    poor = Excitation(
-        rank=20, size=21, samples=50, smallest_eigenvalue=1e-30, condition=1e12, rounding=1e-27
-    )
-    assert failures(game, QUADRATIC.weights(exact.P), poor) == [
-        "rank of the stack",
-        "smallest eigenvalue of Sigma",
-    ]
-
-
-def test_indefinite_and_zero_values_fail() -> None:
-    game = stable_game()
-    assert "smallest eigenvalue of scaled P over the largest" in failures(
-        game, np.array([1.0, 0.0, -1.0])
-    )
-    assert "smallest eigenvalue of scaled P over the largest" in failures(game, np.zeros(3))
-    assert "next Newton correction over |P|" in failures(game, np.zeros(3))
-
-
-def test_a_value_of_zero_is_allowed_where_nothing_costs() -> None:
-    """Second state: no cost, not controlled. P = diag(p, 0) with 2 a p + q - p² = 0."""
-    first = [[1.0], [0.0]]
-    game = Game(
-        A=np.diag([-1.0, -2.0]), B=first, E=first, Q=np.diag([3.0, 0.0]), R=[[1.0]], delta=np.inf
-    )
-    assert failures(game, np.array([1.0, 0.0, 0.0])) == []
-
-
-def test_weights_beyond_the_quadratic_ones_fail() -> None:
-    game, exact = published(PUBLISHED[0])
-    functions = basis("paper", 6)
-    weights = functions.weights(exact.P)
-    assert failures(game, weights, name="paper") == []
-    weights[-1] = 10.0
-    assert failures(game, weights, name="paper") == ["largest weight beyond the quadratic ones"]
-
-
-def test_singular_weights_are_distinguished_from_definite_ones_beyond_rounding() -> None:
+def test_singular_weights_are_learned_and_pass() -> None:
     """Q = C'C that is not diagonal: its smallest eigenvalue is rounding of either sign, and so is
     that of P."""
     rng = np.random.default_rng(18)
@@ -179,16 +106,20 @@ def test_singular_weights_are_distinguished_from_definite_ones_beyond_rounding()
         game = Game(
             A, rng.standard_normal((3, 1)), np.zeros((3, 1)), (Q + Q.T) / 2.0, [[1.0]], np.inf
         )
-        result = learn(game, tick=0.1)
-        assert result.converged, result.outcome
-        row = positivity(game, result.P, np.ones(3))
-        assert (row.relation, row.limit) == (">=", -1e-10)
-        signs.add(row.value > 0.0)
+        run = learn(game, tick=0.1)
+        verdict = check_critic(game, from_weights(game, run.weights[-1]), run=run)
+        assert verdict.ok, verdict.headline()
+        signs.add(np.linalg.eigvalsh(run.P)[0] > 0.0)
     assert signs == {True, False}
-    definite = replace(game, Q=np.diag([1.0, 1e-9, 1.0]))
-    assert positivity(definite, np.eye(3), np.ones(3)).relation == ">"
-    assert not positivity(definite, np.diag([1.0, 1.0, 0.0]), np.ones(3)).ok
-    assert not positivity(game, np.diag([1.0, 1.0, -1e-9]), np.ones(3)).ok
+
+
+def test_twelve_states_are_learned_without_a_disturbance() -> None:
+    rng = np.random.default_rng(1)
+    A = rng.standard_normal((12, 12)) - np.diag(np.geomspace(1.0, 1e3, 12))
+    game = Game(A, rng.standard_normal((12, 3)), np.eye(12), np.eye(12), np.eye(3), np.inf)
+    run = learn(game, tick=0.5)
+    assert run.excitation.rank == run.excitation.size == 78
+    assert check_critic(game, from_weights(game, run.weights[-1]), run=run).ok
 
 
 @pytest.mark.parametrize(("Q", "R"), [(1e-8, 1.0), (1.0, 1e-6), (1e-6, 1e6), (1e8, 1e-8)])
@@ -197,7 +128,7 @@ def test_a_right_critic_settles_whatever_the_size_of_the_costs(Q: float, R: floa
     result = learn(game, tick=0.1)
     s = 1.0 / R - 1.0 / game.delta**2
     assert result.P[0, 0] == pytest.approx((1.0 + np.sqrt(1.0 + Q * s)) / s, rel=1e-14)
-    assert result.converged
+    assert result.settled
     assert result.settling_time <= 9.5
 
 
@@ -205,7 +136,7 @@ def assert_learned(game: Game, share: float, tick: float) -> None:
     """At `share` times its smallest delta."""
     game = game.with_delta(share * minimum_delta(game).value)
     result = learn(game, tick=tick)
-    assert result.outcome == "converged", (game.A.shape, game.B.shape, game.E.shape)
+    assert result.outcome == "settled", (game.A.shape, game.B.shape, game.E.shape)
     assert relative_error(result.P, reference_solution(game).P) < 1e-10
     assert result.settling_time < 10.0
 
@@ -233,10 +164,8 @@ def test_the_correction_is_the_next_policy_iteration() -> None:
     game = stable_game()
     exact = reference_solution(game).P
     P = exact + np.array([[0.02, 0.01], [0.01, -0.01]])
-    equation = Riccati.of(game, np.ones(2))
+    equation = Riccati(game.A, control_root(game), game.E / game.delta, game.Q)
     N = equation.correction(P)
     closed = game.A - game.S @ P
     assert closed.T @ N + N @ closed == pytest.approx(equation.residual(P), abs=1e-13)
     assert equation.residual(P) == pytest.approx(game.residual(P), abs=1e-13)
-    errors = [float(np.linalg.norm(X - exact)) for X in (P, P - N)]
-    assert errors[1] < errors[0] ** 2

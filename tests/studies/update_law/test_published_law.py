@@ -12,7 +12,7 @@ from learning_samples import PUBLISHED, QUADRATIC, published, stable_game, value
 from reference_riccati import reference_solution, relative_error
 
 from controller import Game, basis, run
-from controller.game.learning_result import LearningResult
+from controller.game.training_run import TrainingRun
 from hfa_model.printed_matrices import published_data
 from hfa_support import NoSolutionError
 from studies.update_law.published_law import (
@@ -42,7 +42,7 @@ def law_of(game: Game, **chosen: Any) -> PublishedLaw:
     return published_law(game, PublishedSettings(**chosen), seed=0)
 
 
-def learned(game: Game, **chosen: Any) -> LearningResult:
+def learned(game: Game, **chosen: Any) -> TrainingRun:
     law = law_of(game, **chosen)
     return law.conclude(run(law))
 
@@ -194,7 +194,7 @@ def test_stored_policies_lead_to_their_own_value_in_the_time_of_the_theorem(kind
     result = learned(game, **ALONE | options)
     assert relative_error(result.P, value) < 1e-8
     assert 0.1 < relative_error(result.P, exact.P) < 1.0
-    assert not result.converged
+    assert not result.settled
     own = result.law_residual_norm
     assert own[result.times >= 0.9 * 5.0 / 2.0].max() < 1e-8 * own[0]
 
@@ -206,7 +206,7 @@ def test_reevaluated_policies_can_reach_the_game_from_a_stabilizing_start() -> N
     )
     options = {"stack_policies": "reevaluated", "predefined_time": 2.0, "initial_weights": start}
     result = learned(game, **ALONE | options)
-    assert result.converged
+    assert result.settled
     assert relative_error(result.P, exact.P) < 1e-9
 
 
@@ -250,7 +250,7 @@ def test_gains_by_hand_fly_with_the_plant_and_end_uncertified() -> None:
         W, z = W + 0.01 * step, z + 0.01 * rate
     result = law.conclude(run(law))
     assert result.weights[-1] == pytest.approx(W, rel=1e-12)
-    assert result.outcome.startswith("failed: ")
+    assert not result.settled
     assert result.diagnostics["alpha2"] == 2.0
     assert result.diagnostics["lambda_0"] == law.theorem.lambda_0
     assert result.times == pytest.approx([0.0, 0.01, 0.02, 0.03, 0.04, 0.05])

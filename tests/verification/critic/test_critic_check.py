@@ -17,7 +17,7 @@ from planted_critics import gain, other_root, solved, value, weights_of
 from controller import Game, basis, critics_over_time, learn
 from controller.critic.critic import Critic
 from controller.game.basis import BASES
-from controller.game.learning_result import Excitation, LearningResult
+from controller.game.training_run import Excitation, TrainingRun
 from controller.hfa_game import ORDINARY_DEVIATIONS
 from controller.riccati.balancing import balanced_units
 from hfa.main import BAD_INPUT, DONE, FAILED
@@ -127,13 +127,11 @@ def rank_deficient_weights(game: Game) -> tuple[np.ndarray, float]:
     )
 
 
-def result_of(game: Game, weights: np.ndarray, rank: int, **settings: float) -> LearningResult:
+def result_of(game: Game, weights: np.ndarray, rank: int, **settings: float) -> TrainingRun:
     P, ends = QUADRATIC.matrix(weights), np.array([1.0, 1e-12])
     richness = Excitation(rank, 21, 50, 1e-3, 1e3, 1e-12)
     rows = np.array([0.0, 1.0]), np.array([1.1 * weights, weights]), ends, ends
-    return LearningResult(
-        "certified", "quadratic", *rows, P, game.gain(P), richness, 1.0, (), settings, 0
-    )
+    return TrainingRun("certified", "quadratic", *rows, ends, game.gain(P), richness, settings, 0)
 
 
 def test_a_critic_of_too_few_data_is_refused_however_small_its_residual(game: Game) -> None:
@@ -152,12 +150,11 @@ def test_a_critic_of_too_few_data_is_refused_however_small_its_residual(game: Ga
 def test_a_run_is_also_checked_for_its_settling_time_computed_anew(
     game: Game, factors: tuple[float, float], settled: float
 ) -> None:
-    """What the run says of its own settling is not asked."""
     weights = weights_of(value(game))
     run = replace(
         result_of(game, weights, 21, predefined_time=0.5),
         weights=np.outer(factors, weights),
-        settling_time=0.0,
+        settling_residual=np.zeros(2),
     )
     check = check_critic(game, from_weights(game, weights), run=run)
     assert check.table is not None

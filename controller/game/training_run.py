@@ -1,0 +1,186 @@
+"""What every learner returns: the weights over time and the rank of its data. Nothing is judged."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict, dataclass, field, fields
+from typing import Any
+
+import numpy as np
+
+from controller.game.basis import basis
+from hfa_support.jsonable import jsonable
+from hfa_support.reporting.report import Report, Reported
+from hfa_support.reporting.text import RowsMade, Table, matrix_table, numbered
+
+SCHEMA = "hfa.learning-result/1"
+#: Largest residual of a settled critic, relative to the terms that cancel in it.
+SETTLED = 1e-9
+_HISTORY = ("times", "weights", "residual_norm", "law_residual_norm")
+
+
+@dataclass(frozen=True)
+class Excitation:
+    """Richness of a recorded stack: Σ = Σ_j σ̄_j σ̄_j' (paper Assumption 1), σ̄ = σ / sqrt(1 +
+    σ'σ).
+
+    rank: of the (N_h, M) matrix of ψ(z_j), each row of length 1 (`recording.excitation` says why),
+        singular values below `recording.RANK_TOLERANCE` times the largest counting as 0
+    size: M
+    samples: N_h
+    smallest_eigenvalue: of Σ (paper λ_0)
+    condition: largest singular value over smallest of that matrix
+    rounding: what rounding alone can make of a smallest eigenvalue of 0, (N_h ε)² times the largest
+        eigenvalue of Σ
+    """
+
+    rank: int
+    size: int
+    samples: int
+    smallest_eigenvalue: float
+    condition: float
+    rounding: float
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class TrainingRun(Reported):
+    """The training run of one learner on one game.
+
+    law: the name of the learner
+    basis: the name of the basis ψ
+    times: (N,), s
+    weights: (N, M), W with V = W'ψ(z), in the units of the model
+    residual_norm: (N,), Bellman residual of the game over the stack, |e| / |z'Qz|
+    law_residual_norm: (N,), the residual that the learner itself drives to zero at that time, in
+        its own normalisation and stage
+    settling_residual: (N,), |e| over the size of the terms that cancel in it
+    K: (m, n), the gain of the last weights
+    excitation: the rank of the data
+    settings: of the learner
+    seed: of the data
+    diagnostics: further numbers by name
+    """
+
+    law: str
+    basis: str
+    times: np.ndarray
+    weights: np.ndarray
+    residual_norm: np.ndarray
+    law_residual_norm: np.ndarray
+    settling_residual: np.ndarray
+    K: np.ndarray
+    excitation: Excitation
+    settings: dict[str, Any]
+    seed: int
+    diagnostics: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def P(self) -> np.ndarray:
+        """P of the quadratic part of the last weights, (n, n)."""
+        return basis(self.basis, self.K.shape[1]).matrix(self.weights[-1])
+
+    @property
+    def settling_time(self) -> float:
+        """First time from which the residual stays settled, s; inf when it does not."""
+        return settled_at(self.times, self.settling_residual, SETTLED)
+
+    @property
+    def settled(self) -> bool:
+        """Whether the data determine the weights and the residual has settled.
+
+        That is not yet a right critic: only the judge, who knows A, can tell.
+        """
+        has_rank = self.excitation.rank >= self.excitation.size
+        return has_rank and math.isfinite(self.settling_time)
+
+    @property
+    def outcome(self) -> str:
+        """settled, or why not."""
+        if self.excitation.rank < self.excitation.size:
+            return f"the data have rank {self.excitation.rank} of {self.excitation.size}"
+        if not math.isfinite(self.settling_time):
+            last = self.settling_residual[-1]
+            return f"the residual does not settle: {last:.3g} at the end, above {SETTLED:g}"
+        return "settled"
+
+    def report(
+        self,
+        states: tuple[str, ...] = (),
+        inputs: tuple[str, ...] = (),
+        origin: str = "",
+        state_units: tuple[str, ...] = (),
+        input_units: tuple[str, ...] = (),
+        *,
+        history: bool = False,
+    ) -> Report:
+        """The outcome, the data, P and K; names and units of the plant where there are any.
+
+        data: the last weights under `W` (what `hfa verify --weights` reads); with `history` also
+        all rows over time."""
+        m, n = self.K.shape
+        states = states or numbered("x", n)
+        inputs = inputs or numbered("u", m)
+        of_states = state_units or ("",) * n
+        of_inputs = input_units or ("",) * m
+        weight_units: list[str] = []
+        if any(of_states):
+            weight_units = basis(self.basis, n).weight_units(of_states)
+        data = self.to_dict()
+        rows_over_time = {name: data.pop(name) for name in _HISTORY}
+        data["W"] = self.weights[-1].tolist()
+        if weight_units:
+            data["weight_units"] = weight_units
+        if history:
+            data |= rows_over_time
+        found = self.excitation
+        settled = f"{self.settling_time:.4g} s" if math.isfinite(self.settling_time) else "not"
+        parts: list[Any] = [
+            f"Residual settled: {settled}; last residual {self.residual_norm[-1]:.3g}",
+            f"Data: {found.samples} samples, rank {found.rank} of {found.size}, smallest eigenvalue"
+            f" of Sigma {found.smallest_eigenvalue:.3g}, condition {found.condition:.3g}",
+            matrix_table("P", states, states, self.P, (of_states, -1), (of_states, -1)),
+            matrix_table("K", inputs, states, self.K, (of_inputs, 1), (of_states, -1)),
+        ]
+        if self.diagnostics:
+            numbers = [(name, f"{value:.4g}") for name, value in self.diagnostics.items()]
+            parts.append(Table(("number of the law", "value"), numbers))
+        where = f", on {origin}" if origin else ""
+        return Report(
+            title=f"Law {self.law!r}, basis {self.basis!r}{where}: {self.outcome}",
+            parts=tuple(parts),
+            data=data,
+            records=self._records(weight_units),
+        )
+
+    def _records(self, weight_units: list[str]) -> Table:
+        """One row a kept tick: time, residuals, weights."""
+        columns = [f"W{i + 1}" for i in range(self.weights.shape[1])]
+        if weight_units:
+            columns = [f"{name} [{unit}]" for name, unit in zip(columns, weight_units, strict=True)]
+        residuals = self.residual_norm, self.law_residual_norm
+        rows = RowsMade(
+            len(self.times),
+            lambda i: (self.times[i], *(column[i] for column in residuals), *self.weights[i]),
+        )
+        return Table(("time [s]", "residual_norm", "law_residual_norm", *columns), rows)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Everything as plain JSON values; a number that is not finite becomes None."""
+        values = {member.name: getattr(self, member.name) for member in fields(self)}
+        del values["settling_residual"]
+        values |= {
+            "P": self.P,
+            "excitation": asdict(self.excitation),
+            "settling_time": self.settling_time,
+            "status": self.outcome,
+        }
+        plain: dict[str, Any] = jsonable({"schema": SCHEMA} | values)
+        return plain
+
+
+def settled_at(times: np.ndarray, sizes: np.ndarray, limit: float) -> float:
+    """First time from which sizes (N,) stay within the limit to the end, s; inf when the last one
+    does not."""
+    above = np.flatnonzero(~(sizes <= limit))
+    first = int(above[-1]) + 1 if len(above) else 0
+    return float(times[first]) if first < len(times) else np.inf

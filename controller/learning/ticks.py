@@ -1,0 +1,99 @@
+"""What all learners share: their ticks, with history and progress, and the run that they return."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from controller.game.training_run import Excitation, TrainingRun
+from controller.game.zero_sum import Game
+from controller.learning.bellman_equations import StackEquations
+from hfa_support.progress import Progress
+
+#: At most this many rows of history are kept of a run, evenly spread over its ticks.
+MOST_ROWS = 20_001
+#: Progress is reported this many times in a run, and more often where ticks are slow.
+REPORTS = 50
+#: Longest silence, s.
+SILENCE = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """A finished run of ticks.
+
+    memory: at the last tick
+    history: rows by name, (rows, ...)
+    """
+
+    memory: Any
+    history: dict[str, np.ndarray]
+
+
+def run(learner: Any, *, progress: Progress | None = None) -> Run:
+    """Run all ticks of a learner, any object with four members.
+
+    ticks: number of steps
+    start(): the memory before the first, whatever the learner carries from one tick to the next
+    advance(tick, memory): the memory after tick number `tick` (0 .. ticks - 1), a pure function
+    observe(tick, memory): the row after `tick` ticks (0 .. ticks): "time", s, and what else is to
+        be kept, each time the same names; with "law_residual_norm", the residual that the learner
+        drives to zero, the progress shows it
+    """
+    memory = learner.start()
+    rows = [_row(learner, 0, memory)]
+    every = -(-learner.ticks // (MOST_ROWS - 1))
+    report_every = max(1, learner.ticks // REPORTS)
+    reported = time.monotonic()
+    for tick in range(1, learner.ticks + 1):
+        memory = learner.advance(tick - 1, memory)
+        last = tick == learner.ticks
+        if tick % every == 0 or last:
+            rows.append(_row(learner, tick, memory))
+        slow = time.monotonic() - reported > SILENCE
+        if progress is not None and (tick % report_every == 0 or last or slow):
+            progress(tick / learner.ticks, 1.0, _line(rows[-1]))
+            reported = time.monotonic()
+    return Run(memory, {name: np.array([row[name] for row in rows]) for name in rows[0]})
+
+
+def training_run(
+    law: str,
+    game: Game,
+    equations: StackEquations,
+    history: Mapping[str, np.ndarray],
+    excitation: Excitation,
+    **rest: Any,
+) -> TrainingRun:
+    """The training run of a finished history; rest: settings, seed, diagnostics."""
+    P = equations.basis.matrix(history["weights"][-1])
+    return TrainingRun(
+        law=law,
+        basis=equations.basis.name,
+        times=history["time"],
+        weights=history["weights"],
+        residual_norm=history["residual_norm"],
+        law_residual_norm=history["law_residual_norm"],
+        settling_residual=history["settling_residual"],
+        K=game.gain(P),
+        excitation=excitation,
+        **rest,
+    )
+
+
+def _row(learner: Any, tick: int, memory: Any) -> Mapping[str, Any]:
+    """A row of history; a residual that overflows is inf in it, and the learner itself says when it
+    cannot go on."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        return learner.observe(tick, memory)
+
+
+def _line(row: Mapping[str, Any]) -> str:
+    text = f"t = {row['time']:.3g} s"
+    if "law_residual_norm" in row:
+        text += f", residual of the law {row['law_residual_norm']:.3g}"
+    return text
