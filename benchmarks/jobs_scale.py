@@ -22,12 +22,12 @@ from benchmarks.jobs_flight import STEP, FlightCase
 from benchmarks.report import Comparison, Row, Size, in_turn, value_text
 from controller.flight.envelope import flight_envelope
 from controller.flight.monte_carlo import MonteCarlo, fly_member
+from controller.flight.monte_carlo_store import stream_members
 from controller.flight.policies import GainPolicy
 from controller.flight.scenario import Scenario, Uncertainty
 from controller.hfa_game import published_game
 from controller.riccati.gare import solve_game
 from hfa_model.vectors import STATES
-from hfa_support.jobs.store import stream
 from trim.hfa.level_flight import level_flight
 from trim.limits import Limits
 from trim.linear.linear_model import level_model
@@ -100,9 +100,8 @@ def _monte_carlo(quick: bool) -> Row:
 
     def stored() -> None:
         with tempfile.TemporaryDirectory() as folder:
-            store = stream(plan, Path(folder) / "members.zarr", count=workers)
-            assert store.missing() == []
-            assert (store.read("flown") == duration).all(), "a member left: its flight was shorter"
+            dataset = stream_members(plan, Path(folder) / "members.zarr", workers=workers)
+            assert (dataset.flown == duration).all(), "a member left: its flight was shorter"
 
     def one_by_one() -> None:
         for member in range(alone):
@@ -162,7 +161,7 @@ def _sized(job: str, count: int) -> Size:
         if job == "sweep":
             stream_sweep(SweepPlan({"dihedral": steps}, hfa_model.aircraft()), path)
         else:
-            stream(gain_plan(count, duration=0.1), path)
+            stream_members(gain_plan(count, duration=0.1), path)
         seconds = (time.perf_counter() - start) / count
         disk = (
             sum(file.stat().st_size for file in Path(folder).rglob("*") if file.is_file()) / count
@@ -171,6 +170,7 @@ def _sized(job: str, count: int) -> Size:
 
 
 if __name__ == "__main__":
-    import zarr  # noqa: F401  # loaded before the clock starts, as in a session that works
+    import xarray  # noqa: F401  # loaded before the clock starts, as in a session that works
+    import zarr  # noqa: F401
 
     print(json.dumps(_sized(sys.argv[1], int(sys.argv[2]))._asdict()))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from typing import Any
@@ -18,23 +18,19 @@ from controller.flight.air import (
 )
 from controller.flight.closed_loop import ClosedLoop, NonlinearPlant
 from controller.flight.envelope import envelope_data, refuse_start
-from controller.flight.nonlinear_flight import NonlinearFlight, fly_within, names_and_units
+from controller.flight.nonlinear_flight import NonlinearFlight, fly_within
 from controller.flight.policies import Policy
 from controller.flight.scenario import Scenario, with_errors
 from controller.flight.simulation import CompiledLoop
 from hfa_aircraft.model import VECTORS, Model, components
 from hfa_support.errors import BadInputError
-from hfa_support.jobs.store import Array, Layout, described
 from hfa_support.native.bound import cached_per_thread
 from hfa_support.reporting.fields import Shown
 from trim.limits import Limits
 from trim.point.operating_point import OperatingPoint
 
-STORE_SCHEMA = "hfa.monte-carlo-store/1"
-#: Steps of a chunk: at 0.8 µs a step and more, half a second of work or more.
-CHUNK_STEPS = 1_000_000
-#: Array of a store, of each member -> its meaning, and its axis or, of one number, its unit.
-_KEPT = {
+#: What is kept of each member -> its meaning, and its axis or, of one number, its unit.
+KEPT = {
     "left": ("number in the attribute left; -1: stayed inside", ""),
     "cycle": (
         "number among inputs and states of what still oscillates at the end; -1: nothing",
@@ -55,8 +51,8 @@ _KEPT = {
 
 @dataclass(frozen=True, eq=False, repr=False)
 class MonteCarlo(Shown):
-    """N members, each a draw of one scenario: a job of `stream`. Two plans are equal when they give
-    the same results.
+    """N members, each a draw of one scenario. Two plans are equal when they give the same
+    results.
 
     members: N
     seed: with the number of a member it decides all that is random in it, so that members can be
@@ -131,66 +127,11 @@ class MonteCarlo(Shown):
         }
         return json.dumps(data, default=lambda value: np.asarray(value).tolist())
 
-    @property
-    def layout(self) -> Layout:
-        """One row a member."""
-        model = self.model
-        axes = {
-            "error": tuple(self.scenario.uncertainty.errors),
-            "error_state": model.linear,
-            "state": tuple(model.states),
-            "input": tuple(model.inputs),
-        }
-        units = {axis: model.units(names) for axis, names in axes.items() if axis != "error"}
-        sizes = {axis: len(names) for axis, names in axes.items()}
-        sizes["memory_state"] = len(self.policy.start)
-        labels: dict[str, Any] = {axis: (axis, names) for axis, names in axes.items()}
-        labels |= {f"{axis}_unit": (axis, names) for axis, names in units.items()}
-        attributes = {
-            "coordinates": " ".join(f"{axis}_unit" for axis in units),
-            "errors": list(axes["error"]),
-            "left": list(limited_names(model, self.scenario.moving_air)),
-            "error_states": list(model.linear),
-            "error_units": list(model.units(model.linear)),
-            **names_and_units(model),
-        }
-        return Layout(
-            STORE_SCHEMA,
-            "Monte Carlo",
-            self.members,
-            "member",
-            -(-CHUNK_STEPS // (self.scenario.ticks * self.scenario.steps_per_tick)),
-            json.loads(self.identity),
-            {name: _array(name, sizes, units) for name in _KEPT},
-            labels,
-            attributes,
-        )
-
-    @property
-    def function(self) -> Callable[..., Mapping[str, np.ndarray]]:
-        """What workers run."""
-        return fly_members
-
-    def task(self, start: int, stop: int) -> tuple[MonteCarlo, int, int]:
-        """The plan and the numbers of the members."""
-        return self, start, stop
-
     def __eq__(self, other: object) -> bool:
         return isinstance(other, MonteCarlo) and self.identity == other.identity
 
     def __hash__(self) -> int:
         return hash(self.identity)
-
-
-def _array(name: str, sizes: Mapping[str, int], units: Mapping[str, Any]) -> Array:
-    """The array of a store that keeps one of `_KEPT` of each member."""
-    meaning, axis_or_unit = _KEPT[name]
-    kind, fill = ("int8", -1) if name in ("left", "cycle") else ("float64", np.nan)
-    if axis_or_unit not in sizes:
-        return Array((), kind, fill, (), described(meaning, axis_or_unit, ""))
-    unit_of_axis = f"{axis_or_unit}_unit" if axis_or_unit in units else ""
-    about = described(meaning, "", unit_of_axis)
-    return Array((sizes[axis_or_unit],), kind, fill, (axis_or_unit,), about)
 
 
 def _equations_identity(model: Model) -> tuple[str, ...]:
@@ -218,9 +159,9 @@ def fly_member(plan: MonteCarlo, member: int) -> NonlinearFlight:
 
 
 def fly_members(plan: MonteCarlo, start: int, stop: int) -> Mapping[str, np.ndarray]:
-    """The rows of `_KEPT` of members start .. stop - 1. What a worker runs."""
+    """The rows of `KEPT` of members start .. stop - 1. What a worker runs."""
     rows = [member_row(plan, fly_member(plan, member)) for member in range(start, stop)]
-    return {name: np.array([row[name] for row in rows]) for name in _KEPT}
+    return {name: np.array([row[name] for row in rows]) for name in KEPT}
 
 
 def member_row(plan: MonteCarlo, result: NonlinearFlight) -> dict[str, Any]:

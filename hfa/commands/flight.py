@@ -16,11 +16,9 @@ from hfa.options.trims import (
     output_option,
     picture_option,
     refuse_si,
-    worker_words,
 )
 from hfa.output import ProgressLine, print_report, show
 from hfa_support.errors import BadInputError
-from hfa_support.files import temporary_folder
 
 _MOST_MEMBERS = 10_000_000
 
@@ -77,7 +75,7 @@ def _fly_members(request: FlyRequest) -> int:
     """The members of --samples; the exit code, 1 when none stayed within its limits."""
     from controller.flight.monte_carlo import MonteCarlo
     from controller.flight.monte_carlo_report import member_report
-    from hfa_support.jobs.store import stream
+    from controller.flight.monte_carlo_store import fly_all, stream_members
 
     assert request.samples is not None
     target = request.output
@@ -88,17 +86,20 @@ def _fly_members(request: FlyRequest) -> int:
     if request.resume and target is None:
         raise BadInputError("--resume needs the store to continue; add -o FILE.zarr")
     plan = MonteCarlo(request.samples, request.seed, *request.flight())
-    with temporary_folder() as folder:
-        store = stream(
+    progress = ProgressLine("simulate")
+    if target is None:
+        members = fly_all(plan, request.workers, progress)
+        report = member_report(plan, members.__getitem__, "members not kept")
+    else:
+        dataset = stream_members(
             plan,
-            target or folder / "members.zarr",
-            **worker_words(request.workers),
+            target,
+            workers=request.workers,
             resume=request.resume,
             provenance=request.provenance.to_dict(),
-            progress=ProgressLine("simulate"),
+            progress=progress,
         )
-        kept = "members not kept" if target is None else f"members in {target}"
-        report = member_report(plan, store.read, kept)
+        report = member_report(plan, lambda name: dataset[name].values, f"members in {target}")
     report = report.with_data(store=None if target is None else str(target))
     print_report(report, request, points=[plan.point])
     return 0 if report.data["within_limits"] else 1

@@ -425,11 +425,6 @@ class WorkersOptions(Request):
     resume: bool = option("continue an interrupted run of the same options", rare=True)
 
 
-def worker_words(workers: int | str) -> dict[str, Any]:
-    """The same as `stream` takes them."""
-    return {"scheduler": workers} if isinstance(workers, str) else {"count": workers}
-
-
 def refuse_si(request: UnitsOption, reason: str) -> None:
     """BadInputError when --units si is given with --output, whose file is always in feet."""
     if request.units == "si":

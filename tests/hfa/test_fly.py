@@ -19,7 +19,7 @@ from controller import Game, basis, save_controller
 from controller.flight.envelope import control_limits
 from hfa_aircraft.model import Model
 from hfa_model import LINEAR_STATES
-from hfa_support.jobs.store import open_store
+from hfa_support.zarr_store import open_store
 from studies.servo.simvfa import reference_servo
 from verification import solve_game
 
@@ -262,11 +262,11 @@ def test_the_command_flies_and_sums_up(tmp_path: Path) -> None:
     data = json.loads(result.out)
     assert (data["schema"], data["members"], data["held"]) == ("hfa.monte-carlo-summary/1", 8, 8)
     kept = open_store(Path(store))
-    peaks = kept.read("peak_error")[:, LINEAR_STATES.index("alpha")]
+    peaks = kept["peak_error"].values[:, LINEAR_STATES.index("alpha")]
     assert data["peak_error"]["alpha"] == pytest.approx(
         np.quantile(peaks, data["quantiles"]).tolist()
     )
-    angles = kept.read("peak_angle_of_attack")
+    angles = kept["peak_angle_of_attack"].values
     assert data["peak_deviation"]["angle_of_attack"] == pytest.approx(
         np.quantile(angles, data["quantiles"]).tolist()
     )

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from cli import assert_refused, hfa
 
-from hfa_support.jobs.store import open_store
+from hfa_support.zarr_store import open_store
 
 NAVION, F16 = "navion.py:NAVION", "f16.py:F16"
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -75,13 +75,13 @@ def test_members_are_drawn_by_workers_and_a_changed_file_is_noticed() -> None:
     noisy = (*words, "--noise", "alpha=0.1", "-o", "a.zarr")
     assert hfa(*noisy, "--workers", "2").code == 0
     kept = open_store(Path("a.zarr"))
-    assert kept.read("final").shape == (4, 8)
+    assert kept["final"].values.shape == (4, 8)
     xcg = ("--error", "xcg=0.02", "-o", "f16.zarr")
     assert hfa("fly", "--aircraft", F16, "--hold", "altitude=10000", *words[3:], *xcg).code in (
         0,
         1,
     )
-    assert open_store(Path("f16.zarr")).read("factors").shape == (4, 1)
+    assert open_store(Path("f16.zarr")).factors.shape == (4, 1)
     source = Path("navion.py").read_text("utf-8")
     Path("navion.py").write_text(source.replace("4.44", "4.45"), "utf-8")
     assert_refused(hfa(*noisy, "--resume"), 2, "another Monte Carlo")

@@ -125,13 +125,11 @@ def run(
 
 def result_of(folder: Path) -> dict[str, Any]:
     """File -> its content without date and command."""
-    # The digest of a store is also of its provenance; the others are what a kill may leave.
-    left, files = (
-        ("temporary", "digest", "session"),
-        [path for path in sorted(folder.rglob("*")) if path.is_file()],
-    )
+    files = [path for path in sorted(folder.rglob("*")) if path.is_file()]
+    # What a kill may leave.
     killed = {path for path in files if path.suffix == ".partial" or ".hfa-" in str(path)}
-    files = [path for path in files if path not in killed and not {*path.parts} & {*left}]
+    folders = {"temporary", "session"}
+    files = [path for path in files if path not in killed and not {*path.parts} & folders]
     return {
         str(path.relative_to(folder)): _plain(json.loads(path.read_bytes()))
         if path.suffix == ".json"
@@ -374,7 +372,7 @@ def test_what_is_lost_of_a_cluster_costs_no_result(tmp_path: Path, lost: str) ->
         run = around.enter_context(
             running(str(SCRIPT), *WORDS, "--workers", address, folder=tmp_path)
         )
-        assert until(lambda: any((tmp_path / "a.zarr" / "done").glob("c*")))
+        assert until(lambda: any((tmp_path / "a.zarr" / "flown").glob("c*")))
         cluster[0 if lost == "scheduler" else 1].kill()
         run.wait(timeout=120)
         said = (tmp_path / "log-3").read_text()

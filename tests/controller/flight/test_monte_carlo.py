@@ -22,15 +22,15 @@ from controller import (
     flight_envelope,
     fly,
 )
-from controller.flight import monte_carlo
+from controller.flight import monte_carlo_store
 from controller.flight.monte_carlo import fly_member, fly_members, member_row
 from controller.flight.monte_carlo_report import member_report
+from controller.flight.monte_carlo_store import chunk_of, fly_all, stream_members
 from controller.flight.scenario import with_errors
 from controller.flight.signals import zero
 from hfa_model import LINEAR_STATES, STATES, Input, Parameters, State
 from hfa_model.variants import variant_named
 from hfa_support import BadInputError
-from hfa_support.jobs.store import stream
 from hfa_support.native import machine_code as generated
 from trim import find_operating_point, level_flight
 
@@ -138,7 +138,7 @@ def test_machine_code_gives_the_same_flight(
     assert len(list(tmp_path.rglob("*.so"))) == 1
 
 
-def test_a_member_that_leaves_its_envelope_ends_there(plan: MonteCarlo, tmp_path: Path) -> None:
+def test_a_member_that_leaves_its_envelope_ends_there(plan: MonteCarlo) -> None:
     away = replace(
         plan, members=1, policy=GainPolicy("wrong sign", -np.array(plan.policy.identity["K"]))
     )
@@ -147,7 +147,7 @@ def test_a_member_that_leaves_its_envelope_ends_there(plan: MonteCarlo, tmp_path
     assert 0.0 < departure.time < away.scenario.duration
     assert departure.state in ("pitch_rate", "angle_of_attack")
     assert_same_flight(away, 0)
-    data = member_report(away, stream(away, tmp_path / "a.zarr").read).data
+    data = member_report(away, fly_all(away).__getitem__).data
     assert (data["held"], data["first_left"], set(data["effort"].values())) == (
         0,
         departure.time,
@@ -239,32 +239,36 @@ def test_what_a_monte_carlo_cannot_draw_or_repeat_is_refused(plan: MonteCarlo) -
 # Stores and reports.
 
 
-def test_chunks_and_their_order_do_not_matter(
-    plan: MonteCarlo, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize("workers", [1, 2])
+def test_chunks_workers_and_their_order_do_not_matter(
+    plan: MonteCarlo, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, workers: int
 ) -> None:
-    assert (
-        plan.layout.chunk * plan.scenario.duration / plan.scenario.step >= monte_carlo.CHUNK_STEPS
-    )
-    monkeypatch.setattr(
-        monte_carlo, "CHUNK_STEPS", 4 * plan.scenario.ticks * plan.scenario.steps_per_tick
-    )
-    whole, late = fly_members(plan, 0, 6), fly_members(plan, 4, 6)
-    store = stream(replace(plan, members=6), tmp_path / "a.zarr")
-    assert store.chunk == 4
+    six = replace(plan, members=6)
+    steps = plan.scenario.ticks * plan.scenario.steps_per_tick
+    monkeypatch.setattr(monte_carlo_store, "CHUNK_STEPS", 4 * steps)
+    assert chunk_of(six) == 4
+    whole = fly_members(plan, 0, 6)
+    late = fly_members(plan, 4, 6)
+    in_memory = fly_all(six, workers)
+    dataset = stream_members(six, tmp_path / "a.zarr", workers=workers)
     for name, values in whole.items():
-        assert np.array_equal(store.read(name), values), name
-        assert np.array_equal(late[name], values[4:]), name
+        np.testing.assert_array_equal(late[name], values[4:])
+        np.testing.assert_array_equal(in_memory[name], values)
+        if values.size:
+            np.testing.assert_array_equal(dataset[name], values)
+    assert dataset.peak_error.sel(error_state="alpha").attrs["units_of"] == "error_state_unit"
+    assert dataset.factors.error.values.tolist() == list(plan.scenario.uncertainty.errors)
 
 
 def test_members_beyond_their_control_limits_are_counted_and_the_input_is_named(
-    plan: MonteCarlo, tmp_path: Path
+    plan: MonteCarlo,
 ) -> None:
     """A start half a foot per second off asks the outer elevator for more than 30 degrees; nothing
     leaves."""
     start = np.zeros(7)
     start[0] = 0.35
     pushed = replace(with_scenario(plan, initial=start, uncertainty=Uncertainty()), members=2)
-    found = member_report(pushed, stream(pushed, tmp_path / "a.zarr").read)
+    found = member_report(pushed, fly_all(pushed).__getitem__)
     assert (
         found.data["held"],
         found.data["within_limits"],
