@@ -12,8 +12,8 @@ import os
 import shlex
 import sys
 import warnings
-from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Iterable, Sequence
+from typing import TYPE_CHECKING
 
 from hfa.entry import INTERRUPTED
 from hfa.options.parser import Parser, unknown
@@ -43,9 +43,7 @@ GROUPS = {
             "trim": "trim the aircraft and report variables, limits, residuals, loads, performance",
             "linearize": "exact linear model A, B at a trim, with modes, offsets and uncertainty bands",
             "sweep": "trims and linear models over a grid, modes tracked",
-            "identify": "find the aircraft's parameters from the printed matrices",
             "regenerate": "regenerate both printed pairs (A, B) and compare them entry by entry",
-            "validate": "compare the model with a third printed model and with a released simulation",
             "report": "the main job on one page: trims, models, games, critics, a slider over the dihedral angle",
         },
     ),
@@ -81,7 +79,6 @@ COMMANDS = {name: about for _, commands in GROUPS.values() for name, about in co
 #: Command -> its module in `hfa.commands`, imported when it runs; the others have one of their own
 #: name.
 MODULES = {
-    **dict.fromkeys(("identify", "regenerate", "validate"), "printed"),
     **dict.fromkeys(("solve", "learn"), "game"),
     "fly": "flight",
     "lpv": "prove",
@@ -95,16 +92,30 @@ MOVED = {
     "map": "`hfa fly --initial NAME=VALUE`",
     "schedule": "`hfa fly --controller GAINS --command dihedral=TIME:VALUE`",
     "monte-carlo": "`hfa fly --samples N`",
+    "identify": "a study, python -m studies.identification,",
+    "validate": "a study, python -m studies.validation,",
 }
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; returns 0 done, 1 a check failed or no solution exists, 2 bad usage or
     input."""
+    return _reported(list(sys.argv[1:] if argv is None else argv), _named_command)
+
+
+def run_alone(command: Command, program: str, argv: Sequence[str] | None = None) -> int:
+    """Run a command that is a program of its own; returns the same as `main`."""
+    words = list(sys.argv[1:] if argv is None else argv)
+    return _reported(words, lambda words: (command, program, words))
+
+
+def _reported(words: list[str], find: Callable[[list[str]], tuple[Command, str, list[str]]]) -> int:
+    """Run the command that the words name, and say in a line what went wrong; the exit code.
+
+    find: the words -> the command, how it is called, the words of its options."""
     # Matrices of six rows gain nothing from threads and lose much to them; must be set before NumPy
     # loads.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    words = list(sys.argv[1:] if argv is None else argv)
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="replace")  # a terminal that has no "±" shows "?"
     code = DONE
@@ -112,7 +123,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         # The project's own are notes, whatever PYTHONWARNINGS says.
         warnings.simplefilter("always", UserWarning)
         try:
-            code = _run(words)
+            code = _run(words, find)
             if sys.stdout is not None:
                 sys.stdout.flush()  # so that what goes wrong is reported below
         except BrokenPipeError:  # of --help, or of what was left to flush
@@ -155,14 +166,15 @@ def _failure(error: BaseException) -> tuple[str, int]:
     return str(error), BAD_INPUT
 
 
-def _run(words: list[str]) -> int:
+def _run(words: list[str], find: Callable[[list[str]], tuple[Command, str, list[str]]]) -> int:
     """Make the request that the words state, and answer it."""
     from hfa_support.files import inputs_kept
 
     with contextlib.ExitStack() as around:
         around.enter_context(inputs_kept())
         try:
-            command, request = _parsed(words, around)
+            command, program, options = find(words)
+            request = _request(command, program, options, around)
         except SystemExit:
             return DONE  # how argparse leaves after --help and --version
         _refuse_to_overwrite(request)
@@ -171,15 +183,13 @@ def _run(words: list[str]) -> int:
         return command.run(request)
 
 
-def _parsed(words: list[str], around: contextlib.ExitStack) -> tuple[Command, Request]:
-    """The command that the words name, and the request that they state.
+def _request(
+    command: Command, program: str, words: list[str], around: contextlib.ExitStack
+) -> Request:
+    """The request that the words state.
 
     The model is loaded first, because the other options are typed in its names and units.
     around: what is in force until the command ends."""
-    if words[:1] == ["help"]:
-        words = [*words[1:], "--help"]
-    name = _command_name(words)
-    command = command_named(name)
     from hfa.options.trims import named_model
     from hfa_model.provenance import now
 
@@ -188,18 +198,17 @@ def _parsed(words: list[str], around: contextlib.ExitStack) -> tuple[Command, Re
         for field, option in command.request.declared().items()
         if field in _OF_THE_MODEL
     }
-    first = Parser(prog=f"hfa {name}", with_help=False)
+    first = Parser(prog=program, with_help=False)
     first.declare(of_the_model)
-    chosen = first.parse_some(words[1:])
+    chosen = first.parse_some(words)
     if chosen.get("units") == "si":
         from hfa_support.reporting.unit_system import shown_in
 
         around.enter_context(shown_in("si"))
     model = named_model(chosen)
-    typed = filled(Parser(prog=f"hfa {name}"), command, model).parse_words(words[1:])
-    line = shlex.join(["hfa", *words])
-    how: dict[str, Any] = {"model": model, "line": line, "date": now(), "typed": frozenset(typed)}
-    return command, command.request(**how, **typed)
+    typed = filled(Parser(prog=program), command, model).parse_words(words)
+    line = shlex.join([*program.split(), *words])
+    return command.request(model=model, line=line, date=now(), typed=frozenset(typed), **typed)
 
 
 def _refuse_to_overwrite(request: Request) -> None:
@@ -228,11 +237,15 @@ def _say_warnings(caught: Iterable[warnings.WarningMessage]) -> None:
     say_notes((*dict.fromkeys(notes), *list(dict.fromkeys(others))[:_MOST_NOTES]))
 
 
-def _command_name(words: list[str]) -> str:
-    """The command that the words name. BadInputError, or SystemExit after help, without one."""
+def _named_command(words: list[str]) -> tuple[Command, str, list[str]]:
+    """The command that the first word names, how it is called, and the words of its options.
+
+    BadInputError, or SystemExit after help, where there is none."""
+    if words[:1] == ["help"]:
+        words = [*words[1:], "--help"]
     name = words[0] if words else "--help"
     if name in COMMANDS:
-        return name
+        return command_named(name), f"hfa {name}", words[1:]
     if name in MOVED:
         raise BadInputError(f"`hfa {name}` is {MOVED[name]} now")
     later = [word for word in words if word in COMMANDS]

@@ -52,6 +52,7 @@ def show(
     request: OutputOptions,
     *,
     figure: Callable[[], Figure] | None = None,
+    printed: Report | None = None,
     only_in_files: Mapping[str, Any] | None = None,
     notes: Iterable[str] = (),
     points: Iterable[OperatingPoint] = (),
@@ -60,6 +61,7 @@ def show(
     data; then the notes.
 
     figure: draws the picture; None where there is nothing to draw.
+    printed: what a terminal shows in place of the whole report.
     only_in_files: data that would drown the rest on a terminal.
     points: trims whose warnings are data and notes too."""
     from hfa_support.files import all_or_none
@@ -72,7 +74,7 @@ def show(
             from hfa_support.reporting.figure import save
 
             save(figure(), request.picture, request.provenance.text())
-    print_report(report, request, notes=notes)
+    print_report(printed or report, request, notes=notes)
     if request.picture is not None and figure is not None:
         say_aside(f"wrote {request.picture}")
 

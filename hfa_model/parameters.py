@@ -157,7 +157,7 @@ NAMED = {
 
 
 def default_parameters() -> ParameterSet:
-    """The identified aircraft that comes with the package (`hfa identify` writes it)."""
+    """The identified aircraft that comes with the package (`python -m studies.identification` writes it)."""
     return load_parameters("identified")
 
 
@@ -182,7 +182,7 @@ def _read(name: str) -> ParameterSet:
         ):
             raise BadInputError(
                 f"{name}: [covariance] is no covariance of the identified parameters: symmetric, without a negative "
-                "eigenvalue; remove it or run `hfa identify` again"
+                "eigenvalue; remove it or run `python -m studies.identification` again"
             )
     return found
 
@@ -241,7 +241,7 @@ def sample_parameters(parameters: ParameterSet, count: int, seed: int) -> tuple[
     zero."""
     if not parameters.covariance.size:
         raise BadInputError(
-            "samples need parameters with their covariance, such as the parameters.toml of `hfa identify`"
+            "samples need parameters with their covariance, such as the parameters.toml of `python -m studies.identification`"
         )
     if count < 1 or seed < 0:
         raise BadInputError(

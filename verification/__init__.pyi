@@ -32,4 +32,3 @@ from .proof.search.solution_proof import (
     prove_solution as prove_solution,
 )
 from .regeneration import regenerate_all as regenerate_all
-from .validation import released_trims as released_trims, validate as validate

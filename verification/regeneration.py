@@ -3,14 +3,14 @@ that says."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from hfa_aircraft.model import Model
 from hfa_model.printed_matrices import PublishedModel, published_models
-from hfa_support.reporting.checks import Check, Checked, at_most, checks_block
+from hfa_support.reporting.checks import Check, Checked, at_most, checks_block, verdict_text
 from hfa_support.reporting.fields import ByValue
 from hfa_support.reporting.figure import new_figure
 from hfa_support.reporting.report import Picture, Report, Reported
@@ -21,6 +21,7 @@ from trim.hfa.printed import (
     comparison_table,
     eigenvalue_errors,
     entries_records,
+    entries_table,
     regenerate,
 )
 from trim.linear.linear_model import LinearModel, matrices
@@ -36,6 +37,8 @@ MOST_HALF_UNITS = 3.0
 MOST_EIGENVALUE_ERROR = 2e-3
 MOST_SLOW_EIGENVALUE_ERROR = 5e-4
 SLOW = 1.0
+#: Of each pair, how many entries a summary shows.
+_FARTHEST = 3
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -95,6 +98,31 @@ class Regeneration(ByValue, Reported):
         text = "Difference of every entry from its print"
         return Picture("regeneration.png", text, lambda: _figure(self.pairs))
 
+    def summary(self) -> Report:
+        """The verdict, the checks and the entries farthest from the print; the data of all."""
+        angles = [f"{pair.published.dihedral_deg:g} deg" for pair in self.pairs]
+        rows = []
+        for checks in zip(*(pair.checks for pair in self.pairs), strict=True):
+            values = [f"{check.value:.3g}" for check in checks]
+            verdict = verdict_text(all(check.ok for check in checks))
+            rows.append((checks[0].name, *values, f"{checks[0].limit:.3g}", verdict))
+        farthest = {}
+        for angle, pair in zip(angles, self.pairs, strict=True):
+            ordered = sorted(pair.entries, key=lambda entry: -abs(entry.half_units))
+            farthest[f"{angle}, "] = ordered[:_FARTHEST]
+        count = sum(not entry.is_zero for pair in self.pairs for entry in pair.entries)
+        parts = (
+            Table(("check", *angles, "limit", "verdict"), rows),
+            entries_table("farthest from the print", farthest),
+            f"All {count} entries, both spectra and the matrices: --all, or -o FILE",
+        )
+        return replace(self.report(), title=self.verdict, parts=parts)
+
+    @property
+    def verdict(self) -> str:
+        """Whether both pairs were regenerated, in words."""
+        return f"Both printed pairs regenerated: {'yes' if self.ok else 'NO'}"
+
     def report(self) -> Report:
         """Both pairs with the print, entry by entry, the spectra and the verdict."""
         reports = [pair.report() for pair in self.pairs]
@@ -103,7 +131,7 @@ class Regeneration(ByValue, Reported):
             parts=(
                 *reports,
                 self.picture(),
-                f"Both pairs regenerated: {'yes' if self.ok else 'NO'}",
+                self.verdict,
             ),
             data={
                 "schema": SCHEMA,

@@ -29,9 +29,7 @@ TABLES = {
 SLOW_TABLES = {
     "learn --dihedral 10 --set predefined_time=2": _LEARNED,
     "verify --dihedral 10": (),
-    "validate": _ENTRIES,
     "lpv --dihedral 10:11": (),
-    "identify": _ENTRIES,
 }
 
 

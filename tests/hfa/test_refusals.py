@@ -154,9 +154,6 @@ REFUSED = {
         ("-o a.html --dihedral 5 --dynamics unsteady", "more than seven states"),
     ],
     "regenerate": [("--dynamics unsteady", "more than seven states")],
-    "identify": [
-        ("--seed 1.5", "--seed is 1.5"),
-    ],
     "prove": [("--units si", "unknown option --units")],
 }
 
@@ -180,6 +177,7 @@ def test_bad_requests(command: str, words: str, named: str) -> None:
         ("--frobnicate", "unknown option --frobnicate (see `hfa --help`)"),
         ("--dihedral 10 trim", "the command comes first: hfa trim --dihedral"),
         ("map --dihedral 10", "`hfa map` is `hfa fly --initial NAME=VALUE` now"),
+        ("identify", "`hfa identify` is a study, python -m studies.identification, now"),
         ("trim --at 10 --dihedral 12", "--dihedral is given twice, 10 and 12; give it once"),
         ("trim --hold speed=70 --hold speed=71", "speed is given twice, 70 and 71; give it once"),
         ("frobnicate", "unknown command 'frobnicate' (see `hfa --help`)"),

@@ -235,7 +235,7 @@ def typed(words: tuple[str, ...], system: str) -> tuple[str, ...]:
 
 def test_every_command_is_here() -> None:
     with_units = {name for name in COMMANDS if "units" in command_named(name).request.declared()}
-    assert set(RUNS) == with_units
+    assert {name.partition(" ")[0] for name in RUNS} == with_units
 
 
 @pytest.mark.parametrize(

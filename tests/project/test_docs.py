@@ -16,13 +16,14 @@ import re
 import runpy
 import shlex
 import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
-from cli import hfa
+from cli import Result, hfa
 from project import PACKAGES, ROOT
 
 from hfa.main import COMMANDS, MOVED
@@ -124,13 +125,24 @@ def _wrong_with(command: str, code: int, expected: str) -> str:
         return difference(
             expected, subprocess.run(words, check=True, capture_output=True, text=True).stdout
         )
-    if words[0] != "hfa":
-        return "neither hfa nor make, cc, size or ./PROGRAM"
-    result = hfa(*words[1:])
+    if words[:2] == ["python", "-m"]:
+        result = _study(words[2], words[3:])
+    elif words[0] == "hfa":
+        result = hfa(*words[1:])
+    else:
+        return "neither hfa nor make, cc, size, python -m or ./PROGRAM"
     if result.code != code:
         return f"exit code {result.code} instead of {code}: {result.err}"
     said = result.out if SOURCE.search(expected) else SOURCE.sub("", result.out)
     return difference(expected, said + result.err)
+
+
+def _study(module: str, words: list[str]) -> Result:
+    """What `python -m studies.NAME words...` says."""
+    done = subprocess.run(
+        [sys.executable, "-m", module, *words], cwd=ROOT, capture_output=True, text=True
+    )
+    return Result(done.returncode, done.stdout, done.stderr)
 
 
 DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]

@@ -26,7 +26,7 @@ SHOWN = {
     "LinearModel": "dihedral (slow)",
     "Bands": "A ±",
     "Sweep": "Sweep, published dynamics: 2 of 3 points trimmed",
-    "Regeneration": "Both pairs regenerated: yes",
+    "Regeneration": "Both printed pairs regenerated: yes",
     "RegeneratedPair": "Dihedral 15 deg, published dynamics",
     "TrainingRun": "Law 'certified', basis 'quadratic': settled",
     "Solution": "Exact game solution, delta 200",

@@ -199,7 +199,7 @@ LINES = (
     "design --design paper --dihedral 10 -o a.npz",
     "export --dihedral 15 -o folder",
     "regenerate --dynamics newton --parameters identified --json",
-    "validate --units si",
+    "regenerate",
     "report --dihedral 5",
 )
 SUFFIXES = (".json", ".npz", ".mat")

@@ -309,7 +309,7 @@ def entry_bands(parameters: ParameterSet, condition: TrimCondition, model: Linea
     if not bands_known(parameters):
         raise BadInputError(
             "bands are known for the identified parameters with their covariance only; "
-            "use the parameters.toml of `hfa identify`, unchanged"
+            "use the parameters.toml of `python -m studies.identification`, unchanged"
         )
     own = replace(hfa_model.aircraft(), equations=Equations(variant_named(model.point.dynamics)))
     at = np.array([model.point.values[name] for name in own.variables]), np.array(parameters.values)

@@ -18,6 +18,7 @@ from hfa_model.kinematics import DISTURBANCES
 from hfa_model.parameters import ParameterSet
 from hfa_model.printed_matrices import PublishedModel
 from hfa_support import BadInputError
+from studies.identification.parameters import IDENTIFIED
 from trim import (
     LinearModel,
     OperatingPoint,
@@ -35,7 +36,6 @@ from trim.hfa.printed import (
     matrices_beside_the_print,
     printed_at,
 )
-from trim.identification import IDENTIFIED
 
 MODELS = published_models()
 PRINTED = pytest.mark.parametrize(

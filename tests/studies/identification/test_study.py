@@ -1,18 +1,27 @@
-"""`hfa identify`: one run, held against the committed parameters, with its JSON and its file of
+"""`python -m studies.identification`: one run, held against the committed parameters, with its JSON and its file of
 parameters."""
 
 from __future__ import annotations
 
+import json
+from pathlib import Path
+
 import numpy as np
 import pytest
-from cli import answer
 
+from hfa.main import run_alone
 from hfa_model import default_parameters, load_parameters
-from trim.identification import ALTERNATIVES
+from studies.identification.__main__ import identification
+from studies.identification.parameters import ALTERNATIVES
 
 
-def test_it_writes_the_committed_parameters() -> None:
-    data = answer("identify", "-o", "mine.TOML")
+def test_it_writes_the_committed_parameters(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["-o", "mine.TOML", "--json"]
+    assert run_alone(identification, "python -m studies.identification", words) == 0
+    text = capsys.readouterr().out
+    data = json.loads(text)
     # Not the same bits: another processor rounds the linear algebra in another order.
     found, committed = load_parameters("mine.TOML"), default_parameters()
     assert found.sources == committed.sources

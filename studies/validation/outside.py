@@ -7,7 +7,7 @@ import json
 import math
 from dataclasses import dataclass
 from functools import cache
-from importlib.resources import files
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -69,9 +69,7 @@ _UNITS = dict(zip(TrimDifference._fields, ("ft/s", "rad", "rad", "rad", "1", "1/
 @cache
 def outside_data() -> dict[str, Any]:
     """The file, parsed."""
-    return dict(
-        json.loads(files("verification").joinpath("outside.json").read_text(encoding="utf-8"))
-    )
+    return dict(json.loads(Path(__file__).with_name("outside.json").read_text("utf-8")))
 
 
 def released_trims() -> tuple[ReleasedTrim, ...]:

@@ -17,8 +17,8 @@ from hfa_model import INPUTS, LINEAR_STATES, Parameters, State, published_models
 from hfa_model.parameters import ParameterSet
 from hfa_model.printed_matrices import PublishedModel
 from hfa_model.variants import Published, Variant
+from studies.identification.parameters import ALTERNATIVES, IDENTIFIED, ROUGH, Fit, fit, identify
 from trim import regenerate
-from trim.identification import ALTERNATIVES, IDENTIFIED, ROUGH, Fit, fit, identify
 
 MOVED = tuple(name for name in LINEAR_STATES if name not in ("pitch", "dihedral"))
 ENTRIES = [("A", row, column) for row in MOVED for column in LINEAR_STATES] + [

@@ -120,7 +120,7 @@ class Fit:
     def save(self, path: Path) -> None:
         """Write a parameters file."""
         header = (
-            "The aircraft behind the printed matrices. Written by `hfa identify`; do not edit.\n"
+            "The aircraft behind the printed matrices. Written by `python -m studies.identification`; do not edit.\n"
             f"Sum of squares {self.sum_of_squares:.2f} half units^2 over {self.entries} printed entries "
             f"(rounding alone gives {self.expected_sum:.1f} on average).\n"
             "The covariance is that of small errors: sample it in the logarithms of the parameters, as\n"

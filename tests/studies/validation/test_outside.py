@@ -17,9 +17,15 @@ from hfa_model.aerodynamics import Loads
 from hfa_model.atmosphere import density
 from hfa_model.variants import Newton, Published, Variant
 from hfa_model.vectors import Quantity
+from studies.validation import outside
+from studies.validation.outside import (
+    Validation,
+    model_at,
+    released_trims,
+    third_printed_entries,
+    validate,
+)
 from trim import compare, level_model, regenerate
-from verification import released_trims, validate, validation
-from verification.validation import Validation, model_at, third_printed_entries
 
 
 def test_the_identified_aircraft_passes(published_aircraft: Model) -> None:
@@ -62,7 +68,7 @@ def test_a_wrong_number_of_theirs_is_seen(
 ) -> None:
     first, *rest = released_trims()
     moved = first._replace(eigenvalues=(first.eigenvalues[0] + 2e-4, *first.eigenvalues[1:]))
-    monkeypatch.setattr(validation, "released_trims", lambda: (moved, *rest))
+    monkeypatch.setattr(outside, "released_trims", lambda: (moved, *rest))
     failed = [check for check in validate(published_aircraft).checks if not check.ok]
     assert [check.name for check in failed] == ["eigenvalue_68_ft_s"]
     assert failed[0].reason.endswith("1/s at 0 deg")

@@ -1,0 +1,32 @@
+"""The command `hfa regenerate`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from hfa.options.command import command
+from hfa.options.request import option
+from hfa.options.trims import HfaOptions, OutputOptions
+from hfa.output import show
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RegenerateRequest(HfaOptions, OutputOptions):
+    """The printed pairs, from one aircraft."""
+
+    all: bool = option("print every entry, the matrices and the spectra")
+
+
+@command(RegenerateRequest)
+def regenerate(request: RegenerateRequest) -> int:
+    """Regenerate both printed pairs (A, B) from one aircraft and compare them with the printed
+    ones, entry by entry.
+
+    Exit code 1 when a check fails.
+    """
+    from verification.regeneration import regenerate_all
+
+    regeneration = regenerate_all(request.hfa)
+    summary = None if request.all else regeneration.summary()
+    show(regeneration.report(), request, printed=summary)
+    return 0 if regeneration.ok else 1

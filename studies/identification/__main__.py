@@ -1,0 +1,42 @@
+"""`python -m studies.identification`."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+from hfa.main import run_alone
+from hfa.options.argument_types import whole
+from hfa.options.command import command
+from hfa.options.request import option
+from hfa.options.trims import OutputOptions, output_option
+from hfa.output import ProgressLine, print_report, show
+from studies.identification.parameters import run_identification
+
+#: Suffix of a parameters file.
+PARAMETERS = ".toml"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class IdentificationRequest(OutputOptions):
+    """The parameters, identified."""
+
+    seed: int = option("seed of the rough guesses; default 0", "N", whole(0), default=0)
+    output: Path | None = output_option(PARAMETERS, purpose=" (the parameters)")
+
+
+@command(IdentificationRequest)
+def identification(request: IdentificationRequest) -> int:
+    """Find the aircraft's parameters from the printed matrices and say how far to trust them."""
+    result = run_identification(request.seed, ProgressLine("identify"))
+    if request.output is not None and request.output.suffix.lower() == PARAMETERS:
+        result.fit.save(request.output)
+        print_report(result.report(), request)
+    else:
+        show(result.report(), request)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(run_alone(identification, "python -m studies.identification"))

@@ -1,0 +1,1 @@
+"""What others have printed and released about the same aircraft, beside the model."""

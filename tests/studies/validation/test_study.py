@@ -1,0 +1,29 @@
+"""`python -m studies.validation`: its verdict, its data, and what it refuses."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from hfa.main import BAD_INPUT, DONE, FAILED, run_alone
+from studies.validation.__main__ import validation
+
+
+@pytest.mark.parametrize(
+    ("words", "code"),
+    [
+        ("--json", DONE),
+        ("--json --parameters gibson-2011-simulation", FAILED),
+        ("--dynamics unsteady", BAD_INPUT),
+    ],
+)
+def test_the_study(words: str, code: int, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run_alone(validation, "python -m studies.validation", words.split()) == code
+    text = capsys.readouterr().out
+    if code == BAD_INPUT:
+        assert text == ""
+        return
+    data = json.loads(text)
+    assert data["ok"] == (code == DONE)
+    assert data["provenance"]["command"].startswith("python -m studies.validation")
