@@ -13,8 +13,8 @@ from cli import refusal
 
 import hfa_model
 from hfa_aircraft.model import Model
+from studies.validation.outside import released_trims
 from trim import OperatingPoint, find_operating_point, level_flight, load_condition
-from verification import released_trims
 
 
 def test_round_trip_is_bit_for_bit(point: OperatingPoint, tmp_path: Path) -> None:
