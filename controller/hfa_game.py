@@ -16,6 +16,7 @@ from hfa_aircraft.model import Model
 from hfa_model.printed_matrices import published_data
 from hfa_model.vectors import INPUTS, LINEAR_STATES, LINEAR_UNITS
 from hfa_support.errors import BadInputError, refuse_unknown
+from hfa_support.units import si_factor
 
 if TYPE_CHECKING:
     from trim.linear.linear_model import LinearModel
@@ -32,8 +33,9 @@ def published_game(
 
     changes: of Q, R, delta, E. A linear model with more than the paper's six states has weight 0
     and no disturbance on the others; with anything else than six states and five inputs Q and R
-    must be given."""
+    must be given. Of a linear model in SI units it is the same game: Q, R and E are converted."""
     states = getattr(A, "states", LINEAR_STATES)
+    native = A.point.model.native if hasattr(A, "point") else None
     if B is None:
         model: Any = A
         if not hasattr(model, "B"):
@@ -49,12 +51,14 @@ def published_game(
     if len(states) > len(Q) and set(LINEAR_STATES) <= set(states):
         E = E[:, [states.index(name) for name in LINEAR_STATES]]
         Q = E @ Q @ E.T
-    parts = {
-        "E": E,
-        "Q": Q,
-        "R": np.diag(settings["R_diag"]).astype(float),
-        "delta": settings["delta"],
-    }
+    R = np.diag(settings["R_diag"]).astype(float)
+    if native is not None:
+        of_states = np.array([si_factor(native.unit(name)) for name in states])
+        of_inputs = np.array([si_factor(native.unit(name)) for name in INPUTS])
+        E = of_states[:, None] * E
+        Q = Q / np.outer(of_states, of_states)
+        R = R / np.outer(of_inputs, of_inputs)
+    parts = {"E": E, "Q": Q, "R": R, "delta": settings["delta"]}
     return Game(A=A, B=B, **(parts | changes))
 
 
@@ -65,7 +69,8 @@ def usual_game(model: Model, A: np.ndarray, B: np.ndarray, **changes: Any) -> Ga
     of Q and R, and delta inf (no disturbance). changes: of Q, R, delta.
     """
     if set(LINEAR_STATES) <= set(model.linear) and tuple(model.inputs) == INPUTS:
-        linear: Any = SimpleNamespace(A=A, B=B, states=model.linear)
+        point = SimpleNamespace(model=model)
+        linear: Any = SimpleNamespace(A=A, B=B, states=model.linear, point=point)
         return published_game(linear, **changes)
     parts: dict[str, Any] = {
         "E": np.eye(len(A)),

@@ -39,10 +39,6 @@ def stated(report: Report, request: Request) -> Report:
     units = getattr(request, "units", None)
     if units is not None:
         report = report.with_data(units=units)
-        if units == "si":
-            from hfa.units_of_data import in_si
-
-            report = in_si(report, request.model)
     origin = request.provenance
     return replace(report, source=origin.text()).with_data(provenance=origin.to_dict())
 

@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING, Any
 import casadi as ca
 import numpy as np
 
-from hfa_aircraft.model import Model, Signal, components
+from hfa_aircraft.layout import components
+from hfa_aircraft.model import Model
+from hfa_aircraft.signals import Signal
 from hfa_support.errors import BadInputError
 
 if TYPE_CHECKING:

@@ -3,101 +3,71 @@ names from it."""
 
 from __future__ import annotations
 
+import keyword
 import math
 import re
-import warnings
-from collections import namedtuple
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property, lru_cache
-from typing import TYPE_CHECKING, Any, NamedTuple
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 import numpy as np
 
+from hfa_aircraft.layout import (
+    Layout,
+    Linearization,
+    bound_linearized,
+    components,
+    linearized,
+)
+from hfa_aircraft.signals import VECTORS, Signal, remember_record
 from hfa_support.errors import BadInputError, is_finite, refuse_unknown, shown
-from hfa_support.native.bound import BoundFunction, cached_per_thread
 from hfa_support.reporting.text import shown_unit, shown_value
+from hfa_support.units import si_factor
 
 if TYPE_CHECKING:
     import control
-
-#: The four vectors that a model's equations take, in CasADi's order, and the declarations of their
-#: components.
-VECTORS = {"x": "states", "u": "inputs", "p": "parameters", "w": "disturbances"}
-
-
-class Signal(NamedTuple):
-    """What is known of a state, input, parameter, disturbance or output beside its name.
-
-    unit: as text, "1" for none. nominal: its typical size, > 0, which weighs unknowns and residuals
-    of different units. min, max: where the equations hold; limits of a trim. start: the value of a
-    parameter, and where a search for a state or an input begins. rate: the typical size of a
-    state's rate; the state's own nominal unless given. The words are those of FMI 3 and
-    casadi.DaeBuilder."""
-
-    unit: str = "1"
-    nominal: float = 1.0
-    min: float = -math.inf
-    max: float = math.inf
-    start: float = 0.0
-    rate: float | None = None
-
-
-_RECORDS: dict[tuple[str, ...], Any] = {}
-
-
-def record(names: tuple[str, ...]) -> Any:
-    """The named tuple with these fields: the class that a declaration was written in, or a new
-    one."""
-    if names not in _RECORDS:
-        pickled = {"__reduce__": lambda values: (_unpickled, (names, tuple(values)))}
-        _RECORDS[names] = type("Values", (namedtuple("Values", names),), pickled)
-    return _RECORDS[names]
-
-
-def _unpickled(names: tuple[str, ...], values: tuple[Any, ...]) -> Any:
-    return record(names)(*values)
-
-
-class Linearization(NamedTuple):
-    """f (n,), y (k,) and their derivatives by x, u, w: A (n, n), B, C (k, n), D, E, F."""
-
-    f: np.ndarray
-    y: np.ndarray
-    A: np.ndarray
-    B: np.ndarray
-    C: np.ndarray
-    D: np.ndarray
-    E: np.ndarray
-    F: np.ndarray
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Model:
     """x' = f(x, u, p, w), y = h(x, u, p, w), declared once.
 
+    name: of the model.
     states, inputs, parameters, disturbances, outputs: name -> `Signal`, in the order of the
-    vectors. equations: (x, u, p, w) with fields by name -> (rates by state, outputs by name); it
-    takes numbers or CasADi expressions and returns the same. It must return every declared output.
-    trim: the values that a trim imposes by default, name of a state, an input or an output ->
-    value. steady: the states whose rates a trim balances; all of them unless given. linear: the
-    states of the linear model; all of them unless given. schedule: the name of the state, input or
-    parameter that sweeps, gain tables and proofs run over. modes: name of a mode -> the states that
-    take part most. replaced: state -> output, affine in it, that people name in its place in a
-    trim: pitch -> gamma. parts: ending -> linear states; OUTPUT_ending names the part of an output
-    that these states, the inputs and the disturbances cause, for controllers. variants: names of
-    its other equations, which a design may treat differently. range: state -> (largest absolute
-    value, whose): beyond it models come with a warning. envelope: (x, p) of a trim, by name ->
-    limits of the states that a flight about it keeps where they are not min and max: state ->
-    (lowest, highest). check: raises BadInputError for a state, by name, where the equations mean
-    nothing whatever the limits. called: how reports name it; its name unless given. source: the
-    file and name that it was loaded from, and a hash. alternatives: groups of names of which a trim
-    imposes one: to impose another sets it free. begin: imposed values by name, numbers or
-    arrays -> where a search for others begins; the value of the first of a group is exact. explain: (imposed values, solve) -> why there is no trim, in
-    the words of its field (`trim.point.reasons`). aliases: name in another program -> name here. notes: what every report says of
-    it. BadInputError when a name is not an
-    identifier, is declared twice or is unknown, or when a number cannot be."""
+        vectors.
+    equations: (x, u, p, w) with fields by name -> (rates by state, outputs by name). It takes
+        numbers or CasADi expressions and returns the same. It must return every declared output.
+    trim: state, input or output -> the value that a trim imposes by default.
+    steady: the states whose rates a trim balances; all of them unless given.
+    linear: the states of the linear model; all of them unless given.
+    schedule: the state, input or parameter that sweeps, gain schedules and proofs run over.
+    modes: name of a mode -> the states that take part most.
+    replaced: state -> the output, affine in it, that people name in its place in a trim:
+        pitch -> gamma.
+    parts: ending -> linear states. OUTPUT_ending names the part of an output that these states, the
+        inputs and the disturbances cause, for controllers.
+    variants: names of its other equations, which a design may treat differently.
+    range: state -> (largest absolute value, whose). Beyond it models come with a warning.
+    envelope: (x, p) of a trim, by name -> limits of the states that a flight about it keeps where
+        they are not min and max: state -> (lowest, highest).
+    check: raises BadInputError for a state, by name, where the equations mean nothing whatever the
+        limits.
+    called: how reports name it; its name unless given.
+    source: the file and name that it was loaded from, and a hash.
+    alternatives: groups of names of which a trim imposes one: to impose another sets it free.
+    begin: imposed values by name, numbers or arrays -> where a search for others begins. The value
+        of the first of a group of alternatives is exact.
+    explain: (imposed values, solve) -> why there is no trim, in the words of its field
+        (`trim.point.reasons`).
+    aliases: name in another program -> name here.
+    notes: what every report says of it.
+    native: the model that `hfa_aircraft.units.in_si` converted into this one.
+
+    BadInputError when a name is no identifier, is declared twice or is unknown, or when a number
+    cannot be.
+    """
 
     name: str
     states: Mapping[str, Signal]
@@ -124,23 +94,31 @@ class Model:
     explain: Callable[[Mapping[str, float], Callable[..., Any]], str] | None = None
     aliases: Mapping[str, str] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    native: Model | None = None
 
     def __post_init__(self) -> None:
         """Check the declaration before anything is compiled."""
+        self._check_signals()
+        if not self.states:
+            raise BadInputError(f"{self.name} declares no states; a model needs at least one")
+        for kind in ("steady", "linear"):
+            object.__setattr__(self, kind, tuple(getattr(self, kind)) or tuple(self.states))
+        self._check_names()
+        for name, value in self.trim.items():
+            if not math.isfinite(value):
+                raise BadInputError(f"{self.name}: trim imposes {name} = {value}; give a number")
+
+    def _check_signals(self) -> None:
+        """Make each kind of signals a dictionary, and refuse names and numbers that cannot be."""
         seen: set[str] = set()
-        for kind in ("states", "inputs", "parameters", "disturbances", "outputs"):
-            given: Any = getattr(self, kind)
-            if hasattr(given, "_asdict"):
-                _RECORDS[given._fields] = type(given)
-                given = given._asdict()
-            object.__setattr__(self, kind, dict(given))
-            for name, signal in given.items():
-                if not (
-                    isinstance(name, str)
-                    and name.isidentifier()
-                    and name.isascii()
-                    and name[0] != "_"
-                ):
+        for kind in (*VECTORS.values(), "outputs"):
+            signals: Any = getattr(self, kind)
+            if hasattr(signals, "_asdict"):
+                remember_record(type(signals))
+                signals = signals._asdict()
+            object.__setattr__(self, kind, dict(signals))
+            for name, signal in signals.items():
+                if not _is_identifier(name):
                     raise BadInputError(
                         f"{self.name}: {shown(name)} in {kind} is not an identifier; rename it"
                     )
@@ -150,32 +128,21 @@ class Model:
                     )
                 seen.add(name)
                 _check_signal(f"{self.name}: {name}", signal)
-        if not self.states:
-            raise BadInputError(f"{self.name} declares no states; a model needs at least one")
-        for kind in ("steady", "linear"):
-            object.__setattr__(self, kind, tuple(getattr(self, kind)) or tuple(self.states))
-        for what, names, known in (
+
+    def _check_names(self) -> None:
+        """Refuse names that are not declared."""
+        schedule = [self.schedule] if self.schedule else []
+        schedulable = [*self.states, *self.inputs, *self.parameters]
+        for meaning, names, declared in (
             ("steady names the unknown state", self.steady, self.states),
             ("linear names the unknown state", self.linear, self.states),
-            ("trim imposes the unknown variable", self.trim, (*self.variables, *self.outputs)),
-            (
-                "schedule is the unknown variable",
-                [self.schedule] * bool(self.schedule),
-                [*self.signals],
-            ),
-            (
-                "parts names the unknown linear state",
-                [each for part in self.parts.values() for each in part],
-                self.linear,
-            ),
+            ("trim imposes the unknown variable", self.trim, self.holdable),
+            ("schedule is the unknown variable", schedule, schedulable),
+            ("modes names the unknown state", _all_of(self.modes), self.states),
+            ("parts names the unknown linear state", _all_of(self.parts), self.linear),
         ):
             for name in names:
-                refuse_unknown(f"{self.name}: {what}", name, known)
-        for name, value in self.trim.items():
-            if not math.isfinite(value):
-                raise BadInputError(
-                    f"{self.name}: trim imposes {name} = {value}; give a finite number"
-                )
+                refuse_unknown(f"{self.name}: {meaning}", name, declared)
 
     def __repr__(self) -> str:
         counts = (
@@ -184,12 +151,14 @@ class Model:
         return f"<Model {self.title}: {counts}>"
 
     def __reduce__(self) -> Any:
+        if self.native is not None:
+            return _converted, (self.native,)
         if not self.source[0]:
             return super().__reduce__()
-        return _reloaded, (
-            self.source,
-            {name: signal.start for name, signal in self.parameters.items()},
-        )
+        values = {name: signal.start for name, signal in self.parameters.items()}
+        return _reloaded, (self.source, values)
+
+    # Names and units.
 
     @property
     def title(self) -> str:
@@ -204,7 +173,9 @@ class Model:
     @property
     def schedule_key(self) -> str:
         """What files and data call its values in that unit: dihedral_deg, speed."""
-        return self.schedule + "_deg" * (self.schedule_unit == "deg")
+        if self.schedule_unit == "deg":
+            return f"{self.schedule}_deg"
+        return self.schedule
 
     @cached_property
     def signals(self) -> dict[str, Signal]:
@@ -230,17 +201,15 @@ class Model:
     @cached_property
     def measurable(self) -> tuple[str, ...]:
         """What a controller can measure: states, outputs and the parts of outputs."""
-        return (
-            *self.states,
-            *self.outputs,
-            *(f"{name}_{part}" for part in self.parts for name in self.outputs),
-        )
+        parts = [f"{output}_{ending}" for ending in self.parts for output in self.outputs]
+        return (*self.states, *self.outputs, *parts)
 
     def part(self, name: str) -> tuple[str, tuple[str, ...]]:
         """The output or state that a name of `measurable` is about, and the linear states whose
         effect on it counts."""
         for ending, states in self.parts.items():
-            if (whole := name.removesuffix(f"_{ending}")) != name and whole in self.outputs:
+            whole = name.removesuffix(f"_{ending}")
+            if whole != name and whole in self.outputs:
                 return whole, states
         return name, self.linear
 
@@ -254,18 +223,18 @@ class Model:
             if f"{name}_dot" not in self.signals
         }
 
-    def refuse_unheld(self, what: str, name: str, also: Sequence[str] = ()) -> None:
+    def refuse_unheld(self, meaning: str, name: str, also: Sequence[str] = ()) -> None:
         """BadInputError unless a trim can impose the name: `holdable`, the rate of a state, or one
         of the others."""
         if name not in self.rates:
-            refuse_unknown(what, name, dict.fromkeys((*self.holdable, *also)))
+            refuse_unknown(meaning, name, dict.fromkeys((*self.holdable, *also)))
 
     @cached_property
     def limits(self) -> dict[str, tuple[float, float]]:
-        """Lowest and highest value of each state, input and output."""
+        """Lowest and highest value of each state, input, output and disturbance."""
         return {
-            name: (each.min, each.max)
-            for name, each in self.signals.items()
+            name: (signal.min, signal.max)
+            for name, signal in self.signals.items()
             if name not in self.parameters
         }
 
@@ -275,12 +244,14 @@ class Model:
 
     def units(self, names: Sequence[str]) -> tuple[str, ...]:
         """Their units, in order."""
-        return tuple(map(self.unit, names))
+        return tuple(self.unit(name) for name in names)
 
     @cached_property
     def time_unit(self) -> str:
         """s; min, h or day where units are made of it and none of s."""
-        bases = {base for each in self.signals.values() for base in re.findall("[a-z]+", each.unit)}
+        bases = set()
+        for signal in self.signals.values():
+            bases.update(re.findall("[a-z]+", signal.unit))
         longer = [unit for unit in ("min", "h", "day") if unit in bases]
         return longer[0] if longer and "s" not in bases else "s"
 
@@ -293,7 +264,7 @@ class Model:
         return f"{self.unit(name)}{per_time}"
 
     def rate_scale(self, name: str) -> float:
-        """One scaled unit of a state's rate."""
+        """Typical size of a state's rate."""
         return self.states[name].rate or self.states[name].nominal
 
     def entry_unit(self, row: str, column: str) -> str:
@@ -304,84 +275,106 @@ class Model:
     def describe(self, name: str, value: float) -> str:
         """A value with its unit as an engineer reads it: angles in degrees."""
         unit = self.unit(name)
-        return shown_value(value, unit) + ("" if unit == "1" else f" {shown_unit(unit)}")
+        text = shown_value(value, unit)
+        return text if unit == "1" else f"{text} {shown_unit(unit)}"
+
+    # Parameters.
 
     def with_parameters(self, **values: float) -> Model:
         """The same model with other values of parameters."""
         changed = dict(self.parameters)
+        native_values = {}
         for name, value in values.items():
             refuse_unknown(f"{self.name} has no parameter", name, tuple(self.parameters))
             changed[name] = self.parameters[name]._replace(start=float(value))
-        return replace(self, parameters=changed)
+            if self.native is not None:
+                native_values[name] = float(value) / si_factor(self.native.unit(name))
+        native = None if self.native is None else self.native.with_parameters(**native_values)
+        return replace(self, parameters=changed, native=native)
 
     @cached_property
     def p(self) -> np.ndarray:
         """The values of the parameters, in order."""
         return np.array([signal.start for signal in self.parameters.values()], dtype=float)
 
+    # Values and derivatives.
+
     @cached_property
     def layout(self) -> Layout:
         """What its Functions depend on: all but numbers."""
-        names = (tuple(getattr(self, kind)) for kind in (*VECTORS.values(), "outputs"))
-        return Layout(self.name, self.equations, tuple(names), tuple(self.replaced.items()))
+        names = tuple(tuple(getattr(self, kind)) for kind in (*VECTORS.values(), "outputs"))
+        return Layout(self.name, self.equations, names, tuple(self.replaced.items()))
 
     def functions(
         self, outputs: Sequence[str] | None = None, disturbances: Sequence[str] = ()
     ) -> ca.Function:
         """(x, u, p) -> the parts of a `Linearization` at w = 0, of these outputs (all unless
         given)."""
-        return _linearized(
-            self.layout, tuple(self.outputs if outputs is None else outputs), tuple(disturbances)
-        )
+        chosen = tuple(self.outputs if outputs is None else outputs)
+        return linearized(self.layout, chosen, tuple(disturbances))
 
     def at(
         self, x: Any, u: Any, outputs: Sequence[str] = (), disturbances: Sequence[str] = ()
     ) -> Linearization:
-        """f, y and their derivatives, exact to rounding. FloatingPointError where one is not
-        finite."""
-        bound = _bound_linearized(self.layout, tuple(outputs), tuple(disturbances))
-        for place, value in zip(bound.inputs, (x, u, self.p), strict=True):
-            place[:] = value
+        """f, y and their derivatives, exact to rounding.
+
+        x: (n,). u: (m,).
+        FloatingPointError where one is not finite.
+        """
+        bound = bound_linearized(self.layout, tuple(outputs), tuple(disturbances))
+        for memory, value in zip(bound.inputs, (x, u, self.p), strict=True):
+            memory[:] = value
         bound()
-        n, m, k, d = len(self.states), len(self.inputs), len(outputs), len(disturbances)
+        n, m = len(self.states), len(self.inputs)
+        k, d = len(outputs), len(disturbances)
         shapes = ((n,), (k,), (n, n), (n, m), (k, n), (k, m), (n, d), (k, d))
-        columns = zip(bound.results, shapes, strict=True)
-        found = Linearization(
-            *(np.array(each.reshape(shape, order="F"), order="C") for each, shape in columns)
-        )
-        if not all(np.isfinite(part).all() for part in found):
+        parts = []
+        for column, shape in zip(bound.results, shapes, strict=True):
+            parts.append(np.array(column.reshape(shape, order="F"), order="C"))
+        result = Linearization(*parts)
+        if not all(np.isfinite(part).all() for part in result):
             values = dict(zip((*self.states, *self.inputs), (*x, *u), strict=True))
-            raise FloatingPointError(self.not_finite(found.f, values, list(self.states)))
-        return found
+            raise FloatingPointError(self.not_finite(result.f, values, list(self.states)))
+        return result
 
     def not_finite(
         self, rates: np.ndarray, values: Mapping[str, float], names: Sequence[str]
     ) -> str:
-        """Which rate is not a number, and where."""
+        """Which rate is not a number, and where.
+
+        rates: of the states `names`.
+        values: of states and inputs there.
+        """
         wrong = [name for name, rate in zip(names, rates, strict=True) if not math.isfinite(rate)]
         what = f"the rate of {wrong[0]}" if wrong else "a derivative"
         if self.layout.has_nan:
-            return f"{self.name}: {what} contains a number that is none; use CasADi's functions (ca.sin), not math's"
-        where = ", ".join(self.describe(name, value) + f" {name}" for name, value in values.items())
-        return f"{self.name}: {what} is not a number at {where}; correct the equations or narrow min and max"
+            return (
+                f"{self.name}: {what} contains a number that is none; use CasADi's functions "
+                "(ca.sin), not math's"
+            )
+        where = ", ".join(f"{self.describe(name, value)} {name}" for name, value in values.items())
+        return (
+            f"{self.name}: {what} is not a number at {where}; correct the equations or narrow min "
+            "and max"
+        )
 
     def outputs_at(
         self, x: Sequence[float], u: Sequence[float], names: Sequence[str] | None = None
     ) -> dict[str, float]:
         """Outputs, all unless named, at a state and an input."""
-        found = self._numbers_at(x, u)[1]
-        return {name: float(found[name]) for name in (self.outputs if names is None else names)}
+        _, outputs = self._numbers_at(x, u)
+        return {name: float(outputs[name]) for name in (self.outputs if names is None else names)}
 
     def rates_at(self, x: Sequence[float], u: Sequence[float]) -> dict[str, float]:
         """The rate of every state at a state and an input."""
-        found = self._numbers_at(x, u)[0]
-        return {name: float(found[name]) for name in self.states}
+        rates, _ = self._numbers_at(x, u)
+        return {name: float(rates[name]) for name in self.states}
 
     def _numbers_at(
         self, x: Sequence[float], u: Sequence[float]
     ) -> tuple[Mapping[str, Any], Mapping[str, Any]]:
         """Rates and outputs by name."""
-        numbers = [list(map(float, each)) for each in (x, u, self.p)]
+        numbers = [[float(value) for value in vector] for vector in (x, u, self.p)]
         still_air = [0.0 for _ in self.disturbances]
         records = map(self.layout.record, VECTORS, (*numbers, still_air))
         try:
@@ -390,6 +383,8 @@ class Model:
             f, y = self.functions()(*numbers)[:2]
             rates = dict(zip(self.states, ca.vertsplit(f), strict=True))
             return rates, dict(zip(self.outputs, components(y), strict=True))
+
+    # Exchange with python-control.
 
     def to_control(self, outputs: Sequence[str] | None = None) -> control.NonlinearIOSystem:
         """x' = f(x, u, p), y = the named states and outputs (all unless given) for python-control,
@@ -409,206 +404,25 @@ class Model:
         return from_control(system, units, **declared)
 
 
-#: What equations raise that do not take expressions.
-_FAILURES = (
-    *(AttributeError, TypeError, ValueError, LookupError, NameError, ArithmeticError),
-    *(RuntimeError, NotImplementedError, AssertionError),
-)
+def _is_identifier(name: Any) -> bool:
+    """Whether a name can be a field, in Python and in C."""
+    if not isinstance(name, str) or keyword.iskeyword(name):
+        return False
+    return name.isidentifier() and name.isascii() and name[0] != "_"
 
 
-class Layout(NamedTuple):
-    """What a model's Functions depend on: equations and names."""
-
-    name: str
-    equations: Callable[..., Any]
-    names: tuple[tuple[str, ...], ...]
-    replaced: tuple[tuple[str, str], ...]
-
-    @property
-    def variables(self) -> tuple[str, ...]:
-        """What a trim imposes or finds."""
-        instead = dict(self.replaced)
-        return (*(instead.get(name, name) for name in self.names[0]), *self.names[1])
-
-    @property
-    def has_nan(self) -> bool:
-        """Whether a constant of the equations is not a number: math.sin makes one of a symbol."""
-        vectors = self.symbols("x", "u", "p")
-        function = ca.Function(
-            "f", vectors, [self.expressions(list(map(components, vectors)), ())[0]]
-        )
-        every = range(function.n_instructions())
-        return any(
-            math.isnan(function.instruction_constant(k))
-            for k in every
-            if function.instruction_id(k) == ca.OP_CONST
-        )
-
-    def refuse_steps(self, jacobian: ca.SX, names: Sequence[str]) -> None:
-        """BadInputError for a variable (column) that acts in steps only: every slope is 0, though
-        equations have it."""
-        felt, moving = (
-            ca.DM(jacobian.sparsity(), 1).full(),
-            ca.DM(ca.sparsify(jacobian).sparsity(), 1).full(),
-        )
-        for name, has, moves in zip(names, felt.any(axis=0), moving.any(axis=0), strict=True):
-            if has and not moves:
-                raise BadInputError(
-                    f"{self.name}: {name} is discrete, its slopes are all 0; declare it as a parameter"
-                )
-
-    def record(self, vector: str, values: Any) -> Any:
-        """The values of x, u, p or w by name."""
-        return record(self.names[list(VECTORS).index(vector)])(*values)
-
-    def symbols(self, *vectors: str) -> list[ca.SX]:
-        """New symbols, a column for each of "x", "u", "p", "w"."""
-        return [
-            ca.SX.sym(vector, len(self.names[list(VECTORS).index(vector)])) for vector in vectors
-        ]
-
-    def expressions(
-        self, vectors: Sequence[Any], outputs: Sequence[str], w: Any = None
-    ) -> tuple[ca.SX, ca.SX]:
-        """f (n,) and the named outputs or states (k,) at the components of x, u, p; without
-        disturbances unless given. BadInputError as in `_symbolic`."""
-        symbols, f, found = _symbolic(self, w is None)
-        states = self.names[0]
-        chosen = [
-            symbols[0][states.index(name)] if name in states else found[name] for name in outputs
-        ]
-        columns = [ca.vertcat(ca.SX(0, 1), *each) for each in (*vectors, *[w] * (w is not None))]
-        f, y = ca.substitute(
-            [f, ca.densify(ca.SX(ca.vertcat(ca.SX(0, 1), *chosen)))], symbols, columns
-        )
-        return f, y
-
-    def in_variables(
-        self, values: Mapping[str, Any], p: ca.SX, outputs: Sequence[str]
-    ) -> list[ca.SX]:
-        """x, u, f and the named outputs, where `values` has each variable of a trim, in still air.
-
-        The states in `replaced` follow from the outputs in their place: x = (value - y(0)) /
-        (dy/dx)."""
-        unknown = {state: ca.SX.sym(state) for state, _ in self.replaced}
-        x: list[Any] = [unknown.get(name, values.get(name)) for name in self.names[0]]
-        u = [values[name] for name in self.names[1]]
-        found = [output for _, output in self.replaced]
-        f, y = self.expressions((x, u, components(p)), (*outputs, *found))
-        y, given = y[: len(outputs)], y[len(outputs) :]
-        parts: Any = [ca.vertcat(*map(ca.SX, x)), ca.vertcat(ca.SX(0, 1), *u), f, y]
-        for i, (state, output) in enumerate(self.replaced):
-            symbol, slope = unknown[state], ca.jacobian(given[i], unknown[state])
-            if slope.is_zero() or ca.depends_on(slope, symbol):
-                raise BadInputError(
-                    f"{self.name}: {output} cannot replace {state}; it must be affine in it"
-                )
-            instead = (values[output] - ca.substitute(given[i], symbol, 0)) / slope
-            parts = ca.substitute(parts, [symbol], [instead])
-        return [ca.densify(part) for part in parts]
-
-
-def components(vector: Any) -> list[Any]:
-    """Of a column, which may be empty."""
-    return ca.vertsplit(vector) if vector.numel() else []
-
-
-@lru_cache(maxsize=16)
-def _symbolic(layout: Layout, still: bool) -> tuple[list[ca.SX], ca.SX, Mapping[str, Any]]:
-    """Symbols x, u, p, w (none of w where the air is still) and, in these, f and the outputs by
-    name: they take longer to build than all that is made of them. BadInputError names what the
-    equations leave out."""
-    vectors = layout.symbols(*list(VECTORS)[: 3 if still else 4])
-    given = [*map(components, vectors), *[[0.0] * len(layout.names[3])] * still]
-    named: list[Any] = [layout.record(*each) for each in zip(VECTORS, given, strict=True)]
-    try:
-        with warnings.catch_warnings(
-            action="ignore", category=FutureWarning
-        ):  # CasADi's, of functions of NumPy
-            returned = layout.equations(*named)
-    except _FAILURES as error:
-        for kind, values, names in zip(VECTORS.values(), named, layout.names, strict=False):
-            if isinstance(error, AttributeError) and error.obj is values:
-                refuse_unknown(
-                    f"{layout.name}: the equations use an undeclared name of {kind},",
-                    error.name,
-                    names,
-                )
-        said = f"{type(error).__name__}: {' '.join(str(error).split())[:200]}"
-        advice = (
-            "write ca.if_else for if, and CasADi's functions (ca.sin) for those of other packages"
-        )
-        raise BadInputError(f"{layout.name}: the equations fail ({said}); {advice}") from error
-    if not (
-        isinstance(returned, tuple)
-        and len(returned) == 2
-        and all(hasattr(each, "keys") for each in returned)
-    ):
-        raise BadInputError(
-            f"{layout.name}: the equations return {shown(returned)}; return rates by state and outputs by name, two "
-            "dicts (algebraic residuals are not supported: solve them, or make what they determine a state)"
-        )
-    rates, found = returned
-    for kind, values, names in (
-        ("rate", rates, layout.names[0]),
-        ("output", found, layout.names[4]),
-    ):
-        for name in (*names, *values):
-            if name not in values:
-                raise BadInputError(
-                    f"{layout.name}: the equations return no {kind} of {name}; add it"
-                )
-            refuse_unknown(
-                f"{layout.name}: the equations return the undeclared {kind}", name, names
-            )
-    return vectors, ca.densify(ca.SX(ca.vertcat(*(rates[name] for name in layout.names[0])))), found
-
-
-@lru_cache(maxsize=64)
-def _linearized(
-    layout: Layout, outputs: tuple[str, ...], disturbances: tuple[str, ...]
-) -> ca.Function:
-    (x, u, p), w = layout.symbols("x", "u", "p"), ca.SX.sym("w", len(disturbances))
-    for name in disturbances:
-        refuse_unknown("unknown disturbance", name, layout.names[3])
-    vectors = list(map(components, (x, u, p)))
-    f, y = layout.expressions(vectors, outputs)
-    parts = [f, y, *(ca.jacobian(of, by) for of in (f, y) for by in (x, u))]
-    for jacobian, names in zip(parts[2:4], layout.names[:2], strict=True):
-        layout.refuse_steps(jacobian, names)
-    if disturbances:
-        winds = dict(zip(disturbances, ca.vertsplit(w), strict=True))
-        blown = layout.expressions(
-            vectors, outputs, [winds.get(name, 0.0) for name in layout.names[3]]
-        )
-        parts += [ca.substitute(ca.jacobian(of, w), w, 0) for of in blown]
-    else:
-        parts += [ca.SX(f.numel(), 0), ca.SX(y.numel(), 0)]
-    names = (
-        "ode",
-        "ydef",
-        "jac_ode_x",
-        "jac_ode_u",
-        "jac_ydef_x",
-        "jac_ydef_u",
-        "jac_ode_w",
-        "jac_ydef_w",
-    )
-    return ca.Function(
-        "linearized", [x, u, p], list(map(ca.densify, parts)), ["x", "u", "p"], names
-    )
-
-
-@cached_per_thread(maxsize=16)
-def _bound_linearized(*key: Any) -> BoundFunction:
-    return BoundFunction(_linearized(*key))
+def _all_of(groups: Mapping[str, Sequence[str]]) -> list[str]:
+    """The names of all groups."""
+    return [name for group in groups.values() for name in group]
 
 
 def _check_signal(where: str, signal: Signal) -> None:
+    """BadInputError for a signal whose numbers cannot be."""
     if not isinstance(signal, Signal):
         raise BadInputError(f"{where} is {shown(signal)}; declare it as a Signal")
-    sizes = (signal.nominal, signal.nominal if signal.rate is None else signal.rate)
-    if not all(map(is_finite, (*sizes, signal.start))) or min(sizes) <= 0.0:
+    rate = signal.nominal if signal.rate is None else signal.rate
+    numbers = (signal.nominal, rate, signal.start)
+    if not all(map(is_finite, numbers)) or min(signal.nominal, rate) <= 0.0:
         raise BadInputError(
             f"{where}: nominal, start and rate must be finite numbers, nominal and rate positive"
         )
@@ -618,67 +432,15 @@ def _check_signal(where: str, signal: Signal) -> None:
         )
 
 
-def load_model(place: str) -> Model:
-    """The Model of `FILE.py:NAME` or `package.module:NAME`, which is executed, or of an aircraft of
-    JSBSim, `jsbsim:NAME` or `FILE.xml`, which is read.
-
-    BadInputError names the file and its fault.
-    """
-    import hashlib
-    import importlib
-    import sys
-    import types
-    from pathlib import Path
-
-    if place.startswith("jsbsim:") or place.endswith(".xml"):
-        from hfa_aircraft.jsbsim.reader import read_model
-
-        return read_model(place)
-    where, colon, name = place.rpartition(":")
-    if not colon or not name.isidentifier():
-        raise BadInputError(
-            f"{shown(place)} is no aircraft; give FILE.py:NAME, package.module:NAME, jsbsim:NAME or FILE.xml"
-        )
-    try:
-        if where.endswith(".py"):
-            text, module = (
-                Path(where).read_bytes(),
-                types.ModuleType(f"aircraft_{Path(where).stem}"),
-            )
-            module.__file__, sys.modules[module.__name__] = (
-                where,
-                module,
-            )  # for its tables, for its dataclasses
-            exec(compile(text, where, "exec"), module.__dict__)
-        else:
-            if "" not in sys.path:
-                sys.path.insert(0, "")
-            module = importlib.import_module(where)
-            text = Path(str(module.__file__)).read_bytes()
-    except BadInputError as error:
-        raise BadInputError(f"{where}: {error}") from error
-    except OSError as error:
-        what = f"{where}: {error.filename} cannot be read ({error.strerror})"
-        raise BadInputError(f"{what}; give FILE.py:NAME") from error
-    except Exception as error:  # whatever the user's file raises
-        line = f" in line {error.lineno}" if isinstance(error, SyntaxError) else ""
-        said = error.msg if isinstance(error, SyntaxError) else error
-        raise BadInputError(
-            f"{where}: {type(error).__name__}{line}: {said}; correct the file"
-        ) from error
-    found = getattr(module, name, None)
-    if not isinstance(found, Model):
-        known = [each for each, value in vars(module).items() if isinstance(value, Model)]
-        what = "has no name" if found is None else f"holds {shown(found)}, not a Model, under"
-        raise BadInputError(
-            f"{where}: {what} {name}; " + (f"use {', '.join(known)}" if known else "define a Model")
-        )
-    return replace(found, source=(place, hashlib.sha256(text).hexdigest()))
-
-
 def _reloaded(source: tuple[str, str], parameters: dict[str, float]) -> Model:
-    """The model of a file in another process. BadInputError when the file has changed since."""
-    found = load_model(source[0])
-    if found.source != source:
-        raise BadInputError(f"{source[0]} has changed since the work began; start again")
-    return found.with_parameters(**parameters)
+    """The model of a file in another process."""
+    from hfa_aircraft.loading import reloaded
+
+    return reloaded(source, parameters)
+
+
+def _converted(native: Model) -> Model:
+    """The model in SI in another process."""
+    from hfa_aircraft.units import in_si
+
+    return in_si(native)

@@ -11,7 +11,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hfa_aircraft.model import Model, Signal
+from hfa_aircraft.model import Model
+from hfa_aircraft.signals import Signal
+from hfa_aircraft.units import native_of, native_values
 from hfa_model.aerodynamics import Loads, aircraft_loads
 from hfa_model.atmosphere import density, refuse_beyond_the_atmosphere
 from hfa_model.kinematics import DISTURBANCES, winds_named
@@ -21,6 +23,7 @@ from hfa_model.printed_matrices import published_data
 from hfa_model.variants import VARIANTS, Variant, variant_named
 from hfa_model.vectors import (
     INPUT_SIGNALS,
+    INPUTS,
     LINEAR_STATES,
     STATE_SIGNALS,
     STATES,
@@ -28,6 +31,7 @@ from hfa_model.vectors import (
     State,
 )
 from hfa_support.errors import BadInputError, is_finite, shown
+from hfa_support.units import si_factor
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -164,31 +168,45 @@ def _aircraft(dynamics: str | Variant, parameters: Parameters) -> Model:
 
 def is_hfa(model: Model) -> bool:
     """Whether a model is this aircraft with the `published` or the `newton` dynamics."""
-    return isinstance(model.equations, Equations)
+    return isinstance(native_of(model).equations, Equations)
 
 
 def parameters_of(model: Model) -> Parameters:
-    """The parameters of this aircraft, also of its unsteady dynamics, which have further ones."""
+    """The parameters of this aircraft in the units of the model, also of its unsteady dynamics,
+    which have further ones."""
     return Parameters(*(model.parameters[name].start for name in Parameters._fields))
 
 
 def variant_of(model: Model) -> Variant:
     """The variant of the equations that a model of this aircraft has."""
-    equations: Equations = model.equations  # type: ignore[assignment]
+    equations: Equations = native_of(model).equations  # type: ignore[assignment]
     return equations.variant
 
 
 def loads(model: Model, x: ArrayLike, u: ArrayLike) -> Loads:
-    """Forces and moments on the aircraft and its panels, lbf and ft lbf.
+    """Forces and moments on the aircraft and its panels: lbf and ft lbf, or N and N m in SI.
 
     x: (7,), in the order of `STATES`. u: (5,), in the order of `INPUTS`.
     BadInputError when the state lies outside the model.
     """
-    state = State(*np.asarray(x, dtype=float).tolist())
-    control = Input(*np.asarray(u, dtype=float).tolist())
+    native = native_of(model)
+    state = State(*native_values(model, STATES, x).tolist())
+    control = Input(*native_values(model, INPUTS, u).tolist())
     check_in_range(state)
     air = density(state.altitude)
-    return aircraft_loads(state, control, air, parameters_of(model), variant_of(model))
+    found = aircraft_loads(state, control, air, parameters_of(native), variant_of(native))
+    return found if native is model else _loads_in_si(found)
+
+
+def _loads_in_si(loads: Any) -> Any:
+    """`Loads` or the loads of a panel, in N and N m."""
+    converted = {}
+    for name, value in loads._asdict().items():
+        if isinstance(value, tuple):
+            converted[name] = _loads_in_si(value)
+        else:
+            converted[name] = value * si_factor("ft lbf" if name.endswith("moment") else "lbf")
+    return loads._replace(**converted)
 
 
 def _checked_parameters(parameters: Parameters) -> Parameters:

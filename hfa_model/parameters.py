@@ -18,7 +18,6 @@ from hfa_support.files import write_text
 from hfa_support.reporting.fields import ByValue
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.text import Table
-from hfa_support.reporting.unit_system import in_force, unit_in_force
 from hfa_support.schema import NUMBER, POSITIVE, read_named
 
 
@@ -139,9 +138,9 @@ class ParameterSet(ByValue, Reported):
         """Every parameter with its standard error, unit and source."""
         errors, rows = self.standard_errors, []
         for name, spec in FIELDS._asdict().items():
-            error = f"{in_force(errors[name], spec.unit):.2g}" if name in errors else "-"
-            value = f"{in_force(getattr(self.values, name), spec.unit):.7g}"
-            rows.append((name, value, error, unit_in_force(spec.unit), self.sources[name]))
+            error = f"{errors[name]:.2g}" if name in errors else "-"
+            value = f"{getattr(self.values, name):.7g}"
+            rows.append((name, value, error, spec.unit, self.sources[name]))
         return Table(("parameter", "value", "standard error", "unit", "source"), rows)
 
     def report(self) -> Report:

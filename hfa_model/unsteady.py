@@ -28,7 +28,7 @@ from typing import Any, NamedTuple
 
 import casadi as ca
 
-from hfa_aircraft.model import Signal
+from hfa_aircraft.signals import Signal
 from hfa_model.aerodynamics import Loads, PanelLoads, panel_loads, sum_of_panels
 from hfa_model.atmosphere import density
 from hfa_model.declaration import aircraft

@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Generic, NamedTuple, TypeAlias, TypeVar
 
-from hfa_aircraft.model import Signal
+from hfa_aircraft.signals import Signal
 
 if TYPE_CHECKING:
     import casadi as ca

@@ -12,5 +12,5 @@ def __getattr__(name: str) -> Any:
     """A public name; for one version also `Model` and `Signal`, which users' files imported from
     here."""
     if name in ("Model", "Signal"):
-        return getattr(import_module("hfa_aircraft.model"), name)
+        return getattr(import_module("hfa_aircraft"), name)
     return _public(name)

@@ -3,4 +3,3 @@
 from .errors import BadInputError as BadInputError, NoSolutionError as NoSolutionError
 from .reporting.checks import Check as Check
 from .reporting.report import Report as Report
-from .reporting.unit_system import shown_in as shown_in

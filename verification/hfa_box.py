@@ -6,7 +6,7 @@ import numpy as np
 
 from controller.hfa_game import ORDINARY_DEVIATIONS
 from hfa_model.vectors import INPUTS, LINEAR_STATES, STATE_UNITS
-from hfa_support.reporting.unit_system import si_factor, si_unit
+from hfa_support.units import si_factor, si_unit
 from verification.critic.critic_errors import Box
 
 _UNITS = tuple(getattr(STATE_UNITS, name) for name in LINEAR_STATES)

@@ -15,7 +15,8 @@ from controller.flight.air import ALPHA, ANGLE_OF_ATTACK, UPDRAFT, flown_through
 from controller.flight.policies import GainPolicy, Measurements, Policy
 from controller.flight.scenario import Scenario
 from controller.flight.signals import zero
-from hfa_aircraft.model import Model, components
+from hfa_aircraft.layout import components
+from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError
 from trim.point.operating_point import OperatingPoint
 

@@ -22,7 +22,9 @@ from controller.flight.nonlinear_flight import NonlinearFlight, fly_within
 from controller.flight.policies import Policy
 from controller.flight.scenario import Scenario, with_errors
 from controller.flight.simulation import CompiledLoop
-from hfa_aircraft.model import VECTORS, Model, components
+from hfa_aircraft.layout import components
+from hfa_aircraft.model import Model
+from hfa_aircraft.signals import VECTORS
 from hfa_support.errors import BadInputError
 from hfa_support.native.bound import cached_per_thread
 from hfa_support.reporting.fields import Shown

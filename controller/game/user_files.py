@@ -13,7 +13,7 @@ import numpy as np
 from controller.game.array_file import read_arrays
 from controller.game.zero_sum import LARGEST, Game, checked_matrix
 from hfa_support.errors import BadInputError, numbers_in, said_of, shortened
-from hfa_support.reporting.unit_system import si_factor, si_unit
+from hfa_support.units import si_factor, si_unit
 
 MODEL_KEYS = ("A", "B", "E", "Q", "R", "delta")
 #: Keys of names and units, used where they are.

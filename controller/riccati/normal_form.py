@@ -16,8 +16,6 @@ MODERATE = 1e-4
 #: What a rank test may leave of a matrix without full rank, relative to A. A mode reached by less
 #: is not reached.
 RANK = 1e-13
-#: The smallest number with all its digits: what is below it counts as 0.
-FAINT = float(np.finfo(float).tiny)
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,25 +50,25 @@ class NormalForm:
 
         Source of the scaling by R^-½: Zhou, Doyle and Glover, Section 14.1."""
         root = np.linalg.cholesky(like.R)
-        A = without_faint(A, FAINT)
-        B = without_faint(np.linalg.solve(root, B.mT).mT, FAINT**0.5)
-        E = without_faint(like.E / like.delta, FAINT**0.5)
-        Q = without_faint((like.Q + like.Q.T) / 2.0, FAINT)
-        units = units_of(A, B @ B.mT - E @ E.T, np.broadcast_to(Q, A.shape))
+        B = np.linalg.solve(root, B.mT).mT
+        E = like.E / like.delta
+        Q = (like.Q + like.Q.T) / 2.0
+        S = B @ B.mT - E @ E.T
+        units = units_of(A, S, np.broadcast_to(Q, A.shape))
         rows = units[..., :, None]
         columns = units[..., None, :]
         return cls(
             A=A * columns / rows,
             B=B / rows,
-            disturbance=without_faint(like.E, FAINT**0.5) / rows,
+            disturbance=like.E / rows,
             Q=Q * rows * columns,
             T=np.eye(A.shape[-1]) / rows,
             root=root,
             delta=like.delta,
         )
 
-    def __getitem__(self, index: int | np.ndarray | None) -> NormalForm:
-        """One game of a stack, or some of them; a stack of one with the index None."""
+    def __getitem__(self, index: int | None) -> NormalForm:
+        """One game of a stack, or a stack of one with the index None."""
         return replace(
             self,
             A=self.A[index],
@@ -98,12 +96,6 @@ class NormalForm:
     def S(self) -> np.ndarray:
         """B B' - E E', (..., n, n)."""
         return self.B @ self.B.mT - self.E @ self.E.mT
-
-    @property
-    def is_finite(self) -> np.ndarray:
-        """Whether every number of a game is finite in these units, (...)."""
-        with np.errstate(all="ignore"):
-            return np.isfinite(self.hamiltonian).all(axis=(-2, -1))
 
     @cached_property
     def hamiltonian(self) -> np.ndarray:
@@ -190,11 +182,6 @@ class NormalForm:
             Q=(Q + Q.T) / 2.0 / np.outer(D, D),
             T=D[:, None] * (W.T @ self.T),
         )
-
-
-def without_faint(matrix: np.ndarray, least: float) -> np.ndarray:
-    """The matrix with 0 in place of numbers so small that their products have no digits."""
-    return np.where(np.abs(matrix) < least, 0.0, matrix)
 
 
 def relative_residuals(

@@ -116,8 +116,8 @@ def solution_report(
         title=f"Exact game solution for {origin}\n"
         f"delta {delta:.6g}, smallest possible {smallest.value:.7g}{doubt}, margin {margin:.4g}",
         parts=(
-            matrix_table("P", states, states, solution.P, (units[0], -1), (units[0], -1)),
-            matrix_table("K", inputs, states, solution.K, (units[1], 1), (units[0], -1)),
+            matrix_table("P", states, states, solution.P),
+            matrix_table("K", inputs, states, solution.K),
             f"closed loop A - B K, 1/s: {eigenvalues}",
             checks_block(solution.certificate.checks),
             checks_block(found.meaning),

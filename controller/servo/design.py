@@ -271,6 +271,10 @@ def load_design(name: str, model: Model) -> Design:
     bandwidth, and by name outputs, states, rates: `Shaping`, `Following`. [newton.TABLE]: entries
     that replace those above for these equations. BadInputError names the file, the entry and the
     fault."""
+    if model.native is not None:
+        raise BadInputError(
+            f"{name}: a design is in the units of the aircraft's declaration; leave --units si out"
+        )
     return design_of(
         name, read_named("design", name, NAMED, "controller.servo", {...: None}), model
     )

@@ -310,6 +310,11 @@ def save_controller(path: str | Path, controller: ScheduledController) -> None:
 def load_controller(path: str | Path, model: Model) -> ScheduledController:
     """The controller in a .npz file of `save_controller`, in the names of a model. BadInputError
     names the file and its fault."""
+    if model.native is not None:
+        raise BadInputError(
+            f"{path}: a controller is in the units of the aircraft's declaration; "
+            "leave --units si out"
+        )
     if Path(path).suffix.lower() != ".npz":
         raise BadInputError(f"{path}: a controller is read from a .npz file; save it as one")
     content = read_arrays(path)

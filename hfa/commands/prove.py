@@ -281,7 +281,7 @@ def _schedule(request: ProveRequest) -> int:
         table = _table(request.weights, request, family.model, speed, uncertain)
     else:
         request.refuse(("design",), "goes with a controller; name its file by --weights FILE.npz")
-        changes = request.changed_weights(family.model.units(family.model.linear))
+        changes = request.changed_weights()
         table = exact_gains(family, low, high, uncertain, **changes)
     place, progress = request.output, ProgressLine("prove")
     file = (

@@ -2,8 +2,7 @@
 says why not.
 
 Its message is the rest of a sentence that begins with the option: "--delay" and "is 'short'; give a
-finite number". `quantity` and `numbers` convert degrees and SI; no other module converts typed
-numbers."""
+finite number". `quantity` converts degrees; no other module converts typed numbers."""
 
 from __future__ import annotations
 
@@ -15,7 +14,6 @@ from pathlib import Path
 from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError, shortened
 from hfa_support.files import note_read
-from hfa_support.reporting.unit_system import typed
 from hfa_support.schema import NUMBER, POSITIVE, Number
 
 PICTURES = (".png", ".svg", ".pdf")
@@ -38,10 +36,10 @@ positive = partial(number, declared=POSITIVE)
 
 def quantity(model: Model, name: str, text: str) -> float:
     """What was typed for a name of the model, in the shown unit of the one that it declares:
-    degrees of rad, m of ft with --units si; a plain number where there is none."""
+    degrees of rad; a plain number where there is none."""
     known = {**model.rates, **model.signals}
     unit = known[name].unit if name in known else "1"
-    return math.radians(number(text)) if unit.startswith("rad") else typed(number(text), unit)
+    return math.radians(number(text)) if unit.startswith("rad") else number(text)
 
 
 def breakpoint_value(model: Model, text: str) -> float:
@@ -165,16 +163,15 @@ def output_file(*suffixes: str, folder: bool = False) -> Callable[[str], Path]:
 
 
 def numbers(
-    form: str, *units: str, otherwise: tuple[float, ...] = ()
+    form: str, count: int, otherwise: tuple[float, ...] = ()
 ) -> Callable[[str], tuple[float, ...]]:
-    """The kind of numbers between colons, with the internal unit of each; the last may be left out,
-    `otherwise`."""
+    """The kind of `count` numbers between colons; the last ones may be left out, `otherwise`."""
 
     def convert(text: str) -> tuple[float, ...]:
-        parts, least = text.split(":"), len(units) - len(otherwise)
-        if not least <= len(parts) <= len(units):
+        parts = text.split(":")
+        least = count - len(otherwise)
+        if not least <= len(parts) <= count:
             raise BadInputError(f"is {text!r}; give {form}")
-        given = (typed(number(part), unit) for part, unit in zip(parts, units, strict=False))
-        return (*given, *otherwise[len(parts) - least :])
+        return (*(number(part) for part in parts), *otherwise[len(parts) - least :])
 
     return convert

@@ -31,7 +31,8 @@ from hfa.options.games import (
 from hfa.options.request import OfModel, option
 from hfa.options.trims import TrimOptions
 from hfa.output import ProgressLine
-from hfa_aircraft.model import Model, record
+from hfa_aircraft.model import Model
+from hfa_aircraft.signals import record
 from hfa_support.errors import BadInputError, refuse_unknown
 from hfa_support.files import MATRIX_FILES
 from trim.limits import Limits
@@ -151,7 +152,7 @@ def controller_option() -> Any:
 def actuators_option() -> Any:
     """The field `actuators`."""
     about = "actuators, s and deg/s, within the trim's control limits; order 1 (default) or 2"
-    kind = numbers(_ACTUATORS, "s", "deg/s", "1", otherwise=(1.0,))
+    kind = numbers(_ACTUATORS, 3, otherwise=(1.0,))
     return option(about, _ACTUATORS, kind)
 
 
@@ -159,14 +160,8 @@ def _wind_unit(model: Model) -> str:
     return model.unit(UPDRAFT) if UPDRAFT in model.disturbances else "ft/s"
 
 
-def _gust_numbers(model: Model, text: str) -> tuple[float, ...]:
-    speed = _wind_unit(model)
-    return numbers(_GUST, speed.removesuffix("/s"), speed, "s", otherwise=(0.0,))(text)
-
-
-def _turbulence_numbers(model: Model, text: str) -> tuple[float, ...]:
-    speed = _wind_unit(model)
-    return numbers(_TURBULENCE, speed, speed.removesuffix("/s"))(text)
+_gust_numbers = numbers(_GUST, 3, otherwise=(0.0,))
+_turbulence_numbers = numbers(_TURBULENCE, 2)
 
 
 def _linear_state(model: Model, name: str, text: str) -> float:
@@ -200,7 +195,7 @@ class ScenarioOptions(LawOptions, TrimOptions):
     fault: tuple[float, ...] | None = option(
         "actuators of the surfaces from BEGIN on: share of the command that arrives, bandwidth in rad/s",
         _FAULT,
-        numbers(_FAULT, "1", "1", "s", otherwise=(0.0,)),
+        numbers(_FAULT, 3, otherwise=(0.0,)),
         rare=True,
     )
     delay: float = option(
@@ -213,7 +208,7 @@ class ScenarioOptions(LawOptions, TrimOptions):
     turbulence: tuple[float, float] | None = option(
         "Dryden turbulence, ft/s and ft, from --seed",
         _TURBULENCE,
-        OfModel(_turbulence_numbers),
+        _turbulence_numbers,
         rare=True,
     )
     error: Mapping[str, float] = option(
@@ -230,9 +225,7 @@ class ScenarioOptions(LawOptions, TrimOptions):
         named=True,
         rare=True,
     )
-    gust: tuple[float, ...] | None = option(
-        "1-cosine updraft, ft, ft/s, s", _GUST, OfModel(_gust_numbers)
-    )
+    gust: tuple[float, ...] | None = option("1-cosine updraft, ft, ft/s, s", _GUST, _gust_numbers)
     envelope: Mapping[str, tuple[float, float]] = option(
         "other limits of a state, absolute (alpha: through the air); repeatable",
         "NAME=LOW:HIGH",

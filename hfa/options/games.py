@@ -21,7 +21,6 @@ from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError, said_of
 from hfa_support.files import MATRIX_FILES
 from hfa_support.reporting.text import numbered
-from hfa_support.reporting.unit_system import entries_in_force
 from trim.linear.linear_model import LinearModel, linearize
 from trim.point.operating_point import at_scheduled
 
@@ -57,18 +56,14 @@ class WeightOptions(Request):
         "diagonal of R; default: the paper's", "a,b,...", diagonal, names="--R", rare=True
     )
 
-    def changed_weights(self, state_units: tuple[str, ...] = ()) -> dict[str, Any]:
-        """Changes of the usual game that the options name; Q, typed in the units in force, in these
-        units."""
+    def changed_weights(self) -> dict[str, Any]:
+        """Changes of the usual game that the options name, in the units of the model."""
         typed: dict[str, Any] = {"Q": self.Q, "R": self.R, "delta": self.delta}
-        changes = {name: value for name, value in typed.items() if value is not None}
-        if "Q" in changes and len(changes["Q"]) == len(state_units):
-            changes["Q"] = entries_in_force(changes["Q"], (state_units, 1), (state_units, 1))
-        return changes
+        return {name: value for name, value in typed.items() if value is not None}
 
     def game_on(self, linear: LinearModel) -> Game:
         """The usual game on a linear model, with the weights that the options change."""
-        changes = self.changed_weights(linear.state_units)
+        changes = self.changed_weights()
         return usual_game(linear.point.model, linear.A, linear.B, **changes)
 
 
@@ -185,7 +180,7 @@ class PlantOptions(WeightOptions, AircraftOptions, TrimOptions):
 
             built = design_model(aircraft, linear, self.design)
             with said_of(f"design {built.design.name}"):
-                game = replace(built.game(), **self.changed_weights(built.state_units))
+                game = replace(built.game(), **self.changed_weights())
             names = built.states, built.inputs, built.state_units, built.input_units
             of_design = f"design {built.design.name} of {origin}"
             return NamedGame(game, *names, of_design, tuple(point.warnings))

@@ -25,7 +25,7 @@ from hfa_model.variants import variant_named
 from hfa_support.errors import BadInputError, NoSolutionError, refuse_unknown, shortened
 from hfa_support.files import note_read
 from hfa_support.reporting.report import SUFFIXES, Report
-from hfa_support.reporting.unit_system import SYSTEMS
+from hfa_support.units import SYSTEMS
 from trim.hfa.level_flight import CONDITIONS, load_condition
 from trim.point.condition import TrimCondition, release, usual_condition
 from trim.point.operating_point import OperatingPoint
@@ -135,7 +135,7 @@ def named_model(typed: Mapping[str, Any]) -> Model:
 
     typed: the fields of `AircraftOptions` that were typed."""
     if "aircraft" in typed:
-        from hfa_aircraft.model import load_model
+        from hfa_aircraft.loading import load_model
 
         for name in ("dynamics", "parameters"):
             if name in typed:

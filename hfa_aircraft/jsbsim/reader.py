@@ -19,7 +19,8 @@ from hfa_aircraft.jsbsim.airframe import SLUG_TO_LB
 from hfa_aircraft.jsbsim.engines import EngineFile
 from hfa_aircraft.jsbsim.reasons import explain, of_files
 from hfa_aircraft.jsbsim.xml_file import Folders
-from hfa_aircraft.model import Model, Signal
+from hfa_aircraft.model import Model
+from hfa_aircraft.signals import Signal
 from hfa_support.errors import BadInputError, shortened
 
 #: Outputs that are the positions of surfaces: name -> property, in rad.

@@ -9,8 +9,6 @@ from typing import Any, NamedTuple, Self
 
 import numpy as np
 
-from hfa_support.reporting.unit_system import entries_in_force, in_force, unit_in_force
-
 #: Numbers smaller than this are rounding and shown as 0.
 ROUNDING = 1e-12
 #: Largest entries of a matrix that is shown with four decimals.
@@ -73,11 +71,9 @@ def matrix_table(
     rows: tuple[str, ...],
     column_names: tuple[str, ...],
     matrix: Any,
-    *axes: tuple[tuple[str, ...], int],
 ) -> Table:
     """A matrix with its row and column names, four decimals like the paper's, with exponents where
-    these would hide all of it or fill the line; axes: as of `entries_in_force`."""
-    matrix = entries_in_force(matrix, *axes)
+    these would hide all of it or fill the line."""
     largest = float(np.abs(matrix).max(initial=0.0))
     form = four_decimals if _LEAST <= largest < _MOST or largest == 0.0 else "{:.4e}".format
     body = [(row, *map(form, matrix[i].tolist())) for i, row in enumerate(rows)]
@@ -124,14 +120,13 @@ def in_degrees(angle: float) -> float:
 
 
 def shown_unit(unit: str) -> str:
-    """The unit that a person reads: deg in place of rad, and what `shown_in` says in place of
-    ft."""
-    return unit.replace("rad", "deg") if unit.startswith("rad") else unit_in_force(unit)
+    """The unit that a person reads: deg in place of rad."""
+    return unit.replace("rad", "deg") if unit.startswith("rad") else unit
 
 
 def shown_values(values: Any, unit: str) -> Any:
     """A number, or an array of them, in its `shown_unit`: radians become degrees."""
-    return np.degrees(values) if unit.startswith("rad") else in_force(values, unit)
+    return np.degrees(values) if unit.startswith("rad") else values
 
 
 def shown_value(value: float, unit: str, form: str = ".6g") -> str:

@@ -11,13 +11,13 @@ import numpy as np
 
 import hfa_model
 from hfa_aircraft.model import Model
+from hfa_aircraft.units import in_units_of, native_values, unit_of
 from hfa_model.aerodynamics import Loads, PanelLoads
 from hfa_model.atmosphere import density, speed_of_sound
 from hfa_model.declaration import is_hfa
 from hfa_support.reporting.figure import new_figure
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Table, angle_text, four_decimals, short_number, shown_unit
-from hfa_support.reporting.unit_system import in_force, unit_in_force
 from trim.point.condition import TrimCondition
 from trim.point.operating_point import OperatingPoint
 from trim.point.trim_report import point_report
@@ -68,14 +68,20 @@ def with_loads(report: Report, aircraft: Model, point: OperatingPoint) -> Report
         flat |= {
             f"{panel}_{name}": getattr(getattr(loads, panel), name) for name in PanelLoads._fields
         }
-    load_units = {name: "ft lbf" if name.endswith("moment") else "lbf" for name in flat}
-    units = {name: unit for name, (unit, _) in PERFORMANCE.items()}
+    force = unit_of(aircraft, "lbf")
+    moment = unit_of(aircraft, "ft lbf")
+    load_units = {name: moment if name.endswith("moment") else force for name in flat}
+    units = {name: unit_of(aircraft, unit) for name, (unit, _) in PERFORMANCE.items()}
     rows = [
-        (called, short_number(numbers[name], unit), shown_unit(unit))
-        for name, (unit, called) in PERFORMANCE.items()
+        (called, short_number(numbers[name], units[name]), shown_unit(units[name]))
+        for name, (_, called) in PERFORMANCE.items()
         if called
     ]
-    parts = (*report.parts, _loads(loads, numbers), Table(("performance", "value", "unit"), rows))
+    parts = (
+        *report.parts,
+        _loads(loads, numbers, force, moment),
+        Table(("performance", "value", "unit"), rows),
+    )
     return replace(report, parts=parts).with_data(
         loads=flat, load_units=load_units, performance=numbers, performance_units=units
     )
@@ -89,11 +95,13 @@ def performance(aircraft: Model, point: OperatingPoint) -> dict[str, float]:
         hfa_model.loads(aircraft, x, point.inputs),
     )
     lift, drag, area = loads.lift, loads.drag, 3 * p.panel_span * p.chord
-    force, sound = watched["dynamic_pressure"] * area, float(speed_of_sound(x.altitude))
+    force = watched["dynamic_pressure"] * area
+    altitude = float(native_values(aircraft, ("altitude",), [x.altitude])[0])
+    sound = in_units_of(aircraft, float(speed_of_sound(altitude)), "ft/s")
     found = watched | {
         "weight": 3 * p.panel_mass * p.gravity,
         "wing_area": area,
-        "density": float(density(x.altitude)),
+        "density": in_units_of(aircraft, float(density(altitude)), "slug/ft^3"),
         "speed_of_sound": sound,
         "mach": x.speed / sound,
         "lift_coefficient": lift / force,
@@ -103,31 +111,29 @@ def performance(aircraft: Model, point: OperatingPoint) -> dict[str, float]:
     return {name: found[name] for name in PERFORMANCE}
 
 
-def _loads(loads: Loads, numbers: dict[str, float]) -> Table:
+def _loads(loads: Loads, numbers: dict[str, float], unit: str, moment: str) -> Table:
     """Of the aircraft, its center panel and one outer panel; the forces of a panel in its own
     axes."""
     weight, panel_force = numbers["weight"], numbers["dynamic_pressure"] * numbers["wing_area"] / 3
     center, outer = loads.center, loads.outer
     coefficients = numbers["lift_coefficient"], center.lift / panel_force, outer.lift / panel_force
     rows = [
-        ("weight", *_row((weight, weight / 3, weight / 3), "lbf")),
-        ("lift", *_row((loads.lift, center.lift, outer.lift), "lbf")),
-        ("drag", *_row((loads.drag, center.drag, outer.drag), "lbf")),
-        ("thrust", *_row((loads.thrust, None, None), "lbf")),
+        ("weight", *_row((weight, weight / 3, weight / 3), unit)),
+        ("lift", *_row((loads.lift, center.lift, outer.lift), unit)),
+        ("drag", *_row((loads.drag, center.drag, outer.drag), unit)),
+        ("thrust", *_row((loads.thrust, None, None), unit)),
         ("lift/drag", f"{numbers['lift_over_drag']:.3f}", "", "", "1"),
         ("lift coefficient", *_row(coefficients, "1")),
-        ("pitching moment", *_row((loads.pitching_moment, None, None), "ft lbf")),
-        ("hinge moment", *_row((None, None, loads.hinge_moment), "ft lbf")),
-        ("with hinge spring", *_row((None, None, numbers["hinge_moment_total"]), "ft lbf")),
+        ("pitching moment", *_row((loads.pitching_moment, None, None), moment)),
+        ("hinge moment", *_row((None, None, loads.hinge_moment), moment)),
+        ("with hinge spring", *_row((None, None, numbers["hinge_moment_total"]), moment)),
     ]
     return Table(("load", "aircraft", "center panel", "outer panel", "unit"), rows)
 
 
 def _row(values: Iterable[float | None], unit: str) -> tuple[str, ...]:
     """Loads and their unit; nothing where there is none."""
-    return *(
-        "" if value is None else four_decimals(in_force(value, unit)) for value in values
-    ), unit_in_force(unit)
+    return *("" if value is None else four_decimals(value) for value in values), unit
 
 
 #: Length of the longest arrow, of the span of a panel.
@@ -157,10 +163,10 @@ def panels_from_the_front(aircraft: Model, point: OperatingPoint) -> tuple[Panel
         hfa_model.loads(aircraft, point.states, point.inputs),
     )
     half, weight = (
-        in_force(p.panel_span, "ft") / 2,
-        np.array([0.0, -in_force(p.panel_mass * p.gravity, "lbf")]),
+        p.panel_span / 2,
+        np.array([0.0, -(p.panel_mass * p.gravity)]),
     )
-    middle, outer = (in_force(each.lift, "lbf") for each in (loads.center, loads.outer))
+    middle, outer = (each.lift for each in (loads.center, loads.outer))
     center = Panel(
         np.array([[-half, 0.0], [half, 0.0]]), np.zeros(2), np.array([0.0, middle]), weight
     )
@@ -177,17 +183,20 @@ def panels_from_the_front(aircraft: Model, point: OperatingPoint) -> tuple[Panel
     return right, center, left
 
 
-def scale_text(scale: float) -> str:
-    """scale: length of a force in the picture over the force, in the units of the report."""
-    return f"arrows: {1 / scale:.3g} {unit_in_force('lbf')} to the {'foot' if unit_in_force('ft') == 'ft' else 'meter'}"
+def scale_text(model: Model, scale: float) -> str:
+    """scale: length of a force in the picture over the force, in the units of the model."""
+    length = "foot" if unit_of(model, "ft") == "ft" else "meter"
+    return f"arrows: {1 / scale:.3g} {unit_of(model, 'lbf')} to the {length}"
 
 
 def trim_figure(aircraft: Model, point: OperatingPoint) -> Figure:
     """Forces to one scale, stated in the picture; angles and lengths true; the hinge moments in
     words."""
     panels = panels_from_the_front(aircraft, point)
-    span, x = in_force(hfa_model.parameters_of(aircraft).panel_span, "ft"), point.states
-    force, length, of_moment = map(unit_in_force, ("lbf", "ft", "ft lbf"))
+    span, x = hfa_model.parameters_of(aircraft).panel_span, point.states
+    force = unit_of(aircraft, "lbf")
+    length = unit_of(aircraft, "ft")
+    of_moment = unit_of(aircraft, "ft lbf")
     scale = (
         _LONGEST
         * span
@@ -216,10 +225,7 @@ def trim_figure(aircraft: Model, point: OperatingPoint) -> Figure:
                 else np.copysign(np.linalg.norm(each), each[1])
             )
             _label(axes, end, f"{size:.1f} {force}", color)
-    moment = (
-        round(float(in_force(hfa_model.loads(aircraft, x, point.inputs).hinge_moment, "ft lbf")), 1)
-        + 0.0
-    )
+    moment = round(float(hfa_model.loads(aircraft, x, point.inputs).hinge_moment), 1) + 0.0
     for side in (-1, 1):
         place = np.array([side * span / 2, 0.0])
         axes.plot(*place, "o", color="C3", markersize=7, markerfacecolor="white", zorder=3)
@@ -241,7 +247,7 @@ def trim_figure(aircraft: Model, point: OperatingPoint) -> Figure:
     axes.set_title(
         f"{point.dynamics} dynamics: {point.status} at dihedral {angle_text(x.dihedral)}, "
         f"{short_number(x.speed, 'ft/s')} {shown_unit('ft/s')}, {short_number(x.altitude, 'ft')} {length}\n"
-        f"{scale_text(scale)}",
+        f"{scale_text(aircraft, scale)}",
         fontsize=10,
     )
     return figure

@@ -12,18 +12,20 @@ import casadi as ca
 import numpy as np
 
 import hfa_model
-from hfa_aircraft.model import Layout, Model, components
+from hfa_aircraft.layout import Layout, components
+from hfa_aircraft.model import Model
+from hfa_aircraft.units import native_values
 from hfa_model.declaration import Equations
 from hfa_model.parameters import Parameters, ParameterSet, default_parameters
 from hfa_model.printed_matrices import PublishedModel, published_models
 from hfa_model.variants import variant_named
-from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_ROWS, LINEAR_STATES, LINEAR_UNITS, STATES
+from hfa_model.vectors import INPUTS, LINEAR_ROWS, LINEAR_STATES, STATES
 from hfa_support.errors import BadInputError
 from hfa_support.native.bound import BoundFunction, cached_per_thread
 from hfa_support.reporting.fields import ByValue
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.text import TONES, Cell, Table, four_decimals, matrix_table
-from hfa_support.reporting.unit_system import entries_in_force
+from hfa_support.units import si_factor
 from trim.hfa.level_flight import level_flight
 from trim.linear.linear_model import LinearModel, level_model, matrices
 from trim.point.condition import TrimCondition
@@ -278,8 +280,6 @@ def trust_in(
 
 def _largest(A: np.ndarray, B: np.ndarray) -> str:
     """The largest entry of both, in the units in force, and which it is."""
-    A = entries_in_force(A, (LINEAR_UNITS, 1), (LINEAR_UNITS, -1))
-    B = entries_in_force(B, (LINEAR_UNITS, 1), (tuple(INPUT_UNITS), -1))
     name, columns, largest = ("A", LINEAR_STATES, A) if A.max() >= B.max() else ("B", INPUTS, B)
     row, column = np.unravel_index(largest.argmax(), largest.shape)
     return f"{largest[row, column]:.2g} in {name}({LINEAR_STATES[row]}, {columns[column]})"
@@ -312,15 +312,20 @@ def entry_bands(parameters: ParameterSet, condition: TrimCondition, model: Linea
             "use the parameters.toml of `python -m studies.identification`, unchanged"
         )
     own = replace(hfa_model.aircraft(), equations=Equations(variant_named(model.point.dynamics)))
-    at = np.array([model.point.values[name] for name in own.variables]), np.array(parameters.values)
+    shown = model.point.model
+    values = [model.point.values[name] for name in own.variables]
+    at = native_values(shown, own.variables, values), np.array(parameters.values)
     free = [own.variables.index(name) for name in condition.free]
     rows = [STATES.index(name) for name in condition.equations[0]]
     known = [Parameters._fields.index(name) for name in parameters.identified]
     jacobian = entries_at(own.layout, *at, free, rows)[1][:, known]
     both = 2 * np.sqrt(np.einsum("ij,jk,ik->i", jacobian, parameters.covariance, jacobian))
-    return Bands(
-        *np.split(both.reshape(len(LINEAR_STATES), -1, order="F"), [len(LINEAR_STATES)], axis=1)
-    )
+    entries = both.reshape(len(LINEAR_STATES), -1, order="F")
+    if shown.native is not None:
+        rows_in_si = np.array([si_factor(own.unit(name)) for name in LINEAR_STATES])
+        columns_in_si = np.array([si_factor(own.unit(name)) for name in (*LINEAR_STATES, *INPUTS)])
+        entries = entries * rows_in_si[:, None] / columns_in_si
+    return Bands(*np.split(entries, [len(LINEAR_STATES)], axis=1))
 
 
 def entries_at(

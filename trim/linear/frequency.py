@@ -13,7 +13,6 @@ from hfa_support.reporting.figure import new_figure
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.results import plain
 from hfa_support.reporting.text import Table, eigenvalue_text
-from hfa_support.reporting.unit_system import entries_in_force, in_force, unit_in_force
 from trim.linear.linear_model import LinearModel
 from trim.linear.transfer import (
     ROUNDING,
@@ -54,7 +53,7 @@ def bode_figure(model: LinearModel) -> Figure:
     response = model.frequency_response()
     values = np.moveaxis(response.frdata, 2, 0)
     output_units = model.point.model.units(model.outputs)
-    size = entries_in_force(np.abs(values), (output_units, 1), (model.input_units, -1))
+    size = np.abs(values)
     phase = np.degrees(np.unwrap(np.angle(values), axis=0))
     if not size.any():
         raise BadInputError(
@@ -71,8 +70,8 @@ def bode_figure(model: LinearModel) -> Figure:
             decibels = 20 * np.log10(size[:, i, j])
             (line,) = above.semilogx(response.omega, decibels, color=f"C{j}")
             below.semilogx(response.omega, phase[:, i, j], color=f"C{j}")
-            lines[f"{name}, {unit_in_force(input_unit)}"] = line
-        above.set_title(f"{output}, {unit_in_force(unit)}", fontsize=9)
+            lines[f"{name}, {input_unit}"] = line
+        above.set_title(f"{output}, {unit}", fontsize=9)
         above.grid(alpha=0.3)
         below.set_xlabel("rad/s")
         below.grid(alpha=0.3)
@@ -93,8 +92,8 @@ def with_transfers(report: Report, model: LinearModel) -> Report:
             rows.append(
                 (
                     f"{transfer.output} / {transfer.input}",
-                    f"{in_force(transfer.gain, transfer.unit):.6g}",
-                    f"{in_force(transfer.static, transfer.unit):.6g}",
+                    f"{transfer.gain:.6g}",
+                    f"{transfer.static:.6g}",
                     _pairs_text(transfer.zeros),
                     _pairs_text(transfer.poles),
                 )

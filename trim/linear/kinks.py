@@ -9,7 +9,8 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from hfa_aircraft.model import Layout, Model, components
+from hfa_aircraft.layout import Layout, components
+from hfa_aircraft.model import Model
 
 _ONE_ARGUMENT = {ca.OP_FABS, ca.OP_SIGN}
 _TWO_ARGUMENTS = {ca.OP_FMIN, ca.OP_FMAX, ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE}

@@ -15,7 +15,6 @@ from hfa_support.reporting.fields import ByValue
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Matrix, Result, Roots, Vector
 from hfa_support.reporting.text import Table, degrees, matrix_table
-from hfa_support.reporting.unit_system import unit_in_force
 from trim.linear.kinks import with_means_at_kinks
 from trim.linear.modes import Mode, modes_of, modes_table
 from trim.linear.transfer import Transfer
@@ -408,7 +407,7 @@ def units_in_words(model: LinearModel) -> str:
     if others:
         listed = [f"{', '.join(names)} in {unit}" for unit, names in others.items()]
         words += f", but {'; '.join(listed)}"
-    return unit_in_force(words)
+    return words
 
 
 def _base_units(unit: str) -> set[str]:
@@ -418,15 +417,10 @@ def _base_units(unit: str) -> set[str]:
 
 def matrices(model: LinearModel) -> tuple[Table, ...]:
     """A and B with their names, C and D where the outputs are not the states."""
-    units = model.point.model.units
-    tables = []
-    for block in _blocks(model):
-        row_axis = (units(block.rows), 1)
-        column_axis = (block.column_units, -1)
-        tables.append(
-            matrix_table(block.name, block.rows, block.columns, block.values, row_axis, column_axis)
-        )
-    return tuple(tables)
+    return tuple(
+        matrix_table(block.name, block.rows, block.columns, block.values)
+        for block in _blocks(model)
+    )
 
 
 def _blocks(model: LinearModel) -> list[Block]:

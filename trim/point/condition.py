@@ -202,6 +202,14 @@ class TrimCondition:
         return self.limits.get(name, self.model.limits[name])
 
 
+def refuse_other_units(condition: TrimCondition, model: Model) -> None:
+    """BadInputError when one of condition and model is in SI units and the other is not."""
+    if (condition.model.native is None) != (model.native is None):
+        raise BadInputError(
+            "the condition is not in the units of the model; make both of the same model"
+        )
+
+
 @lru_cache(maxsize=16)
 def usual_condition(model: Model) -> TrimCondition:
     """What a model's declaration imposes."""

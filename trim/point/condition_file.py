@@ -11,9 +11,11 @@ from typing import Any
 import numpy as np
 
 from hfa_aircraft.model import Model
+from hfa_aircraft.units import native_of
 from hfa_support.errors import BadInputError, said_of, shown
 from hfa_support.linear_table import LinearTable
 from hfa_support.schema import NUMBER, checked, read_named
+from hfa_support.units import si_factor
 from trim.point.condition import TrimCondition, release
 
 #: What a file of a condition holds.
@@ -58,12 +60,13 @@ def read_condition(
 
 
 def _variable(model: Model, file: str, key: str, *more: str) -> tuple[str, float]:
-    """The variable that a key of the file names, and the factor from its unit; `more`: names that
-    are allowed beside those that a trim can impose."""
+    """The variable that a key of the file names, and the factor from its unit, which is that of the
+    model's declaration; `more`: names that are allowed beside those that a trim can impose."""
     name = key.removesuffix("_deg")
     model.refuse_unheld(f"{file}: unknown trim variable", name, more)
     if name == key:
-        return name, 1.0
+        declared = native_of(model)
+        return name, 1.0 if declared is model else si_factor(declared.unit(name))
     if not model.unit(name).startswith("rad"):
         raise BadInputError(f"{file}: {key} is no angle; write {name}, in {model.unit(name)}")
     return name, math.pi / 180.0

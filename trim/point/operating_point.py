@@ -9,15 +9,16 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from hfa_aircraft.model import Model, record
-from hfa_support.errors import BadInputError, said_of
+from hfa_aircraft.model import Model
+from hfa_aircraft.signals import record
+from hfa_support.errors import BadInputError, shortened
 from hfa_support.files import read_json, write_text
 from hfa_support.jsonable import json_text
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Result
 from hfa_support.reporting.text import Table, degrees, in_degrees
-from hfa_support.reporting.unit_system import english
 from hfa_support.schema import NUMBER, checked
+from hfa_support.units import conversion, si_unit
 
 SCHEMA = "hfa.operating-point/1"
 #: An equation balances when its residual, in its scaled unit, is no larger.
@@ -134,6 +135,10 @@ class OperatingPoint(Reported):
 
     def refuse_other(self, model: Model) -> None:
         """BadInputError when the point was trimmed with another model, or other dynamics."""
+        if (self.model.native is None) != (model.native is None):
+            raise BadInputError(
+                "the operating point is not in the units of the model; trim the model itself"
+            )
         if self.dynamics != model.name:
             raise BadInputError(
                 f"the operating point was trimmed with {self.dynamics!r} dynamics, the aircraft has {model.name!r}; "
@@ -218,11 +223,15 @@ class OperatingPoint(Reported):
             str(path), data, {**_FILE, "states*": names["states"], "inputs*": names["inputs"]}
         )
         stated, values = found.get("state_units", {}), found["states"]
-        with said_of(path):
-            for name in model.states:
-                values[name] = english(
-                    values[name], stated.get(name, model.unit(name)), model.unit(name)
+        for name in model.states:
+            unit = model.unit(name)
+            factor = conversion(stated.get(name, unit), unit)
+            if factor is None:
+                known = dict.fromkeys((unit, si_unit(unit)))
+                raise BadInputError(
+                    f"{path}: {name} is in {shortened(stated[name])}, not in {' or '.join(known)}"
                 )
+            values[name] = values[name] * factor
         states, inputs = (
             record(tuple(getattr(model, kind)))(**found[kind]) for kind in ("states", "inputs")
         )

@@ -7,7 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hfa_aircraft.model import Model, record
+from hfa_aircraft.model import Model
+from hfa_aircraft.signals import record
 from hfa_support.errors import BadInputError
 from hfa_support.linear_table import LinearTable
 from trim.point.condition import TrimCondition

@@ -13,7 +13,7 @@ import numpy as np
 
 from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError, NoSolutionError
-from trim.point.condition import TrimCondition, usual_condition
+from trim.point.condition import TrimCondition, refuse_other_units, usual_condition
 from trim.point.diagnosis import failure
 from trim.point.newton import newton
 from trim.point.operating_point import OperatingPoint, Status
@@ -54,6 +54,7 @@ def find_operating_point(
     Raises TrimError when the equations cannot be balanced within the limits, BadInputError when the
     condition is not well posed or its numbers, with the model's, overflow. Source: Stevens,
     Lewis, Johnson, Aircraft Control and Simulation, Section 3.6."""
+    refuse_other_units(condition, model)
     problem = TrimProblem(model, condition, start)
     try:
         with np.errstate(over="raise"):

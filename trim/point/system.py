@@ -11,7 +11,8 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
-from hfa_aircraft.model import Layout, Model, components
+from hfa_aircraft.layout import Layout, components
+from hfa_aircraft.model import Model
 from hfa_support.linear_table import LinearTable
 from hfa_support.native.bound import RowFunction, cached_per_thread
 from trim.limits import Limits

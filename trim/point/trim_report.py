@@ -12,7 +12,6 @@ from hfa_aircraft.model import Model
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.results import Result
 from hfa_support.reporting.text import Cell, Table, degrees, short_number, shown_unit, shown_value
-from hfa_support.reporting.unit_system import in_force, unit_in_force
 from trim.point.condition import TrimCondition
 from trim.point.diagnosis import singular_note
 from trim.point.margins import Margin, all_margins
@@ -184,10 +183,10 @@ def _equations_table(point: OperatingPoint, equations: dict[str, dict[str, Any]]
         row = [f"rate of {name}" if name in states else name]
         if with_rates:
             rate = entry["imposed"] if name in states else 0.0
-            row.append(f"{in_force(rate, unit):.6g}")
-        row.append(f"{in_force(entry['residual'], unit):.2e}")
-        row.append(f"{in_force(entry['tolerance'], unit):.2e}")
-        row.append(unit_in_force(unit))
+            row.append(f"{rate:.6g}")
+        row.append(f"{entry['residual']:.2e}")
+        row.append(f"{entry['tolerance']:.2e}")
+        row.append(unit)
         row.append(f"{point.scaled_residuals[name]:.2e}")
         row.append(Cell("PASS", "good") if entry["ok"] else Cell("FAIL", "bad"))
         rows.append(tuple(row))

@@ -13,7 +13,12 @@ import numpy as np
 from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError, NoSolutionError, numbers_in
 from hfa_support.progress import Progress
-from trim.point.condition import TrimCondition, usual_condition, with_first_alternatives
+from trim.point.condition import (
+    TrimCondition,
+    refuse_other_units,
+    usual_condition,
+    with_first_alternatives,
+)
 from trim.point.newton import newton
 from trim.point.operating_point import BALANCE, OperatingPoint, Status
 from trim.point.solve import find_operating_point
@@ -86,6 +91,7 @@ def trim_points(
         )
     if condition is None:
         condition = usual_condition(model)
+    refuse_other_units(condition, model)
     if compile_code is None:
         compile_code = len(values) >= COMPILE_FROM
     variables, values, condition = _resolved(variables, values, condition)

@@ -10,7 +10,6 @@ import numpy as np
 
 from hfa_support.reporting.checks import verdict_text
 from hfa_support.reporting.figure import new_figure
-from hfa_support.reporting.unit_system import entries_in_force, unit_in_force
 from verification.critic.verdict import COLUMNS, Verdict
 
 if TYPE_CHECKING:
@@ -50,16 +49,11 @@ def verdict_figure(
         rows = states
         learned = verdict.critic.P
         exact = verdict.exact.P
-        axis_units = ((state_units, -1), (state_units, -1))
     else:
         name = "K"
         rows = inputs
         learned = verdict.critic.K
         exact = verdict.exact.K
-        axis_units = ((input_units, 1), (state_units, -1))
-    if state_units:
-        learned = entries_in_force(learned, *axis_units)
-        exact = entries_in_force(exact, *axis_units)
     largest = float(np.abs(exact).max())
     with np.errstate(divide="ignore", invalid="ignore"):  # none where the exact entry is 0
         relative = np.ma.masked_invalid((learned - exact) / np.abs(exact))
@@ -74,7 +68,7 @@ def verdict_figure(
         axes.set_xticks(range(len(states)), states, rotation=60, ha="right", fontsize=7)
         axes.set_yticks(range(len(rows)), rows, fontsize=7)
         if state_units and size is not None:
-            units = dict.fromkeys(unit_in_force(unit) for unit in state_units)
+            units = dict.fromkeys(unit for unit in state_units)
             axes.set_xlabel(f"of states in {', '.join(units)}", fontsize=7)
     if table is not None:
         axes = figure.add_subplot(grid[1, :])

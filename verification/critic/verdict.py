@@ -16,7 +16,6 @@ from hfa_support.jsonable import finite_or_none, jsonable
 from hfa_support.reporting.checks import Check, Checked, checks_block, verdict_text
 from hfa_support.reporting.report import Part, Report, Reported
 from hfa_support.reporting.text import Table, entry_rows, numbered
-from hfa_support.reporting.unit_system import in_force
 from verification.critic.critic_errors import Exact
 
 #: What is computed for each row of a table of critics, and the head of its column and curve.
@@ -295,9 +294,7 @@ class Verdict(Checked, Reported):
         most = _ENTRIES if self.ok else _ENTRIES_OF_A_FAILURE
         rows = []
         for index in sorted(np.argsort(-sizes, kind="stable")[:most]):
-            matrix, row, column, learned, exact, unit = candidates[index]
-            learned = in_force(learned, unit)
-            exact = in_force(exact, unit)
+            matrix, row, column, learned, exact, _ = candidates[index]
             rows.append(
                 (
                     f"{matrix}({row}, {column})",

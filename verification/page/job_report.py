@@ -18,7 +18,6 @@ from hfa_support.errors import BadInputError
 from hfa_support.reporting.checks import verdict_text
 from hfa_support.reporting.report import Part, Picture, Report
 from hfa_support.reporting.text import Cell, Table, angle_text
-from hfa_support.reporting.unit_system import system_in_force
 from trim.hfa.hfa_report import trim_report
 from trim.hfa.printed import (
     bands_known,
@@ -162,7 +161,7 @@ def _model_report(job: MainJob, angle: Angle, model: LinearModel) -> Report:
     )
     report = with_bands(linear_model_report(model), model, bands)
     printed = printed_at(model.point)
-    if printed is None or system_in_force() == "si":  # the print is in feet
+    if printed is None or model.point.model.native is not None:  # the print is in feet
         return report
     beside: tuple[Part, ...] = matrices_beside_the_print(model, printed)
     kept = report.parts[len(beside) :]

@@ -15,9 +15,9 @@ import numpy as np
 
 import hfa_model
 from hfa_aircraft.model import Model
+from hfa_aircraft.units import in_units_of, unit_of
 from hfa_support.jsonable import jsonable
 from hfa_support.reporting.report import Picture
-from hfa_support.reporting.unit_system import in_force, unit_in_force
 from trim.hfa.hfa_report import panels_from_the_front, scale_text, trim_figure
 from trim.point.operating_point import OperatingPoint
 from trim.sweeps.sweep import Sweep
@@ -129,7 +129,7 @@ def front_view(aircraft: Model, points: tuple[Angle, ...]) -> InteractivePlot | 
     known = [point for point in trims if point is not None]
     if not known:
         return None
-    span, length = in_force(hfa_model.parameters_of(aircraft).panel_span, "ft"), unit_in_force("ft")
+    span, length = hfa_model.parameters_of(aircraft).panel_span, unit_of(aircraft, "ft")
     panels = [panel for point in known for panel in panels_from_the_front(aircraft, point)]
     scale = (
         _LONGEST
@@ -140,7 +140,8 @@ def front_view(aircraft: Model, points: tuple[Angle, ...]) -> InteractivePlot | 
     heights = np.concatenate(
         [np.asarray(trace["y"], dtype=float) for traces in moving for trace in traces]
     )
-    room, wide = in_force(16.0, "ft"), 1.5 * span + in_force(12.0, "ft")
+    room = in_units_of(aircraft, 16.0, "ft")
+    wide = 1.5 * span + in_units_of(aircraft, 12.0, "ft")
     plain = {
         "constrain": "domain",
         "showgrid": False,
@@ -149,7 +150,7 @@ def front_view(aircraft: Model, points: tuple[Angle, ...]) -> InteractivePlot | 
     x = _axis(length, range=[-wide, wide], **plain)
     low, high = float(np.nanmin(heights)) - room, float(np.nanmax(heights)) + room
     y = _axis(length, range=[low, high], scaleanchor="x", scaleratio=1, constrain="domain")
-    text = f"The trimmed aircraft at the chosen angle, seen from the front; {scale_text(scale)}"
+    text = f"The trimmed aircraft at the chosen angle, seen from the front; {scale_text(aircraft, scale)}"
     return InteractivePlot(
         "trim.png", text, lambda: trim_figure(aircraft, known[0]), (_figure(_FIXED, moving, x, y),)
     )
@@ -161,17 +162,15 @@ def _drawing(aircraft: Model, point: OperatingPoint | None, scale: float) -> lis
     if point is None:
         return [{"x": [], "y": []} for _ in _FIXED]
     panels, gap = panels_from_the_front(aircraft, point), np.array([np.nan, np.nan])
-    half = in_force(hfa_model.parameters_of(aircraft).panel_span, "ft") / 2
+    half = hfa_model.parameters_of(aircraft).panel_span / 2
     forces = (
         [(panel.middle, panel.lift) for panel in panels],
         [(panel.middle, panel.weight) for panel in panels],
     )
     hinges = np.array([[-half, 0.0], [half, 0.0]])
-    moment = in_force(
-        float(hfa_model.loads(aircraft, point.states, point.inputs).hinge_moment), "ft lbf"
-    )
+    moment = float(hfa_model.loads(aircraft, point.states, point.inputs).hinge_moment)
     sizes = [
-        f"{np.linalg.norm(force):.1f} {unit_in_force('lbf')}"
+        f"{np.linalg.norm(force):.1f} {unit_of(aircraft, 'lbf')}"
         for kind in forces
         for _, force in kind
     ]
@@ -190,7 +189,7 @@ def _drawing(aircraft: Model, point: OperatingPoint | None, scale: float) -> lis
         ),
         _line(hinges),
         _line(texts)
-        | {"text": [*sizes, *[f"{round(moment, 1) + 0.0:.1f} {unit_in_force('ft lbf')}"] * 2]}
+        | {"text": [*sizes, *[f"{round(moment, 1) + 0.0:.1f} {unit_of(aircraft, 'ft lbf')}"] * 2]}
         | {"textposition": [*beside, *["bottom center"] * 2]},
     ]
 

@@ -31,7 +31,8 @@ from controller.servo.controller_c import (
     longest_step,
 )
 from controller.servo.servo_policy import servo_policy
-from hfa_aircraft.model import Model, load_model
+from hfa_aircraft.loading import load_model
+from hfa_aircraft.model import Model
 from hfa_model import LINEAR_STATES, STATES as HFA_STATES, Input
 from hfa_support import BadInputError
 from hfa_support.files import write_texts

@@ -33,7 +33,8 @@ from controller.flight.nonlinear_flight import NonlinearFlight, fly_within
 from controller.flight.policies import OpenLoop, open_loop
 from controller.flight.signals import Harmonic, Waveform
 from controller.flight.simulation import CompiledLoop
-from hfa_aircraft.model import Model, record
+from hfa_aircraft.model import Model
+from hfa_aircraft.signals import record
 from hfa_model import STATES
 from hfa_support import BadInputError, NoSolutionError, Signal as Declared
 from trim import OperatingPoint, find_operating_point, linearize

@@ -4,7 +4,7 @@ import importlib.util
 
 import pytest
 
-from hfa_aircraft.model import load_model
+from hfa_aircraft.loading import load_model
 from trim import find_operating_point
 from trim.point.condition import release, usual_condition
 

@@ -18,7 +18,7 @@ import hfa_model
 from controller import ScheduledController
 from controller.hfa_game import usual_game
 from controller.servo.design import Actuator
-from hfa_aircraft.model import load_model
+from hfa_aircraft.loading import load_model
 from hfa_model import INPUTS, LINEAR_STATES
 from hfa_support import BadInputError, Model, Signal
 from trim import linearize

@@ -1,0 +1,277 @@
+"""The equations of a model as CasADi expressions, compiled once for all models that share them."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from hfa_aircraft.signals import VECTORS, record
+from hfa_support.errors import BadInputError, refuse_unknown, shown
+from hfa_support.native.bound import BoundFunction, cached_per_thread
+
+#: What equations raise that do not take expressions.
+_FAILURES = (
+    AttributeError,
+    TypeError,
+    ValueError,
+    LookupError,
+    NameError,
+    ArithmeticError,
+    RuntimeError,
+    NotImplementedError,
+    AssertionError,
+)
+
+
+class Linearization(NamedTuple):
+    """f and y at a point, and their derivatives by x, u and w.
+
+    f: (n,). y: (k,).
+    A: (n, n), B: (n, m), E: (n, d), of f.
+    C: (k, n), D: (k, m), F: (k, d), of y.
+    """
+
+    f: np.ndarray
+    y: np.ndarray
+    A: np.ndarray
+    B: np.ndarray
+    C: np.ndarray
+    D: np.ndarray
+    E: np.ndarray
+    F: np.ndarray
+
+
+class Layout(NamedTuple):
+    """What a model's Functions depend on: equations and names, no numbers.
+
+    name: of the model.
+    equations: as a `Model` has them.
+    names: of states, inputs, parameters, disturbances and outputs.
+    replaced: (state, output) pairs, as a `Model` has them.
+    """
+
+    name: str
+    equations: Callable[..., Any]
+    names: tuple[tuple[str, ...], ...]
+    replaced: tuple[tuple[str, str], ...]
+
+    @property
+    def variables(self) -> tuple[str, ...]:
+        """What a trim imposes or finds."""
+        instead = dict(self.replaced)
+        return (*(instead.get(name, name) for name in self.names[0]), *self.names[1])
+
+    @property
+    def has_nan(self) -> bool:
+        """Whether a constant of the equations is not a number: math.sin makes one of a symbol."""
+        vectors = self.symbols("x", "u", "p")
+        rates, _ = self.expressions([components(vector) for vector in vectors], ())
+        function = ca.Function("f", vectors, [rates])
+        constants = [
+            function.instruction_constant(number)
+            for number in range(function.n_instructions())
+            if function.instruction_id(number) == ca.OP_CONST
+        ]
+        return any(math.isnan(constant) for constant in constants)
+
+    def refuse_steps(self, jacobian: ca.SX, names: Sequence[str]) -> None:
+        """BadInputError for a variable (column) that acts in steps only: every slope is 0, though
+        equations have it."""
+        has_entry = ca.DM(jacobian.sparsity(), 1).full().any(axis=0)
+        has_slope = ca.DM(ca.sparsify(jacobian).sparsity(), 1).full().any(axis=0)
+        for name, entry, slope in zip(names, has_entry, has_slope, strict=True):
+            if entry and not slope:
+                raise BadInputError(
+                    f"{self.name}: {name} is discrete, its slopes are all 0; "
+                    "declare it as a parameter"
+                )
+
+    def record(self, vector: str, values: Any) -> Any:
+        """The values of x, u, p or w by name."""
+        return record(self._names_of(vector))(*values)
+
+    def symbols(self, *vectors: str) -> list[ca.SX]:
+        """New symbols, a column for each of "x", "u", "p", "w"."""
+        return [ca.SX.sym(vector, len(self._names_of(vector))) for vector in vectors]
+
+    def _names_of(self, vector: str) -> tuple[str, ...]:
+        return self.names[list(VECTORS).index(vector)]
+
+    def expressions(
+        self, vectors: Sequence[Any], outputs: Sequence[str], w: Any = None
+    ) -> tuple[ca.SX, ca.SX]:
+        """f (n,) and the named outputs or states (k,).
+
+        vectors: components of x, u, p.
+        w: components of the disturbances, none of them unless given.
+        BadInputError where the equations are wrong (`_symbolic`).
+        """
+        symbols, f, output_expressions = _symbolic(self, w is None)
+        states = self.names[0]
+        chosen = [
+            symbols[0][states.index(name)] if name in states else output_expressions[name]
+            for name in outputs
+        ]
+        values = list(vectors) if w is None else [*vectors, w]
+        columns = [ca.vertcat(ca.SX(0, 1), *vector) for vector in values]
+        y = ca.densify(ca.SX(ca.vertcat(ca.SX(0, 1), *chosen)))
+        f_there, y_there = ca.substitute([f, y], symbols, columns)
+        return f_there, y_there
+
+    def in_variables(
+        self, values: Mapping[str, Any], p: ca.SX, outputs: Sequence[str]
+    ) -> list[ca.SX]:
+        """x, u, f and the named outputs, where `values` has each variable of a trim, in still air.
+
+        A state in `replaced` follows from the output in its place: x = (value - y(0)) / (dy/dx).
+        BadInputError where that output is not affine in it.
+        """
+        unknown = {state: ca.SX.sym(state) for state, _ in self.replaced}
+        x: list[Any] = [unknown.get(name, values.get(name)) for name in self.names[0]]
+        u = [values[name] for name in self.names[1]]
+        replacing = [output for _, output in self.replaced]
+        f, seen = self.expressions((x, u, components(p)), (*outputs, *replacing))
+        y = seen[: len(outputs)]
+        replacements = seen[len(outputs) :]
+        parts: Any = [
+            ca.vertcat(*map(ca.SX, x)),
+            ca.vertcat(ca.SX(0, 1), *u),
+            f,
+            y,
+        ]
+        for row, (state, output) in enumerate(self.replaced):
+            symbol = unknown[state]
+            slope = ca.jacobian(replacements[row], symbol)
+            if slope.is_zero() or ca.depends_on(slope, symbol):
+                raise BadInputError(
+                    f"{self.name}: {output} cannot replace {state}; it must be affine in it"
+                )
+            at_zero = ca.substitute(replacements[row], symbol, 0)
+            parts = ca.substitute(parts, [symbol], [(values[output] - at_zero) / slope])
+        return [ca.densify(part) for part in parts]
+
+
+def components(vector: Any) -> list[Any]:
+    """The entries of a CasADi column, none of an empty one."""
+    return ca.vertsplit(vector) if vector.numel() else []
+
+
+@lru_cache(maxsize=16)
+def _symbolic(layout: Layout, still: bool) -> tuple[list[ca.SX], ca.SX, Mapping[str, Any]]:
+    """Symbols x, u, p, w, and in these f and the outputs by name.
+
+    They take longer to build than all that is made of them, so they are kept.
+    still: whether the disturbances are 0; then there are no symbols of w.
+    BadInputError names what the equations do wrong.
+    """
+    names = list(VECTORS)
+    symbols = layout.symbols(*(names[:3] if still else names))
+    values = [components(vector) for vector in symbols]
+    if still:
+        values.append([0.0] * len(layout.names[3]))
+    arguments = [layout.record(name, vector) for name, vector in zip(names, values, strict=True)]
+    rates, outputs = _called(layout, arguments)
+    f = [_scalar(layout, "rate", name, rates[name]) for name in layout.names[0]]
+    seen = {name: _scalar(layout, "output", name, outputs[name]) for name in layout.names[4]}
+    return symbols, ca.densify(ca.SX(ca.vertcat(*f))), seen
+
+
+def _called(layout: Layout, arguments: list[Any]) -> tuple[Mapping[str, Any], Mapping[str, Any]]:
+    """What the equations return, with every name that is declared and no other."""
+    try:
+        with warnings.catch_warnings(action="ignore", category=FutureWarning):
+            # CasADi warns of functions of NumPy.
+            returned = layout.equations(*arguments)
+    except _FAILURES as error:
+        for kind, vector, names in zip(VECTORS.values(), arguments, layout.names, strict=False):
+            if isinstance(error, AttributeError) and error.obj is vector:
+                refuse_unknown(
+                    f"{layout.name}: the equations use an undeclared name of {kind},",
+                    error.name,
+                    names,
+                )
+        reason = f"{type(error).__name__}: {' '.join(str(error).split())[:200]}"
+        raise BadInputError(
+            f"{layout.name}: the equations fail ({reason}); write ca.if_else for if, and CasADi's "
+            "functions (ca.sin) for those of other packages"
+        ) from error
+    is_pair = isinstance(returned, tuple) and len(returned) == 2
+    if not (is_pair and all(hasattr(part, "keys") for part in returned)):
+        raise BadInputError(
+            f"{layout.name}: the equations return {shown(returned)}; return rates by state and "
+            "outputs by name, two dicts (algebraic residuals are not supported: solve them, or "
+            "make what they determine a state)"
+        )
+    rates, outputs = returned
+    for kind, values, names in (
+        ("rate", rates, layout.names[0]),
+        ("output", outputs, layout.names[4]),
+    ):
+        for name in names:
+            if name not in values:
+                raise BadInputError(f"{layout.name}: the equations return no {kind} of {name}")
+        for name in values:
+            refuse_unknown(
+                f"{layout.name}: the equations return the undeclared {kind}", name, names
+            )
+    return rates, outputs
+
+
+def _scalar(layout: Layout, kind: str, name: str, value: Any) -> ca.SX:
+    """A rate or an output as one expression; BadInputError where it is a vector or no number."""
+    try:
+        expression = ca.SX(value)
+    except (NotImplementedError, TypeError, ValueError) as error:
+        raise BadInputError(
+            f"{layout.name}: the {kind} of {name} is {shown(value)}; return a number"
+        ) from error
+    if expression.numel() != 1:
+        raise BadInputError(
+            f"{layout.name}: the {kind} of {name} has {expression.numel()} entries; "
+            "return one number for each name"
+        )
+    return expression
+
+
+@lru_cache(maxsize=64)
+def linearized(
+    layout: Layout, outputs: tuple[str, ...], disturbances: tuple[str, ...]
+) -> ca.Function:
+    """(x, u, p) -> the parts of a `Linearization` at w = 0."""
+    x, u, p = layout.symbols("x", "u", "p")
+    w = ca.SX.sym("w", len(disturbances))
+    for name in disturbances:
+        refuse_unknown("unknown disturbance", name, layout.names[3])
+    vectors = [components(vector) for vector in (x, u, p)]
+    f, y = layout.expressions(vectors, outputs)
+    A, B = ca.jacobian(f, x), ca.jacobian(f, u)
+    layout.refuse_steps(A, layout.names[0])
+    layout.refuse_steps(B, layout.names[1])
+    parts = [f, y, A, B, ca.jacobian(y, x), ca.jacobian(y, u)]
+    if disturbances:
+        winds = dict(zip(disturbances, ca.vertsplit(w), strict=True))
+        every_wind = [winds.get(name, 0.0) for name in layout.names[3]]
+        for expression in layout.expressions(vectors, outputs, every_wind):
+            parts.append(ca.substitute(ca.jacobian(expression, w), w, 0))
+    else:
+        parts += [ca.SX(f.numel(), 0), ca.SX(y.numel(), 0)]
+    names = (
+        *("ode", "ydef", "jac_ode_x", "jac_ode_u"),
+        *("jac_ydef_x", "jac_ydef_u", "jac_ode_w", "jac_ydef_w"),
+    )
+    dense = [ca.densify(part) for part in parts]
+    return ca.Function("linearized", [x, u, p], dense, ["x", "u", "p"], names)
+
+
+@cached_per_thread(maxsize=16)
+def bound_linearized(
+    layout: Layout, outputs: tuple[str, ...], disturbances: tuple[str, ...]
+) -> BoundFunction:
+    """`linearized`, bound to memory of its own in each thread."""
+    return BoundFunction(linearized(layout, outputs, disturbances))

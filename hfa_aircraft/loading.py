@@ -1,0 +1,86 @@
+"""Models from files: a Python file of the user's, or a module."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib
+import sys
+import types
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from hfa_aircraft.model import Model
+from hfa_support.errors import BadInputError, shown
+
+
+def load_model(text: str) -> Model:
+    """The Model of `FILE.py:NAME` or `package.module:NAME`, which is executed, or of an aircraft of
+    JSBSim, `jsbsim:NAME` or `FILE.xml`, which is read.
+
+    BadInputError names the file and its fault.
+    """
+    if text.startswith("jsbsim:") or text.endswith(".xml"):
+        from hfa_aircraft.jsbsim.reader import read_model
+
+        return read_model(text)
+    where, colon, name = text.rpartition(":")
+    if not colon or not name.isidentifier():
+        raise BadInputError(
+            f"{shown(text)} is no aircraft; give FILE.py:NAME, package.module:NAME, jsbsim:NAME "
+            "or FILE.xml"
+        )
+    try:
+        module, content = _executed(where) if where.endswith(".py") else _imported(where)
+    except BadInputError as error:
+        raise BadInputError(f"{where}: {error}") from error
+    except OSError as error:
+        raise BadInputError(
+            f"{where}: {error.filename} cannot be read ({error.strerror}); give FILE.py:NAME"
+        ) from error
+    except SyntaxError as error:
+        raise BadInputError(
+            f"{where}: SyntaxError in line {error.lineno}: {error.msg}; correct the file"
+        ) from error
+    except Exception as error:  # whatever the user's file raises
+        raise BadInputError(
+            f"{where}: {type(error).__name__}: {error}; correct the file"
+        ) from error
+    model = getattr(module, name, None)
+    if not isinstance(model, Model):
+        raise BadInputError(f"{where}: {_what_is_there(module, name, model)}")
+    return replace(model, source=(text, hashlib.sha256(content).hexdigest()))
+
+
+def _executed(file: str) -> tuple[types.ModuleType, bytes]:
+    """The module of a file, and what the file holds."""
+    content = Path(file).read_bytes()
+    module = types.ModuleType(f"aircraft_{Path(file).stem}")
+    module.__file__ = file  # with which it finds its tables
+    sys.modules[module.__name__] = module  # where its dataclasses look for it
+    exec(compile(content, file, "exec"), module.__dict__)
+    return module, content
+
+
+def _imported(name: str) -> tuple[types.ModuleType, bytes]:
+    """A module of the working folder or of the installed packages, and what its file holds."""
+    if "" not in sys.path:
+        sys.path.insert(0, "")
+    module = importlib.import_module(name)
+    return module, Path(str(module.__file__)).read_bytes()
+
+
+def _what_is_there(module: types.ModuleType, name: str, value: Any) -> str:
+    """That a name holds no model, and which names do."""
+    what = "has no name" if value is None else f"holds {shown(value)}, not a Model, under"
+    models = [other for other, held in vars(module).items() if isinstance(held, Model)]
+    advice = f"use {', '.join(models)}" if models else "define a Model"
+    return f"{what} {name}; {advice}"
+
+
+def reloaded(source: tuple[str, str], parameters: dict[str, float]) -> Model:
+    """The model of a file in another process. BadInputError when the file has changed since."""
+    model = load_model(source[0])
+    if model.source != source:
+        raise BadInputError(f"{source[0]} has changed since the work began; start again")
+    return model.with_parameters(**parameters)

@@ -1,0 +1,56 @@
+"""What is known of the named quantities of a model, and named tuples of their values."""
+
+from __future__ import annotations
+
+import math
+from collections import namedtuple
+from typing import Any, NamedTuple
+
+#: The four vectors that a model's equations take, in CasADi's order, and the declarations of their
+#: components.
+VECTORS = {"x": "states", "u": "inputs", "p": "parameters", "w": "disturbances"}
+
+
+class Signal(NamedTuple):
+    """What is known of a state, input, parameter, disturbance or output beside its name.
+
+    The words are those of FMI 3 and casadi.DaeBuilder.
+
+    unit: as text, "1" for none.
+    nominal: typical size, > 0; it weighs unknowns and residuals of different units.
+    min, max: where the equations hold; limits of a trim.
+    start: value of a parameter; where a search for a state or an input begins.
+    rate: typical size of a state's rate; the nominal unless given.
+    """
+
+    unit: str = "1"
+    nominal: float = 1.0
+    min: float = -math.inf
+    max: float = math.inf
+    start: float = 0.0
+    rate: float | None = None
+
+
+#: Names -> the class of the named tuples with these fields.
+_RECORDS: dict[tuple[str, ...], Any] = {}
+
+
+def record(names: tuple[str, ...]) -> Any:
+    """The class of named tuples with these fields: that of the declaration, or a new one."""
+    if names not in _RECORDS:
+        fields = namedtuple("Values", names)  # type: ignore[misc]
+
+        def reduced(values: Any) -> Any:
+            return _unpickled, (names, tuple(values))
+
+        _RECORDS[names] = type("Values", (fields,), {"__reduce__": reduced})
+    return _RECORDS[names]
+
+
+def remember_record(kind: Any) -> None:
+    """Make a class of named tuples the one that `record` answers for its names."""
+    _RECORDS[kind._fields] = kind
+
+
+def _unpickled(names: tuple[str, ...], values: tuple[Any, ...]) -> Any:
+    return record(names)(*values)

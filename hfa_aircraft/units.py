@@ -1,0 +1,183 @@
+"""A model in SI units: the same aircraft, whose signals are metres, kilograms and newtons.
+
+The declaration and the equations are converted, so that everything after the model is in SI
+without knowing of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from hfa_aircraft.model import Model
+from hfa_aircraft.signals import VECTORS, Signal, record
+from hfa_support.units import si_factor, si_unit
+
+
+def in_si(model: Model) -> Model:
+    """The same aircraft with all signals in SI units; a model without English units itself.
+
+    `native` of the result is the model that was converted.
+    """
+    if all(si_unit(signal.unit) == signal.unit for signal in model.signals.values()):
+        return model
+    conversion = _Conversion.of(model)
+    scaled: dict[str, Any] = {
+        kind: {name: _signal_in_si(signal) for name, signal in getattr(model, kind).items()}
+        for kind in (*VECTORS.values(), "outputs")
+    }
+    return replace(
+        model,
+        **scaled,
+        equations=_Equations(conversion, model.equations),
+        trim={name: value * si_factor(model.unit(name)) for name, value in model.trim.items()},
+        range={
+            name: (largest * si_factor(model.unit(name)), whose)
+            for name, (largest, whose) in model.range.items()
+        },
+        envelope=model.envelope and _Envelope(conversion, model.envelope),
+        check=model.check and _Check(conversion, model.check),
+        explain=None,  # its words are in the units of the declaration
+        begin=model.begin and _Begin(model.begin, _factors_of_all(model)),
+        native=model,
+    )
+
+
+def native_of(model: Model) -> Model:
+    """The model in the units of its declaration: itself unless `in_si` made it."""
+    return model if model.native is None else model.native
+
+
+def native_values(model: Model, names: tuple[str, ...], values: Any) -> np.ndarray:
+    """Values of signals of a model in the units of its declaration, which its own formulas take."""
+    native = native_of(model)
+    if native is model:
+        return np.asarray(values, dtype=float)
+    return np.asarray(values, dtype=float) / [si_factor(native.unit(name)) for name in names]
+
+
+def in_units_of(model: Model, value: Any, unit: str) -> Any:
+    """A value of an English unit in the units of the model: in SI if `in_si` made the model."""
+    return value if model.native is None else value * si_factor(unit)
+
+
+def unit_of(model: Model, unit: str) -> str:
+    """The unit in which `in_units_of` gives values of an English unit."""
+    return unit if model.native is None else si_unit(unit)
+
+
+def _signal_in_si(signal: Signal) -> Signal:
+    factor = si_factor(signal.unit)
+    return Signal(
+        unit=si_unit(signal.unit),
+        nominal=signal.nominal * factor,
+        min=signal.min * factor,
+        max=signal.max * factor,
+        start=signal.start * factor,
+        rate=None if signal.rate is None else signal.rate * factor,
+    )
+
+
+@dataclass(frozen=True)
+class _Conversion:
+    """Factors from the units of a declaration to SI.
+
+    vectors: of x, u, p, w the (name, factor) of each component.
+    outputs: (name, factor) of each output.
+    """
+
+    vectors: tuple[tuple[tuple[str, float], ...], ...]
+    outputs: tuple[tuple[str, float], ...]
+
+    @staticmethod
+    def of(model: Model) -> _Conversion:
+        """The factors of a model's signals."""
+
+        def factors(signals: Mapping[str, Signal]) -> tuple[tuple[str, float], ...]:
+            return tuple((name, si_factor(signal.unit)) for name, signal in signals.items())
+
+        vectors = tuple(factors(getattr(model, kind)) for kind in VECTORS.values())
+        return _Conversion(vectors, factors(model.outputs))
+
+    def states_in_si(self, values: Mapping[str, Any]) -> dict[str, Any]:
+        """Values by state, or pairs of limits, in SI."""
+        converted = {}
+        for name, factor in self.vectors[0]:
+            if name in values:
+                value = values[name]
+                limits = isinstance(value, tuple)
+                converted[name] = tuple(end * factor for end in value) if limits else value * factor
+        return converted
+
+    def native(self, kind: str, vector: Any) -> Any:
+        """The vector (x, u, p or w) in the units of the declaration, with its names."""
+        factors = dict(self.vectors[list(VECTORS).index(kind)])
+        values = [value / factor for value, factor in zip(vector, factors.values(), strict=True)]
+        return record(tuple(factors))(*values)
+
+
+@dataclass(frozen=True)
+class _Equations:
+    """The equations of a converted model."""
+
+    conversion: _Conversion
+    equations: Callable[[Any, Any, Any, Any], tuple[Mapping[str, Any], Mapping[str, Any]]]
+
+    def __call__(self, x: Any, u: Any, p: Any, w: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+        """Rates by state and outputs by name, in SI."""
+        vectors = zip(VECTORS, (x, u, p, w), strict=True)
+        native = [self.conversion.native(kind, vector) for kind, vector in vectors]
+        rates, outputs = self.equations(*native)
+        seen = {name: outputs[name] * factor for name, factor in self.conversion.outputs}
+        return self.conversion.states_in_si(rates), seen
+
+
+@dataclass(frozen=True)
+class _Envelope:
+    """The limits about a trim of a converted model."""
+
+    conversion: _Conversion
+    envelope: Callable[[Any, Any], Mapping[str, tuple[float, float]]]
+
+    def __call__(self, x: Any, p: Any) -> Mapping[str, tuple[float, float]]:
+        """Limits of states by name, in SI."""
+        state = self.conversion.native("x", x)
+        parameters = self.conversion.native("p", p)
+        return self.conversion.states_in_si(self.envelope(state, parameters))
+
+
+@dataclass(frozen=True)
+class _Check:
+    """The check of a state of a converted model."""
+
+    conversion: _Conversion
+    check: Callable[[Any], None]
+
+    def __call__(self, x: Any) -> None:
+        """BadInputError, in the units of the declaration, where the equations mean nothing."""
+        self.check(self.conversion.native("x", x))
+
+
+@dataclass(frozen=True)
+class _Begin:
+    """Where the searches of a converted model begin.
+
+    factors: (name, factor to SI) of every signal.
+    """
+
+    begin: Callable[[Mapping[str, Any]], Mapping[str, Any]]
+    factors: tuple[tuple[str, float], ...]
+
+    def __call__(self, imposed: Mapping[str, Any]) -> dict[str, Any]:
+        """Starts by name, in SI."""
+        factors = dict(self.factors)
+        native = {name: value / factors.get(name, 1.0) for name, value in imposed.items()}
+        starts = self.begin(native)
+        return {name: value * factors.get(name, 1.0) for name, value in starts.items()}
+
+
+def _factors_of_all(model: Model) -> tuple[tuple[str, float], ...]:
+    return tuple((name, si_factor(signal.unit)) for name, signal in model.signals.items())

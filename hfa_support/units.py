@@ -1,0 +1,65 @@
+"""English units and their SI units: names and factors.
+
+Exact but for rounding: ft = 0.3048 m, lb = 0.45359237 kg, standard gravity 9.80665 m/s² (National
+Institute of Standards and Technology, Special Publication 811). Seconds, radians and numbers
+without a unit stay.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+
+SYSTEMS = ("english", "si")
+_FOOT = 0.3048
+_POUND = 0.45359237
+_GRAVITY = 9.80665
+#: English unit -> its SI unit, and how many of these it is.
+_SI = {
+    "ft": ("m", _FOOT),
+    "lbf": ("N", _POUND * _GRAVITY),
+    "slug": ("kg", _POUND * _GRAVITY / _FOOT),
+}
+
+
+def si_unit(unit: str) -> str:
+    """The SI unit of an English one: m/s of ft/s, N m of ft lbf."""
+    return re.sub(r"\b(ft|lbf|slug)\b", lambda word: _SI[word[0]][0], unit).replace("m N", "N m")
+
+
+def si_factor(unit: str) -> float:
+    """How many SI units one English unit is: 0.3048 for ft/s.
+
+    What follows "/" divides, up to the end of a bracket.
+    """
+    return _product(iter(re.findall(r"\(|\)|/|\^-?\d+|[^\s()/^]+", unit)))
+
+
+def _product(words: Iterator[str]) -> float:
+    """The factor of a unit's words, up to the end of its bracket."""
+    product = 1.0
+    sign = 1
+    last = 1.0
+    for word in words:
+        if word == ")":
+            break
+        if word == "/":
+            sign = -1
+        elif word.startswith("^"):
+            product *= last ** (sign * (int(word[1:]) - 1))
+        else:
+            last = _product(words) if word == "(" else _SI.get(word, ("", 1.0))[1]
+            product *= last**sign
+    return product
+
+
+def conversion(stated: str, unit: str) -> float | None:
+    """By what a value in the stated unit is multiplied to be in the unit; None where they are not
+    the same unit, or an English one and its SI unit."""
+    if stated == unit:
+        return 1.0
+    if stated == si_unit(unit):
+        return 1.0 / si_factor(unit)
+    if si_unit(stated) == unit:
+        return si_factor(stated)
+    return None

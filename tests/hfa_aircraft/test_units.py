@@ -1,0 +1,120 @@
+"""A model in SI is the same aircraft: trims, linear models, games and reports differ by units."""
+
+from __future__ import annotations
+
+import pickle
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import hfa_model
+from controller import Game, flight_envelope, published_game
+from hfa_aircraft.model import Model
+from hfa_aircraft.signals import Signal
+from hfa_aircraft.units import in_si, native_of
+from hfa_support import BadInputError
+from hfa_support.units import si_factor
+from trim import TrimCondition, find_operating_point, linearize, trim_report
+from trim.point.condition import usual_condition
+from verification import minimum_delta, solve_game
+
+ANGLE = 0.2
+MODELS = [hfa_model.aircraft("published"), hfa_model.aircraft("newton")]
+
+
+def factors(model: Model, names: tuple[str, ...]) -> np.ndarray:
+    return np.array([si_factor(model.unit(name)) for name in names])
+
+
+@pytest.mark.parametrize("model", MODELS, ids=lambda model: model.name)
+def test_the_same_trim_linear_model_and_game(model: Model) -> None:
+    converted = in_si(model)
+    point = find_operating_point(model, usual_condition(model).at(ANGLE))
+    point_in_si = find_operating_point(converted, usual_condition(converted).at(ANGLE))
+    sizes = factors(model, tuple(model.states))
+    np.testing.assert_allclose(np.array(point_in_si.states), point.states * sizes, rtol=1e-12)
+    np.testing.assert_allclose(point_in_si.inputs, point.inputs, rtol=1e-9)
+    linear, linear_in_si = linearize(model, point), linearize(converted, point_in_si)
+    rows = factors(model, model.linear)
+    np.testing.assert_allclose(linear_in_si.A / rows[:, None] * rows, linear.A, atol=1e-12)
+    game, game_in_si = published_game(linear), published_game(linear_in_si)
+    P = solve_game(game).P
+    P_from_si = solve_game(game_in_si).P * np.outer(rows, rows)
+    np.testing.assert_allclose(P_from_si, P, atol=1e-10 * np.abs(P).max())
+    smallest = minimum_delta(game).value
+    assert minimum_delta(game_in_si).value == pytest.approx(smallest, rel=1e-6)
+
+
+def test_the_report_of_a_trim_has_its_loads_in_newtons() -> None:
+    model = MODELS[0]
+    converted = in_si(model)
+    data, data_in_si = (
+        trim_report(
+            each, usual_condition(each), find_operating_point(each, usual_condition(each))
+        ).data
+        for each in (model, converted)
+    )
+    for name, value in data["loads"].items():
+        factor = si_factor(data["load_units"][name])
+        assert data_in_si["loads"][name] == pytest.approx(value * factor, rel=1e-9, abs=1e-6)
+    for name, value in data["performance"].items():
+        factor = si_factor(data["performance_units"][name])
+        assert data_in_si["performance"][name] == pytest.approx(value * factor, rel=1e-9, abs=1e-6)
+    assert data_in_si["performance_units"]["weight"] == "N"
+
+
+def test_parameters_envelope_and_pickles_are_converted() -> None:
+    model = MODELS[1]
+    converted = in_si(model)
+    heavier = converted.with_parameters(panel_mass=200.0)
+    assert heavier.parameters["panel_mass"].unit == "kg"
+    slugs = native_of(heavier).parameters["panel_mass"].start
+    assert slugs == pytest.approx(200.0 / si_factor("slug"))
+    point = find_operating_point(converted, usual_condition(converted))
+    envelope = flight_envelope(converted, point)
+    own = flight_envelope(model, find_operating_point(model, usual_condition(model)))
+    np.testing.assert_allclose(
+        envelope.highest, own.highest * factors(model, tuple(model.states)), rtol=1e-9
+    )
+    again = pickle.loads(pickle.dumps(heavier))
+    assert again.rates_at(point.states, point.inputs) == heavier.rates_at(
+        point.states, point.inputs
+    )
+
+
+def test_names_that_sound_like_data_are_signals_like_others() -> None:
+    """Units follow the signal that declares them, whatever it is called."""
+    names = ("effort", "limits", "gust", "history", "noise")
+    model = Model(
+        "cart",
+        {name: Signal("ft/s", start=1.0) for name in names},
+        {"force": Signal("lbf")},
+        lambda x, u, p, w: (dict.fromkeys(names, u.force), {}),
+        trim=dict.fromkeys(names, 2.0),
+    )
+    converted = in_si(model)
+    assert {signal.unit for signal in converted.states.values()} == {"m/s"}
+    assert converted.trim == pytest.approx(dict.fromkeys(names, 2.0 * 0.3048))
+    newton = si_factor("lbf")
+    assert converted.rates_at([0.0] * 5, [newton])["effort"] == pytest.approx(0.3048)
+
+
+def test_a_model_without_english_units_is_itself() -> None:
+    model = Model(
+        "x", {"x": Signal("m")}, {"u": Signal("m/s")}, lambda x, u, p, w: ({"x": u.u}, {})
+    )
+    assert in_si(model) is model
+
+
+def test_conditions_and_points_in_other_units_are_refused() -> None:
+    model = MODELS[0]
+    converted = in_si(model)
+    with pytest.raises(BadInputError, match="condition is not in the units of the model"):
+        find_operating_point(converted, usual_condition(model))
+    point = find_operating_point(model, usual_condition(model))
+    with pytest.raises(BadInputError, match="operating point is not in the units of the model"):
+        linearize(converted, point)
+    assert isinstance(published_game(linearize(model, point)), Game)
+    assert replace(usual_condition(model), name="a") == usual_condition(model)
+    assert TrimCondition(model, model.trim) == usual_condition(model)
