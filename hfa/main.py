@@ -173,12 +173,8 @@ def _run(words: list[str], find: Callable[[list[str]], tuple[Command, str, list[
     with contextlib.ExitStack() as around:
         around.enter_context(inputs_kept())
         try:
-<<<<<<< HEAD
             command, program, options = find(words)
             request = _request(command, program, options, around)
-=======
-            command, request = _parsed(words)
->>>>>>> 8c5b9631 (Units: the model is converted, not the report; the declaration of a model in four files)
         except SystemExit:
             return DONE  # how argparse leaves after --help and --version
         _refuse_to_overwrite(request)
@@ -187,7 +183,6 @@ def _run(words: list[str], find: Callable[[list[str]], tuple[Command, str, list[
         return command.run(request)
 
 
-<<<<<<< HEAD
 def _request(
     command: Command, program: str, words: list[str], around: contextlib.ExitStack
 ) -> Request:
@@ -195,16 +190,6 @@ def _request(
 
     The model is loaded first, because the other options are typed in its names and units.
     around: what is in force until the command ends."""
-=======
-def _parsed(words: list[str]) -> tuple[Command, Request]:
-    """The command that the words name, and the request that they state.
-
-    The model is loaded first, because the other options are typed in its names and units."""
-    if words[:1] == ["help"]:
-        words = [*words[1:], "--help"]
-    name = _command_name(words)
-    command = command_named(name)
->>>>>>> 8c5b9631 (Units: the model is converted, not the report; the declaration of a model in four files)
     from hfa.options.trims import named_model
     from hfa_model.provenance import now
 
@@ -215,28 +200,15 @@ def _parsed(words: list[str]) -> tuple[Command, Request]:
     }
     first = Parser(prog=program, with_help=False)
     first.declare(of_the_model)
-<<<<<<< HEAD
     chosen = first.parse_some(words)
-    if chosen.get("units") == "si":
-        from hfa_support.reporting.unit_system import shown_in
-
-        around.enter_context(shown_in("si"))
-    model = named_model(chosen)
-    typed = filled(Parser(prog=program), command, model).parse_words(words)
-    line = shlex.join([*program.split(), *words])
-    return command.request(model=model, line=line, date=now(), typed=frozenset(typed), **typed)
-=======
-    chosen = first.parse_some(words[1:])
     model = named_model(chosen)
     if chosen.get("units") == "si":
         from hfa_aircraft.units import in_si
 
         model = in_si(model)
-    typed = filled(Parser(prog=f"hfa {name}"), command, model).parse_words(words[1:])
-    line = shlex.join(["hfa", *words])
-    how: dict[str, Any] = {"model": model, "line": line, "date": now(), "typed": frozenset(typed)}
-    return command, command.request(**how, **typed)
->>>>>>> 8c5b9631 (Units: the model is converted, not the report; the declaration of a model in four files)
+    typed = filled(Parser(prog=program), command, model).parse_words(words)
+    line = shlex.join([*program.split(), *words])
+    return command.request(model=model, line=line, date=now(), typed=frozenset(typed), **typed)
 
 
 def _refuse_to_overwrite(request: Request) -> None:

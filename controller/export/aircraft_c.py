@@ -18,14 +18,9 @@ from controller.export.c_text import (
     positions,
     units_of,
 )
-<<<<<<< HEAD
 from controller.flight.policies import FunctionPolicy, GainPolicy
 from hfa_aircraft.layout import components
 from hfa_aircraft.model import Model
-=======
-from hfa_aircraft.layout import components
-from hfa_aircraft.model import Model
->>>>>>> 29825649 (Units: the model is converted, not the report; the declaration of a model in four files)
 from hfa_support.native.c_code import c_function
 from trim.linear.linear_model import LinearModel
 
