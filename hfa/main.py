@@ -174,7 +174,7 @@ def _run(words: list[str], find: Callable[[list[str]], tuple[Command, str, list[
         around.enter_context(inputs_kept())
         try:
             command, program, options = find(words)
-            request = _request(command, program, options, around)
+            request = _request(command, program, options)
         except SystemExit:
             return DONE  # how argparse leaves after --help and --version
         _refuse_to_overwrite(request)
@@ -183,13 +183,10 @@ def _run(words: list[str], find: Callable[[list[str]], tuple[Command, str, list[
         return command.run(request)
 
 
-def _request(
-    command: Command, program: str, words: list[str], around: contextlib.ExitStack
-) -> Request:
+def _request(command: Command, program: str, words: list[str]) -> Request:
     """The request that the words state.
 
-    The model is loaded first, because the other options are typed in its names and units.
-    around: what is in force until the command ends."""
+    The model is loaded first, because the other options are typed in its names and units."""
     from hfa.options.trims import named_model
     from hfa_model.provenance import now
 

@@ -121,7 +121,6 @@ class TrainingRun(Reported):
         states = states or numbered("x", n)
         inputs = inputs or numbered("u", m)
         of_states = state_units or ("",) * n
-        of_inputs = input_units or ("",) * m
         weight_units: list[str] = []
         if any(of_states):
             weight_units = basis(self.basis, n).weight_units(of_states)
@@ -138,8 +137,8 @@ class TrainingRun(Reported):
             f"Residual settled: {settled}; last residual {self.residual_norm[-1]:.3g}",
             f"Data: {found.samples} samples, rank {found.rank} of {found.size}, smallest eigenvalue"
             f" of Sigma {found.smallest_eigenvalue:.3g}, condition {found.condition:.3g}",
-            matrix_table("P", states, states, self.P, (of_states, -1), (of_states, -1)),
-            matrix_table("K", inputs, states, self.K, (of_inputs, 1), (of_states, -1)),
+            matrix_table("P", states, states, self.P),
+            matrix_table("K", inputs, states, self.K),
         ]
         if self.diagnostics:
             numbers = [(name, f"{value:.4g}") for name, value in self.diagnostics.items()]
