@@ -8,7 +8,7 @@ as a network. So each can be judged, flown and exported.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import casadi as ca
@@ -216,17 +216,8 @@ def _with_policy(critic: Critic, K: np.ndarray) -> Critic:
     if network:
         z = ca.SX.sym("z", K.shape[1])
         network["policy"] = ca.Function("policy", [z], [ca.densify(-ca.DM(K) @ z)])
-    return Critic(
-        K,
-        critic.P,
-        f"{critic.origin} and K",
-        weights=critic.weights,
-        basis=critic.basis,
-        constant=critic.constant,
-        precision=critic.precision,
-        time=critic.time,
-        network=network,
-    )
+    origin = f"{critic.origin} and K"
+    return replace(critic, K=K, origin=origin, feedback=None, network=network)
 
 
 def _refuse_different_values(P: np.ndarray, P_of_weights: np.ndarray) -> None:

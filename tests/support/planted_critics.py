@@ -14,7 +14,7 @@ from scipy.linalg import solve_continuous_are, solve_continuous_lyapunov
 from controller import Game, basis
 from controller.critic.critic import Critic
 from verification import from_gain, from_value, from_weights, solve_game
-from verification.critic.other_games import discounted, euler, held
+from verification.critic.other_games import discounted, euler, held, held_whole
 from verification.exact_solution import Solution
 
 #: Radians in a degree.
@@ -293,11 +293,11 @@ NAMED: dict[str, tuple[str, Plant, str]] = {
     "discrete LQR, K": (
         "K",
         lambda game: held(game.with_delta(math.inf), 0.05).K,
-        "of the LQR in discrete time, a step of 0.05 s",
+        "of the LQR, in discrete time, a step of 0.05 s",
     ),
     "cost a step, P": (
         "P",
-        lambda game: held(game, 0.02, whole=True).P,
+        lambda game: held_whole(game, 0.02).P,
         "in discrete time, a step of 0.02 s and its whole cost",
     ),
     "R scaled, K": (
@@ -358,7 +358,7 @@ NAMED: dict[str, tuple[str, Plant, str]] = {
     "I + A dt, LQR": (
         "K",
         lambda game: euler(game.with_delta(math.inf), 0.05).K,
-        "of the LQR in discrete time, a step of 0.05 s of x + (A x + B u) dt",
+        "of the LQR, in discrete time, a step of 0.05 s of x + (A x + B u) dt",
     ),
 }
 #: Wrong, and without a reason that could be told.

@@ -97,16 +97,23 @@ def check_critic(
     cost_lost = lost.worst
     states = 0
     sections = [_flight_section(game, critic, exact, lost)]
-    if critic.origin.startswith("network") or critic.network:
-        from verification.critic.network_search import findings
+    if critic.network:
+        from verification.critic import network_search
 
-        flights = scope.flights if loops[0].ok else 0
-        found = findings(game, critic, exact, box.half_widths, limit, flights, scope.plant)
-        errors += found.errors
-        checks += found.checks
-        cost_lost = max(cost_lost, found.cost_lost)
-        states = found.states
-        sections.append(found.section)
+        b = box.half_widths
+        origin, found = network_search.search(game, critic, exact, b)
+        searched = network_search.search_checks(critic, origin, found, limit)
+        errors += searched
+        checks += searched
+        states = network_search.STARTS
+        flown = network_search.Flown()
+        if loops[0].ok:
+            flown = network_search.fly(game, critic, exact, b, scope.flights, scope.plant)
+            checks.append(network_search.rest_check(flown.rest_point, b, limit))
+        cost_lost = max(cost_lost, flown.cost_lost_flown_percent)
+        sections.append(network_search.network_section(critic, b, found, flown))
+    elif critic.origin.startswith("network"):
+        sections.append(_polynomial_section(critic))
     diagnosis = ""
     table = None
     if run is not None:
@@ -406,6 +413,18 @@ def _flight_section(game: Game, critic: Critic, exact: Solution, lost: FlightCos
     }
     table = Table(("in flight, under the worst disturbance", "learned", "exact"), rows)
     return Section((table,), data)
+
+
+def _polynomial_section(critic: Critic) -> Section:
+    """A network that is a polynomial, whose errors are bounded."""
+    data = {
+        "output": "V",
+        "precision": critic.precision,
+        "value_at_origin": critic.constant,
+        "origin": critic.origin,
+    }
+    text = f"Polynomial, {critic.precision} weights, V(0) = {critic.constant:.4g}"
+    return Section((text,), {"network": data})
 
 
 def _margin(margin: DiskMargin | None, name: str) -> str:

@@ -9,8 +9,7 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -52,76 +51,40 @@ class Found(NamedTuple):
     at: np.ndarray
 
 
-@dataclass(frozen=True)
-class Flown:
-    """What flights of a network from the box showed.
+class Flown(NamedTuple):
+    """What flights of a network from the box showed; the names are those of the JSON.
 
     flights: from how many starts; 0 where the linear loop is unstable.
-    lost, lost_mean: percent of V*, beyond the optimum, at most and on average.
-    rest: (n,), where the linear loop comes to rest; None for nowhere.
+    cost_lost_flown_percent: beyond V*, at most.
+    cost_lost_flown_mean_percent: on average.
+    rest_point: (n,), where the linear loop comes to rest; None for nowhere.
     reach: the largest multiple of the box from which it returns, on the linear plant.
-    reach_nonlinear, reach_nonlinear_exact: on the nonlinear plant, there also of the exact policy;
-        None without such a plant.
+    reach_nonlinear: on the nonlinear plant; None without one.
+    reach_nonlinear_exact: there, of the exact policy.
     """
 
     flights: int = 0
-    lost: float = math.inf
-    lost_mean: float = math.inf
-    rest: np.ndarray | None = None
+    cost_lost_flown_percent: float = math.inf
+    cost_lost_flown_mean_percent: float = math.inf
+    rest_point: np.ndarray | None = None
     reach: float = 0.0
     reach_nonlinear: float | None = None
     reach_nonlinear_exact: float | None = None
 
 
-class Findings(NamedTuple):
-    """What was found of a network.
-
-    errors: at the origin and in the box.
-    checks: the errors, and the rest point where it was flown.
-    states: how many were searched; 0 of a polynomial.
-    cost_lost: in flight, percent.
-    section: of the report.
-    """
-
-    errors: tuple[Check, ...]
-    checks: tuple[Check, ...]
-    states: int
-    cost_lost: float
-    section: Section
+# The search.
 
 
-def findings(
-    game: Game,
-    critic: Critic,
-    exact: Exact,
-    b: np.ndarray,
-    limit: float,
-    flights: int,
-    plant: NonlinearPlant | None = None,
-) -> Findings:
-    """Search a network over the box |z_i| <= b_i, and fly it from there; a polynomial is only
-    described.
-
-    flights: from how many starts; 0 where the linear loop is unstable.
-    """
-    if not critic.network:
-        return Findings((), (), 0, 0.0, network_section(critic, b, (), None))
-    origin, found = search(game, critic, exact, b)
+def search_checks(
+    critic: Critic, origin: float, found: tuple[Found, ...], limit: float
+) -> list[Check]:
+    """The checks of what `search` found."""
     what = "u" if critic.gradient is None else "the slope of V"
-    errors = [error_check("origin_error", origin, limit, f"{what} at the origin")]
+    checks = [error_check("origin_error", origin, limit, f"{what} at the origin")]
     for item in found:
         what = f"{_NOUNS[item.name]} in the box"
-        errors.append(error_check(f"searched_{item.name}_error", item.error, limit, what))
-    checks = list(errors)
-    flown = Flown()
-    if flights:
-        flown = fly(game, critic, exact, b, flights, plant)
-        checks.append(rest_check(flown.rest, b, limit))
-    section = network_section(critic, b, found, flown)
-    return Findings(tuple(errors), tuple(checks), STARTS, flown.lost, section)
-
-
-# The search.
+        checks.append(error_check(f"searched_{item.name}_error", item.error, limit, what))
+    return checks
 
 
 def search(
@@ -403,36 +366,19 @@ def _reach(loop: _Loop, b: np.ndarray) -> float:
 
 
 def network_section(
-    critic: Critic, b: np.ndarray, found: tuple[Found, ...], flown: Flown | None
+    critic: Critic, b: np.ndarray, found: tuple[Found, ...], flown: Flown
 ) -> Section:
-    """What was read of a network, one value to compare with one's own, and what was found.
-
-    found: empty of a polynomial, whose errors are bounded; then flown is None.
-    """
-    kinds = [name for name in ("V", "gradient", "policy") if name in critic.network]
-    if "V" in kinds and "gradient" in kinds:
-        kinds.remove("gradient")  # its derivative
-    output = " and ".join(kinds) or "V"
-    data: dict[str, Any] = {
-        "output": output,
-        "precision": critic.precision,
-        "value_at_origin": critic.constant,
-        "origin": critic.origin,
-        "searched": [item._asdict() for item in found],
-        "starts": STARTS if found else 0,
-    }
-    constant = f", V(0) = {critic.constant:.4g}" if "V" in output else ""
-    if flown is None:
-        text = (f"Polynomial, {critic.precision} weights{constant}",)
-        return Section(text, {"network": data})
-    name = "u" if kinds == ["policy"] else "V" if "V" in kinds else "dV/dz"
-    function = {"u": critic.policy, "V": critic.value, "dV/dz": critic.gradient}[name]
-    assert function is not None
-    value = np.array(function(b)).ravel()
-    data |= {"at": b, "value_at": value, **_flown_data(flown)}
+    """What was read of a network, one value to compare with one's own, and what was found."""
+    outputs = [name for name in ("V", "gradient", "policy") if name in critic.network]
+    if "V" in outputs:
+        outputs.remove("gradient")  # its derivative
+    output = " and ".join(outputs)
+    value = np.array(critic.network[outputs[0]](b)).ravel()
+    constant = f", V(0) = {critic.constant:.4g}" if "V" in outputs else ""
     errors = "; ".join(
         f"{_NOUNS[item.name]} {item.error:.3g} at ({_row(item.at)})" for item in found
     )
+    name = {"V": "V", "gradient": "dV/dz", "policy": "u"}[outputs[0]]
     lines = [
         f"Network of {output}, {critic.precision} weights, linearized exactly at the origin"
         f"{constant}",
@@ -440,6 +386,17 @@ def network_section(
         f"{name}({_row(b)}) = {_row(value)}; compare it with your own",
         f"Largest errors in the box (searched, {STARTS} starts; not a bound): {errors}",
     ]
+    data = {
+        "output": output,
+        "precision": critic.precision,
+        "value_at_origin": critic.constant,
+        "origin": critic.origin,
+        "starts": STARTS,
+        "searched": [item._asdict() for item in found],
+        "at": b,
+        "value_at": value,
+        **flown._asdict(),
+    }
     return Section((*lines, *_flown_lines(flown)), {"network": data})
 
 
@@ -447,24 +404,12 @@ def _row(numbers: np.ndarray) -> str:
     return ", ".join(f"{number:.4g}" for number in numbers)
 
 
-def _flown_data(flown: Flown) -> dict[str, Any]:
-    return {
-        "flights": flown.flights,
-        "cost_lost_flown_percent": flown.lost,
-        "cost_lost_flown_mean_percent": flown.lost_mean,
-        "rest_point": flown.rest,
-        "reach": flown.reach,
-        "reach_nonlinear": flown.reach_nonlinear,
-        "reach_nonlinear_exact": flown.reach_nonlinear_exact,
-    }
-
-
 def _flown_lines(flown: Flown) -> list[str]:
     if not flown.flights:
         return ["Not flown: the linear loop is not stable"]
     lines = [
         f"Flown from {flown.flights} starts in the box (not a bound): cost lost "
-        f"{flown.lost:.3g} percent at most, {flown.lost_mean:.3g} on average",
+        f"{flown.cost_lost_flown_percent:.3g} percent at most, {flown.cost_lost_flown_mean_percent:.3g} on average",
     ]
     reach = f"{flown.reach:g} times the box on the linear plant"
     if flown.reach_nonlinear is not None:

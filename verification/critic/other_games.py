@@ -12,7 +12,7 @@ import contextlib
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import NamedTuple
 
 import numpy as np
@@ -89,25 +89,14 @@ class Family(NamedTuple):
 def families(game: Game, nearby: Nearby) -> list[Family]:
     """The LQR, named games, and games with another delta, scheduling value, Q, R, discount or in
     discrete time."""
-    logs = tuple(math.log(factor) for factor in _FACTORS)
-    times = tuple(math.log(time) for time in _TIMES)
     lqr = game.with_delta(math.inf)
     is_game = math.isfinite(game.delta)
     size = game.delta if is_game else minimum_delta(game).value
-    found = []
+    members = []
     if is_game:
-        found.append(
-            Family(
-                lambda noun, _: (
-                    f"this is the LQR {noun} (delta = inf), not the game's at delta "
-                    f"= {game.delta:.6g}"
-                ),
-                lambda _: solved(lqr),
-                is_lqr=True,
-            )
-        )
+        members.append(_lqr(game, lqr))
     if size > 0.0:  # P and K are smooth in x = 1/δ², relative
-        found.append(
+        members.append(
             _another(
                 lambda x: f"at delta = {size / math.sqrt(x):.4g}",
                 lambda x: game.with_delta(size / math.sqrt(x)),
@@ -116,43 +105,26 @@ def families(game: Game, nearby: Nearby) -> list[Family]:
         )
     for description, other in nearby.named.items():
         if other.B.shape == game.B.shape:
-            found.append(_named(description, other))
+            members.append(_named(description, other))
     if nearby.scheduled is not None:
-        says, game_at, starts = nearby.scheduled
-        found.append(_another(says, game_at, starts))
-    found += [
-        _another(
-            lambda x: f"with Q {math.exp(x):.4g} times as large",
-            lambda x: replace(game, Q=math.exp(x) * game.Q),
-            logs,
-        ),
-        _another(
-            lambda x: f"with R {math.exp(x):.4g} times as large",
-            lambda x: replace(game, R=math.exp(x) * game.R),
-            logs,
-        ),
-        _another(
-            lambda x: f"with a discount of {math.exp(x):.4g} 1/s",
-            lambda x: discounted(game, math.exp(x)),
-            logs,
-        ),
-        _in_steps("of another game, ", lambda step: held(game, step), times),
-        _in_steps(
-            "of another game, ",
-            lambda step: held(game, step, whole=True),
-            times,
-            " and its whole cost",
-        ),
-        _in_steps(
-            "of another game, ", lambda step: euler(game, step), times, " of x + (A x + B u) dt"
-        ),
+        members.append(_another(*nearby.scheduled))
+    members += [
+        _along_log("with Q", "times as large", lambda x: replace(game, Q=x * game.Q)),
+        _along_log("with R", "times as large", lambda x: replace(game, R=x * game.R)),
+        _along_log("with a discount of", "1/s", lambda x: discounted(game, x)),
     ]
+    members += _in_steps("of another game", game)
     if is_game:
-        found.append(_in_steps("of the LQR ", lambda step: held(lqr, step), times))
-        found.append(
-            _in_steps("of the LQR ", lambda step: euler(lqr, step), times, " of x + (A x + B u) dt")
-        )
-    return found
+        members += _in_steps("of the LQR", lqr)
+    return members
+
+
+def _lqr(game: Game, lqr: Game) -> Family:
+    """The game without disturbance."""
+    without = f"(delta = inf), not the game's at delta = {game.delta:.6g}"
+    return Family(
+        lambda noun, _: f"this is the LQR {noun} {without}", lambda _: solved(lqr), is_lqr=True
+    )
 
 
 def _another(
@@ -173,14 +145,28 @@ def _named(description: str, game: Game) -> Family:
     return _another(lambda _: description, lambda _: game)
 
 
-def _in_steps(
-    whose: str, answer: Callable[[float], Answer], starts: tuple[float, ...], how: str = ""
+def _along_log(what: str, unit: str, game_at: Callable[[float], Game]) -> Family:
+    """Games along a positive parameter exp(x), which is shown between `what` and `unit`."""
+    return _another(
+        lambda x: f"{what} {math.exp(x):.4g} {unit}",
+        lambda x: game_at(math.exp(x)),
+        tuple(math.log(factor) for factor in _FACTORS),
+    )
+
+
+def _in_steps(whose: str, game: Game) -> Iterator[Family]:
+    """A game in discrete time, by its step exp(x) s: held, with its whole cost, or by Euler's
+    rule."""
+    starts = tuple(math.log(time) for time in _TIMES)
+    for how, answer in _STEPPED.items():
+        yield _stepped(f"{whose}, in discrete time", how, partial(answer, game), starts)
+
+
+def _stepped(
+    whose: str, how: str, answer: Callable[[float], Answer], starts: tuple[float, ...]
 ) -> Family:
-    """A game in discrete time, with its step exp(x) s."""
     return Family(
-        lambda noun, x: (
-            f"this is the {noun} {whose}in discrete time, a step of {math.exp(x):.4g} s{how}"
-        ),
+        lambda noun, x: f"this is the {noun} {whose}, a step of {math.exp(x):.4g} s{how}",
         lambda x: answer(math.exp(x)),
         starts,
     )
@@ -197,11 +183,16 @@ def discounted(game: Game, rate: float) -> Game:
     return replace(game, A=game.A - 0.5 * rate * np.eye(len(game.A)))
 
 
-def held(game: Game, step: float, *, whole: bool = False) -> Answer:
-    """The answer with u and d held over each step, s; whole: its cost is not multiplied by its
-    length."""
-    P, K = quick_discounted(sampled(game, step))
-    return Answer(P / step if whole else P, K)
+def held(game: Game, step: float) -> Answer:
+    """The answer with u and d held over each step, s."""
+    return Answer(*quick_discounted(sampled(game, step)))
+
+
+def held_whole(game: Game, step: float) -> Answer:
+    """The same with a cost that is not multiplied by the length of the step."""
+    P, K = held(game, step)
+    assert P is not None
+    return Answer(P / step, K)
 
 
 def euler(game: Game, step: float) -> Answer:
@@ -211,6 +202,14 @@ def euler(game: Game, step: float) -> Answer:
         A, step * game.B, step * game.E, step * game.Q, step * game.R, math.sqrt(step) * game.delta
     )
     return Answer(*quick_discounted(of_step))
+
+
+#: How a game in discrete time is said to be made -> its answer.
+_STEPPED: Mapping[str, Callable[[Game, float], Answer]] = {
+    "": held,
+    " and its whole cost": held_whole,
+    " of x + (A x + B u) dt": euler,
+}
 
 
 def is_answer(view: View, answer: Answer, says: str) -> Hypothesis:
