@@ -153,10 +153,10 @@ def critics_over_time(
     psi = basis(functions, len(game.A))
     critics = []
     for index, time in enumerate(times.tolist()):
-        known = {name: array[index] for name, array in rows.items()}
+        parts_then = {name: array[index] for name, array in rows.items()}
         if index == len(times) - 1:
-            known |= {name: array for name, array in arrays.items() if name not in rows}
-        critics.append(from_parts(game, known, psi, time))
+            parts_then |= {name: array for name, array in arrays.items() if name not in rows}
+        critics.append(from_parts(game, parts_then, psi, time))
     return tuple(critics)
 
 

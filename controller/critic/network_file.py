@@ -146,10 +146,10 @@ def _layers(tensors: Mapping[str, np.ndarray], states: int, ordered: bool) -> li
         layers.append(Layer(stem.removesuffix("."), array, bias))
     layers = _as_saved(layers) if ordered else _only_order(layers, states)
     for before, layer in pairwise(layers):
-        given = len(before.weight)
+        width = len(before.weight)
         taken = layer.weight.shape[1]
-        if given != taken:
-            reason = f"takes {taken} numbers, the layer before gives {given}"
+        if width != taken:
+            reason = f"takes {taken} numbers, the layer before gives {width}"
             name = f"{layer.name}.weight".removeprefix(".")
             raise _no_chain(name, layer.weight, reason, tensors)
     return layers

@@ -32,9 +32,9 @@ def _gemm(
     c: Any = 0.0,
     **how: float,
 ) -> Any:
-    left = a.T if how.get("transA") else a
-    right = b.T if how.get("transB") else b
-    return how.get("alpha", 1.0) * (left @ right) + how.get("beta", 1.0) * c
+    first = a.T if how.get("transA") else a
+    second = b.T if how.get("transB") else b
+    return how.get("alpha", 1.0) * (first @ second) + how.get("beta", 1.0) * c
 
 
 def _reshape(x: np.ndarray, shape: np.ndarray, allowzero: int = 0) -> np.ndarray:

@@ -75,7 +75,8 @@ def check_critic(
     """The verdict on a critic, compared with the exact solution of its game.
 
     Checked: errors of P and K (norms and entries), of V, its slopes and both policies over a box of
-    states, stability of A - B K and A - S P, P > 0, Riccati residual, L2 gain below delta. The box of a network is searched, and it is flown from there.
+    states, stability of A - B K and A - S P, P > 0, Riccati residual, L2 gain below delta. The box
+    of a network is searched, and it is flown from there.
 
     limit: of the errors and the residual.
     scope: on what else it is judged.
@@ -98,20 +99,14 @@ def check_critic(
     states = 0
     sections = [_flight_section(game, critic, exact, lost)]
     if critic.network:
-        from verification.critic import network_search
+        from verification.critic.network_search import STARTS, findings
 
-        b = box.half_widths
-        origin, found = network_search.search(game, critic, exact, b)
-        searched = network_search.search_checks(critic, origin, found, limit)
-        errors += searched
-        checks += searched
-        states = network_search.STARTS
-        flown = network_search.Flown()
-        if loops[0].ok:
-            flown = network_search.fly(game, critic, exact, b, scope.flights, scope.plant)
-            checks.append(network_search.rest_check(flown.rest_point, b, limit))
-        cost_lost = max(cost_lost, flown.cost_lost_flown_percent)
-        sections.append(network_search.network_section(critic, b, found, flown))
+        network = findings(game, critic, exact, box.half_widths, limit, scope)
+        errors += network.errors
+        checks += network.checks
+        states = STARTS
+        cost_lost = max(cost_lost, network.flown.cost_lost_flown_percent)
+        sections.append(network.section)
     elif critic.origin.startswith("network"):
         sections.append(_polynomial_section(critic))
     diagnosis = ""
@@ -206,7 +201,7 @@ def check_discounted(
     L2 gain, margins and the box of states belong to continuous time and are not checked.
     NoSolutionError where the problem has no certified solution.
     """
-    from controller.riccati.discrete import discounted_checks, policies_of_step, solve_discounted
+    from controller.riccati.discrete import policies_of_step, solve_discounted
     from verification.critic.diagnosis import diagnose_discounted
 
     exact = solve_discounted(game, discount, dt)
@@ -218,32 +213,14 @@ def check_discounted(
         with np.errstate(all="ignore"):
             K = policies_of_step(step, P, discount)[0]
         critic = replace(critic, K=K, feedback=None)
-    K = critic.K
-    radius = math.inf
-    if np.isfinite(K).all():
-        radius = float(np.abs(np.linalg.eigvals(step.A - step.B @ K)).max())
-    root = math.sqrt(discount)
-    errors = matrix_errors(game, "K", K, exact.K, limit)
-    if P is not None and critic.P is not None:
+    errors = matrix_errors(game, "K", critic.K, exact.K, limit)
+    if critic.P is not None:
         errors += matrix_errors(game, "P", critic.P, exact.P, limit)
-    unstable = f"A - B K of a step has the spectral radius {radius:.7g}"
-    if all(check.ok for check in errors):
-        unstable += ": the exact solution of this discounted problem does not stabilize either"
-    unpaid = f"sqrt(discount) (A - B K) has the spectral radius {root * radius:.7g}"
-    checks = [
-        *errors,
-        below("control_loop_radius", radius, 1.0, unstable, kind="stability"),
-        below("discounted_loop_radius", root * radius, 1.0, unpaid, kind="cost"),
-    ]
-    if P is not None:
-        alike = Game(root * step.A, root * step.B, root * step.E, step.Q, step.R, step.delta)
-        residual = discounted_checks(alike, P)[0].value
-        reason = f"Bellman's equation is left with a residual of {residual:.2g}"
-        checks.append(at_most("bellman_residual", residual, limit, reason, kind="error"))
+    checks = (*errors, *_discounted_checks(exact, critic.K, P, limit, errors))
     diagnosis = ""
     if not all(check.ok for check in errors):
         diagnosis = diagnose_discounted(game, exact.P, exact.K, critic)
-    lost = _discounted_cost_lost(exact, K)
+    lost = _discounted_cost_lost(exact, critic.K)
     text = "L2 gain, margins and the box of states belong to continuous time and are not checked"
     data = {"discount": exact.discount, "dt": dt, "cost_lost_worst_percent": lost}
     return Verdict(
@@ -257,6 +234,38 @@ def check_discounted(
         schema="hfa.discounted-check/1",
         sections=(Section((text,), data),),
     )
+
+
+def _discounted_checks(
+    exact: DiscountedSolution,
+    K: np.ndarray,
+    P: np.ndarray | None,
+    limit: float,
+    errors: Sequence[Check],
+) -> list[Check]:
+    """Whether the loop of a step is stable, without and with the discount, and Bellman's equation
+    holds for P (n, n), symmetric; None where only K is known."""
+    from controller.riccati.discrete import discounted_checks
+
+    step = exact.game
+    root = math.sqrt(exact.discount)
+    radius = math.inf
+    if np.isfinite(K).all():
+        radius = float(np.abs(np.linalg.eigvals(step.A - step.B @ K)).max())
+    unstable = f"A - B K of a step has the spectral radius {radius:.7g}"
+    if all(check.ok for check in errors):
+        unstable += ": the exact solution of this discounted problem does not stabilize either"
+    unpaid = f"sqrt(discount) (A - B K) has the spectral radius {root * radius:.7g}"
+    checks = [
+        below("control_loop_radius", radius, 1.0, unstable, kind="stability"),
+        below("discounted_loop_radius", root * radius, 1.0, unpaid, kind="cost"),
+    ]
+    if P is not None:
+        alike = Game(root * step.A, root * step.B, root * step.E, step.Q, step.R, step.delta)
+        residual = discounted_checks(alike, P)[0].value
+        reason = f"Bellman's equation is left with a residual of {residual:.2g}"
+        checks.append(at_most("bellman_residual", residual, limit, reason, kind="error"))
+    return checks
 
 
 def _discounted_cost_lost(exact: DiscountedSolution, K: np.ndarray) -> float:
@@ -322,7 +331,7 @@ def _value_checks(game: Game, P: np.ndarray, exact: np.ndarray, limit: float) ->
     abscissa = spectrum(game.A - game.S @ P).abscissa
     unstable = f"A - S P is not Hurwitz (abscissa {abscissa:+.3g} 1/s)"
     residual = relative_residual(balanced, scaled)
-    left = f"the Riccati equation is left with a residual of {residual:.2g}"
+    unsolved = f"the Riccati equation is left with a residual of {residual:.2g}"
     costs = np.linalg.eigvalsh(balanced.Q)
     least = 0.0 if costs[0] > SIGNLESS * costs[-1] else -INDEFINITENESS
     if limit > LIMIT and exact.any():
@@ -333,7 +342,7 @@ def _value_checks(game: Game, P: np.ndarray, exact: np.ndarray, limit: float) ->
     return [
         below("game_loop_abscissa", abscissa, 0.0, unstable, kind="stability"),
         at_least("P_smallest_eigenvalue", smallest, least, indefinite, kind="cost"),
-        at_most("riccati_residual", residual, limit, left, kind="error"),
+        at_most("riccati_residual", residual, limit, unsolved, kind="error"),
     ]
 
 

@@ -1,7 +1,7 @@
 """How far a critic is from the exact one: in norms, entry by entry, and over a box of states.
 
-V - V* is a polynomial with the coefficients c = W - W*. In y_i = z_i / b_i, b the half widths of the
-box, it is Σ_m c_m ψ_m(b) ψ_m(y) with |ψ_m(y)| <= 1: the sum of |c_m ψ_m(b)| bounds the error at
+V - V* is a polynomial with the coefficients c = W - W*. In y_i = z_i / b_i, b the half widths of
+the box, it is Σ_m c_m ψ_m(b) ψ_m(y) with |ψ_m(y)| <= 1: the sum of |c_m ψ_m(b)| bounds the error at
 every state of the box, and so for the derivatives. No polynomial hides between samples.
 
 The scale of a linear problem is arbitrary, so each bound holds for every box λb with 1/`REACH` <=

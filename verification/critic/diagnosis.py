@@ -24,7 +24,14 @@ from controller.riccati.gare import solve_game
 from controller.riccati.normal_form import relative_residual
 from hfa_support.errors import BadInputError, NoSolutionError
 from verification.critic.critic_errors import SMALL, Exact, matrix_errors, relative_error
-from verification.critic.hypotheses import Hypothesis, View, of_matrix, of_rows, of_weights
+from verification.critic.hypotheses import (
+    Hypothesis,
+    View,
+    of_columns,
+    of_matrix,
+    of_rows,
+    of_weights,
+)
 from verification.critic.other_games import (
     ROUNDING,
     Answer,
@@ -182,8 +189,8 @@ class _Others:
                 yield hypothesis
 
     def _without_lqr(self, view: View) -> Iterator[Hypothesis]:
-        rest: list[Family] = [family for family in self._families() if not family.is_lqr]
-        yield from answers(view, rest, _OF_POLYNOMIALS.left[""])
+        games: list[Family] = [family for family in self._families() if not family.is_lqr]
+        yield from answers(view, games, _OF_POLYNOMIALS.left[""])
         if view.kind == "P":
             for says, answer in other_weights(self.game, view.given):
                 yield is_answer(view, answer, says)
@@ -258,6 +265,7 @@ def _of_network(game: Game, exact: Exact, critic: Critic, box: np.ndarray, other
         hypotheses = list(of_matrix(game, view))
         if view.kind == "P" and "V" not in critic.network:
             hypotheses += of_rows(view, "slope", _PER_DEGREE)
+            hypotheses += of_columns(view, "state", 1.0 / _PER_DEGREE)
         causes.append(named(view, hypotheses, _OF_NETWORKS))
     if min(causes).left > _OF_NETWORKS.clear:
         causes += _of_variants(game, exact, critic, box)

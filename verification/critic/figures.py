@@ -102,13 +102,13 @@ def verdicts_figure(verdicts: Mapping[str, Verdict], origin: str) -> Figure:
 def _draw_errors(
     axes: Axes, times: np.ndarray, curves: Mapping[str, np.ndarray], predefined_time: float | None
 ) -> None:
-    known = {label: values for label, values in curves.items() if not np.all(np.isnan(values))}
-    for (label, values), style in zip(known.items(), ("-", "--", "-.", ":"), strict=False):
+    shown = {label: values for label, values in curves.items() if not np.all(np.isnan(values))}
+    for (label, values), style in zip(shown.items(), ("-", "--", "-.", ":"), strict=False):
         axes.semilogy(times, np.maximum(values, _FLOOR), style, label=label)
     if predefined_time is not None:
         label = f"T_w = {predefined_time:g} s"
         axes.axvline(predefined_time, color="black", linestyle=":", label=label)
-    if any(np.nanmin(values, initial=np.inf) < _ROUNDED for values in known.values()):
+    if any(np.nanmin(values, initial=np.inf) < _ROUNDED for values in shown.values()):
         axes.set_ylim(bottom=_FLOOR)
     axes.set_xlabel("time, s")
     axes.set_ylabel("relative size")

@@ -74,40 +74,40 @@ def of_weights(weights: np.ndarray, exact: np.ndarray, psi: Basis) -> Iterator[H
     """Products z_i z_j in another order, without their factor 2, of half the cost, or two in each
     other's place; weights: (M,), exact: P (n, n)."""
     row, column = np.triu_indices(psi.states)
-    given = weights[: psi.quadratic_size]
+    quadratic = weights[: psi.quadratic_size]
     orders = {
-        "": np.arange(len(given)),
+        "": np.arange(len(quadratic)),
         "stand column by column": np.lexsort((row, column)),
         "stand with the squares first": np.argsort(row != column, kind="stable"),
     }
     factors = {
-        "": np.ones(len(given)),
+        "": np.ones(len(quadratic)),
         "lack the factor 2 of products z_i z_j": np.where(row == column, 1.0, 2.0),
     }
     costs = {"": 1.0, "are of half the cost": 2.0}
     for order, factor, cost in itertools.product(orders, factors, costs):
         mistakes = [mistake for mistake in (order, factor, cost) if mistake]
         if mistakes and mistakes != ["are of half the cost"]:
-            placed = np.empty_like(given)
-            placed[orders[order]] = given
+            placed = np.empty_like(quadratic)
+            placed[orders[order]] = quadratic
             right = costs[cost] * factors[factor] * placed
             says = f"the weights {' and '.join(mistakes)}"
             if order:
                 says += "; they must go row by row, i <= j"
             yield Hypothesis(says, psi.matrix(right))
-    if len(given) > 1:
+    if len(quadratic) > 1:
         exact_weights = psi.weights(exact)[: psi.quadratic_size]
-        distances = np.abs(given - exact_weights)
+        distances = np.abs(quadratic - exact_weights)
         first, second = np.sort(np.argsort(distances, kind="stable")[-2:])
-        swapped = given.copy()
-        swapped[[first, second]] = given[[second, first]]
+        swapped = quadratic.copy()
+        swapped[[first, second]] = quadratic[[second, first]]
         says = f"weights {first + 1} and {second + 1} are interchanged"
         yield Hypothesis(says, psi.matrix(swapped))
 
 
 def of_matrix(game: Game, view: View) -> Iterator[Hypothesis]:
-    """Sign and factor, order, signs and units of states and inputs, a wrong entry; of P the factor 2
-    beside the diagonal, of K a missing R⁻¹ and the order of its entries."""
+    """Sign and factor, order, signs and units of states and inputs, a wrong entry; of P the factor
+    2 beside the diagonal, of K a missing R⁻¹ and the order of its entries."""
     if view.kind == "P":
         view = view._replace(given=(view.given + view.given.T) / 2.0)
         yield from _factors(view, "value", "V is z'Pz, without a factor 1/2")
@@ -125,8 +125,7 @@ def of_matrix(game: Game, view: View) -> Iterator[Hypothesis]:
         says = "K was read row by row, its entries stand column by column"
         yield Hypothesis(says, K.reshape(K.shape[::-1]).T)
         yield from of_rows(view, "input", 1.0 / _DEGREE)
-        for mistake in of_rows(view.transposed(), "state", _DEGREE):
-            yield mistake._replace(undo=mistake.undo.T)
+        yield from of_columns(view, "state", _DEGREE)
     yield from _one_entry(view)
 
 
@@ -196,6 +195,12 @@ def of_rows(view: View, noun: str, degree: float) -> Iterator[Hypothesis]:
     yield Hypothesis(_order_says(noun, order), np.eye(size)[order].T @ view.given)
     for says, divisors, fitted in _scales(view, noun, factors, degree):
         yield Hypothesis(says, view.given / divisors[:, None], fitted)
+
+
+def of_columns(view: View, noun: str, degree: float) -> Iterator[Hypothesis]:
+    """The same of the columns."""
+    for mistake in of_rows(view.transposed(), noun, degree):
+        yield mistake._replace(undo=mistake.undo.T)
 
 
 def of_sides(view: View, noun: str) -> Iterator[Hypothesis]:

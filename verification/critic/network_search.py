@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -22,6 +22,9 @@ from hfa_support.reporting.checks import Check, at_most
 from verification.critic.about_trim import NonlinearPlant
 from verification.critic.critic_errors import SMALL, Exact, error_check
 from verification.critic.verdict import Section
+
+if TYPE_CHECKING:
+    from verification.critic.critic_check import Scope
 
 #: States at which the errors are computed, half of them corners of the box.
 STARTS = 1000
@@ -72,6 +75,30 @@ class Flown(NamedTuple):
     reach_nonlinear_exact: float | None = None
 
 
+class Findings(NamedTuple):
+    """errors: at the origin and in the box. checks: these, and that of the rest point."""
+
+    errors: list[Check]
+    checks: list[Check]
+    flown: Flown
+    section: Section
+
+
+def findings(
+    game: Game, critic: Critic, exact: Exact, b: np.ndarray, limit: float, scope: Scope
+) -> Findings:
+    """Search a network over the box |z_i| <= b_i; fly it from there, if its linear loop is
+    stable."""
+    origin, worst = search(game, critic, exact, b)
+    errors = search_checks(critic, origin, worst, limit)
+    checks = list(errors)
+    flown = Flown()
+    if spectrum(game.A - game.B @ critic.K).abscissa < 0.0:
+        flown = fly(game, critic, exact, b, scope.flights, scope.plant)
+        checks.append(rest_check(flown.rest_point, b, limit))
+    return Findings(errors, checks, flown, network_section(critic, b, worst, flown))
+
+
 # The search.
 
 
@@ -116,12 +143,12 @@ def search(
             ends.append(climb(np.copysign(unit, sampled[index]), starts[index]))
     reached = b * np.array(ends)
     sizes = _sizes(values(reached.T))
-    found: dict[str, Found] = {}
+    largest: dict[str, Found] = {}
     for name, row in zip(names, sizes, strict=True):
         worst = int(np.argmax(row))
-        if name not in found or row[worst] > found[name].error:
-            found[name] = Found(name, float(row[worst]), reached[worst])
-    return float(_sizes(values(np.zeros(len(b)))).max()), tuple(found.values())
+        if name not in largest or row[worst] > largest[name].error:
+            largest[name] = Found(name, float(row[worst]), reached[worst])
+    return float(_sizes(values(np.zeros(len(b)))).max()), tuple(largest.values())
 
 
 def _sizes(values: ca.DM) -> np.ndarray:
@@ -325,8 +352,7 @@ def flown_losses(
     loop = _Loop(z, ca.DM(A) @ z + ca.DM(game.B) @ u, exact, time, b)
     if loop.rest is None:
         return np.full(flights, math.inf)
-    rest = loop.rest
-    at_rest = np.array(critic.policy(rest)).ravel() + exact.K @ rest
+    at_rest = np.array(critic.policy(loop.rest)).ravel() + exact.K @ loop.rest
 
     def running(z: ca.SX) -> ca.SX:
         away = critic.policy(z) + ca.DM(exact.K) @ z - ca.DM(at_rest)
@@ -409,13 +435,14 @@ def _flown_lines(flown: Flown) -> list[str]:
         return ["Not flown: the linear loop is not stable"]
     lines = [
         f"Flown from {flown.flights} starts in the box (not a bound): cost lost "
-        f"{flown.cost_lost_flown_percent:.3g} percent at most, {flown.cost_lost_flown_mean_percent:.3g} on average",
+        f"{flown.cost_lost_flown_percent:.3g} percent at most, "
+        f"{flown.cost_lost_flown_mean_percent:.3g} on average",
     ]
     reach = f"{flown.reach:g} times the box on the linear plant"
     if flown.reach_nonlinear is not None:
         reach += (
-            f", {flown.reach_nonlinear:g} times on the nonlinear one within the limits of its controls "
-            f"(the exact policy {flown.reach_nonlinear_exact:g})"
+            f", {flown.reach_nonlinear:g} times on the nonlinear one within the limits of its "
+            f"controls (the exact policy {flown.reach_nonlinear_exact:g})"
         )
     lines.append(f"Returns to rest from {reach} ({FEW} starts each, doubled up to {2**DOUBLINGS})")
     return lines

@@ -13,7 +13,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from functools import lru_cache, partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -103,9 +103,9 @@ def families(game: Game, nearby: Nearby) -> list[Family]:
                 _FACTORS,
             )
         )
-    for description, other in nearby.named.items():
-        if other.B.shape == game.B.shape:
-            members.append(_named(description, other))
+    for description, neighbour in nearby.named.items():
+        if neighbour.B.shape == game.B.shape:
+            members.append(_named(description, neighbour))
     if nearby.scheduled is not None:
         members.append(_another(*nearby.scheduled))
     members += [
@@ -278,17 +278,16 @@ def _with_weights(
     game: Game, name: str, noun: str, diagonal: np.ndarray
 ) -> Iterator[tuple[str, Answer]]:
     """The answer with this diagonal of "Q" or "R"."""
-    own = np.diag(getattr(game, name))
-    changed = np.flatnonzero(np.abs(diagonal - own) > _SAME_WEIGHT * np.abs(own))
-    says = f"with {name} = diag({', '.join(f'{weight:.4g}' for weight in diagonal)})"
-    if len(changed) == 1 and own[changed[0]] != 0.0:
+    weights = np.diag(getattr(game, name))
+    changed = np.flatnonzero(np.abs(diagonal - weights) > _SAME_WEIGHT * np.abs(weights))
+    says = f"with {name} = diag({', '.join(f'{entry:.4g}' for entry in diagonal)})"
+    if len(changed) == 1 and weights[changed[0]] != 0.0:
         (index,) = changed
-        factor = diagonal[index] / own[index]
+        factor = diagonal[index] / weights[index]
         says = f"with {name} of {noun} {index + 1} {factor:.4g} times as large"
     with contextlib.suppress(NoSolutionError, BadInputError, np.linalg.LinAlgError):
-        weights = np.diag(diagonal)
-        other = replace(game, Q=weights) if name == "Q" else replace(game, R=weights)
-        yield f"this is the solution of another game, {says}", solved(other)
+        changes: dict[str, Any] = {name: np.diag(diagonal)}
+        yield f"this is the solution of another game, {says}", solved(replace(game, **changes))
 
 
 def _nearest(view: View, family: Family, explained: float) -> float | None:
@@ -336,6 +335,6 @@ def _nearest(view: View, family: Family, explained: float) -> float | None:
         diff_step=_STEP,
         max_nfev=_STEPS,
     )
-    left = float(np.linalg.norm(end.fun))
+    difference_left = float(np.linalg.norm(end.fun))
     enough = max(_REACHED * sizes[begin], explained, ROUNDING)
-    return float(end.x[0]) if left <= enough else None
+    return float(end.x[0]) if difference_left <= enough else None
