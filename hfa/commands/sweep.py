@@ -68,11 +68,16 @@ class SweepRequest(UnitsOption, AircraftOptions, TrimOptions, WorkersOptions, Ou
         """Whether the points go to a store."""
         return self.output is not None and self.output.suffix.lower() == STORE
 
+    def common_condition(self) -> TrimCondition:
+        """What all points have in common; of a list of points all but its columns."""
+        if isinstance(self.condition, Path):
+            return replace(self, condition=None).common_condition()
+        return super().common_condition()
+
     def plan(self) -> SweepPlan:
         """What is swept; what stays fixed comes first, because it is not drawn."""
         listing = self.condition if isinstance(self.condition, Path) else None
-        common = self if listing is None else replace(self, condition=None)
-        condition, by = common.common_condition(), self.model.schedule
+        condition, by = self.common_condition(), self.model.schedule
         ranges: dict[str, Range] = {} if self.at is None else {by: self.at}
         ranges |= {name: values for name, values in self.hold.items() if not self.is_constant(name)}
         if listing is not None:
@@ -93,7 +98,7 @@ class SweepRequest(UnitsOption, AircraftOptions, TrimOptions, WorkersOptions, Ou
         is_named = by in (*axes, *condition.free, *self.hold)
         if listing is None and by == "dihedral" and not is_named:
             warnings.warn("no --dihedral is given: every point is at 0 deg", stacklevel=2)
-        aircraft = common.flown_aircraft()
+        aircraft = self.flown_aircraft()
         return SweepPlan(axes, aircraft, condition, self.start_point, listing is not None)
 
     def _listed_axes(

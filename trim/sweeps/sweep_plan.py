@@ -192,6 +192,7 @@ class SweepPlan:
         parameters = self.model.parameters.items()
         return {
             "axes": axes,
+            "units": {name: signal.unit for name, signal in self.model.signals.items()},
             "parameters": {name: signal.start for name, signal in parameters},
             "dynamics": self.model.name,
             "source": list(self.model.source),
