@@ -16,6 +16,7 @@ from hfa.options.flights import (
     actuators_of,
     actuators_option,
     controller_option,
+    noted_linear_model,
     weights_option,
 )
 from hfa.options.games import DEFAULT_LAW
@@ -26,7 +27,6 @@ from hfa_support.errors import BadInputError
 from hfa_support.files import write_text, write_texts
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Table
-from trim.linear.linear_model import linearize
 
 if TYPE_CHECKING:
     from hfa_aircraft.model import Model
@@ -120,7 +120,7 @@ def _written(
     controller = None
     if request.controller is not None:
         controller = load_controller(request.controller, model)
-    linear = linearize(model, point)
+    linear = noted_linear_model(model, point)
     policy = None
     if controller is None and with_gain:
         policy = request.flown_policy(linear)

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -141,6 +142,14 @@ class LawOptions(LearningOptions, WeightOptions, ReadingOptions):
             return function_policy(f"critic of {path}", critic.policy, linear.point)
         kind = "gain" if critic.feedback is None else "weights"
         return GainPolicy(f"{kind} of {path}", critic.K)
+
+
+def noted_linear_model(model: Model, point: OperatingPoint) -> LinearModel:
+    """The linear model that a gain is made for; its notes on kinks become notes of the command."""
+    linear = linearize(model, point)
+    for note in linear.kinks:
+        warnings.warn(note, stacklevel=2)
+    return linear
 
 
 def controller_option() -> Any:
@@ -314,7 +323,7 @@ class FlightOptions(ScenarioOptions):
                 refuse_unknown("a gain follows no command of", name, model.linear)
             if steps.names:
                 reference = CommandedStates(steps, model.linear, filtered=False)
-            policy = self.flown_policy(linearize(model, point))
+            policy = self.flown_policy(noted_linear_model(model, point))
         if reference is not None:
             scenario = replace(scenario, reference=reference)
         return Flight(model, point, policy, scenario, flight_envelope(model, point, self.envelope))

@@ -318,8 +318,9 @@ def linear_model_report(model: LinearModel) -> Report:
     equations = "x' = A x + B u, "
     if "C" in matrix_names:
         equations += "y = C x + D u, "
+    place = ", ".join(word for word in (at_scheduled(point), point.called) if word)
     title = (
-        f"Linear model {at_scheduled(point)}, {point.called} ({equations}x = X - X0, u = U - U0)\n"
+        f"Linear model {place} ({equations}x = X - X0, u = U - U0)\n"
         f"{', '.join(matrix_names[:-1])} and {matrix_names[-1]} in {units_in_words(model)}; the "
         "offsets X0 and U0 in the units next to them"
     )

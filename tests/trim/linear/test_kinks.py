@@ -9,6 +9,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
+from cli import hfa
 
 from hfa_aircraft import Model, Signal
 from trim import find_operating_point, level_flight, linearize, sweep
@@ -112,3 +113,40 @@ def test_the_kink_of_the_atmosphere_is_reported(published_aircraft: Model) -> No
         kinks.append(linearize(published_aircraft, point, full=True).kinks)
     assert "A(speed, altitude)" in " ".join(kinks[0])
     assert kinks[1] == ()
+
+
+KINKED = """
+import casadi as ca
+from hfa_support import Model, Signal
+
+TABLE = ca.interpolant("table", "linear", [[-1.0, 0.0, 1.0]], [1.0, 0.0, 3.0])
+CART = Model(
+    name="cart",
+    equations=lambda x, u, p, w: ({"x": x.v, "v": u.u + FORCE(x.x)}, {}),
+    states={"x": Signal(min=-1, max=1), "v": Signal(min=-5, max=5)},
+    inputs={"u": Signal(min=-9, max=9)},
+    trim={"x": 0.0},
+)
+"""
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        "linearize",
+        "solve --Q 1,1 --R 1 --delta inf",
+        "fly --law exact --Q 1,1 --R 1 --delta inf --initial x=0.1 --duration 0.1",
+        "fly --law exact --Q 1,1 --R 1 --delta inf --samples 2 --initial x=0.1 --duration 0.1",
+        "export --Q 1,1 --R 1 --delta inf -o folder",
+    ],
+)
+def test_every_command_that_uses_a_linear_model_at_a_kink_says_so(
+    command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """fly, its samples and export used the gain without a word."""
+    monkeypatch.chdir(tmp_path)
+    source = KINKED.replace("FORCE", "(lambda x: ca.pw_lin(x, [-1.0, 0.0, 1.0], [1.0, 0.0, 3.0]))")
+    Path("cart.py").write_text(source, "utf-8")
+    name, *options = command.split()
+    done = hfa(name, "--aircraft", "cart.py:CART", *options)
+    assert (done.out + done.err).count("kink: A(v, x) is 1, the mean of the slopes") == 1
