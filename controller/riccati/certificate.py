@@ -93,17 +93,38 @@ def certified_solution(form: NormalForm) -> Certified:
     The derivations by eigenvectors and by the matrix sign come first. Where these have not the
     digits, the Schur form and the sequence of LQR problems decide, in coordinates in which X is of
     moderate size. Raises NoSolutionError with the reason of the first test that fails."""
-    X, checks = certified_stack(form[None])
-    if checks[0] is not None:
-        return Certified(X[0], form, Certificate(checks[0]))
+    stack = certified_stack(form[None])
+    if stack.holds[0]:
+        return Certified(stack.X[0], form, Certificate(stack.checks(0)))
     return carefully_certified(form)
 
 
-def certified_stack(
-    form: NormalForm,
-) -> tuple[np.ndarray, list[tuple[Check, ...] | None]]:
-    """X (N, n, n) of a stack of normal forms, and the checks of each; nan and None where a test
-    does not hold, which may be for want of digits only."""
+class CertifiedStack(NamedTuple):
+    """What the fast derivations say of a stack of N games.
+
+    X: (N, n, n), nan where a test does not hold, which may be for want of digits only
+    holds: (N,), whether every test does
+    measured: the value of each test by name, (N,) each
+    """
+
+    X: np.ndarray
+    holds: np.ndarray
+    measured: Measured
+
+    def checks(self, index: int) -> tuple[Check, ...]:
+        """Of one game."""
+        values = {name: array[index] for name, array in self.measured.items()}
+        distance = values["hamiltonian_axis_distance"]
+        stable = values["hamiltonian_split"]
+        return (
+            *_hamiltonian_checks(distance, 0.0, stable, self.X.shape[-1]),
+            *checks_of(TESTS_OF_P | TEST_OF_AGREEMENT, values),
+        )
+
+
+def certified_stack(form: NormalForm) -> CertifiedStack:
+    """The solutions of a stack of normal forms by the fast derivations."""
+    _refuse_overflow(form)
     with np.errstate(all="ignore"):  # what overflows is not certified
         derived = by_eigenvectors(form)
         X = derived.X
@@ -114,14 +135,9 @@ def certified_stack(
         X = np.where(good[:, None, None], X, 0.0)
         measured = measured_solution(form, X) | measured_agreement(X, by_sign(form))
         good &= all_hold(TESTS_OF_P | TEST_OF_AGREEMENT, measured)
-        checks: list[tuple[Check, ...] | None] = [None] * len(X)
-    for i in np.flatnonzero(good):
-        values = {name: array[i] for name, array in measured.items()}
-        checks[i] = (
-            *_hamiltonian_checks(derived.axis_distance[i], 0.0, derived.stable[i], n),
-            *checks_of(TESTS_OF_P | TEST_OF_AGREEMENT, values),
-        )
-    return np.where(good[:, None, None], X, np.nan), checks
+    measured["hamiltonian_axis_distance"] = derived.axis_distance
+    measured["hamiltonian_split"] = derived.stable
+    return CertifiedStack(np.where(good[:, None, None], X, np.nan), good, measured)
 
 
 def carefully_certified(form: NormalForm) -> Certified:
@@ -140,6 +156,7 @@ def carefully_certified(form: NormalForm) -> Certified:
 def hamiltonian_checks(form: NormalForm) -> tuple[Check, ...]:
     """H = [[A, -S], [-Q, -A']] must have n eigenvalues on each side of the imaginary axis, and none
     near it."""
+    _refuse_overflow(form)
     found = spectrum(form.hamiltonian)
     stable = int(np.sum(found.eigenvalues.real < 0.0))
     return _hamiltonian_checks(*found.nearest_to_axis(), stable, len(form.A))
@@ -201,6 +218,14 @@ def all_hold(tests: Mapping[str, tuple[str, float, str]], measured: Measured) ->
         RELATIONS[relation](measured[name], limit) for name, (relation, limit, _) in tests.items()
     ]
     return np.all(held, axis=0)
+
+
+def _refuse_overflow(form: NormalForm) -> None:
+    if not np.all(form.is_finite):
+        raise NoSolutionError(
+            "the numbers of the game differ so much in size that they overflow; check the scaling"
+            " of A, B, E, Q and R"
+        )
 
 
 def refuse_failures(checks: tuple[Check, ...]) -> None:

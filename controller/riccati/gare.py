@@ -160,14 +160,13 @@ def solve_games(A: np.ndarray, B: np.ndarray, like: Game) -> GameBatch:
     for first in range(0, len(A), TOGETHER):
         part = slice(first, first + TOGETHER)
         form = NormalForm.of_plants(A[part], B[part], like)
-        X, checks = certified_stack(form)
-        P[part] = form.value(X)
-        K[part] = form.gain(X)
-        for i, checks_of_game in enumerate(checks):
-            if checks_of_game is not None:
-                continue
+        rows = np.flatnonzero(form.is_finite)
+        stack = certified_stack(form[rows])
+        P[first + rows] = form[rows].value(stack.X)
+        K[first + rows] = form[rows].gain(stack.X)
+        for i in np.flatnonzero(np.isnan(K[part]).any(axis=(1, 2))):
             try:
-                alone = carefully_certified(form[i])
+                alone = carefully_certified(form[int(i)])
                 P[first + i] = alone.form.value(alone.X)
                 K[first + i] = alone.form.gain(alone.X)
             except NoSolutionError as failure:

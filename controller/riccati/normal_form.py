@@ -16,6 +16,8 @@ MODERATE = 1e-4
 #: What a rank test may leave of a matrix without full rank, relative to A. A mode reached by less
 #: is not reached.
 RANK = 1e-13
+#: The smallest number with all its digits: what is below it counts as 0.
+FAINT = float(np.finfo(float).tiny)
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,7 +25,8 @@ class NormalForm:
     """A'X + X A + Q - X S X = 0 with S = B B' - E E': one game or a stack of games, in y = T z.
 
     A: (..., n, n)
-    B: (..., n, m), of inputs in which R = I
+    inputs: (..., n, m), B of the game in y, before R = I; exact, as rounding of it would hide a
+        mode that it barely reaches
     disturbance: (..., n, k), E of the game in y, before it is divided by delta
     Q: (..., n, n)
     T: (..., n, n), the P of a game is T'X T
@@ -32,7 +35,7 @@ class NormalForm:
     """
 
     A: np.ndarray
-    B: np.ndarray
+    inputs: np.ndarray
     disturbance: np.ndarray
     Q: np.ndarray
     T: np.ndarray
@@ -50,29 +53,30 @@ class NormalForm:
 
         Source of the scaling by R^-½: Zhou, Doyle and Glover, Section 14.1."""
         root = np.linalg.cholesky(like.R)
-        B = np.linalg.solve(root, B.mT).mT
-        E = like.E / like.delta
-        Q = (like.Q + like.Q.T) / 2.0
-        S = B @ B.mT - E @ E.T
-        units = units_of(A, S, np.broadcast_to(Q, A.shape))
+        A = without_faint(A, FAINT)
+        B = without_faint(B, FAINT**0.5)
+        scaled_B = np.linalg.solve(root, B.mT).mT
+        E = without_faint(like.E / like.delta, FAINT**0.5)
+        Q = without_faint((like.Q + like.Q.T) / 2.0, FAINT)
+        units = units_of(A, scaled_B @ scaled_B.mT - E @ E.T, np.broadcast_to(Q, A.shape))
         rows = units[..., :, None]
         columns = units[..., None, :]
         return cls(
             A=A * columns / rows,
-            B=B / rows,
-            disturbance=like.E / rows,
+            inputs=B / rows,
+            disturbance=without_faint(like.E, FAINT**0.5) / rows,
             Q=Q * rows * columns,
             T=np.eye(A.shape[-1]) / rows,
             root=root,
             delta=like.delta,
         )
 
-    def __getitem__(self, index: int | None) -> NormalForm:
-        """One game of a stack, or a stack of one with the index None."""
+    def __getitem__(self, index: int | np.ndarray | None) -> NormalForm:
+        """One game of a stack, or some of them; a stack of one with the index None."""
         return replace(
             self,
             A=self.A[index],
-            B=self.B[index],
+            inputs=self.inputs[index],
             disturbance=self.disturbance[index],
             Q=self.Q[index],
             T=self.T[index],
@@ -84,8 +88,13 @@ class NormalForm:
 
     def game(self) -> Game:
         """The game in y, with the R and delta of the user."""
-        B = self.B @ self.root.T
-        return Game(self.A, B, self.disturbance, self.Q, self.root @ self.root.T, self.delta)
+        R = self.root @ self.root.T
+        return Game(self.A, self.inputs, self.disturbance, self.Q, R, self.delta)
+
+    @cached_property
+    def B(self) -> np.ndarray:
+        """Of inputs in which R = I, (..., n, m)."""
+        return np.linalg.solve(self.root, self.inputs.mT).mT
 
     @cached_property
     def E(self) -> np.ndarray:
@@ -96,6 +105,12 @@ class NormalForm:
     def S(self) -> np.ndarray:
         """B B' - E E', (..., n, n)."""
         return self.B @ self.B.mT - self.E @ self.E.mT
+
+    @property
+    def is_finite(self) -> np.ndarray:
+        """Whether every number of a game is finite in these units, (...)."""
+        with np.errstate(all="ignore"):
+            return np.isfinite(self.hamiltonian).all(axis=(-2, -1))
 
     @cached_property
     def hamiltonian(self) -> np.ndarray:
@@ -177,11 +192,16 @@ class NormalForm:
         return replace(
             self,
             A=A * D[:, None] / D,
-            B=product(turn, exact(self.B))[0] * D[:, None],
+            inputs=product(turn, exact(self.inputs))[0] * D[:, None],
             disturbance=product(turn, exact(self.disturbance))[0] * D[:, None],
             Q=(Q + Q.T) / 2.0 / np.outer(D, D),
             T=D[:, None] * (W.T @ self.T),
         )
+
+
+def without_faint(matrix: np.ndarray, least: float) -> np.ndarray:
+    """The matrix with 0 in place of numbers so small that their products have no digits."""
+    return np.where(np.abs(matrix) < least, 0.0, matrix)
 
 
 def relative_residuals(

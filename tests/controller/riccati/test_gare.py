@@ -19,7 +19,7 @@ from controller.riccati.derivations import by_iteration
 from controller.riccati.normal_form import NormalForm
 from controller.riccati.smallest_delta import DeltaMin, has_value
 from hfa_support import NoSolutionError
-from verification import minimum_delta, solve_game
+from verification import analyse_game, minimum_delta, solve_game
 
 MODELS = sorted(game_models())
 OURS = regenerated_models()
@@ -162,6 +162,20 @@ def test_problem_without_lqr_solution_names_the_mode(
         with pytest.raises(NoSolutionError, match=pattern) as refusal:
             solve(game)
         assert "\n" not in str(refusal.value)
+
+
+@pytest.mark.parametrize("size", [5e-324, 1e-310, 1e-200, 1e-150])
+@pytest.mark.parametrize("weight", [1.0, 1e-310])
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_denormal_numbers_end_in_a_solution_or_in_one_line(
+    size: float, weight: float, sign: float
+) -> None:
+    A = np.random.default_rng(0).standard_normal((3, 3)) + sign * 3.0 * np.eye(3)
+    game = Game(A, size * np.ones((3, 2)), np.eye(3), weight * np.eye(3), np.eye(2), 1e3)
+    try:
+        assert analyse_game(game).solution.certificate.ok
+    except NoSolutionError as refusal:
+        assert "\n" not in str(refusal)  # noqa: PT017
 
 
 @pytest.mark.parametrize(

@@ -39,11 +39,11 @@ def test_every_model_gets_the_solution_that_it_gets_alone(dynamics):
 def test_what_the_matrix_sign_contradicts_is_decided_by_the_schur_form(monkeypatch):
     A, B = _models("published", 3)
     like = published_game(A[0], B[0])
-    assert all(certified_stack(NormalForm.of_plants(A, B, like))[1])
+    assert certified_stack(NormalForm.of_plants(A, B, like)).holds.all()
     monkeypatch.setattr(certificate, "by_sign", lambda form: by_sign(form) * (1.0 + 1e-7))
-    X, checks = certified_stack(NormalForm.of_plants(A, B, like))
-    assert np.isnan(X).all()
-    assert not any(checks)
+    stack = certified_stack(NormalForm.of_plants(A, B, like))
+    assert np.isnan(stack.X).all()
+    assert not stack.holds.any()
     assert solve_games(A, B, like).certified.all()
 
 
