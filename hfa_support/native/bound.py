@@ -44,6 +44,8 @@ class BoundFunction:
 #: Rows a call of a mapped function, the most that there are.
 _TOGETHER = (250, 16, 1)
 
+Rows = list[np.ndarray]
+
 
 class RowFunction:
     """Calls a dense CasADi Function once a row of its arguments; columns of a matrix come one after
@@ -51,25 +53,32 @@ class RowFunction:
 
     def __init__(self, function: ca.Function) -> None:
         self._function = function
-        self._bound: dict[int, BoundFunction] = {}
+        self._bound: dict[int, tuple[BoundFunction, Rows, Rows]] = {}
 
     def __call__(self, *tables: np.ndarray) -> list[np.ndarray]:
         """Of arguments (N, size of the argument) the results (N, size of the result)."""
         count = len(tables[0])
         together = next((size for size in _TOGETHER if size <= count), 1)
         if together not in self._bound:
-            mapped = self._function.map(together) if together > 1 else self._function
-            self._bound[together] = BoundFunction(mapped)
-        bound = self._bound[together]
-        results = [np.empty((count, memory.size // together)) for memory in bound.results]
+            self._bound[together] = self._bind(together)
+        evaluate, inputs, results = self._bound[together]
+        found = [np.empty((count, rows.shape[1])) for rows in results]
         for first in range(0, count, together):
-            rows = min(together, count - first)
-            for memory, table in zip(bound.inputs, tables, strict=True):
-                memory.reshape(together, -1)[:rows] = table[first : first + rows]
-            bound()
-            for memory, result in zip(bound.results, results, strict=True):
-                result[first : first + rows] = memory.reshape(together, -1)[:rows]
-        return results
+            last = min(first + together, count)
+            for memory, table in zip(inputs, tables, strict=True):
+                memory[: last - first] = table[first:last]
+            evaluate()
+            for memory, table in zip(results, found, strict=True):
+                table[first:last] = memory[: last - first]
+        return found
+
+    def _bind(self, together: int) -> tuple[BoundFunction, Rows, Rows]:
+        """The function of so many rows, and its memory, a row a row."""
+        mapped = self._function.map(together) if together > 1 else self._function
+        bound = BoundFunction(mapped)
+        inputs = [memory.reshape(together, -1) for memory in bound.inputs]
+        results = [memory.reshape(together, -1) for memory in bound.results]
+        return bound, inputs, results
 
 
 Made = TypeVar("Made")

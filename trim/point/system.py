@@ -283,12 +283,19 @@ class TrimSystem:
         inputs = states + len(self.model.inputs)
         return flat[:, :states], flat[:, states:inputs], flat[:, inputs:]
 
-    def linear(self, z: np.ndarray, c: np.ndarray) -> np.ndarray:
-        """(N, ..): x, u, watched outputs, A and B row by row, and r of each point."""
+    def linear(
+        self, z: np.ndarray, c: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """x, u and watched outputs (N, n + m + w), A (N, n, n), B (N, n, m) and r (N, e)."""
         if self.machine is not None:
-            return self.machine.linear(z, c)
-        (flat,) = _rows_of(linear_function(self.structure))(z, c)
-        return flat
+            flat = self.machine.linear(z, c)
+        else:
+            (flat,) = _rows_of(linear_function(self.structure))(z, c)
+        n, m = len(self.model.states), len(self.model.inputs)
+        end = n + m + len(self.structure.watched)
+        A = flat[:, end : end + n * n].reshape(-1, n, n)
+        B = flat[:, end + n * n : end + n * (n + m)].reshape(-1, n, m)
+        return flat[:, :end], A, B, flat[:, end + n * (n + m) :]
 
     def constants(
         self, count: int = 1, columns: Mapping[str, np.ndarray] | None = None

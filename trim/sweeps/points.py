@@ -4,7 +4,6 @@ trim keeps its status and the reason."""
 
 from __future__ import annotations
 
-import itertools
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -102,9 +101,10 @@ def trim_points(
         _settle_alone(system, points, i, variables, values[i], start)
         if progress is not None:
             progress(done, len(values))
-    untrimmed = points.status != TRIMMED
-    points.A[untrimmed] = np.nan
-    points.B[untrimmed] = np.nan
+    trimmed = points.status == TRIMMED
+    if not trimmed.all():
+        points.A[~trimmed] = np.nan
+        points.B[~trimmed] = np.nan
     return points
 
 
@@ -197,18 +197,14 @@ def _settled_together(system: TrimSystem, variables: tuple[str, ...], values: np
     z, settled = newton(system, z, c)
     if not settled.all():
         _settle_from_neighbours(system, values, z, c, settled)
-    flat = system.linear(z, c)
-    w = len(system.structure.watched)
-    ends = list(itertools.accumulate((n, m, w, n * n, n * m)))
-    states, inputs, _, A, B, residual = np.split(flat, ends, axis=1)
-    within = system.point_limits.within(flat[:, : ends[2]]).all(axis=1)
+    point, A, B, residual = system.linear(z, c)
+    within = system.point_limits.within(point).all(axis=1)
     balanced = (np.abs(residual) <= BALANCE).all(axis=1)
-    status = np.full(count, NO_TRIM, dtype=np.int8)
-    status[balanced & within] = TRIMMED
+    status = np.where(balanced & within, TRIMMED, NO_TRIM)
     if system.only_inputs:
         status[balanced & ~within] = BEYOND_LIMITS
-    A, B = A.reshape(-1, n, n), B.reshape(-1, n, m)
-    return Points(status, states, inputs, A, B, {}, status == NO_TRIM)
+    states, inputs = point[:, :n], point[:, n : n + m]
+    return Points(status.astype(np.int8), states, inputs, A, B, {}, status == NO_TRIM)
 
 
 def _starts(
