@@ -11,6 +11,7 @@ import numpy as np
 
 from hfa_aircraft.layout import Layout, components
 from hfa_aircraft.model import Model
+from hfa_support.native.bound import RowFunction, cached_per_thread
 
 _ONE_ARGUMENT = {ca.OP_FABS, ca.OP_SIGN}
 _TWO_ARGUMENTS = {ca.OP_FMIN, ca.OP_FMAX, ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE}
@@ -66,14 +67,13 @@ def _near_switches(model: Model, x: np.ndarray, u: np.ndarray, p: np.ndarray) ->
     if _calls_functions(model.layout):
         near = np.isfinite(x).all(axis=1)
     else:
-        switches = _switches(model.layout)
+        switches = _switch_rows(model.layout)
         if switches is None:
             return np.zeros(0, dtype=int)
-        values, slopes = (np.array(part) for part in switches.map(len(x))(x.T, u.T, p.T))
-        # CasADi lays the slopes of the points side by side, (switches, points (n + m)).
-        by_point = slopes.reshape(len(values), len(x), -1)
-        reach = np.abs(by_point) @ _steps(model)
-        near = (np.abs(values) <= 2 * reach).any(axis=0)
+        values, slopes = switches(x, u, p)
+        by_variable = np.abs(slopes).reshape(len(x), -1, values.shape[1])
+        reach = np.einsum("pvs,v->ps", by_variable, _steps(model))
+        near = (np.abs(values) <= 2 * reach).any(axis=1)
     return np.flatnonzero(near)[:_MOST]
 
 
@@ -81,6 +81,13 @@ def _steps(model: Model) -> np.ndarray:
     """The step of each state and input, (n + m,)."""
     signals = (*model.states.values(), *model.inputs.values())
     return _STEP * np.array([signal.nominal for signal in signals])
+
+
+@cached_per_thread(maxsize=16)
+def _switch_rows(layout: Layout) -> RowFunction | None:
+    """`_switches`, bound to memory."""
+    switches = _switches(layout)
+    return None if switches is None else RowFunction(switches)
 
 
 @lru_cache(maxsize=16)

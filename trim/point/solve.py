@@ -89,7 +89,6 @@ def other_trims(
 
 def _solution(problem: TrimProblem, guess: np.ndarray) -> OperatingPoint:
     """The first trim that a search from a guess ends at, or TrimError."""
-    problem.at(guess)  # where the equations have no value there, that is the answer
     equations, unknowns = problem.count
     searches = _least_efforts if unknowns > equations else _balances
     nearest = guess
@@ -115,6 +114,7 @@ def _balances(problem: TrimProblem, guess: np.ndarray) -> Iterator[tuple[int, np
     squares within the limits, along the path from the model's own trim, from other starts; and
     these least squares."""
     yield 0, problem.newton(guess)
+    problem.at(guess)  # where the equations have no value there, that is the answer
     nearest = _bounded_least_squares(problem, guess)
     yield 0, problem.newton(nearest)
     continued = _continued(problem)
@@ -127,6 +127,7 @@ def _balances(problem: TrimProblem, guess: np.ndarray) -> Iterator[tuple[int, np
 def _least_efforts(problem: TrimProblem, guess: np.ndarray) -> Iterator[tuple[int, np.ndarray]]:
     """Trims of least effort, with the number of the start: from the guess, from the least squares
     within the limits, from other starts; and these least squares."""
+    problem.at(guess)  # where the equations have no value there, that is the answer
     yield 0, _least_effort(problem, guess)
     nearest = _polished(problem, _bounded_least_squares(problem, guess))
     if problem.solved(nearest):

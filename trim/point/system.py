@@ -4,7 +4,8 @@ unknowns z and of what differs from point to point, c."""
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+import threading
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property, lru_cache
 from typing import Any, NamedTuple
 
@@ -20,7 +21,7 @@ from trim.point.condition import TrimCondition
 from trim.point.machine import compiled_trim
 
 #: Steps of Newton's method that one evaluation takes, and with how many unknowns at most.
-FULL_STEPS = 5
+FULL_STEPS = 4
 FEW = 6
 
 
@@ -247,6 +248,7 @@ class TrimSystem:
         scales = dict(self.structure.rates) | dict(self.structure.outputs)
         self.row_scales = np.array([scales[name] for name in self.equations.names])
         self.moved = self.equations.jacobian.shape[0]
+        self._functions = threading.local()
         self.machine = None
         if compile_code and self.equations.square:
             self.machine = compiled_trim(
@@ -267,18 +269,18 @@ class TrimSystem:
 
     def residuals(self, z: np.ndarray, c: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """r (N, e) and J (N, m, k) at the unknowns z (N, k) and the constants c (N, ..)."""
-        residual, jacobian = _rows_of(residual_function(self.structure))(z, c)
+        residual, jacobian = self._rows(residual_function)(z, c)
         return residual, jacobian.reshape(len(z), self.moved, z.shape[1])
 
     def full_steps(self, z: np.ndarray, c: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """z (N, k) after `FULL_STEPS` steps of Newton's method, none of them halved, and |r| before
         each (N, FULL_STEPS)."""
-        after, norms = _rows_of(steps_function(self.structure))(z, c)
+        after, norms = self._rows(steps_function)(z, c)
         return after, norms
 
     def points(self, z: np.ndarray, c: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """States (N, n), inputs (N, m) and watched outputs (N, w)."""
-        (flat,) = _rows_of(point_function(self.structure))(z, c)
+        (flat,) = self._rows(point_function)(z, c)
         states = len(self.model.states)
         inputs = states + len(self.model.inputs)
         return flat[:, :states], flat[:, states:inputs], flat[:, inputs:]
@@ -290,7 +292,7 @@ class TrimSystem:
         if self.machine is not None:
             flat = self.machine.linear(z, c)
         else:
-            (flat,) = _rows_of(linear_function(self.structure))(z, c)
+            (flat,) = self._rows(linear_function)(z, c)
         n, m = len(self.model.states), len(self.model.inputs)
         end = n + m + len(self.structure.watched)
         A = flat[:, end : end + n * n].reshape(-1, n, n)
@@ -316,6 +318,13 @@ class TrimSystem:
             if name in self._index:
                 table[:, self._index[name]] = values
         return table
+
+    def _rows(self, make: Callable[[Structure], ca.Function]) -> RowFunction:
+        """One of the functions above, bound to memory of this thread."""
+        functions: dict[Any, RowFunction] = self._functions.__dict__
+        if make not in functions:
+            functions[make] = _rows_of(make(self.structure))
+        return functions[make]
 
     @cached_property
     def _index(self) -> dict[str, int]:
