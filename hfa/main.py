@@ -65,8 +65,7 @@ GROUPS = {
     "proof": (
         "hfa prove schedule --dihedral 14:15",
         {
-            "prove": "stability between the points of a schedule, proved in ball arithmetic for every angle",
-            "lpv": "linear models on the coarsest grid of dihedrals with a proved interpolation error",
+            "prove": "schedules, solutions, critics and models, proved in ball arithmetic at every angle",
         },
     ),
     "exchange": (
@@ -81,7 +80,6 @@ COMMANDS = {name: about for _, commands in GROUPS.values() for name, about in co
 MODULES = {
     **dict.fromkeys(("solve", "learn"), "game"),
     "fly": "flight",
-    "lpv": "prove",
 }
 
 #: Former commands, for one version -> what took their place.
@@ -92,6 +90,7 @@ MOVED = {
     "map": "`hfa fly --initial NAME=VALUE`",
     "schedule": "`hfa fly --controller GAINS --command dihedral=TIME:VALUE`",
     "monte-carlo": "`hfa fly --samples N`",
+    "lpv": "`hfa prove models`",
     "identify": "a study, python -m studies.identification,",
     "validate": "a study, python -m studies.validation,",
 }

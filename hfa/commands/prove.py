@@ -1,4 +1,4 @@
-"""The commands `hfa prove` and `hfa lpv`."""
+"""The command `hfa prove`."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from controller.game.user_files import UNNAMED, PlantNames
 from controller.servo.scheduled_controller import load_controller
 from hfa.options.argument_types import input_file, interval, number, one_of, positive
 from hfa.options.command import command
-from hfa.options.games import PlantOptions, design_option, plant_option
+from hfa.options.games import PlantOptions, design_option
 from hfa.options.request import option
 from hfa.options.trims import OF_THE_TRIM, OutputOptions, called_at, scheduled
 from hfa.output import ProgressLine, print_report, show
@@ -33,10 +33,12 @@ if TYPE_CHECKING:
 _INTERVALS = ("bandwidth", "effectiveness", "delay")
 #: Statement -> options that do not belong to it.
 _SCHEDULES = ("design", "weights", "resume", "rate", "error", *_INTERVALS)
+_GAMES = ("delta", "Q", "R")
 STATEMENTS = {
-    "schedule": ("start", "basis", "plant", "file"),
-    "solution": ("basis", "file", *_SCHEDULES),
-    "critic": _SCHEDULES,
+    "schedule": ("start", "basis", "plant", "file", "limit_error"),
+    "solution": ("basis", "file", "limit_error", *_SCHEDULES),
+    "critic": ("limit_error", *_SCHEDULES),
+    "models": ("start", "basis", "plant", "file", *_GAMES, *_SCHEDULES),
 }
 
 
@@ -47,7 +49,6 @@ def _interval(text: str) -> tuple[float, float]:
     return ends[0], ends[-1]
 
 
-HOLDS_BETWEEN = "what is proved holds at every value between"
 _not_negative = partial(number, declared=Number(0.0))
 
 
@@ -57,42 +58,10 @@ def _interval_of(model: Model, text: str) -> tuple[float, ...]:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class FamilyOptions(PlantOptions):
-    """Trims over an interval of the scheduling variable, about which something is proved."""
-
-    at: Any = scheduled(_interval_of, "DEG|LOW:HIGH", HOLDS_BETWEEN)
-    plant: Path | None = None
-
-    def family(self, errors: float = 0.0) -> Family:
-        """The aircraft and the flights that the options name; the scheduling variable is left.
-
-        errors: every identified parameter may be off by this many of its standard errors."""
-        from verification.proof.enclosures.trim_branch import Family
-
-        with_errors = not self.own and self.dynamics != "unsteady"
-        standard_errors = self.parameter_set.standard_errors if with_errors else {}
-        if errors and not standard_errors:
-            raise BadInputError("the parameters have no standard errors; leave --error out")
-        spread = {
-            name: errors * error for name, error in standard_errors.items() if errors * error > 0.0
-        }
-        return Family(self.flown_aircraft(), self.common_condition(), spread)
-
-    def ends(self, family: Family) -> tuple[float, float]:
-        """LOW:HIGH of --at, as typed; refused where no trim can be."""
-        if len(self.at or ()) != 2:
-            raise BadInputError(
-                f"give the interval of {family.over or 'the scheduling variable'} as --{called_at(self.model)} LOW:HIGH"
-            )
-        low, high = self.at
-        family.check(low, high)
-        return low, high
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class ProveRequest(FamilyOptions, OutputOptions):
+class ProveRequest(PlantOptions, OutputOptions):
     """A statement to be proved, or a certificate to be checked."""
 
+    at: Any = scheduled(_interval_of, "DEG|LOW:HIGH", "what is proved holds at every value between")
     statement: str | None = option(
         f"what to prove: {', '.join(STATEMENTS)}",
         "STATEMENT",
@@ -143,11 +112,38 @@ class ProveRequest(FamilyOptions, OutputOptions):
         rare=True,
     )
     resume: bool = option("go on with the unfinished certificate that -o names", rare=True)
-    plant: Path | None = plant_option()
+    limit_error: float = option(
+        "of `models`: of the interpolation, relative; default 1e-3", "X", positive, default=1e-3
+    )
 
     def origin(self) -> Mapping[str, Any]:
         """The aircraft; nothing of a check, whose certificate says which aircraft it is about."""
         return {} if self.check is not None else super().origin()
+
+    def family(self, errors: float = 0.0) -> Family:
+        """The aircraft and the flights that the options name; the scheduling variable is left.
+
+        errors: every identified parameter may be off by this many of its standard errors."""
+        from verification.proof.enclosures.trim_branch import Family
+
+        with_errors = not self.own and self.dynamics != "unsteady"
+        standard_errors = self.parameter_set.standard_errors if with_errors else {}
+        if errors and not standard_errors:
+            raise BadInputError("the parameters have no standard errors; leave --error out")
+        spread = {
+            name: errors * error for name, error in standard_errors.items() if errors * error > 0.0
+        }
+        return Family(self.flown_aircraft(), self.common_condition(), spread)
+
+    def ends(self, family: Family) -> tuple[float, float]:
+        """LOW:HIGH of --at, as typed; refused where no trim can be."""
+        if len(self.at or ()) != 2:
+            raise BadInputError(
+                f"give the interval of {family.over or 'the scheduling variable'} as --{called_at(self.model)} LOW:HIGH"
+            )
+        low, high = self.at
+        family.check(low, high)
+        return low, high
 
     def uncertain(self) -> dict[str, Any]:
         """What is uncertain about the actuators."""
@@ -164,7 +160,9 @@ def prove(request: ProveRequest) -> int:
     makes the loop Hurwitz, with --bandwidth through all actuators of intervals, also delayed and of
     less effect. solution: the game has one stabilizing solution within a radius of P, its value;
     with a bracket of delta_min. critic FILE: the distance of W, P or K in a file from the exact
-    solution, from below and from above. -o FILE.json writes a certificate; --check FILE verifies
+    solution, from below and from above. models: linear models on the coarsest grid of dihedrals,
+    with the error of A, B, the trimmed inputs and the exact game's gain K at every angle between
+    bounded by --limit-error; -o FILE.npz, .mat, .csv the matrices. -o FILE.json writes a certificate; --check FILE verifies
     it, by other means than it was made with. Exit 0: proved. Exit 1: refuted, or left open. Needs
     python-flint (`pip install .[proof]`)."""
     from verification.proof.arithmetic import flint_or_refusal
@@ -176,6 +174,8 @@ def prove(request: ProveRequest) -> int:
     if statement is None:
         raise BadInputError(f"say what to prove, one of {', '.join(STATEMENTS)}, or --check FILE")
     request.refuse(STATEMENTS[statement], f"does not go with `hfa prove {statement}`; leave it out")
+    if statement == "models":
+        return _models(request)
     if target is not None and target.suffix.lower() != ".json":
         raise BadInputError(f"{target}: a certificate is a .json file; name one")
     return _schedule(request) if statement == "schedule" else _game(request)
@@ -274,7 +274,7 @@ def _schedule(request: ProveRequest) -> int:
     low, high = request.ends(family)
     if request.weights is not None:
         request.refuse(
-            ("delta", "Q", "R"),
+            _GAMES,
             "does not go with --weights, which gives the gains; leave it out",
         )
         speed = family.condition(low).imposed.get("speed", 0.0)
@@ -332,34 +332,12 @@ def _game(request: ProveRequest) -> int:
     return 0 if proof.proved else 1
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class ModelsRequest(FamilyOptions, OutputOptions):
-    """Linear models between which may be interpolated."""
-
-    at: Any = scheduled(_interval_of, "LOW:HIGH", HOLDS_BETWEEN)
-    limit_error: float = option(
-        "of the interpolation, relative; default 1e-3", "X", positive, default=1e-3
-    )
-
-
-@command(ModelsRequest)
-def lpv(request: ModelsRequest) -> int:
-    """Linear models on the coarsest grid of dihedrals whose interpolation error is proved below a
-    tolerance.
-
-    The error of A, B, the trimmed inputs and the exact game's gain K is bounded at every angle
-    between the nodes, in ball arithmetic. -o FILE.json writes a certificate that `hfa prove
-    --check` verifies, .npz, .mat and .csv the matrices. Needs python-flint (`pip install
-    .[proof]`)."""
-    from verification.proof.arithmetic import flint_or_refusal
+def _models(request: ProveRequest) -> int:
     from verification.proof.search.lpv_grid import coarsest_grid
 
-    flint_or_refusal()
-    request.refuse(("start",), "belongs to a single trim; leave it out")
     family = request.family()
-    proof = coarsest_grid(
-        family, *request.ends(family), request.limit_error, progress=ProgressLine("lpv")
-    )
+    low, high = request.ends(family)
+    proof = coarsest_grid(family, low, high, request.limit_error, progress=ProgressLine("prove"))
     if request.output is not None and request.output.suffix.lower() == ".json":
         proof.write(request.output, request.provenance)
         print_report(proof.report(), request)

@@ -32,7 +32,7 @@ def certificates(certificate: Path, tmp_path_factory: pytest.TempPathFactory) ->
         "solution": ("prove", "solution", "--dihedral", "15", "-o"),
         "critic": ("prove", "critic", "--dihedral", "15", str(solved), "-o"),
         "errors": ("prove", "schedule", "--dihedral", "14:14.25", "--error", "1", "-o"),
-        "lpv": ("lpv", "--dihedral", "14:14.0625", "-o"),
+        "models": ("prove", "models", "--dihedral", "14:14.0625", "-o"),
     }
     found = {kind: folder / f"{kind}.json" for kind in words}
     for kind, each in words.items():
@@ -41,7 +41,7 @@ def certificates(certificate: Path, tmp_path_factory: pytest.TempPathFactory) ->
     return {"schedule": certificate} | found
 
 
-@pytest.mark.parametrize("kind", ["schedule", "errors", "solution", "critic", "lpv"])
+@pytest.mark.parametrize("kind", ["schedule", "errors", "solution", "critic", "models"])
 def test_a_certificate_of_each_kind_is_verified(certificates: dict[str, Path], kind: str) -> None:
     result = hfa("prove", "--check", str(certificates[kind]), "--json")
     assert result.code == 0

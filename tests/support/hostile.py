@@ -31,7 +31,7 @@ from hfa.options.parser import Parser
 LONGEST = 10.0
 _LONGEST_LINE = 1200
 #: Command lines that take longer when they are asked for nothing special.
-_LONG = (("lpv",), ("prove", "schedule"))
+_LONG = (("prove", "models"), ("prove", "schedule"))
 
 NUMBERS = (
     *(
@@ -195,7 +195,7 @@ LINES = (
     "fly --dihedral 15 --samples 3 --duration 0.02 --error panel_mass=0.1 --noise alpha=0.1 -o a.zarr",
     "prove solution --dihedral 15",
     "prove --check a.json",
-    "lpv --dihedral 10:10.1 --limit-error 0.01 -o a.npz",
+    "prove models --dihedral 10:10.1 --limit-error 0.01 -o a.npz",
     "design --design paper --dihedral 10 -o a.npz",
     "export --dihedral 15 -o folder",
     "regenerate --dynamics newton --parameters identified --json",
