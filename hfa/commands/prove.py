@@ -88,7 +88,7 @@ class ProveRequest(PlantOptions, OutputOptions):
     design: Any = design_option(
         "of `schedule`: --weights is a controller with memory, on the actuators of this design"
     )
-    rate: bool = option("of `schedule`: also how fast the dihedral may move")
+    rate: bool = option("of `schedule`: also how fast the dihedral may move", rare=True)
     error: float = option(
         "of `schedule`: for all parameters within N standard errors; default 0",
         "N",
@@ -113,7 +113,11 @@ class ProveRequest(PlantOptions, OutputOptions):
     )
     resume: bool = option("go on with the unfinished certificate that -o names", rare=True)
     limit_error: float = option(
-        "of `models`: of the interpolation, relative; default 1e-3", "X", positive, default=1e-3
+        "of `models`: of the interpolation, relative; default 1e-3",
+        "X",
+        positive,
+        default=1e-3,
+        rare=True,
     )
 
     def origin(self) -> Mapping[str, Any]:
@@ -160,9 +164,8 @@ def prove(request: ProveRequest) -> int:
     makes the loop Hurwitz, with --bandwidth through all actuators of intervals, also delayed and of
     less effect. solution: the game has one stabilizing solution within a radius of P, its value;
     with a bracket of delta_min. critic FILE: the distance of W, P or K in a file from the exact
-    solution, from below and from above. models: linear models on the coarsest grid of dihedrals,
-    with the error of A, B, the trimmed inputs and the exact game's gain K at every angle between
-    bounded by --limit-error; -o FILE.npz, .mat, .csv the matrices. -o FILE.json writes a certificate; --check FILE verifies
+    solution, from below and from above. models: linear models on the coarsest grid whose A, B, U0
+    and exact K are off by --limit-error at most between its points. -o FILE.json writes a certificate; --check FILE verifies
     it, by other means than it was made with. Exit 0: proved. Exit 1: refuted, or left open. Needs
     python-flint (`pip install .[proof]`)."""
     from verification.proof.arithmetic import flint_or_refusal
