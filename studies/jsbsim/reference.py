@@ -95,27 +95,35 @@ def measured(name: str, points: Sequence[Mapping[str, Any]], seconds: float = 60
     name: of an aircraft of JSBSim.
     points: {"state": {...}, "commands": {...}} of `Model` names, or {"trim": {"kcas", "altitude"}}.
     """
-    request = json.dumps({"aircraft": name, "points": list(points)})
+    answers: list[Any] = []
+    waiting = list(points)
+    while waiting:
+        found = _ask({"aircraft": name, "points": waiting}, seconds)
+        answers += found
+        if len(found) < len(waiting):
+            answers.append(None)  # the point at which JSBSim ended
+        waiting = list(points)[len(answers) :]
+    return answers
+
+
+def _ask(request: Mapping[str, Any], seconds: float) -> list[Any]:
+    """The answers that a process gives before it ends."""
     command = [sys.executable, "-m", "studies.jsbsim.reference"]
     try:
         process = subprocess.run(
             command,
-            input=request,
+            input=json.dumps(request),
             capture_output=True,
             text=True,
             timeout=seconds,
             check=False,
             cwd=Path(__file__).parents[2],
         )
-        lines = process.stdout.splitlines()
+        output: Any = process.stdout
     except subprocess.TimeoutExpired as late:
-        output = late.stdout or b""
-        lines = (output.decode() if isinstance(output, bytes) else output).splitlines()
-    answers = []
-    for line in lines:
-        with contextlib.suppress(json.JSONDecodeError):
-            answers.append(json.loads(line))
-    return [*answers, *[None] * (len(points) - len(answers))]
+        output = late.stdout or ""
+    text = output.decode() if isinstance(output, bytes) else output
+    return [json.loads(line) for line in text.splitlines() if line.startswith("{")]
 
 
 def main() -> int:

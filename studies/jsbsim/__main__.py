@@ -1,0 +1,125 @@
+"""JSBSim's 60 aircraft: its own trims and ours at the same conditions, ours measured in JSBSim.
+
+Writes studies/jsbsim/results.json and the table of docs/jsbsim.md. Needs the package jsbsim; takes
+about ten minutes on one core. `--only NAME` runs one aircraft and keeps the rows of the others.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import multiprocessing
+import sys
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+from typing import Any
+
+from hfa_aircraft.jsbsim.reader import data_folder
+from hfa_support.files import write_text
+from studies.jsbsim.study import LIFTS, SPEEDS, study
+
+RESULTS = Path(__file__).with_name("results.json")
+PAGE = Path(__file__).parents[2] / "docs" / "jsbsim.md"
+_BEGIN, _END = "<!-- table of studies.jsbsim -->", "<!-- end of the table -->"
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """0: the table is written. 2: JSBSim is not installed."""
+    parser = argparse.ArgumentParser("python -m studies.jsbsim", description=__doc__)
+    parser.add_argument("--only", action="append", default=[], metavar="NAME")
+    parser.add_argument("--workers", type=int, default=1, metavar="N")
+    arguments = parser.parse_args(argv)
+    folder = data_folder()
+    if folder is None:
+        print("studies.jsbsim: install the package jsbsim", file=sys.stderr)
+        return 2
+    names = sorted(path.name for path in (folder / "aircraft").iterdir() if path.is_dir())
+    names = [name for name in names if (folder / "aircraft" / name / f"{name}.xml").is_file()]
+    rows: dict[str, Any] = {}
+    if RESULTS.is_file():
+        rows = {row["aircraft"]: row for row in json.loads(RESULTS.read_text())["aircraft"]}
+    chosen = arguments.only or names
+    with ProcessPoolExecutor(
+        arguments.workers, multiprocessing.get_context("spawn"), max_tasks_per_child=1
+    ) as pool:
+        for row in pool.map(study, chosen):
+            rows[row["aircraft"]] = row
+            print(row["aircraft"], *(point["kind"] for point in row["points"]), flush=True)
+            ordered = [rows[name] for name in names if name in rows]
+            write_text(RESULTS, json.dumps({"aircraft": ordered}, indent=1) + "\n")
+    write_page(ordered)
+    return 0
+
+
+def write_page(rows: Sequence[dict[str, Any]]) -> None:
+    """Put the table and its sums into the page of the documentation."""
+    before, _, rest = PAGE.read_text().partition(_BEGIN)
+    _, _, after = rest.partition(_END)
+    write_text(PAGE, f"{before}{_BEGIN}\n\n{summary(rows)}\n\n{table(rows)}\n\n{_END}{after}")
+
+
+def table(rows: Sequence[dict[str, Any]]) -> str:
+    """One line an aircraft."""
+    header = [
+        "aircraft",
+        "JSBSim",
+        "level",
+        "glide",
+        "own speeds",
+        "residual",
+        "time, ms",
+        "remark",
+    ]
+    lines = [header, ["---", *[":---:"] * 6, "---"]]
+    lines += [_line(row) for row in rows]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+
+
+def _line(row: dict[str, Any]) -> list[str]:
+    points = row["points"]
+    if not points:
+        return [row["aircraft"], *["-"] * 6, row["refused"]]
+    at_speeds = points[: len(SPEEDS)]
+    own = points[len(SPEEDS) :]
+    residuals = [point["residual"] for point in points if "residual" in point]
+    times = sorted(point["seconds"] for point in points if "seconds" in point)
+    remarks = [point["reason"] for point in points if "reason" in point and point["kind"] == "none"]
+    remark = "" if any(point["kind"] != "none" for point in points) else remarks[-1]
+    return [
+        row["aircraft"],
+        str(sum(point["jsbsim"] for point in at_speeds)),
+        str(sum(point["kind"] == "level" for point in at_speeds)),
+        str(sum(point["kind"] == "glide" for point in at_speeds)),
+        str(sum(point["kind"] != "none" for point in own)),
+        f"{max(residuals):.0e}" if residuals else "-",
+        f"{1e3 * times[len(times) // 2]:.0f}" if times else "-",
+        remark,
+    ]
+
+
+def summary(rows: Sequence[dict[str, Any]]) -> str:
+    """The sums of the table in sentences."""
+    first = [row["points"][: len(SPEEDS)] for row in rows if row["points"]]
+    own = [row["points"][len(SPEEDS) :] for row in rows if row["points"]]
+    residuals = [
+        point["residual"] for row in rows for point in row["points"] if "residual" in point
+    ]
+
+    def count(groups: list[list[dict[str, Any]]], kinds: tuple[str, ...]) -> int:
+        return sum(any(point["kind"] in kinds for point in points) for points in groups)
+
+    jsbsim = sum(any(point["jsbsim"] for point in points) for points in first)
+    small = sum(residual < 1e-9 for residual in residuals)
+    return (
+        f"Of {len(rows)} aircraft JSBSim's own trim finds one at {jsbsim}, `hfa` at "
+        f"{count(first, ('level', 'glide'))} ({count(first, ('level',))} in level flight); with "
+        f"{len(LIFTS)} speeds of their own (lift coefficients {', '.join(map(str, LIFTS))}) at "
+        f"{count(own, ('level', 'glide'))} ({count(own, ('level',))} level). "
+        f"Of {len(residuals)} trims that were measured in JSBSim, {small} leave accelerations below "
+        "1e-9 ft/s² and rad/s²."
+    )
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

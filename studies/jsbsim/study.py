@@ -1,0 +1,106 @@
+"""One aircraft: JSBSim's own trims, ours at the same conditions, and ours measured in JSBSim."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Mapping
+from typing import Any
+
+from hfa_aircraft.jsbsim.reader import read_model
+from hfa_aircraft.model import Model
+from hfa_support.errors import BadInputError
+from studies.jsbsim.reference import GRAVITY, RADIUS, measured
+from trim.point.condition import TrimCondition, release, usual_condition
+from trim.point.operating_point import OperatingPoint
+from trim.point.reasons import explained
+from trim.point.solve import TrimError, find_operating_point
+
+#: Calibrated airspeed, kt, and altitude, ft.
+SPEEDS = ((60.0, 1000.0), (90.0, 3000.0), (130.0, 5000.0), (200.0, 10000.0), (300.0, 20000.0))
+#: Lift coefficients of the speeds that are an aircraft's own, at 5000 ft.
+LIFTS = (1.0, 0.7, 0.4)
+_DENSITY_RATIO = 0.8617
+
+
+def study(name: str) -> dict[str, Any]:
+    """The row of an aircraft: its points, or why it cannot be read."""
+    begun = time.perf_counter()
+    try:
+        model = read_model(f"jsbsim:{name}")
+    except BadInputError as error:
+        return {"aircraft": name, "refused": _short(str(error)), "points": []}
+    reading = time.perf_counter() - begun
+    held: list[dict[str, float]] = [
+        {"kcas": kcas, "altitude": altitude} for kcas, altitude in SPEEDS
+    ]
+    usual = model.states["speed"].start  # where the lift coefficient at sea level is 0.5
+    for lift in LIFTS:
+        speed = usual * math.sqrt(0.5 / lift / _DENSITY_RATIO)
+        held.append({"speed": speed, "altitude": 5000.0})
+    points = [_trimmed(model, values) for values in held]
+    _measure(name, points)
+    own = measured(name, [{"trim": values} for values in held[: len(SPEEDS)]], 120.0)
+    for point, answer in zip(points, own, strict=False):
+        point["jsbsim"] = bool(answer and answer.get("trimmed"))
+    notes = [_short(note) for note in model.notes]
+    return {"aircraft": name, "seconds_reading": reading, "notes": notes, "points": points}
+
+
+def _trimmed(model: Model, held: Mapping[str, float]) -> dict[str, Any]:
+    """Our trim at a condition: level, else in a glide with idle throttle; else why there is none."""
+    gravity = GRAVITY * (RADIUS / (RADIUS + held["altitude"])) ** 2
+    flown = model.with_parameters(gravity=gravity)
+    condition = release(usual_condition(flown), hold=held)
+    point: dict[str, Any] = {"held": dict(held)}
+    begun = time.perf_counter()
+    try:
+        solution = find_operating_point(flown, condition)
+        point["kind"] = "level" if "gamma" in model.trim else "glide"
+    except TrimError as error:
+        point["kind"] = "none"
+        point["reason"] = _short(str(explained(error, flown, condition)))
+        if "gamma" in model.trim:
+            glide = release(condition, free=("gamma",), hold={"throttle": 0.0})
+            found = _solution(flown, glide)
+            if found is not None:
+                point["kind"] = "glide"
+                _add(point, found)
+    else:
+        point["seconds"] = time.perf_counter() - begun
+        _add(point, solution)
+    return point
+
+
+def _solution(model: Model, condition: TrimCondition) -> OperatingPoint | None:
+    try:
+        return find_operating_point(model, condition)
+    except TrimError:
+        return None
+
+
+def _add(point: dict[str, Any], solution: OperatingPoint) -> None:
+    """States and inputs of a trim."""
+    point["state"] = solution.states._asdict()
+    point["commands"] = solution.inputs._asdict()
+    units = solution.model.units(tuple(solution.model.inputs))
+    point["by_commands"] = "rad" not in units
+
+
+def _measure(name: str, points: list[dict[str, Any]]) -> None:
+    """Accelerations, ft/s^2 and rad/s^2, that JSBSim has at our trims, where its control system
+    takes our inputs."""
+    known = [point for point in points if point.get("by_commands")]
+    answers = measured(name, known, 300.0) if known else []
+    for point, answer in zip(known, answers, strict=True):
+        if answer is None:
+            continue
+        axes = ("udot", "vdot", "wdot", "pdot", "qdot", "rdot")
+        point["residual"] = max(abs(answer[axis]) for axis in axes)
+
+
+def _short(text: str) -> str:
+    """A message without the folder of the installed package, and not at any length."""
+    words = [word.rsplit("/jsbsim/", 1)[-1] for word in text.split(" ")]
+    line = " ".join(words).removeprefix("no trim: ").split(" (these equations")[0]
+    return line[:240]
