@@ -49,6 +49,8 @@ def cut_surfaces(
     cut: dict[str, PilotInput] = {}
     notes = []
     for name in names:
+        if properties.writer(name) is None:
+            continue
         try:
             properties.read(name, "")
         except LoopError as error:

@@ -1,0 +1,244 @@
+"""What files may hold, and what is refused with file and line."""
+
+import re
+
+import numpy as np
+import pytest
+from small_aircraft import CONTROL, LIFT, METRICS, REST, force, glider, slope, written
+
+from hfa_aircraft.model import load_model
+from hfa_support import BadInputError
+from trim import find_operating_point
+from trim.point.condition import release, usual_condition
+
+TABLE = "<table> <independentVar>aero/alpha-rad</independentVar> <tableData>{}</tableData> </table>"
+
+
+def model_of(folder, text):
+    return load_model(written(folder, text))
+
+
+def test_a_glider_from_elsewhere_flies_by_its_path(tmp_path):
+    model = model_of(tmp_path, glider())
+    point = find_operating_point(model, release(usual_condition(model), hold={"speed": 120.0}))
+    outputs = model.outputs_at(point.states, point.inputs)
+    lift = 5.0 * point.states.alpha
+    assert np.tan(outputs["gamma"]) == pytest.approx(-(0.03 + 0.05 * lift**2) / lift, rel=1e-10)
+    assert point.inputs.elevator == pytest.approx(-point.states.alpha / 0.3, rel=1e-10)
+
+
+def test_provenance_changes_with_every_file(tmp_path):
+    control = '<flight_control file="stick"/>'
+    text = glider(control=control)
+    stick = tmp_path / "aircraft" / "glider" / "stick.xml"
+    written(tmp_path, text)
+    stick.write_text(CONTROL)
+    before = model_of(tmp_path, text).source[1]
+    stick.write_text(CONTROL.replace("Elevator Gain", "Elevator gain"))
+    after = model_of(tmp_path, text).source[1]
+    assert before != after
+
+
+@pytest.mark.parametrize(
+    ("text", "fault"),
+    [
+        ("no xml", r"glider.xml:1: this is no XML \(syntax error\)"),
+        (
+            "<fdm_config><metrics></fdm_config>",
+            r"glider.xml:1: this is no XML \(mismatched tag\)",
+        ),
+        (
+            '<!DOCTYPE a [\n<!ENTITY b SYSTEM "file:///etc/passwd">]><fdm_config>&b;</fdm_config>',
+            r"glider.xml:2: the entity b is a file, or long, or made of others; write its text",
+        ),
+        (
+            '<!DOCTYPE a [<!ENTITY b "lol">\n<!ENTITY c "&b;&b;">]><fdm_config>&c;</fdm_config>',
+            r"glider.xml:2: the entity c is a file, or long, or made of others",
+        ),
+        (
+            "<FDM_CONFIG NAME='old'/>",
+            r"glider.xml:1: <FDM_CONFIG> is no aircraft of JSBSim; its files begin with <fdm_config>",
+        ),
+        ("<fdm_config/>", r"glider.xml: the aircraft has no <metrics>; add it"),
+        (
+            glider(more='<buoyant_forces/><system file="/etc/passwd"/>'),
+            r"glider.xml:\d+: the file /etc/passwd lies outside the aircraft's folders",
+        ),
+        (
+            glider(more='<system file="../../../../secret"/>'),
+            r"glider.xml:\d+: the file ../../../../secret lies outside the aircraft's folders",
+        ),
+        (
+            glider(more='<system file="absent"/>'),
+            r"glider.xml:\d+: the file absent is not in .*Systems",
+        ),
+        (glider(more="<buoyant_forces/>"), r"glider.xml:\d+: <buoyant_forces> is not read"),
+        (
+            glider(LIFT.replace("LIFT", "NORMAL")),
+            r"glider.xml:\d+: the axis NORMAL is not read; use DRAG, SIDE, LIFT, ROLL",
+        ),
+        (
+            glider(force("LIFT", TABLE.format("\n1 2\n"))),
+            r"glider.xml:\d+: the table has one row or column only; give at least two",
+        ),
+        (
+            glider(force("LIFT", TABLE.format("\n1 2\n1 3\n"))),
+            r"glider.xml:\d+: the breakpoints of the table do not increase; sort them",
+        ),
+        (
+            glider(force("LIFT", TABLE.format("\n1 2\nx 3\n"))),
+            r"glider.xml:\d+: 'x 3' is no row of numbers",
+        ),
+        (
+            glider(force("LIFT", "<random/>")),
+            r"glider.xml:\d+: <random> is no function that can be read",
+        ),
+        (
+            glider(force("LIFT", "<quotient> <v>1</v> </quotient>")),
+            r"glider.xml:\d+: <quotient> has 1 values; give 2 or more",
+        ),
+        (
+            glider(
+                LIFT.replace("aero/alpha-rad", "aero/a")
+                + '<function name="aero/a"> <sum> <p>aero/b</p> <v>1</v> </sum> </function>'
+                + '<function name="aero/b"> <sum> <p>aero/a</p> <v>1</v> </sum> </function>'
+            ),
+            r"glider.xml:\d+: aero/a depends on itself; break the loop of functions",
+        ),
+        (
+            glider().replace('<wingarea unit="FT2"> 150', '<wingarea unit="ACRE"> 150'),
+            r'glider.xml:4: <wingarea> has the unit "ACRE"; give it in FT2',
+        ),
+        (
+            glider().replace(" 1500 ", " heavy "),
+            r"glider.xml:\d+: <emptywt> holds 'heavy', not a number",
+        ),
+        (
+            glider(more="<propulsion> <engine> <brushless_dc_motor/> </engine> </propulsion>"),
+            r"glider.xml:\d+: <engine> has no <thruster>; add it",
+        ),
+        (
+            glider(
+                more="<propulsion> <engine> <rotor_engine/> <thruster> <rotor/> </thruster> "
+                "</engine> </propulsion>"
+            ),
+            r"glider.xml:\d+: <rotor_engine> is not read; engines: turbine_engine,",
+        ),
+    ],
+)
+def test_a_fault_is_one_line_with_file_and_line(tmp_path, text, fault):
+    with pytest.raises(BadInputError) as caught:
+        model_of(tmp_path, text)
+    message = str(caught.value)
+    assert re.search(fault, message)
+    assert "\n" not in message
+
+
+def test_short_entities_are_text(tmp_path):
+    text = glider().replace("<fdm_config", '<!DOCTYPE a [<!ENTITY area "150">]>\n<fdm_config', 1)
+    model = model_of(tmp_path, text.replace("> 150 <", "> &area; <"))
+    assert model.states["speed"].start == pytest.approx(
+        load_model(written(tmp_path, glider())).states["speed"].start
+    )
+
+
+def test_a_property_that_nothing_sets_is_zero_and_listed(tmp_path):
+    model = model_of(tmp_path, glider(LIFT + REST + force("SIDE", slope(1.0, "sim/gust"))))
+    notes = [note for note in model.notes if "sim/gust" in note]
+    assert re.search(r"glider.xml:\d+: nothing sets sim/gust; it is 0", notes[0])
+
+
+def test_a_second_axis_of_one_name_replaces_the_first(tmp_path):
+    both = model_of(tmp_path, glider(force("LIFT", "<v>9</v>") + LIFT + REST))
+    one = model_of(tmp_path, glider())
+    x = [120.0, 0.1, *[0.0] * 7, 1000.0]
+    assert both.rates_at(x, [0.0] * 3) == one.rates_at(x, [0.0] * 3)
+
+
+@pytest.mark.parametrize(
+    ("component", "positions"),
+    [
+        (
+            '<aerosurface_scale name="e"> <input>fcs/elevator-cmd-norm</input> <range> <min>-0.4</min> '
+            "<max>0.2</max> </range> <output>fcs/elevator-pos-rad</output> </aerosurface_scale>",
+            {-1.0: -0.4, -0.5: -0.2, 0.0: 0.0, 0.5: 0.1, 1.0: 0.2},
+        ),
+        (
+            '<summer name="e"> <input>-fcs/elevator-cmd-norm</input> <bias>0.1</bias> <clipto> '
+            "<min>-0.3</min> <max>0.5</max> </clipto> <output>fcs/elevator-pos-rad</output> </summer>",
+            {-1.0: 0.5, 0.0: 0.1, 1.0: -0.3},
+        ),
+        (
+            '<kinematic name="e"> <input>fcs/elevator-cmd-norm</input> <traverse> <setting> '
+            "<position>0</position> <time>0</time> </setting> <setting> <position>20</position> "
+            "<time>1</time> </setting> </traverse> <output>fcs/elevator-pos-deg</output> </kinematic>",
+            {-1.0: 0.0, 0.5: np.radians(10.0), 1.0: np.radians(20.0)},
+        ),
+        (
+            '<deadband name="e"> <input>fcs/elevator-cmd-norm</input> <width>0.5</width> '
+            "<gain>0.5</gain> <output>fcs/elevator-pos-rad</output> </deadband>",
+            {-1.0: -0.375, 0.1: 0.0, 0.75: 0.25},
+        ),
+        (
+            '<switch name="e"> <default value="0.1"/> <test logic="AND" value="fcs/elevator-cmd-norm"> '
+            "fcs/elevator-cmd-norm gt 0.5 </test> <output>fcs/elevator-pos-rad</output> </switch>",
+            {0.4: 0.1, 0.6: 0.6},
+        ),
+        (
+            '<lag_filter name="e"> <input>fcs/elevator-cmd-norm</input> <c1>10</c1> '
+            "<output>fcs/elevator-pos-rad</output> </lag_filter>",
+            {-1.0: -1.0, 0.25: 0.25},
+        ),
+    ],
+)
+def test_a_component_stands_where_its_input_holds_it(tmp_path, component, positions):
+    start = CONTROL.index('  <pure_gain name="Elevator')
+    end = CONTROL.index('  <pure_gain name="Aileron')
+    model = model_of(tmp_path, glider(control=CONTROL[:start] + component + CONTROL[end:]))
+    x = [120.0, 0.1, *[0.0] * 7, 1000.0]
+    for command, position in positions.items():
+        u = [command if name == "elevator" else 0.0 for name in model.inputs]
+        outputs = model.outputs_at(x, u)
+        assert outputs["elevator_position"] == pytest.approx(position, abs=1e-14)
+
+
+def test_the_surface_is_the_input_where_the_stick_acts_through_an_integrator(tmp_path):
+    pid = (
+        '<pid name="e"> <input>fcs/elevator-cmd-norm</input> <kp>1</kp> <ki>0.1</ki> '
+        "<clipto> <min>-0.2</min> <max>0.3</max> </clipto> <output>fcs/elevator-pos-rad</output> </pid>"
+    )
+    start = CONTROL.index('  <pure_gain name="Elevator')
+    end = CONTROL.index('  <pure_gain name="Aileron')
+    model = model_of(tmp_path, glider(control=CONTROL[:start] + pid + CONTROL[end:]))
+    elevator = model.inputs["elevator"]
+    assert (elevator.unit, elevator.min, elevator.max) == ("rad", -0.2, 0.3)
+    assert any("the integrator has no steady value" in note for note in model.notes)
+    point = find_operating_point(model, release(usual_condition(model), hold={"speed": 120.0}))
+    assert point.inputs.elevator == pytest.approx(-point.states.alpha, rel=1e-10)
+
+
+def test_rates_of_angles_are_solved_for(tmp_path):
+    term = slope(0.02, "aero/alphadot-rad_sec")
+    model = model_of(tmp_path, glider(force("LIFT", slope(5.0, "aero/alpha-rad"), term) + REST))
+    plain = model_of(tmp_path, glider())
+    x = [120.0, 0.1, *[0.0] * 7, 1000.0]
+    rate = model.rates_at(x, [0.0] * 3)["alpha"]
+    without = plain.rates_at(x, [0.0] * 3)["alpha"]
+    outputs = plain.outputs_at(x, [0.0] * 3)
+    per_unit = outputs["lift_to_weight"] / (5.0 * 0.1) * 32.174049 / 120.0
+    assert rate == pytest.approx(without / (1.0 + 0.02 * per_unit), rel=1e-9)
+
+
+def test_products_of_inertia_change_sign_unless_told_otherwise(tmp_path):
+    tilted = METRICS.replace("<emptywt", '<ixz unit="SLUG*FT2"> 100 </ixz> <emptywt')
+    x = [120.0, 0.1, 0.05, *[0.0] * 6, 1000.0]
+    rates = []
+    for attribute in ("", ' negated_crossproduct_inertia="false"'):
+        metrics = tilted.replace("<mass_balance>", f"<mass_balance{attribute}>")
+        model = model_of(tmp_path, glider().replace(METRICS, metrics))
+        rates.append(model.rates_at(x, [0.0] * 3))
+    inertia = np.array([[1000.0, 100.0], [100.0, 2000.0]])
+    moments = inertia @ [rates[0]["roll_rate"], rates[0]["yaw_rate"]]
+    inertia[0, 1] = inertia[1, 0] = -100.0
+    expected = np.linalg.solve(inertia, moments)
+    assert [rates[1]["roll_rate"], rates[1]["yaw_rate"]] == pytest.approx(expected.tolist())
