@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from small_aircraft import CONTROL, LIFT, METRICS, REST, force, glider, slope, written
 
-from hfa_aircraft import load_model
+from hfa_aircraft.loading import load_model
 from hfa_support import BadInputError
 from trim import find_operating_point
 from trim.point.condition import release, usual_condition
