@@ -5,14 +5,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from controller.riccati.gare import solve_game
 from controller.riccati.smallest_delta import minimum_delta
-from controller.servo.design import Actuator, Design, Shaping
-from controller.servo.design_model import DesignModel, design_model
+from controller.servo.design import Actuator, Design, Following, Shaping
+from controller.servo.design_model import DesignModel, design_model, selection
 from controller.servo.generalized_plant import GeneralizedPlant, solve_plant
 from controller.servo.loop_shaping import (
     following_model,
@@ -31,8 +31,11 @@ from trim.linear.linear_model import LinearModel, level_model
 
 @dataclass(frozen=True, eq=False)
 class LinearController:
-    """x' = A x + B [y; w], u = C x + D [y; w] at one angle, W its anti-windup input, what certifies
-    it, and its limit: the smallest delta of the game or, of a shaped loop, the smallest gamma."""
+    """x' = A x + B [y; w] + W (u_applied - u),  u = C x + D [y; w] at one scheduling value.
+
+    limit: the smallest delta of the game or, of a shaped loop, the smallest gamma
+    checks: what certifies it
+    """
 
     A: np.ndarray
     B: np.ndarray
@@ -43,177 +46,231 @@ class LinearController:
     checks: tuple[Check, ...] = ()
 
 
+class Feedback(NamedTuple):
+    """x' = A x + B y + W (u_applied - u),  u = C x + D y of the sensors y of a design model.
+
+    limit, checks: as of `LinearController`
+    """
+
+    A: np.ndarray
+    B: np.ndarray
+    C: np.ndarray
+    D: np.ndarray
+    W: np.ndarray
+    limit: float
+    checks: tuple[Check, ...]
+
+
 def design_controller(
-    aircraft: Model,
+    model: Model,
     design: Design,
     breakpoints: np.ndarray,
     *,
     progress: Progress | None = None,
 ) -> ScheduledController:
-    """The controllers of a design at `breakpoints` (N,), increasing values of the scheduling variable,
-    in one table.
+    """The controllers of a design at `breakpoints` (N,), increasing values of the scheduling
+    variable, in one table. They measure the sensors of the design; without any the states.
 
-    They measure the sensors of the design; without any the states. BadInputError for a model that
-    is not scheduled over one of its linear states. Raises NoSolutionError that names the place at
-    which there is no trim or no certified controller."""
-    own = aircraft
-    if own.schedule not in own.linear:
-        choices = f"one of {', '.join(own.linear)}"
+    BadInputError for a model that is not scheduled over one of its linear states. NoSolutionError
+    names the breakpoint at which there is no trim or no certified controller.
+    """
+    by = model.schedule
+    if by not in model.linear:
+        choices = f"one of {', '.join(model.linear)}"
         raise BadInputError(
-            f"a controller is scheduled over a linear state; declare in {own.name} schedule=NAME, {choices}"
+            f"a controller is scheduled over a linear state; declare in {model.name}"
+            f" schedule=NAME, {choices}"
         )
-    design = design.of(own)
-    found, models = [], []
-    for place in told(breakpoints.tolist(), progress):
+    design = design.of(model)
+    controllers: list[LinearController] = []
+    linear_models: list[LinearModel] = []
+    for value in told(breakpoints.tolist(), progress):
         try:
-            models.append(level_model(aircraft, place))
-            found.append(controller_at(aircraft, models[-1], design))
+            linear_models.append(level_model(model, value))
+            controllers.append(controller_at(model, linear_models[-1], design))
         except NoSolutionError as error:
-            where = f"{own.schedule} {own.describe(own.schedule, place)}"
+            where = f"{by} {model.describe(by, value)}"
             raise NoSolutionError(f"design {design.name} at {where}: {error}") from error
-    states, commands, command_filter = _names(design)
-    at, limit = (
-        [model.point.values[own.schedule] for model in models],
-        "gamma_min" if design.shaping else "delta_min",
-    )
+    trimmed_at = [linear.point.values[by] for linear in linear_models]
+    limit = "gamma_min" if design.shaping else "delta_min"
     rows = [
-        {
-            own.schedule: value,
-            limit: each.limit,
-            "checks": [check.to_dict() for check in each.checks],
-        }
-        for value, each in zip(at, found, strict=True)
+        {by: value, limit: made.limit, "checks": [check.to_dict() for check in made.checks]}
+        for value, made in zip(trimmed_at, controllers, strict=True)
     ]
+    stacks = {part: np.array([getattr(made, part) for made in controllers]) for part in "ABCDW"}
+    states, commands, command_filter = _names(design)
     return ScheduledController(
         name=design.name,
         feedback="output" if design.sensors else "state",
-        breakpoints=np.array(at),
-        **{part: np.array([getattr(each, part) for each in found]) for part in "ABCDW"},
+        breakpoints=np.array(trimmed_at),
+        **stacks,
         states=states,
         measurements=_measurements(design),
         commands=commands,
         inputs=design.inputs,
-        trim_states=np.array([model.point.states for model in models]),
-        trim_inputs=np.array([model.point.inputs for model in models]),
-        dynamics=own.name,
-        parameters=identity(own),
+        trim_states=np.array([linear.point.states for linear in linear_models]),
+        trim_inputs=np.array([linear.point.inputs for linear in linear_models]),
+        dynamics=model.name,
+        parameters=identity(model),
         command_filter=command_filter,
         about={"delta": finite_or_none(design.delta), "angles": rows},
-        model=own,
+        model=model,
     )
 
 
-def controller_at(aircraft: Model, model: LinearModel, design: Design) -> LinearController:
-    """The exact controller of one linear model; NoSolutionError when it is not certified.
+def controller_at(model: Model, linear: LinearModel, design: Design) -> LinearController:
+    """The controller of one linear model; NoSolutionError when it is not certified.
 
     The gain u = -K z, or the central controller of the game from the sensors; the integrals, which
-    either sees, are states of the controller behind its own: e' = y - r."""
-    built = design_model(aircraft, model, design)
-    if built.design.shaping is not None:
-        return _shaped(aircraft, built, built.design.shaping)
-    design, n, m = built.design, len(built.A), len(built.inputs)
-    problem: Any = built.game()
+    either sees, are states of the controller behind its own: e' = y - r.
+    """
+    built = design_model(model, linear, design)
+    design = built.design
+    if design.shaping is not None:
+        return _shaped(model, built, design.shaping)
     if design.sensors:
-        problem = GeneralizedPlant.measured(problem, built.C, built.V, built.D)
-        exact: Any = solve_plant(problem, design.delta)
-        smallest = problem.minimum_delta()
-        seen, checks = built.sensors, exact.checks
-        Ak, Bk, Ck, Dk, wound = exact.Ak, exact.Bk, exact.Ck, exact.Dk, built.B - exact.Bk @ built.D
+        feedback = _output_feedback(built)
+        sensors = built.sensors
     else:
-        exact = solve_game(problem)
-        smallest = minimum_delta(problem)
-        seen, checks = design.states, exact.certificate.checks
-        Ak, Bk, Ck, Dk, wound = (
-            np.zeros((0, 0)),
-            np.zeros((0, n)),
-            np.zeros((m, 0)),
-            -exact.K,
-            np.zeros((0, m)),
-        )
-    names, own = _measurements(design), design.integral_states
-    of_y, of_e = (
-        np.array([[float(one == name) for one in each] for name in seen]) for each in (names, own)
-    )
-    of_e, k, q = of_e.reshape(len(seen), len(own)), len(Ak), len(own)
-    integrated = np.array(
-        [[float(one == name) for one in names] for name in design.integrals]
-    ).reshape(q, len(names))
+        feedback = _state_feedback(built)
+        sensors = design.states
+    measured = _measurements(design)
+    integrals = design.integral_states
+    of_measured = selection(sensors, measured)
+    of_integrals = selection(sensors, integrals)
+    integrated = selection(design.integrals, measured)
+    k = len(feedback.A)
+    q = len(integrals)
+    m = len(built.inputs)
     return LinearController(
-        A=np.block([[Ak, Bk @ of_e], [np.zeros((q, k + q))]]),
-        B=np.block([[Bk @ of_y, np.zeros((k, q))], [integrated, -np.eye(q)]]),
-        C=np.hstack([Ck, Dk @ of_e]),
-        D=np.hstack([Dk @ of_y, np.zeros((m, q))]),
-        W=np.vstack([wound, np.zeros((q, m))]),
-        limit=smallest.value,
-        checks=checks,
+        A=np.block([[feedback.A, feedback.B @ of_integrals], [np.zeros((q, k + q))]]),
+        B=np.block([[feedback.B @ of_measured, np.zeros((k, q))], [integrated, -np.eye(q)]]),
+        C=np.hstack([feedback.C, feedback.D @ of_integrals]),
+        D=np.hstack([feedback.D @ of_measured, np.zeros((m, q))]),
+        W=np.vstack([feedback.W, np.zeros((q, m))]),
+        limit=feedback.limit,
+        checks=feedback.checks,
     )
 
 
-def _shaped(aircraft: Model, built: DesignModel, shaping: Shaping) -> LinearController:
+def _state_feedback(built: DesignModel) -> Feedback:
+    """The exact gain of the game, from all states."""
+    game = built.game()
+    exact = solve_game(game)
+    n = len(built.A)
+    m = len(built.inputs)
+    return Feedback(
+        A=np.zeros((0, 0)),
+        B=np.zeros((0, n)),
+        C=np.zeros((m, 0)),
+        D=-exact.K,
+        W=np.zeros((0, m)),
+        limit=minimum_delta(game).value,
+        checks=exact.certificate.checks,
+    )
+
+
+def _output_feedback(built: DesignModel) -> Feedback:
+    """The central controller of the game, from the sensors."""
+    plant = GeneralizedPlant.measured(built.game(), built.C, built.V, built.D)
+    central: Any = solve_plant(plant, built.design.delta)
+    return Feedback(
+        A=central.Ak,
+        B=central.Bk,
+        C=central.Ck,
+        D=central.Dk,
+        W=built.B - central.Bk @ built.D,
+        limit=plant.minimum_delta().value,
+        checks=central.checks,
+    )
+
+
+def _shaped(model: Model, built: DesignModel, shaping: Shaping) -> LinearController:
     """x = [x_m; the weights' own; x̂]: u = u_m - W1 F x̂, x̂ observes the shaped plant from y_s =
     W2 (y - y_m).
 
     x_m, u_m, y_m: of the model that the commands go through. The observer receives the inputs that
-    are applied."""
-    design, following, z = built.design, shaping.following, np.zeros
-    slow = dict.fromkeys(design.inputs, Actuator(bandwidth=following.bandwidth))
-    answer = design_model(aircraft, built.model, replace(design, actuators=slow))
-    A_m, B_m = following_model(
-        answer.A,
-        answer.B,
-        answer.C[[answer.sensors.index(name) for name in following.outputs]],
-        following,
-        paid=np.array([following.states.get(name, 0.0) for name in answer.states]),
-        rates=np.array([following.rates[name] for name in design.inputs]),
-    )
+    are applied.
+    """
+    design = built.design
+    z = np.zeros
+    answer, A_m, B_m = _followed_model(model, built, shaping.following)
     gains = np.array([shaping.inputs[name] for name in design.inputs])
-    weights = output_weights(shaping.outputs_at(built.model.point.values[design.model.schedule]))
-    (n, m), (k, p), (size, commands) = built.B.shape, weights.B.shape, B_m.shape
+    eta = built.model.point.values[model.schedule]
+    weights = output_weights(shaping.outputs_at(eta))
+    n, m = built.B.shape
+    k, p = weights.B.shape
+    size, commands = B_m.shape
     h = n + k
     A_s = np.block([[built.A, z((n, k))], [weights.B @ built.C, weights.A]])
-    B_s, C_s = np.vstack([built.B * gains, z((k, m))]), np.hstack([weights.D @ built.C, weights.C])
-    found = robust_controller(A_s, B_s, C_s, shaping.factor)
-    sensed, seen = np.hstack([answer.C, z((p, m))]), found.H @ weights.D
-    observer = A_s - B_s @ found.F - found.H @ C_s
+    B_s = np.vstack([built.B * gains, z((k, m))])
+    C_s = np.hstack([weights.D @ built.C, weights.C])
+    robust = robust_controller(A_s, B_s, C_s, shaping.factor)
+    sensed = np.hstack([answer.C, z((p, m))])
+    observed = robust.H @ weights.D
+    observer = A_s - B_s @ robust.F - robust.H @ C_s
     return LinearController(
         A=np.block(
             [
                 [A_m, z((size, k + h))],
                 [-weights.B @ sensed, weights.A, z((k, h))],
-                [-seen @ sensed, found.H @ weights.C, observer],
+                [-observed @ sensed, robust.H @ weights.C, observer],
             ]
         ),
-        B=np.block([[z((size, p)), B_m], [weights.B, z((k, commands))], [seen, z((h, commands))]]),
-        C=np.hstack([np.eye(m, size, k=size - m), z((m, k)), -gains[:, None] * found.F]),
+        B=np.block(
+            [[z((size, p)), B_m], [weights.B, z((k, commands))], [observed, z((h, commands))]]
+        ),
+        C=np.hstack([np.eye(m, size, k=size - m), z((m, k)), -gains[:, None] * robust.F]),
         D=z((m, p + commands)),
         W=np.vstack([z((size + k, m)), built.B, z((k, m))]),
-        limit=found.gamma_min,
-        checks=(robust_check(A_s, B_s, C_s, found),),
+        limit=robust.gamma_min,
+        checks=(robust_check(A_s, B_s, C_s, robust),),
     )
+
+
+def _followed_model(
+    model: Model, built: DesignModel, following: Following
+) -> tuple[DesignModel, np.ndarray, np.ndarray]:
+    """The design model behind the actuators of `following`, and A and B of how it answers
+    commands."""
+    design = built.design
+    slow = dict.fromkeys(design.inputs, Actuator(bandwidth=following.bandwidth))
+    answer = design_model(model, built.model, replace(design, actuators=slow))
+    rows = [answer.sensors.index(name) for name in following.outputs]
+    A_m, B_m = following_model(
+        answer.A,
+        answer.B,
+        answer.C[rows],
+        following,
+        paid=np.array([following.states.get(name, 0.0) for name in answer.states]),
+        rates=np.array([following.rates[name] for name in design.inputs]),
+    )
+    return answer, A_m, B_m
 
 
 def _names(design: Design) -> tuple[tuple[str, ...], tuple[str, ...], tuple[float, ...]]:
     """States, commands and command filter of the controller."""
     if design.shaping is None:
-        estimates = tuple(f"{name}_estimate" for name in design.states if design.sensors)
         commands = tuple(f"{name}{COMMAND_SIGNALS[0]}" for name in design.integrals)
+        if not design.sensors:
+            return design.integral_states, commands, ()
+        estimates = tuple(f"{name}_estimate" for name in design.states)
         return estimates + design.integral_states, commands, ()
-    following, own = design.shaping.following, output_weights(design.shaping.outputs).states
-    positions = tuple(f"model_{name}_position" for name in design.inputs)
+    following = design.shaping.following
+    weights = output_weights(design.shaping.outputs).states
     model = (
         *(f"model_{name}" for name in design.model.linear),
-        *positions,
+        *(f"model_{name}_position" for name in design.inputs),
         *(f"{name}_command" for name in design.inputs),
     )
-    estimates = tuple(f"{name}_estimate" for name in (*design.plant_states, *own))
+    estimates = tuple(f"{name}_estimate" for name in (*design.plant_states, *weights))
     commands = tuple(f"{name}{signal}" for signal in COMMAND_SIGNALS for name in following.outputs)
-    return (*model, *own, *estimates), commands, tuple(following.filter)
+    return (*model, *weights, *estimates), commands, tuple(following.filter)
 
 
 def _measurements(design: Design) -> tuple[str, ...]:
     """What must be measured: the sensors, or all states, the integrated outputs in place of their
     integrals."""
-    plain = [
-        name for name in design.sensors or design.plant_states if not name.endswith("_integral")
-    ]
+    names = design.sensors or design.plant_states
+    plain = [name for name in names if not name.endswith("_integral")]
     return tuple(dict.fromkeys([*plain, *design.integrals]))

@@ -4,6 +4,7 @@ kept."""
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -102,76 +103,119 @@ class DesignModel(Shown):
                 raise BadInputError(f"integrated output {name}: {why}; leave it out of integrals")
 
 
-def design_model(aircraft: Model, model: LinearModel, design: Design) -> DesignModel:
+def design_model(model: Model, linear: LinearModel, design: Design) -> DesignModel:
     """x' = A x + B a + E w,  actuators from commands to a,  e' and y = C x + D a + F w,  y also a
     state of z.
 
-    model: made of this aircraft. BadInputError when an output is not one, or when a sensor sees a
-    disturbance itself: its noise must not depend on the disturbance."""
-    design = design.of(aircraft)
-    n, k, names, own = len(model.states), len(design.integrals), design.states, aircraft
+    linear: made of this model
+
+    BadInputError when an output is not one, or when a sensor sees a disturbance itself: its noise
+    must not depend on the disturbance.
+    """
+    design = design.of(model)
+    n = len(linear.states)
+    size = len(design.states)
     watched = (*design.integrals, *design.sensors)
-    winds = tuple(each for each in design.disturbances if each in own.disturbances)
-    columns = [model.inputs.index(name) for name in design.inputs]
-    of_x, of_a, of_w, wind = watched_outputs(aircraft, model.point, watched, disturbances=winds)
-    A, B = np.zeros((len(names), len(names))), np.zeros((len(names), len(columns)))
-    C, D = np.zeros((len(watched), len(names))), np.zeros((len(watched), len(columns)))
-    A[:n, :n], C[:, :n] = model.A, of_x
-    for number, (name, column) in enumerate(zip(design.inputs, columns, strict=True)):
-        if (actuator := design.actuators.get(name)) is None:
-            B[:n, number], D[:, number] = model.B[:, column], of_a[:, column]
-            continue
-        last = place = names.index(f"{name}_position")
-        A[:n, place], C[:, place] = model.B[:, column], of_a[:, column]
-        stiffness = actuator.bandwidth**actuator.order
-        if actuator.order == 2:
-            last = names.index(f"{name}_rate")
-            A[place, last], A[last, last] = 1.0, -2 * actuator.damping * actuator.bandwidth
-        A[last, place], B[last, number] = -stiffness, stiffness * actuator.effectiveness
-    blown = np.vstack([wind, np.zeros((len(names) - n, len(winds)))])
+    winds = tuple(name for name in design.disturbances if name in model.disturbances)
+    by_x, by_a, by_w, E_winds = watched_outputs(model, linear.point, watched, disturbances=winds)
+    A = np.zeros((size, size))
+    B = np.zeros((size, len(design.inputs)))
+    C = np.zeros((len(watched), size))
+    D = np.zeros((len(watched), len(design.inputs)))
+    A[:n, :n] = linear.A
+    C[:, :n] = by_x
+    for column, name in enumerate(design.inputs):
+        moved = linear.inputs.index(name)
+        if name in design.actuators:
+            position = design.states.index(f"{name}_position")
+            A[:n, position] = linear.B[:, moved]
+            C[:, position] = by_a[:, moved]
+            _add_actuator(A, B[:, column], design, name)
+        else:
+            B[:n, column] = linear.B[:, moved]
+            D[:, column] = by_a[:, moved]
+    E_of_winds = np.vstack([E_winds, np.zeros((size - n, len(winds)))])
+    k = len(design.integrals)
     for row, name in enumerate(watched):
         if row < k:
-            place = len(names) - k + row
-            A[place], B[place], blown[place] = C[row], D[row], of_w[row]
-        elif name in names:
-            C[row, names.index(name)] = 1.0
-    sources = {"states": np.eye(len(names), n), "commands": B} | dict(
-        zip(winds, blown.T[:, :, None], strict=True)
+            integral = size - k + row
+            A[integral] = C[row]
+            B[integral] = D[row]
+            E_of_winds[integral] = by_w[row]
+        elif name in design.states:
+            C[row, design.states.index(name)] = 1.0
+    _refuse_seen_disturbances(design, winds, D[k:], by_w[k:])
+    sources = {"states": np.eye(size, n), "commands": B}
+    for column, name in enumerate(winds):
+        sources[name] = E_of_winds[:, column : column + 1]
+    E = np.hstack(
+        [math.sqrt(intensity) * sources[name] for name, intensity in design.disturbances.items()]
     )
-    felt = {"commands": D} | dict(zip(winds, of_w.T[:, :, None], strict=True))
+    return DesignModel(design, linear, A, B, E, C[k:], D[k:])
+
+
+def _add_actuator(A: np.ndarray, b: np.ndarray, design: Design, name: str) -> None:
+    """Write the rows of the actuator of an input into A, and into b, the column of its command."""
+    actuator = design.actuators[name]
+    position = design.states.index(f"{name}_position")
+    stiffness = actuator.bandwidth**actuator.order
+    last = position
+    if actuator.order == 2:
+        last = design.states.index(f"{name}_rate")
+        A[position, last] = 1.0
+        A[last, last] = -2 * actuator.damping * actuator.bandwidth
+    A[last, position] = -stiffness
+    b[last] = stiffness * actuator.effectiveness
+
+
+def _refuse_seen_disturbances(
+    design: Design, winds: tuple[str, ...], by_commands: np.ndarray, by_winds: np.ndarray
+) -> None:
+    """BadInputError when a sensor sees a disturbance itself.
+
+    by_commands: (p, m), of the sensors by the commands
+    by_winds: (p, len(winds)), of the sensors by the disturbances of the model
+    """
+    columns = {"commands": by_commands}
+    for column, name in enumerate(winds):
+        columns[name] = by_winds[:, column : column + 1]
     for source in design.disturbances:
-        for name, seen in zip(
-            design.sensors, felt.get(source, np.zeros((len(watched), 1)))[k:], strict=True
-        ):
-            if np.any(seen):
-                why = f"sensor {name} sees the {source} itself"
+        if source not in columns:
+            continue
+        for sensor, row in zip(design.sensors, columns[source], strict=True):
+            if np.any(row):
+                why = f"sensor {sensor} sees the {source} itself"
                 raise BadInputError(f"design {design.name}: {why}; measure a state instead")
-    E = np.hstack([math.sqrt(size) * sources[name] for name, size in design.disturbances.items()])
-    return DesignModel(design, model, A, B, E, C[k:], D[k:])
 
 
 def watched_outputs(
-    aircraft: Model, point: OperatingPoint, names: tuple[str, ...], **winds: Any
+    model: Model, point: OperatingPoint, names: tuple[str, ...], **winds: Any
 ) -> tuple[np.ndarray, ...]:
     """C, D, F of the named outputs and parts of outputs (`Model.measurable`), rows of zeros for
     other names, and E.
 
-    winds: of `linearize`.
+    winds: of `linearize`
     """
-    model = aircraft
-    found = linearize(
-        aircraft,
-        point,
-        outputs=tuple({model.part(each)[0]: 0 for each in names if each in model.measurable}),
-        **winds,
-    )
-    C, D, F = (np.zeros((len(names), part.shape[1])) for part in (found.C, found.D, found.F))
-    for row, (output, states) in enumerate(map(model.part, names)):
-        if output in found.outputs:
-            source = found.outputs.index(output)
-            C[row], D[row], F[row] = found.C[source], found.D[source], found.F[source]
+    parts = [model.part(name) for name in names]
+    measurable = (model.part(name)[0] for name in names if name in model.measurable)
+    linear = linearize(model, point, outputs=tuple(dict.fromkeys(measurable)), **winds)
+    C = np.zeros((len(names), linear.C.shape[1]))
+    D = np.zeros((len(names), linear.D.shape[1]))
+    F = np.zeros((len(names), linear.F.shape[1]))
+    for row, (output, states) in enumerate(parts):
+        if output in linear.outputs:
+            source = linear.outputs.index(output)
+            C[row] = linear.C[source]
+            D[row] = linear.D[source]
+            F[row] = linear.F[source]
             C[row, [state not in states for state in model.linear]] = 0.0
-    return C, D, F, found.E
+    return C, D, F, linear.E
+
+
+def selection(rows: Sequence[str], columns: Sequence[str]) -> np.ndarray:
+    """(rows, columns), 1 where both have one name, else 0."""
+    entries = [[float(row == column) for column in columns] for row in rows]
+    return np.array(entries).reshape(len(rows), len(columns))
 
 
 def _full_rank(rows: np.ndarray) -> bool:
