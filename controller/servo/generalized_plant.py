@@ -389,7 +389,7 @@ def _certified(plant: GeneralizedPlant, delta: float) -> OutputFeedback | StateF
         reason = f"the two derivations of the controller differ by {apart:.2g} of their response"
         own = (
             below("coupling", radius, delta**2, f"rho(XY) = {radius:.6g} is not below delta^2"),
-            *loop_checks(*closed_loop(there, controller), delta),
+            *loop_checks(*closed_plant(there, controller), delta),
             at_most("derivations_agree", apart, DERIVATIONS_AGREE, reason),
         )
         Ak, Bk, Ck, Dk = controller
@@ -440,7 +440,7 @@ def _feedthrough(plant: GeneralizedPlant, delta: float) -> np.ndarray:
     return np.asarray(np.linalg.solve(R[:m], np.linalg.solve(S[:p], inner.T).T))
 
 
-def closed_loop(plant: GeneralizedPlant, controller: Controller) -> Controller:
+def closed_plant(plant: GeneralizedPlant, controller: Controller) -> Controller:
     """A, B, C, D from w to z of plant and controller, states [x; x̂]."""
     Ak, Bk, Ck, Dk = controller
     n = np.linalg.inv(np.eye(len(Dk)) - Dk @ plant.D22)
@@ -500,7 +500,7 @@ def _gain_of_optimal_loop(plant: GeneralizedPlant) -> float:
     else:
         Y = values[1] / np.outer(units, units)
         controller = central_controller(balanced_plant, X, Y, math.inf)
-        loop = closed_loop(balanced_plant, controller)
+        loop = closed_plant(balanced_plant, controller)
     return system_gain(*loop)
 
 

@@ -8,7 +8,7 @@ from controller.riccati.balancing import spectrum
 from controller.servo.generalized_plant import (
     GeneralizedPlant,
     StateFeedback,
-    closed_loop,
+    closed_plant,
     solve_plant,
 )
 from hfa_support.jsonable import finite_or_none
@@ -40,7 +40,7 @@ def plant_report(plant: GeneralizedPlant, delta: float | None, origin: str) -> R
             numbered("y", len(plant.C2)),
         )
         loop, own = (
-            closed_loop(plant, (found.Ak, found.Bk, found.Ck, found.Dk))[0],
+            closed_plant(plant, (found.Ak, found.Bk, found.Ck, found.Dk))[0],
             numbered("xk", len(plant.A)),
         )
         names = {"Ak": (own, own), "Bk": (own, seen), "Ck": (inputs, own), "Dk": (inputs, seen)}

@@ -32,9 +32,10 @@ from trim.linear.linear_model import LinearModel, level_model
 
 #: Of the actuators behind which margins are computed.
 ORDERS = (1, 2)
-#: Frequencies of the grid, enough to follow the loops of all inputs; slower modes than this, rad/s,
-#: do not extend it.
-PER_DECADE, SLOWEST = 200, 1e-3
+#: Frequencies of the grid in a decade, enough to follow the loops of all inputs.
+PER_DECADE = 200
+#: rad/s; slower modes do not extend the grid.
+SLOWEST = 1e-3
 TOGETHER = "all inputs"
 
 
@@ -56,15 +57,11 @@ class ServoLoop:
         """The matrix of [x; x_c] with the loop closed; NoSolutionError where its numbers
         overflow."""
         with np.errstate(over="ignore", invalid="ignore"):
-            found = np.block(
-                [
-                    [self.A + self.B @ self.Dk @ self.C, self.B @ self.Ck],
-                    [self.Bk @ self.C, self.Ak],
-                ]
-            )
-        if not np.isfinite(found).all():
+            by_plant = np.vstack([self.A + self.B @ self.Dk @ self.C, self.Bk @ self.C])
+            matrix = np.hstack([by_plant, np.vstack([self.B @ self.Ck, self.Ak])])
+        if not np.isfinite(matrix).all():
             raise NoSolutionError("the closed loop overflows; check the actuators and the weights")
-        return found
+        return matrix
 
     @property
     def abscissa(self) -> float:
@@ -73,18 +70,21 @@ class ServoLoop:
 
 
 def servo_plant(
-    aircraft: Model,
-    model: LinearModel,
+    model: Model,
+    linear: LinearModel,
     controller: ScheduledController,
     actuators: Mapping[str, Actuator],
 ) -> DesignModel:
     """The linear model with these actuators, its sensors the measurements of the controller."""
-    ones = dict.fromkeys(controller.measurements, 1.0), dict.fromkeys(controller.inputs, 1.0)
-    own = controller.model
     loop = Design(
-        "loop", controller.inputs, actuators, sensors=ones[0], input_weights=ones[1], model=own
+        "loop",
+        controller.inputs,
+        actuators,
+        sensors=dict.fromkeys(controller.measurements, 1.0),
+        input_weights=dict.fromkeys(controller.inputs, 1.0),
+        model=controller.model,
     )
-    return design_model(aircraft, model, loop)
+    return design_model(model, linear, loop)
 
 
 def servo_loop(plant: DesignModel, controller: ScheduledController) -> ServoLoop:
@@ -92,47 +92,51 @@ def servo_loop(plant: DesignModel, controller: ScheduledController) -> ServoLoop
     closed."""
     Ak, Bk, Ck, Dk = controller.at(plant.model.point.values[controller.model.schedule])
     measured = len(controller.measurements)
-    Bk, Dk = Bk[:, :measured], Dk[:, :measured]
+    Bk = Bk[:, :measured]
+    Dk = Dk[:, :measured]
     if np.any(plant.D):  # u = Ck x_c + Dk (C x + D u)
         closing = np.linalg.inv(np.eye(len(Dk)) - Dk @ plant.D)
-        Ck, Dk = closing @ Ck, closing @ Dk
-        Ak, Bk = Ak + Bk @ plant.D @ Ck, Bk @ (np.eye(measured) + plant.D @ Dk)
+        Ck = closing @ Ck
+        Dk = closing @ Dk
+        Ak = Ak + Bk @ plant.D @ Ck
+        Bk = Bk @ (np.eye(measured) + plant.D @ Dk)
     return ServoLoop(plant.A, plant.B, plant.C, Ak, Bk, Ck, Dk)
 
 
-def loop_margins(
+def servo_margins(
     loop: ServoLoop, inputs: tuple[str, ...], sensors: tuple[str, ...]
 ) -> dict[str, LoopMargin]:
     """Of every input and every sensor while all other loops stay closed, and of all inputs: the
     same factor, phase or delay in each. NoSolutionError when the loop is unstable."""
-    closed, nk = loop.closed, len(loop.Ak)
-    poles = np.concatenate(
-        [stable_poles(closed), np.linalg.eigvals(loop.A), np.linalg.eigvals(loop.Ak)]
-    )
+    closed = loop.closed
+    own_modes = [np.linalg.eigvals(loop.A), np.linalg.eigvals(loop.Ak)]
+    poles = np.concatenate([stable_poles(closed), *own_modes])
     grid = frequency_grid(poles[np.abs(poles) > SLOWEST], PER_DECADE)
-    commanded = (
-        np.hstack([loop.Dk @ loop.C, loop.Ck]),
-        np.vstack([loop.B, np.zeros((nk, loop.B.shape[1]))]),
-    )
-    measured = (
-        np.hstack([loop.C, np.zeros((len(loop.C), nk))]),
-        np.vstack([loop.B @ loop.Dk, loop.Bk]),
-    )
-    found = dict[str, LoopMargin]()
-    for names, (leaves, enters) in ((inputs, commanded), (sensors, measured)):
-        M = shifted_sensitivity(closed, enters, leaves)
-        found |= {name: single_margin(M, i, grid) for i, name in enumerate(names)}
-    M = shifted_sensitivity(closed, commanded[1], commanded[0])
-    return found | {
-        TOGETHER: margin_of(lambda frequencies: np.linalg.eigvals(M(frequencies)), grid)
-    }
+    nk = len(loop.Ak)
+    commands_of = np.hstack([loop.Dk @ loop.C, loop.Ck])
+    by_commands = np.vstack([loop.B, np.zeros((nk, loop.B.shape[1]))])
+    outputs_of = np.hstack([loop.C, np.zeros((len(loop.C), nk))])
+    by_outputs = np.vstack([loop.B @ loop.Dk, loop.Bk])
+    at_inputs = shifted_sensitivity(closed, by_commands, commands_of)
+    at_sensors = shifted_sensitivity(closed, by_outputs, outputs_of)
+    margins = {}
+    for index, name in enumerate(inputs):
+        margins[name] = single_margin(at_inputs, index, grid)
+    for index, name in enumerate(sensors):
+        margins[name] = single_margin(at_sensors, index, grid)
+    margins[TOGETHER] = margin_of(lambda omega: np.linalg.eigvals(at_inputs(omega)), grid)
+    return margins
 
 
 class LoopRow(NamedTuple):
-    """At one value of the scheduling variable, behind the actuator of each input: the abscissa,
-    1/s, and the margins by the name of the loop, none where unstable."""
+    """The loop at one scheduling value, behind the actuator of each input.
 
-    place: float
+    scheduled_at: the value
+    abscissa: 1/s
+    loops: name of the loop -> its margins, none where unstable
+    """
+
+    scheduled_at: float
     actuators: tuple[Actuator, ...]
     abscissa: float
     loops: dict[str, LoopMargin]
@@ -140,15 +144,20 @@ class LoopRow(NamedTuple):
     @property
     def text(self) -> str:
         """The actuators, for a person."""
-        kinds = dict.fromkeys(
-            f"order {each.order}, {each.bandwidth:g} rad/s" for each in self.actuators
-        )
-        return " and ".join(kinds) or "none"
+        kinds = [f"order {acting.order}, {acting.bandwidth:g} rad/s" for acting in self.actuators]
+        return " and ".join(dict.fromkeys(kinds)) or "none"
+
+
+class _Cell(NamedTuple):
+    """A margin, and where it is."""
+
+    margin: LoopMargin
+    where: str
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class LoopTable(Checked, Reported):
-    """A controller at every angle behind every actuator."""
+class MarginTable(Checked, Reported):
+    """The margins of a controller at many scheduling values, behind many actuators."""
 
     controller: ScheduledController
     rows: tuple[LoopRow, ...]
@@ -157,7 +166,7 @@ class LoopTable(Checked, Reported):
     def single(self) -> tuple[LoopMargin, ...]:
         """Of every loop that is opened alone, in every row."""
         return tuple(
-            each for row in self.rows for name, each in row.loops.items() if name != TOGETHER
+            margin for row in self.rows for name, margin in row.loops.items() if name != TOGETHER
         )
 
     @property
@@ -165,34 +174,34 @@ class LoopTable(Checked, Reported):
         """Every loop is stable."""
         worst = max(self.rows, key=lambda row: row.abscissa)
         unstable = sum(row.abscissa >= 0.0 for row in self.rows)
-        reason = f"unstable in {unstable} of {len(self.rows)} loops, worst at {self._at(worst)}, {worst.text}"
+        reason = (
+            f"unstable in {unstable} of {len(self.rows)} loops, worst at {self._where(worst)},"
+            f" {worst.text}"
+        )
         return (below("largest_abscissa", worst.abscissa, 0.0, reason),)
 
-    def _at(self, row: LoopRow) -> str:
+    def _where(self, row: LoopRow) -> str:
         """5 deg."""
-        return self.controller.model.describe(self.controller.model.schedule, row.place)
+        model = self.controller.model
+        return model.describe(model.schedule, row.scheduled_at)
 
     def report(self) -> Report:
-        """The verdict, and the smallest margins of each loop and of each angle."""
+        """The verdict, and the smallest margins of each loop and of each scheduling value."""
         model = self.controller.model
-        by_loop, by_angle = (
-            dict[tuple[str, ...], list[_Cell]](),
-            dict[tuple[str, ...], list[_Cell]](),
-        )
+        by_loop: dict[tuple[str, ...], list[_Cell]] = {}
+        by_value: dict[tuple[str, ...], list[_Cell]] = {}
         for row in self.rows:
-            place = shown_value(row.place, model.unit(model.schedule))
-            for name, each in row.loops.items():
-                by_loop.setdefault((row.text, name), []).append(_Cell(each, self._at(row)))
+            value = shown_value(row.scheduled_at, model.unit(model.schedule))
+            for name, margin in row.loops.items():
+                by_loop.setdefault((row.text, name), []).append(_Cell(margin, self._where(row)))
                 if name != TOGETHER:
-                    by_angle.setdefault((place,), []).append(_Cell(each, f"{name}, {row.text}"))
-        header = ("gain dB", "at", "phase deg", "rad/s", "at", "delay ms")
-        tables = [
-            Table(
-                (*names, *header), [(*place, *_smallest(cells)) for place, cells in found.items()]
-            )
-            for names, found in ((("actuators", "loop"), by_loop), ((model.schedule,), by_angle))
-            if found
-        ]
+                    cell = _Cell(margin, f"{name}, {row.text}")
+                    by_value.setdefault((value,), []).append(cell)
+        tables = []
+        if by_loop:
+            tables.append(_smallest_table(("actuators", "loop"), by_loop))
+        if by_value:
+            tables.append(_smallest_table((model.schedule,), by_value))
         stable = sum(row.abscissa < 0.0 for row in self.rows)
         verdict = f"{'PASS' if self.ok else 'FAIL'}, {stable} of {len(self.rows)} loops stable"
         title = f"Margins of controller {self.controller.name}, {self.controller.called}: {verdict}"
@@ -200,63 +209,74 @@ class LoopTable(Checked, Reported):
 
     def to_dict(self) -> dict[str, Any]:
         """Ready for JSON: angles in rad, delays in s."""
-        rows = [
-            {
-                self.controller.model.schedule: row.place,
-                "abscissa": row.abscissa,
-                "actuators": list(map(vars, row.actuators)),
-                "loops": [
-                    {"loop": name}
-                    | {key: getattr(each, key) for key in ("gain", "phase", "crossover", "delay")}
-                    for name, each in row.loops.items()
-                ],
-            }
-            for row in self.rows
-        ]
+        by = self.controller.model.schedule
+        rows = []
+        for row in self.rows:
+            loops = [
+                {
+                    "loop": name,
+                    "gain": margin.gain,
+                    "phase": margin.phase,
+                    "crossover": margin.crossover,
+                    "delay": margin.delay,
+                }
+                for name, margin in row.loops.items()
+            ]
+            actuators = [dict(vars(acting)) for acting in row.actuators]
+            rows.append(
+                {
+                    by: row.scheduled_at,
+                    "abscissa": row.abscissa,
+                    "actuators": actuators,
+                    "loops": loops,
+                }
+            )
         return {"ok": self.ok, "rows": rows, "checks": [check.to_dict() for check in self.checks]}
 
 
-class _Cell(NamedTuple):
-    """A margin, and where it is."""
-
-    margin: LoopMargin
-    at: str
-
-
-def _smallest(cells: list[_Cell]) -> tuple[str, ...]:
-    """Cells of the smallest gain, phase and delay, and where."""
-    gain, phase = (
-        min(cells, key=lambda each: getattr(each.margin, key)) for key in ("gain", "phase")
-    )
-    angle = f"{phase.margin.phase:.0f}", f"{phase.margin.crossover:.3g}", phase.at
-    return (
-        f"{gain.margin.gain:.1f}",
-        gain.at,
-        *angle,
-        f"{1e3 * min(each.margin.delay for each in cells):.0f}",
-    )
+def _smallest_table(
+    names: tuple[str, ...], cells_by_name: Mapping[tuple[str, ...], list[_Cell]]
+) -> Table:
+    """A row each: the smallest gain, phase and delay margin, and where gain and phase are."""
+    rows = []
+    for words, cells in cells_by_name.items():
+        gain = min(cells, key=lambda cell: cell.margin.gain)
+        phase = min(cells, key=lambda cell: cell.margin.phase)
+        delay = min(cell.margin.delay for cell in cells)
+        row = [*words, f"{gain.margin.gain:.1f}", gain.where]
+        row += [f"{phase.margin.phase:.0f}", f"{phase.margin.crossover:.3g}", phase.where]
+        rows.append((*row, f"{1e3 * delay:.0f}"))
+    return Table((*names, "gain dB", "at", "phase deg", "rad/s", "at", "delay ms"), rows)
 
 
 def check_margins(
-    aircraft: Model,
+    model: Model,
     controller: ScheduledController,
-    places: np.ndarray,
+    scheduling_values: np.ndarray,
     bandwidths: Sequence[float],
     *,
     progress: Progress | None = None,
-) -> LoopTable:
-    """Margins about the trims at `places` (N,), behind actuators of both orders and these
-    bandwidths (rad/s), alike in all inputs; without any where `bandwidths` is empty. BadInputError
-    when the controller is for another aircraft or for other places."""
-    controller.refuse_other(aircraft, float(places.min()), float(places.max()))
-    inputs, seen = controller.inputs, controller.measurements
-    orders = ORDERS[1:] if {f"{name}_rate" for name in inputs} & {*seen} else ORDERS
+) -> MarginTable:
+    """Margins about the trims at `scheduling_values` (N,), behind actuators of both orders and
+    these bandwidths (rad/s), alike in all inputs; without any where `bandwidths` is empty.
+
+    BadInputError when the controller is for another model or for other scheduling values.
+    """
+    lowest = float(scheduling_values.min())
+    controller.refuse_other(model, lowest, float(scheduling_values.max()))
+    inputs = controller.inputs
+    measured = controller.measurements
+    rates_measured = {f"{name}_rate" for name in inputs} & {*measured}
+    orders = ORDERS[1:] if rates_measured else ORDERS
+    banks: list[dict[str, Actuator]] = [
+        dict.fromkeys(inputs, Actuator(order, bandwidth))
+        for order, bandwidth in itertools.product(orders, bandwidths)
+    ]
     rows = []
-    for place in told(places.tolist(), progress):
-        model = level_model(aircraft, place)
-        for kind in [*itertools.product(orders, bandwidths)] or [None]:
-            actuators = {} if kind is None else dict.fromkeys(inputs, Actuator(*kind))
-            loop = servo_loop(servo_plant(aircraft, model, controller, actuators), controller)
-            margins = loop_margins(loop, inputs, seen) if loop.abscissa < 0.0 else {}
-            rows.append(LoopRow(place, tuple(actuators.values()), loop.abscissa, margins))
-    return LoopTable(controller, tuple(rows))
+    for value in told(scheduling_values.tolist(), progress):
+        linear = level_model(model, value)
+        for actuators in banks or [{}]:
+            loop = servo_loop(servo_plant(model, linear, controller, actuators), controller)
+            margins = servo_margins(loop, inputs, measured) if loop.abscissa < 0.0 else {}
+            rows.append(LoopRow(value, tuple(actuators.values()), loop.abscissa, margins))
+    return MarginTable(controller, tuple(rows))

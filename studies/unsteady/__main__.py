@@ -28,7 +28,7 @@ from controller import (
     published_game,
 )
 from controller.servo.design import Actuator
-from controller.servo.servo_loop import loop_margins, servo_loop, servo_plant
+from controller.servo.servo_loop import servo_loop, servo_margins, servo_plant
 from hfa_model import UNSTEADY
 from hfa_support import Model
 from studies.servo.flights import largest_held
@@ -56,7 +56,7 @@ def margins(
     loop = servo_loop(servo_plant(PLANTS[plant], model_at(plant, degrees), servo, actuators), servo)
     if loop.abscissa >= 0.0:
         return loop.abscissa, np.nan
-    found = loop_margins(loop, servo.inputs, servo.measurements)
+    found = servo_margins(loop, servo.inputs, servo.measurements)
     return loop.abscissa, min(found[name].disk for name in servo.inputs)
 
 

@@ -19,7 +19,7 @@ import hfa_model
 from controller import ScheduledController, design_model, load_controller, save_controller
 from controller.servo.controllers import LinearController, controller_at, design_controller
 from controller.servo.design import Design
-from controller.servo.generalized_plant import closed_loop
+from controller.servo.generalized_plant import closed_plant
 from controller.servo.servo_loop import ServoLoop, check_margins, servo_loop, servo_plant
 from hfa_aircraft.model import Model
 from hfa_model import default_parameters
@@ -71,7 +71,7 @@ def test_output_feedback_has_the_poles_of_the_central_controller(
     plant = GeneralizedPlant.measured(built.game(), built.C, built.V)
     exact: Any = solve_plant(plant, delta)
     loop, found = whole(published_aircraft, design)
-    poles = np.linalg.eigvals(closed_loop(plant, (exact.Ak, exact.Bk, exact.Ck, exact.Dk))[0])
+    poles = np.linalg.eigvals(closed_plant(plant, (exact.Ak, exact.Bk, exact.Ck, exact.Dk))[0])
     same_poles(loop, poles)
     assert found.limit < delta
 

@@ -21,7 +21,7 @@ from controller import Game, design_model
 from controller.riccati.frequency_response import peak_gain
 from controller.riccati.smallest_delta import DeltaMin
 from controller.servo import generalized_plant
-from controller.servo.generalized_plant import central_controller, closed_loop, stored_plant
+from controller.servo.generalized_plant import central_controller, closed_plant, stored_plant
 from controller.servo.plant_report import plant_report
 from hfa_aircraft.model import Model
 from hfa_support import BadInputError, NoSolutionError
@@ -86,7 +86,7 @@ def norm(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray) -> float:
 
 
 def gain_of(plant: GeneralizedPlant, found: Any) -> float:
-    loop = closed_loop(plant, (found.Ak, found.Bk, found.Ck, found.Dk))
+    loop = closed_plant(plant, (found.Ak, found.Bk, found.Ck, found.Dk))
     assert np.linalg.eigvals(loop[0]).real.max() < 0.0
     return norm(*loop)
 
@@ -177,7 +177,7 @@ def test_what_u_adds_to_y_at_once_changes_nothing() -> None:
     loops = []
     for each in (plant, without):
         found: Any = solve_plant(each, 2.0 * smallest)
-        loops.append(closed_loop(each, (found.Ak, found.Bk, found.Ck, found.Dk)))
+        loops.append(closed_plant(each, (found.Ak, found.Bk, found.Ck, found.Dk)))
     for one, other in zip(*loops, strict=True):
         np.testing.assert_allclose(one, other, atol=1e-9 * np.abs(other).max())
 

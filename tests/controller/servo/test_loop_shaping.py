@@ -21,7 +21,7 @@ from controller.servo.controllers import controller_at
 from controller.servo.design import Actuator, Design
 from controller.servo.loop_shaping import output_weights, robust_check, robust_controller
 from controller.servo.scheduled_controller import ScheduledController
-from controller.servo.servo_loop import check_margins, loop_margins, servo_loop, servo_plant
+from controller.servo.servo_loop import check_margins, servo_loop, servo_margins, servo_plant
 from hfa_aircraft.model import Model
 from hfa_support import BadInputError, NoSolutionError
 
@@ -184,7 +184,7 @@ def test_margins_are_where_a_loop_by_hand_ends(published_aircraft: Model) -> Non
     loop = servo_loop(
         servo_plant(published_aircraft, model_at(11.0), controller, actuators), controller
     )
-    margins = loop_margins(loop, controller.inputs, controller.measurements)
+    margins = servo_margins(loop, controller.inputs, controller.measurements)
     for k, name in enumerate(controller.inputs):
         gains = [10.0 ** (side * margins[name].gain / 20.0) for side in (1.0, -1.0)]
         found = [
@@ -210,7 +210,7 @@ def test_a_double_integrator_has_the_margins_of_the_book(published_aircraft: Mod
 
     one, none = np.ones((1, 1)), np.zeros((1, 1))
     loop = ServoLoop(none, one, one, -one, one, -one, none)
-    found = loop_margins(loop, ("u",), ("y",))
+    found = servo_margins(loop, ("u",), ("y",))
     for each in found.values():
         assert (each.phase, each.crossover) == pytest.approx((51.827, 0.78615), rel=1e-4)
         assert each.delay == pytest.approx(np.radians(51.827) / 0.78615, rel=1e-4)

@@ -18,7 +18,7 @@ from servo_cases import A_Z
 import hfa_model
 from controller import OneMinusCosine, design_controller, save_controller
 from controller.servo.design import Actuator
-from controller.servo.servo_loop import check_margins, loop_margins, servo_loop, servo_plant
+from controller.servo.servo_loop import check_margins, servo_loop, servo_margins, servo_plant
 from hfa_aircraft.model import Model
 from hfa_support import BadInputError
 from studies.servo.__main__ import main
@@ -159,7 +159,7 @@ def test_a_loop_ends_at_its_delay_margin(published_aircraft: Model) -> None:
         dict.fromkeys(controller.inputs, Actuator(2)),
     )
     loop = servo_loop(plant, controller)
-    margin = loop_margins(loop, controller.inputs, controller.measurements)["all inputs"]
+    margin = servo_margins(loop, controller.inputs, controller.measurements)["all inputs"]
     assert (
         delayed(loop, 0.98 * margin.delay).abscissa
         < 0.0
