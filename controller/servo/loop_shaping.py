@@ -58,7 +58,8 @@ def robust_controller(A: np.ndarray, B: np.ndarray, C: np.ndarray, factor: float
 def robust_check(A: np.ndarray, B: np.ndarray, C: np.ndarray, found: Robust) -> Check:
     """‖[K; I] (I - G K)⁻¹ [I G]‖∞ <= γ and the loop is stable, from the closed loop alone; inf
     where it is not."""
-    (n, m), p = B.shape, len(C)
+    n, m = B.shape
+    p = len(C)
     closed = np.block([[A, -B @ found.F], [found.H @ C, A - B @ found.F - found.H @ C]])
     enters = np.block([[np.zeros((n, p)), B], [found.H, np.zeros((n, m))]])
     leaves = np.block([[np.zeros((m, n)), -found.F], [C, np.zeros((p, n))]])
@@ -87,22 +88,28 @@ def output_weights(outputs: Mapping[str, OutputWeight]) -> Weights:
     """k (1 + c/s) / (1 + τ s) of each output: v = y + c e with e' = y where c > 0, then τ x' = v -
     x where τ > 0."""
     names: list[str] = []
-    for name, each in outputs.items():
-        names += [f"{name}_integral"] * (each.corner > 0.0) + [f"{name}_lag_1"] * (each.lag > 0.0)
-    n, p = len(names), len(outputs)
-    rates, seen = np.zeros((n, n + p)), np.zeros((p, n + p))
-    for row, (name, each) in enumerate(outputs.items()):
-        signal = np.eye(n + p)[n + row]
-        if each.corner > 0.0:
+    for name, weight in outputs.items():
+        if weight.corner > 0.0:
+            names.append(f"{name}_integral")
+        if weight.lag > 0.0:
+            names.append(f"{name}_lag_1")
+    n = len(names)
+    p = len(outputs)
+    unit = np.eye(n + p)  # rows of [x; y]
+    rates = np.zeros((n, n + p))
+    weighted = np.zeros((p, n + p))
+    for row, (name, weight) in enumerate(outputs.items()):
+        signal = unit[n + row]
+        if weight.corner > 0.0:
             integral = names.index(f"{name}_integral")
             rates[integral] = signal
-            signal = signal + each.corner * np.eye(n + p)[integral]
-        if each.lag > 0.0:
-            lagged = np.eye(n + p)[names.index(f"{name}_lag_1")]
-            rates[names.index(f"{name}_lag_1")] = (signal - lagged) / each.lag
-            signal = lagged
-        seen[row] = each.gain * signal
-    return Weights(rates[:, :n], rates[:, n:], seen[:, :n], seen[:, n:], tuple(names))
+            signal = signal + weight.corner * unit[integral]
+        if weight.lag > 0.0:
+            lagged = names.index(f"{name}_lag_1")
+            rates[lagged] = (signal - unit[lagged]) / weight.lag
+            signal = unit[lagged]
+        weighted[row] = weight.gain * signal
+    return Weights(rates[:, :n], rates[:, n:], weighted[:, :n], weighted[:, n:], tuple(names))
 
 
 def following_model(
@@ -114,38 +121,56 @@ def following_model(
     rates: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
     """A and B of x_m' = A x_m + B w: x_m = [x; u] is the optimal answer of x' = A x + B u to
-    commands w of the outputs `regulated` x, (q, n), w = [r; r'; r_end].
+    commands w of the outputs `regulated` x, w = [r; r'; r_end].
 
     u' = Γ w - K (x_m - Π w): Π, Γ hold the outputs on the commands for ever (Francis), K is the LQR
-    of what x_m still has to go: weights of the squared errors and of x (`paid`, (n,)), and of u'
-    (`rates`, (m,)). NoSolutionError when the inputs cannot hold the outputs on every command."""
+    of what x_m still has to go.
+
+    regulated: (q, n)
+    chosen: weights of the squared errors, command filter
+    paid: (n,), weights of x
+    rates: (m,), weights of u'
+
+    NoSolutionError when the inputs cannot hold the outputs on every command.
+    """
     from scipy.linalg import solve_continuous_are
 
-    q, n, m = len(regulated), len(A), B.shape[1]
-    w, zeta = chosen.filter
-    one = np.array([[0.0, 1.0, 0.0], [-(w**2), -2.0 * zeta * w, w**2], [0.0, 0.0, 0.0]])
-    S, told = np.kron(one, np.eye(q)), np.eye(q, 3 * q)
-    moved = np.block([[A, B], [np.zeros((m, n + m))]])
-    steered, seen = np.eye(n + m, m, k=-n), np.hstack([regulated, np.zeros((q, m))])
-    # M Π + steered Γ = Π S and seen Π = told, column after column.
-    system = np.block(
-        [
-            [
-                np.kron(np.eye(3 * q), moved) - np.kron(S.T, np.eye(n + m)),
-                np.kron(np.eye(3 * q), steered),
-            ],
-            [np.kron(np.eye(3 * q), seen), np.zeros((3 * q * q, 3 * q * m))],
-        ]
-    )
-    asked = np.concatenate([np.zeros(3 * q * (n + m)), told.T.ravel()])
-    solution = np.linalg.lstsq(system, asked, rcond=None)[0]
-    if np.abs(system @ solution - asked).max() > 1e-6:
+    n = len(A)
+    m = B.shape[1]
+    M = np.block([[A, B], [np.zeros((m, n + m))]])
+    steered = np.eye(n + m, m, k=-n)
+    outputs = np.hstack([regulated, np.zeros((len(regulated), m))])
+    Pi, Gamma = _held_for_ever(M, steered, outputs, chosen)
+    error_weights = np.diag([chosen.outputs[name] for name in chosen.outputs])
+    cost = outputs.T @ error_weights @ outputs + np.diag(np.concatenate([paid, np.zeros(m)]))
+    P = solve_continuous_are(M, steered, cost, np.diag(rates))
+    K = steered.T @ P / rates[:, None]
+    return M - steered @ K, steered @ (Gamma + K @ Pi)
+
+
+def _held_for_ever(
+    M: np.ndarray, steered: np.ndarray, outputs: np.ndarray, chosen: Following
+) -> tuple[np.ndarray, np.ndarray]:
+    """Π and Γ with M Π + steered Γ = Π S and outputs Π = [I 0 0], S of w' = S w, the command
+    filter. NoSolutionError when there are none."""
+    q = len(outputs)
+    size, m = steered.shape
+    bandwidth, damping = chosen.filter
+    filter_rows = [0.0, 1.0, 0.0], [-(bandwidth**2), -2.0 * damping * bandwidth, bandwidth**2]
+    S = np.kron(np.array([*filter_rows, [0.0, 0.0, 0.0]]), np.eye(q))
+    commands = np.eye(q, 3 * q)
+    identity = np.eye(3 * q)
+    # Both equations, column after column.
+    by_Pi = np.kron(identity, M) - np.kron(S.T, np.eye(size))
+    by_Gamma = np.kron(identity, steered)
+    output_rows = np.hstack([np.kron(identity, outputs), np.zeros((3 * q * q, 3 * q * m))])
+    system = np.vstack([np.hstack([by_Pi, by_Gamma]), output_rows])
+    right = np.concatenate([np.zeros(3 * q * size), commands.T.ravel()])
+    solution = np.linalg.lstsq(system, right, rcond=None)[0]
+    if np.abs(system @ solution - right).max() > 1e-6:
         raise NoSolutionError(
             "the inputs cannot hold the outputs on every command; command fewer outputs"
         )
-    Pi = solution[: 3 * q * (n + m)].reshape(3 * q, n + m).T
-    Gamma = solution[3 * q * (n + m) :].reshape(3 * q, m).T
-    cost = seen.T @ np.diag([chosen.outputs[name] for name in chosen.outputs]) @ seen
-    cost += np.diag(np.concatenate([paid, np.zeros(m)]))
-    K = steered.T @ solve_continuous_are(moved, steered, cost, np.diag(rates)) / rates[:, None]
-    return moved - steered @ K, steered @ (Gamma + K @ Pi)
+    Pi = solution[: 3 * q * size].reshape(3 * q, size).T
+    Gamma = solution[3 * q * size :].reshape(3 * q, m).T
+    return Pi, Gamma
