@@ -81,10 +81,10 @@ def network_in(
     suffix = path.suffix.lower()
     with said_of(path):
         try:
-            content = regular_file(path, LARGEST_FILE).read_bytes()
             if suffix == ".onnx":
-                functions, precision, chain = graph_functions(content, states, parts)
+                functions, precision, chain = graph_functions(path, states, parts)
                 return NetworkFile(functions, chain, precision)
+            content = regular_file(path, LARGEST_FILE).read_bytes()
             tensors, precision = checked_tensors(tensors_in(content, suffix))
             networks = {
                 name: _layers(_selected(tensors, part), states, suffix in _ORDERED)

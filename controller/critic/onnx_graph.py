@@ -5,14 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from controller.critic.activations import ACTIVATIONS, on_entries
-from controller.critic.tensors import LARGEST_NETWORK, checked_tensors
-from hfa_support.errors import BadInputError, shortened
+from controller.critic.tensors import LARGEST_FILE, LARGEST_NETWORK, checked_tensors
+from hfa_support.errors import BadInputError, said_of, shortened
+from hfa_support.files import regular_file
 
 #: The oldest ONNX operator set that is read.
 OLDEST_OPSET = 9
@@ -115,6 +117,12 @@ def _batch_norm(
     return (x - mean) / np.sqrt(variance + how.get("epsilon", 1e-5)) * scale + bias
 
 
+def _chosen(condition: Any, value: Any, otherwise: Any) -> Any:
+    if isinstance(condition, ca.SX):
+        return ca.if_else(condition, value, otherwise)
+    return value if condition else otherwise
+
+
 def _chained(function: Callable[[Any, Any], Any]) -> Callable[..., np.ndarray]:
     """The function of two arrays, entry by entry, over any number of arrays."""
 
@@ -156,7 +164,7 @@ OPERATORS: Mapping[str, Callable[..., Any]] = {
     "Max": _chained(ca.fmax),
     "Greater": np.frompyfunc(lambda a, b: a > b, 2, 1),
     "Less": np.frompyfunc(lambda a, b: a < b, 2, 1),
-    "Where": np.frompyfunc(ca.if_else, 3, 1),
+    "Where": np.frompyfunc(_chosen, 3, 1),
     "LayerNormalization": _layer_norm,
     "BatchNormalization": _batch_norm,
     "Reshape": _reshape,
@@ -182,10 +190,11 @@ _ARRANGING |= {"Cast", "Dropout", "Transpose"}
 
 
 def graph_functions(
-    content: bytes, states: int, outputs: Mapping[str, str]
+    path: Path, states: int, outputs: Mapping[str, str]
 ) -> tuple[dict[str, ca.Function], str, str]:
     """The functions of a graph, the precision of its weights, and its operators as one line.
 
+    path: of the file; weights beside it are read from files of its folder.
     outputs: what is asked for -> the name of an output of the graph; "" for all of them.
     Functions: what was asked for, or the name of the output -> x (states,) -> its numbers.
     """
@@ -195,7 +204,7 @@ def graph_functions(
         raise BadInputError(
             "ONNX files need the package onnx; install hfa with the extra [networks]"
         ) from error
-    model = onnx.load_from_string(content)
+    model = onnx.load_from_string(regular_file(path, LARGEST_FILE).read_bytes())
     versions = [item.version for item in model.opset_import if item.domain in ("", "ai.onnx")]
     opset = max(versions, default=0)
     if opset < OLDEST_OPSET:
@@ -204,7 +213,8 @@ def graph_functions(
         )
     graph = model.graph
     arrays: dict[str, Any]
-    arrays, precision = _constants(onnx, {tensor.name: tensor for tensor in graph.initializer})
+    initializers = {tensor.name: tensor for tensor in graph.initializer}
+    arrays, precision = _constants(onnx, initializers, path.parent)
     x = ca.SX.sym("x", states)
     name, shape = _input_of(graph, set(arrays), states)
     arrays[name] = np.fromiter(ca.vertsplit(x), object).reshape(shape)
@@ -241,17 +251,37 @@ def check_width(inputs: int, states: int) -> None:
         raise BadInputError(f"the network has {inputs} inputs and the plant {states} states")
 
 
-def _constants(onnx: Any, tensors: Mapping[str, Any]) -> tuple[dict[str, np.ndarray], str]:
-    """Arrays of ONNX tensors by name, and their precision."""
+def _constants(
+    onnx: Any, tensors: Mapping[str, Any], folder: Path | None = None
+) -> tuple[dict[str, np.ndarray], str]:
+    """Arrays of ONNX tensors by name, and their precision.
+
+    folder: where the data of a tensor may be in another file.
+    """
+    arrays = {}
     for name, tensor in tensors.items():
         if tensor.data_location == onnx.TensorProto.EXTERNAL:
-            raise BadInputError(
-                f"tensor {shortened(name)!r} is in another file; export the weights inside "
-                "(torch: external_data=False)"
-            )
-    return checked_tensors(
-        {name: onnx.numpy_helper.to_array(tensor) for name, tensor in tensors.items()}
-    )
+            with said_of(f"tensor {shortened(name)!r}"):
+                arrays[name] = _external(onnx, tensor, folder)
+        else:
+            arrays[name] = onnx.numpy_helper.to_array(tensor)
+    return checked_tensors(arrays)
+
+
+def _external(onnx: Any, tensor: Any, folder: Path | None) -> np.ndarray:
+    """The numbers of a tensor that are in a file of the folder, and nowhere else."""
+    entries = {entry.key: entry.value for entry in tensor.external_data}
+    location = entries.get("location", "")
+    beside = folder is not None and (folder / location).resolve().parent == folder.resolve()
+    if folder is None or not beside:
+        raise BadInputError(
+            "its data are in another folder; export the weights inside (torch: external_data=False)"
+        )
+    content = regular_file(folder / location, LARGEST_FILE).read_bytes()
+    dtype = np.dtype(onnx.helper.tensor_dtype_to_np_dtype(tensor.data_type))
+    count = math.prod(tensor.dims)
+    values = np.frombuffer(content, dtype, count, int(entries.get("offset", 0)))
+    return values.reshape(tuple(tensor.dims))
 
 
 def _evaluated(onnx: Any, node: Any, arrays: Mapping[str, Any]) -> tuple[np.ndarray, str]:

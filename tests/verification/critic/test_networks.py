@@ -120,6 +120,33 @@ def test_the_operators_are_those_of_onnx_runtime() -> None:
     assert_as_onnx_runtime(onnx_file("one.onnx", nodes, constants), rel=1e-4, abs=1e-3)
 
 
+def test_normalizations_choices_and_limits_are_those_of_onnx_runtime() -> None:
+    """As torch writes LayerNorm, BatchNorm, Softplus with a threshold, SELU and clamps."""
+    rng = np.random.default_rng(5)
+    shapes = {"W": (6, 8), "scale": (8,), "bias": (8,), "mean": (8,), "rest": (8, 1)}
+    constants = {name: rng.normal(size=shape).astype("float32") for name, shape in shapes.items()}
+    constants["spread"] = rng.uniform(0.5, 2.0, 8).astype("float32")
+    for name, number in {"one": 1.0, "bound": 1.5, "lower": -1.0}.items():
+        constants[name] = np.array(number, "float32")
+    constants["none"] = np.zeros(0, "int64")
+    nodes: list[tuple[Any, ...]] = [
+        ("MatMul", "x W", "h"),
+        ("LayerNormalization", "h scale bias", "l", {"epsilon": 1e-4}),
+        ("BatchNormalization", "l scale bias mean spread", "b"),
+        ("Exp", "b", "e"),
+        ("Add", "e one", "e1"),
+        ("Log", "e1", "s"),
+        ("Greater", "b bound", "large"),
+        ("Where", "large b s", "w"),
+        ("Selu", "w", "u"),
+        ("Min", "u bound", "low"),
+        ("Max", "low lower l", "high"),
+        ("ReduceSum", "high none", "same", {"noop_with_empty_axes": 1}),
+        ("MatMul", "same rest", "y"),
+    ]
+    assert_as_onnx_runtime(onnx_file("norms.onnx", nodes, constants), rel=1e-5, abs=1e-5)
+
+
 @pytest.mark.parametrize("opset", [9, 11, 13, 20])
 def test_graphs_of_old_and_new_operator_sets_are_those_of_onnx_runtime(opset: int) -> None:
     axes = {"axes": [0]} if opset < 13 else {}
@@ -616,7 +643,7 @@ def test_wrong_state_dicts_are_refused() -> None:
 
 
 def test_wrong_graphs_are_refused() -> None:
-    onnx = pytest.importorskip("onnx", reason="the package onnx is not installed")
+    pytest.importorskip("onnx", reason="the package onnx is not installed")
     constants = {"P": np.eye(6, dtype="float32"), "ones": ONES.astype("float32")}
     half = {name: each.astype("float16") for name, each in constants.items()}
     ten, not_a_number = (
@@ -630,16 +657,40 @@ def test_wrong_graphs_are_refused() -> None:
         ("not finite", QUADRATIC, constants | not_a_number, 6),
     ):
         assert said in refused(onnx_file("wrong.onnx", nodes, numbers, states=states))
-    model = onnx.load(onnx_file("good.onnx", QUADRATIC, constants))
+    onnx_file("good.onnx", QUADRATIC, constants)
     network_in("good.onnx", 6)
-    onnx.save(model, "outside.onnx", save_as_external_data=True, size_threshold=0)
-    assert "is in another file; export the weights inside" in refused("outside.onnx")
     assert (
         "belongs to a state dict"
         in hfa("verify", *AT_15, "--weights", "good.onnx", "--set", "activation=tanh").err
     )
     Path("damaged.onnx").write_bytes(Path("good.onnx").read_bytes()[:-40])
     refused("damaged.onnx")
+
+
+def test_weights_beside_a_graph_are_read_from_its_folder_alone() -> None:
+    """As torch exports by default; a path out of the folder is not followed."""
+    onnx = pytest.importorskip("onnx", reason="the package onnx is not installed")
+    constants = {"P": np.diag(np.arange(1.0, 7.0)), "ones": ONES}
+    for folder in ("inside", "elsewhere"):
+        Path(folder).mkdir()
+    model = onnx.load(onnx_file("graph.onnx", QUADRATIC, constants))
+    onnx.save(
+        model, "inside/a.onnx", save_as_external_data=True, location="a.data", size_threshold=0
+    )
+    assert (Path("inside") / "a.data").exists()
+    (read,) = network_in("inside/a.onnx", 6).functions.values()
+    assert float(read(np.ones(6))) == 21.0
+    Path("inside/a.data").rename("elsewhere/a.data")
+    assert "cannot be read (No such file" in refused("inside/a.onnx")
+    Path("inside/a.data").symlink_to("../elsewhere/a.data")
+    assert "its data are in another folder" in refused("inside/a.onnx")
+    model = onnx.load("inside/a.onnx", load_external_data=False)
+    for tensor in model.graph.initializer:
+        next(
+            entry for entry in tensor.external_data if entry.key == "location"
+        ).value = "../elsewhere/a.data"
+    Path("inside/b.onnx").write_bytes(model.SerializeToString())
+    assert "its data are in another folder; export the weights inside" in refused("inside/b.onnx")
 
 
 def test_without_the_package_onnx_its_files_alone_are_refused(
