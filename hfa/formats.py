@@ -22,6 +22,8 @@ _PLAIN = {"object", "array", "string", "number", "integer", "boolean", "null"}
 RESULTS = (
     ("trim.point.trim_report", "TrimData"),
     ("trim.linear.linear_model", "LinearModelData"),
+    ("trim.sweeps.sweep", "SweepData"),
+    ("trim.sweeps.sweep_store", "StoredSweepData"),
 )
 #: Parts that only formats.toml refers to.
 PARTS = (("hfa_model.provenance", "Provenance"),)

@@ -4,7 +4,7 @@ memory."""
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,6 +15,7 @@ from hfa_support.progress import Progress
 from hfa_support.reporting.fields import ByValue
 from hfa_support.reporting.figure import new_figure
 from hfa_support.reporting.report import Picture, Report, Reported
+from hfa_support.reporting.results import Matrix, Result, Stack
 from hfa_support.reporting.text import RowsMade, Table, eigenvalue_text, shown_unit, shown_value
 from trim.linear.kinks import with_means_at_kinks
 from trim.linear.modes import fastest_first, modes_of
@@ -108,6 +109,57 @@ def slow_note(one_by_one: int, count: int) -> list[str]:
         f"{one_by_one:,} of {count:,} points were trimmed one by one, which is slower: Newton's "
         "method on all points at once did not settle them"
     ]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SweepData(Result):
+    """A sweep as data; angles in radians.
+
+    dynamics: published or newton, or the name of another model.
+    variables: what is varied.
+    variable_units: unit of each.
+    grid: variable -> its unit and its values, listed, or start, step and count.
+    condition: what else the trim imposes.
+    values: (N, variables) values of each point.
+    reasons: why a point has no trim, "" where it has one.
+    states: names of the states of A and B, in order.
+    state_units: unit of each state.
+    inputs: names of the inputs, in order.
+    input_units: unit of each input.
+    operating_states: (N, all states of the model) X0.
+    operating_inputs: (N, m) U0.
+    A: (N, n, n), null without a trim.
+    B: (N, n, m).
+    mode_names: mode of each eigenvalue.
+    eigenvalues: (N, n, 2) re and im, 1/s, each column one mode.
+    warnings: what to know before trusting the result."""
+
+    schema = "hfa.sweep/1"
+    made_by = "hfa sweep"
+
+    dynamics: str
+    variables: Sequence[str]
+    variable_units: Sequence[str]
+    grid: Mapping[str, Any]
+    condition: Mapping[str, Any]
+    values: Matrix
+    reasons: Sequence[str]
+    states: Sequence[str]
+    state_units: Sequence[str]
+    inputs: Sequence[str]
+    input_units: Sequence[str]
+    operating_states: Matrix
+    operating_inputs: Matrix
+    A: Stack
+    B: Stack
+    mode_names: Sequence[str]
+    eigenvalues: Stack
+    warnings: Sequence[str]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Field -> value; arrays stay arrays, which a million points need."""
+        values = {entry.name: getattr(self, entry.name) for entry in fields(self)}
+        return {"schema": self.schema, **values}
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -239,12 +291,11 @@ class Sweep(ByValue, Reported):
         if self.mode_names and moving.sum() == 1 and moving[-1]:
             text = f"Eigenvalues over {self.variables[-1]}"
             parts.append(Picture("root_locus.png", text, self.figure))
-        warnings = self.warnings
         return Report(
             title=f"Sweep, {self.model.title}: {count - len(failed)} of {count} points trimmed",
             parts=tuple(parts),
-            notes=warnings,
-            data=self.to_dict() | {"warnings": warnings},
+            notes=self.warnings,
+            data=self.to_dict(),
             records=self.records(),
         )
 
@@ -344,25 +395,26 @@ class Sweep(ByValue, Reported):
         return dataset
 
     def to_dict(self) -> dict[str, Any]:
-        """Names, units and arrays; complex eigenvalues as [real, imaginary]."""
-        inputs = tuple(self.model.inputs)
-        return {
-            "schema": "hfa.sweep/1",
-            "dynamics": self.model.name,
+        """The sweep as data (`SweepData`)."""
+        model = self.model
+        inputs = tuple(model.inputs)
+        return SweepData(
+            dynamics=model.name,
             **self.plan.varied,
-            "values": self.values,
-            "reasons": list(self.reasons),
-            "states": list(self.model.linear),
-            "state_units": list(self.model.units(self.model.linear)),
-            "inputs": list(inputs),
-            "input_units": list(self.model.units(inputs)),
-            "operating_states": self.states,
-            "operating_inputs": self.inputs,
-            "A": self.A,
-            "B": self.B,
-            "mode_names": list(self.mode_names),
-            "eigenvalues": np.stack([self.eigenvalues.real, self.eigenvalues.imag], axis=-1),
-        }
+            values=self.values,
+            reasons=self.reasons,
+            states=model.linear,
+            state_units=model.units(model.linear),
+            inputs=inputs,
+            input_units=model.units(inputs),
+            operating_states=self.states,
+            operating_inputs=self.inputs,
+            A=self.A,
+            B=self.B,
+            mode_names=self.mode_names,
+            eigenvalues=np.stack([self.eigenvalues.real, self.eigenvalues.imag], axis=-1),
+            warnings=self.warnings,
+        ).to_dict()
 
 
 def _mode_text(eigenvalues: np.ndarray) -> str:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from hfa_support.reporting.report import Report
+from hfa_support.reporting.results import Result
 from hfa_support.reporting.text import Table
 from hfa_support.zarr_store import RowJob, array_of_rows, fill_store
 from trim.sweeps.points import STATUS, is_square
@@ -22,6 +25,34 @@ SLOW_CHUNK = 1_000
 #: Value of `status` at a point that is not computed yet.
 MISSING = -1
 _POINT = "point"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class StoredSweepData(Result):
+    """What a store holds.
+
+    store: where it is.
+    dynamics: published or newton, or the name of another model.
+    variables: what is varied.
+    variable_units: unit of each.
+    grid: variable -> its unit and its values, listed, or start, step and count.
+    condition: what else the trim imposes.
+    points: number of points.
+    counts: points by status, "missing" for those not computed yet.
+    warnings: what to know before trusting the result."""
+
+    schema = "hfa.sweep-summary/1"
+    made_by = "hfa sweep -o FILE.zarr"
+
+    store: str
+    dynamics: str
+    variables: Sequence[str]
+    variable_units: Sequence[str]
+    grid: Mapping[str, Any]
+    condition: Mapping[str, Any]
+    points: int
+    counts: Mapping[str, int]
+    warnings: Sequence[str]
 
 
 def stream_sweep(plan: SweepPlan, path: Path, **options: Any) -> Any:
@@ -101,18 +132,17 @@ def stored_sweep_report(plan: SweepPlan, dataset: Any, path: Path) -> Report:
         )
     counts = dict(zip(("missing", *STATUS), totals.tolist(), strict=True))
     rows = [(status, str(count)) for status, count in counts.items()]
-    data = {
-        "schema": "hfa.sweep-summary/1",
-        "store": str(path),
-        "dynamics": plan.model.name,
+    data = StoredSweepData(
+        store=str(path),
+        dynamics=plan.model.name,
         **plan.varied,
-        "points": plan.count,
-        "counts": counts,
-        "warnings": notes,
-    }
+        points=plan.count,
+        counts=counts,
+        warnings=notes,
+    )
     return Report(
         title=f"Sweep over {', '.join(plan.variables)}, {plan.model.title}, in {path}",
         parts=(Table(("status", "points"), rows),),
         notes=notes,
-        data=data,
+        data=data.to_dict(),
     )
