@@ -130,6 +130,8 @@ class TrimCondition:
     def resolved(self) -> TrimCondition:
         """The condition in which the first of each group of the model's `alternatives` is imposed
         in place of the others, where they give its value: speed in place of kcas."""
+        if not self.model.alternatives:
+            return self
         return replace(self, imposed=with_first_alternatives(self.model, self.imposed))
 
     def values_at(self, name: str, scheduled: float | np.ndarray) -> np.ndarray:

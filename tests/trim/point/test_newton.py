@@ -1,0 +1,106 @@
+"""Newton's method on many points: alone, together and in C; singular, scaled and bounded."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+import pytest
+from own_models import F16
+
+from hfa_support import Model, Signal
+from hfa_support.native.machine_code import c_compiler
+from trim.point.condition import TrimCondition, usual_condition
+from trim.point.newton import newton, newton_step
+from trim.point.system import TrimSystem
+
+SPEEDS = np.linspace(150.0, 700.0, 40)
+
+
+def f16_system(compile_code: bool = False) -> TrimSystem:
+    """The F-16's trim in a straight flight, 12 unknowns, at speeds of its points."""
+    return TrimSystem(F16, usual_condition(F16), ("speed",), compile_code=compile_code)
+
+
+def circle(scale: float) -> tuple[Model, TrimCondition]:
+    """x² + y² = 4 and 1e3 (x - y) = 0, the second equation of some nominal size."""
+
+    def equations(x, u, p, w):
+        return {"x": x.x**2 + x.y**2 - 4, "y": 1e3 * (x.x - x.y)}, {}
+
+    states = {"x": Signal(start=0.1, min=-5.0, max=5.0), "y": Signal(start=3.0, rate=scale)}
+    model = Model("circle", states, {"u": Signal()}, equations, trim={"u": 0.0})
+    return model, usual_condition(model)
+
+
+@pytest.mark.parametrize(
+    "compile_code",
+    [
+        False,
+        pytest.param(
+            True, marks=pytest.mark.skipif(c_compiler() is None, reason="no C compiler here")
+        ),
+    ],
+)
+def test_points_are_solved_alike_alone_and_together(compile_code: bool) -> None:
+    system = f16_system(compile_code)
+    c = system.constants(len(SPEEDS), {"speed": SPEEDS})
+    start = np.tile(system.start, (len(SPEEDS), 1))
+    together, settled = newton(system, start, c)
+    assert settled.sum() >= 38
+    for i in np.flatnonzero(settled)[::7]:
+        alone, _ = newton(system, start[i : i + 1], c[i : i + 1])
+        np.testing.assert_array_equal(alone[0], together[i])
+    residual, _ = system.residuals(together[settled], c[settled])
+    assert np.abs(residual).max() < 1e-12
+
+
+@pytest.mark.skipif(c_compiler() is None, reason="no C compiler here")
+def test_the_c_code_takes_the_same_steps() -> None:
+    c = f16_system().constants(len(SPEEDS), {"speed": SPEEDS})
+    start = np.tile(f16_system().start, (len(SPEEDS), 1))
+    slow, slow_settled = newton(f16_system(), start, c)
+    fast, fast_settled = newton(f16_system(compile_code=True), start, c)
+    assert fast_settled.tolist() == slow_settled.tolist()
+    np.testing.assert_allclose(fast[fast_settled], slow[slow_settled], rtol=1e-9, atol=1e-11)
+
+
+@pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
+def test_the_scale_of_an_equation_does_not_matter(scale: float) -> None:
+    system = TrimSystem(*circle(scale))
+    z, settled = newton(system, system.start[None], system.constants())
+    assert settled.all()
+    np.testing.assert_allclose(z, np.sqrt([[2.0, 2.0]]), rtol=1e-12)
+
+
+def test_trials_can_be_kept_within_the_limits() -> None:
+    """From here a full step leads to the solution on the other side of the limit."""
+    model, condition = circle(1.0)
+    bounded = TrimCondition(model, condition.imposed, limits={"x": (0.0, 5.0)})
+    system = TrimSystem(model, bounded)
+    begin = np.array([[0.05, -0.1]])
+    anywhere, _ = newton(system, begin, system.constants())
+    within, _ = newton(system, begin, system.constants(), bounded=True)
+    np.testing.assert_allclose(anywhere, -np.sqrt([[2.0, 2.0]]), rtol=1e-12)
+    assert within[0, 0] >= 0.0
+
+
+def test_a_singular_step_has_the_least_norm() -> None:
+    jacobians = np.array(
+        [[[1.0, 1.0], [2.0, 2.0]], [[1.0, 0.0], [0.0, 2.0]], np.full((2, 2), np.nan)]
+    )
+    steps = newton_step(jacobians, np.array([[2.0, 4.0], [3.0, 4.0], [1.0, 1.0]]))
+    np.testing.assert_allclose(steps[:2], [[-1.0, -1.0], [-3.0, -2.0]], rtol=1e-12)
+    assert np.isnan(steps[2]).all()
+
+
+def test_an_unknown_that_moves_nothing_is_no_unknown() -> None:
+    def equations(x, u, p, w):
+        return {"x": u.pull - ca.sin(x.x)}, {}
+
+    inputs = {"pull": Signal(), "lamp": Signal(start=3.0)}
+    model = Model("lamp", {"x": Signal()}, inputs, equations, trim={"x": 0.5})
+    system = TrimSystem(model, usual_condition(model))
+    assert system.equations.unknowns == ("pull",)
+    assert system.equations.idle == ("lamp",)
+    _, u, _ = system.points(system.start[None], system.constants())
+    assert u[0].tolist() == [0.0, 3.0]
