@@ -63,6 +63,7 @@ def test_no_picture_is_left_when_the_file_fails(monkeypatch: pytest.MonkeyPatch)
     assert list(Path().iterdir()) == []
 
 
+@pytest.mark.slow
 def test_no_picture_is_left_of_a_report_that_fails(monkeypatch: pytest.MonkeyPatch) -> None:
     from hfa.commands import report as module
 

@@ -119,7 +119,7 @@ REFUSED = {
     "design": [
         ("given.npz", "given.npz: this is no controller file"),
         ("--design paper --dihedral 0:5", "--dihedral is '0:5'; give start:stop:step"),
-        ("--design servo --units si -o a.npz", "a controller is in ft, slug, lbf"),
+        ("--design servo --units si -o a.npz", "leave --units si out"),
     ],
     "fly": [
         ("--dihedral 15 --law exact --seed 3", "here nothing is random"),
