@@ -296,9 +296,8 @@ def rest_check(rest: np.ndarray | None, b: np.ndarray, limit: float) -> Check:
     if rest is None:
         return at_most("rest_point", math.inf, limit, "no rest point near trim", kind="cost")
     distance = float((np.abs(rest) / b).max())
-    return at_most(
-        "rest_point", distance, limit, f"rests off trim by {distance:.2g} of the box", kind="cost"
-    )
+    reason = f"rests off trim ({distance:.2g} boxes)"
+    return at_most("rest_point", distance, limit, reason, kind="cost")
 
 
 def fly(
@@ -433,11 +432,13 @@ def _row(numbers: np.ndarray) -> str:
 def _flown_lines(flown: Flown) -> list[str]:
     if not flown.flights:
         return ["Not flown: the linear loop is not stable"]
-    lines = [
-        f"Flown from {flown.flights} starts in the box (not a bound): cost lost "
-        f"{flown.cost_lost_flown_percent:.3g} percent at most, "
-        f"{flown.cost_lost_flown_mean_percent:.3g} on average",
-    ]
+    cost = "it does not return from all of them"
+    if math.isfinite(flown.cost_lost_flown_percent):
+        cost = (
+            f"cost lost {flown.cost_lost_flown_percent:.3g} percent at most, "
+            f"{flown.cost_lost_flown_mean_percent:.3g} on average"
+        )
+    lines = [f"Flown from {flown.flights} starts in the box (not a bound): {cost}"]
     reach = f"{flown.reach:g} times the box on the linear plant"
     if flown.reach_nonlinear is not None:
         reach += (

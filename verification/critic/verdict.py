@@ -176,13 +176,13 @@ class Verdict(Checked, Reported):
             decided = f" by {failed[0].name}"
         line = f"{verdict_text(self.holds(limit_cost))}{decided}: {self._exactness(failed)}"
         facts = ["stabilizing" if self.stabilizing else "not stabilizing"]
-        facts += [check.reason for check in failed if check.name == "rest_point"]
+        rests = [check.reason for check in failed if check.name == "rest_point"]
         if math.isinf(self.cost_lost):
-            facts.append("cost without bound")
+            facts += ["cost without bound", *rests]
         elif self.cost_lost < ROUNDING:
-            facts.append("no cost lost")
+            facts += [*rests, "no cost lost"]
         else:
-            facts.append(f"cost lost {self.cost_lost:.2g} %")
+            facts += [*rests, f"cost lost {self.cost_lost:.2g} %"]
         gain = next((check for check in self.checks if check.kind == "gain"), None)
         if gain is not None and math.isfinite(gain.value):
             facts.append(f"L2 gain {gain.value:.4g} (delta {gain.limit:g})")

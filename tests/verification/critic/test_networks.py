@@ -413,7 +413,7 @@ def test_an_actor_with_a_constant_is_stable_and_rests_off_trim(game: Game) -> No
     assert data["cost_lost_flown_percent"] == pytest.approx(0.0, abs=1e-9)
     assert data["reach"] == 16.0
     headline = verdict.headline()
-    assert "stabilizing, rests off trim by" in headline
+    assert "stabilizing, rests off trim (" in headline
     assert "without bound" not in headline
     assert verdict.diagnosis == "it is right but for a constant in u"
 
