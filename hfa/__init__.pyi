@@ -7,6 +7,7 @@ from controller.critic.critic import (
 )
 from controller.critic.network import from_network as from_network
 from controller.game.zero_sum import Game as Game
+from controller.hfa_game import published_game as published_game
 from controller.learning.certified import learn as learn
 from controller.riccati.gare import solve_game as solve_game
 from hfa_aircraft import Model as Model, Signal as Signal

@@ -174,7 +174,7 @@ def test_blocks_run_and_print_what_is_shown(
         (tmp_path / folder).symlink_to(ROOT / folder)
     assert blocks_of(text_of(path)), "it shows nothing that can be checked"
     assert "\n\n".join(complaints(text_of(path), name=path.name, slow=slow)) == ""
-    if path.stem == "README":
+    if path.stem == "critics":
         assert_is_that_of_the_documents(tmp_path / "verify.png")
 
 
