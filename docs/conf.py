@@ -31,7 +31,7 @@ PACKAGES = {
 }
 
 project, author, release = "hfa", "the authors of hfa", VERSION
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.viewcode"]
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.viewcode", "sphinx.ext.mathjax"]
 source_suffix = {".md": "markdown"}
 exclude_patterns = ["_build"]
 html_theme = "furo"
@@ -40,8 +40,12 @@ html_static_path = ["_static"]
 html_css_files = ["wide_tables.css"]
 myst_enable_extensions = ["dollarmath"]
 myst_heading_anchors = 4
-autodoc_typehints = "none"
+autodoc_typehints = "signature"
+autodoc_typehints_format = "short"
+python_maximum_signature_line_length = 80
 autodoc_preserve_defaults = True
+# Types of other libraries and of rooms without a page of their own lead nowhere.
+nitpick_ignore_regex = [("py:(class|obj|data)", ".*")]
 autodoc_member_order = "bysource"
 # Docstrings are plain text with backquoted names, not reStructuredText roles.
 default_role = "literal"
@@ -154,7 +158,34 @@ def setup(app: Any) -> None:
 
 
 def _replace(lines: list[str]) -> None:
-    lines[:] = escaped(lines)
+    lines[:] = with_lists(escaped(lines))
+
+
+#: "values: (N, k), all combinations": an argument or an attribute, or several, and what it is.
+_ENTRY = re.compile(r"^(?P<names>[A-Za-z][\w, ()\\]*): (?P<text>.*)$")
+
+
+def with_lists(lines: list[str]) -> list[str]:
+    """Arguments and attributes, one a line in docstrings, as the entries of a list.
+
+    A continuation of an entry is indented deeper than the entry."""
+    result: list[str] = []
+    in_list = False
+    for line in lines:
+        entry = _ENTRY.match(line)
+        if entry is not None:
+            if not in_list:
+                result.append("")
+            in_list = True
+            result.append(f"- **{entry['names']}**: {entry['text']}")
+        elif in_list and line.startswith(" "):
+            result.append(f"  {line.strip()}")
+        else:
+            if in_list and line:
+                result.append("")
+            in_list = False
+            result.append(line)
+    return result
 
 
 def _short_signature(
