@@ -215,7 +215,9 @@ def _called(layout: Layout, arguments: list[Any]) -> tuple[Mapping[str, Any], Ma
     ):
         for name in names:
             if name not in values:
-                raise BadInputError(f"{layout.name}: the equations return no {kind} of {name}")
+                raise BadInputError(
+                    f"{layout.name}: the equations return no {kind} of {name}; add it"
+                )
         for name in values:
             refuse_unknown(
                 f"{layout.name}: the equations return the undeclared {kind}", name, names
