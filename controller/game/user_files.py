@@ -11,11 +11,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from controller.game.array_file import read_arrays
+from controller.game.discrete_game import DiscreteGame
 from controller.game.zero_sum import LARGEST, Game, checked_matrix
 from hfa_support.errors import BadInputError, numbers_in, said_of, shortened
 from hfa_support.units import si_factor, si_unit
 
 MODEL_KEYS = ("A", "B", "E", "Q", "R", "delta")
+#: What a plant in discrete time (time = "discrete") may have beside them.
+DISCRETE_KEYS = ("time", "discount", "N")
 #: Keys of names and units, used where they are.
 NAME_KEYS = ("states", "inputs", "state_units", "input_units")
 #: How python-control calls them in a `StateSpace`.
@@ -109,12 +112,14 @@ class StoredGame(NamedTuple):
     names: states, inputs and their units as the file has them, by key; a key without one name for
         each is left out
     provenance: where the plant comes from, as the file says it: entry -> text
+    discrete: of a plant in discrete time the game whose step `game` is, else None
     """
 
     game: Game
     notes: tuple[str, ...]
     names: dict[str, tuple[str, ...]]
     provenance: dict[str, str]
+    discrete: DiscreteGame | None = None
 
 
 def no_defaults(parts: Mapping[str, Any], names: PlantNames) -> Defaults:
@@ -137,8 +142,9 @@ def stored_game(
 
     An argument counts before the file, the file before the defaults. Without any, E is the identity
     and delta is inf (no disturbance: the linear quadratic regulator). A structure with A and B is
-    read where the file has neither at its top. Raises BadInputError, one line that names the
-    file."""
+    read where the file has neither at its top. With time = "discrete" it is a step of a game in
+    discrete time, with `discount` and cross weights `N` where the file has them. Raises
+    BadInputError, one line that names the file."""
     contents = read_arrays(path) if found is None else found
     with said_of(path):
         stored, notes = entries_of(contents, {"A", "B"})
@@ -157,9 +163,11 @@ def stored_game(
         plant_names = PlantNames(
             *(names.get(key, ()) for key in ("states", "inputs", "state_units"))
         )
+        if is_discrete(stored):
+            defaults = no_defaults
         game = _completed(parts, defaults(parts, plant_names), notes)
         noted = tuple(f"{path}: {note}" for note in notes)
-        return StoredGame(game, noted, names, _provenance(stored))
+        return StoredGame(game, noted, names, _provenance(stored), _discrete(stored, game))
 
 
 def has_all(found: dict[str, Any], *names: str) -> bool:
@@ -188,8 +196,28 @@ def entries_of(found: dict[str, Any], needed: set[str]) -> tuple[dict[str, Any],
     dt = np.asarray(stored.pop("dt", None), dtype=object)
     if np.any((dt != 0) & (dt != None)):  # noqa: E711  entry by entry
         text = shortened(str(dt.item() if dt.size == 1 else dt.tolist()))
-        raise BadInputError(f"dt is {text}, a model in discrete time; give x' = A x + B u, dt = 0")
+        raise BadInputError(
+            f'dt is {text}, a model in discrete time; give x\' = A x + B u, dt = 0, or time = "discrete" without dt'
+        )
     return stored, notes
+
+
+def is_discrete(stored: Mapping[str, Any]) -> bool:
+    """Whether a plant says time = "discrete". BadInputError for another word."""
+    time = words(stored, "time")
+    if time and time not in (("discrete",), ("continuous",)):
+        raise BadInputError(f'time is {shortened(time[0])}; it must be "continuous" or "discrete"')
+    return time == ("discrete",)
+
+
+def _discrete(stored: Mapping[str, Any], game: Game) -> DiscreteGame | None:
+    """The game in discrete time whose step this is; None in continuous time."""
+    if not is_discrete(stored):
+        return None
+    discount = 1.0
+    if "discount" in stored:
+        discount = one_number("discount", stored["discount"])
+    return DiscreteGame(game, discount, stored.get("N"))
 
 
 def one_number(name: str, value: Any) -> float:
@@ -205,7 +233,10 @@ def one_number(name: str, value: Any) -> float:
 
 def _unused(stored: Mapping[str, Any]) -> list[str]:
     """The note on entries that are not used; none of a file of this project."""
-    unused = sorted(set(stored) - {*MODEL_KEYS, *NAME_KEYS})
+    used = {*MODEL_KEYS, *NAME_KEYS}
+    if is_discrete(stored):
+        used |= set(DISCRETE_KEYS)
+    unused = sorted(set(stored) - used)
     schema = "".join(words(stored, "schema")[:1])
     if not unused or schema.startswith("hfa."):
         return []

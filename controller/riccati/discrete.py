@@ -1,18 +1,16 @@
-"""The discounted game in discrete time: its exact solution by two derivations, with a certificate.
-
-x⁺ = A x + B u + E w,  J = Σ γᵏ (x'Qx + u'Ru - δ² w'w): u minimizes, w maximizes; the value is x'P
-x."""
+"""The exact solution of a game in discrete time, by two derivations, with a certificate."""
 
 from __future__ import annotations
 
 import math
 import warnings
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
+from controller.game.discrete_game import DiscreteGame
 from controller.game.zero_sum import Game
-from controller.riccati.balancing import balanced_units, in_units
 from controller.riccati.certificate import (
     DISAGREEMENT,
     INDEFINITENESS,
@@ -20,28 +18,59 @@ from controller.riccati.certificate import (
     Certificate,
     refuse_failures,
 )
-from hfa_support.errors import BadInputError, NoSolutionError, is_finite, refuse_unless_positive
+from controller.riccati.derivations import largest
+from controller.riccati.normal_form import RANK, NormalForm
+from controller.riccati.smallest_delta import TOLERANCE, DeltaMin, bracketed, dependence
+from hfa_support.errors import NoSolutionError, refuse_unless_positive
+from hfa_support.progress import Progress
 from hfa_support.reporting.checks import Check, at_least, at_most, below
 from hfa_support.reporting.fields import Shown
 
-#: Newton steps after the Schur form, and doublings of the horizon: 2^60 steps of time forget any
-#: start.
-_REFINEMENTS, _DOUBLINGS = 4, 60
+#: Newton steps after the Schur form.
+REFINEMENTS = 4
+#: Doublings of the horizon: 2^60 steps of time forget any start.
+DOUBLINGS = 60
+#: δ² I - E'P E, relative to δ², must exceed this.
+SADDLE = 1e-12
+#: A correction of the doubling below this part of P is rounding.
+SETTLED = 1e-17
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class DiscountedSolution(Shown):
-    """The value x'P x, the policies u = -K x and w = L x, and the certificate that holds for them.
+class DiscreteSolution(Shown):
+    """The value x'P x of a game in discrete time, its policies u = -K x and w = L x.
 
-    P: (n, n); K: (m, n); disturbance_gain L: (k, n). game: A, B, E, Q, R, delta of one step of
-    time. discount: γ."""
+    P: (n, n)
+    K: (m, n)
+    disturbance_gain: L, (k, n)
+    problem: the game
+    certificate: the tests that hold
+    radius: the spectral radius of A - B K, which decides whether the policy stabilizes
+    discounted_radius: of sqrt(discount) (A - B K), on which the cost depends
+    """
 
     P: np.ndarray
     K: np.ndarray
     disturbance_gain: np.ndarray
-    game: Game
-    discount: float
+    problem: DiscreteGame
     certificate: Certificate
+    radius: float
+    discounted_radius: float
+
+    @property
+    def game(self) -> Game:
+        """A, B, E, Q, R, delta of one step of time."""
+        return self.problem.step
+
+    @property
+    def discount(self) -> float:
+        """α of a step."""
+        return self.problem.discount
+
+    @property
+    def H(self) -> np.ndarray:
+        """The Q-function over (x, u, w), `DiscreteGame.q_function`."""
+        return self.problem.q_function(self.P)
 
 
 def sampled(game: Game, dt: float) -> Game:
@@ -56,173 +85,278 @@ def sampled(game: Game, dt: float) -> Game:
     refuse_unless_positive("dt", dt, " s")
     n, m = game.B.shape
     moved = np.hstack([game.A, game.B, game.E])
-    step = expm(dt * np.vstack([moved, np.zeros((moved.shape[1] - n, moved.shape[1]))]))[:n]
+    held = np.zeros((moved.shape[1] - n, moved.shape[1]))
+    step = expm(dt * np.vstack([moved, held]))[:n]
     A, B, E = np.split(step, [n, n + m], axis=1)
     return Game(A=A, B=B, E=E, Q=game.Q * dt, R=game.R * dt, delta=game.delta * math.sqrt(dt))
 
 
-def solve_discounted(game: Game, discount: float, dt: float | None = None) -> DiscountedSolution:
-    """P = Q + K'RK - δ² L'L + γ F'P F,  F = A - B K + E L,  [K; -L] = (W + γ G'P G)⁻¹ γ G'P A,  G =
-    [B E].
-
-    W = blkdiag(R, -δ² I). game: of one step of time, or with dt (s) a game in continuous time,
-    which is `sampled`. discount γ: in (0, 1], a step. NoSolutionError names the test that fails.
-    With δ² I - γ E'P E > 0 and P >= 0 the saddle point exists; √γ F must have its eigenvalues
-    within the unit circle. Source: Basar and Bernhard, H-infinity Optimal Control, Theorem 3.7, for
-    √γ A, √γ B, √γ E."""
-    if not (is_finite(discount) and 0.0 < discount <= 1.0):
-        raise BadInputError(
-            f"discount is {discount}; it must be above 0 and at most 1, the factor of one step"
-        )
+def solve_discounted(game: Game, discount: float, dt: float | None = None) -> DiscreteSolution:
+    """`solve_discrete` of one step of time, or with dt (s) of a game in continuous time, which is
+    `sampled`."""
     step = game if dt is None else sampled(game, dt)
-    units = balanced_units(step)
-    alike = _undiscounted(in_units(step, units), discount)
+    return solve_discrete(DiscreteGame(step, discount))
+
+
+def solve_discrete(problem: DiscreteGame, progress: Progress | None = None) -> DiscreteSolution:
+    """P = Q + α A'P A - (α A'P G + [N 0]) (W + α G'P G)⁻¹ (α G'P A + [N 0]'),  G = [B E],  W =
+    blkdiag(R, -δ² I).
+
+    With δ² I - α E'P E > 0 and P >= 0 the saddle point exists; √α (A - B K + E L) must have its
+    eigenvalues within the unit circle, and so must √α (A - B K). NoSolutionError names the mode
+    that rules out a solution at any delta, or the test that fails with the smallest delta, whose
+    search calls `progress`. Source: Basar and Bernhard, H-infinity Optimal Control, Theorem 3.7,
+    for √α A, √α B, √α E."""
+    form = _discrete_form(problem)
     try:
-        P = _by_schur(alike)
-        for _ in range(_REFINEMENTS):
-            P = P + _newton(alike, P)[1]
-        apart = float(np.abs(P - _by_doubling(alike)).max()) / (float(np.abs(P).max()) or 1.0)
-        reason = f"value iteration gives another P (difference {apart:.2g})"
-        second = at_most("second_derivation", apart, DISAGREEMENT, reason)
-        certificate = Certificate((*discounted_checks(alike, P), second))
-        refuse_failures(certificate.checks)
-    except (NoSolutionError, np.linalg.LinAlgError, ValueError) as failure:
-        reason = f"no certified value of the discounted game: {failure}"
-        raise NoSolutionError(f"{reason}; ask for a larger delta") from failure
-    K, L = policies_of_step(alike, P)
-    return DiscountedSolution(
-        P / np.outer(units, units), K / units, L / units, step, float(discount), certificate
+        X, certificate = _certified(form)
+    except NoSolutionError as failure:
+        prefix = "no certified value of the game in discrete time"
+        smallest = _smallest_delta(form, progress)  # raises by itself when no delta would do
+        advice = smallest.advice(form.delta)
+        raise NoSolutionError(f"{prefix}: {failure}; {advice}") from failure
+    P = form.value(X)
+    K, L = _user_policies(problem, form, X)
+    step = problem.step
+    radius = _radius(step.A - step.B @ K)
+    return DiscreteSolution(
+        P=P,
+        K=K,
+        disturbance_gain=L,
+        problem=problem,
+        certificate=certificate,
+        radius=radius,
+        discounted_radius=math.sqrt(problem.discount) * radius,
     )
 
 
-def _undiscounted(step: Game, discount: float) -> Game:
-    """The game without discount that has the same value."""
-    root = math.sqrt(discount)
-    return replace(step, A=root * step.A, B=root * step.B, E=root * step.E)
+def minimum_delta_discrete(problem: DiscreteGame, progress: Progress | None = None) -> DeltaMin:
+    """The smallest δ of a game in discrete time, by bisection on the tests of P; its own plays no
+    part."""
+    return _smallest_delta(_discrete_form(problem), progress)
 
 
 def policies_of_step(
     step: Game, P: np.ndarray, discount: float = 1.0
 ) -> tuple[np.ndarray, np.ndarray]:
-    """K and L of u = -K x, w = L x, which the value x'P x of the next state implies; step: a game
-    of one step.
-
-    As in `solve_discounted`, with E divided by δ, so that δ = inf is no exception.
-    """
-    m = step.B.shape[1]
-    G = np.hstack([step.B, step.E / step.delta])
-    W = np.diag(np.repeat([0.0, -1.0], [m, G.shape[1] - m]))
-    W[:m, :m] = step.R
-    both = np.linalg.solve(W + discount * G.T @ P @ G, discount * G.T @ P @ step.A)
-    return both[:m], -both[m:] / step.delta
+    """`DiscreteGame.policies` of a step."""
+    return DiscreteGame(step, discount).policies(P)
 
 
 def quick_discounted(step: Game) -> tuple[np.ndarray, np.ndarray]:
     """P and K of a step without discount, neither refined nor certified: for a search.
-    NoSolutionError where there is none."""
-    try:
-        with np.errstate(all="ignore"), warnings.catch_warnings(action="ignore"):
-            P = _by_schur(step)
-            return P, policies_of_step(step, P)[0]
-    except (np.linalg.LinAlgError, ValueError) as error:
-        raise NoSolutionError("no value of the game in discrete time") from error
+
+    NoSolutionError where there is none.
+    """
+    problem = DiscreteGame(step)
+    form = _discrete_form(problem)
+    X = _by_schur(form)
+    return form.value(X), _user_policies(problem, form, X)[0]
 
 
 def discounted_checks(game: Game, P: np.ndarray) -> tuple[Check, ...]:
-    """The tests of P alone, for γ = 1: Bellman's equation, signs, both closed loops."""
-    K, L = policies_of_step(game, P)
-    size = float(np.abs(P).max()) or 1.0
-    loop = game.A - game.B @ K
-    terms = (
-        np.abs(game.Q)
-        + np.abs(K.T @ game.R @ K)
-        + np.abs(P)
-        + np.abs(loop.T) @ np.abs(P) @ np.abs(loop)
-    )
-    left, correction = _newton(game, P)
-    residual, error = (
-        float(np.abs(left).max() / (terms.max() or 1.0)),
-        float(np.abs(correction).max()) / size,
-    )
-    smallest = float(np.linalg.eigvalsh(P)[0]) / size
-    pays = np.linalg.eigvalsh(np.eye(game.E.shape[1]) - game.E.T @ P @ game.E / game.delta**2).min(
-        initial=1.0
-    )
-    radii = [float(np.abs(np.linalg.eigvals(each)).max()) for each in (loop + game.E @ L, loop)]
+    """The tests of the P, (n, n), of a step without discount: Bellman's equation, signs, loops."""
+    form = NormalForm.of(game)
+    back = np.linalg.inv(form.T)
+    return _checks(form, back.T @ P @ back)
+
+
+def bellman_residual(problem: DiscreteGame, P: np.ndarray) -> float:
+    """What is left of Bellman's equation at P, (n, n), relative to its terms."""
+    form = _discrete_form(problem)
+    back = np.linalg.inv(form.T)
+    return _checks(form, back.T @ P @ back)[0].value
+
+
+def _discrete_form(problem: DiscreteGame) -> NormalForm:
+    """The normal form of a game of the same value, without discount and cross weights."""
+    step, _ = problem.without_cross_weights()
+    root = math.sqrt(problem.discount)
+    return NormalForm.of(replace(step, A=root * step.A, B=root * step.B, E=root * step.E))
+
+
+def _user_policies(
+    problem: DiscreteGame, form: NormalForm, X: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """K and L in the user's coordinates."""
+    gains = _policies(form, X)
+    _, feed = problem.without_cross_weights()
+    K = np.linalg.solve(form.root.T, gains.K @ form.T) + feed
+    return K, gains.L @ form.T / form.delta
+
+
+class _Policies(NamedTuple):
+    """K of u = -K y and L of w = L y, in normal form."""
+
+    K: np.ndarray
+    L: np.ndarray
+
+
+def _policies(form: NormalForm, X: np.ndarray) -> _Policies:
+    """[K; -L] = (blkdiag(I, -I) + G'X G)⁻¹ G'X A,  G = [B E]."""
+    m = form.B.shape[1]
+    G = np.hstack([form.B, form.E])
+    W = np.diag(np.repeat([1.0, -1.0], [m, G.shape[1] - m]))
+    gains = np.linalg.solve(W + G.T @ X @ G, G.T @ X @ form.A)
+    return _Policies(gains[:m], -gains[m:])
+
+
+def _certified(form: NormalForm) -> tuple[np.ndarray, Certificate]:
+    """X in normal form and its certificate."""
+    try:
+        X = _first_derivation(form)
+        checks = _checks(form, X)
+        refuse_failures(checks)
+        second = _by_doubling(form)
+    except np.linalg.LinAlgError as error:
+        raise NoSolutionError("delta^2 I - discount E'P E is singular on the way") from error
+    difference = float(largest(X - second)) / (float(largest(X)) or 1.0)
+    reason = f"value iteration gives another P (difference {difference:.2g})"
+    checks = (*checks, at_most("second_derivation", difference, DISAGREEMENT, reason))
+    refuse_failures(checks)
+    return X, Certificate(checks)
+
+
+def _first_derivation(form: NormalForm) -> np.ndarray:
+    """`_by_schur`, refined by Newton steps."""
+    X = _by_schur(form)
+    for _ in range(REFINEMENTS):
+        X = X + _newton(form, X).correction
+    return X
+
+
+def _checks(form: NormalForm, X: np.ndarray) -> tuple[Check, ...]:
+    """The tests of X alone: Bellman's equation, signs, both closed loops."""
+    gains = _policies(form, X)
+    size = float(largest(X)) or 1.0
+    loop = form.A - form.B @ gains.K
+    terms = np.abs(form.Q) + np.abs(gains.K.T @ gains.K) + np.abs(X)
+    terms = terms + np.abs(loop.T) @ np.abs(X) @ np.abs(loop)
+    newton = _newton(form, X)
+    residual = float(largest(newton.residual) / (terms.max() or 1.0))
+    error = float(largest(newton.correction)) / size
+    smallest = float(np.linalg.eigvalsh(X)[0]) / size
+    saddle = np.eye(form.E.shape[1]) - form.E.T @ X @ form.E
+    paid = float(np.linalg.eigvalsh((saddle + saddle.T) / 2.0).min(initial=1.0))
+    game_radius = _radius(loop + form.E @ gains.L)
+    radius = _radius(loop)
+    left = f"Bellman's equation is left with a residual of {residual:.2g}"
+    moved = f"a Newton step changes P by {error:.2g}"
+    indefinite = f"P is indefinite ({smallest:.3g} of its size)"
+    unpaid = "delta^2 I - discount E'P E is not positive definite"
+    worst_case = f"sqrt(discount) (A - B K + E L) has radius {game_radius:.6g}"
+    unstable = f"sqrt(discount) (A - B K) has radius {radius:.6g}"
     return (
-        at_most(
-            "residual",
-            residual,
-            RESIDUAL,
-            f"Bellman's equation is left with a residual of {residual:.2g}",
-        ),
-        at_most("newton_correction", error, RESIDUAL, f"a Newton step changes P by {error:.2g}"),
-        at_least(
-            "positive_semidefinite",
-            smallest,
-            -INDEFINITENESS,
-            f"P is indefinite ({smallest:.3g} of its size)",
-        ),
-        at_least(
-            "disturbance_pays",
-            float(pays),
-            1e-12,
-            "delta^2 I - discount E'P E is not positive definite",
-        ),
-        below(
-            "game_loop_radius",
-            radii[0],
-            1.0,
-            f"sqrt(discount) (A - B K + E L) has radius {radii[0]:.6g}",
-        ),
-        below(
-            "control_loop_radius",
-            radii[1],
-            1.0,
-            f"sqrt(discount) (A - B K) has radius {radii[1]:.6g}",
-        ),
+        at_most("residual", residual, RESIDUAL, left),
+        at_most("newton_correction", error, RESIDUAL, moved),
+        at_least("positive_semidefinite", smallest, -INDEFINITENESS, indefinite),
+        at_least("disturbance_pays", paid, SADDLE, unpaid),
+        below("game_loop_radius", game_radius, 1.0, worst_case),
+        below("control_loop_radius", radius, 1.0, unstable),
     )
 
 
-def _newton(game: Game, P: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Q + K'RK - δ² L'L + F'P F - P, in which errors of K and L count by their squares only, and
-    Newton's correction of P: Z = F'Z F + this."""
+class _Newton(NamedTuple):
+    """Q + K'K - L'L + F'X F - X, in which errors of K and L count by their squares only, and
+    Newton's correction of X: Z = F'Z F + this."""
+
+    residual: np.ndarray
+    correction: np.ndarray
+
+
+def _newton(form: NormalForm, X: np.ndarray) -> _Newton:
     from scipy.linalg import solve_discrete_lyapunov
 
-    K, L = policies_of_step(game, P)
-    F, price = game.A - game.B @ K + game.E @ L, 0.0 if math.isinf(game.delta) else game.delta**2
-    residual = game.Q - P + K.T @ game.R @ K - price * L.T @ L + F.T @ P @ F
-    with warnings.catch_warnings(
-        action="ignore"
-    ):  # of a loop near the unit circle, whose correction is judged
-        found = solve_discrete_lyapunov(F.T, (residual + residual.T) / 2.0)
-    return residual, np.asarray(found + found.T) / 2.0
+    gains = _policies(form, X)
+    F = form.A - form.B @ gains.K + form.E @ gains.L
+    residual = form.Q - X + gains.K.T @ gains.K - gains.L.T @ gains.L + F.T @ X @ F
+    with warnings.catch_warnings(action="ignore"):  # near the unit circle; the result is judged
+        Z = solve_discrete_lyapunov(F.T, (residual + residual.T) / 2.0)
+    return _Newton(residual, np.asarray(Z + Z.T) / 2.0)
 
 
-def _by_schur(game: Game) -> np.ndarray:
+def _by_schur(form: NormalForm) -> np.ndarray:
     """First derivation. Source: Arnold and Laub, Proc. IEEE 72 (1984), as implemented in SciPy."""
-    from scipy.linalg import block_diag, solve_discrete_are
+    from scipy.linalg import solve_discrete_are
 
-    G, W = game.B, game.R
-    if math.isfinite(game.delta):
-        G, W = np.hstack([G, game.E / game.delta]), block_diag(W, -np.eye(game.E.shape[1]))
-    P = solve_discrete_are(game.A, G, game.Q, W)
-    return np.asarray(P + P.T) / 2.0
+    G = np.hstack([form.B, form.E])
+    W = np.diag(np.repeat([1.0, -1.0], [form.B.shape[1], form.E.shape[1]]))
+    try:
+        with np.errstate(all="ignore"), warnings.catch_warnings(action="ignore"):
+            X = solve_discrete_are(form.A, G, form.Q, W)
+    except (np.linalg.LinAlgError, ValueError) as error:
+        raise NoSolutionError(
+            "the symplectic pencil has no stable subspace that is the graph of a P"
+        ) from error
+    return np.asarray(X + X.T) / 2.0
 
 
-def _by_doubling(game: Game) -> np.ndarray:
-    """Second derivation: value iteration from 0, each pass of which doubles the horizon: H is its
-    value.
+def _by_doubling(form: NormalForm) -> np.ndarray:
+    """Second derivation: value iteration from 0, each pass of which doubles the horizon.
 
-    M = (I + G H)⁻¹:  A <- A M A,  G <- G + A M G A',  H <- H + A'H M A, from A, B R⁻¹B' - δ⁻² E E',
-    Q. Source: Chu, Fan, Lin and Wang, Int. J. Control 77 (2004), 767-788 (structured doubling)."""
-    A, G, H = game.A, game.S, game.Q
-    for _ in range(_DOUBLINGS):
+    M = (I + G H)⁻¹:  A <- A M A,  G <- G + A M G A',  H <- H + A'H M A, from A, S, Q; H is the
+    value. Source: Chu, Fan, Lin and Wang, Int. J. Control 77 (2004), 767-788."""
+    A = form.A
+    G = form.S
+    H = form.Q
+    for _ in range(DOUBLINGS):
         M = np.linalg.inv(np.eye(len(A)) + G @ H)
-        step = A.T @ H @ M @ A
-        A, G, H = A @ M @ A, G + A @ M @ G @ A.T, H + (step + step.T) / 2.0
+        increase = A.T @ H @ M @ A
+        G = G + A @ M @ G @ A.T
+        H = H + (increase + increase.T) / 2.0
+        A = A @ M @ A
         if not np.isfinite(H).all():
             raise NoSolutionError("value iteration grows without end")
-        if np.abs(step).max() <= 1e-17 * np.abs(H).max():
+        if largest(increase) <= SETTLED * largest(H):
             break
     return H
+
+
+def _smallest_delta(form: NormalForm, progress: Progress | None) -> DeltaMin:
+    """By bisection of log δ on the tests of X."""
+    without = form.with_delta(math.inf)
+    try:
+        X, _ = _certified(without)
+    except NoSolutionError as failure:
+        raise NoSolutionError(_obstacle(without, str(failure))) from failure
+    attack = form.disturbance.T @ X @ form.disturbance
+    most = float(np.linalg.eigvalsh((attack + attack.T) / 2.0).max(initial=0.0))
+    if most <= 0.0:
+        return DeltaMin(0.0, 0.0)
+
+    def is_good(delta: float) -> bool | None:
+        trial = form.with_delta(delta)
+        try:
+            checks = _checks(trial, _first_derivation(trial))
+        except (NoSolutionError, np.linalg.LinAlgError):
+            return False
+        return all(check.ok for check in checks)
+
+    value, refused = bracketed(is_good, 2.0 * math.sqrt(most), TOLERANCE, progress)
+    return DeltaMin(value, refused)
+
+
+def _obstacle(form: NormalForm, failure: str) -> str:
+    """One line on why there is no solution without disturbance; failure: of its certificate."""
+    size = float(np.linalg.norm(form.A, 2)) or 1.0
+    for value in np.linalg.eigvals(form.A):
+        mode = f"mode with eigenvalue {value.real:.4g}"
+        if value.imag:
+            mode += f" ± {abs(value.imag):.4g}i"
+        if abs(value) >= 1.0 - RANK and dependence(form.A, value, form.B.T, size) <= RANK:
+            return (
+                f"no input reaches the {mode} of sqrt(discount) A, which does not decay; change B"
+                " or lower the discount"
+            )
+        on_circle = abs(abs(value) - 1.0) <= RANK
+        if on_circle and dependence(form.A.T, value, form.Q, size) <= RANK:
+            return f"the {mode} of sqrt(discount) A costs nothing; give Q weight on it"
+    return (
+        f"the game without disturbance (delta = inf) is not certified: {failure}; check the"
+        " scaling of A, B, Q, R"
+    )
+
+
+def _radius(matrix: np.ndarray) -> float:
+    """The largest |λ| of the eigenvalues."""
+    return float(np.abs(np.linalg.eigvals(matrix)).max())

@@ -35,7 +35,14 @@ def solve(request: GameRequest) -> int:
         arrays = read_arrays(request.plant)
         if has_all(arrays, "B2"):
             return _solve_plant(request, request.plant, arrays)
-    named = request.game(arrays)
+    named = request.game(arrays, may_be_discrete=True)
+    if named.discrete is not None:
+        from controller.riccati.discrete_report import analyse_discrete, discrete_report
+
+        analysed = analyse_discrete(named.discrete, ProgressLine("solve"))
+        discrete = discrete_report(analysed, named.states, named.inputs, named.origin)
+        show(discrete.with_data(**named.labels()), request, notes=named.warnings)
+        return 0
     report = solution_report(analyse_game(named.game, ProgressLine("solve")), *named.names)
     show(report.with_data(**named.labels()), request, notes=named.warnings)
     return 0

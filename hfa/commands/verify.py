@@ -10,8 +10,10 @@ from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
-from controller.critic.critic import from_weights
+from controller.critic.critic import from_parts, from_weights
 from controller.critic.critic_file import NETWORK_FILES, critics_in, is_network
+from controller.game.array_file import read_arrays
+from controller.game.discrete_game import DiscreteGame
 from controller.game.zero_sum import Game
 from hfa.options.argument_types import input_file, positive
 from hfa.options.command import command
@@ -29,6 +31,7 @@ from verification.critic.critic_check import (
     Scope,
     check_critic,
     check_discounted,
+    check_discrete,
     check_history,
 )
 from verification.critic.figures import verdict_figure, verdicts_figure
@@ -106,7 +109,9 @@ def verify(request: VerifyRequest) -> int:
     than that."""
     paths = [path for files in request.weights for path in files]
     _refuse_unused(request, paths)
-    named = request.game()
+    named = request.game(may_be_discrete=bool(paths))
+    if named.discrete is not None:
+        return _verify_discrete(request, named, named.discrete, paths)
     scope = _scope(request, named)
     verdicts = {}
     progress = ProgressLine("compare")
@@ -130,6 +135,30 @@ def verify(request: VerifyRequest) -> int:
         report = verdicts_report(verdicts, named.origin, cost)
     show(report.with_data(**named.labels()), request, figure=figure, notes=named.warnings)
     return 0 if all(verdict.holds(cost) for verdict in verdicts.values()) else 1
+
+
+def _verify_discrete(
+    request: VerifyRequest, named: NamedGame, problem: DiscreteGame, paths: list[Path]
+) -> int:
+    """`verify` of one critic on a plant in discrete time; its file has W, P, K or H."""
+    if len(paths) != 1:
+        raise BadInputError("a plant in discrete time needs one file of --weights")
+    why = "belongs to continuous time; leave it out of a plant with time = discrete"
+    request.refuse(("discount", "dt", "picture"), why)
+    (path,) = paths
+    critic = None
+    if path.suffix.lower() in MATRIX_FILES:
+        arrays = read_arrays(path)
+        if "H" in arrays:
+            with said_of(path):
+                P, K = problem.of_q_function(arrays["H"])
+            critic = from_parts(problem.step, {"P": P, "K": K})
+    if critic is None:
+        critic = critics_in(path, problem.step, named.plant, request.reading())[-1]
+    verdict = check_discrete(problem, critic, limit=request.limit_error)
+    report = verdict.report(*named.names, limit_cost=request.limit_cost)
+    show(report.with_data(**named.labels()), request, notes=named.warnings)
+    return 0 if verdict.holds(request.limit_cost) else 1
 
 
 def _scope(request: VerifyRequest, named: NamedGame) -> Scope:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from controller.game.discrete_game import DiscreteGame
 from controller.game.zero_sum import Game
 from controller.hfa_game import paper_defaults, usual_game
 from hfa.options.argument_types import input_file, number, one_of, whole
@@ -159,10 +160,22 @@ class PlantOptions(WeightOptions, AircraftOptions, TrimOptions):
         """The file of the plant, or the aircraft."""
         return super().origin() if self.plant is None else {"model": str(self.plant)}
 
-    def game(self, read: dict[str, Any] | None = None) -> NamedGame:
-        """The game that the options name; read: what has been read of --model already."""
+    def game(
+        self, read: dict[str, Any] | None = None, *, may_be_discrete: bool = False
+    ) -> NamedGame:
+        """The game that the options name.
+
+        read: what has been read of --model already
+        may_be_discrete: whether the command takes a plant in discrete time
+        """
         if self.plant is not None:
-            return self._game_of_file(self.plant, read)
+            named = self._game_of_file(self.plant, read)
+            if named.discrete is not None and not may_be_discrete:
+                raise BadInputError(
+                    f"{self.plant} is in discrete time; only hfa solve and hfa verify --weights"
+                    " take it"
+                )
+            return named
         if not self.own and self.dynamics != "unsteady" and self.at is None:
             raise BadInputError("name the plant: either --dihedral DEG or --model FILE")
         aircraft = self.flown_aircraft()
@@ -197,19 +210,22 @@ class PlantOptions(WeightOptions, AircraftOptions, TrimOptions):
         from controller.game.user_files import stored_game
 
         self.refuse_of_the_aircraft()
-        game, notes, names, provenance = stored_game(
-            plant, found=read, defaults=paper_defaults, **self.changed_weights()
-        )
-        n, m = game.B.shape
+        stored = stored_game(plant, found=read, defaults=paper_defaults, **self.changed_weights())
+        n, m = stored.game.B.shape
         labels: dict[str, Any] = {
             "states": numbered("x", n),
             "inputs": numbered("u", m),
             "state_units": ("",) * n,
             "input_units": ("",) * m,
-            **names,
+            **stored.names,
         }
         return NamedGame(
-            game, **labels, origin=str(plant), warnings=notes, plant_provenance=provenance
+            stored.game,
+            **labels,
+            origin=str(plant),
+            warnings=stored.notes,
+            plant_provenance=stored.provenance,
+            discrete=stored.discrete,
         )
 
     def refuse_of_the_aircraft(self) -> None:
@@ -240,6 +256,7 @@ class NamedGame:
     """A game with the names of its states and inputs, and where it comes from.
 
     linear: the linear model that the game is of; None of a plant from a file or of a design.
+    discrete: of a plant in discrete time the game whose step `game` is.
     """
 
     game: Game
@@ -251,6 +268,7 @@ class NamedGame:
     warnings: tuple[str, ...] = ()
     plant_provenance: Mapping[str, str] = field(default_factory=dict)
     linear: LinearModel | None = None
+    discrete: DiscreteGame | None = None
 
     @property
     def names(

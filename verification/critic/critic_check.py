@@ -34,8 +34,9 @@ from verification.critic.critic_errors import (
 from verification.critic.verdict import COLUMNS, ErrorTable, Section, Verdict
 
 if TYPE_CHECKING:
+    from controller.game.discrete_game import DiscreteGame
     from controller.game.training_run import TrainingRun
-    from controller.riccati.discrete import DiscountedSolution
+    from controller.riccati.discrete import DiscreteSolution
     from verification.critic.about_trim import NonlinearPlant
     from verification.critic.other_games import Nearby
 
@@ -186,89 +187,94 @@ def check_history(
 
 
 def check_discounted(
-    game: Game, critic: Critic, discount: float, dt: float, *, limit: float = LIMIT
+    game: Game, critic: Critic, discount: float, dt: float | None = None, *, limit: float = LIMIT
 ) -> Verdict:
-    """The verdict on a critic of the discounted problem in discrete time, compared with the exact
-    solution of that problem.
+    """`check_discrete` on a game in continuous time, sampled with u and w held over each step.
 
-    x⁺ = A x + B u + E w,  J = Σ γᵏ (x'Qx + u'Ru - δ² w'w) dt, u and w held over each step.
+    x⁺ = A x + B u + E w,  J = Σ γᵏ (x'Qx + u'Ru - δ² w'w) dt. Without dt (s) the game is one of a
+    step already.
+    """
+    from controller.game.discrete_game import DiscreteGame
+    from controller.riccati.discrete import sampled
+    from verification.critic.diagnosis import diagnose_discounted
 
-    A critic of V or dV/dx has the policy that `policies_of_step` makes of its P, not R⁻¹B'P; a K
-    that came without P is compared alone. Both √γ (A - B K), on which the discounted cost depends,
-    and A - B K itself must be stable: the exact solution of a discounted problem need not
-    stabilize, and then the verdict is that it is exact, does not stabilize and fails.
+    if dt is None:
+        return check_discrete(DiscreteGame(game, discount), critic, limit=limit)
+    verdict = check_discrete(DiscreteGame(sampled(game, dt), discount), critic, limit=limit)
+    diagnosis = ""
+    exact = verdict.exact
+    if not all(check.ok for check in verdict.checks if check.name.endswith("_error")):
+        diagnosis = diagnose_discounted(game, exact.P, exact.K, verdict.critic)
+    section = verdict.sections[0]
+    return replace(
+        verdict,
+        checks=_explained(list(verdict.checks), diagnosis),
+        diagnosis=diagnosis,
+        problem=f"solution of the discounted game, discount {discount:g} a step of {dt:g} s",
+        sections=(section._replace(data=section.data | {"dt": dt}),),
+    )
+
+
+def check_discrete(problem: DiscreteGame, critic: Critic, *, limit: float = LIMIT) -> Verdict:
+    """The verdict on a critic of a game in discrete time, compared with the exact solution.
+
+    A critic of V or dV/dx has the policy that its P implies there, not R⁻¹B'P; a K that came
+    without P is compared alone. Both √α (A - B K), on which the discounted cost depends, and A - B
+    K itself must be stable: the exact solution of a discounted problem need not stabilize, and then
+    the verdict is that it is exact, does not stabilize and fails.
 
     L2 gain, margins and the box of states belong to continuous time and are not checked.
     NoSolutionError where the problem has no certified solution.
     """
-    from controller.riccati.discrete import policies_of_step, solve_discounted
-    from verification.critic.diagnosis import diagnose_discounted
+    from controller.riccati.discrete import bellman_residual, solve_discrete
 
-    exact = solve_discounted(game, discount, dt)
+    exact = solve_discrete(problem)
     if not critic.finite:
         raise BadInputError("the critic has numbers that are too large or not finite")
-    step = exact.game
+    step = problem.step
     P = None if critic.P is None else (critic.P + critic.P.T) / 2.0
     if P is not None and critic.feedback is not None:
         with np.errstate(all="ignore"):
-            K = policies_of_step(step, P, discount)[0]
+            K = problem.policies(P)[0]
         critic = replace(critic, K=K, feedback=None)
-    errors = matrix_errors(game, "K", critic.K, exact.K, limit)
-    if critic.P is not None:
-        errors += matrix_errors(game, "P", critic.P, exact.P, limit)
-    checks = (*errors, *_discounted_checks(exact, critic.K, P, limit, errors))
-    diagnosis = ""
-    if not all(check.ok for check in errors):
-        diagnosis = diagnose_discounted(game, exact.P, exact.K, critic)
-    lost = _discounted_cost_lost(exact, critic.K)
+    K = critic.K
+    radius = math.inf
+    if np.isfinite(K).all():
+        radius = float(np.abs(np.linalg.eigvals(step.A - step.B @ K)).max())
+    discounted_radius = math.sqrt(problem.discount) * radius
+    errors = matrix_errors(step, "K", K, exact.K, limit)
+    if P is not None and critic.P is not None:
+        errors += matrix_errors(step, "P", critic.P, exact.P, limit)
+    unstable = f"A - B K of a step has the spectral radius {radius:.7g}"
+    if all(check.ok for check in errors):
+        unstable += ": the exact solution of this discounted problem does not stabilize either"
+    unpaid = f"sqrt(discount) (A - B K) has the spectral radius {discounted_radius:.7g}"
+    checks = [
+        *errors,
+        below("control_loop_radius", radius, 1.0, unstable, kind="stability"),
+        below("discounted_loop_radius", discounted_radius, 1.0, unpaid, kind="cost"),
+    ]
+    if P is not None:
+        residual = bellman_residual(problem, P)
+        reason = f"Bellman's equation is left with a residual of {residual:.2g}"
+        checks.append(at_most("bellman_residual", residual, limit, reason, kind="error"))
+    lost = _discounted_cost_lost(exact, K)
     text = "L2 gain, margins and the box of states belong to continuous time and are not checked"
-    data = {"discount": exact.discount, "dt": dt, "cost_lost_worst_percent": lost}
+    data = {"discount": problem.discount, "cost_lost_worst_percent": lost}
     return Verdict(
         critic,
         exact,
-        _explained(checks, diagnosis),
+        tuple(checks),
         limit,
-        diagnosis,
+        "",
         lost,
-        problem=f"solution of the discounted game, discount {exact.discount:g} a step of {dt:g} s",
+        problem=f"solution of the game in discrete time, discount {problem.discount:g} a step",
         schema="hfa.discounted-check/1",
         sections=(Section((text,), data),),
     )
 
 
-def _discounted_checks(
-    exact: DiscountedSolution,
-    K: np.ndarray,
-    P: np.ndarray | None,
-    limit: float,
-    errors: Sequence[Check],
-) -> list[Check]:
-    """Whether the loop of a step is stable, without and with the discount, and Bellman's equation
-    holds for P (n, n), symmetric; None where only K is known."""
-    from controller.riccati.discrete import discounted_checks
-
-    step = exact.game
-    root = math.sqrt(exact.discount)
-    radius = math.inf
-    if np.isfinite(K).all():
-        radius = float(np.abs(np.linalg.eigvals(step.A - step.B @ K)).max())
-    unstable = f"A - B K of a step has the spectral radius {radius:.7g}"
-    if all(check.ok for check in errors):
-        unstable += ": the exact solution of this discounted problem does not stabilize either"
-    unpaid = f"sqrt(discount) (A - B K) has the spectral radius {root * radius:.7g}"
-    checks = [
-        below("control_loop_radius", radius, 1.0, unstable, kind="stability"),
-        below("discounted_loop_radius", root * radius, 1.0, unpaid, kind="cost"),
-    ]
-    if P is not None:
-        alike = Game(root * step.A, root * step.B, root * step.E, step.Q, step.R, step.delta)
-        residual = discounted_checks(alike, P)[0].value
-        reason = f"Bellman's equation is left with a residual of {residual:.2g}"
-        checks.append(at_most("bellman_residual", residual, limit, reason, kind="error"))
-    return checks
-
-
-def _discounted_cost_lost(exact: DiscountedSolution, K: np.ndarray) -> float:
+def _discounted_cost_lost(exact: DiscreteSolution, K: np.ndarray) -> float:
     """Percent that u = -K x costs more than the optimum from the worst start, under the exact w = L
     x.
 

@@ -3,9 +3,18 @@ refused input."""
 
 import numpy as np
 import pytest
+from cli import answer, hfa
+from game_files import stored
 
 from controller import Game
-from controller.riccati.discrete import discounted_checks, sampled
+from controller.game.discrete_game import DiscreteGame
+from controller.riccati.discrete import (
+    discounted_checks,
+    minimum_delta_discrete,
+    sampled,
+    solve_discrete,
+)
+from hfa.main import FAILED
 from hfa_support import BadInputError, NoSolutionError
 from verification import solve_discounted, solve_game
 
@@ -94,7 +103,10 @@ def test_a_wrong_value_fails():
 
 
 def test_what_has_no_value_is_refused_by_name():
-    with pytest.raises(NoSolutionError, match="no certified value of the discounted game"):
+    with pytest.raises(
+        NoSolutionError,
+        match=r"no certified value of .*; delta = 0\.5 is below delta_min",
+    ):
         solve_discounted(_game(6, delta=0.5), 0.99)
     unreached = Game([[1.2]], [[0.0]], [[1.0]], [[1.0]], [[1.0]], np.inf)
     assert solve_discounted(unreached, 0.6).P[0, 0] == pytest.approx(
@@ -110,3 +122,90 @@ def test_what_has_no_value_is_refused_by_name():
     ):
         with pytest.raises(BadInputError, match=name):
             solve_discounted(unreached, discount, dt)
+
+
+@pytest.mark.parametrize("size", [1e-12, 1e8, 1e10])
+def test_units_of_inputs_and_costs_do_not_matter(size):
+    """A = .5, B = 1e10, R = 1e20, Q = 1e-4 is as solvable as B = R = 1."""
+    plain = Game([[0.5]], [[1.0]], [[1.0]], [[1e-4]], [[1.0]], np.inf)
+    scaled = Game([[0.5]], [[size]], [[1.0]], [[1e-4]], [[size**2]], np.inf)
+    exact = solve_discounted(plain, 1.0).P
+    assert pytest.approx(exact, rel=1e-12) == solve_discounted(scaled, 1.0).P
+
+
+def test_without_disturbance_nobody_is_advised_to_raise_delta():
+    unreached = Game([[1.2]], [[0.0]], [[1.0]], [[1.0]], [[1.0]], np.inf)
+    with pytest.raises(NoSolutionError, match=r"no input reaches the mode with eigenvalue 1\.2 of"):
+        solve_discounted(unreached, 1.0)
+    undamped = Game([[1.0]], [[1.0]], [[1.0]], [[0.0]], [[1.0]], np.inf)
+    with pytest.raises(NoSolutionError, match="costs nothing; give Q weight on it"):
+        solve_discounted(undamped, 1.0)
+
+
+def test_the_smallest_delta_of_one_state_in_closed_form():
+    """With u unable to act and a = 1/2: the value exists where delta exceeds the gain 1/(1 - a)."""
+    game = Game([[0.5]], [[0.0]], [[1.0]], [[1.0]], [[1.0]], 5.0)
+    smallest = minimum_delta_discrete(DiscreteGame(game))
+    assert smallest.value == pytest.approx(2.0, rel=1e-5)
+    assert solve_discounted(game.with_delta(2.01), 1.0).certificate.ok
+    with pytest.raises(NoSolutionError, match="ask for a larger delta"):
+        solve_discounted(game.with_delta(1.9), 1.0)
+
+
+def test_a_discounted_solution_says_whether_it_stabilizes():
+    """The discount forgives a slow instability."""
+    found = solve_discounted(Game([[1.01]], [[1e-3]], [[0.0]], [[1.0]], [[1e3]], np.inf), 0.9)
+    assert found.certificate.ok
+    assert found.radius > 1.0 > found.discounted_radius
+    assert found.discounted_radius == pytest.approx(np.sqrt(0.9) * found.radius)
+
+
+@pytest.mark.parametrize("delta", [np.inf, 30.0])
+@pytest.mark.parametrize("discount", [1.0, 0.95])
+def test_cross_weights_and_the_q_function(delta, discount):
+    """Bellman's equation with cross weights, and P and K read back from H."""
+    rng = np.random.default_rng(3)
+    step = _game(1, delta=delta)
+    problem = DiscreteGame(step, discount, 0.2 * rng.standard_normal((4, 2)))
+    found = solve_discrete(problem)
+    H = found.H
+    P, K = problem.of_q_function(H)
+    assert pytest.approx(found.P, rel=1e-10, abs=1e-11) == P
+    assert pytest.approx(found.K, rel=1e-10, abs=1e-11) == K
+    G = np.hstack([step.B, step.E]) if np.isfinite(delta) else step.B
+    weights = H[4:, 4:]
+    assert weights[:2, :2] == pytest.approx(step.R + discount * step.B.T @ P @ step.B)
+    crossed = discount * G.T @ P @ step.A
+    crossed[:2] += problem.N.T
+    value = step.Q + discount * step.A.T @ P @ step.A
+    assert pytest.approx(value - crossed.T @ np.linalg.solve(weights, crossed), rel=1e-10) == P
+
+
+def test_bad_cross_weights_are_refused():
+    step = _game()
+    with pytest.raises(BadInputError, match="N is 2 x 4; with this B it must be 4 x 2"):
+        DiscreteGame(step, 1.0, np.zeros((2, 4)))
+    with pytest.raises(BadInputError, match="is not positive semidefinite"):
+        DiscreteGame(step, 1.0, 10.0 * np.ones((4, 2)))
+    with pytest.raises(BadInputError, match="H is not symmetric"):
+        DiscreteGame(step).of_q_function(np.triu(np.ones((6, 6))))
+
+
+@pytest.mark.usefixtures("folder")
+def test_the_commands_take_a_plant_in_discrete_time():
+    step = _game(2, delta=40.0)
+    parts = {name: getattr(step, name) for name in ("A", "B", "E", "Q", "R", "delta")}
+    plant = stored("plant.json", **parts, time="discrete", discount=0.98)
+    found = solve_discrete(DiscreteGame(step, 0.98))
+    solved = answer("solve", "--model", plant)
+    assert solved["P"] == pytest.approx(found.P)
+    assert solved["delta_min"] < 40.0
+    assert solved["spectral_radius"] == pytest.approx(found.radius)
+    for key, matrix in (("P", found.P), ("K", found.K), ("H", found.H)):
+        critic = stored(f"{key}.npz", **{key: matrix})
+        assert answer("verify", "--model", plant, "--weights", critic)["ok"] is True
+    wrong = stored("wrong.npz", K=1.01 * found.K)
+    assert answer("verify", "--model", plant, "--weights", wrong, code=FAILED)["ok"] is False
+    refused = hfa("learn", "--model", plant)
+    assert refused.code == 2
+    assert "is in discrete time" in refused.err

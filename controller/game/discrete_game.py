@@ -1,0 +1,129 @@
+"""The zero-sum game in discrete time as a value: with cross weights and a discount."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from controller.game.zero_sum import LARGEST, Game, checked_matrix, is_semidefinite, shape_text
+from hfa_support.errors import BadInputError, is_finite
+from hfa_support.reporting.fields import Shown
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class DiscreteGame(Shown):
+    """x⁺ = A x + B u + E w,  J = Σ αᵏ (x'Qx + 2 x'Nu + u'Ru - δ² w'w): u minimizes, w maximizes.
+
+    step: A, B, E, Q, R and delta of one step
+    discount: α, above 0 and at most 1
+    N: (n, m), cross weights; None is 0
+
+    Raises BadInputError for a wrong shape or number, and where [[Q, N], [N', R]] is not positive
+    semidefinite."""
+
+    step: Game
+    discount: float = 1.0
+    N: Any = None
+
+    def __post_init__(self) -> None:
+        """Check what the step has not checked."""
+        if not (is_finite(self.discount) and 0.0 < self.discount <= 1.0):
+            raise BadInputError(
+                f"discount is {self.discount}; it must be above 0 and at most 1, the factor of one"
+                " step"
+            )
+        shape = self.step.B.shape
+        N = np.zeros(shape) if self.N is None else checked_matrix("N", self.N, LARGEST)
+        if N.shape != shape:
+            raise BadInputError(
+                f"N is {shape_text(N.shape)}; with this B it must be {shape_text(shape)}"
+            )
+        object.__setattr__(self, "N", N)
+        object.__setattr__(self, "discount", float(self.discount))
+        if N.any() and not is_semidefinite(self._weights()):
+            raise BadInputError(
+                "[[Q, N], [N', R]] is not positive semidefinite; make N smaller or Q and R larger"
+            )
+
+    def _weights(self) -> np.ndarray:
+        """[[Q, N], [N', R]], (n + m, n + m)."""
+        return np.block([[self.step.Q, self.N], [self.N.T, self.step.R]])
+
+    def policies(self, P: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """K and L of u = -K x, w = L x, which the value x'P x of the next state implies.
+
+        [K; -L] = (W + α G'P G)⁻¹ (α G'P A + [N 0]'),  G = [B E],  W = blkdiag(R, -δ² I). E is
+        divided by δ, so that δ = inf is no exception."""
+        step = self.step
+        m = step.B.shape[1]
+        G = np.hstack([step.B, step.E / step.delta])
+        W = np.diag(np.repeat([0.0, -1.0], [m, G.shape[1] - m]))
+        W[:m, :m] = step.R
+        right = self.discount * G.T @ P @ step.A
+        right[:m] += self.N.T
+        gains = np.linalg.solve(W + self.discount * G.T @ P @ G, right)
+        return gains[:m], -gains[m:] / step.delta
+
+    def q_function(self, P: np.ndarray) -> np.ndarray:
+        """H, (n + m + k, n + m + k), with Q(x, u, w) = [x; u; w]'H [x; u; w].
+
+        H = [[Q, N, 0], [N', R, 0], [0, 0, -δ² I]] + α [A B E]'P [A B E]. With delta = inf the
+        disturbance is left out."""
+        step = self.step
+        moved = np.hstack([step.A, step.B])
+        weights = self._weights()
+        if math.isfinite(step.delta):
+            moved = np.hstack([moved, step.E])
+            k = step.E.shape[1]
+            size = len(weights)
+            weights = np.block(
+                [
+                    [weights, np.zeros((size, k))],
+                    [np.zeros((k, size)), -(step.delta**2) * np.eye(k)],
+                ]
+            )
+        return np.asarray(weights + self.discount * moved.T @ P @ moved)
+
+    def of_q_function(self, H: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """P and K that a Q-function [x; u; w]'H [x; u; w] implies, its extremum over u and w.
+
+        [K; -L] = H_aa⁻¹ H_ax,  P = H_xx - H_xa H_aa⁻¹ H_ax. H: symmetric, over (x, u, w), or over
+        (x, u). BadInputError for another shape."""
+        n, m = self.step.B.shape
+        k = self.step.E.shape[1]
+        H = checked_matrix("H", H, LARGEST)
+        if H.shape not in ((n + m, n + m), (n + m + k, n + m + k)):
+            raise BadInputError(
+                f"H is {shape_text(H.shape)}; over (x, u, w) it must be"
+                f" {shape_text((n + m + k, n + m + k))}, over (x, u) {shape_text((n + m, n + m))}"
+            )
+        if np.abs(H - H.T).max() > 1e-6 * np.abs(H).max():
+            raise BadInputError("H is not symmetric; give (H + H')/2")
+        gains = np.linalg.solve(H[n:, n:], H[n:, :n])
+        return H[:n, :n] - H[:n, n:] @ gains, gains[:m]
+
+    def without_cross_weights(self) -> tuple[Game, np.ndarray]:
+        """The step in v = u + F x, in which no cross weight is left, and F = R⁻¹N', (m, n).
+
+        A - B F and Q - N R⁻¹ N', the latter as a sum of squares: of the rows of a root of
+        [[Q, N], [N', R]] what no u can cancel."""
+        step = self.step
+        if not self.N.any():
+            return step, np.zeros(self.N.T.shape)
+        n = len(step.A)
+        F = np.linalg.solve(step.R, self.N.T)
+        weights = self._weights()
+        sizes = np.sqrt(np.diag(weights))
+        safe = np.where(sizes > 0.0, sizes, 1.0)
+        values, vectors = np.linalg.eigh(weights / np.outer(safe, safe))
+        root = sizes[:, None] * (vectors * np.sqrt(values.clip(0.0)))
+        basis, _ = np.linalg.qr(root[n:].T, mode="complete")
+        kept = root[:n] @ basis[:, len(step.R) :]
+        Q = kept @ kept.T
+        return (
+            Game(step.A - step.B @ F, step.B, step.E, (Q + Q.T) / 2.0, step.R, step.delta),
+            F,
+        )

@@ -1,0 +1,75 @@
+"""What the exact solution of a game in discrete time says."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from controller.game.discrete_game import DiscreteGame
+from controller.riccati.discrete import DiscreteSolution, minimum_delta_discrete, solve_discrete
+from controller.riccati.smallest_delta import DeltaMin
+from hfa_support.jsonable import finite_or_none
+from hfa_support.progress import Progress
+from hfa_support.reporting.checks import checks_block
+from hfa_support.reporting.fields import Shown
+from hfa_support.reporting.report import Report
+from hfa_support.reporting.text import matrix_table
+
+SCHEMA = "hfa.discrete-solution/1"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class AnalysedDiscreteGame(Shown):
+    """A certified solution in discrete time and the smallest delta."""
+
+    solution: DiscreteSolution
+    delta_min: DeltaMin
+
+
+def analyse_discrete(
+    problem: DiscreteGame, progress: Progress | None = None
+) -> AnalysedDiscreteGame:
+    """Solve a game in discrete time; NoSolutionError as `solve_discrete`."""
+    solution = solve_discrete(problem, progress)
+    return AnalysedDiscreteGame(solution, minimum_delta_discrete(problem, progress))
+
+
+def discrete_report(
+    found: AnalysedDiscreteGame, states: tuple[str, ...], inputs: tuple[str, ...], origin: str
+) -> Report:
+    """P, K, the certificate and both radii; origin: what the plant is called."""
+    solution = found.solution
+    delta = solution.game.delta
+    margin = found.delta_min.margin(delta)
+    stabilizes = "stabilizes" if solution.radius < 1.0 else "does NOT stabilize"
+    eigenvalues = np.linalg.eigvals(solution.game.A - solution.game.B @ solution.K)
+    return Report(
+        title=f"Exact game solution in discrete time for {origin}\n"
+        f"delta {delta:.6g}, smallest possible {found.delta_min.value:.7g}, margin {margin:.4g},"
+        f" discount {solution.discount:g} a step",
+        parts=(
+            matrix_table("P", states, states, solution.P),
+            matrix_table("K", inputs, states, solution.K),
+            f"u = -K x {stabilizes}: A - B K has the spectral radius {solution.radius:.7g},"
+            f" sqrt(discount) (A - B K) {solution.discounted_radius:.7g}",
+            checks_block(solution.certificate.checks),
+        ),
+        data={
+            "schema": SCHEMA,
+            "states": list(states),
+            "inputs": list(inputs),
+            "P": solution.P.tolist(),
+            "K": solution.K.tolist(),
+            "disturbance_gain": solution.disturbance_gain.tolist(),
+            "H": solution.H.tolist(),
+            "delta": finite_or_none(delta),
+            "discount": solution.discount,
+            "delta_min": found.delta_min.value,
+            "delta_margin": finite_or_none(margin),
+            "certificate": solution.certificate.to_dict(),
+            "spectral_radius": solution.radius,
+            "discounted_spectral_radius": solution.discounted_radius,
+            "closed_loop_eigenvalues": [[value.real, value.imag] for value in eigenvalues],
+        },
+    )
