@@ -113,14 +113,22 @@ class Design:
     """The design model is the linear model with `inputs` alone, their actuators, and e' = y for
     `integrals`.
 
-    inputs: all of the model unless given. actuators: input -> actuator; an input without one acts
-    at once. disturbances: where they enter -> intensity, which scales the squared columns of E;
-    "states": the rates of the linear states (the paper's), "commands": the inputs, or a disturbance
-    of the model. state_weights, input_weights: diagonal of Q and R by name, in the names of
-    `states` and `inputs`; a state without a weight has 0. delta: of the game, inf for an LQR.
-    sensors: state or output -> intensity of its noise. shaping: of a controller by loop shaping,
-    which has no game. variants: name of a model's equations -> what the design is for them. model:
-    whose names these are. BadInputError when a name is unknown or given twice."""
+    inputs: all of the model unless given
+    actuators: input -> actuator; an input without one acts at once
+    integrals: outputs
+    disturbances: where they enter -> intensity, which scales the squared columns of E; "states":
+        the rates of the linear states (the paper's), "commands": the inputs, or a disturbance of
+        the model
+    state_weights, input_weights: diagonal of Q and R by name, in the names of `states` and
+        `inputs`; a state without a weight has 0
+    delta: of the game, inf for an LQR
+    sensors: state or output -> intensity of its noise
+    shaping: of a controller by loop shaping, which has no game
+    variants: name of a model's equations -> what the design is for them
+    model: whose names these are
+
+    BadInputError when a name is unknown or given twice.
+    """
 
     name: str
     inputs: tuple[str, ...] = ()
@@ -142,59 +150,55 @@ class Design:
 
     def __post_init__(self) -> None:
         """Check the declaration before anything is built."""
-        model, where = self.model, f"design {self.name}:"
-        object.__setattr__(self, "inputs", tuple(self.inputs or model.inputs))
-        seen, shaping = (*self.plant_states, *self.integral_states, *model.measurable), self.shaping
-        known: list[tuple[str, Sequence[str], Sequence[str]]] = [
-            ("input", self.inputs, [*model.inputs]),
-            ("integrated output", self.integrals, model.measurable),
-            ("actuator", [*self.actuators], self.inputs),
-            ("weight of a state", [*self.state_weights], self.states),
-            ("weight of an input", [*self.input_weights], self.inputs),
-            ("sensor", [*self.sensors], seen),
-            ("disturbance", [*self.disturbances], (*DISTURBANCES, *model.disturbances)),
-        ]
-        needed: dict[str, Mapping[str, Any]] = {"weight": self.input_weights}
-        if shaping is not None:
-            following, outputs = shaping.following, [*shaping.outputs]
-            known += [
-                ("rate of an input", [*following.rates], self.inputs),
-                ("weight of a state", [*following.states], model.linear),
-                ("scheduled output", [*shaping.schedule], outputs),
-                ("followed output, which must be measured", [*following.outputs], outputs),
-            ]
-            needed |= {
-                "actuator": self.actuators,
-                "weight in shaping.following.rates": following.rates,
-            }
-            for name, factors in shaping.schedule.items():
-                if len(factors) != len(shaping.breakpoints):
-                    raise BadInputError(
-                        f"{where} shaping.schedule.{name} needs one factor for each {model.schedule}"
-                    )
-            if len(following.filter) != 2 or list(shaping.breakpoints) != (
-                sorted({*shaping.breakpoints}) or [0]
-            ):
+        object.__setattr__(self, "inputs", tuple(self.inputs or self.model.inputs))
+        where = f"design {self.name}:"
+        measurable = (*self.plant_states, *self.integral_states, *self.model.measurable)
+        disturbances = (*DISTURBANCES, *self.model.disturbances)
+        _refuse_names(f"{where} unknown input", self.inputs, [*self.model.inputs])
+        _refuse_names(f"{where} unknown integrated output", self.integrals, self.model.measurable)
+        _refuse_names(f"{where} unknown actuator", [*self.actuators], self.inputs)
+        _refuse_names(f"{where} unknown weight of a state", [*self.state_weights], self.states)
+        _refuse_names(f"{where} unknown weight of an input", [*self.input_weights], self.inputs)
+        _refuse_names(f"{where} unknown sensor", [*self.sensors], measurable)
+        _refuse_names(f"{where} unknown disturbance", [*self.disturbances], disturbances)
+        for name, value in self.sensors.items():
+            refuse_unless_positive(f"{where} the noise of sensor {name}", value)
+        for name, value in self.disturbances.items():
+            refuse_unless_positive(f"{where} the intensity of disturbance {name}", value)
+        self._require_for_every_input(where, "weight", self.input_weights)
+        if self.shaping is not None:
+            self._check_shaping(where, self.shaping)
+
+    def _check_shaping(self, where: str, shaping: Shaping) -> None:
+        """BadInputError for what a loop shaping names or lacks."""
+        following = shaping.following
+        outputs = [*shaping.outputs]
+        followed = f"{where} unknown followed output, which must be measured"
+        _refuse_names(f"{where} unknown rate of an input", [*following.rates], self.inputs)
+        _refuse_names(f"{where} unknown weight of a state", [*following.states], self.model.linear)
+        _refuse_names(f"{where} unknown scheduled output", [*shaping.schedule], outputs)
+        _refuse_names(followed, [*following.outputs], outputs)
+        self._require_for_every_input(where, "actuator", self.actuators)
+        rates = "weight in shaping.following.rates"
+        self._require_for_every_input(where, rates, following.rates)
+        by = self.model.schedule
+        for name, factors in shaping.schedule.items():
+            if len(factors) != len(shaping.breakpoints):
                 raise BadInputError(
-                    f"{where} shaping.following.filter is a bandwidth and a damping, and the {model.schedule}s increase"
+                    f"{where} shaping.schedule.{name} needs one factor for each {by}"
                 )
-        for what, names, choices in known:
-            for name in names:
-                refuse_unknown(f"{where} unknown {what}", name, choices)
-                if names.count(name) > 1:
-                    raise BadInputError(f"{where} {what} {name} is named twice; name it once")
-        for what, numbers in (
-            ("noise of sensor", self.sensors),
-            ("intensity of disturbance", self.disturbances),
-        ):
-            for name, value in numbers.items():
-                refuse_unless_positive(f"{where} the {what} {name}", value)
-        for what, table in needed.items():
-            for name in self.inputs:
-                if name not in table:
-                    raise BadInputError(
-                        f"{where} input {name} has no {what}; every input needs one"
-                    )
+        increasing = bool(shaping.breakpoints) and np.all(np.diff(shaping.breakpoints) > 0.0)
+        if len(following.filter) != 2 or not increasing:
+            raise BadInputError(
+                f"{where} shaping.following.filter is a bandwidth and a damping,"
+                f" and the {by}s increase"
+            )
+
+    def _require_for_every_input(self, where: str, what: str, table: Mapping[str, Any]) -> None:
+        """BadInputError for an input that a table lacks."""
+        for name in self.inputs:
+            if name not in table:
+                raise BadInputError(f"{where} input {name} has no {what}; every input needs one")
 
     @property
     def plant_states(self) -> tuple[str, ...]:
@@ -216,6 +220,16 @@ class Design:
     def states(self) -> tuple[str, ...]:
         """Those of the plant, integrals."""
         return (*self.plant_states, *self.integral_states)
+
+
+def _refuse_names(unknown: str, names: Sequence[str], choices: Sequence[str]) -> None:
+    """BadInputError for a name that is not among the choices, or given twice. unknown: "design NAME:
+    unknown sensor", say."""
+    for name in names:
+        refuse_unknown(unknown, name, choices)
+        if names.count(name) > 1:
+            what = unknown.replace(" unknown ", " ")
+            raise BadInputError(f"{what} {name} is named twice; name it once")
 
 
 def signal_unit(model: Model, name: str) -> str:
@@ -262,15 +276,21 @@ def load_design(name: str, model: Model) -> Design:
     """A design that comes with the package, by its name in `NAMED`, or one of the user's, by its
     file, for a model.
 
-    inputs, integrals: lists of names. disturbance: where it enters, "states", "commands" or one of
-    the model's, or the table [disturbance] of several with their intensities. delta: a number, inf
-    for none. [actuators.INPUT]: order, bandwidth (rad/s), damping, effectiveness. [weights.states],
-    [weights.inputs]: name = weight. [sensors]: output or state = its intensity. Or [shaping]:
-    factor, dihedrals (deg; speeds where the model is scheduled over speed); [shaping.inputs],
-    [shaping.outputs.NAME] gain, corner, lag; [shaping.schedule]; [shaping.following] filter,
-    bandwidth, and by name outputs, states, rates: `Shaping`, `Following`. [newton.TABLE]: entries
-    that replace those above for these equations. BadInputError names the file, the entry and the
-    fault."""
+    inputs, integrals: lists of names
+    disturbance: where it enters, "states", "commands" or one of the model's, or the table
+        [disturbance] of several with their intensities
+    delta: a number, inf for none
+    [actuators.INPUT]: order, bandwidth (rad/s), damping, effectiveness
+    [weights.states], [weights.inputs]: name = weight
+    [sensors]: output or state = its intensity
+    or [shaping]: factor, dihedrals (deg; speeds where the model is scheduled over speed)
+    [shaping.inputs], [shaping.outputs.NAME]: gain; gain, corner, lag
+    [shaping.schedule]: output = factors
+    [shaping.following]: filter, bandwidth, and by name outputs, states, rates
+    [newton.TABLE]: entries that replace those above for these equations
+
+    BadInputError names the file, the entry and the fault.
+    """
     if model.native is not None:
         raise BadInputError(
             f"{name}: a design is in the units of the aircraft's declaration; leave --units si out"
@@ -282,56 +302,72 @@ def load_design(name: str, model: Model) -> Design:
 
 def design_of(name: str, data: Mapping[str, Any], model: Model) -> Design:
     """The design of the entries of a file; BadInputError as `load_design`."""
-    changes, places = (
-        {key: data[key] for key in model.variants if key in data},
-        f"{model.schedule}s",
-    )
-    form = {**_FILE, "shaping": {**_FILE["shaping"], f"{places}*": [NUMBER]}}  # type: ignore[dict-item]
-    data = checked(name, {key: value for key, value in data.items() if key not in changes}, form)
-    entering = data.get("disturbance", "states")
-    several = (
-        entering
-        if isinstance(entering, dict)
-        else {checked(name, entering, str, "disturbance"): 1.0}
-    )
-    weights, shaping = data.get("weights", {}), None
-    if "shaping" in data:
-        for other in ("integrals", "disturbance", "delta", "weights", "sensors"):
-            if other in data:
-                raise BadInputError(
-                    f"{name}: {other} belongs to a game, [shaping] has none; leave one of them out"
-                )
-        table = dict(data["shaping"])
-        table["breakpoints"] = tuple(
-            map(math.radians if model.schedule_unit == "deg" else float, table.pop(places))
-        )
-        table["outputs"] = {
-            output: OutputWeight(**each) for output, each in table["outputs"].items()
-        }
-        shaping = Shaping(**table | {"following": Following(**table["following"])})
-    actuators = {}
-    for key, each in data.get("actuators", {}).items():
-        with said_of(f"{name}: actuators.{shortened(key)}"):
-            actuators[key] = Actuator(
-                **each | ({"order": int(each["order"])} if each.get("order") in (1, 2) else {})
-            )
+    breakpoints = f"{model.schedule}s"
+    form: dict[str, Any] = {**_FILE}
+    form["shaping"] = {**_FILE["shaping"], f"{breakpoints}*": [NUMBER]}  # type: ignore[dict-item]
+    variants = {key: data[key] for key in model.variants if key in data}
+    entries = {key: value for key, value in data.items() if key not in variants}
+    entries = checked(name, entries, form)
+    entering = entries.get("disturbance", "states")
+    if not isinstance(entering, dict):
+        entering = {checked(name, entering, str, "disturbance"): 1.0}
+    weights = entries.get("weights", {})
+    input_weights = weights.get("inputs", {})
+    sensors = entries.get("sensors", {})
+    shaping = _shaping_of(name, entries, breakpoints, model)
+    if shaping is not None:
+        input_weights = shaping.inputs
+        sensors = dict.fromkeys(shaping.outputs, 1.0)
+    changed = {}
+    for key, changes in variants.items():
+        merged = _merged(entries, checked(name, changes, {...: None}, key))
+        changed[key] = design_of(name, merged, model)
     return Design(
         name=name,
-        inputs=tuple(data.get("inputs", ())),
-        integrals=tuple(data.get("integrals", ())),
-        disturbances=checked(name, several, _WEIGHTS, "disturbance"),
-        delta=data.get("delta", math.inf),
-        actuators=actuators,
+        inputs=tuple(entries.get("inputs", ())),
+        integrals=tuple(entries.get("integrals", ())),
+        disturbances=checked(name, entering, _WEIGHTS, "disturbance"),
+        delta=entries.get("delta", math.inf),
+        actuators=_actuators_of(name, entries),
         state_weights=weights.get("states", {}),
-        input_weights=weights.get("inputs", {}) if shaping is None else shaping.inputs,
-        sensors=data.get("sensors", {}) if shaping is None else dict.fromkeys(shaping.outputs, 1.0),
+        input_weights=input_weights,
+        sensors=sensors,
         shaping=shaping,
-        variants={
-            key: design_of(name, _merged(data, checked(name, each, {...: None}, key)), model)
-            for key, each in changes.items()
-        },
+        variants=changed,
         model=model,
     )
+
+
+def _shaping_of(
+    name: str, entries: Mapping[str, Any], breakpoints: str, model: Model
+) -> Shaping | None:
+    """What [shaping] has, None without it. breakpoints: their key."""
+    if "shaping" not in entries:
+        return None
+    for game_entry in ("integrals", "disturbance", "delta", "weights", "sensors"):
+        if game_entry in entries:
+            raise BadInputError(
+                f"{name}: {game_entry} belongs to a game, [shaping] has none; leave one of them out"
+            )
+    table = dict(entries["shaping"])
+    values = [float(value) for value in table.pop(breakpoints)]
+    if model.schedule_unit == "deg":
+        values = [math.radians(value) for value in values]
+    table["breakpoints"] = tuple(values)
+    table["outputs"] = {key: OutputWeight(**weight) for key, weight in table["outputs"].items()}
+    table["following"] = Following(**table["following"])
+    return Shaping(**table)
+
+
+def _actuators_of(name: str, entries: Mapping[str, Any]) -> dict[str, Actuator]:
+    """What [actuators.INPUT] has."""
+    actuators = {}
+    for key, numbers in entries.get("actuators", {}).items():
+        if numbers.get("order") in (1, 2):
+            numbers = numbers | {"order": int(numbers["order"])}
+        with said_of(f"{name}: actuators.{shortened(key)}"):
+            actuators[key] = Actuator(**numbers)
+    return actuators
 
 
 def _merged(whole: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
