@@ -121,9 +121,18 @@ class GeneralizedPlant(Shown):
     """The plant of the module's equations; without C2 every state is measured and nothing else
     (state feedback).
 
-    A: (n, n), B1: (n, k), B2: (n, m), C1: (r, n), D12: (r, m), C2: (p, n), D21: (p, k); D11: (r, k)
-    and D22: (p, m) are 0 where not given, C2 has then no rows. BadInputError for a wrong shape, and
-    where D12 has not the rank m or D21 not the rank p."""
+    A: (n, n)
+    B1: (n, k)
+    B2: (n, m)
+    C1: (r, n)
+    D12: (r, m)
+    C2: (p, n), without rows where not given
+    D21: (p, k)
+    D11: (r, k), 0 where not given
+    D22: (p, m), 0 where not given
+
+    BadInputError for a wrong shape, and where D12 has not the rank m or D21 not the rank p.
+    """
 
     A: np.ndarray
     B1: np.ndarray
@@ -137,21 +146,29 @@ class GeneralizedPlant(Shown):
 
     def __post_init__(self) -> None:
         """Check everything once, so that no solver has to."""
-        given = {each.name: getattr(self, each.name) for each in fields(self)}
-        found = {
-            name: checked_matrix(name, M, LARGEST) for name, M in given.items() if M is not None
-        }
-        for name in ("A", "B1", "B2", "C1", "D12", *["D21"] * ("C2" in found)):
-            if name not in found:
-                raise BadInputError(
-                    f"there is no {name}; a plant has A, B1, B2, C1, D12, with measurements C2 and D21"
-                )
-        if "C2" not in found and ("D21" in found or "D22" in found):
+        matrices = {}
+        for each in fields(self):
+            matrix = getattr(self, each.name)
+            if matrix is not None:
+                matrices[each.name] = checked_matrix(each.name, matrix, LARGEST)
+        needed = ["A", "B1", "B2", "C1", "D12"]
+        if "C2" in matrices:
+            needed.append("D21")
+        elif "D21" in matrices or "D22" in matrices:
             raise BadInputError(
                 "there is a D21 or D22 and no C2; give C2, or none of them for state feedback"
             )
-        n, k, m, r = len(found["A"]), found["B1"].shape[1], found["B2"].shape[1], len(found["C1"])
-        p = len(found.get("C2", ()))
+        for name in needed:
+            if name not in matrices:
+                raise BadInputError(
+                    f"there is no {name}; a plant has A, B1, B2, C1, D12,"
+                    " with measurements C2 and D21"
+                )
+        n = len(matrices["A"])
+        k = matrices["B1"].shape[1]
+        m = matrices["B2"].shape[1]
+        r = len(matrices["C1"])
+        p = len(matrices.get("C2", ()))
         shapes = {
             "A": (n, n),
             "B1": (n, k),
@@ -159,9 +176,12 @@ class GeneralizedPlant(Shown):
             "C1": (r, n),
             "D12": (r, m),
             "D11": (r, k),
+            "C2": (p, n),
+            "D21": (p, k),
+            "D22": (p, m),
         }
-        for name, shape in (shapes | {"C2": (p, n), "D21": (p, k), "D22": (p, m)}).items():
-            matrix = found.get(name, np.zeros(shape))
+        for name, shape in shapes.items():
+            matrix = matrices.get(name, np.zeros(shape))
             if matrix.shape != shape:
                 raise BadInputError(
                     f"{name} has shape {matrix.shape}; with the other matrices it must be {shape}"
@@ -354,51 +374,81 @@ def solve_plant(plant: GeneralizedPlant, delta: float) -> OutputFeedback | State
 
 
 def _certified(plant: GeneralizedPlant, delta: float) -> OutputFeedback | StateFeedback:
+    """The solution with its checks, without advice where there is none."""
     if not delta > plant.floor:
         past = f"D11 alone lets {plant.floor:.6g} past every controller"
         raise NoSolutionError(f"the feedthrough condition fails: {past}")
-    values, checks = [], list[Check]()
+    values: list[np.ndarray] = []
+    checks: list[Check] = []
     for side, name in zip(plant.sides, ("control", "filter"), strict=False):
         try:
-            form = NormalForm.of(side.game(delta))
-            found = certified_solution(form)
+            solution = certified_solution(NormalForm.of(side.game(delta)))
         except NoSolutionError as error:
             raise NoSolutionError(f"the {name} Riccati equation: {error}") from error
-        values.append(found.form.value(found.X))
-        checks += [
-            check._replace(name=f"{name}_{check.name}") for check in found.certificate.checks
-        ]
+        values.append(solution.form.value(solution.X))
+        for check in solution.certificate.checks:
+            checks.append(check._replace(name=f"{name}_{check.name}"))
     # The controller is made and checked in balanced units; x̂ has the user's.
-    u, X = balanced_units(plant.sides[0].game(math.inf)), values[0]
-    squared, there = np.outer(u, u), plant.in_units(u)
-    if not len(plant.C2):
-        L, F = there.sides[0].policies(X * squared, delta)
-        loop = there.A + there.B2 @ F, there.B1, there.C1 + there.D12 @ F, there.D11
-        own = loop_checks(*loop, delta)
-        result: Any = StateFeedback(X, -F / u, L / u, delta, (*checks, *own))
+    units = balanced_units(plant.sides[0].game(math.inf))
+    result: OutputFeedback | StateFeedback
+    if len(plant.C2):
+        result = _output_feedback(plant, values[0], values[1], delta, units)
     else:
-        Y, radius = values[1], _radius(*values)
-        if not radius < delta**2:
-            raise NoSolutionError(
-                f"the coupling condition fails: rho(XY) = {radius:.6g} is not below {delta**2:.6g}"
-            )
-        X_there, Y_there = X * squared, Y / squared
-        controller = central_controller(there, X_there, Y_there, delta)
-        other = central_controller(there.transposed(), Y_there, X_there, delta)
-        apart = _response_difference(controller, (other[0].T, other[2].T, other[1].T, other[3].T))
-        reason = f"the two derivations of the controller differ by {apart:.2g} of their response"
-        own = (
-            below("coupling", radius, delta**2, f"rho(XY) = {radius:.6g} is not below delta^2"),
-            *loop_checks(*closed_plant(there, controller), delta),
-            at_most("derivations_agree", apart, DERIVATIONS_AGREE, reason),
-        )
-        Ak, Bk, Ck, Dk = controller
-        Ak, Bk, Ck = Ak * u[:, None] / u, Bk * u[:, None], Ck / u
-        result = OutputFeedback(Ak, Bk, Ck, Dk, X, Y, delta, radius / delta**2, (*checks, *own))
-    for check in own:
+        result = _state_feedback(plant, values[0], delta, units)
+    for check in result.checks:
         if not check.ok:
             raise NoSolutionError(f"the controller is not certified: {check.reason}")
-    return result
+    return replace(result, checks=(*checks, *result.checks))
+
+
+def _state_feedback(
+    plant: GeneralizedPlant, X: np.ndarray, delta: float, units: np.ndarray
+) -> StateFeedback:
+    """The gain of a solution X, with the checks of its loop; units: (n,), balanced."""
+    balanced = plant.in_units(units)
+    L, F = balanced.sides[0].policies(X * np.outer(units, units), delta)
+    checks = loop_checks(
+        balanced.A + balanced.B2 @ F,
+        balanced.B1,
+        balanced.C1 + balanced.D12 @ F,
+        balanced.D11,
+        delta,
+    )
+    return StateFeedback(X, -F / units, L / units, delta, checks)
+
+
+def _output_feedback(
+    plant: GeneralizedPlant, X: np.ndarray, Y: np.ndarray, delta: float, units: np.ndarray
+) -> OutputFeedback:
+    """The central controller of solutions X and Y, with the checks of the coupling, its loop and its
+    second derivation; units: (n,), balanced."""
+    radius = _radius(X, Y)
+    coupling = f"rho(XY) = {radius:.6g} is not below"
+    if not radius < delta**2:
+        raise NoSolutionError(f"the coupling condition fails: {coupling} {delta**2:.6g}")
+    balanced = plant.in_units(units)
+    squared = np.outer(units, units)
+    controller = central_controller(balanced, X * squared, Y / squared, delta)
+    A, B, C, D = central_controller(balanced.transposed(), Y / squared, X * squared, delta)
+    difference = _response_difference(controller, (A.T, C.T, B.T, D.T))
+    apart = f"the two derivations of the controller differ by {difference:.2g} of their response"
+    checks = (
+        below("coupling", radius, delta**2, f"{coupling} delta^2"),
+        *loop_checks(*closed_plant(balanced, controller), delta),
+        at_most("derivations_agree", difference, DERIVATIONS_AGREE, apart),
+    )
+    Ak, Bk, Ck, Dk = controller
+    return OutputFeedback(
+        Ak=Ak * units[:, None] / units,
+        Bk=Bk * units[:, None],
+        Ck=Ck / units,
+        Dk=Dk,
+        X=X,
+        Y=Y,
+        delta=delta,
+        coupling=radius / delta**2,
+        checks=checks,
+    )
 
 
 def central_controller(
