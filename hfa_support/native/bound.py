@@ -62,15 +62,15 @@ class RowFunction:
         if together not in self._bound:
             self._bound[together] = self._bind(together)
         evaluate, inputs, results = self._bound[together]
-        found = [np.empty((count, rows.shape[1])) for rows in results]
+        tables_out = [np.empty((count, rows.shape[1])) for rows in results]
         for first in range(0, count, together):
             last = min(first + together, count)
             for memory, table in zip(inputs, tables, strict=True):
                 memory[: last - first] = table[first:last]
             evaluate()
-            for memory, table in zip(results, found, strict=True):
+            for memory, table in zip(results, tables_out, strict=True):
                 table[first:last] = memory[: last - first]
-        return found
+        return tables_out
 
     def _bind(self, together: int) -> tuple[BoundFunction, Rows, Rows]:
         """The function of so many rows, and its memory, a row a row."""

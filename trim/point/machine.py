@@ -167,17 +167,18 @@ class CompiledTrim:
     def newton(self, z: np.ndarray, c: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """z (N, k) after Newton's method from z (N, k) with the constants c (N, ..), which points
         are settled (N,), and where a Jacobian is singular (N,)."""
-        found = np.array(z, order="C")
+        ends = np.array(z, order="C")
         constants = np.ascontiguousarray(c)
         status = np.empty(len(z), dtype=np.int8)
         count = ctypes.c_longlong(len(z))
-        self._newton(count, _address(constants), _address(found), _address(status))
-        return found, status == _SETTLED, status == _SINGULAR
+        self._newton(count, _address(constants), _address(ends), _address(status))
+        return ends, status == _SETTLED, status == _SINGULAR
 
     def linear(self, z: np.ndarray, c: np.ndarray) -> np.ndarray:
         """(N, ..), a row of `linear_function` a point."""
         flat = np.empty((len(z), self._flat))
-        unknowns, constants = np.ascontiguousarray(z), np.ascontiguousarray(c)
+        unknowns = np.ascontiguousarray(z)
+        constants = np.ascontiguousarray(c)
         count = ctypes.c_longlong(len(z))
         self._linear(count, _address(constants), _address(unknowns), _address(flat))
         return flat

@@ -32,16 +32,16 @@ def newton(
     if moving is not None or bounded or not system.equations.square:
         return _halving(system, z, c, moving, bounded)
     if system.machine is not None:
-        best, settled, rest = system.machine.newton(z, c)
+        best, settled, unsolved = system.machine.newton(z, c)
     elif len(system.scales) > FEW:
         return _halving(system, z, c)
     else:
         best, norms = system.full_steps(z, c)
         falls = (norms[:, 1:] < norms[:, :-1]) | (norms[:, 1:] <= NEARLY)
         settled = falls.all(axis=1) & (norms[:, -1] <= NEARLY)
-        rest = ~settled
-    if rest.any():
-        best[rest], settled[rest] = _halving(system, z[rest], c[rest])
+        unsolved = ~settled
+    if unsolved.any():
+        best[unsolved], settled[unsolved] = _halving(system, z[unsolved], c[unsolved])
     return best, settled
 
 
@@ -67,9 +67,12 @@ def _halving(
             finished = last & np.isfinite(step).all(axis=1)
             best[active[finished]] += step[finished]
             settled[active[finished]] = True
-            left = ~ended
-            active, size, step, share = active[left], size[left], step[left], share[left]
-            jacobian = jacobian[left]
+            going = ~ended
+            active = active[going]
+            size = size[going]
+            step = step[going]
+            share = share[going]
+            jacobian = jacobian[going]
         if not active.size:
             break
         trial = best[active] + share[:, None] * step

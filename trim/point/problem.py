@@ -18,7 +18,8 @@ from trim.point.system import TrimSystem
 
 #: Starting points that are tried beside the usual one, and how far they lie from it where there is
 #: no limit, in scaled units.
-STARTS, _FAR = 8, 10.0
+STARTS = 8
+_FAR = 10.0
 
 
 class Evaluation(NamedTuple):
@@ -97,8 +98,8 @@ class TrimProblem:
 
     def newton(self, z: np.ndarray, moving: np.ndarray | None = None) -> np.ndarray:
         """The unknowns (k,) that Newton's method leads to."""
-        found, _ = newton(self.system, z[None], self.c, moving)
-        return found[0]
+        ends, _ = newton(self.system, z[None], self.c, moving)
+        return ends[0]
 
     def clip(self, z: np.ndarray) -> np.ndarray:
         """The nearest unknowns within the limits."""
@@ -135,10 +136,10 @@ class TrimProblem:
         equations, unknowns = self.count
         if equations > unknowns:
             return
-        limits = self.system.lowest, self.system.highest
-        lowest = np.where(np.isfinite(limits[0]), limits[0], guess - _FAR)
-        highest = np.where(np.isfinite(limits[1]), limits[1], guess + _FAR)
-        polynomial = [1.0, *[0.0] * (unknowns - 1), -1.0, -1.0]
+        system = self.system
+        lowest = np.where(np.isfinite(system.lowest), system.lowest, guess - _FAR)
+        highest = np.where(np.isfinite(system.highest), system.highest, guess + _FAR)
+        polynomial = np.concatenate([[1.0], np.zeros(unknowns - 1), [-1.0, -1.0]])
         golden = max(np.roots(polynomial).real) ** -np.arange(1.0, unknowns + 1)
         here = self.at(guess).jacobian
         for number in range(1, STARTS + 1):

@@ -20,8 +20,11 @@ from trim.point.operating_point import OperatingPoint, Status
 from trim.point.problem import TrimProblem
 from trim.point.system import Structure, declared_start, equations as equations_of
 
-#: Shares of the way from the model's own trim that continuation tries, and their number.
-_FIRST_SHARE, _LEAST_SHARE, _MOST_STEPS = 0.25, 1e-3, 200
+#: Shares of the way from the model's own trim that a step of continuation takes, first and at
+#: least, and how many steps it may take.
+_FIRST_SHARE = 0.25
+_LEAST_SHARE = 1e-3
+_MOST_STEPS = 200
 #: What a step of continuation may change, in scaled units.
 _FARTHEST = 10.0
 
@@ -79,12 +82,12 @@ def other_trims(
     if not starts or equations != unknowns:
         return []
     starts.append(problem.unknowns(declared_start(model, condition.imposed)))
-    known = [trim]
+    trims = [trim]
     for solution in _ends_within(problem, starts):
-        distances = [float(np.abs(solution - z).max()) for z in known]
+        distances = [float(np.abs(solution - z).max()) for z in trims]
         if problem.solved(solution) and min(distances) > 1e-6:
-            known.append(solution)
-    return [problem.point(z, Status.TRIMMED) for z in known[1:]]
+            trims.append(solution)
+    return [problem.point(z, Status.TRIMMED) for z in trims[1:]]
 
 
 def _solution(problem: TrimProblem, guess: np.ndarray) -> OperatingPoint:
@@ -152,7 +155,7 @@ def _continued(problem: TrimProblem) -> np.ndarray | None:
     two solutions before. None where the path ends, or there is none.
 
     c(s) = c0 + s (c1 - c0), r(z, c(s)) = 0, s from 0 to 1."""
-    system, asked = problem.system, problem.c
+    system = problem.system
     usual = usual_condition(problem.model)
     values = {
         name: np.array([usual.imposed[name]])
@@ -161,28 +164,30 @@ def _continued(problem: TrimProblem) -> np.ndarray | None:
     }
     values |= {name: np.zeros(1) for name in system.equations.constants if name.endswith("_dot")}
     first = system.constants(1, values)
-    if np.array_equal(first, asked) or not system.equations.square:
+    if np.array_equal(first, problem.c) or not system.equations.square:
         return None
     guess = system.unknowns(declared_start(problem.model, usual.imposed))[None]
     z, settled = newton(system, guess, first)
-    previous, previous_share = z, 0.0
-    share, step = 0.0, _FIRST_SHARE
+    if not settled[0]:
+        return None
+    share = 0.0
+    slope = np.zeros_like(z)  # of the unknowns over the share of the way
+    step = _FIRST_SHARE
     for _ in range(_MOST_STEPS):
-        if not settled[0] or step < _LEAST_SHARE:
-            return None
-        if share == 1.0:
-            return z[0]
         target = min(1.0, share + step)
-        begin = z
-        if share > previous_share:
-            begin = z + (z - previous) * (target - share) / (share - previous_share)
-        found, ok = newton(system, begin, first + target * (asked - first))
-        if ok[0] and np.abs(found - begin).max() < _FARTHEST:
-            previous, previous_share = z, share
-            z, share = found, target
+        begin = z + (target - share) * slope
+        end, settled = newton(system, begin, first + target * (problem.c - first))
+        if settled[0] and np.abs(end - begin).max() < _FARTHEST:
+            slope = (end - z) / (target - share)
+            z = end
+            share = target
             step *= 2.0
         else:
             step /= 2.0
+        if share == 1.0:
+            return np.asarray(z[0])
+        if step < _LEAST_SHARE:
+            return None
     return None
 
 
@@ -207,7 +212,8 @@ def _bounded_least_squares(problem: TrimProblem, guess: np.ndarray) -> np.ndarra
         except (BadInputError, FloatingPointError):  # outside the model
             return np.full(len(problem.names), np.inf)
 
-    lowest, highest = problem.system.lowest, problem.system.highest
+    lowest = problem.system.lowest
+    highest = problem.system.highest
     inside = np.clip(guess, lowest + 1e-9, highest - 1e-9)
     tight: Any = {"xtol": 1e-15, "ftol": 1e-15, "gtol": 1e-15, "bounds": (lowest, highest)}
     solution = least_squares(residual, inside, jac=lambda z: problem.at(z).jacobian, **tight)

@@ -108,12 +108,13 @@ def structure_of(model: Model, condition: TrimCondition, varied: Sequence[str] =
 @lru_cache(maxsize=16)
 def equations(structure: Structure) -> Equations:
     """The expressions of a structure. BadInputError for a free variable that acts in steps only."""
-    layout, names = structure.layout, [name for name, _ in structure.free]
+    layout = structure.layout
+    names = [name for name, _ in structure.free]
     (p,) = layout.symbols("p")
-    given = ca.SX.sym("given", len(structure.given))
+    symbols = ca.SX.sym("given", len(structure.given))
     free = ca.SX.sym("free", len(names))
     values = dict.fromkeys(layout.variables, ca.SX(0))
-    values |= dict(zip(structure.given, components(given), strict=True))
+    values |= dict(zip(structure.given, components(symbols), strict=True))
     values |= dict(zip(names, components(free), strict=True))
     outputs = [name for name, _ in structure.outputs]
     watched = [name for name, _ in structure.watched]
@@ -146,7 +147,7 @@ def equations(structure: Structure) -> Equations:
     every = [*(name for name, _ in structure.rates), *outputs]
     return Equations(
         z,
-        ca.vertcat(ca.SX(0, 1), *components(given), *idle_symbols, *components(p)),
+        ca.vertcat(ca.SX(0, 1), *components(symbols), *idle_symbols, *components(p)),
         x,
         u,
         ca.densify(y),
@@ -174,7 +175,8 @@ def steps_function(structure: Structure) -> ca.Function:
     moved = e.residual[: e.jacobian.shape[0]]
     after = e.z - ca.solve(e.jacobian, moved)
     step = ca.Function("step", [e.z, e.c], [after, ca.norm_2(moved)], {"cse": True})
-    z, norms = e.z, []
+    z = e.z
+    norms = []
     for _ in range(FULL_STEPS):
         z, norm = step(z, e.c)
         norms.append(norm)
@@ -191,7 +193,8 @@ def point_function(structure: Structure) -> ca.Function:
 @lru_cache(maxsize=16)
 def linear_function(structure: Structure) -> ca.Function:
     """(z, c) -> x, u, y, A and B row by row, and r, in one column."""
-    e, layout = equations(structure), structure.layout
+    e = equations(structure)
+    layout = structure.layout
     x, u = layout.symbols("x", "u")
     p = e.c[len(e.constants) :]
     f, _ = layout.expressions([components(x), components(u), components(p)], ())
@@ -293,7 +296,8 @@ class TrimSystem:
             flat = self.machine.linear(z, c)
         else:
             (flat,) = self._rows(linear_function)(z, c)
-        n, m = len(self.model.states), len(self.model.inputs)
+        n = len(self.model.states)
+        m = len(self.model.inputs)
         end = n + m + len(self.structure.watched)
         A = flat[:, end : end + n * n].reshape(-1, n, n)
         B = flat[:, end + n * n : end + n * (n + m)].reshape(-1, n, m)

@@ -141,9 +141,11 @@ def condition_at(
     condition: TrimCondition, variables: tuple[str, ...], row: np.ndarray
 ) -> TrimCondition:
     """The condition of one point; BadInputError where one of its values lies outside its limits."""
-    known = (*condition.model.holdable, *condition.model.rates)
+    imposable = (*condition.model.holdable, *condition.model.rates)
     hold = {
-        name: value for name, value in zip(variables, row.tolist(), strict=True) if name in known
+        name: value
+        for name, value in zip(variables, row.tolist(), strict=True)
+        if name in imposable
     }
     return condition.at(hold.get(condition.model.schedule), hold)
 
@@ -167,30 +169,34 @@ def is_square(model: Model, variables: tuple[str, ...], condition: TrimCondition
 _last_system: tuple[tuple[Any, ...], TrimSystem] | None = None
 
 
-def _system(*asked: Any) -> TrimSystem:
+def _system(*request: Any) -> TrimSystem:
     """The system of (model, condition, variables, start, compile_code): that of the last call
     where these are the same objects, as in many calls with one point each."""
     global _last_system
     last = _last_system
-    if last is not None and all(a is b for a, b in zip(asked, last[0], strict=True)):
+    if last is not None and all(a is b for a, b in zip(request, last[0], strict=True)):
         return last[1]
-    model, condition, variables, start, compile_code = asked
+    model, condition, variables, start, compile_code = request
     for name in variables:
         model.refuse_unheld("cannot sweep", name, tuple(model.parameters))
     begin = None if start is None else start.values
     system = TrimSystem(model, condition.freed_for(variables), variables, begin, compile_code)
-    _last_system = (asked, system)
+    _last_system = (request, system)
     return system
 
 
 def _settled_together(system: TrimSystem, variables: tuple[str, ...], values: np.ndarray) -> Points:
     """The points with what Newton's method settles; NO_TRIM where it settles nothing."""
     model = system.model
-    n, m, count = len(model.states), len(model.inputs), len(values)
+    n = len(model.states)
+    m = len(model.inputs)
+    count = len(values)
     if not system.equations.square or not count:
         nothing = np.full(count, NO_TRIM, dtype=np.int8)
-        states, inputs = np.full((count, n), np.nan), np.full((count, m), np.nan)
-        A, B = np.full((count, n, n), np.nan), np.full((count, n, m), np.nan)
+        states = np.full((count, n), np.nan)
+        inputs = np.full((count, m), np.nan)
+        A = np.full((count, n, n), np.nan)
+        B = np.full((count, n, m), np.nan)
         return Points(nothing, states, inputs, A, B, {}, nothing == NO_TRIM)
     c = system.constants(count, dict(zip(variables, values.T, strict=True)))
     z = _starts(system, variables, values)
@@ -203,7 +209,8 @@ def _settled_together(system: TrimSystem, variables: tuple[str, ...], values: np
     status = np.where(balanced & within, TRIMMED, NO_TRIM)
     if system.only_inputs:
         status[balanced & ~within] = BEYOND_LIMITS
-    states, inputs = point[:, :n], point[:, n : n + m]
+    states = point[:, :n]
+    inputs = point[:, n : n + m]
     return Points(status.astype(np.int8), states, inputs, A, B, {}, status == NO_TRIM)
 
 
@@ -252,12 +259,13 @@ def _settle_from_neighbours(
         _, index = cKDTree(places[sources]).query(places[waiting])
         neighbour = sources[index]
         fresh = neighbour != tried_from[waiting]
-        waiting, neighbour = waiting[fresh], neighbour[fresh]
+        waiting = waiting[fresh]
+        neighbour = neighbour[fresh]
         if not waiting.size:
             return
         tried_from[waiting] = neighbour
-        found, now_settled = newton(system, z[neighbour], c[waiting])
-        z[waiting[now_settled]] = found[now_settled]
+        ends, now_settled = newton(system, z[neighbour], c[waiting])
+        z[waiting[now_settled]] = ends[now_settled]
         settled[waiting[now_settled]] = True
 
 
