@@ -45,7 +45,8 @@ def rows(quick: bool = False) -> list[Row]:
 
 def _startup(repeats: int) -> list[Row]:
     """A trim, and the help, from nothing to the last line."""
-    hfa, peer = str(Path(sys.executable).with_name("hfa")), (sys.executable, "-c", "import control")
+    hfa = str(Path(sys.executable).with_name("hfa"))
+    peer = (sys.executable, "-c", "import control")
     run = partial(subprocess.run, check=True, stdout=subprocess.DEVNULL)
     return [
         Row(
@@ -67,7 +68,8 @@ def _games(count: int) -> Row:
         hfa_model.aircraft(), ("dihedral",), np.radians(np.linspace(0.0, 20.0, count))[:, None]
     )
     index = [STATES.index(name) for name in LINEAR_STATES]
-    A, B = flights.A[:, index][:, :, index], flights.B[:, index]
+    A = flights.A[:, index][:, :, index]
+    B = flights.B[:, index]
     game = published_game(A[count // 2], B[count // 2])
     weights = block_diag(game.R, -(game.delta**2) * np.eye(6))
 
@@ -90,14 +92,18 @@ def six_state_rates(p: Parameters, altitude: float):
     The published dynamics written a second time, plainly in Python floats, as a user of
     python-control would write them: a test compares it with ours."""
     rho = float(density(altitude))
-    area, span, mass, gravity = p.panel_span * p.chord, p.panel_span, p.panel_mass, p.gravity
+    area = p.panel_span * p.chord
+    span = p.panel_span
+    mass = p.panel_mass
+    gravity = p.gravity
     total = 3 * mass
     c1 = 3 * p.inertia_pitch
     c2 = 2 * p.inertia_yaw - 2 * p.inertia_pitch + mass * span**2 / 6
 
     def panel(forward, sideward, downward, speed, aileron, elevator):
         local = sqrt(forward**2 + sideward**2 + downward**2)
-        alpha, beta = atan2(downward, forward), asin(sideward / local)
+        alpha = atan2(downward, forward)
+        beta = asin(sideward / local)
         q = rho * local**2 / 2
         coefficient = p.lift_slope * alpha + p.aileron_lift * aileron
         tail = q * p.tail_area * p.lift_slope * (alpha + elevator)
@@ -113,15 +119,20 @@ def six_state_rates(p: Parameters, altitude: float):
     def rates(t, x, u, params):
         V, a, theta, q, eta, eta_rate = x.tolist()
         throttle, aileron_c, aileron_o, elevator_c, elevator_o = u.tolist()
-        sa, ca, se, ce = sin(a), cos(a), sin(eta), cos(eta)
+        sa = sin(a)
+        ca = cos(a)
+        se = sin(eta)
+        ce = cos(eta)
         hinge = V * sa + span / 3 * ce * eta_rate
         Xc, _, Zc, Tc, Mc = panel(V * ca + q * span / 3 * se, 0.0, hinge, V, aileron_c, elevator_c)
         normal = hinge * ce - span / 2 * eta_rate
         Xo, Yo, Zo, To, Mo = panel(
             V * ca - q * span / 6 * se, hinge * se, normal, V, aileron_o, elevator_o
         )
-        X, Z = Xc + 2 * Xo, Zc + 2 * (Zo * ce + Yo * se)
-        D, L = -(X * ca + Z * sa), X * sa - Z * ca
+        X = Xc + 2 * Xo
+        Z = Zc + 2 * (Zo * ce + Yo * se)
+        D = -(X * ca + Z * sa)
+        L = X * sa - Z * ca
         M = Mc + 2 * Mo + p.boom_length * (Tc + 2 * ce * To) + span / 3 * se * Xc
         M -= 2 * (span / 2 - span / 3 * se) * Xo
         H = -span / 2 * (Zo + mass * gravity * ce * cos(theta))
@@ -172,7 +183,8 @@ def peer_point(system, dihedral: float):
 
 
 def _one_point() -> Row:
-    aircraft, system = hfa_model.aircraft(), peer_system()
+    aircraft = hfa_model.aircraft()
+    system = peer_system()
 
     def ours():
         for _ in range(100):
@@ -196,7 +208,8 @@ def _one_point() -> Row:
 
 
 def _many_points(count: int, peer_count: int) -> list[Row]:
-    aircraft, system = hfa_model.aircraft(), peer_system()
+    aircraft = hfa_model.aircraft()
+    system = peer_system()
     angles = np.radians(np.linspace(0.0, 20.0, count))
 
     def ours(compile_code: bool, modes: bool = False):
@@ -210,19 +223,17 @@ def _many_points(count: int, peer_count: int) -> list[Row]:
         for angle in angles[:: count // peer_count]:
             peer_point(system, angle)
 
-    job, name, units = (
-        f"{count} dihedral angles",
-        "python-control, point by point",
-        (count, peer_count),
-    )
-    found = [Row(f"{job}, no compiler", name, in_turn(partial(ours, False), peer, *units), 10.0)]
+    job = f"{count} dihedral angles"
+    name = "python-control, point by point"
+    units = (count, peer_count)
+    rows = [Row(f"{job}, no compiler", name, in_turn(partial(ours, False), peer, *units), 10.0)]
     if c_compiler() is not None:
-        found.append(
+        rows.append(
             Row(f"{job}, generated C", name, in_turn(partial(ours, True), peer, *units), 200.0)
         )
     job += " with tracked modes, every residual and limit checked"
     timing = in_turn(partial(ours, True, modes=True), peer, *units, repeats=3)
-    return [*found, Row(job, f"{name} (trim, A, B only)", timing, 20.0)]
+    return [*rows, Row(job, f"{name} (trim, A, B only)", timing, 20.0)]
 
 
 #: Held by a flight straight ahead, which leaves 5 unknowns of the 12 of a turn: angle of attack,
@@ -257,12 +268,10 @@ def f16_peer(condition: TrimCondition) -> Callable[[str, Sequence[float]], list[
     import casadi as ca
     import control
 
-    model, named = (
-        condition.model,
-        [name for name in condition.imposed if name in condition.model.outputs],
-    )
+    model = condition.model
+    imposed_outputs = [name for name in condition.imposed if name in model.outputs]
     bound = []
-    for outputs in ((), tuple(named)):
+    for outputs in ((), tuple(imposed_outputs)):
         vectors = model.layout.symbols("x", "u", "p")
         parts = model.layout.expressions([ca.vertsplit(each) for each in vectors], outputs)
         bound.append(BoundFunction(ca.Function("peer", vectors, [parts[len(outputs) > 0]])))
@@ -270,20 +279,27 @@ def f16_peer(condition: TrimCondition) -> Callable[[str, Sequence[float]], list[
 
     def called(function: BoundFunction) -> Callable[..., np.ndarray]:
         def at(t: float, x: np.ndarray, u: np.ndarray, params: Any) -> np.ndarray:
-            function.inputs[0][:], function.inputs[1][:] = x, u
+            function.inputs[0][:] = x
+            function.inputs[1][:] = u
             function()
             return function.results[0].copy()
 
         return at
 
     system = control.nlsys(
-        *map(called, bound), states=len(model.states), inputs=len(model.inputs), outputs=len(named)
+        *map(called, bound),
+        states=len(model.states),
+        inputs=len(model.inputs),
+        outputs=len(imposed_outputs),
     )
-    states, inputs = list(model.states), list(model.inputs)
+    states = list(model.states)
+    inputs = list(model.inputs)
     first = find_operating_point(model, condition)
 
     def points(varied: str, values: Sequence[float]) -> list[Any]:
-        x, u, found = np.array(first.states), np.array(first.inputs), []
+        x = np.array(first.states)
+        u = np.array(first.inputs)
+        models = []
         for value in values:
             imposed = {**condition.imposed, varied: value}
             if varied in states:
@@ -292,14 +308,15 @@ def f16_peer(condition: TrimCondition) -> Callable[[str, Sequence[float]], list[
                 system,
                 x,
                 u,
-                [imposed[name] for name in named],
+                [imposed[name] for name in imposed_outputs],
                 state_indices=[states.index(name) for name in imposed if name in states],
                 input_indices=[inputs.index(name) for name in imposed if name in inputs],
                 deriv_indices=[states.index(name) for name in condition.equations[0]],
             )
-            x, u = np.array(point.states), np.array(point.inputs)
-            found.append((point, control.linearize(system, x, u)))
-        return found
+            x = np.array(point.states)
+            u = np.array(point.inputs)
+            models.append((point, control.linearize(system, x, u)))
+        return models
 
     return points
 
@@ -307,22 +324,23 @@ def f16_peer(condition: TrimCondition) -> Callable[[str, Sequence[float]], list[
 def _f16(turning: bool, count: int, peer_count: int) -> list[Row]:
     """Straight ahead (5 unknowns) and in a turn (12)."""
     condition, name, low, high = f16_case(turning)
-    values, peer = np.linspace(low, high, count), f16_peer(condition)
+    values = np.linspace(low, high, count)
+    peer = f16_peer(condition)
 
     def ours(compile_code: bool) -> None:
-        found = trim_points(
+        points = trim_points(
             condition.model, (name,), values[:, None], condition, compile_code=compile_code
         )
-        assert (found.status == TRIMMED).all()
+        assert (points.status == TRIMMED).all()
 
     job = f"{count} points of an F-16 with {len(condition.free)} unknowns"
     by = "python-control (hybr, from the neighbour) + linearize"
-    found = []
+    rows = []
     for compiled, target in ((False, 10.0), (True, 100.0 if turning else 300.0)):
         if compiled <= (c_compiler() is not None):
             every = values[:: count // peer_count]
             timing = in_turn(partial(ours, compiled), partial(peer, name, every), count, peer_count)
-            found.append(
+            rows.append(
                 Row(f"{job}, {'generated C' if compiled else 'no compiler'}", by, timing, target)
             )
-    return found
+    return rows
