@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import importlib
 import sys
 import types
@@ -10,6 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from hfa_aircraft.local_sources import hash_of_sources
 from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError, shown
 
@@ -31,7 +31,8 @@ def load_model(text: str) -> Model:
             "or FILE.xml"
         )
     try:
-        module, content = _executed(where) if where.endswith(".py") else _imported(where)
+        module = _executed(where) if where.endswith(".py") else _imported(where)
+        sources = hash_of_sources(Path(str(module.__file__)), module.__package__ or "")
     except BadInputError as error:
         raise BadInputError(f"{where}: {error}") from error
     except OSError as error:
@@ -49,25 +50,24 @@ def load_model(text: str) -> Model:
     model = getattr(module, name, None)
     if not isinstance(model, Model):
         raise BadInputError(f"{where}: {_what_is_there(module, name, model)}")
-    return replace(model, source=(text, hashlib.sha256(content).hexdigest()))
+    return replace(model, source=(text, sources))
 
 
-def _executed(file: str) -> tuple[types.ModuleType, bytes]:
-    """The module of a file, and what the file holds."""
+def _executed(file: str) -> types.ModuleType:
+    """The module of a file."""
     content = Path(file).read_bytes()
     module = types.ModuleType(f"aircraft_{Path(file).stem}")
     module.__file__ = file  # with which it finds its tables
     sys.modules[module.__name__] = module  # where its dataclasses look for it
     exec(compile(content, file, "exec"), module.__dict__)
-    return module, content
+    return module
 
 
-def _imported(name: str) -> tuple[types.ModuleType, bytes]:
-    """A module of the working folder or of the installed packages, and what its file holds."""
+def _imported(name: str) -> types.ModuleType:
+    """A module of the working folder or of the installed packages."""
     if "" not in sys.path:
         sys.path.insert(0, "")
-    module = importlib.import_module(name)
-    return module, Path(str(module.__file__)).read_bytes()
+    return importlib.import_module(name)
 
 
 def _what_is_there(module: types.ModuleType, name: str, value: Any) -> str:

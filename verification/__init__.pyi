@@ -24,8 +24,8 @@ from .exact_solution import (
     solve_plant as solve_plant,
 )
 from .proof.checker.checker import check_certificate as check_certificate
-from .proof.enclosures.trim_branch import Family as Family
-from .proof.search.lpv_grid import coarsest_grid as coarsest_grid
+from .proof.search.family import Family as Family
+from .proof.search.models_grid import prove_models as prove_models
 from .proof.search.schedule_proof import prove_schedule as prove_schedule
 from .proof.search.solution_proof import (
     prove_critic as prove_critic,

@@ -26,8 +26,8 @@ from hfa_support.schema import Number
 
 if TYPE_CHECKING:
     from verification.proof.checker.checker import Verified
-    from verification.proof.enclosures.trim_branch import Family
-    from verification.proof.search.scheduled_loop import LoopTable
+    from verification.proof.search.family import Family
+    from verification.proof.search.loops import Intervals, Loop
 
 #: Of uncertain actuators.
 _INTERVALS = ("bandwidth", "effectiveness", "delay")
@@ -128,7 +128,7 @@ class ProveRequest(PlantOptions, OutputOptions):
         """The aircraft and the flights that the options name; the scheduling variable is left.
 
         errors: every identified parameter may be off by this many of its standard errors."""
-        from verification.proof.enclosures.trim_branch import Family
+        from verification.proof.search.family import Family
 
         with_errors = not self.own and self.dynamics != "unsteady"
         standard_errors = self.parameter_set.standard_errors if with_errors else {}
@@ -142,17 +142,25 @@ class ProveRequest(PlantOptions, OutputOptions):
     def ends(self, family: Family) -> tuple[float, float]:
         """LOW:HIGH of --at, as typed; refused where no trim can be."""
         if len(self.at or ()) != 2:
+            scheduled_name = family.model.schedule or "the scheduling variable"
             raise BadInputError(
-                f"give the interval of {family.over or 'the scheduling variable'} as --{called_at(self.model)} LOW:HIGH"
+                f"give the interval of {scheduled_name} as --{called_at(self.model)} LOW:HIGH"
             )
         low, high = self.at
         family.check(low, high)
         return low, high
 
-    def uncertain(self) -> dict[str, Any]:
-        """What is uncertain about the actuators."""
-        intervals = {name: getattr(self, name) for name in _INTERVALS}
-        return {name: value for name, value in intervals.items() if value is not None}
+    def intervals(self) -> Intervals | None:
+        """What is uncertain about the actuators, if anything."""
+        from verification.proof.search.loops import Intervals
+
+        if self.bandwidth is None:
+            self.refuse(_INTERVALS, "is of actuators: give --bandwidth LOW:HIGH too, rad/s")
+            return None
+        if self.rate:
+            raise BadInputError("--rate does not go with --bandwidth; leave one out")
+        effectiveness = self.effectiveness or (1.0, 1.0)
+        return Intervals(self.bandwidth, effectiveness, self.delay or 0.0)
 
 
 @command(ProveRequest)
@@ -164,14 +172,16 @@ def prove(request: ProveRequest) -> int:
     makes the loop Hurwitz, with --bandwidth through all actuators of intervals, also delayed and of
     less effect. solution: the game has one stabilizing solution within a radius of P, its value;
     with a bracket of delta_min. critic FILE: the distance of W, P or K in a file from the exact
-    solution, from below and from above. models: linear models on the coarsest grid whose A, B, U0
-    and exact K are off by --limit-error at most between its points. -o FILE.json writes a certificate; --check FILE verifies
-    it, by other means than it was made with. Exit 0: proved. Exit 1: refuted, or left open. Needs
-    python-flint (`pip install .[proof]`)."""
+    solution, from below and from above. models: linear models at the fewest dihedrals of LOW:HIGH
+    between which A, B, the trimmed inputs and the exact game's K are interpolated within
+    --limit-error. -o FILE.json writes a certificate, of models .npz, .mat and .csv the matrices;
+    --check FILE verifies a certificate. Exit 0: proved. Exit 1: refuted, or left open. Needs
+    python-flint, with --bandwidth also cvxpy (`pip install .[proof]`)."""
     from verification.proof.arithmetic import flint_or_refusal
 
     flint_or_refusal()
-    statement, target = request.statement, request.output
+    statement = request.statement
+    target = request.output
     if request.check is not None:
         return _check(request, request.check)
     if statement is None:
@@ -186,7 +196,7 @@ def prove(request: ProveRequest) -> int:
 
 def _check(request: ProveRequest, certificate: Path) -> int:
     from verification.proof.checker.checker import check_certificate
-    from verification.proof.search.proof_report import checked_report
+    from verification.proof.search.report import checked_report
 
     if request.statement is not None:
         raise BadInputError("--check verifies a certificate as it is; leave the statement out")
@@ -198,81 +208,102 @@ def _check(request: ProveRequest, certificate: Path) -> int:
         "basis",
         "plant",
         "bandwidth",
+        "limit_error",
     )
     request.refuse(
         of_certificate,
         "does not go with --check: the certificate says which aircraft it is about",
     )
     own = request.model if request.own else None
-    found = check_certificate(certificate, ProgressLine("check"), own)
-    _require_same(found, request)
-    report = checked_report(found)
+    verified = check_certificate(certificate, ProgressLine("check"), own)
+    _require_same(verified, request)
+    report = checked_report(verified)
     show(report, request)
     return 0 if report.data["proved"] else 1
 
 
-def _require_same(found: Verified, request: ProveRequest) -> None:
+def _require_same(verified: Verified, request: ProveRequest) -> None:
     """Bind the certificate to the user's own data: --dihedral, --weights, --delta, --Q, --R must be
     what it states."""
-    from verification.proof.search.proof_report import require_same
+    from verification.proof.checker.statement import (
+        Flight,
+        GameStatement,
+        ScheduleStatement,
+        content_of,
+    )
+    from verification.proof.search.report import require_same
 
-    claim, own = found.statement, dict[str, Any]()
-    if ends := request.at:
-        require_same(claim, {"range": ends * (2 // len(ends))}, "--at")
+    statement = verified.statement
+    content = content_of(statement)
+    if request.at:
+        low, high = request.at[0], request.at[-1]
+        require_same(content.get("flight", {}), {"range": [low, high]}, "--at")
     for name, value in request.changed_weights().items():
-        require_same(claim.get("game", {}), {name: value}, f"--{name}")
-    weights = request.weights
-    if weights is None:
+        given = "inf" if name == "delta" and math.isinf(value) else value
+        require_same(content.get("weights", {}), {name: given}, f"--{name}")
+    if request.weights is None:
         return
-    if found.kind == "game":
-        of = found.model
-        plant = PlantNames(of.linear, tuple(of.inputs), of.units(of.linear)) if of else UNNAMED
-        from controller.critic.critic_file import stored_parts
-
-        functions = basis("quadratic", len(claim["game"]["Q"]))
-        own = dict(stored_parts(weights, plant, functions))
-        if "W" in own:
-            own["W"] = own["W"][:, None]
-    else:
-        assert found.model is not None
-        actuators = claim.get("actuators") or {}
-        uncertain = {name: actuators[name] for name in _INTERVALS if actuators}
-        table = _table(weights, request, found.model, claim["imposed"].get("speed", 0.0), uncertain)
-        own = {
-            key: getattr(table, key)
-            for key in ("places", *"KMNX"[: 4 if found.kind == "schedule" else 1])
-        }
-        if table.actuators is not None:
-            require_same(actuators, vars(table.actuators), f"--weights {weights}")
-    require_same(claim["table"], own, f"--weights {weights}")
+    what = f"--weights {request.weights}"
+    if isinstance(statement, GameStatement):
+        model = statement.plant.model if isinstance(statement.plant, Flight) else None
+        parts = _critic_parts(request.weights, model, len(statement.weights.Q))
+        require_same(statement.critic, parts, what)
+        return
+    model = statement.flight.model
+    if not isinstance(statement, ScheduleStatement):
+        gains = load_gain_schedule(request.weights, model)
+        require_same(content, {"breakpoints": gains.file_breakpoints, "K": gains.gains}, what)
+        return
+    loop = _loop(request.weights, request, model, _stated_intervals(statement))
+    stated = {"controller": statement.controller, "actuators": statement.actuators}
+    for name, value in {"controller": loop.controller, "actuators": loop.actuators}.items():
+        if value is not None and stated[name] is not None:
+            require_same(vars(stated[name]), vars(value), what)
+        elif value is not stated[name]:
+            raise BadInputError(f"{what}: the certificate has other actuators; give --design")
 
 
-def _table(
-    weights: Path, request: ProveRequest, of: Model, speed: float, uncertain: dict[str, Any]
-) -> LoopTable:
-    """The gains of --weights; with --design a controller with memory on its actuators. speed: of
-    the trims, ft/s."""
-    from verification.proof.search.scheduled_loop import LoopTable, servo_table
+def _stated_intervals(statement: Any) -> Intervals | None:
+    from verification.proof.checker.statement import UncertainActuators
+    from verification.proof.search.loops import Intervals
 
-    if request.design is not None:
-        controller = load_controller(weights, of)
-        return servo_table(controller, request.design.of(of).actuators, speed, of, **uncertain)
-    table = LoopTable.of(load_gain_schedule(weights, of))
-    return table.through(**uncertain) if uncertain else table
+    actuators = statement.actuators
+    if not isinstance(actuators, UncertainActuators):
+        return None
+    return Intervals(actuators.bandwidth, actuators.effectiveness, actuators.delay)
+
+
+def _critic_parts(weights: Path, model: Model | None, states: int) -> dict[str, Any]:
+    """K, P and W of a file, W as a column."""
+    from controller.critic.critic_file import stored_parts
+
+    plant = UNNAMED
+    if model is not None:
+        plant = PlantNames(model.linear, tuple(model.inputs), model.units(model.linear))
+    parts = dict(stored_parts(weights, plant, basis("quadratic", states)))
+    if "W" in parts:
+        parts["W"] = parts["W"][:, None]
+    return parts
+
+
+def _loop(weights: Path, request: ProveRequest, model: Model, intervals: Intervals | None) -> Loop:
+    """The gains of --weights; with --design a controller with memory on its actuators."""
+    from verification.proof.search.loops import loop_of_schedule, loop_of_servo
+
+    if request.design is None:
+        return loop_of_schedule(load_gain_schedule(weights, model), intervals)
+    controller = load_controller(weights, model)
+    return loop_of_servo(controller, request.design.of(model).actuators, model, intervals)
 
 
 def _schedule(request: ProveRequest) -> int:
     from verification.proof.search.certificate import CertificateFile
+    from verification.proof.search.loops import exact_gains
     from verification.proof.search.schedule_proof import prove_schedule
-    from verification.proof.search.scheduled_loop import exact_gains
 
     if request.resume and request.output is None:
         raise BadInputError("--resume needs the certificate to go on with; add -o FILE.json")
-    uncertain = request.uncertain()
-    if request.bandwidth is None:
-        request.refuse(_INTERVALS, "is of actuators: give --bandwidth LOW:HIGH too, rad/s")
-    elif request.rate:
-        raise BadInputError("--rate does not go with --bandwidth; leave one out")
+    intervals = request.intervals()
     family = request.family(request.error)
     low, high = request.ends(family)
     if request.weights is not None:
@@ -280,54 +311,52 @@ def _schedule(request: ProveRequest) -> int:
             _GAMES,
             "does not go with --weights, which gives the gains; leave it out",
         )
-        speed = family.condition(low).imposed.get("speed", 0.0)
-        table = _table(request.weights, request, family.model, speed, uncertain)
+        loop = _loop(request.weights, request, family.model, intervals)
     else:
         request.refuse(("design",), "goes with a controller; name its file by --weights FILE.npz")
         changes = request.changed_weights()
-        table = exact_gains(family, low, high, uncertain, **changes)
-    place, progress = request.output, ProgressLine("prove")
-    file = (
-        None if place is None else CertificateFile(place, request.provenance, resume=request.resume)
-    )
+        loop = exact_gains(family, low, high, intervals, **changes)
+    file = None
+    if request.output is not None:
+        file = CertificateFile(request.output, request.provenance, resume=request.resume)
+    progress = ProgressLine("prove")
     proof = prove_schedule(
-        family, table, low, high, moving=request.rate, file=file, progress=progress
+        family, loop, low, high, moving=request.rate, file=file, progress=progress
     )
     print_report(proof.report(), request)
     return 0 if proof.proved else 1
 
 
 def _game(request: ProveRequest) -> int:
-    """`solution` and `critic`: of the model at one place, or of a plant of the user's own."""
-    from verification.proof.search.proof_report import game_report
+    """`solution` and `critic`: of the model at one breakpoint, or of a plant of the user's own."""
+    from verification.proof.search.report import game_report
     from verification.proof.search.solution_proof import prove_critic, prove_solution
 
-    critic, typed = request.file, request.at
+    critic = request.file
+    typed = request.at
     if request.statement == "critic" and critic is None:
         raise BadInputError("name the file of the critic: `hfa prove critic FILE --dihedral DEG`")
     if typed is not None and len(typed) != 1:
         raise BadInputError(
-            f"a game is at one place; give --{called_at(request.model)} with one value"
+            f"a game is at one value; give --{called_at(request.model)} with one value"
         )
     if typed is not None:  # from here on as in the commands of one trim
         in_degrees = request.model.schedule_unit == "deg"
         request = replace(request, at=math.radians(typed[0]) if in_degrees else typed[0])
-    named, of = request.game(), tuple[Any, ...]()
+    named = request.game()
+    family = None
+    value = None
     if request.plant is None:
-        family = request.family()
-        start = family.model.signals[family.over].start if family.over else 0.0
-        value = {**family.model.trim, **request.hold}.get(family.over, start)
-        place = typed[0] if typed else math.degrees(value) if family.unit == "deg" else value
-        family.check(place, place)
-        of = (family, place)
+        family, value = _flights_at(request, typed)
     if critic is not None:
         from controller.critic.critic_file import Reading, critic_in
 
         stored = critic_in(critic, named.game, named.plant, Reading(request.basis))
         with said_of(critic):
-            proof = prove_critic(named.game, stored, *of)
+            proof = prove_critic(named.game, stored, family, value)
     else:
-        proof = prove_solution(named.game, *of)
+        progress = ProgressLine("prove")
+        proof = prove_solution(named.game, family, value, progress)
     if request.output is not None and proof.proved:
         proof.write(request.output, request.provenance)
     report = game_report(proof.data, named.states, named.origin, str(critic or ""))
@@ -335,12 +364,27 @@ def _game(request: ProveRequest) -> int:
     return 0 if proof.proved else 1
 
 
+def _flights_at(request: ProveRequest, typed: Any) -> tuple[Family, float]:
+    """The flights, and the scheduling value as typed, or that of the trim."""
+    family = request.family()
+    model = family.model
+    start = model.signals[model.schedule].start if model.schedule else 0.0
+    value = {**model.trim, **request.hold}.get(model.schedule, start)
+    if typed:
+        value = typed[0]
+    elif model.schedule_unit == "deg":
+        value = math.degrees(value)
+    family.check(value, value)
+    return family, value
+
+
 def _models(request: ProveRequest) -> int:
-    from verification.proof.search.lpv_grid import coarsest_grid
+    from verification.proof.search.models_grid import prove_models
 
     family = request.family()
     low, high = request.ends(family)
-    proof = coarsest_grid(family, low, high, request.limit_error, progress=ProgressLine("prove"))
+    progress = ProgressLine("prove")
+    proof = prove_models(family, low, high, request.limit_error, progress=progress)
     if request.output is not None and request.output.suffix.lower() == ".json":
         proof.write(request.output, request.provenance)
         print_report(proof.report(), request)

@@ -62,8 +62,8 @@ def test_a_certificate_is_bound_to_ones_own_data(
     exit 2."""
     critic, schedule = str(certificates["critic"]), str(certificates["schedule"])
     solved, table = str(certificates["critic"].parent / "solved.json"), tmp_path / "table.npz"
-    stated = json.loads(Path(schedule).read_text())["statement"]["table"]
-    gains = {"dihedral_deg": np.array(stated["places"]), "K": np.array(stated["K"])}
+    stated = json.loads(Path(schedule).read_text())["statement"]["controller"]
+    gains = {"dihedral_deg": np.array(stated["breakpoints"]), "K": -np.array(stated["D"])}
     np.savez(table, **gains)
     same = hfa(
         "prove",
@@ -78,7 +78,7 @@ def test_a_certificate_is_bound_to_ones_own_data(
         "--json",
     )
     data = json.loads(same.out)
-    assert (same.code, data["game"]["delta"], len(data["table_sha256"])) == (0, 200.0, 64)
+    assert (same.code, data["game"]["delta"], len(data["statement_sha256"])) == (0, 200.0, 64)
     assert data["limits"]["throttle"] == [0.0, 200.0]
     assert hfa("prove", "--check", schedule, "--weights", str(table)).code == 0
     gains["K"][0, 0, 0] = np.nextafter(gains["K"][0, 0, 0], 1.0)
@@ -163,7 +163,9 @@ def test_a_finished_certificate_is_resumed_at_once(certificate: Path, tmp_path: 
 def test_a_table_that_is_unstable_between_its_angles_is_refuted(tmp_path: Path) -> None:
     table = unstable_between(15.0, 15.03)
     path = tmp_path / "table.json"
-    path.write_text(json.dumps({"dihedral_deg": table.places.tolist(), "K": table.K.tolist()}))
+    controller = table.controller
+    stored = {"dihedral_deg": controller.breakpoints.tolist(), "K": (-controller.D).tolist()}
+    path.write_text(json.dumps(stored))
     result = hfa("prove", "schedule", "--dihedral", "15.014:15.016", "--weights", str(path))
     assert result.code == 1
     assert result.out.startswith("Refuted")

@@ -345,7 +345,7 @@ def case(way: str, number: int) -> tuple[list[str], dict[str, bytes]]:
 def seeds() -> Mapping[str, bytes]:
     """Files as the commands write them, name -> content."""
     from controllers import small_controller
-    from proof_cases import exact_table
+    from known_models import exact_gain
     from servo_cases import SIMVFA
 
     from controller import save_controller
@@ -356,9 +356,10 @@ def seeds() -> Mapping[str, bytes]:
         Path("condition.toml").write_text(CONDITION, encoding="utf-8")
         Path("design.toml").write_bytes(Path(SIMVFA["simvfa-1"]).read_bytes())
         save_controller(Path("controller.npz"), small_controller(hfa_model.aircraft()))
-        table = exact_table(14.9, 15.1)
-        np.savez("table.npz", dihedral_deg=table.places, K=table.K)
-        text = {"dihedral_deg": table.places.tolist(), "K": table.K.tolist()}
+        angles = [14.9, 15.1]
+        K = np.array([exact_gain(angle) for angle in angles])
+        np.savez("table.npz", dihedral_deg=angles, K=K)
+        text = {"dihedral_deg": angles, "K": K.tolist()}
         Path("table.json").write_text(json.dumps(text), encoding="utf-8")
         for suffix in SUFFIXES:
             small(Path(f"plant{suffix}"))

@@ -3,25 +3,25 @@ Taylor models of them.
 
 Every value is an enclosure: what is computed with balls contains what exact arithmetic would give
 for any numbers in the arguments. A comparison of balls is true only when it holds for all of their
-numbers. Taylor models keep how a value depends on the place and on errors. Sources: Johansson, Arb:
-efficient arbitrary-precision midpoint-radius interval arithmetic, IEEE Transactions on Computers 66
-(2017); Makino and Berz, Taylor models and other validated functional inclusion methods, IJPAM 4
-(2003)."""
+numbers. Sources: Johansson, Arb: efficient arbitrary-precision midpoint-radius interval arithmetic,
+IEEE Transactions on Computers 66 (2017); Makino and Berz, Taylor models and other validated
+functional inclusion methods, IJPAM 4 (2003)."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from itertools import zip_longest
 from typing import Any
 
 import numpy as np
-from flint import arb, arb_mat, arb_series
+from flint import arb, arb_mat, arb_series, fmpq
 
 #: Relative radius that holds the decimal from which a double was read, also by way of degrees: four
 #: units of 2^-53.
 READING = 2.0**-51
 #: {s : |s| <= 1} and {s² : |s| <= 1}.
-_ALL, _SQUARE = arb(0, 1), arb(0.5, 0.5)
+_ALL = arb(0, 1)
+_SQUARE = arb(0.5, 0.5)
 #: Control points of s² on the four quarters of [-1, 1]: their hull holds (s, s²).
 _HULL = ((-1.0, 1.0), (-0.75, 0.5), (-0.25, 0.0), (0.25, 0.0), (0.75, 0.5), (1.0, 1.0))
 
@@ -36,20 +36,17 @@ def as_read(value: float) -> arb:
     return arb(float(value), abs(float(value)) * READING)
 
 
-def interval(low: Any, high: Any) -> arb:
-    """The ball that holds everything between two numbers or balls."""
-    return arb(low).union(arb(high))
-
-
 def symmetric(radius: Any) -> arb:
     """[-r, r] with r the largest absolute value of a number or ball."""
     bound = abs(arb(radius)).upper()
-    return interval(-bound, bound)
+    return (-bound).union(bound)
 
 
 def matrix(values: Any) -> arb_mat:
     """A matrix of doubles as exact balls; of decimals in strings as balls that hold them."""
-    return arb_mat([[arb(entry) for entry in row] for row in np.asarray(values).tolist()])
+    entries = np.asarray(values)
+    rows, columns = entries.shape
+    return arb_mat(rows, columns, [arb(entry) for entry in entries.ravel().tolist()])
 
 
 def doubles(values: arb_mat) -> np.ndarray:
@@ -57,21 +54,12 @@ def doubles(values: arb_mat) -> np.ndarray:
     return np.array([[float(entry.mid()) for entry in row] for row in values.tolist()])
 
 
-def inside(inner: Sequence[arb], outer: Sequence[arb]) -> bool:
-    """Each ball lies in the interior of its partner, for certain."""
-    return all(
-        one.is_finite() and other.contains_interior(one)
-        for one, other in zip(inner, outer, strict=True)
-    )
-
-
 def norm(entries: Iterable[arb]) -> arb:
     """sqrt(Σ entry²): of a matrix the Frobenius norm."""
-    known = list(entries)
-    low, high = (
-        sum((end(entry) ** 2 for entry in known), arb(0)) for end in (arb.abs_lower, arb.abs_upper)
-    )
-    return low.sqrt().union(high.sqrt())
+    balls = list(entries)
+    lowest = sum((ball.abs_lower() ** 2 for ball in balls), arb(0))
+    highest = sum((ball.abs_upper() ** 2 for ball in balls), arb(0))
+    return lowest.sqrt().union(highest.sqrt())
 
 
 def pivots(values: arb_mat) -> list[arb] | None:
@@ -80,32 +68,55 @@ def pivots(values: arb_mat) -> list[arb] | None:
     The signs of D are those of the eigenvalues (Sylvester's law of inertia). Only the lower
     triangle is read."""
     rows = values.tolist()
-    found = []
+    diagonal = []
     for k in range(len(rows)):
         pivot = rows[k][k]
         if not (pivot > 0 or pivot < 0):
             return None
-        found.append(pivot)
-        column = [rows[i][k] for i in range(k + 1, len(rows))]
-        shares = [entry / pivot for entry in column]
+        diagonal.append(pivot)
         for i in range(k + 1, len(rows)):
+            share = rows[i][k] / pivot
             for j in range(k + 1, i + 1):
-                rows[i][j] = rows[i][j] - shares[i - k - 1] * column[j - k - 1]
-    return found
+                rows[i][j] = rows[i][j] - share * rows[j][k]
+    return diagonal
 
 
 def is_positive_definite(values: arb_mat) -> bool:
     """Every symmetric matrix in the matrix of balls is positive definite, for certain."""
-    found = pivots(values)
-    return found is not None and all(pivot > 0 for pivot in found)
+    diagonal = pivots(values)
+    return diagonal is not None and all(pivot > 0 for pivot in diagonal)
+
+
+def lowest_sign(values: np.ndarray) -> int:
+    """Sign of the lowest eigenvalue of a symmetric matrix of doubles, in rational arithmetic.
+
+    1: positive definite. 0: positive semidefinite and singular. -1: neither. Elimination without
+    rounding: where a pivot is 0, a semidefinite matrix has a row of zeros."""
+    rows = [[fmpq(*entry.as_integer_ratio()) for entry in row] for row in values.tolist()]
+    sign = 1
+    for k in range(len(rows)):
+        pivot = rows[k][k]
+        if pivot < 0:
+            return -1
+        if pivot == 0:
+            if any(rows[i][k] != 0 for i in range(k + 1, len(rows))):
+                return -1
+            sign = 0
+            continue
+        for i in range(k + 1, len(rows)):
+            share = rows[i][k] / pivot
+            for j in range(k + 1, i + 1):
+                rows[i][j] -= share * rows[j][k]
+    return sign
 
 
 class TaylorModel:
-    """c_0 + c_1 s + c_2 s² + rest + Σ z_k t_k for every |s|, |t_k| <= 1, as parts (c_0, c_1, c_2,
-    rest, z_1, ..).
+    """c_0 + c_1 s + c_2 s² + remainder + Σ z_k t_k for every |s|, |t_k| <= 1.
 
-    s: the place within the box. t: errors of the parameters. The parts are balls, or matrices of
-    balls. What is no Taylor model is a constant; `ball_function.py` runs functions on scalar ones.
+    s is the position within a box, t are errors of the parameters. The parts are balls, or matrices
+    of balls. What is no Taylor model is a constant; `ball_function.py` runs functions on scalar
+    ones.
+    parts: (c_0, c_1, c_2, remainder, z_1, ..)
     """
 
     def __init__(self, *parts: Any) -> None:
@@ -113,12 +124,10 @@ class TaylorModel:
 
     @classmethod
     def of(cls, value: Any) -> TaylorModel:
-        """A value; other arguments are constants."""
-        return (
-            value
-            if isinstance(value, TaylorModel)
-            else cls(arb(value) if isinstance(value, int) else value)
-        )
+        """A value; whatever is not one is a constant."""
+        if isinstance(value, TaylorModel):
+            return value
+        return cls(arb(value) if isinstance(value, int) else value)
 
     def map(self, linear: Callable[[Any], Any]) -> TaylorModel:
         """A linear map of every part."""
@@ -127,9 +136,7 @@ class TaylorModel:
     def __add__(self, other: Any) -> TaylorModel:
         if not isinstance(other, TaylorModel):
             return TaylorModel(self.parts[0] + other, *self.parts[1:])
-        return TaylorModel(
-            *(a + b for a, b in zip_longest(self.parts, TaylorModel.of(other).parts, fillvalue=0))
-        )
+        return TaylorModel(*(a + b for a, b in zip_longest(self.parts, other.parts, fillvalue=0)))
 
     def __neg__(self) -> TaylorModel:
         return self.map(lambda part: -part)
@@ -140,11 +147,18 @@ class TaylorModel:
     def __mul__(self, other: Any) -> TaylorModel:
         if not isinstance(other, TaylorModel):
             return self.map(lambda part: part * other)
-        (a0, a1, a2, rest, *za), (b0, b1, b2, other_rest, *zb) = self.parts, other.parts
-        # What is kept of the product of the two aways is a1 b1 s².
-        rest = rest * b0 + a0 * other_rest + self.away(0) * other.away() + _ALL * a1 * other.away(0)
-        z = map(sum, zip_longest((x * b0 for x in za), (a0 * y for y in zb), fillvalue=0))
-        return TaylorModel(a0 * b0, a0 * b1 + a1 * b0, a0 * b2 + a1 * b1 + a2 * b0, rest, *z)
+        a0, a1, a2, a_remainder, *a_errors = self.parts
+        b0, b1, b2, b_remainder, *b_errors = other.parts
+        # Of the product of what is off the centers, a1 b1 s² is kept and the rest is enclosed.
+        remainder = a_remainder * b0 + a0 * b_remainder
+        remainder += self.off_center(0) * other.off_center()
+        remainder += _ALL * a1 * other.off_center(0)
+        from_a = (z * b0 for z in a_errors)
+        from_b = (a0 * z for z in b_errors)
+        errors = (x + y for x, y in zip_longest(from_a, from_b, fillvalue=0))
+        return TaylorModel(
+            a0 * b0, a0 * b1 + a1 * b0, a0 * b2 + a1 * b1 + a2 * b0, remainder, *errors
+        )
 
     def __truediv__(self, other: Any) -> TaylorModel:
         return self * TaylorModel.of(other).through(lambda series: 1 / series)
@@ -165,18 +179,18 @@ class TaylorModel:
         """Of a matrix."""
         return self.map(lambda part: part.transpose())
 
-    def away(self, s: Any = _ALL, square: Any = _SQUARE) -> Any:
+    def off_center(self, s: Any = _ALL, square: Any = _SQUARE) -> Any:
         """Every value less c_0, at some s and s²."""
-        _, c1, c2, rest, *z = self.parts
-        return s * c1 + square * c2 + sum((_ALL * each for each in z), rest)
+        _, c1, c2, remainder, *errors = self.parts
+        return s * c1 + square * c2 + sum((_ALL * z for z in errors), remainder)
 
     def range(self) -> Any:
         """Every value on the box."""
-        return self.parts[0] + self.away()
+        return self.parts[0] + self.off_center()
 
     def corners(self) -> list[Any]:
         """Enclosures whose convex hull holds every value."""
-        return [self.parts[0] + self.away(arb(s), arb(square)) for s, square in _HULL]
+        return [self.parts[0] + self.off_center(arb(s), arb(square)) for s, square in _HULL]
 
     def through(self, function: Callable[[arb_series], arb_series]) -> TaylorModel:
         """f(c_0 + δ) = f + f' δ + f''/2 δ² + f'''(ξ)/6 δ³ with ξ in the range."""
@@ -184,10 +198,9 @@ class TaylorModel:
         far = function(arb_series([self.range(), 1], prec=4))
         delta = TaylorModel(arb(0), *self.parts[1:])
         square = delta * delta
-        last = TaylorModel(near[0], arb(0), arb(0), far[3] * square.range() * self.away())
-        return (
-            delta.map(lambda part: part * near[1]) + square.map(lambda part: part * near[2]) + last
-        )
+        cubic = far[3] * square.range() * self.off_center()
+        last = TaylorModel(near[0], arb(0), arb(0), cubic)
+        return delta * near[1] + square * near[2] + last
 
 
 for _name in ("sqrt", "exp", "log", "sin", "cos", "tan", "asin", "acos", "atan"):

@@ -1,310 +1,400 @@
-"""The exact solution of the game, proved; and how far somebody's W, P or K is from it, from below
+"""The exact solution of a game, proved; and how far a critic's W, P and K are from it, from below
 and from above."""
 
 from __future__ import annotations
 
 import math
-from contextlib import suppress
-from dataclasses import replace
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from flint import acb, acb_mat, arb, arb_mat
 
 from controller.critic.critic import Critic
-from controller.game.basis import Basis
 from controller.game.zero_sum import Game
-from controller.riccati.balancing import balanced_units
+from controller.riccati.balancing import balanced_units, in_units
+from controller.riccati.derivations import schur_solution
 from controller.riccati.gare import solve_game
 from controller.riccati.smallest_delta import DeltaMin, minimum_delta
 from hfa_support.errors import BadInputError, NoSolutionError
-from verification.proof.arithmetic.balls import doubles, exact, matrix, norm, symmetric
-from verification.proof.enclosures.matrix_balls import (
-    BallGame,
-    Enclosed,
-    counted,
-    enclose_solution,
-    unstable_modes,
+from hfa_support.progress import Progress
+from verification.proof.arithmetic.balls import (
+    TaylorModel,
+    doubles,
+    lowest_sign,
+    matrix,
+    norm,
 )
-from verification.proof.enclosures.trim_branch import Family, TrimBranch
-from verification.proof.search.certificate import FINEST, Content, Proof, flights_claim
-from verification.proof.search.proof_report import SCHEMA
+from verification.proof.checker.riccati import (
+    Solution,
+    check_axis,
+    critic_distances,
+    gain_matrix,
+    hamiltonian_rows,
+    lyapunov_operator,
+    riccati_S,
+    solution_on,
+)
+from verification.proof.checker.statement import (
+    Flight,
+    GameStatement,
+    Plant,
+    Weights,
+)
+from verification.proof.checker.trims import Rejected, linear_model_on
+from verification.proof.checker.witness import PointTrim, SolutionBox, TrimBox
+from verification.proof.search.certificate import Content, Proof
+from verification.proof.search.family import Family, TrimSearch
+from verification.proof.search.lines import bounds_of_modes, find_line
+from verification.proof.search.report import SCHEMA
 
 #: Relative width of the bracket, where the middle of a wider one can be decided.
 WIDTH = 1e-6
 #: Distances from the middle of what was found, relative, that are tried on either side.
 _DISTANCES = (1e-7, 2e-7, 5e-7, 1e-6, 1e-5, 1e-4, 1e-3)
-#: The certificate states a radius and a reach this much larger than proved: the checker encloses in
-#: another way.
-_WIDER = 4.0
-#: Least reach, relative: far below what a statement needs, far above the rounding of the checker.
+#: Newton's steps on balls, at most: near the solution the number of digits that are right doubles
+#: with each. After one of this relative size the next brings the last digits.
+_STEPS = 20
+_SETTLED = 1e-18
+#: A solution is sought within so many times what Newton's method leaves, and within this part of
+#: it: far below what a statement needs, far above rounding.
+_REACH = 4.0
 _LEAST = 1e-28
 #: Part of a distance by which the certificate states it wider.
 _SHARP = 1e-6
-#: Decimals of an entry of P or of a trim: the checker's own digits, and some.
-_DIGITS = 55
 
 
-class ProvedDelta(NamedTuple):
-    """refused < delta_min <= value: at `value` the game has a value, at `refused` it has none; both
-    proved."""
+def weights_of(game: Game) -> Weights:
+    """What a statement has of a game. NoSolutionError unless Q >= 0 and R > 0, decided exactly."""
+    Q = (game.Q + game.Q.T) / 2
+    R = (game.R + game.R.T) / 2
+    if lowest_sign(Q) < 0:
+        raise NoSolutionError(
+            "Q has a negative eigenvalue in exact arithmetic; a proof needs Q >= 0, such as a "
+            "diagonal of weights"
+        )
+    if lowest_sign(R) <= 0:
+        raise NoSolutionError("R is not positive definite in exact arithmetic; change it")
+    return Weights(Q, R, game.E, float(game.delta))
+
+
+@dataclass(frozen=True, eq=False)
+class ExactGame:
+    """A game whose A and B are enclosed.
+
+    game: in doubles
+    weights: of the statement
+    plant: of the statement
+    trim: about which A and B are; None of a plant
+    doubles: A and B of the doubles
+    wide: A and B for every number that reads as the doubles
+    """
+
+    game: Game
+    weights: Weights
+    plant: Flight | Plant
+    trim: PointTrim | None
+    doubles: tuple[TaylorModel, TaylorModel]
+    wide: tuple[TaylorModel, TaylorModel]
+
+    @classmethod
+    def of(
+        cls, game: Game, family: Family | None = None, scheduling_value: float | None = None
+    ) -> ExactGame:
+        """Of the model of a family at a scheduling value, or of the matrices of the game."""
+        weights = weights_of(game)
+        if family is None or scheduling_value is None:
+            matrices = (TaylorModel(matrix(game.A)), TaylorModel(matrix(game.B)))
+            return cls(game, weights, Plant(game.A, game.B), None, matrices, matrices)
+        search = TrimSearch(replace(family, spread={}), scheduling_value, scheduling_value)
+        trim = search.point_trim(scheduling_value)
+        stated = search.stated_trim(scheduling_value)
+        flight = replace(search.flight, trims=(stated,))
+        pairs = []
+        for decimals, radii in ((False, trim.radii), (True, trim.wide_radii)):
+            box = TrimBox(scheduling_value, scheduling_value, trim.center, radii)
+            linear = linear_model_on(flight, box, decimals=decimals)
+            pairs.append((linear.A, linear.B))
+        return cls(game, weights, flight, trim, *pairs)
+
+    def with_delta(self, delta: float) -> ExactGame:
+        """The same game at another disturbance weight."""
+        weights = replace(self.weights, delta=delta)
+        return replace(self, game=self.game.with_delta(delta), weights=weights)
+
+    def solution(self, *, decimals: bool = False, lowest: int = 1) -> tuple[SolutionBox, Solution]:
+        """The stabilizing solution, whose lowest eigenvalue has this sign, proved. NoSolutionError
+        when that cannot be done."""
+        A, B = self.wide if decimals else self.doubles
+        box = find_solution(self.game, self.weights, A, B)
+        return box, solution_on(self.weights, A, B, box, lowest)
+
+    def has_value(self) -> bool:
+        """A stabilizing and positive definite solution is proved to exist."""
+        try:
+            self.solution()
+        except (NoSolutionError, ArithmeticError):
+            return False
+        return True
+
+    def why_no_value(self) -> SolutionBox | list[float] | None:
+        """A stabilizing solution with a negative eigenvalue, or frequencies between which the
+        Hamiltonian has an eigenvalue on the axis; None when no value is not proved."""
+        try:
+            return self.solution(lowest=-1)[0]
+        except (NoSolutionError, ArithmeticError):
+            pass
+        frequencies = list(self._frequencies_of_both_signs())
+        try:
+            check_axis(self.weights, *self.doubles, frequencies)
+        except Rejected:
+            return None
+        return frequencies
+
+    def _frequencies_of_both_signs(self) -> Iterator[float]:
+        """One ω where det(j ω I - H) > 0 and one where it is < 0, near eigenvalues on the axis."""
+        units = balanced_units(self.game)
+        own = in_units(self.game, units)
+        values = np.linalg.eigvals(np.block([[own.A, -own.S], [-own.Q, -own.A.T]]))
+        nearest = np.argsort(np.abs(values.real))[:4]
+        near = sorted(np.abs(values[nearest].imag).tolist())
+        ends = [near[0] * 0.9, *near, near[-1] * 1.1]
+        A, B = self.doubles
+        S = riccati_S(self.weights, B).range()
+        rows = hamiltonian_rows(A.range(), S, matrix(self.weights.Q))
+        H = acb_mat(rows)
+        identity = acb_mat(matrix(np.eye(len(rows))))
+        signs = set()
+        for frequency in (*ends, *((a + b) / 2 for a, b in pairwise(ends))):
+            value = (identity * acb(0, arb(frequency)) - H).det().real
+            sign = 1 if value > 0 else -1 if value < 0 else 0
+            if sign and sign not in signs:
+                signs.add(sign)
+                yield frequency
+
+
+def find_solution(game: Game, weights: Weights, A: TaylorModel, B: TaylorModel) -> SolutionBox:
+    """P of the Riccati equation by Newton's method on midpoints, from the one of the Schur method.
+
+    NoSolutionError when there is none to begin with, or a mode of A - S P may lie on the axis."""
+    units = balanced_units(game)
+    start = schur_solution(in_units(game, units))
+    if not np.isfinite(start).all():
+        raise NoSolutionError("the Riccati equation has no finite solution to begin with")
+    T = matrix(np.diag(units))
+    A = T.inv() * A * T
+    S = T.inv() * riccati_S(weights, B) * T.inv()
+    Q = T * matrix(weights.Q) * T
+    P = matrix((start + start.T) / 2)
+    for _ in range(_STEPS):
+        correction = _newton_step(A, S, Q, P)
+        P = P - (correction + correction.transpose()).mid() * 0.5
+        P = P.mid()
+        if float(norm(correction.entries())) <= _SETTLED * float(norm(P.entries())):
+            break
+    remaining = norm(_newton_step(A, S, Q, P).entries()).upper()
+    reach = arb(_REACH * float(remaining) + _LEAST * float(norm(P.entries())))
+    proof = find_line(A - S * P)
+    if proof is None or proof[0] != 0:
+        raise NoSolutionError("A - S P is not proved Hurwitz")
+    return SolutionBox(units, TaylorModel(P), reach, proof[1])
+
+
+def _newton_step(A: TaylorModel, S: TaylorModel, Q: arb_mat, P: arb_mat) -> arb_mat:
+    """L⁻¹ F(P), L(E) = (A - S P)'E + E (A - S P)."""
+    n = P.nrows()
+    loop = A - S * P
+    residual = (loop.transpose() * P + P * A + Q).range()
+    try:
+        inverse = lyapunov_operator(loop.parts[0].mid()).inv()
+    except ZeroDivisionError as error:
+        raise NoSolutionError(
+            "the Riccati equation has a multiple root: A - S P is singular"
+        ) from error
+    return arb_mat(n, n, (inverse * arb_mat(n * n, 1, residual.entries())).entries())
+
+
+@dataclass(frozen=True, eq=False)
+class Bracket:
+    """refused < delta_min <= value: the game has a value at `value` and none at `refused`; proved.
+
+    why: what proves that there is none
+    """
 
     value: float
     refused: float
-    why: Enclosed | tuple[float, float]
+    why: SolutionBox | list[float]
 
 
-def prove_delta_min(game: BallGame, found: DeltaMin) -> ProvedDelta | None:
+def prove_delta_min(
+    exact: ExactGame, found: DeltaMin, progress: Progress | None = None
+) -> Bracket | None:
     """The narrowest bracket about what was found in doubles that can be proved; None when none can.
 
     The δ for which the game has a value are an interval (delta_min, inf] (Basar and Bernhard,
-    Theorem 4.11), so one δ with a value bounds delta_min from above, and one without it from below.
-    """
+    Theorem 4.11), so one δ with a value bounds delta_min from above, and one without from below."""
     if found.value <= 0.0:
         return None
-    middle = math.sqrt(found.value * found.refused)
-    highs = (middle * (1.0 + distance) for distance in _DISTANCES)
-    high = next((delta for delta in highs if value_is_proved(game.with_delta(delta))), None)
-    lows = (middle * (1.0 - distance) for distance in _DISTANCES)
-    refused = next(
-        ((delta, why) for delta in lows if (why := none_exists(game.with_delta(delta)))), None
-    )
-    if high is None or refused is None:
-        return None
-    bracket = ProvedDelta(high, *refused)
-    while bracket.value - bracket.refused > WIDTH * bracket.value:
+    bracket = _first_bracket(exact, math.sqrt(found.value * found.refused), progress)
+    while bracket is not None and bracket.value - bracket.refused > WIDTH * bracket.value:
+        _tell(progress, "narrowing delta_min")
         middle = math.sqrt(bracket.value * bracket.refused)
-        if value_is_proved(game.with_delta(middle)):
-            bracket = bracket._replace(value=middle)
-        elif why := none_exists(game.with_delta(middle)):
-            bracket = bracket._replace(refused=middle, why=why)
+        game = exact.with_delta(middle)
+        if game.has_value():
+            bracket = replace(bracket, value=middle)
+        elif why := game.why_no_value():
+            bracket = replace(bracket, refused=middle, why=why)
         else:
             break
     return bracket
 
 
-def value_is_proved(game: BallGame) -> bool:
-    """A stabilizing and positive definite solution is proved to exist."""
-    try:
-        return enclose_solution(game).is_value
-    except NoSolutionError:
-        return False
+def _first_bracket(exact: ExactGame, middle: float, progress: Progress | None) -> Bracket | None:
+    value = None
+    for distance in _DISTANCES:
+        _tell(progress, "bounding delta_min from above")
+        if exact.with_delta(middle * (1.0 + distance)).has_value():
+            value = middle * (1.0 + distance)
+            break
+    if value is None:
+        return None
+    for distance in _DISTANCES:
+        _tell(progress, "bounding delta_min from below")
+        refused = middle * (1.0 - distance)
+        why = exact.with_delta(refused).why_no_value()
+        if why is not None:
+            return Bracket(value, refused, why)
+    return None
 
 
-def none_exists(game: BallGame) -> Enclosed | tuple[float, float] | None:
-    """Why the game has no value, proved; None when it is not: a stabilizing solution with a
-    negative eigenvalue, or two ω between which the Hamiltonian has an eigenvalue j ω.
-
-    det(j ω I - H) is real, because the spectrum is symmetric: there it changes its sign.
-    """
-    with suppress(NoSolutionError):
-        found = enclose_solution(game)
-        if found.stabilizing and found.lowest < 0:
-            return found
-    own = game.scaled(balanced_units(game.game))
-    values = np.linalg.eigvals(np.block([[own.game.A, -own.game.S], [-own.game.Q, -own.game.A.T]]))
-    near = sorted(np.abs(values[np.argsort(np.abs(values.real))][:4].imag).tolist())
-    ends = [near[0] * 0.9, *near, near[-1] * 1.1]
-    A, S, Q = own.A, own.S(), own.Q()
-    rows = [[*row, *other] for row, other in zip(A.tolist(), (-S).tolist(), strict=True)]
-    rows += [
-        [*row, *other] for row, other in zip((-Q).tolist(), (-A.transpose()).tolist(), strict=True)
-    ]
-    H, one, signs = acb_mat(rows), acb_mat(matrix(np.eye(len(rows)))), dict[bool, float]()
-    for frequency in (*ends, *((a + b) / 2 for a, b in pairwise(ends))):
-        value = (one * acb(0, exact(frequency)) - H).det().real
-        if value > 0 or value < 0:
-            signs[bool(value > 0)] = frequency
-    return (signs[True], signs[False]) if len(signs) == 2 else None
+def _tell(progress: Progress | None, what: str) -> None:
+    """Say what is under way; how much of it is left is not known."""
+    if progress is not None:
+        progress(0, 1, what)
 
 
-class StatedGame(NamedTuple):
-    """The game of a statement: of the model of a family at a place, or without these of its
-    matrices."""
-
-    game: Game
-    family: Family | None = None
-    place: float | None = None
-
-    def balls(self, *, decimals: bool) -> tuple[BallGame, Content]:
-        """About the doubles, or about every decimal that reads as them; and what a certificate has
-        of the trim."""
-        modes: Content = {"unstable": 0, "rate": 0.0}
-        if self.family is None or self.place is None:
-            return BallGame.of(self.game), modes | {"range": [0.0, 0.0]}
-        branch, trim = TrimBranch(replace(self.family, spread={}, decimals=decimals)), Content()
-        for name, value in zip(branch.free, branch.trim_at(self.place), strict=True):
-            radius = 2 * float(value.rad()) + FINEST * self.family.model.signals[name].nominal
-            trim[name] = [value.mid().str(_DIGITS, radius=False), 0.0, 0.0, radius]
-        point = {"range": [self.place, self.place], "decimals": decimals, "trim": trim}
-        return BallGame(self.game, *branch.model_at(self.place)), modes | point
-
-    def proof(
-        self,
-        data: Content,
-        table: Content,
-        distances: Content,
-        boxes: dict[str, Content],
-        **more: Any,
-    ) -> Proof:
-        """With the statement of the plant and of the game. data: what JSON has, beside which game
-        it is."""
-        game, delta = self.game, self.game.delta if np.isfinite(self.game.delta) else "inf"
-        claim: Content = {"A": game.A, "B": game.B, "range": [0.0, 0.0]}
-        model = None if self.family is None else self.family.model
-        if self.family is not None and self.place is not None:
-            claim = flights_claim(self.family, self.place, self.place)
-        own = {
-            "E": game.E,
-            "delta": delta,
-            "Q": (game.Q + game.Q.T) / 2,
-            "R": (game.R + game.R.T) / 2,
-        }
-        claim |= {"game": own, "table": table, "distances": distances} | more
-        lists = {name: [box] for name, box in boxes.items()}
-        return Proof("game", claim, lists, model, data={"schema": SCHEMA} | data)
-
-
-def prove_solution(game: Game, family: Family | None = None, place: float | None = None) -> Proof:
-    """The stabilizing solution, enclosed, of the model of a family at a place or of a game given by
-    its matrices.
+def prove_solution(
+    game: Game,
+    family: Family | None = None,
+    scheduling_value: float | None = None,
+    progress: Progress | None = None,
+) -> Proof:
+    """The stabilizing solution, enclosed, of the model of a family at a scheduling value or of a
+    game given by its matrices.
 
     data: P, the printed one; relative_radius: the exact solution lies within it, Frobenius, also
     for every parameter that reads as the same decimal where the game is the aircraft's. Proved: P >
     0, A - S P and A - B K Hurwitz, delta above the proved bracket of delta_min. NoSolutionError
     when the game has no value, or when it cannot be enclosed."""
-    about, P = StatedGame(game, family, place), solve_game(game).P
-    (sharp, point), (wide, decimals) = about.balls(decimals=False), about.balls(decimals=True)
-    enclosed, around = enclose_solution(sharp, P), enclose_solution(wide, P)
-    if not around.is_value:
-        raise NoSolutionError(
-            "the rounding of the decimals is too much for a proof that the solution is the value"
-        )
-    radius = max(distance(P, each.P).at_most for each in (enclosed, around))
-    delta, above = prove_delta_min(sharp, minimum_delta(game)), math.inf
-    if delta is not None:
-        above = delta.value
-    data = {
+    _tell(progress, "solving in doubles")
+    P = solve_game(game).P
+    _tell(progress, "enclosing the linear model")
+    exact = ExactGame.of(game, family, scheduling_value)
+    _tell(progress, "enclosing the solution")
+    exact.solution()
+    box, solution = exact.solution(decimals=True)
+    radius = float(critic_distances({"P": P}, solution)["P"][1]) * (1.0 + _SHARP)
+    A, B = exact.wide
+    K = doubles(gain_matrix(exact.weights, B).parts[0] * matrix(P))
+    loop, loop_lines = bounds_of_modes(A - B * matrix(K))
+    modes, mode_lines = bounds_of_modes(exact.doubles[0])
+    bracket = prove_delta_min(exact, minimum_delta(game), progress)
+    proved = loop == (0, 0) and bracket is not None and game.delta > bracket.value
+    data: Content = {
+        "schema": SCHEMA,
         "statement": "solution",
-        "proved": enclosed.is_value and enclosed.stable and game.delta > above,
+        "proved": proved,
         "P": P,
         "relative_radius": radius,
-        "positive_definite": enclosed.is_value,
-        "worst_case_hurwitz": enclosed.stabilizing,
-        "closed_loop_hurwitz": enclosed.stable,
+        "positive_definite": True,
+        "worst_case_hurwitz": True,
+        "closed_loop_hurwitz": loop == (0, 0),
         "delta": game.delta if math.isfinite(game.delta) else None,
-        "delta_min_above": None if delta is None else delta.refused,
-        "delta_min_at_most": None if delta is None else delta.value,
-        "unstable_modes": unstable_modes(sharp.A),
+        "delta_min_above": None if bracket is None else bracket.refused,
+        "delta_min_at_most": None if bracket is None else bracket.value,
+        "unstable_modes": modes[0] if modes[0] == modes[1] else None,
+        "unstable_modes_between": list(modes),
     }
-    if delta is None or not data["proved"]:
-        return about.proof(data, {}, {}, {})
-    gain, why, below = wide.gain() * matrix(P), delta.why, sharp.with_delta(delta.refused)
-    boxes = {
-        "solution": decimals | _solution(wide, around),
-        "loop": decimals | _modes(wide.A - wide.B * gain),
-        "modes": point | _modes(sharp.A),
-        "value": point | _solution(sharp.with_delta(delta.value)),
-        "refused": point | (_solution(below, why) if isinstance(why, Enclosed) else {"axis": why}),
+    critic = {"K": K, "P": P}
+    distances = {"P": (0.0, radius)}
+    decimals = exact.trim is not None
+    statement = GameStatement(exact.plant, exact.weights, decimals, critic, distances, loop)
+    if bracket is None or not proved:
+        return Proof(statement, {}, data)
+    statement = replace(statement, delta_min=(bracket.refused, bracket.value), modes=modes)
+    value, _ = exact.with_delta(bracket.value).solution()
+    witness = _trim_content(exact.trim) | {
+        "solution": _solution_content(box),
+        "loop": [vars(line) for line in loop_lines],
+        "modes": [vars(line) for line in mode_lines],
+        "value": _solution_content(value),
     }
-    distances = {"P": [0.0, _WIDER * radius]}
-    bracket = [delta.refused, delta.value]
-    return about.proof(data, {"K": doubles(gain), "P": P}, distances, boxes, delta_min=bracket)
+    if isinstance(bracket.why, SolutionBox):
+        witness["refused"] = _solution_content(bracket.why)
+    else:
+        witness["frequencies"] = bracket.why
+    return Proof(statement, witness, data)
 
 
 def prove_critic(
     game: Game,
     critic: Critic,
     family: Family | None = None,
-    place: float | None = None,
+    scheduling_value: float | None = None,
 ) -> Proof:
     """How far W, P and K of a critic are from the exact ones, and whether its gain makes A - B K
     Hurwitz.
 
-    The gain of a critic that is a value is taken from P in ball arithmetic. BadInputError for a
-    network, about which nothing is proved.
-    """
+    BadInputError for a network, about which nothing is proved."""
     if critic.network:
         raise BadInputError("a network has no proof here; give its W, P or K")
-    about = StatedGame(game, family, place)
-    sharp, point = about.balls(decimals=False)
-    enclosed = enclose_solution(sharp, solve_game(game).P)
-    given = {}
-    if critic.weights is not None:
-        given["W"] = critic.weights[:, None]
+    exact = ExactGame.of(game, family, scheduling_value)
+    box, solution = exact.solution()
+    A, B = exact.doubles
+    parts: dict[str, np.ndarray] = {"K": critic.K}
     if critic.P is not None:
-        given["P"] = critic.P
-    if critic.feedback is None:
-        given["K"] = critic.K
-    gain = matrix(given["K"]) if "K" in given else sharp.gain() * matrix(given["P"])
-    values = {name: matrix(value) for name, value in given.items()} | {"K": gain}
-    targets = {"P": enclosed.P, "K": sharp.gain() * enclosed.P}
-    if critic.basis is not None:
-        targets["W"] = _weights(enclosed.P, critic.basis)
-    found = {name: distance(values[name], targets[name]) for name in targets if name in values}
-    loop = sharp.A - sharp.B * gain
-    count = unstable_modes(loop)
-    boxes = (
-        {}
-        if count is None
-        else {"solution": point | _solution(sharp, enclosed), "loop": point | _modes(loop)}
-    )
-    # The solution in a certificate is not as sharp as the proof's own.
-    wider = {
-        name: [max(0.0, low * (1.0 - _SHARP) - _LEAST), high * (1.0 + _SHARP) + _LEAST]
-        for name, (low, high) in found.items()
+        parts["P"] = critic.P
+        if critic.feedback is not None:  # the gain of a value is that of its P
+            parts["K"] = doubles(gain_matrix(exact.weights, B).parts[0] * matrix(critic.P))
+    if critic.weights is not None:
+        parts["W"] = critic.weights[:, None]
+    bounds = {}
+    for name, (least, most) in critic_distances(parts, solution).items():
+        low = max(0.0, float(least) * (1.0 - _SHARP) - _LEAST)
+        bounds[name] = (low, float(most) * (1.0 + _SHARP) + _LEAST)
+    loop, lines = bounds_of_modes(A - B * matrix(parts["K"]))
+    statement = GameStatement(exact.plant, exact.weights, False, parts, bounds, loop)
+    witness = _trim_content(exact.trim) | {
+        "solution": _solution_content(box),
+        "loop": [vars(line) for line in lines],
     }
+    hurwitz = None  # a mode may lie on the axis
+    if loop[0] > 0:
+        hurwitz = False
+    elif loop[1] == 0:
+        hurwitz = True
     data = {
+        "schema": SCHEMA,
         "statement": "critic",
-        "distances": {name: each._asdict() for name, each in found.items()},
-        "closed_loop_hurwitz": None if count is None else count == 0,
+        "distances": {
+            name: {"at_least": low, "at_most": high} for name, (low, high) in bounds.items()
+        },
+        "closed_loop_hurwitz": hurwitz,
     }
-    return about.proof(data, {"K": doubles(gain)} | given, wider, boxes)
+    return Proof(statement, witness, data)
 
 
-class Distance(NamedTuple):
-    """|X - X*| / |X*|, Frobenius, lies between the two; rounded outward."""
-
-    at_least: float
-    at_most: float
-
-
-def distance(values: np.ndarray | arb_mat, target: arb_mat) -> Distance:
-    """Of balls, or of doubles taken exactly, from every matrix in the balls `target`."""
-    values = matrix(values) if isinstance(values, np.ndarray) else values
-    ratio = norm((values - target).entries()) / norm(target.entries())
-    if not ratio.is_finite():
-        return Distance(0.0, np.inf)
-    low, high = float(ratio.lower()), float(ratio.upper())
-    return Distance(max(0.0, np.nextafter(low, -np.inf)), np.nextafter(high, np.inf))
+def _trim_content(trim: PointTrim | None) -> dict[str, Any]:
+    if trim is None:
+        return {}
+    rows = {}
+    for name, (center, *_) in trim.center.items():
+        rows[name] = [center, float(trim.radii[name]), float(trim.wide_radii[name])]
+    return {"trim": rows}
 
 
-def _weights(P: arb_mat, basis: Basis) -> arb_mat:
-    """W with W'ψ(z) = z'Pz, (M, 1): P_ii and 2 P_ij, then zeros."""
-    row, column = np.triu_indices(basis.states)
-    entries = [
-        P[i, j] if i == j else 2 * P[i, j]
-        for i, j in zip(row.tolist(), column.tolist(), strict=True)
-    ]
-    return arb_mat([[entry] for entry in [*entries, *[arb(0)] * (basis.size - len(entries))]])
-
-
-def _solution(game: BallGame, found: Enclosed | None = None) -> Content:
-    """P in balanced units, how far about it the solution is, and what makes A - S P Hurwitz."""
-    found = found or enclose_solution(game)
-    up, own, n = matrix(np.diag(found.units)), game.scaled(found.units), len(found.units)
-    P = up * found.P * up
-    reach = _WIDER * norm(entry.rad() for entry in P.entries()) + _LEAST * norm(P.entries())
-    middle = [[entry.mid().str(_DIGITS, radius=False) for entry in row] for row in P.tolist()]
-    around = P + arb_mat(n, n, [symmetric(reach)] * n**2)
-    return {"units": found.units, "P": [middle], "reach": float(reach)} | _modes(
-        own.A - own.S() * around
-    )
-
-
-def _modes(A: arb_mat) -> Content:
-    found = counted(A)
-    if found is None:
-        raise NoSolutionError("a mode may lie on the axis; there is nothing to certify")
-    return {"unstable": found.unstable, "rate": 0.0, "H": found.H, "turn": found.turn}
+def _solution_content(box: SolutionBox) -> Content:
+    content: Content = {"units": box.units, "P": [box.P.parts[0].tolist()]}
+    return content | {"reach": float(box.reach), "H": box.line.H, "turn": box.line.turn}

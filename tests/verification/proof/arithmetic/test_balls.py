@@ -17,31 +17,10 @@ from hfa_model import VARIANTS
 from verification.proof.arithmetic.ball_function import BallFunction
 from verification.proof.arithmetic.balls import (
     TaylorModel,
-    inside,
     is_positive_definite,
     matrix,
     pivots,
 )
-
-INFINITE = arb("inf")
-
-
-@pytest.mark.parametrize(
-    ("inner", "outer", "is_inside"),
-    [
-        ([arb(1, 0.1)], [arb(1, 0.2)], True),
-        ([arb(1, 0.2)], [arb(1, 0.1)], False),
-        ([arb(1, 0.1)], [arb(3, 0.1)], False),
-        ([arb(1, 0.5)], [arb(1, 0.5)], False),
-        ([arb(1, 0.1), arb(1, 0.1)], [arb(1, 0.2), arb(2, 0.2)], False),
-        ([arb(0, INFINITE)], [arb(0, INFINITE)], False),
-        ([arb(1, 0.1)], [arb(0, INFINITE)], True),
-    ],
-)
-def test_inside_is_the_interior_of_every_partner(
-    inner: list[arb], outer: list[arb], is_inside: bool
-) -> None:
-    assert inside(inner, outer) is is_inside
 
 
 @pytest.mark.parametrize(("off", "second"), [(1.0, 1.5), (2.0, 0.0), (3.0, -2.5)])
@@ -57,7 +36,7 @@ def test_the_rest_along_a_box_is_of_third_order(dynamics: str) -> None:
     function = BallFunction(rates_function(VARIANTS[dynamics]))
     point, parameters = (
         model_at(12.0, dynamics).point,
-        hfa_model.parameters_of(family(dynamics).aircraft),
+        hfa_model.parameters_of(family(dynamics).model),
     )
     direction = np.random.default_rng(3).uniform(-1.0, 1.0, 7) * [5.0, 0.1, 0.0, 0.1, 0.1, 0.1, 0.1]
     fixed, rests = (
@@ -77,7 +56,7 @@ def escaped(dynamics: str, points: int, seed: int) -> int:
     random, function = np.random.default_rng(seed), BallFunction(rates_function(VARIANTS[dynamics]))
     point, parameters = (
         model_at(12.0, dynamics).point,
-        hfa_model.parameters_of(family(dynamics).aircraft),
+        hfa_model.parameters_of(family(dynamics).model),
     )
     x, direction = (
         [arb(value) for value in point.states],

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from proof_cases import certificate, content, exact_table, forge, proved
+from proof_cases import PROOFS, certificate, content, exact_loop, forge, model_of
 
 import hfa_model
 from hfa_model import INPUTS, STATES
@@ -16,38 +16,47 @@ from hfa_support import BadInputError
 from trim import release
 from trim.hfa.level_flight import LEVEL_FLIGHT
 from verification import Family, check_certificate, prove_schedule
-from verification.proof.checker import checker
-from verification.proof.checker.checker import Rejected
-from verification.proof.search.proof_report import checked_report, crossings, joined
+from verification.proof.checker import trims
+from verification.proof.checker.reading import Fields
+from verification.proof.checker.statement import content_of, read_statement
+from verification.proof.checker.trims import Rejected
+from verification.proof.checker.witness import TrimBox
+from verification.proof.search.report import checked_report
 
 Content = dict[str, Any]
 
 
-def test_what_was_proved_is_verified(tmp_path: Path) -> None:
-    found = check_certificate(forge(tmp_path / "own.json", certificate("rate")))
-    assert found.kind == "schedule"
-    for name, count in (("loop", 0), ("modes", 2), ("motion", 0)):
-        assert joined(found.covers[name]) == [(14.0, 14.125, count)]
-    assert found.rate == proved("rate").data["decay_rate"]
-    assert found.statement["place_rate"] > 25.0
+@pytest.mark.parametrize("kind", PROOFS)
+def test_what_was_proved_is_verified_and_all_of_it_is_reported(kind: str, tmp_path: Path) -> None:
+    path = forge(tmp_path / "own.json", certificate(kind))
+    verified = check_certificate(path, model=model_of(kind))
+    assert content_of(verified.statement) == certificate(kind)["statement"]
+    report = checked_report(verified)
+    assert report.title.startswith("Verified, proved")
+    assert report.data["claim"] == certificate(kind)["statement"]
+    assert report.data["statement_sha256"][:16] in report.text()
+
+
+def test_a_statement_is_read_back_as_it_was_written() -> None:
+    for kind in PROOFS:
+        own = certificate(kind)
+        statement = read_statement(own["kind"], copy.deepcopy(own["statement"]), model_of(kind))
+        assert content_of(statement) == own["statement"]
 
 
 @pytest.mark.parametrize("name", ["loop", "modes", "motion"])
-def test_what_is_neither_proved_nor_said_to_be_open_is_refused(name: str, tmp_path: Path) -> None:
-    """Also when too much is declared open: the boxes and the open intervals cover the interval
-    once."""
-    path, own = tmp_path / "short.json", copy.deepcopy(certificate("rate"))
-    last = own["boxes"][name].pop()["range"]
-    for said in (
-        [],
-        [[last[0], (last[0] + last[1]) / 2]],
-        [[last[0], last[1] + 1e-9]],
-        [[last[0] - 1e-9, last[1]]],
-    ):
-        own["open"][name] = said
-        with pytest.raises(Rejected, match="do not cover the interval once"):
-            check_certificate(forge(path, own))
-    own["open"][name] = [last]
+def test_what_no_box_proves_is_refused_unless_it_is_said_to_be_open(
+    name: str, tmp_path: Path
+) -> None:
+    own = copy.deepcopy(certificate("rate"))
+    boxes = own["witness"]["motion"]["boxes"] if name == "motion" else own["witness"][name]
+    last = boxes.pop()["range"]
+    path = tmp_path / "short.json"
+    with pytest.raises(Rejected, match=r"do not (prove|cover)"):
+        check_certificate(forge(path, own))
+    if name == "motion":
+        return
+    own["statement"][name] = [[last[0], last[1], 0, 6]]
     report = checked_report(check_certificate(forge(path, own)))
     whole = name == "modes"  # a count that is open is no less a proof of the loop
     assert report.data["proved"] is whole
@@ -55,25 +64,21 @@ def test_what_is_neither_proved_nor_said_to_be_open_is_refused(name: str, tmp_pa
         "Verified, proved" if whole else "Verified, but not proved on the whole interval"
     )
     assert f"{last[0]:g} to {last[1]:g}" in report.text()
-    if name == "loop":
-        assert report.data["open"] == [tuple(last)]
+    opened = [{"from_deg": last[0], "to_deg": last[1]}]
+    assert name == "modes" or report.data["loop"]["open"] == opened
 
 
 def test_bounds_of_the_number_of_modes_are_verified(tmp_path: Path) -> None:
     """A of `published` gains a third unstable mode at 16.688 deg; one that is claimed too few or
     too many is not."""
-    path, own = tmp_path / "forged.json", certificate("crossing")
-    (crossing,) = crossings(proved("crossing"))
-    assert checked_report(check_certificate(forge(path, own))).data["crossings"] == [crossing]
-    for name, other in (("least", "most"), ("most", "least")):
+    own = certificate("crossing")
+    runs = own["statement"]["modes"]
+    assert [run[2:] for run in runs] == [[2, 2], [2, 3], [3, 3]]
+    for index, bounds in ((0, [3, 3]), (0, [1, 1]), (1, [3, 3]), (1, [2, 2]), (2, [2, 2])):
         forged = copy.deepcopy(own)
-        forged["boxes"][name] = own["boxes"][other]
-        with pytest.raises(Rejected, match="not those that are unstable"):
-            check_certificate(forge(path, forged))
-        forged = copy.deepcopy(own)
-        forged["boxes"][name][0]["unstable"] += 1 if name == "least" else -1
-        with pytest.raises(Rejected, match="negative eigenvalues"):
-            check_certificate(forge(path, forged))
+        forged["statement"]["modes"][index][2:] = bounds
+        with pytest.raises(Rejected, match="the boxes of modes do not prove"):
+            check_certificate(forge(tmp_path / "forged.json", forged))
 
 
 @pytest.mark.parametrize(
@@ -91,39 +96,35 @@ def test_where_alpha_is_free_the_derivative_follows_the_pitch_with_it(
 ) -> None:
     """Of the trim's equations along each unknown, against central differences; pitch = alpha +
     gamma."""
-    flights = Family(
-        hfa_model.aircraft(), release(LEVEL_FLIGHT, free=("alpha",), hold={"elevator_outer": 0.0})
-    )
-    own = content(prove_schedule(flights, exact_table(14.0, 14.125), 14.0, 14.0625))
-    box, found = own["boxes"]["loop"][0], list[Any]()
-    whole = checker.check_root
+    condition = release(LEVEL_FLIGHT, free=("alpha",), hold={"elevator_outer": 0.0})
+    flights = Family(hfa_model.aircraft(), condition)
+    proof = prove_schedule(flights, exact_loop(14.0, 14.125), 14.0, 14.0625)
+    box, found = content(proof)["witness"]["loop"][0], list[Any]()
+    whole = trims.root_offsets
 
     def watched(residual: Any, derivative: Any, radii: Any) -> Any:
         found.append(derivative.range())
         return whole(residual, derivative, radii)
 
-    monkeypatch.setattr(checker, "check_root", watched)
-    checker.model_on(own["statement"], box, flights.model)
-
-    point = dict.fromkeys((*STATES, *INPUTS), 0.0) | own["statement"]["imposed"]
-    point |= {name: numbers[0] for name, numbers in box["trim"].items()}
-    point |= {
-        "dihedral": np.radians(np.mean(box["range"])),
-        "pitch": point["alpha"] + point["gamma"],
-    }
+    monkeypatch.setattr(trims, "root_offsets", watched)
+    entries = Fields("box", {"range": box["range"], "trim": box["trim"]})
+    trims.linear_model_on(proof.statement.flight, TrimBox.read(entries, proof.statement.flight))
+    imposed = proof.statement.flight.imposed
+    point = dict.fromkeys((*STATES, *INPUTS), 0.0) | dict(imposed)
+    point |= {name: numbers[1] for name, numbers in box["trim"].items()}
+    middle = np.radians(np.mean(box["range"]))
+    point |= {"dihedral": middle, "pitch": point["alpha"] + point["gamma"]}
+    balanced = [STATES.index(name) for name in ("speed", "alpha", "pitch_rate", "dihedral_rate")]
 
     def rates(name: str, step: float) -> np.ndarray:
         at = point | {name: point[name] + step}
         at["pitch"] += step * (name == "alpha")
-        values = flights.aircraft.at([at[each] for each in STATES], [at[each] for each in INPUTS]).f
-        return values[
-            [STATES.index(each) for each in ("speed", "alpha", "pitch_rate", "dihedral_rate")]
-        ]
+        values = flights.model.at([at[state] for state in STATES], [at[u] for u in INPUTS]).f
+        return values[balanced]
 
     differences = np.transpose(
         [(rates(name, 1e-5) - rates(name, -1e-5)) / 2e-5 for name in box["trim"]]
     )
-    middle = np.array([[float(entry.mid()) for entry in row] for row in found[0].tolist()])
-    np.testing.assert_allclose(
-        middle, differences, rtol=1e-3, atol=1e-3 * np.abs(differences).max()
-    )
+    slopes = np.array([[float(entry.mid()) for entry in row] for row in found[0].tolist()])
+    scale = np.abs(differences).max()
+    np.testing.assert_allclose(slopes, differences, rtol=1e-3, atol=1e-3 * scale)

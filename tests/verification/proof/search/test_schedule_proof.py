@@ -11,57 +11,71 @@ import numpy as np
 import pytest
 from flint import ctx
 from known_models import model_at
-from proof_cases import ORIGIN, between, exact_table, family, proved, unstable_between
+from proof_cases import (
+    ORIGIN,
+    between,
+    exact_loop,
+    family,
+    loop_in_doubles,
+    proved,
+    unstable_between,
+)
 
 import hfa_model
 from controller.game.gain_schedule import GainSchedule
-from controller.riccati.balancing import spectrum
 from hfa_model import default_parameters
 from hfa_support import BadInputError
-from verification import check_certificate, coarsest_grid, prove_schedule
+from verification import check_certificate, prove_models, prove_schedule
 from verification.proof.arithmetic import PRECISION
+from verification.proof.checker.statement import Run
 from verification.proof.search import certificate
 from verification.proof.search.certificate import CertificateFile, Proof
-from verification.proof.search.proof_report import crossings, gaps, joined
-from verification.proof.search.scheduled_loop import LoopTable, segments
+from verification.proof.search.loops import Loop
 
 
-def assert_agrees_with_doubles(proof: Proof, table: LoopTable, dynamics: str) -> None:
+def counts(runs: tuple[Run, ...]) -> list[tuple[int, int]]:
+    return [(run.least, run.most) for run in runs]
+
+
+def loop_at(loop: Loop, angle: float, dynamics: str = "published") -> np.ndarray:
+    model = model_at(angle, dynamics)
+    return loop_in_doubles(loop, model.A, model.B, angle).base
+
+
+def assert_agrees_with_doubles(proof: Proof, loop: Loop, dynamics: str) -> None:
     """On a grid the proved rate and entries hold."""
-    for box in proof.boxes["loop"]:
-        for angle in (box["range"][0], sum(box["range"]) / 2, box["range"][1]):
-            model = model_at(angle, dynamics)
-            found = spectrum(model.A - model.B @ between(table.places, table.K, angle)).abscissa
-            assert (found < -box["rate"]) == (box["unstable"] == 0)
+    for box in proof.data["boxes"]:
+        low, high = box["dihedral_deg"]
+        for angle in (low, (low + high) / 2, high):
+            values = np.linalg.eigvals(loop_at(loop, angle, dynamics))
+            assert values.real.max() < -proof.data["decay_rate"]
             for name in ("A", "B"):
-                ends, value = np.array(box[name]), getattr(model, name)
-                assert np.all((ends[..., 0] <= value) & (value <= ends[..., 1]))
+                ends, value = np.array(box[name]), getattr(model_at(angle, dynamics), name)
+                rounding = 1e-11 * (1.0 + np.abs(value).max())
+                assert np.all(ends[..., 0] - rounding <= value)
+                assert np.all(value <= ends[..., 1] + rounding)
 
 
 @pytest.mark.parametrize("dynamics", ["published", pytest.param("newton", marks=pytest.mark.slow)])
 def test_a_part_of_the_schedule_is_proved(dynamics: str) -> None:
     """The loop, the modes of A, and a rate, twice which the same Lyapunov function does not
     prove."""
-    table = exact_table(14.0, 14.5, dynamics=dynamics)
-    proof = prove_schedule(family(dynamics), table, 14.0, 14.5, moving=True)
+    loop = exact_loop(14.0, 14.5, dynamics=dynamics)
+    proof = prove_schedule(family(dynamics), loop, 14.0, 14.5, moving=True)
     assert proof.proved
-    assert [joined(proof.covers[name]) for name in ("loop", "modes", "motion")] == [
-        [(14.0, 14.5, 0)],
-        [(14.0, 14.5, 2)],
-        [(14.0, 14.5, 0)],
-    ]
+    assert counts(proof.statement.loop) == [(0, 0)]
+    assert counts(proof.statement.modes) == [(2, 2)]
     assert proof.data["decay_rate"] > 0.29
-    assert_agrees_with_doubles(proof, table, dynamics)
-    rate, lyapunov, fastest = proof.statement["place_rate"], proof.statement["lyapunov"], []
+    assert_agrees_with_doubles(proof, loop, dynamics)
+    rate, lyapunov, fastest = proof.data["dihedral_rate_deg_s"], proof.witness["motion"], []
     assert rate > 60.0
+    width = lyapunov["breakpoints"][1] - lyapunov["breakpoints"][0]
+    slope = (lyapunov["P"][1] - lyapunov["P"][0]) / np.radians(width)
     for angle in (14.0, 14.0375, 14.0875, 14.125):
-        model, P = model_at(angle, dynamics), between(lyapunov["places"], lyapunov["P"], angle)
-        slope = (lyapunov["P"][1] - lyapunov["P"][0]) / np.radians(
-            lyapunov["places"][1] - lyapunov["places"][0]
-        )
-        loop = model.A - model.B @ between(table.places, table.K, angle)
+        P = between(lyapunov["breakpoints"], lyapunov["P"], angle)
+        A = loop_at(loop, angle, dynamics)
         for sign in (-1.0, 1.0):
-            growth = loop.T @ P + P @ loop + sign * np.radians(rate) * slope
+            growth = A.T @ P + P @ A + sign * np.radians(rate) * slope
             assert np.linalg.eigvalsh(growth)[-1] < 0.0
             fastest.append(np.linalg.eigvalsh(growth + sign * np.radians(rate) * slope)[-1])
     assert max(fastest) > 0.0
@@ -72,10 +86,10 @@ def test_a_rate_that_the_search_is_wrong_about_is_not_proved(
 ) -> None:
     """Half as fast again as the same function allows; the loop is proved."""
     monkeypatch.setattr("verification.proof.search.schedule_proof._SHARES", (1.5,))
-    proof = prove_schedule(family(), exact_table(14.0, 14.125), 14.0, 14.125, moving=True)
+    proof = prove_schedule(family(), exact_loop(14.0, 14.125), 14.0, 14.125, moving=True)
     assert (proof.proved, proof.data["dihedral_rate_deg_s"]) == (False, 0.0)
     assert "open: a moving dihedral from 14 to 14.125 deg" in proof.report().text()
-    assert joined(proof.covers["loop"]) == [(14.0, 14.125, 0)]
+    assert counts(proof.statement.loop) == [(0, 0)]
 
 
 @pytest.mark.parametrize(
@@ -86,45 +100,37 @@ def test_an_instability_between_two_angles_is_found_and_refuted(
 ) -> None:
     if end < 15.06:  # boxes twice as wide take less time
         monkeypatch.setattr("verification.proof.search.schedule_proof.NARROWEST", 2.0**-9)
-    table = unstable_between(15.0, 15.06)
-    proof = prove_schedule(family(), table, 15.0, end, moving=True)
-    runs = joined(proof.covers["loop"])
-    refuted = [run for run in runs if run[2]]
+    loop = unstable_between(15.0, 15.06)
+    proof = prove_schedule(family(), loop, 15.0, end, moving=True)
+    runs = proof.statement.loop
+    refuted = [run for run in runs if run.least > 0]
     assert not proof.proved
-    assert "motion" not in proof.boxes
-    assert any(low <= 15.03 <= high for low, high, _ in refuted)
-    for low, high, count in refuted:
-        model = model_at((low + high) / 2)
-        values = spectrum(
-            model.A - model.B @ between(table.places, table.K, (low + high) / 2)
-        ).eigenvalues
-        assert int(np.sum(values.real > 0.0)) == count
+    assert "motion" not in proof.witness
+    assert any(run.low <= 15.03 <= run.high for run in refuted)
+    for run in refuted:
+        values = np.linalg.eigvals(loop_at(loop, (run.low + run.high) / 2))
+        assert run.least == run.most == int(np.sum(values.real > 0.0))
     # At its own angles the table is stable, and there the interval is proved to be.
-    assert runs[0][::2] == (15.0, 0)
-    assert runs[-1][1:] == (end, unstable)
-    # What is open are the places where a mode crosses the axis, and they are narrow.
-    still = gaps(proof.covers["loop"], 15.0, end)
-    assert 0.0 < sum(high - low for low, high in still) < 0.03
+    assert (runs[0].low, runs[0].most) == (15.0, 0)
+    assert (runs[-1].high, runs[-1].most) == (end, unstable)
+    # What is open are the angles where a mode crosses the axis, and they are narrow.
+    still_open = [run for run in runs if run.least < run.most]
+    assert 0.0 < sum(run.high - run.low for run in still_open) < 0.03
     assert proof.data["decay_rate"] > 0.0
     data, text = proof.report().data, proof.report().text()
-    assert (data["proved"], len(data["refuted"]), len(data["loop"]["open"])) == (
-        False,
-        len(refuted),
-        len(still),
-    )
+    found = (data["proved"], len(data["refuted"]), len(data["loop"]["open"]))
+    assert found == (False, len(refuted), len(still_open))
     assert text.startswith("Refuted: every dihedral from 15 to")
-    assert len(
-        [line for line in text.splitlines() if line.startswith("open: the loop from")]
-    ) == len(still)
+    assert text.count("\nopen: the loop from") == len(still_open)
 
 
 def test_the_angle_where_a_mode_crosses_is_enclosed() -> None:
     """A of `published` gains a third unstable mode at 16.688 deg."""
     proof = proved("crossing")
-    assert [count for _, _, count in joined(proof.covers["modes"])] == [2, 3]
-    (gap,) = gaps(proof.covers["modes"], 16.6875, 16.6895)
-    assert [int(np.sum(spectrum(model_at(end).A).eigenvalues.real > 0.0)) for end in gap] == [2, 3]
-    assert crossings(proof) == [(*gap, (2, 3))]
+    assert counts(proof.statement.modes) == [(2, 2), (2, 3), (3, 3)]
+    crossing = proof.statement.modes[1]
+    for end, count in ((crossing.low, 2), (crossing.high, 3)):
+        assert int(np.sum(np.linalg.eigvals(model_at(end).A).real > 0.0)) == count
     assert proof.proved
 
 
@@ -132,7 +138,7 @@ def test_how_many_modes_may_be_unstable_within_the_errors_is_said() -> None:
     """At 11.5 deg `published` has none or two unstable modes, which depends on the parameters; four
     are far left."""
     wide = replace(family(), spread=default_parameters().standard_errors)
-    rows = prove_schedule(wide, exact_table(11.5, 11.53125), 11.5, 11.53125).data["modes"]
+    rows = prove_schedule(wide, exact_loop(11.5, 11.53125), 11.5, 11.53125).data["modes"]
     assert rows["open"] == [{"from_deg": 11.5, "to_deg": 11.53125, "at_least": 0, "at_most": 2}]
 
 
@@ -142,12 +148,9 @@ def test_an_interrupted_proof_is_continued_to_the_same_bits(
     """After the loop of a part, and after the modes of A of a part."""
     monkeypatch.setattr(certificate, "_PAUSE", -1.0)
     monkeypatch.setattr(certificate, "_RARELY", 0.0)
-    path, whole, table = (
-        tmp_path / "certificate.json",
-        tmp_path / "whole.json",
-        exact_table(13.75, 14.0, 14.25),
-    )
-    prove_schedule(family(), table, 13.75, 14.25, moving=True, file=CertificateFile(whole, ORIGIN))
+    path, whole = tmp_path / "certificate.json", tmp_path / "whole.json"
+    loop = exact_loop(13.75, 14.0, 14.25)
+    prove_schedule(family(), loop, 13.75, 14.25, moving=True, file=CertificateFile(whole, ORIGIN))
     again = CertificateFile(path, ORIGIN, resume=True)
 
     for share in (0.2, 0.6):
@@ -156,47 +159,38 @@ def test_an_interrupted_proof_is_continued_to_the_same_bits(
             if done > share * total:
                 raise KeyboardInterrupt
 
+        file = CertificateFile(path, ORIGIN)
         with pytest.raises(KeyboardInterrupt):
-            prove_schedule(
-                family(),
-                table,
-                13.75,
-                14.25,
-                file=CertificateFile(path, ORIGIN),
-                progress=interrupted,
-            )
-        half = json.loads(path.read_text())["boxes"]
+            prove_schedule(family(), loop, 13.75, 14.25, file=file, progress=interrupted)
+        half = json.loads(path.read_text())["witness"]
         assert (len(half["loop"]), len(half["modes"]) > 0) == (1 + (share > 0.5), share > 0.5)
-        assert prove_schedule(family(), table, 13.75, 14.25, moving=True, file=again).proved
+        assert prove_schedule(family(), loop, 13.75, 14.25, moving=True, file=again).proved
         assert ctx.prec == PRECISION  # the checker's is another
         assert path.read_bytes() == whole.read_bytes()
     forged = json.loads(path.read_text())
-    forged["boxes"]["loop"][0]["rate"] = 0.5
+    forged["witness"]["loop"][0]["rate"] = 0.5
     path.write_text(json.dumps(forged))
     with pytest.raises(BadInputError, match="edited"):
-        prove_schedule(family(), table, 13.75, 14.25, file=again)
+        prove_schedule(family(), loop, 13.75, 14.25, file=again)
 
 
 def test_what_cannot_be_proved_of_is_refused() -> None:
     """Gains beyond all numbers; intervals without angles, which no box would refute; angles beyond
     the table."""
-    table = GainSchedule(np.radians([14.0, 15.0]), np.full((2, 5, 6), 1e308), hfa_model.aircraft())
+    huge = np.full((2, 5, 6), 1e308)
+    table = GainSchedule(np.radians([14.0, 15.0]), huge, hfa_model.aircraft())
     with pytest.raises(BadInputError, match="too large to compute with"):
         prove_schedule(family(), table, 14.5, 14.6)
     for low, high in ((15.0, 14.0), (14.5, 14.5), (14.0, float("nan"))):
-        with pytest.raises(
-            BadInputError, match=f"goes from {low:g} to {high:g}; give the lower end first"
-        ):
-            prove_schedule(family(), exact_table(14.0, 15.0), low, high)
+        said = f"goes from {low:g} to {high:g}; give the lower end first"
+        with pytest.raises(BadInputError, match=said):
+            prove_schedule(family(), exact_loop(14.0, 15.0), low, high)
         with pytest.raises(BadInputError, match="the interval goes from"):
-            coarsest_grid(family(), low, high, 1e-3)
-    table = exact_table(13.0, 14.0, 15.0)
-    assert [(each.low, each.high) for each in segments(table, 13.5, 15.0)] == [
-        (13.5, 14.0),
-        (14.0, 15.0),
-    ]
+            prove_models(family(), low, high, 1e-3)
+    loop = exact_loop(13.0, 14.0, 15.0)
+    assert loop.segments(13.5, 15.0) == [(13.5, 14.0), (14.0, 15.0)]
     with pytest.raises(BadInputError, match=r"the table covers 13 to 15, not 13 to 15.5"):
-        segments(table, 13.0, 15.5)
+        loop.segments(13.0, 15.5)
 
 
 @pytest.mark.parametrize(
@@ -220,15 +214,16 @@ def test_the_whole_range_is_proved(dynamics: str, errors: float, tmp_path: Path)
     """Of the identified aircraft with a rate, and of all within one standard error of every
     parameter."""
     angles, flights = np.linspace(0.0, 20.0, 11).tolist(), family(dynamics)
-    flights = replace(flights, spread=default_parameters().standard_errors) if errors else flights
-    table, path = exact_table(*angles, dynamics=dynamics), tmp_path / "certificate.json"
-    proof = prove_schedule(flights, table, 0.0, 20.0, moving=not errors)
+    if errors:
+        flights = replace(flights, spread=default_parameters().standard_errors)
+    loop, path = exact_loop(*angles, dynamics=dynamics), tmp_path / "certificate.json"
+    proof = prove_schedule(flights, loop, 0.0, 20.0, moving=not errors)
     assert proof.proved
     assert proof.data["decay_rate"] > 0.29
     if not errors:
-        assert [count for _, _, count in joined(proof.covers["modes"])] == [0, 2, 3]
-        assert proof.statement["place_rate"] > 60.0
-        assert_agrees_with_doubles(proof, table, dynamics)
-        return
+        exactly = [least for least, most in counts(proof.statement.modes) if least == most]
+        assert exactly == [0, 2, 3]
+        assert proof.data["dihedral_rate_deg_s"] > 60.0
+        assert_agrees_with_doubles(proof, loop, dynamics)
     proof.write(path, ORIGIN)
-    assert joined(check_certificate(path).covers["loop"]) == [(0.0, 20.0, 0)]
+    assert counts(check_certificate(path).statement.loop) == [(0, 0)]

@@ -11,14 +11,14 @@ from proof_cases import ORIGIN, family
 from random_points import INPUT_SCALES
 
 from hfa_support import NoSolutionError
-from verification import check_certificate, coarsest_grid
-from verification.proof.search.proof_report import checked_report
+from verification import check_certificate, prove_models
+from verification.proof.search.report import checked_report
 
 WITHIN = 4.9e-4
 
 
 def test_the_error_stays_below_its_bound_and_not_far(tmp_path: Path) -> None:
-    grid = coarsest_grid(family(), 14.0, 14.5, WITHIN)
+    grid = prove_models(family(), 14.0, 14.5, WITHIN)
     data, report = grid.data, grid.report()
     places, bounds = data["dihedral_deg"], data["error"]
     assert max(bounds.values()) <= WITHIN
@@ -54,4 +54,4 @@ def test_the_error_stays_below_its_bound_and_not_far(tmp_path: Path) -> None:
 
 def test_a_tolerance_that_is_too_small_is_said() -> None:
     with pytest.raises(NoSolutionError, match="no grid is proved within 1e-09"):
-        coarsest_grid(family(), 14.0, 14.001, 1e-9)
+        prove_models(family(), 14.0, 14.001, 1e-9)

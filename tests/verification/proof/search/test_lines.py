@@ -6,8 +6,13 @@ import numpy as np
 import pytest
 from flint import arb, arb_mat
 
-from verification.proof.arithmetic.balls import TaylorModel, matrix
-from verification.proof.enclosures.matrix_balls import roomy, unstable_modes
+from verification.proof.arithmetic.balls import TaylorModel, lowest_sign, matrix
+from verification.proof.search.lines import bounds_of_modes, find_line
+
+
+def unstable_modes(A: arb_mat) -> int | None:
+    proof = find_line(TaylorModel(A))
+    return None if proof is None else proof[0]
 
 
 def widened(A: np.ndarray, radii: np.ndarray) -> arb_mat:
@@ -53,9 +58,33 @@ def test_additions_that_do_less_than_their_entries_could_are_counted() -> None:
     assert np.linalg.eigvalsh(worst + worst.T)[-1] > 0.0
 
 
-def test_a_roomy_model_is_the_same_but_for_a_larger_rest() -> None:
-    model = TaylorModel(arb(1), arb(2), arb(3), arb(0, 0.25), arb(4))
-    c0, c1, c2, rest, error = roomy(model).parts
-    assert (c0, c1, c2, error) == (arb(1), arb(2), arb(3), arb(4))
-    assert rest.contains(model.parts[3])
-    assert float(rest.rad()) == pytest.approx(1.5)
+@pytest.mark.parametrize(
+    ("A", "bounds"),
+    [
+        ([[0.0, 1.0], [0.0, 0.0]], (0, 2)),
+        ([[-1.0, 0.0, 1.0], [0.0, 2.0, 0.0], [0.0, 0.0, 0.0]], (1, 2)),
+        ([[-1.0, 1.0], [0.0, -1.0]], (0, 0)),
+    ],
+)
+def test_modes_on_the_axis_are_bounded_from_both_sides(
+    A: list[list[float]], bounds: tuple[int, int]
+) -> None:
+    """A double integrator has two modes on the axis, and dependent eigenvectors."""
+    found, lines = bounds_of_modes(TaylorModel(matrix(A)))
+    assert found == bounds
+    assert len(lines) == 2 - (bounds[0] == bounds[1])
+
+
+@pytest.mark.parametrize(
+    ("Q", "sign"),
+    [
+        (np.eye(3), 1),
+        (np.diag([1e12, -0.2]), -1),
+        (np.diag([1.0, 0.0]), 0),
+        (np.outer([1.0, 2.0, 3.0], [1.0, 2.0, 3.0]), 0),
+        (np.array([[1.0, 1.0], [1.0, np.nextafter(1.0, 0.0)]]), -1),
+        (np.array([[0.0, 1.0], [1.0, 0.0]]), -1),
+    ],
+)
+def test_the_sign_of_the_lowest_eigenvalue_is_decided_exactly(Q: np.ndarray, sign: int) -> None:
+    assert lowest_sign(Q) == sign

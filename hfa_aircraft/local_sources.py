@@ -1,0 +1,73 @@
+"""Which source files a model comes from: its own and those beside or below it that it imports."""
+
+from __future__ import annotations
+
+import ast
+import hashlib
+import sys
+from pathlib import Path
+
+#: This project's packages: an installed version is no part of a user's model.
+_OWN_PACKAGES = {
+    "hfa",
+    "hfa_support",
+    "hfa_aircraft",
+    "hfa_model",
+    "trim",
+    "controller",
+    "verification",
+}
+
+
+def hash_of_sources(file: Path, package: str = "") -> str:
+    """SHA-256 of a Python file that was executed; with local modules that it imports, of all files.
+
+    Local are the modules that lie beside or below the file, and not in an installed package. Those
+    that they import count too.
+    file: what was executed
+    package: its package, for relative imports
+    """
+    sources = _local_sources(file.resolve(), package, file.resolve().parent, {})
+    if len(sources) == 1:
+        return hashlib.sha256(sources[file.resolve()]).hexdigest()
+    whole = hashlib.sha256()
+    for path in sorted(sources):
+        whole.update(path.relative_to(file.resolve().parent).as_posix().encode() + b"\0")
+        whole.update(hashlib.sha256(sources[path]).digest())
+    return whole.hexdigest()
+
+
+def _local_sources(
+    file: Path, package: str, folder: Path, sources: dict[Path, bytes]
+) -> dict[Path, bytes]:
+    """The file and what it imports, path -> text, added to those that are known."""
+    sources[file] = file.read_bytes()
+    for name in _imported_names(sources[file], package):
+        module = sys.modules.get(name)
+        origin = getattr(module, "__file__", None)
+        if name.split(".")[0] in _OWN_PACKAGES or not origin or not origin.endswith(".py"):
+            continue
+        path = Path(origin).resolve()
+        is_local = path.is_relative_to(folder) and "site-packages" not in path.parts
+        if is_local and path not in sources:
+            _local_sources(path, getattr(module, "__package__", "") or "", folder, sources)
+    return sources
+
+
+def _imported_names(text: bytes, package: str) -> set[str]:
+    """Modules that import statements may name, with their packages."""
+    names: set[str] = set()
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.Import):
+            names.update(alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            base = node.module or ""
+            if node.level:
+                parents = package.split(".")[: len(package.split(".")) - node.level + 1]
+                base = ".".join([*parents, base] if base else parents)
+            names.add(base)
+            names.update(f"{base}.{alias.name}" for alias in node.names)
+    for name in list(names):
+        parts = name.split(".")
+        names.update(".".join(parts[:count]) for count in range(1, len(parts)))
+    return names

@@ -1,0 +1,46 @@
+"""The hash of a model covers the modules beside it that it imports."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+
+from hfa_aircraft.loading import load_model
+
+MODEL = """
+from hfa import Model, Signal
+from {helper} import gain
+PLANT = Model(
+    name="plant",
+    states={{"x": Signal()}},
+    inputs={{"u": Signal()}},
+    equations=lambda x, u, p, w: ({{"x": u.u - gain * x.x}}, {{}}),
+)
+"""
+
+
+def test_a_changed_module_beside_the_file_is_another_model(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.syspath_prepend(str(tmp_path))
+    (tmp_path / "inner_of_plant.py").write_text("two = 2.0\n")
+    (tmp_path / "helper_of_plant.py").write_text("from inner_of_plant import two\ngain = two\n")
+    (tmp_path / "plant.py").write_text(MODEL.format(helper="helper_of_plant"))
+    hashes = []
+    for content in ("two = 2.0\n", "two = 2.0\n", "two = 3.0\n"):
+        (tmp_path / "inner_of_plant.py").write_text(content)
+        hashes.append(load_model(f"{tmp_path}/plant.py:PLANT").source[1])
+    for name in ("helper_of_plant", "inner_of_plant"):
+        sys.modules.pop(name)
+    assert hashes[0] == hashes[1] != hashes[2]
+
+
+def test_installed_modules_do_not_count(tmp_path: Path) -> None:
+    alone = tmp_path / "alone.py"
+    alone.write_text(MODEL.format(helper="math").replace("import gain", "import pi as gain"))
+    import hashlib
+
+    expected = hashlib.sha256(alone.read_bytes()).hexdigest()
+    assert load_model(f"{alone}:PLANT").source[1] == expected

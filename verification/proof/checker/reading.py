@@ -1,0 +1,169 @@
+"""Entries of a certificate, each taken once as what it is; whatever is left over is refused."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from flint import arb
+
+from hfa_support.errors import NoSolutionError, shown
+
+_DECIMAL = re.compile(r"-?\d{1,80}(\.\d{1,80})?(e[+-]?\d{1,3})?", re.ASCII)
+#: Larger numbers are refused: their squares are not doubles.
+_LARGEST = 1e300
+_LARGEST_INTEGER = 2**53
+
+
+class Malformed(NoSolutionError):
+    """A certificate holds an entry that it cannot hold."""
+
+
+def require(holds: bool, where: str, value: Any = None) -> None:
+    """Malformed, with the name of the entry, unless it holds."""
+    if not holds:
+        shown_value = "" if value is None else f" ({shown(value)})"
+        raise Malformed(f"{where} is not what a certificate holds{shown_value}")
+
+
+class Fields:
+    """The entries of a JSON object. Each is taken once; `close` refuses what was not taken.
+
+    where: name of the object in messages
+    """
+
+    def __init__(self, where: str, content: Any) -> None:
+        require(isinstance(content, dict), where, content)
+        self.where = where
+        self._remaining: dict[str, Any] = dict(content)
+
+    def has(self, name: str) -> bool:
+        """Whether the entry is there and not yet taken."""
+        return name in self._remaining
+
+    def close(self) -> None:
+        """Malformed when an entry was not taken: nothing in a certificate is without meaning."""
+        require(
+            not self._remaining, f"{self.where}: unknown entry", sorted(self._remaining, key=str)
+        )
+
+    def value(self, name: str, holds: Callable[[Any], bool]) -> Any:
+        """An entry that passes the test."""
+        require(name in self._remaining, f"{self._called(name)}: missing entry")
+        value = self._remaining.pop(name)
+        require(bool(holds(value)), self._called(name), value)
+        return value
+
+    def same(self, name: str, expected: Any) -> None:
+        """An entry that can only be this."""
+        self.value(name, lambda value: value == expected)
+
+    def fields(self, name: str) -> Fields:
+        """An object."""
+        return Fields(self._called(name), self.value(name, lambda value: isinstance(value, dict)))
+
+    def items(self, name: str) -> list[Fields]:
+        """A list of objects."""
+        entries = self.value(name, lambda value: isinstance(value, list))
+        return [Fields(f"{self._called(name)} {i}", entry) for i, entry in enumerate(entries)]
+
+    def texts(self, name: str, allowed: Any) -> tuple[str, ...]:
+        """A list of texts, each one of those that are allowed."""
+        entries = self.value(name, lambda value: isinstance(value, list))
+        for entry in entries:
+            require(isinstance(entry, str) and entry in allowed, self._called(name), entry)
+        return tuple(entries)
+
+    def flag(self, name: str) -> bool:
+        """true or false."""
+        return bool(self.value(name, lambda value: isinstance(value, bool)))
+
+    def count(self, name: str, most: int) -> int:
+        """A whole number from 0 to `most`."""
+        return int(self.value(name, lambda value: type(value) is int and 0 <= value <= most))
+
+    def number(self, name: str, least: float = -math.inf, above: float = -math.inf) -> float:
+        """A finite number, at least `least` and larger than `above`."""
+        value = float(self.array(name))
+        require(value >= least and value > above, self._called(name), value)
+        return value
+
+    def positive(self, name: str) -> float:
+        """A positive number, or "inf"."""
+        if self._remaining.get(name) == "inf":
+            del self._remaining[name]
+            return math.inf
+        return self.number(name, above=0.0)
+
+    def pair(self, name: str, least: float = -math.inf) -> tuple[float, float]:
+        """Two numbers in order, at least `least`."""
+        low, high = self.array(name, 2).tolist()
+        require(least <= low <= high, self._called(name), [low, high])
+        return low, high
+
+    def numbers(self, name: str, allowed: Any) -> dict[str, float]:
+        """Numbers by name, of names that are allowed."""
+        entries = self.fields(name)
+        values = {}
+        for key in list(entries._remaining):
+            require(key in allowed, f"{entries.where}: unknown entry", key)
+            values[key] = entries.number(key)
+        return values
+
+    def array(self, name: str, *shape: int | None) -> np.ndarray:
+        """Nested lists of finite numbers; None is any length."""
+        entries = self.value(name, lambda value: True)
+        numbers = _walked(self._called(name), entries, list(shape), _double)
+        try:
+            values = np.array(numbers, dtype=float)
+        except ValueError as error:  # rows of any length that differ
+            raise Malformed(f"{self._called(name)} has rows that differ in length") from error
+        sides = [length for length in shape if length is not None]
+        return values.reshape(sides) if len(sides) == len(shape) else values
+
+    def increasing(self, name: str) -> np.ndarray:
+        """At least two numbers, each larger than the one before."""
+        values = self.array(name, None)
+        require(len(values) > 1 and bool(np.all(np.diff(values) > 0.0)), self._called(name))
+        return values
+
+    def symmetric(self, name: str, n: int) -> np.ndarray:
+        """A matrix that equals its transpose exactly."""
+        values = self.array(name, n, n)
+        require(np.array_equal(values, values.T), f"{self._called(name)}: not symmetric")
+        return values
+
+    def balls(self, name: str, *shape: int) -> Any:
+        """Nested lists of numbers as balls: doubles exactly, decimals in quotes enclosed."""
+        entries = self.value(name, lambda value: True)
+        return _walked(self._called(name), entries, list(shape), _ball)
+
+    def _called(self, name: str) -> str:
+        return f"{self.where}: {name}" if self.where else name
+
+
+def _walked(where: str, part: Any, shape: list[int | None], leaf: Callable[[str, Any], Any]) -> Any:
+    """The nested list with `leaf` of each number; Malformed where the shape is another."""
+    if not shape:
+        return leaf(where, part)
+    require(isinstance(part, list), where, part)
+    require(shape[0] in (None, len(part)), where, part)
+    return [_walked(where, entry, shape[1:], leaf) for entry in part]
+
+
+def _double(where: str, value: Any) -> float:
+    require(type(value) in (int, float), where, value)
+    require(math.isfinite(value) and abs(value) <= _LARGEST, where, value)
+    require(type(value) is float or abs(value) <= _LARGEST_INTEGER, where, value)
+    return float(value)
+
+
+def _ball(where: str, value: Any) -> arb:
+    if isinstance(value, str):
+        require(_DECIMAL.fullmatch(value) is not None, where, value)
+        _double(where, float(value))
+        return arb(value)
+    return arb(_double(where, value))

@@ -1,1 +1,0 @@
-"""Ball arithmetic: the model, its trims, its games and the signs of eigenvalues, enclosed."""

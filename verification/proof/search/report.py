@@ -1,0 +1,514 @@
+"""What a proof states, and what the checker verified of it, in words, tables and data."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping, Sequence
+from typing import Any, TypeVar
+
+import numpy as np
+
+from hfa_aircraft.model import Model
+from hfa_model.parameters import NAMED, Parameters, load_parameters
+from hfa_model.provenance import parameter_hash
+from hfa_support.errors import BadInputError, NoSolutionError
+from hfa_support.reporting.report import Part, Report
+from hfa_support.reporting.text import Table, matrix_table, numbered
+from verification.proof.checker.checker import Verified
+from verification.proof.checker.statement import (
+    KINDS,
+    Controller,
+    Flight,
+    GameStatement,
+    ModelsStatement,
+    Plant,
+    Run,
+    ScheduleStatement,
+    Statement,
+    UncertainActuators,
+    Weights,
+    content_of,
+)
+
+SCHEMA = "hfa.proof/1"
+Content = dict[str, Any]
+Found = TypeVar("Found")
+_ERRORS = {
+    "A": "|A - interpolated| / |A|",
+    "B": "|B - interpolated| / |B|",
+    "K": "|K - interpolated| / |K|",
+    "inputs": "|U0 - interpolated|, in nominal units",
+}
+
+
+def joined(runs: Sequence[tuple[float, float, Found]]) -> list[tuple[float, float, Found]]:
+    """Low, high and what was found there: neighbours of which the same was found are one."""
+    together: list[tuple[float, float, Found]] = []
+    for low, high, found in runs:
+        if together and together[-1][1:] == (low, found):
+            together[-1] = (together[-1][0], high, found)
+        else:
+            together.append((low, high, found))
+    return together
+
+
+def gaps(runs: Sequence[Run], low: float, high: float) -> list[tuple[float, float]]:
+    """What the runs leave of the interval from low to high."""
+    empty = []
+    reached = low
+    for run in sorted(runs):
+        if run.low > reached:
+            empty.append((reached, run.low))
+        reached = max(reached, run.high)
+    if reached < high:
+        empty.append((reached, high))
+    return empty
+
+
+def breakpoint_data(model: Model, breakpoints: Any) -> Content:
+    """Scheduling values as data: of the HFA dihedral_deg; of other models by the name of the
+    scheduling variable."""
+    if model.schedule == "dihedral":
+        return {"dihedral_deg": breakpoints}
+    return {"scheduled": {model.schedule: breakpoints}}
+
+
+def schedule_data(statement: ScheduleStatement, moving: bool) -> Content:
+    """What is proved of the loop and of the modes of A. moving: whether a rate was asked for."""
+    flight = statement.flight
+    model = flight.model
+    suffix = "_deg" if model.schedule_unit == "deg" else ""
+
+    def ends(run: Run, **more: Any) -> Content:
+        return {f"from{suffix}": run.low, f"to{suffix}": run.high} | more
+
+    def counted(runs: Sequence[Run]) -> list[Content]:
+        return [ends(run, unstable=run.least) for run in runs if run.least == run.most]
+
+    refuted = [ends(run, unstable=run.least) for run in statement.loop if run.least > 0]
+    still_open = [ends(run) for run in statement.loop if run.least == 0 < run.most]
+    crossings = [
+        ends(run, at_least=run.least, at_most=run.most)
+        for run in statement.modes
+        if run.least < run.most
+    ]
+    stable = not (refuted or still_open)
+    one_branch = len(flight.trims) == 1
+    data: Content = {
+        "schema": SCHEMA,
+        "statement": "schedule",
+        "dynamics": model.name,
+        **breakpoint_data(model, [flight.low, flight.high]),
+        "proved": stable and one_branch and not (moving and statement.scheduled_rate is None),
+        "one_branch": one_branch,
+        "decay_rate": statement.decay_rate,
+        "loop": {"proved": counted(statement.loop), "open": still_open},
+        "modes": {"proved": counted(statement.modes), "open": crossings},
+        "refuted": refuted,
+        "not_covered": _not_covered(statement),
+    }
+    if isinstance(statement.actuators, UncertainActuators):
+        names = ("bandwidth", "effectiveness", "delay")
+        data["actuators"] = {name: getattr(statement.actuators, name) for name in names}
+    if moving:
+        key = "dihedral_rate_deg_s" if model.schedule == "dihedral" else "scheduled_rate"
+        data[key] = statement.scheduled_rate or 0.0
+    return data
+
+
+def _not_covered(statement: ScheduleStatement) -> str:
+    others = "other actuators than these"
+    if not isinstance(statement.actuators, UncertainActuators):
+        others = "other actuators than the loop's own, delay"
+    return (
+        f"not covered: {others}, sampling of a controller's own states, a "
+        f"{statement.flight.model.schedule} that the loop\nitself moves and that is not imposed "
+        "from outside, limits of the inputs, the nonlinear aircraft"
+    )
+
+
+def proof_report(statement: Statement, data: Content) -> Report:
+    """Of what the prover found."""
+    if isinstance(statement, ScheduleStatement):
+        moving = {"dihedral_rate_deg_s", "scheduled_rate"} & data.keys()
+        title = f"every {_interval(statement.flight)}, {statement.flight.model.title}"
+        parts = _schedule_parts(statement, bool(moving), data)
+        return Report(f"{_verdict(statement, bool(moving))}: {title}", parts, data=data)
+    if isinstance(statement, GameStatement):
+        return game_report(data)
+    return _models_report(statement, data)
+
+
+def _verdict(statement: ScheduleStatement, moving: bool) -> str:
+    if any(run.least > 0 for run in statement.loop):
+        return "Refuted"
+    if any(run.most > 0 for run in statement.loop) or len(statement.flight.trims) != 1:
+        return "Left open"
+    return "Proved"
+
+
+def _schedule_parts(statement: ScheduleStatement, moving: bool, data: Content) -> list[Part]:
+    flight = statement.flight
+    unit = flight.model.schedule_unit
+    every = "angle" if unit == "deg" else flight.model.schedule
+    refuted = [run for run in statement.loop if run.least > 0]
+    still_open = [run for run in statement.loop if run.least == 0 < run.most]
+    stable = not (refuted or still_open)
+    lines = [
+        f"the loop has {_count(run)} unstable modes at every {every} from {_span(run)} {unit}"
+        for run in refuted
+    ]
+    lines += [f"open: the loop from {_span(run)} {unit}" for run in still_open]
+    if stable:
+        what = _what_is_stable(statement)
+        lines.append(f"the trim exists within its limits and {what} at every {every}")
+    if len(flight.trims) != 1:
+        starts = ", ".join(f"{trim.breakpoint:.10g}" for trim in flight.trims[:4])
+        lines.append(f"open: whether the trims from {starts or 'any value'} on are one branch")
+    if not isinstance(statement.actuators, UncertainActuators):
+        lines.append(f"decay rate where the loop is Hurwitz: {statement.decay_rate:.6g} 1/s")
+    if "boxes" in data.get("loop", {}):
+        counts = [data[name]["boxes"] for name in ("loop", "modes")]
+        lines.append(f"boxes: {counts[0]} for the loop, {counts[1]} for the aircraft's modes")
+    parts: list[Part] = ["\n".join(lines)]
+    if isinstance(statement.actuators, UncertainActuators):
+        parts.append(_actuators_said(statement.actuators, stable))
+    rate = statement.scheduled_rate
+    if rate is not None:
+        parts.append(
+            f"stable while the {flight.model.schedule} moves by at most {rate:.4g} {unit}/s, "
+            "however it does"
+        )
+    elif moving:
+        whole = f"{flight.low:.10g} to {flight.high:.10g}"
+        parts.append(f"open: a moving {flight.model.schedule} from {whole} {unit}")
+    parts.append(_not_covered(statement))
+    for name, runs in (("loop", statement.loop), ("aircraft A", statement.modes)):
+        heading = (f"{name}: {flight.model.schedule}, {unit}", "unstable modes")
+        parts.append(Table(heading, [(_span(run), _count(run)) for run in runs]))
+    return parts
+
+
+def _what_is_stable(statement: ScheduleStatement) -> str:
+    if statement.actuators is not None:
+        return "the loop through the actuators is stable"
+    if statement.controller.A.shape[1]:
+        return "the loop of aircraft and controller is stable"
+    return "A - B K is Hurwitz"
+
+
+def _actuators_said(actuators: UncertainActuators, stable: bool) -> str:
+    slow, fast = actuators.bandwidth
+    least, most = actuators.effectiveness
+    return (
+        f"{'' if stable else 'asked '}for every actuator bandwidth from {slow:g} to {fast:g} rad/s,"
+        f" the same of all inputs; for effectiveness from {least:g} to {most:g}\nand delay up to "
+        f"{actuators.delay:g} s of each input for itself, changing at any time, as when commands "
+        "are sampled and held"
+    )
+
+
+def _span(run: Run) -> str:
+    return f"{run.low:.10g} to {run.high:.10g}"
+
+
+def _count(run: Run) -> str:
+    return str(run.least) if run.least == run.most else f"{run.least} to {run.most}"
+
+
+def game_report(
+    data: Content, states: tuple[str, ...] = (), origin: str = "a plant", file: str = "it"
+) -> Report:
+    """Of a solution the statements one by one and the P that the radius is about, of a critic the
+    distances.
+
+    states: of P
+    origin: whose game it is
+    file: of the critic
+    """
+    verdict = "Proved" if data.get("proved", True) else "Left open"
+    if data["statement"] == "critic":
+        rows = [
+            (name, f"{bounds['at_least']:.6e}", f"{bounds['at_most']:.6e}")
+            for name, bounds in data["distances"].items()
+        ]
+        loop = f"A - B K with this gain: {_hurwitz(data['closed_loop_hurwitz'])}"
+        parts: list[Part] = [Table(("|X - X*| / |X*|", "at least", "at most"), rows), loop]
+        title = f"{verdict}: the distance of {file} from the exact solution of the game of {origin}"
+        return Report(title, parts, data=data)
+    above = data["delta_min_above"]
+    most = data["delta_min_at_most"]
+    bracket = "open" if above is None else f"above {above:.10g}, at most {most:.10g}"
+    width = "" if above is None else f"{(most - above) / most:.2g}"
+    words = {True: "proved", False: "open"}
+    least_modes, most_modes = data["unstable_modes_between"]
+    statements = [
+        ("the stabilizing solution exists and is unique", words[data["worst_case_hurwitz"]]),
+        ("P is positive definite", words[data["positive_definite"]]),
+        ("A - S P is Hurwitz", words[data["worst_case_hurwitz"]]),
+        ("A - B K is Hurwitz", words[data["closed_loop_hurwitz"]]),
+        ("relative radius about the printed P", f"{data['relative_radius']:.3g}"),
+        ("delta_min", bracket),
+        ("relative width of the bracket", width),
+        ("unstable modes of A", _count(Run(0.0, 0.0, least_modes, most_modes))),
+    ]
+    states = states or numbered("z", len(data["P"]))
+    parts = [
+        Table(("statement", "result"), statements),
+        matrix_table("P", states, states, data["P"]),
+    ]
+    return Report(f"{verdict}: the solution of the game of {origin}", parts, data=data)
+
+
+def _hurwitz(closed_loop: bool | None) -> str:
+    if closed_loop is None:
+        return "open: a mode may lie on the axis"
+    return "proved Hurwitz" if closed_loop else "proved not Hurwitz"
+
+
+def _models_report(statement: ModelsStatement, data: Content) -> Report:
+    """The proved bounds and where the breakpoints are; the matrices are data."""
+    model = statement.flight.model
+    breakpoints = statement.breakpoints
+    unit = model.schedule_unit
+    steps = np.diff(breakpoints)
+    every = "angle" if unit == "deg" else model.schedule
+    bounds = [(_ERRORS[name], f"{error:.3g}") for name, error in statement.errors.items()]
+    heading = (model.schedule_key, "matrix", "row", "column", "value", "unit")
+    return Report(
+        title=f"Proved: {len(breakpoints)} models from {breakpoints[0]:g} to {breakpoints[-1]:g} "
+        f"{unit}, {model.title}, interpolate linearly within {data['tolerance']:g}",
+        parts=[
+            Table((f"error at every {every} between, at most", "bound"), bounds),
+            f"steps from {steps.min():g} to {steps.max():g} {unit}",
+        ],
+        data=data,
+        records=Table(heading, _entries(statement)),
+    )
+
+
+def _entries(statement: ModelsStatement) -> list[tuple[Any, ...]]:
+    """Every entry of the models with its unit."""
+    model = statement.flight.model
+    states = model.linear
+    inputs = tuple(model.inputs)
+    rows: list[tuple[Any, ...]] = []
+    for k, breakpoint in enumerate(statement.breakpoints.tolist()):
+        for name, columns in (("A", states), ("B", inputs)):
+            values = getattr(statement, name)[k]
+            for (i, j), value in np.ndenumerate(values):
+                unit = model.entry_unit(states[i], columns[j])
+                rows.append((breakpoint, name, states[i], columns[j], float(value), unit))
+        for (i, j), value in np.ndenumerate(statement.K[k]):
+            unit = f"({model.unit(inputs[i])})/({model.unit(states[j])})"
+            rows.append((breakpoint, "K", inputs[i], states[j], float(value), unit))
+        for i, value in enumerate(statement.inputs[k].ravel().tolist()):
+            rows.append((breakpoint, "U0", inputs[i], "", value, model.unit(inputs[i])))
+    return rows
+
+
+def checked_report(verified: Verified) -> Report:
+    """The whole statement that was verified: of which aircraft in which flight whatever the options
+    of the command, with which controller, limits and weights; proved on all of the interval or not.
+    """
+    statement = verified.statement
+    content = content_of(statement)
+    data: Content = {
+        "schema": SCHEMA,
+        "statement": "check",
+        "kind": next(name for name, kind in KINDS.items() if isinstance(statement, kind)),
+        "boxes": verified.boxes,
+        "written": verified.written,
+        "statement_sha256": _digest(content),
+        "claim": content,
+    }
+    lines = [f"statement: SHA-256 {data['statement_sha256'][:16]}"]
+    parts: list[Part] = []
+    flight = getattr(statement, "flight", getattr(statement, "plant", None))
+    if isinstance(flight, Flight):
+        about, of_aircraft = _flight_said(flight)
+        parts.append(about)
+        data |= of_aircraft
+    if isinstance(statement, ScheduleStatement):
+        moving = statement.scheduled_rate is not None
+        own = schedule_data(statement, moving)
+        data |= {name: own[name] for name in own if name not in ("schema", "statement")}
+        parts += _schedule_parts(statement, moving, {})
+        lines += _controller_said(statement)
+        what = _interval(statement.flight)
+    elif isinstance(statement, GameStatement):
+        parts += _game_parts(statement, data)
+        lines += _weights_said(statement.weights)
+        data["game"] = content["weights"]
+        what = "the exact game, the plant of a file"
+        if isinstance(statement.plant, Flight):
+            unit = statement.plant.model.schedule_unit
+            what = (
+                f"the exact game, {statement.plant.model.schedule} {statement.plant.low:g} {unit}"
+            )
+    else:
+        rows = [(_ERRORS[name], f"{error:.3g}") for name, error in statement.errors.items()]
+        parts.append(Table(("error between the breakpoints, at most", "bound"), rows))
+        lines += _weights_said(statement.weights)
+        data |= {"error": dict(statement.errors), "nodes": len(statement.breakpoints)}
+        data["game"] = content["weights"]
+        what = f"linear interpolation of {len(statement.breakpoints)} models, "
+        what += _interval(statement.flight)
+    data.setdefault("proved", True)
+    origin = "written by hfa {version} on {date}: {command}".format(**verified.written)
+    parts += ["\n".join(lines), origin]
+    verdict = "Verified, proved"
+    if not data["proved"]:
+        verdict = "Verified, but not proved on the whole interval"
+    return Report(f"{verdict}: {what}, {verified.boxes} boxes", parts, data=data)
+
+
+def _interval(flight: Flight) -> str:
+    unit = flight.model.schedule_unit
+    return f"{flight.model.schedule} from {flight.low:g} to {flight.high:g} {unit}"
+
+
+def _flight_said(flight: Flight) -> tuple[str, Content]:
+    """The aircraft, its trims, limits and errors of parameters, in words and as data."""
+    model = flight.model
+    lines = [_aircraft_said(flight)]
+    lines.append(f"trims at {_values_said(model, flight.imposed)}")
+    for trim in flight.trims:
+        unknowns = _values_said(model, trim.unknowns)
+        lines.append(f"the trim with {unknowns} at {trim.breakpoint:.10g} {model.schedule_unit}")
+    limits = [
+        f"{name} {' to '.join(model.describe(name, end) for end in ends)}"
+        for name, ends in flight.limits.items()
+    ]
+    lines.append(f"limits of the trims: {', '.join(limits) or 'none'}")
+    if flight.spread:
+        lines.append(f"for every value of {len(flight.spread)} parameters within half widths of")
+        lines.append(_values_said(model, flight.spread))
+    data: Content = {
+        "dynamics": model.name,
+        "source": model.source[1],
+        **breakpoint_data(model, [flight.low, flight.high]),
+        "limits": {name: list(ends) for name, ends in flight.limits.items()},
+        "spread": dict(flight.spread),
+        "parameters": dict(flight.parameters),
+    }
+    if _is_hfa(flight):
+        values = Parameters(**flight.parameters)
+        data["parameters"] = _name_of_parameters(values)
+        data["parameter_hash"] = parameter_hash(values)
+    return "\n".join(lines), data
+
+
+def _is_hfa(flight: Flight) -> bool:
+    return not flight.model.source[1] and set(flight.parameters) == set(Parameters._fields)
+
+
+def _name_of_parameters(values: Parameters) -> str:
+    names = [name for name in NAMED if load_parameters(name).values == values]
+    return names[0] if names else "of the certificate"
+
+
+def _aircraft_said(flight: Flight) -> str:
+    model = flight.model
+    if _is_hfa(flight):
+        values = Parameters(**flight.parameters)
+        parameters = f"{_name_of_parameters(values)} ({parameter_hash(values)})"
+        return f"{model.name} dynamics, parameters {parameters}"
+    source = f", files of SHA-256 {model.source[1][:16]}" if model.source[1] else ""
+    numbers = "".join(f", {name} {value:.10g}" for name, value in flight.parameters.items())
+    return f"{model.title}{source}{numbers}"
+
+
+def _values_said(model: Model, values: Mapping[str, float]) -> str:
+    return ", ".join(f"{name} {model.describe(name, value)}" for name, value in values.items())
+
+
+def _controller_said(statement: ScheduleStatement) -> list[str]:
+    """Names and sizes of the controller, and all of the actuators."""
+    controller: Controller = statement.controller
+    lines = [
+        f"controller: {len(controller.breakpoints)} breakpoints, {controller.A.shape[1]} states, "
+        f"SHA-256 {_digest(content_of(statement)['controller'])[:16]}",
+        f"it measures {', '.join(controller.measurements)}",
+        f"it moves {', '.join(controller.inputs)}",
+    ]
+    actuators = statement.actuators
+    if actuators is not None:
+        numbers = ", ".join(f"{name} {_plain(value)}" for name, value in vars(actuators).items())
+        lines.append(f"actuators: {numbers}")
+    return lines
+
+
+def _plain(value: Any) -> str:
+    entries = np.atleast_1d(np.asarray(value, dtype=float)).tolist()
+    return " ".join(f"{entry:.10g}" for entry in entries)
+
+
+def _game_parts(statement: GameStatement, data: Content) -> list[Part]:
+    """Distances and modes, which are added to the data too."""
+    rows = [
+        (name, f"{low:.6g}", f"{high:.6g}") for name, (low, high) in statement.distances.items()
+    ]
+    least, most = statement.loop
+    hurwitz = True if most == 0 else False if least > 0 else None
+    closed = {True: "Hurwitz", False: f"not Hurwitz: {_count(Run(0.0, 0.0, least, most))} unstable"}
+    loop = (
+        f"A - B K with this gain is {closed[hurwitz]}"
+        if hurwitz is not None
+        else ("open: whether A - B K with this gain is Hurwitz")
+    )
+    lines = [loop]
+    data["distances"] = dict(statement.distances)
+    data["closed_loop_hurwitz"] = hurwitz
+    if statement.delta_min is not None and statement.modes is not None:
+        above, at_most = statement.delta_min
+        data["delta_min_above"] = above
+        data["delta_min_at_most"] = at_most
+        data["unstable_modes_between"] = list(statement.modes)
+        lines.append(f"delta_min is above {above:.10g}, at most {at_most:.10g}")
+        lines.append(f"A has {_count(Run(0.0, 0.0, *statement.modes))} unstable modes")
+    if statement.decimals:
+        lines.append("the distances hold for every number that reads as the same doubles")
+    if isinstance(statement.plant, Plant):
+        for name, values in vars(statement.plant).items():
+            lines.append(f"{name} = {_matrix_said(values)}")
+    for name, values in statement.critic.items():
+        lines.append(f"critic's {name} = {_matrix_said(values)}")
+    table = Table(("|X - X*| / |X*|, X* of the exact game", "at least", "at most"), rows)
+    return [table, "\n".join(lines)]
+
+
+def _weights_said(weights: Weights) -> list[str]:
+    lines = [f"{name} = {_matrix_said(getattr(weights, name))}" for name in "QRE"]
+    return [*lines, f"delta = {weights.delta:.10g}"]
+
+
+def _matrix_said(values: np.ndarray) -> str:
+    """I; the diagonal; else the SHA-256 of the matrix, whose entries are data."""
+    diagonal = np.diag(values)
+    if values.shape[0] == values.shape[1] and np.array_equal(values, np.diag(diagonal)):
+        if set(diagonal.tolist()) == {1.0}:
+            return "I"
+        return f"diag({', '.join(f'{entry:.10g}' for entry in diagonal)})"
+    rows, columns = values.shape
+    return f"matrix {rows} x {columns}, SHA-256 {_digest(values.tolist())[:16]}"
+
+
+def _digest(value: Any) -> str:
+    return hashlib.sha256(json.dumps(value).encode()).hexdigest()
+
+
+def require_same(stated: Mapping[str, Any], own: Mapping[str, Any], what: str) -> None:
+    """NoSolutionError unless the user's own data, by name, is exactly that of the statement."""
+    for name, value in own.items():
+        if name not in stated:
+            raise BadInputError(
+                f"{what} gives {name}, which this certificate does not state; leave it out"
+            )
+        claimed = np.asarray(stated[name])
+        given = np.asarray(value)
+        if given.dtype.kind in "fi":
+            claimed = np.asarray(stated[name], dtype=float)
+        if not np.array_equal(claimed, given):
+            raise NoSolutionError(f"the certificate is about another {name} than {what} gives")
