@@ -87,7 +87,6 @@ MOVED = {
     "reproduce": "a study, python -m studies.section5,",
     "study": "a study, python -m studies.update_law,",
     "servo": "a study, python -m studies.servo,",
-    "lpv": "`hfa prove models`",
     "map": "`hfa fly --initial NAME=VALUE`",
     "schedule": "`hfa fly --controller GAINS --command dihedral=TIME:VALUE`",
     "monte-carlo": "`hfa fly --samples N`",
