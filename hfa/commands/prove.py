@@ -172,11 +172,10 @@ def prove(request: ProveRequest) -> int:
     makes the loop Hurwitz, with --bandwidth through all actuators of intervals, also delayed and of
     less effect. solution: the game has one stabilizing solution within a radius of P, its value;
     with a bracket of delta_min. critic FILE: the distance of W, P or K in a file from the exact
-    solution, from below and from above. models: linear models at the fewest dihedrals of LOW:HIGH
-    between which A, B, the trimmed inputs and the exact game's K are interpolated within
-    --limit-error. -o FILE.json writes a certificate, of models .npz, .mat and .csv the matrices;
-    --check FILE verifies a certificate. Exit 0: proved. Exit 1: refuted, or left open. Needs
-    python-flint, with --bandwidth also cvxpy (`pip install .[proof]`)."""
+    solution, from below and from above. models: the fewest linear models between which A, B, the
+    inputs and the exact K are interpolated within --limit-error. -o FILE.json writes a certificate;
+    --check FILE verifies it. Exit 0: proved. Exit 1: refuted, or left open. Needs python-flint,
+    with --bandwidth also cvxpy (`pip install .[proof]`)."""
     from verification.proof.arithmetic import flint_or_refusal
 
     flint_or_refusal()
