@@ -69,18 +69,18 @@ class VerifyRequest(GameOptions, LearningOptions, ReadingOptions, OutputOptions)
     """Critics to be judged."""
 
     weights: tuple[list[Path], ...] = option(
-        f"critics from elsewhere: W, P or K, with `time` also over time ({' '.join(MATRIX_FILES)}), or a "
-        f"network of V, dV/dx or u ({' '.join(NETWORK_FILES)}); of several, or of a folder of "
-        "checkpoints, one table",
+        "critics from elsewhere: W, P or K, with `time` also over time "
+        f"({' '.join(MATRIX_FILES)}), or a network of V, dV/dx or u ({' '.join(NETWORK_FILES)}); "
+        "of several, or of a folder of checkpoints, one table",
         "FILE",
         _critics,
         default=(),
         count="+",
     )
     set: Mapping[str, Any] = setting_option(
-        "a setting of the law; of --weights predefined_time=S, of a network scale=a,b,... (times each "
-        "state) and of a state dict activation=tanh|relu|... between its layers, after a comma at its "
-        "output",
+        "a setting of the law; of --weights predefined_time=S, of a network scale=a,b,... (times "
+        "each state) and of a state dict activation=tanh|relu|... between its layers, after a "
+        "comma at its output",
         _SETTINGS,
     )
     discount: float | None = option(

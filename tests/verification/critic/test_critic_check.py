@@ -31,7 +31,6 @@ from verification import (
     from_weights,
     solve_discounted,
 )
-from verification.critic import diagnosis
 from verification.critic.critic_check import LIMIT, check_discounted
 from verification.critic.critic_errors import box_errors, matrix_errors
 from verification.critic.figures import verdict_figure
@@ -41,13 +40,6 @@ QUADRATIC = basis("quadratic", 6)
 RICHER = pytest.mark.parametrize("name", ["quadratic+linear", "quadratic+quartic", "paper"])
 BOX = np.array(ORDINARY_DEVIATIONS)
 pytestmark = pytest.mark.usefixtures("folder")
-
-
-@pytest.fixture
-def no_cause(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The search for a cause, which takes most of the time and no part in the verdict, is left
-    out."""
-    monkeypatch.setattr(diagnosis, "diagnose", lambda *_: "")
 
 
 def failed(game: Game, candidate: Critic, **how: Any) -> set[str]:
@@ -72,7 +64,9 @@ def test_the_exact_weights_pass_in_every_basis(game: Game, name: str) -> None:
 
 
 def test_the_value_of_a_state_that_costs_nothing_may_be_0() -> None:
-    A, B, Q = np.diag([-1.0, -2.0]), np.array([[1.0], [0.0]]), np.diag([1.0, 0.0])
+    A = np.diag([-1.0, -2.0])
+    B = np.array([[1.0], [0.0]])
+    Q = np.diag([1.0, 0.0])
     game = Game(A=A, B=B, E=np.eye(2), Q=Q, R=np.eye(1), delta=100.0)
     assert value(game)[1, 1] == pytest.approx(0.0, abs=1e-14)
     assert check_critic(game, from_value(game, value(game))).ok
@@ -80,7 +74,8 @@ def test_the_value_of_a_state_that_costs_nothing_may_be_0() -> None:
 
 def test_the_exact_critic_of_a_barely_controllable_plant_passes_and_a_wrong_one_does_not() -> None:
     """Unstable at +0.5, reached by 3e-6: the rounding of P moves the cost."""
-    A, B = np.array([[-0.04, 0.72], [0.72, -0.46]]), np.array([[-0.5999976], [0.8000018]])
+    A = np.array([[-0.04, 0.72], [0.72, -0.46]])
+    B = np.array([[-0.5999976], [0.8000018]])
     game = Game(A, B, np.zeros((2, 1)), np.eye(2), np.eye(1), math.inf)
     assert check_critic(game, from_value(game, value(game))).ok
     assert not check_critic(game, from_value(game, value(game) * (1.0 + 1e-5))).ok
@@ -93,7 +88,6 @@ def test_a_gain_alone_passes_and_shows_no_error_of_a_value(game: Game) -> None:
     assert not any(row.name.startswith(("P_", "riccati")) for row in check.checks)
 
 
-@pytest.mark.usefixtures("no_cause")
 def test_the_limit_is_the_limit(game: Game) -> None:
     P = value(game)
     noise = np.random.default_rng(0).standard_normal(P.shape)
@@ -128,7 +122,8 @@ def rank_deficient_weights(game: Game) -> tuple[np.ndarray, float]:
 
 
 def result_of(game: Game, weights: np.ndarray, rank: int, **settings: float) -> TrainingRun:
-    P, ends = QUADRATIC.matrix(weights), np.array([1.0, 1e-12])
+    P = QUADRATIC.matrix(weights)
+    ends = np.array([1.0, 1e-12])
     richness = Excitation(rank, 21, 50, 1e-3, 1e3, 1e-12)
     rows = np.array([0.0, 1.0]), np.array([1.1 * weights, weights]), ends, ends
     return TrainingRun("certified", "quadratic", *rows, ends, game.gain(P), richness, settings, 0)
@@ -169,7 +164,6 @@ def test_a_run_is_also_checked_for_its_settling_time_computed_anew(
 @pytest.mark.filterwarnings(
     "ignore:Input"
 )  # SciPy, on a Lyapunov equation that rounding makes singular
-@pytest.mark.usefixtures("no_cause")
 def test_critics_that_overflow_or_are_no_numbers_fail(game: Game) -> None:
     for size in (1e40, 1e60, 1e300):  # finite, and P S P is not
         for candidate in (
@@ -215,7 +209,8 @@ def test_wrong_shapes_numbers_that_are_not_real_and_a_game_without_a_solution_ar
 
 def test_the_report_shows_the_entries_that_are_farthest_off(game: Game) -> None:
     """Two wrong entries among 51 are in the table; files have all."""
-    P, K = value(game).copy(), gain(game).copy()
+    P = value(game).copy()
+    K = gain(game).copy()
     P[1, 4] = P[4, 1] = P[1, 4] * 1.01
     K[3, 2] *= 1.01
     report = check_critic(game, replace(from_value(game, P), K=K, feedback=None)).report()
@@ -234,13 +229,13 @@ def test_the_report_shows_the_entries_that_are_farthest_off(game: Game) -> None:
 def game_in(state: float, of_input: float = 1.0) -> Game:
     """A plant of two states and two inputs with numbers near 1, the second of each in other
     units."""
-    u, v = np.array([1.0, state]), np.array([1.0, of_input])
+    u = np.array([1.0, state])
+    v = np.array([1.0, of_input])
     A = np.array([[-1.0, 0.2], [0.1, -1.0]])
     weights = np.diag(u**-2), np.diag(v**-2)
     return Game(A * u[:, None] / u, np.diag(u / v), np.diag(u), *weights, 5.0)
 
 
-@pytest.mark.usefixtures("no_cause")
 @pytest.mark.parametrize(("state", "of_input"), [(1e-8, 1e3), (1e8, 1e-3)])
 def test_a_wrong_part_of_the_gain_or_entry_of_the_value_is_seen(
     state: float, of_input: float
@@ -299,7 +294,8 @@ def test_no_part_of_a_file_hides_another(
 
 
 def test_parts_that_contradict_each_other_or_do_not_fit_are_refused(game: Game) -> None:
-    P, words = value(game), ("verify", *AT_15, "--weights")
+    P = value(game)
+    words = ("verify", *AT_15, "--weights")
     said = hfa(*words, stored("wp.npz", W=(1.0 + 1e-4) * weights_of(P), P=P))
     assert (said.code, said.out) == (BAD_INPUT, "")
     assert said.err == "hfa: wp.npz: W and P are of different values; leave one of them out\n"
@@ -315,7 +311,8 @@ def test_every_weight_beyond_the_quadratic_ones_is_seen(game: Game, name: str) -
     """B has zero rows for pitch and dihedral: a weight of the dihedral changes neither P, nor K,
     nor the policy."""
     functions = basis(name, 6)
-    exact, at_corner = functions.weights(value(game)), functions.scaling(BOX)
+    exact = functions.weights(value(game))
+    at_corner = functions.scaling(BOX)
     for place in range(21, functions.size):
         weights = exact.copy()
         weights[place] = 1e-5 * np.abs(weights * at_corner).sum() / at_corner[place]
@@ -328,7 +325,6 @@ def test_every_weight_beyond_the_quadratic_ones_is_seen(game: Game, name: str) -
     assert failed(game, unseen) >= {"gradient_rel_error", "disturbance_rel_error"}
 
 
-@pytest.mark.usefixtures("no_cause")
 def test_a_wrong_entry_too_small_for_the_norms_is_refused(game: Game) -> None:
     P = value(game).copy()
     P[0, 4] = P[4, 0] = P[0, 4] * (1.0 + 1e-5)
@@ -355,7 +351,9 @@ def test_the_bounds_hold_at_every_state_of_the_box(
 ) -> None:
     """V, its slopes and both policies, sampled in the box: no error exceeds its bound."""
     game = replace(game, E=game.E[:, :disturbances])
-    functions, rng, solution = basis(name, 6), np.random.default_rng(0), solved(game)
+    functions = basis(name, 6)
+    rng = np.random.default_rng(0)
+    solution = solved(game)
     exact = functions.weights(solution.P)
     weights = exact * (1.0 + 0.1 * rng.standard_normal(exact.shape)) + rng.standard_normal(
         exact.shape
@@ -363,7 +361,8 @@ def test_the_bounds_hold_at_every_state_of_the_box(
     found = over_the_box(game, from_weights(game, weights, functions))
     z = rng.choice([-1.0, 1.0, 0.3], size=(2000, 6)) * BOX
     change = weights - exact
-    V, slopes = functions.psi(z) @ change, np.swapaxes(functions.gradient(z), -1, -2) @ change
+    V = functions.psi(z) @ change
+    slopes = np.swapaxes(functions.gradient(z), -1, -2) @ change
     sizes = np.abs(exact) * functions.scaling(BOX)
     assert np.abs(V).max() <= found["value_rel_error"] * sizes.sum()
     assert np.all(
@@ -443,15 +442,21 @@ def test_the_exact_discounted_critic_passes_and_planted_mistakes_are_named(game:
 def test_the_cost_lost_is_that_of_the_steps_summed_up(game: Game) -> None:
     """Under w = L x, from the worst start among many: the sum of 3000 steps."""
     exact = solve_discounted(game, DISCOUNT, DT)
-    step, K, rng = exact.game, 1.1 * exact.K, np.random.default_rng(0)
+    step = exact.game
+    K = 1.1 * exact.K
+    rng = np.random.default_rng(0)
     check = check_discounted(game, from_gain(game, K), DISCOUNT, DT)
     x = np.linalg.solve(np.linalg.cholesky(exact.P).T, rng.normal(size=(6, 1000)))
-    V, J, factor = np.sum(x * (exact.P @ x), axis=0), np.zeros(1000), 1.0
+    V = np.sum(x * (exact.P @ x), axis=0)
+    J = np.zeros(1000)
+    factor = 1.0
     for _ in range(3000):
-        u, w = -K @ x, exact.disturbance_gain @ x
+        u = -K @ x
+        w = exact.disturbance_gain @ x
         paid = np.sum(x * (step.Q @ x), axis=0) + np.sum(u * (step.R @ u), axis=0)
         J += factor * (paid - step.delta**2 * np.sum(w * w, axis=0))
-        x, factor = step.A @ x + step.B @ u + step.E @ w, factor * DISCOUNT
+        x = step.A @ x + step.B @ u + step.E @ w
+        factor *= DISCOUNT
     lost = 100.0 * (J / V - 1.0)
     assert 0.7 * check.cost_lost < lost.max() <= check.cost_lost * (1 + 1e-6)
 
