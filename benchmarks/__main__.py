@@ -13,7 +13,7 @@ from multiprocessing import get_context
 
 from benchmarks import report
 
-SUBJECTS = ("models", "flight", "scale")
+SUBJECTS = ("models", "flight", "scale", "jsbsim")
 
 
 def main(words: list[str] | None = None) -> int:

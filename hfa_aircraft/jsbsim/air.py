@@ -88,12 +88,17 @@ def pitot_pressure(mach: Any, pressure: Any) -> Any:
 def mach_of_pitot(impact_pressure: Any, pressure: Any) -> Any:
     """The Mach number at which a pitot tube shows this pressure above the static one."""
     ratio = impact_pressure / pressure + 1.0
-    subsonic = ca.sqrt(5.0 * (ratio ** (2.0 / 7.0) - 1.0))
+    subsonic = _subsonic_mach(ratio)
     coefficient = 1.2 ** (-0.25 * 7.0) * (1.2 / 1.4) ** (-0.5 * 2.5)
     supersonic = ca.fmax(subsonic, 1.0)
     for _ in range(10):
         supersonic = coefficient * ca.sqrt(ratio * (1.0 - 1.0 / (7.0 * supersonic**2)) ** 2.5)
     return ca.if_else(subsonic > 1.0, supersonic, subsonic)
+
+
+def _subsonic_mach(ratio: Any) -> Any:
+    """The Mach number, at most 1, at a ratio of total to static pressure."""
+    return ca.sqrt(5.0 * (ratio ** (2.0 / 7.0) - 1.0))
 
 
 def calibrated_speed(mach: Any, pressure: Any) -> Any:
@@ -106,6 +111,12 @@ def mach_of_calibrated(speed: Any, pressure: Any) -> Any:
     """The Mach number at a calibrated airspeed, ft/s."""
     impact = pitot_pressure(speed / SEA_LEVEL.sound, _SEA_LEVEL_PRESSURE) - _SEA_LEVEL_PRESSURE
     return mach_of_pitot(impact, pressure)
+
+
+def subsonic_mach_of_calibrated(speed: Any, pressure: Any) -> Any:
+    """The same where calibrated airspeed and Mach number are below those of sound."""
+    total = (1.0 + 0.2 * (speed / SEA_LEVEL.sound) ** 2) ** 3.5
+    return _subsonic_mach((total - 1.0) * _SEA_LEVEL_PRESSURE / pressure + 1.0)
 
 
 @dataclass(frozen=True)

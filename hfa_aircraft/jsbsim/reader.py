@@ -6,14 +6,20 @@ import importlib.util
 import math
 import os
 from collections.abc import Callable, Mapping
-from functools import partial
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
-from hfa_aircraft.jsbsim.air import KNOT, SEA_LEVEL, air_at, mach_of_calibrated
+from hfa_aircraft.jsbsim.air import (
+    KNOT,
+    SEA_LEVEL,
+    air_at,
+    mach_of_calibrated,
+    subsonic_mach_of_calibrated,
+)
 from hfa_aircraft.jsbsim.aircraft import STATES, Equations, Parts
 from hfa_aircraft.jsbsim.airframe import SLUG_TO_LB
 from hfa_aircraft.jsbsim.engines import EngineFile
@@ -204,7 +210,7 @@ class _Declaration:
             "roll": angle,
             "pitch": Signal("rad", 0.1, -1.55, 1.55, 0.05),
             "yaw": Signal("rad", 0.1),
-            "altitude": Signal("ft", 1000.0, -1000.0, 150000.0, 5000.0),
+            "altitude": Signal("ft", 10000.0, -1000.0, 150000.0, 5000.0),
         }
         ordered = {name: signals[name] for name in STATES}
         for file in self.parts.engines:
@@ -319,7 +325,7 @@ class _Declaration:
                 speed = _true_speed(imposed, altitude)
             if speed is None or np.min(speed) <= 0.0:
                 return {}
-            density = _numbers(air_at(ca.DM(altitude)).density)
+            density = _at("density", 0.0, altitude)
             lift = 0.5 * (usual_speed / speed) ** 2 * SEA_LEVEL.density / density
             alpha = np.clip(0.2 * (lift - 0.25), -0.05, 0.25)
             values = {"speed": speed, "alpha": alpha, "pitch": alpha + imposed.get("gamma", 0.0)}
@@ -331,22 +337,40 @@ class _Declaration:
         return begin
 
 
-def _numbers(value: Any) -> Any:
-    """A number, or an array, of CasADi's column."""
-    array = ca.DM(value).full().ravel()
-    return float(array[0]) if array.size == 1 else array
-
-
 def _true_speed(imposed: Mapping[str, Any], altitude: Any) -> Any:
     """True speed, ft/s, of imposed Mach numbers or calibrated airspeeds; None without them."""
-    air = air_at(ca.DM(altitude))
     if "mach" in imposed:
-        mach: Any = ca.DM(imposed["mach"])
-    elif "kcas" in imposed:
-        mach = mach_of_calibrated(ca.DM(imposed["kcas"]) * KNOT, air.pressure)
-    else:
+        return _at("sound", 0.0, altitude) * imposed["mach"]
+    if "kcas" not in imposed:
         return None
-    return _numbers(mach * air.sound)
+    mach = _at("subsonic", imposed["kcas"], altitude)
+    if np.max(mach) > 1.0:
+        mach = _at("mach", imposed["kcas"], altitude)
+    return mach * _at("sound", 0.0, altitude)
+
+
+@lru_cache
+def _functions() -> dict[str, ca.Function]:
+    """(calibrated airspeed in kt, altitude in ft) -> Mach number, that below 1 alone, speed of
+    sound, ft/s, density, slug/ft^3."""
+    speed = ca.SX.sym("speed")
+    altitude = ca.SX.sym("altitude")
+    air = air_at(altitude)
+    results = {
+        "mach": mach_of_calibrated(speed * KNOT, air.pressure),
+        "subsonic": subsonic_mach_of_calibrated(speed * KNOT, air.pressure),
+        "sound": air.sound,
+        "density": air.density,
+    }
+    return {
+        name: ca.Function("air", [speed, altitude], [result]) for name, result in results.items()
+    }
+
+
+def _at(name: str, speed: Any, altitude: Any) -> Any:
+    """One of `_functions` at numbers, or at arrays of one length."""
+    array = _functions()[name](np.atleast_2d(speed), np.atleast_2d(altitude)).full().ravel()
+    return float(array[0]) if array.size == 1 else array
 
 
 def _rpm(file: EngineFile) -> Signal:

@@ -1,28 +1,133 @@
-"""Trims of JSBSim's own aircraft, where the package jsbsim is installed."""
+"""Trims and linear models of JSBSim's own aircraft, and why some have none."""
 
 import importlib.util
+import re
 
+import numpy as np
 import pytest
+from small_aircraft import glider, written
 
 from hfa_aircraft.loading import load_model
-from trim import find_operating_point
+from hfa_support import BadInputError
+from trim import find_operating_point, linearize
 from trim.point.condition import release, usual_condition
+from trim.point.reasons import explained
+from trim.point.solve import TrimError
+from trim.sweeps.points import TRIMMED, trim_points
 
-pytestmark = pytest.mark.skipif(
+needs_jsbsim = pytest.mark.skipif(
     importlib.util.find_spec("jsbsim") is None, reason="JSBSim's data are not installed"
 )
 
 
+def condition_of(model, **held):
+    return release(usual_condition(model), hold=held)
+
+
+@needs_jsbsim
 @pytest.mark.parametrize(
     ("name", "kcas", "altitude"),
     [("737", 250.0, 15000.0), ("c172p", 90.0, 5000.0), ("sgs126", 60.0, 3000.0)],
 )
 def test_a_jet_a_propeller_aircraft_and_a_glider_fly_at_a_calibrated_speed(name, kcas, altitude):
     model = load_model(f"jsbsim:{name}")
-    condition = release(usual_condition(model), hold={"kcas": kcas, "altitude": altitude})
-    point = find_operating_point(model, condition)
+    point = find_operating_point(model, condition_of(model, kcas=kcas, altitude=altitude))
     outputs = model.outputs_at(point.states, point.inputs)
-    assert point.status == "trimmed"
-    assert outputs["kcas"] == pytest.approx(kcas, abs=1e-6)
-    level = "throttle" in model.inputs
-    assert outputs["gamma"] == pytest.approx(0.0, abs=1e-9) if level else outputs["gamma"] < -0.02
+    assert outputs["kcas"] == pytest.approx(kcas, abs=1e-9)
+    if "throttle" in model.inputs:
+        assert outputs["gamma"] == pytest.approx(0.0, abs=1e-9)
+    else:
+        assert outputs["gamma"] < -0.02
+
+
+@needs_jsbsim
+def test_speed_kcas_and_mach_are_alternatives():
+    model = load_model("jsbsim:737")
+    first = find_operating_point(model, condition_of(model, altitude=20000.0, kcas=250.0))
+    speeds = [first.states.speed]
+    mach = model.outputs_at(first.states, first.inputs)["mach"]
+    for held in ({"mach": mach}, {"speed": speeds[0]}):
+        point = find_operating_point(model, condition_of(model, altitude=20000.0, **held))
+        speeds.append(point.states.speed)
+    assert speeds == pytest.approx([speeds[0]] * 3, rel=1e-12)
+    grid = np.array([[250.0, 20000.0], [260.0, 18000.0]])
+    swept = trim_points(model, ("kcas", "altitude"), grid)
+    assert (swept.status == TRIMMED).all()
+    assert swept.states[0, 0] == pytest.approx(speeds[0], rel=1e-12)
+
+
+@needs_jsbsim
+def test_the_speed_of_the_propeller_is_a_mode():
+    model = load_model("jsbsim:c172p")
+    point = find_operating_point(model, condition_of(model, kcas=90.0, altitude=5000.0))
+    linear = linearize(model, point)
+    modes = {mode.name: mode for mode in linear.modes}
+    assert {"phugoid", "dutch roll", "short period", "roll", "spiral"} <= set(modes)
+    rate = min(np.linalg.eigvals(linear.A).real, key=lambda value: abs(value + 1.75))
+    assert rate == pytest.approx(-1.7517, abs=1e-3)
+
+
+@needs_jsbsim
+def test_a_governed_propeller_may_rest_at_the_limit_of_its_blades():
+    model = load_model("jsbsim:c182")
+    fast = find_operating_point(model, condition_of(model, kcas=110.0, altitude=5000.0))
+    slow = find_operating_point(model, condition_of(model, kcas=60.0, altitude=1000.0))
+    assert fast.states.rpm0 == pytest.approx(2400.0)
+    assert slow.states.rpm0 < 2400.0
+    assert slow.states.blade0 == pytest.approx(model.states["blade0"].min, abs=1e-9)
+
+
+@needs_jsbsim
+@pytest.mark.parametrize(
+    ("name", "held", "reason"),
+    [
+        (
+            "B17",
+            {"kcas": 130.0, "altitude": 5000.0},
+            r"full throttle gives 1563 lb from 4 x 520 hp: 214\d of 370\d lb of thrust missing",
+        ),
+        (
+            "B747",
+            {"kcas": 75.0, "altitude": 1000.0},
+            r"the greatest lift is 2\d % of the weight, at alpha 13.5 deg",
+        ),
+        (
+            "C130",
+            {"kcas": 160.0, "altitude": 8000.0},
+            r"4 x 13 hp: .*; t56 is a turbine engine on a propeller; its thrust is taken as power",
+        ),
+    ],
+)
+def test_a_trim_that_does_not_exist_says_why(name, held, reason):
+    model = load_model(f"jsbsim:{name}")
+    condition = condition_of(model, **held)
+    with pytest.raises(TrimError) as caught:
+        find_operating_point(model, condition)
+    message = str(explained(caught.value, model, condition))
+    assert re.search(f"^no trim: .*{reason}", message)
+    assert "\n" not in message
+
+
+@needs_jsbsim
+def test_an_empty_tank_is_noted():
+    model = load_model("jsbsim:X15")
+    assert any("tank of" in note and "is empty: glide" in note for note in model.notes)
+    assert "gamma" not in model.trim
+
+
+def test_a_model_without_reasons_keeps_its_message(tmp_path):
+    model = load_model(written(tmp_path, glider()))
+    condition = condition_of(model, speed=15.0)
+    with pytest.raises(TrimError) as caught:
+        find_operating_point(model, condition)
+    assert "greatest lift" in str(explained(caught.value, model, condition))
+
+
+def test_an_aircraft_that_is_not_there_is_named(monkeypatch, tmp_path):
+    monkeypatch.setenv("JSBSIM_ROOT", str(tmp_path))
+    with pytest.raises(BadInputError, match="it holds no folder aircraft"):
+        load_model("jsbsim:737")
+    written(tmp_path, glider())
+    with pytest.raises(BadInputError, match="no aircraft of JSBSim '737'; choose from glider"):
+        load_model("jsbsim:737")
+    assert load_model("jsbsim:glider").name == "glider"
