@@ -340,13 +340,14 @@ def running(*words: str, folder: Path) -> Iterator[subprocess.Popen[str]]:
 @pytest.mark.parametrize("lost", ["scheduler", "worker"])
 def test_what_is_lost_of_a_cluster_costs_no_result(tmp_path: Path, lost: str) -> None:
     pytest.importorskip("distributed")
-    dask, known = str(Path(sys.executable).with_name("dask")), tmp_path / "scheduler.json"
+    dask = (sys.executable, "-m", "dask")
+    known = tmp_path / "scheduler.json"
     whole = tmp_path / "whole"
     whole.mkdir()
     undisturbed = hfa_process(*WORDS, folder=whole)
-    scheduler = (dask, "scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard")
+    scheduler = (*dask, "scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard")
     worker = (
-        dask,
+        *dask,
         "worker",
         "--scheduler-file",
         str(known),
