@@ -106,24 +106,24 @@ def fill_store(
 
     BadInputError when the store exists, or is not one of this job and version.
     """
-    place = path.resolve()
+    store = path.resolve()
     chunks = -(-job.rows // job.chunk)
     with open_workers(workers) as run:
         if resume:
-            _refuse_another(place, job)
-            missing = _missing_chunks(place, job, chunks)
+            _refuse_another(store, job)
+            missing = _missing_chunks(store, job, chunks)
         else:
-            _create(place, job, provenance)
+            _create(store, job, provenance)
             missing = list(range(chunks))
         done = chunks - len(missing)
         if progress is not None and missing:
             progress(done, chunks)  # the first chunk may take a while: code is compiled
         # Processes of this machine write their chunks; from a cluster the rows come back.
-        target = None if isinstance(workers, str) else place
+        target = None if isinstance(workers, str) else store
         tasks = ((number, _task(job, number, target)) for number in missing)
         for number, results in run(_compute_chunk, tasks):
             if results is not None:
-                _write(place, job.rows_of(number), results)
+                _write(store, job.rows_of(number), results)
             done += 1
             if progress is not None:
                 progress(done, chunks)

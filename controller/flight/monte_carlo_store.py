@@ -26,7 +26,7 @@ def chunk_of(plan: MonteCarlo) -> int:
     return min(-(-CHUNK_STEPS // steps), plan.members)
 
 
-def fly_all(
+def run_monte_carlo(
     plan: MonteCarlo, workers: int | str = 1, progress: Progress | None = None
 ) -> Mapping[str, np.ndarray]:
     """What is kept of every member (`KEPT`), in memory: name -> an array, a row a member.

@@ -75,7 +75,7 @@ def _fly_members(request: FlyRequest) -> int:
     """The members of --samples; the exit code, 1 when none stayed within its limits."""
     from controller.flight.monte_carlo import MonteCarlo
     from controller.flight.monte_carlo_report import member_report
-    from controller.flight.monte_carlo_store import fly_all, stream_members
+    from controller.flight.monte_carlo_store import run_monte_carlo, stream_members
 
     assert request.samples is not None
     target = request.output
@@ -88,7 +88,7 @@ def _fly_members(request: FlyRequest) -> int:
     plan = MonteCarlo(request.samples, request.seed, *request.flight())
     progress = ProgressLine("simulate")
     if target is None:
-        members = fly_all(plan, request.workers, progress)
+        members = run_monte_carlo(plan, request.workers, progress)
         report = member_report(plan, members.__getitem__, "members not kept")
     else:
         dataset = stream_members(

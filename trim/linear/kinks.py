@@ -40,8 +40,12 @@ class Smoothed(NamedTuple):
 def with_means_at_kinks(
     model: Model, x: np.ndarray, u: np.ndarray, p: np.ndarray, A: np.ndarray, B: np.ndarray
 ) -> Smoothed:
-    """A and B, (N, n, n) and (N, n, m), corrected at states x (N, n), inputs u (N, m) and parameters
-    p (N, k).
+    """A and B with the means of both slopes at kinks.
+
+    x: (N, n), states.
+    u: (N, m), inputs.
+    p: (N, k), parameters.
+    A: (N, n, n), B: (N, n, m), the derivatives there.
 
     An entry is at a kink where the slopes to the sides, by differences, are smooth and differ from
     the derivative; it becomes their mean. Where the rate itself jumps the entry stays, with a note.

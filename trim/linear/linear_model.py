@@ -31,6 +31,15 @@ _SINGULAR = 1e12
 _LENGTHS = ("ft", "m", "km", "nmi", "mi", "in", "cm", "mm")
 
 
+class _Kept(NamedTuple):
+    """What is kept of a model of fewer states, by number: states, states that follow the others at
+    once, outputs."""
+
+    rows: list[int]
+    following: list[int]
+    outputs: list[int]
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class LinearModel(ByValue, Reported):
     """x' = A x + B u + E w, y - Y0 = C x + D u + F w with x = X - X0, u = U - U0 (paper Eq. 9).
@@ -119,9 +128,10 @@ class LinearModel(ByValue, Reported):
         if self.outputs == self.states:
             outputs = rows
         disturbances = list(range(len(self.disturbances)))
-        A, C = self._reduced(self.A, self.C, rows, following, outputs, rows)
-        B, D = self._reduced(self.B, self.D, rows, following, outputs, columns)
-        E, F = self._reduced(self.E, self.F, rows, following, outputs, disturbances)
+        kept = _Kept(rows, following, outputs)
+        A, C = self._reduced(self.A, self.C, kept, rows)
+        B, D = self._reduced(self.B, self.D, kept, columns)
+        E, F = self._reduced(self.E, self.F, kept, disturbances)
         return replace(
             self,
             A=A,
@@ -137,16 +147,11 @@ class LinearModel(ByValue, Reported):
         )
 
     def _reduced(
-        self,
-        of_rates: np.ndarray,
-        of_outputs: np.ndarray,
-        rows: list[int],
-        following: list[int],
-        outputs: list[int],
-        columns: list[int],
+        self, of_rates: np.ndarray, of_outputs: np.ndarray, kept: _Kept, columns: list[int]
     ) -> tuple[np.ndarray, np.ndarray]:
         """The rows and columns that are kept of A and C, of B and D or of E and F, with what the
         states that follow at once add. BadInputError when their rates do not determine them."""
+        rows, following, outputs = kept
         rates = of_rates[:, columns]
         shown = of_outputs[np.ix_(outputs, columns)]
         if not following:
@@ -318,9 +323,9 @@ def linear_model_report(model: LinearModel) -> Report:
     equations = "x' = A x + B u, "
     if "C" in matrix_names:
         equations += "y = C x + D u, "
-    place = ", ".join(word for word in (at_scheduled(point), point.called) if word)
+    where = ", ".join(word for word in (at_scheduled(point), point.called) if word)
     title = (
-        f"Linear model {place} ({equations}x = X - X0, u = U - U0)\n"
+        f"Linear model {where} ({equations}x = X - X0, u = U - U0)\n"
         f"{', '.join(matrix_names[:-1])} and {matrix_names[-1]} in {units_in_words(model)}; the "
         "offsets X0 and U0 in the units next to them"
     )

@@ -61,9 +61,9 @@ def modes_of(
     fall to one family, the faster is called "fast", the slower "slow".
     """
     eigenvalues, right = np.linalg.eig(A)
-    left = np.linalg.pinv(right)
-    eigenvalues = _without_rounding(eigenvalues, A, right, left)
-    weights = np.abs(right * left.T)
+    inverse = np.linalg.pinv(right)
+    eigenvalues = _without_rounding(eigenvalues, A, right, inverse)
+    weights = np.abs(right * inverse.T)
     shares = weights / weights.sum(axis=0)
     in_families = {state for members in families.values() for state in members}
     alone = {state: (state,) for state in states if state not in in_families}

@@ -92,8 +92,8 @@ def _template(plan: SweepPlan) -> Any:
 
     coordinates: dict[str, Any] = dict(labels_of(model, rates=states))
     for name, unit in zip(plan.variables, plan.units, strict=True):
-        about = {"long_name": "what is varied", "units": unit}
-        coordinates[name] = array_of_rows((_POINT,), (plan.count,), np.nan, chunk, about)
+        varied = {"long_name": "what is varied", "units": unit}
+        coordinates[name] = array_of_rows((_POINT,), (plan.count,), np.nan, chunk, varied)
     attributes = {
         "schema": "hfa.sweep-store/2",
         **plan.varied,

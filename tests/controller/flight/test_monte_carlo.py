@@ -25,7 +25,7 @@ from controller import (
 from controller.flight import monte_carlo_store
 from controller.flight.monte_carlo import fly_member, fly_members, member_row
 from controller.flight.monte_carlo_report import member_report
-from controller.flight.monte_carlo_store import chunk_of, fly_all, stream_members
+from controller.flight.monte_carlo_store import chunk_of, run_monte_carlo, stream_members
 from controller.flight.scenario import with_errors
 from controller.flight.signals import zero
 from hfa_model import LINEAR_STATES, STATES, Input, Parameters, State
@@ -147,7 +147,7 @@ def test_a_member_that_leaves_its_envelope_ends_there(plan: MonteCarlo) -> None:
     assert 0.0 < departure.time < away.scenario.duration
     assert departure.state in ("pitch_rate", "angle_of_attack")
     assert_same_flight(away, 0)
-    data = member_report(away, fly_all(away).__getitem__).data
+    data = member_report(away, run_monte_carlo(away).__getitem__).data
     assert (data["held"], data["first_left"], set(data["effort"].values())) == (
         0,
         departure.time,
@@ -249,7 +249,7 @@ def test_chunks_workers_and_their_order_do_not_matter(
     assert chunk_of(six) == 4
     whole = fly_members(plan, 0, 6)
     late = fly_members(plan, 4, 6)
-    in_memory = fly_all(six, workers)
+    in_memory = run_monte_carlo(six, workers)
     dataset = stream_members(six, tmp_path / "a.zarr", workers=workers)
     for name, values in whole.items():
         np.testing.assert_array_equal(late[name], values[4:])
@@ -268,7 +268,7 @@ def test_members_beyond_their_control_limits_are_counted_and_the_input_is_named(
     start = np.zeros(7)
     start[0] = 0.35
     pushed = replace(with_scenario(plan, initial=start, uncertainty=Uncertainty()), members=2)
-    found = member_report(pushed, fly_all(pushed).__getitem__)
+    found = member_report(pushed, run_monte_carlo(pushed).__getitem__)
     assert (
         found.data["held"],
         found.data["within_limits"],
