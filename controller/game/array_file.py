@@ -59,9 +59,9 @@ def read_arrays(path: str | Path) -> dict[str, Any]:
     except BadInputError:
         raise
     except Exception as error:  # a damaged file makes the readers raise nearly anything
-        said = (str(error).splitlines() or [type(error).__name__])[0]
+        reason = (str(error).splitlines() or [type(error).__name__])[0]
         raise BadInputError(
-            f"{path}: cannot be read as {suffix} ({shortened(said, 200)})"
+            f"{path}: cannot be read as {suffix} ({shortened(reason, 200)})"
         ) from error
 
 
@@ -78,19 +78,19 @@ def _npz(path: Path) -> dict[str, Any]:
             raise ValueError(f"it unpacks to more than {LARGEST >> 20} MiB")
         file.seek(0)
         with np.load(file, allow_pickle=False) as arrays:
-            found = {key: arrays[key] for key in arrays.files}
-    for array in found.values():
+            entries = {key: arrays[key] for key in arrays.files}
+    for array in entries.values():
         if array.dtype.kind == "U":
             array.tolist()  # ValueError for letters beyond Unicode
-    return found
+    return entries
 
 
 def _npy(path: Path) -> dict[str, Any]:
     if path.stem not in (*PLANT, *CRITIC):
         return {UNKNOWN: np.load(regular_file(path), allow_pickle=False)}
     return {
-        name: np.load(regular_file(each), allow_pickle=False)
-        for name, each in _beside(path).items()
+        name: np.load(regular_file(file), allow_pickle=False)
+        for name, file in _beside(path).items()
     }
 
 
@@ -102,16 +102,18 @@ def _mat(path: Path) -> dict[str, Any]:
     except subprocess.TimeoutExpired as error:
         raise ValueError(f"reading it takes longer than {_LONGEST:g} s") from error
     if done.returncode:
-        said = done.stderr.decode("utf-8", "replace").strip() if done.returncode == 1 else ""
-        raise ValueError(said or "it is damaged: SciPy crashes on it")
-    found: dict[str, Any] = {}
+        message = ""
+        if done.returncode == 1:
+            message = done.stderr.decode("utf-8", "replace").strip()
+        raise ValueError(message or "it is damaged: SciPy crashes on it")
+    entries: dict[str, Any] = {}
     with np.load(io.BytesIO(done.stdout), allow_pickle=False) as arrays:
-        for place, (*above, name) in enumerate(json.loads(str(arrays["paths"]))):
-            inside = found
-            for each in above:
-                inside = inside.setdefault(each, {})
-            inside[name] = arrays[str(place)]
-    return found
+        for number, (*structures, name) in enumerate(json.loads(str(arrays["paths"]))):
+            inside = entries
+            for structure in structures:
+                inside = inside.setdefault(structure, {})
+            inside[name] = arrays[str(number)]
+    return entries
 
 
 def _beside(path: Path) -> dict[str, Path]:
@@ -119,17 +121,20 @@ def _beside(path: Path) -> dict[str, Path]:
     if path.stem not in (*PLANT[:1], *CRITIC):
         called = "a .csv holds one matrix and has its name, A with B beside it, or K, P, W"
         raise ValueError(f"{called}; use .json, .npz or .mat for a table of entries or times")
-    others = [path.with_name(name + path.suffix) for name in PLANT] if path.stem == "A" else []
-    return {
-        path.stem: path,
-        **{each.stem: each for each in others if each.is_file() and each != path},
-    }
+    files = {path.stem: path}
+    if path.stem == "A":
+        for name in PLANT:
+            file = path.with_name(name + path.suffix)
+            if file.is_file():
+                files.setdefault(name, file)
+    return files
 
 
 def _csv(path: Path) -> dict[str, Any]:
-    sides, matrices = {}, {}
-    for name, each in _beside(path).items():
-        matrices[name], *sides[name] = _table(name, each)
+    sides: dict[str, list[list[str]]] = {}
+    matrices = {}
+    for name, file in _beside(path).items():
+        matrices[name], *sides[name] = _table(name, file)
     return _named(sides) | matrices
 
 
@@ -142,8 +147,11 @@ def _table(name: str, path: Path) -> tuple[np.ndarray, list[str], list[str]]:
     if any(map(_is_number, beside)):
         beside = []
     if beside:
-        rows, columns = [row[1:] for row in rows], columns[1:]
-    widths = {len(row) for row in (*rows, *[columns] * bool(columns))}
+        rows = [row[1:] for row in rows]
+        columns = columns[1:]
+    widths = {len(row) for row in rows}
+    if columns:
+        widths.add(len(columns))
     if not rows or len(widths) > 1:
         cells = " and of ".join(map(str, sorted(widths)))
         raise ValueError(f"{name} has rows of {cells} cells" if rows else f"{name} has no numbers")
@@ -160,23 +168,24 @@ def _named(sides: Mapping[str, list[list[str]]]) -> dict[str, list[str]]:
         ]
         for name, both in sides.items()
     }
-    A, B = parts.get("A", [[], []]), parts.get("B", [[], []])
-    found = {}
+    A = parts.get("A", [[], []])
+    B = parts.get("B", [[], []])
+    names = {}
     for kind, pairs in (("state", A[0] or A[1]), ("input", B[1])):
         if pairs:
-            found[f"{kind}s"] = [name for name, _ in pairs]
+            names[f"{kind}s"] = [name for name, _ in pairs]
         if pairs and all(unit for _, unit in pairs):
-            found[f"{kind}_units"] = [unit for _, unit in pairs]
-    known = found.get("states", [])
+            names[f"{kind}_units"] = [unit for _, unit in pairs]
+    of_A = names.get("states", [])
     for matrix, both in parts.items():
         for side in _STATES.get(matrix, ()):
             here = [name for name, _ in both[side]]
-            if here != known and sorted(here) == sorted(known):
+            if here != of_A and sorted(here) == sorted(of_A):
                 where = f"the {('rows', 'columns')[side]} of {matrix}"
                 raise ValueError(
-                    f"{where} are {', '.join(here)} and A has {', '.join(known)}; give one order"
+                    f"{where} are {', '.join(here)} and A has {', '.join(of_A)}; give one order"
                 )
-    return found
+    return names
 
 
 def _is_number(text: str) -> bool:

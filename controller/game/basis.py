@@ -77,10 +77,13 @@ class Basis(Shown):
 
     def weight_units(self, state_units: tuple[str, ...]) -> list[str]:
         """Of each weight, V having none: 1/((ft/s) (rad))."""
-        return [
-            f"1/({' '.join(f'({unit})' for unit, power in zip(state_units, row, strict=True) for _ in range(power))})"
-            for row in self.exponents.tolist()
-        ]
+        units = []
+        for row in self.exponents.tolist():
+            factors: list[str] = []
+            for unit, power in zip(state_units, row, strict=True):
+                factors += power * [f"({unit})"]
+            units.append(f"1/({' '.join(factors)})")
+        return units
 
 
 def basis(name: str, states: int) -> Basis:
@@ -95,7 +98,8 @@ def basis(name: str, states: int) -> Basis:
     refuse_unknown("unknown basis", name, BASES)
     if states < 1:
         raise BadInputError(f"a basis needs at least 1 state, not {states}")
-    unit, (row, column) = np.eye(states, dtype=int), np.triu_indices(states)
+    unit = np.eye(states, dtype=int)
+    row, column = np.triu_indices(states)
     exponents = np.vstack([unit[row] + unit[column], BASES[name](states)])
     exponents.setflags(write=False)
     return Basis(name, exponents)

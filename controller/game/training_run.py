@@ -131,12 +131,13 @@ class TrainingRun(Reported):
             data["weight_units"] = weight_units
         if history:
             data |= rows_over_time
-        found = self.excitation
+        data_rank = self.excitation
         settled = f"{self.settling_time:.4g} s" if math.isfinite(self.settling_time) else "not"
         parts: list[Any] = [
             f"Residual settled: {settled}; last residual {self.residual_norm[-1]:.3g}",
-            f"Data: {found.samples} samples, rank {found.rank} of {found.size}, smallest eigenvalue"
-            f" of Sigma {found.smallest_eigenvalue:.3g}, condition {found.condition:.3g}",
+            f"Data: {data_rank.samples} samples, rank {data_rank.rank} of {data_rank.size},"
+            f" smallest eigenvalue of Sigma {data_rank.smallest_eigenvalue:.3g},"
+            f" condition {data_rank.condition:.3g}",
             matrix_table("P", states, states, self.P),
             matrix_table("K", inputs, states, self.K),
         ]

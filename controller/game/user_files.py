@@ -240,8 +240,8 @@ def _unused(stored: Mapping[str, Any]) -> list[str]:
     schema = "".join(words(stored, "schema")[:1])
     if not unused or schema.startswith("hfa."):
         return []
-    known = ", ".join(MODEL_KEYS)
-    return [f"{shortened(', '.join(unused), 200)} not used; a model file holds {known}"]
+    keys = ", ".join(MODEL_KEYS)
+    return [f"{shortened(', '.join(unused), 200)} not used; a model file holds {keys}"]
 
 
 def _names(
@@ -276,19 +276,17 @@ def _completed(parts: dict[str, Any], defaults: Defaults, notes: list[str]) -> G
     if missing:
         taken = ", ".join(f"{key} {described[key]}" for key in missing)
         notes.append(f"there is no {', '.join(missing)}; taken: {taken}")
-    found = values | parts
-    return Game(**found | {"delta": one_number("delta", found["delta"])})
+    complete = values | parts
+    return Game(**complete | {"delta": one_number("delta", complete["delta"])})
 
 
 def _provenance(stored: dict[str, Any]) -> dict[str, str]:
     """Texts of the provenance block: of JSON and .mat a structure, of .npz entries
     `provenance.version` and so on."""
     block = stored.get("provenance", {})
-    found = dict(block) if isinstance(block, dict) else {}
-    found |= {
-        key.removeprefix("provenance."): stored[key]
-        for key in stored
-        if key.startswith("provenance.")
-    }
-    texts = {name: words(found, name) for name in found}
-    return {name: said[0] for name, said in texts.items() if len(said) == 1 and said[0]}
+    entries = dict(block) if isinstance(block, dict) else {}
+    for key in stored:
+        if key.startswith("provenance."):
+            entries[key.removeprefix("provenance.")] = stored[key]
+    texts = {name: words(entries, name) for name in entries}
+    return {name: text[0] for name, text in texts.items() if len(text) == 1 and text[0]}

@@ -97,7 +97,8 @@ class Game(ByValue, Shown):
         if K.shape != (m, n):
             hint = ": give its transpose" if K.shape == (n, m) else ""
             raise BadInputError(
-                f"K is {shape_text(K.shape)}; on a plant with {n} states and {m} inputs it must be {m} x {n}{hint}"
+                f"K is {shape_text(K.shape)}; on a plant with {n} states and {m} inputs it must be"
+                f" {m} x {n}{hint}"
             )
         return K
 

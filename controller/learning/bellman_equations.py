@@ -27,7 +27,8 @@ class PartialGame(NamedTuple):
 
 
 #: The LQ problem without discount, and the game itself.
-LQ, GAME = PartialGame(0.0, 0.0), PartialGame(0.0, 1.0)
+LQ = PartialGame(0.0, 0.0)
+GAME = PartialGame(0.0, 1.0)
 
 
 class Residuals(NamedTuple):
@@ -72,7 +73,8 @@ class StackEquations:
     @classmethod
     def build(cls, game: Game, basis: Basis, stack: Stack, scales: np.ndarray) -> StackEquations:
         """The equations of a stack; from the game only B, E, Q, R and δ are read, never A."""
-        states, drifts = stack.states / scales, stack.drifts / scales
+        states = stack.states / scales
+        drifts = stack.drifts / scales
         outer = np.outer(scales, scales)
         return cls(
             basis=basis,
@@ -97,17 +99,18 @@ class StackEquations:
 
         The last answer is kept: a law asks for the same weights several times a tick.
         """
-        asked, of, found = self._last
-        if asked is weights and of == problem:
-            return found
+        last_weights, last_problem, last_residuals = self._last
+        if last_weights is weights and last_problem == problem:
+            return last_residuals
         pushed, policy_cost = self._policies(self.states @ self.basis.matrix(weights), problem)
         regressors = self.along(self.drifts - problem.discount * self.states - pushed)
-        change, cost = regressors @ weights, self.state_cost
-        found = Residuals(
+        change = regressors @ weights
+        cost = self.state_cost
+        residuals = Residuals(
             regressors, change + cost + policy_cost, np.abs(change) + cost + np.abs(policy_cost)
         )
-        self._last[:] = weights, problem, found
-        return found
+        self._last[:] = weights, problem, residuals
+        return residuals
 
     @cached_property
     def _last(self) -> list[Any]:
@@ -125,7 +128,8 @@ class StackEquations:
         """S_s ½∇V, (N_h, n), and ½∇V' S_s ½∇V, (N_h,): what both extremals do to the state, and
         what they cost."""
         inputs = half_gradient @ self.control
-        pushed, cost = inputs @ self.control.T, _squares(inputs)
+        pushed = inputs @ self.control.T
+        cost = _squares(inputs)
         if problem.share == 0.0:
             return pushed, cost
         gusts = half_gradient @ self.disturbance
@@ -186,7 +190,8 @@ class StackEquations:
         e, in [0, 1]: it tells a settled critic; against z'Qz alone, rounding would never count as
         settled where Q is small compared with the value."""
         gradient = np.einsum("jmi,m->ji", self.gradient, weights)
-        change, cost = gradient * self.drifts, self.state_cost
+        change = gradient * self.drifts
+        cost = self.state_cost
         _, policy_cost = self._policies(0.5 * gradient, GAME)
         norm = float(np.linalg.norm(change.sum(axis=1) + cost - policy_cost))
         size = np.abs(change).sum(axis=1) + cost + np.abs(policy_cost)

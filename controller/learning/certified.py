@@ -162,7 +162,8 @@ def stabilizing_step(
             return here._replace(weights=trial)
         fraction *= 0.5
     raise NoSolutionError(
-        "no step of the learning law keeps the recorded plant stable; check that the recorded drifts are F = A z"
+        "no step of the learning law keeps the recorded plant stable; check that the recorded"
+        " drifts are F = A z"
         " of one linear plant, without the reference forcing and with little noise"
     )
 
@@ -195,8 +196,8 @@ def lower_discount(
 
 def _not_brought_to_rest(discount: float) -> NoSolutionError:
     return NoSolutionError(
-        f"the discount cannot be lowered below {discount:.6g} 1/s: the policies learned there do not bring a mode to"
-        " rest; check that (A, B) is stabilizable and that Q sees the mode"
+        f"the discount cannot be lowered below {discount:.6g} 1/s: the policies learned there do not"
+        " bring a mode to rest; check that (A, B) is stabilizable and that Q sees the mode"
     )
 
 
@@ -218,18 +219,20 @@ def raise_disturbance(
     while here.problem.share < target:
         share = min(target, here.problem.share + step)
         trial = here._replace(problem=here.problem._replace(share=share))
-        found, converged = iterate(equations, trial, normaliser, to_the_floor=False, most=8)
-        if converged and equations.margin(found.weights, found.problem) > 0.0:
-            eigenvalues = np.linalg.eigvalsh(equations.basis.matrix(found.weights))
+        end_point, converged = iterate(equations, trial, normaliser, to_the_floor=False, most=8)
+        if converged and equations.margin(end_point.weights, end_point.problem) > 0.0:
+            eigenvalues = np.linalg.eigvalsh(equations.basis.matrix(end_point.weights))
             if eigenvalues[0] > -1e-12 * eigenvalues[-1]:  # but for rounding
-                here, step = found, 2.0 * step
+                here = end_point
+                step = 2.0 * step
                 continue
         step *= 0.5
         if step < max(SMALLEST_STEP * here.problem.share, NO_STEP):
             end = delta / np.sqrt(here.problem.share) if here.problem.share > 0.0 else np.inf
             raise NoSolutionError(
-                f"delta = {delta:g} is out of reach: followed down from infinity, the game solution is lost at"
-                f" delta = {end:.6g}; raise delta above that, unless the smallest possible one (hfa solve) lies below"
+                f"delta = {delta:g} is out of reach: followed down from infinity, the game solution"
+                f" is lost at delta = {end:.6g}; raise delta above that, unless the smallest"
+                " possible one (hfa solve) lies below"
             )
     return here
 
@@ -244,7 +247,8 @@ RELATIVE_MARGIN = 1e-8
 DISCOUNT_MARGIN = 0.5
 #: Most sub-steps in one tick, and the fraction of |ē| that a sub-step must fall below for another
 #: one.
-MOST_SUBSTEPS, STALLED = 50, 0.999
+MOST_SUBSTEPS = 50
+STALLED = 0.999
 #: A relative residual below this is rounding: the stage has come to rest.
 AT_REST = 1e-13
 
@@ -268,7 +272,8 @@ def initial_weights(value: Any, basis: Basis) -> np.ndarray:
     weights = checked_matrix("initial_weights", all_of_them, LARGEST_WEIGHT, ndim=1)
     if weights.size != basis.size:
         raise BadInputError(
-            f"there are {weights.size} initial_weights; basis '{basis.name}' has {basis.size} weights"
+            f"there are {weights.size} initial_weights; basis '{basis.name}' has {basis.size}"
+            " weights"
         )
     return weights
 
@@ -300,7 +305,8 @@ class CertifiedSettings:
                 raise BadInputError(f"{name} is {getattr(self, name)}; it must be less than 1")
         if self.tick > self.predefined_time:
             raise BadInputError(
-                f"tick is {self.tick} s; it must not exceed predefined_time, {self.predefined_time} s"
+                f"tick is {self.tick} s; it must not exceed predefined_time,"
+                f" {self.predefined_time} s"
             )
         for name, value in {"samples": self.samples, "pool_samples": self.pool_samples}.items():
             whole = isinstance(value, (int, np.integer)) and value is not True
@@ -357,7 +363,8 @@ class CertifiedLaw:
         """W(0) with the discount that makes it stabilizing."""
         weights = self.equations.scaled(initial_weights(self.settings.initial_weights, self.basis))
         eigenvalues = self.equations.closed_loop_eigenvalues(weights, LQ)
-        abscissa, fastest = float(eigenvalues.real.max()), float(np.abs(eigenvalues).max())
+        abscissa = float(eigenvalues.real.max())
+        fastest = float(np.abs(eigenvalues).max())
         stabilizing = abscissa < 0.0 and -abscissa >= RELATIVE_MARGIN * fastest
         discount = 0.0 if stabilizing else max(0.0, abscissa) + DISCOUNT_MARGIN + 1e-6 * fastest
         here = Point(weights, PartialGame(discount, 0.0))
@@ -370,7 +377,9 @@ class CertifiedLaw:
 
     def advance(self, tick: int, memory: Memory) -> Memory:
         """One tick: stage 1 up to T, stage 2 after it; a tick that holds T does both."""
-        begin, end, T = self.time(tick), self.time(tick + 1), self.stage_time
+        begin = self.time(tick)
+        end = self.time(tick + 1)
+        T = self.stage_time
         here, normaliser, first_discount = memory
         if begin < self.settings.theta * T:
             here = self._stage_one(here, normaliser, begin, end)
@@ -406,14 +415,14 @@ class CertifiedLaw:
         floor)."""
         last = np.inf
         for _ in range(MOST_SUBSTEPS):
-            found = self.equations.at(here.weights, here.problem)
-            residuals = found.residuals / normaliser
+            bellman = self.equations.at(here.weights, here.problem)
+            residuals = bellman.residuals / normaliser
             size = float(np.linalg.norm(residuals))
             if size <= target * (1.0 + 1e-9) or size > STALLED * last:
                 break
             last = size
-            step = newton_step(found, normaliser)
-            linear, quadratic = self.equations.along_step(here.weights, step, found, here.problem)
+            step = newton_step(bellman, normaliser)
+            linear, quadratic = self.equations.along_step(here.weights, step, bellman, here.problem)
             fraction = fraction_to_reach(
                 residuals, linear / normaliser, quadratic / normaliser, target
             )
@@ -438,10 +447,10 @@ class CertifiedLaw:
             # Where P is large in one direction, a sample shows the other ones as a small
             # difference; the entries of the Riccati equation of the drifts' linear fit show each by
             # itself, with the last digits.
-            e, quadratic = self.equations, self.basis.quadratic_size
-            P = Riccati(e.drift_matrix, e.control, e.disturbance, e.Q).refined(
-                self.basis.matrix(here.weights)
-            )
+            e = self.equations
+            riccati = Riccati(e.drift_matrix, e.control, e.disturbance, e.Q)
+            P = riccati.refined(self.basis.matrix(here.weights))
+            quadratic = self.basis.quadratic_size
             weights = np.concatenate([self.basis.weights(P)[:quadratic], here.weights[quadratic:]])
             here = here._replace(weights=weights)
         return here
@@ -514,9 +523,9 @@ def learn(
     weights; NoSolutionError when the law cannot reach its end: no game value at this delta, (A, B)
     not stabilizable, overflow."""
     refuse_unknown("unknown law", law, ("certified",))
-    known = [field.name for field in fields(CertifiedSettings)]
+    settings_of_law = [field.name for field in fields(CertifiedSettings)]
     for name in options:
-        refuse_unknown(f"law '{law}' has no setting", name, known)
+        refuse_unknown(f"law '{law}' has no setting", name, settings_of_law)
     if not game.Q.any():
         raise BadInputError(
             "Q is zero: every law measures its residual against z'Qz; give some state a cost"

@@ -40,7 +40,8 @@ class Stack(Shown):
             )
         if self.states.shape != self.drifts.shape:
             raise BadInputError(
-                f"states are {self.states.shape} and drifts {self.drifts.shape}; both must be (N_h, n)"
+                f"states are {self.states.shape} and drifts {self.drifts.shape}; both must be"
+                " (N_h, n)"
             )
 
     @property
@@ -141,14 +142,14 @@ def choose(pool: Stack, basis: Basis, samples: int) -> Stack:
         )
     rows = unit_rows(basis.psi(pool.states / pool.channel_scales()))
     chosen: list[int] = []
-    left = np.arange(pool.samples)
+    remaining = np.arange(pool.samples)
     while len(chosen) < samples:
-        first = np.ones(len(left))
-        first[0] += _AHEAD
-        _, order = qr((rows[left] * first[:, None]).T, mode="r", pivoting=True)
-        block = left[order[: min(basis.size, samples - len(chosen))]]
+        lengths = np.ones(len(remaining))
+        lengths[0] += _AHEAD
+        _, order = qr((rows[remaining] * lengths[:, None]).T, mode="r", pivoting=True)
+        block = remaining[order[: min(basis.size, samples - len(chosen))]]
         chosen.extend(int(index) for index in block)
-        left = np.setdiff1d(left, block)
+        remaining = np.setdiff1d(remaining, block)
     refuse_poor(rank(rows[chosen]), basis.size, "the recorded stack")
     return Stack(pool.states[chosen], pool.drifts[chosen])
 
@@ -192,8 +193,8 @@ def excitation(regressors: np.ndarray, samples: np.ndarray) -> Excitation:
 def _singular_values(matrix: np.ndarray) -> np.ndarray:
     """The M singular values of an (N_h, M) matrix, descending; those beyond N_h are 0."""
     values = np.zeros(matrix.shape[1])
-    found = np.linalg.svd(matrix, compute_uv=False)
-    values[: len(found)] = found
+    computed = np.linalg.svd(matrix, compute_uv=False)
+    values[: len(computed)] = computed
     return values
 
 
@@ -202,6 +203,6 @@ def refuse_poor(found: int, needed: int, what: str) -> None:
     the weights."""
     if found < needed:
         raise BadInputError(
-            f"{what} has rank {found} of {needed} (singular values below {RANK_TOLERANCE:g} of the largest"
-            " do not count); record more or more varied states"
+            f"{what} has rank {found} of {needed} (singular values below {RANK_TOLERANCE:g} of the"
+            " largest do not count); record more or more varied states"
         )

@@ -157,9 +157,10 @@ def hamiltonian_checks(form: NormalForm) -> tuple[Check, ...]:
     """H = [[A, -S], [-Q, -A']] must have n eigenvalues on each side of the imaginary axis, and none
     near it."""
     _refuse_overflow(form)
-    found = spectrum(form.hamiltonian)
-    stable = int(np.sum(found.eigenvalues.real < 0.0))
-    return _hamiltonian_checks(*found.nearest_to_axis(), stable, len(form.A))
+    of_hamiltonian = spectrum(form.hamiltonian)
+    stable = int(np.sum(of_hamiltonian.eigenvalues.real < 0.0))
+    distance, frequency = of_hamiltonian.nearest_to_axis()
+    return _hamiltonian_checks(distance, frequency, stable, len(form.A))
 
 
 def _hamiltonian_checks(

@@ -1,4 +1,4 @@
-"""What a pair of linear policies costs, and what another gain than the exact one loses in flight."""
+"""What a pair of linear policies costs, and what another gain than the exact one loses."""
 
 from __future__ import annotations
 
@@ -37,7 +37,8 @@ def cost_matrix(game: Game, K: np.ndarray, L: np.ndarray) -> np.ndarray:
     abscissa = spectrum(loop).abscissa
     if abscissa >= 0.0:
         raise NoSolutionError(
-            f"A - B K + E L has abscissa {abscissa:+.4g} 1/s: the cost of these policies is infinite"
+            f"A - B K + E L has abscissa {abscissa:+.4g} 1/s: the cost of these policies is"
+            " infinite"
         )
     cost = game.Q + K.T @ game.R @ K
     if math.isfinite(game.delta):

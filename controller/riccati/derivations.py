@@ -1,4 +1,4 @@
-"""Solutions X of the Riccati equation of a normal form, by four methods; none of them is tested here.
+"""Solutions X of the Riccati equation of a normal form, by four methods; none is tested here.
 
 By eigenvectors and by the matrix sign function: stacks of games, fast. By the Schur form and by a
 sequence of LQR problems: one game, as many digits as there are."""
@@ -94,9 +94,9 @@ def by_sign(form: NormalForm) -> np.ndarray:
         if not (largest(W - last) > 1e-14 * largest(W)).any():
             break
     columns = W + np.eye(2 * n)
-    left = columns[:, :, n:]
-    right = -columns[:, :, :n]
-    return _inverse(left.mT @ left) @ (left.mT @ right)
+    of_X = columns[:, :, n:]
+    constant = -columns[:, :, :n]
+    return _inverse(of_X.mT @ of_X) @ (of_X.mT @ constant)
 
 
 def by_schur(form: NormalForm) -> np.ndarray:

@@ -240,14 +240,14 @@ def _checks(form: NormalForm, X: np.ndarray) -> tuple[Check, ...]:
     paid = float(np.linalg.eigvalsh((saddle + saddle.T) / 2.0).min(initial=1.0))
     game_radius = _radius(loop + form.E @ gains.L)
     radius = _radius(loop)
-    left = f"Bellman's equation is left with a residual of {residual:.2g}"
+    unsolved = f"Bellman's equation is left with a residual of {residual:.2g}"
     moved = f"a Newton step changes P by {error:.2g}"
     indefinite = f"P is indefinite ({smallest:.3g} of its size)"
     unpaid = "delta^2 I - discount E'P E is not positive definite"
     worst_case = f"sqrt(discount) (A - B K + E L) has radius {game_radius:.6g}"
     unstable = f"sqrt(discount) (A - B K) has radius {radius:.6g}"
     return (
-        at_most("residual", residual, RESIDUAL, left),
+        at_most("residual", residual, RESIDUAL, unsolved),
         at_most("newton_correction", error, RESIDUAL, moved),
         at_least("positive_semidefinite", smallest, -INDEFINITENESS, indefinite),
         at_least("disturbance_pays", paid, SADDLE, unpaid),

@@ -28,7 +28,8 @@ SWEEP_TOLERANCE = 1e-6
 GRID_PER_DECADE = 60
 #: Finer grids, each of so many points over two steps of the last: ten times finer, the last a
 #: billionth of the peak.
-REFINEMENTS, POINTS = 8, 20
+REFINEMENTS = 8
+POINTS = 20
 #: A, E, Q.
 Triple = tuple[np.ndarray, np.ndarray, np.ndarray]
 
@@ -70,8 +71,9 @@ def peak_gain(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, level:
     # of another unit.
     ratio = math.sqrt((np.linalg.norm(into @ into.T) or 1.0) / (np.linalg.norm(Q) or 1.0))
     H = np.block([[loop, into @ into.T / (level * ratio)], [-Q * (ratio / level), -loop.T]])
-    found = spectrum(H).eigenvalues
-    near = np.unique(np.abs(found.imag[np.abs(found.real) <= MAYBE_ON_AXIS * np.abs(found)]))
+    eigenvalues = spectrum(H).eigenvalues
+    maybe_on_axis = np.abs(eigenvalues.real) <= MAYBE_ON_AXIS * np.abs(eigenvalues)
+    near = np.unique(np.abs(eigenvalues.imag[maybe_on_axis]))
     poles = np.linalg.eigvals(A)
     points = [
         [0.0],
@@ -105,8 +107,11 @@ def system_gain(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray) -> f
         return math.inf
     typical = float(np.linalg.norm(C) * np.linalg.norm(B) / np.linalg.norm(A))
     level = ZERO * typical
-    while level > 0.0 and (found := peak_gain(A, B, C, D, level)) >= level:
-        level = found * (1.0 + TOLERANCE)
+    while level > 0.0:
+        peak = peak_gain(A, B, C, D, level)
+        if not peak >= level:
+            break
+        level = peak * (1.0 + TOLERANCE)
     return level if level > 10.0 * ZERO * typical else 0.0
 
 
@@ -115,10 +120,10 @@ def swept_gain(loop: np.ndarray, E: np.ndarray, C: np.ndarray) -> SweptGain:
 
     inf when the loop is not Hurwitz.
     """
-    found = spectrum(loop)
-    if found.abscissa >= 0.0:
-        return SweptGain(math.inf, float(abs(found.eigenvalues[-1].imag)))
-    grid = frequency_grid(found.eigenvalues)
+    poles = spectrum(loop)
+    if poles.abscissa >= 0.0:
+        return SweptGain(math.inf, float(abs(poles.eigenvalues[-1].imag)))
+    grid = frequency_grid(poles.eigenvalues)
     for refinement in range(REFINEMENTS + 1):
         gains = np.linalg.norm(C @ responses(loop, E, grid), ord=2, axis=(1, 2))
         peak = int(np.argmax(gains))

@@ -156,7 +156,7 @@ def solve_games(A: np.ndarray, B: np.ndarray, like: Game) -> GameBatch:
     _refuse_bad_plants(A, B, like)
     P = np.full_like(A, np.nan)
     K = np.full_like(B.mT, np.nan)
-    reasons = [""] * len(A)
+    reasons = ["" for _ in A]
     for first in range(0, len(A), TOGETHER):
         part = slice(first, first + TOGETHER)
         form = NormalForm.of_plants(A[part], B[part], like)
@@ -198,17 +198,17 @@ def _abscissa_error(form: NormalForm, form_of_X: NormalForm, X: np.ndarray) -> f
     K = B.T @ X
     values, right = np.linalg.eig(A - B @ K)
     try:
-        left = np.linalg.inv(right)  # rows y with y'x = 1
+        rows = np.linalg.inv(right)  # y with y'x = 1
         turn = np.linalg.solve(form.T.T, form_of_X.T.T).T  # from the one form to the other
         right_in_form = np.abs(np.linalg.solve(turn, right))
     except np.linalg.LinAlgError:
         return math.inf
     x = np.abs(right)
-    y = np.abs(left).T
-    y_in_form = np.abs(left @ turn).T
+    y = np.abs(rows).T
+    y_in_form = np.abs(rows @ turn).T
     moved = np.sum(y * (np.abs(A) @ x) + y_in_form * (np.abs(form.A) @ right_in_form), axis=0)
     through_gain = x + np.abs(turn) @ right_in_form
-    moved += np.sum(np.abs(left @ B).T * (np.abs(K) @ through_gain), axis=0)
+    moved += np.sum(np.abs(rows @ B).T * (np.abs(K) @ through_gain), axis=0)
     moved += np.sum(y * (np.abs(B) @ np.abs(K) @ x), axis=0)
     bound = values.real + len(A) * np.finfo(float).eps * moved
     return float(bound.max() - values.real.max())

@@ -27,7 +27,8 @@ DISK_AT_INFINITY = 2.0
 SWEEPS = 20
 #: Most steps of that search, and most trials of the length of one: at a kink no length is left in
 #: the end.
-MAX_STEPS, MAX_TRIALS = 1000, 40
+MAX_STEPS = 1000
+MAX_TRIALS = 40
 #: Longest step of log D, which is best at infinity for a triangular M: there exp(log D) must not
 #: overflow on the way.
 FARTHEST = 5.0
@@ -85,27 +86,28 @@ def shifted_sensitivity(closed: np.ndarray, enters: np.ndarray, leaves: np.ndarr
     half = 0.5 * np.eye(len(leaves))
     poles, modes = np.linalg.eig(closed)
     well = np.linalg.cond(modes) < WELL_CONDITIONED
-    left, right = (leaves @ modes, np.linalg.solve(modes, enters)) if well else (leaves, enters)
+    if well:
+        leaves = leaves @ modes
+        enters = np.linalg.solve(modes, enters)
 
     def response(frequencies: np.ndarray, loop: int | None = None) -> np.ndarray:
-        one = slice(loop, None if loop is None else loop + 1)
-        if not well:
-            return half[one, one] + left[one] @ responses(closed, right[:, one], frequencies)
-        return (
-            half[one, one] + (left[one] / (1j * frequencies[:, None, None] - poles)) @ right[:, one]
-        )
+        loops = slice(None) if loop is None else slice(loop, loop + 1)
+        if well:
+            scaled = leaves[loops] / (1j * frequencies[:, None, None] - poles)
+            return half[loops, loops] + scaled @ enters[:, loops]
+        return half[loops, loops] + leaves[loops] @ responses(closed, enters[:, loops], frequencies)
 
     return response
 
 
 def stable_poles(closed: np.ndarray) -> np.ndarray:
     """The poles of a closed loop. NoSolutionError where one is not stable."""
-    found = spectrum(closed)
-    if found.abscissa >= 0.0:
+    poles = spectrum(closed)
+    if poles.abscissa >= 0.0:
         raise NoSolutionError(
-            f"the loop has a pole at {found.abscissa:+.4g} 1/s: an unstable loop has no margins"
+            f"the loop has a pole at {poles.abscissa:+.4g} 1/s: an unstable loop has no margins"
         )
-    return found.eigenvalues
+    return poles.eigenvalues
 
 
 def loop_margins(game: Game, K: np.ndarray) -> tuple[LoopMargin, ...]:
@@ -134,20 +136,22 @@ def margin_of(loci: Response, grid: np.ndarray) -> LoopMargin:
         """Frequencies at which this part of M changes its sign, and M there."""
         above = part(seen) > 0.0
         where, column = np.nonzero(above[1:] != above[:-1])
-        low, high, first, last = (
-            grid[where],
-            grid[where + 1],
-            seen[where, column],
-            seen[where + 1, column],
-        )
+        low = grid[where]
+        high = grid[where + 1]
+        first = seen[where, column]
+        last = seen[where + 1, column]
         for number in range(_ROUNDS):
             share = 0.5 if number % 2 else part(first) / (part(first) - part(last))
-            point, expected = low + share * (high - low), first + share * (last - first)
-            found = loci(point)
-            value = found[np.arange(len(point)), np.abs(found - expected[:, None]).argmin(axis=1)]
+            point = low + share * (high - low)
+            expected = first + share * (last - first)
+            curves = loci(point)
+            nearest = np.abs(curves - expected[:, None]).argmin(axis=1)
+            value = curves[np.arange(len(point)), nearest]
             before = (part(value) > 0.0) == above[where, column]
-            low, high = np.where(before, point, low), np.where(before, high, point)
-            first, last = np.where(before, value, first), np.where(before, last, value)
+            low = np.where(before, point, low)
+            high = np.where(before, high, point)
+            first = np.where(before, value, first)
+            last = np.where(before, last, value)
         return point, value
 
     real = np.append(seen[0].real, crossing(np.imag)[1].real)
@@ -228,7 +232,10 @@ def best_scaling(M: np.ndarray) -> np.ndarray:
         if np.abs(way).max() > FARTHEST:  # no curvature is left: steepest descent again
             inverse = np.eye(len(free)) / size
             way = -inverse @ slope
-        falls, share, low, high = slope @ way, 1.0, 0.0, math.inf
+        falls = slope @ way
+        share = 1.0
+        low = 0.0
+        high = math.inf
         for _ in range(MAX_TRIALS):
             there, slope_there = _norm_and_slope(free + share * way, M)
             if there >= size + 1e-4 * share * falls:
@@ -240,10 +247,13 @@ def best_scaling(M: np.ndarray) -> np.ndarray:
             share = 2.0 * low if math.isinf(high) else 0.5 * (low + high)
         else:
             break
-        step, change = share * way, slope_there - slope
+        step = share * way
+        change = slope_there - slope
         turn = np.eye(len(free)) - np.outer(step, change) / (step @ change)
         inverse = turn @ inverse @ turn.T + np.outer(step, step) / (step @ change)
-        free, size, slope = free + step, there, slope_there
+        free = free + step
+        size = there
+        slope = slope_there
     return np.append(free, 0.0)
 
 
@@ -271,7 +281,8 @@ def _osborne_scaling(M: np.ndarray) -> np.ndarray:
     log_D = np.zeros(M.shape[:-1])
     for _ in range(SWEEPS):
         scaled = off * np.exp(2.0 * (log_D[..., :, None] - log_D[..., None, :]))
-        row, column = scaled.sum(axis=-1), scaled.sum(axis=-2)
+        row = scaled.sum(axis=-1)
+        column = scaled.sum(axis=-2)
         ratio = np.divide(column, row, out=np.ones_like(row), where=(row > 0.0) & (column > 0.0))
         log_D += 0.125 * np.log(np.where(ratio > 0.0, ratio, 1.0))
     return np.asarray(log_D - log_D.mean(axis=-1, keepdims=True))

@@ -31,7 +31,8 @@ WELL_CONDITIONED = 1e4
 #: Of delta_min, relative.
 TOLERANCE = 1e-6
 #: Of the size of the disturbance: smaller gains may be rounding; a search ends below the other.
-FAINT, LEAST = 1e-9, 1e-12
+FAINT = 1e-9
+LEAST = 1e-12
 #: Closer to delta_min than this share of it, P is ill-conditioned enough to blame for a test that
 #: fails.
 CLOSE = 0.01
@@ -226,13 +227,13 @@ def lqr_obstacle(form: NormalForm, failure: str) -> str:
         "(A, B) is not stabilizable: no input reaches the {}; change B or leave that mode out of A"
     )
     hidden = "(A, Q) is not detectable: the undamped {} costs nothing; give Q weight on it"
-    found = obstacle(form, unreached, hidden)
-    if found.sentence:
-        return found.sentence
+    cause = obstacle(form, unreached, hidden)
+    if cause.sentence:
+        return cause.sentence
     advice = "check the scaling of A, B, Q, R"
-    if found.reach <= BARELY:
+    if cause.reach <= BARELY:
         advice = (
-            f"the inputs reach the {found.mode} by only {found.reach:.2g} of their size; change B"
+            f"the inputs reach the {cause.mode} by only {cause.reach:.2g} of their size; change B"
         )
     return f"the problem without disturbance (delta = inf) is not certified: {failure}; {advice}"
 

@@ -53,17 +53,17 @@ def analyse_game(game: Game, progress: Progress | None = None) -> AnalysedGame:
     Raises NoSolutionError when the game is not certified, or when its policies do not mean what the
     certificate says."""
     form = NormalForm.of(game)
-    found = certified(form, progress)
+    solved = certified(form, progress)
     smallest = smallest_delta_of(form, progress)
-    balanced = found.form.game()
-    K = balanced.gain(found.X)
-    meaning = meaning_checks(balanced, found.X, np.ones(len(found.X)))
+    balanced = solved.form.game()
+    K = balanced.gain(solved.X)
+    meaning = meaning_checks(balanced, solved.X, np.ones(len(solved.X)))
     for check in meaning:
         if not check.ok:
             unconfirmed = f"certified, but not confirmed in flight: {check.name}: {check.reason}"
             raise NoSolutionError(f"{unconfirmed}; {smallest.advice(game.delta)}")
     return AnalysedGame(
-        solution=solution_of(form, found),
+        solution=solution_of(form, solved),
         delta_min=smallest,
         meaning=meaning,
         loops=loop_margins(balanced, K),
@@ -122,8 +122,8 @@ def solution_report(
             checks_block(solution.certificate.checks),
             checks_block(found.meaning),
             Table(("margins at the input", "gain", "phase deg", "disk"), loops),
-            f"All inputs at once: disk {disk.disk:.4g}, gain {disk.gain:.4g}, phase {disk.phase:.4g} deg, "
-            f"at {disk.frequency:.4g} rad/s",
+            f"All inputs at once: disk {disk.disk:.4g}, gain {disk.gain:.4g},"
+            f" phase {disk.phase:.4g} deg, at {disk.frequency:.4g} rad/s",
         ),
         data={
             "schema": SCHEMA,
