@@ -27,7 +27,7 @@ def rows(quick: bool = False) -> list[Row]:
     held = {"speed": 500.0, "altitude": 15000.0}
     peer = f16_peer(release(usual_condition(model), hold=held))
     peer_speeds = np.linspace(460.0, 640.0, peer_count)
-    found = []
+    comparisons = []
     for compiled in (False, True):
         timing = in_turn(
             partial(_sweep, model, grid, compiled),
@@ -39,8 +39,8 @@ def rows(quick: bool = False) -> list[Row]:
         job = f"{len(grid)} points of the 737 of JSBSim, kcas x altitude"
         how = "generated C" if compiled else "no compiler"
         by = "python-control (hybr, from the neighbour) + linearize"
-        found.append(Row(f"{job}, {how}", by, timing, 100.0))
-    return found
+        comparisons.append(Row(f"{job}, {how}", by, timing, 100.0))
+    return comparisons
 
 
 def _sweep(model: Model, grid: np.ndarray, compiled: bool) -> None:

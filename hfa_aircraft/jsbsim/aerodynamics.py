@@ -56,7 +56,7 @@ class Aerodynamics:
 
     def _sum(self, axis: str) -> Any:
         """The sum of the functions along an axis."""
-        values = (function_value(one, self._properties) for one in self._functions[axis])
+        values = (function_value(function, self._properties) for function in self._functions[axis])
         return sum(values, start=ca.SX(0.0))
 
     def _lift_squared(self) -> Any:

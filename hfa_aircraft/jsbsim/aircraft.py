@@ -137,7 +137,7 @@ class Equations:
         self._define_tanks()
         self._define_functions()
         throttle = self.inputs["throttle"].symbol
-        commands = ca.vertcat(*(each.symbol for each in self.inputs.values()))
+        commands = ca.vertcat(*(given_input.symbol for given_input in self.inputs.values()))
         add_control_systems(parts.systems(), self.properties, commands)
         section = parts.section("aerodynamics")
         air_loads = Aerodynamics(section, self.properties, parts.wings, parts.mass, self.motion)
@@ -225,9 +225,9 @@ class Equations:
         """Let an engine set its properties; the value of what is returned is its effect."""
         writer = jets.add_engine(file, around, _computing(file, around))
         if file.number == 0:
-            for axis, (along, about) in enumerate(zip("xyz", "lmn", strict=True)):
+            for axis, (along, moment_axis) in enumerate(zip("xyz", "lmn", strict=True)):
                 self._define_sum(f"forces/fb{along}-prop-lbs", "force", axis)
-                self._define_sum(f"moments/{about}-prop-lbsft", "moment", axis)
+                self._define_sum(f"moments/{moment_axis}-prop-lbsft", "moment", axis)
         return writer
 
     def _define_sum(self, name: str, kind: str, axis: int) -> None:
@@ -309,16 +309,18 @@ class Equations:
         if not ca.depends_on(values, symbols):
             return
         slopes = ca.jacobian(wanted, symbols) - ca.SX.eye(2)
-        found = ca.SX.zeros(2)
+        angle_rates = ca.SX.zeros(2)
         for _ in range(3 if ca.depends_on(slopes, symbols) else 1):
-            miss, slope = ca.substitute([wanted - symbols, slopes], [symbols], [found])
+            miss, slope = ca.substitute([wanted - symbols, slopes], [symbols], [angle_rates])
             determinant = slope[0, 0] * slope[1, 1] - slope[0, 1] * slope[1, 0]
             step = ca.vertcat(
                 slope[1, 1] * miss[0] - slope[0, 1] * miss[1],
                 slope[0, 0] * miss[1] - slope[1, 0] * miss[0],
             )
-            found = found - step / determinant
-        solved = dict(zip(names, ca.vertsplit(ca.substitute(values, symbols, found)), strict=True))
+            angle_rates = angle_rates - step / determinant
+        solved = dict(
+            zip(names, ca.vertsplit(ca.substitute(values, symbols, angle_rates)), strict=True)
+        )
         self.rates = {name: solved[name] for name in self.rates}
         self.outputs = {name: solved[name] for name in self.outputs}
 

@@ -119,18 +119,18 @@ def _tank(element: Element) -> Tank:
     factor = element.value_of("inertia_factor", 1.0)
     inertia = contents / SLUG_TO_LB * factor * 0.4 * radius**2
     full = element.find("location")
-    place = np.zeros(3) if full is None else full.vector("IN")
+    location = np.zeros(3) if full is None else full.vector("IN")
     drain = element.find("drain_location")
     if drain is not None and capacity > 0.0:
         lowest = drain.vector("IN")
-        place = lowest + contents / capacity * (place - lowest)
+        location = lowest + contents / capacity * (location - lowest)
     return Tank(
         element.attributes.get("type", ""),
         contents,
         capacity,
         density,
         contents > unusable,
-        Body(contents, place, inertia * np.eye(3)),
+        Body(contents, location, inertia * np.eye(3)),
     )
 
 

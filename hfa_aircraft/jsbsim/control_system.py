@@ -254,8 +254,10 @@ def _holds(test: Element, properties: Properties) -> ca.SX:
         words = text.split()
         sign = _WORDS.get(words[1].lower(), words[1]) if len(words) == 3 else ""
         if sign not in _COMPARISONS:
-            place = Element("test", {}, test.file, line)
-            raise place.error(f"{shortened(text)!r} is no condition; write: property lt number")
+            line_element = Element("test", {}, test.file, line)
+            raise line_element.error(
+                f"{shortened(text)!r} is no condition; write: property lt number"
+            )
         one, other = (properties.value(word, test) for word in (words[0], words[2]))
         conditions.append(_COMPARISONS[sign](ca.SX(one), ca.SX(other)))
     conditions += [_holds(nested, properties) for nested in test.all("test")]

@@ -108,8 +108,8 @@ def read_engine(
         return engine
     if thruster.name not in ("propeller", "direct", "nozzle"):
         return thruster
-    place = thruster_mount.find("location")
-    location = np.zeros(3) if place is None else place.vector("IN")
+    point = thruster_mount.find("location")
+    location = np.zeros(3) if point is None else point.vector("IN")
     numbers = [int(feed.number()) for feed in mount.all("feed")]
     feeds = [tanks[index] for index in numbers if 0 <= index < len(tanks)]
     dry = "fuel" if not any(tank.kind == "FUEL" and tank.usable for tank in feeds) else ""
@@ -155,8 +155,8 @@ def pushed(
     moment: what the thruster adds, in body axes.
     """
     force = orientation(file, around.properties)[:, 0] * thrust
-    place = ca.SX(ca.DM(file.location)) if location is None else location
-    offset = place - ca.DM(around.mass.center)
+    point = ca.SX(ca.DM(file.location)) if location is None else location
+    offset = point - ca.DM(around.mass.center)
     arm = ca.vertcat(-offset[0], offset[1], -offset[2]) / 12.0
     total = ca.cross(arm, force)
     return force, total if moment is None else total + moment
@@ -320,4 +320,6 @@ def _add_shafts(file: EngineFile, around: Surroundings) -> None:
 
 def refusal(element: Element) -> str:
     """Why an engine or a thruster is not read."""
-    return f"<{shortened(element.name)}> is not read; engines: {', '.join(KINDS)}, with propeller, direct, nozzle"
+    engines = ", ".join(KINDS)
+    name = shortened(element.name)
+    return f"<{name}> is not read; engines: {engines}, with propeller, direct, nozzle"

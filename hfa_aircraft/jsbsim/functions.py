@@ -231,8 +231,8 @@ def _rows(data: Element) -> Table:
         try:
             rows.append([float(word) for word in text.split()])
         except ValueError as error:
-            place = Element("tableData", {}, data.file, line)
-            raise place.error(f"{shortened(text)!r} is no row of numbers") from error
+            row_element = Element("tableData", {}, data.file, line)
+            raise row_element.error(f"{shortened(text)!r} is no row of numbers") from error
     if {len(row) for row in rows} == {2}:
         pairs = np.array(rows)
         return Table(pairs[:, 1], [pairs[:, 0]])

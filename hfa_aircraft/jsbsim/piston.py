@@ -192,7 +192,8 @@ def _gears(engine: Element) -> list[tuple[float, float, float, float]]:
         power = engine.value_of(f"ratedpower{number}", 0.0, "HP")
         altitude = engine.value_of(f"ratedaltitude{number}", 0.0, "FT")
         if boost <= 0.0 or power <= 0.0 or altitude < last_altitude:
-            gears += [(1.0, 2500.0, 100000.0, 0.0)] * (count - number)
+            for _ in range(number, count):
+                gears.append((1.0, 2500.0, 100000.0, 0.0))
             break
         rated_pressure = _STANDARD_PRESSURE + boost * 6895
         multiplier = rated_pressure / (_standard_pressure(altitude) * _PSF_TO_PA)

@@ -121,9 +121,9 @@ def _induced_velocity(speed: Any, thrust: Any, density: Any, diameter: float) ->
 def _acting_location(file: EngineFile, local: Any, induced: Any, sense: float) -> Any:
     """Where the thrust acts, inches: the P-factor moves it with the angle of the flow."""
     factor = file.thruster_mount.value_of("p_factor", 0.0)
-    place = ca.SX(ca.DM(file.location))
+    location = ca.SX(ca.DM(file.location))
     if factor <= 0.0001:
-        return place
+        return location
     across = ca.sqrt(ca.fmax(local[1] ** 2 + local[2] ** 2, 1e-8))
     shift = sense * factor * ca.atan2(across, local[0] + induced) / across
-    return place + ca.vertcat(0.0, shift * local[2], shift * local[1])
+    return location + ca.vertcat(0.0, shift * local[2], shift * local[1])

@@ -112,7 +112,7 @@ class Properties:
                 return 0.0
             loop = self._running[self._running.index(writer) :]
             fault = f"{writer.where or where}: {shortened(name)} depends on itself"
-            if any(one.component for one in loop):
+            if any(looping.component for looping in loop):
                 raise LoopError(f"{fault}, a frame before")
             raise BadInputError(f"{fault}; break the loop of functions")
         if writer.value is None:

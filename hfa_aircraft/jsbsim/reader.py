@@ -155,9 +155,9 @@ class _Declaration:
         self.equations = equations
         every = ca.vertcat(*equations.rates.values(), *equations.outputs.values())
         self.inputs = {
-            name: given
-            for name, given in equations.inputs.items()
-            if ca.depends_on(every, given.symbol)
+            name: pilot_input
+            for name, pilot_input in equations.inputs.items()
+            if ca.depends_on(every, pilot_input.symbol)
         }
         self.parameters = {
             name: symbol
@@ -226,9 +226,9 @@ class _Declaration:
     def _inputs(self) -> dict[str, Signal]:
         """Signals of the inputs."""
         signals = {}
-        for name, given in self.inputs.items():
+        for name, pilot_input in self.inputs.items():
             start = 0.6 if name == "throttle" else 0.0
-            signals[name] = Signal(given.unit, 0.1, *given.limits, start)
+            signals[name] = Signal(pilot_input.unit, 0.1, *pilot_input.limits, start)
         return signals
 
     def _parameters(self) -> dict[str, Signal]:
@@ -240,7 +240,7 @@ class _Declaration:
 
     def _outputs(self) -> dict[str, Signal]:
         """Signals of the outputs; positions of surfaces that commands move are added to them."""
-        known = {
+        signals_by_name = {
             "kcas": Signal("kt", 100.0),
             "mach": Signal("1", 0.5),
             "gamma": Signal("rad", 0.1),
@@ -249,7 +249,9 @@ class _Declaration:
             "lift_to_weight": Signal(),
             "thrust": Signal("lbf", 0.1 * self.parts.mass.weight),
         }
-        signals = {name: known.get(name, Signal("hp", 100.0)) for name in self.equations.outputs}
+        signals = {
+            name: signals_by_name.get(name, Signal("hp", 100.0)) for name in self.equations.outputs
+        }
         for name, full_name in _POSITIONS.items():
             key = name.removesuffix("_position").removeprefix("left_").removeprefix("right_")
             if self.equations.properties.writer(full_name) is None:
@@ -266,9 +268,9 @@ class _Declaration:
         equations = self.equations
         rates = ca.vertcat(*equations.rates.values())
         others = ca.vertcat(*(equations.outputs[name] for name in outputs))
-        symbols = [given.symbol for given in equations.inputs.values()]
+        symbols = [pilot_input.symbol for pilot_input in equations.inputs.values()]
         symbols += [*equations.parameters.values(), *equations.rate_symbols]
-        kept = {given.symbol.element_hash() for given in self.inputs.values()}
+        kept = {pilot_input.symbol.element_hash() for pilot_input in self.inputs.values()}
         kept |= {symbol.element_hash() for symbol in self.parameters.values()}
         left_out = [symbol for symbol in symbols if symbol.element_hash() not in kept]
         rates, others = ca.substitute(
@@ -278,7 +280,7 @@ class _Declaration:
         )
         arguments = [
             ca.vertcat(*equations.states.values()),
-            ca.vertcat(ca.SX(0, 1), *(given.symbol for given in self.inputs.values())),
+            ca.vertcat(ca.SX(0, 1), *(pilot_input.symbol for pilot_input in self.inputs.values())),
             ca.vertcat(*self.parameters.values()),
         ]
         values = [ca.densify(part) for part in ca.cse([rates, others])]

@@ -45,8 +45,8 @@ def _of_engines(parts: Parts, imposed: Mapping[str, float], solve: Solve) -> Ite
         power = f" from {len(powers)} x {powers[0]:.0f} hp" if powers else ""
         needed = thrust + missing
         yield (
-            f"full throttle gives {thrust:.0f} lb{power}: {missing:.0f} of {needed:.0f} lb of thrust "
-            "missing"
+            f"full throttle gives {thrust:.0f} lb{power}: {missing:.0f} of {needed:.0f} lb of "
+            "thrust missing"
         )
         return
     idle = solve({"throttle": 0.0}, ("speed_dot",))
@@ -75,11 +75,11 @@ def _of_lift(solve: Solve) -> Iterator[str]:
 
 def of_files(parts: Parts) -> Iterator[str]:
     """What the files say of engines that explains why they are weak."""
-    said: dict[str, Any] = {}
+    reasons: dict[str, Any] = {}
     for file in parts.engines:
         for reason in _of_engine(file):
-            said[reason] = None
-    yield from said
+            reasons[reason] = None
+    yield from reasons
 
 
 def _of_engine(file: EngineFile) -> Iterator[str]:

@@ -26,14 +26,14 @@ class PilotInput:
 
 def names_read_by(element: Element) -> list[str]:
     """The properties that functions and tables of a section read, angles of surfaces first."""
-    found: dict[str, None] = {}
+    names: dict[str, None] = {}
     pending = [element]
     while pending:
         part = pending.pop()
         pending += part.children
         if part.name in ("property", "p", "independentVar"):
-            found[plain(part.text.removeprefix("-"))] = None
-    return sorted(found, key=lambda name: (not name.endswith(("-rad", "-deg")), name))
+            names[plain(part.text.removeprefix("-"))] = None
+    return sorted(names, key=lambda name: (not name.endswith(("-rad", "-deg")), name))
 
 
 def cut_surfaces(
@@ -45,7 +45,7 @@ def cut_surfaces(
     names: what the forces of the air depend on. inputs: to which the new ones are added, in place
     of the commands of the same name. Returned: notes for the user.
     """
-    commands = ca.vertcat(*(each.symbol for each in inputs.values()))
+    commands = ca.vertcat(*(command.symbol for command in inputs.values()))
     cut: dict[str, PilotInput] = {}
     notes = []
     for name in names:

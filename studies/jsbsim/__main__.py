@@ -54,8 +54,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def write_page(rows: Sequence[dict[str, Any]]) -> None:
     """Put the table and its sums into the page of the documentation."""
-    before, _, rest = PAGE.read_text().partition(_BEGIN)
-    _, _, after = rest.partition(_END)
+    before, _, behind = PAGE.read_text().partition(_BEGIN)
+    _, _, after = behind.partition(_END)
     write_text(PAGE, f"{before}{_BEGIN}\n\n{summary(rows)}\n\n{table(rows)}\n\n{_END}{after}")
 
 
@@ -81,7 +81,7 @@ def _line(row: dict[str, Any]) -> list[str]:
     if not points:
         return [row["aircraft"], *["-"] * 6, row["refused"]]
     at_speeds = points[: len(SPEEDS)]
-    own = points[len(SPEEDS) :]
+    own_points = points[len(SPEEDS) :]
     residuals = [point["residual"] for point in points if "residual" in point]
     times = sorted(point["seconds"] for point in points if "seconds" in point)
     remarks = [point["reason"] for point in points if "reason" in point and point["kind"] == "none"]
@@ -91,7 +91,7 @@ def _line(row: dict[str, Any]) -> list[str]:
         str(sum(point["jsbsim"] for point in at_speeds)),
         str(sum(point["kind"] == "level" for point in at_speeds)),
         str(sum(point["kind"] == "glide" for point in at_speeds)),
-        str(sum(point["kind"] != "none" for point in own)),
+        str(sum(point["kind"] != "none" for point in own_points)),
         f"{max(residuals):.0e}" if residuals else "-",
         f"{1e3 * times[len(times) // 2]:.0f}" if times else "-",
         remark,
@@ -101,7 +101,7 @@ def _line(row: dict[str, Any]) -> list[str]:
 def summary(rows: Sequence[dict[str, Any]]) -> str:
     """The sums of the table in sentences."""
     first = [row["points"][: len(SPEEDS)] for row in rows if row["points"]]
-    own = [row["points"][len(SPEEDS) :] for row in rows if row["points"]]
+    own_points = [row["points"][len(SPEEDS) :] for row in rows if row["points"]]
     residuals = [
         point["residual"] for row in rows for point in row["points"] if "residual" in point
     ]
@@ -115,7 +115,7 @@ def summary(rows: Sequence[dict[str, Any]]) -> str:
         f"Of {len(rows)} aircraft JSBSim's own trim finds one at {jsbsim}, `hfa` at "
         f"{count(first, ('level', 'glide'))} ({count(first, ('level',))} in level flight); with "
         f"{len(LIFTS)} speeds of their own (lift coefficients {', '.join(map(str, LIFTS))}) at "
-        f"{count(own, ('level', 'glide'))} ({count(own, ('level',))} level). "
+        f"{count(own_points, ('level', 'glide'))} ({count(own_points, ('level',))} level). "
         f"Of {len(residuals)} trims that were measured in JSBSim, {small} leave accelerations below "
         "1e-9 ft/s² and rad/s²."
     )

@@ -93,14 +93,14 @@ def measured(name: str, points: Sequence[Mapping[str, Any]], seconds: float = 60
     """What JSBSim finds at each point, in another process; None for those that it did not reach.
 
     name: of an aircraft of JSBSim.
-    points: {"state": {...}, "commands": {...}} of `Model` names, or {"trim": {"kcas", "altitude"}}.
+    points: {"state": {...}, "commands": {...}}, with "linear": true for A and B too, of `Model` names, or {"trim": {"kcas", "altitude"}}.
     """
     answers: list[Any] = []
     waiting = list(points)
     while waiting:
-        found = _ask({"aircraft": name, "points": waiting}, seconds)
-        answers += found
-        if len(found) < len(waiting):
+        new_answers = _ask({"aircraft": name, "points": waiting}, seconds)
+        answers += new_answers
+        if len(new_answers) < len(waiting):
             answers.append(None)  # the point at which JSBSim ended
         waiting = list(points)[len(answers) :]
     return answers
@@ -189,7 +189,7 @@ def _run(step: Callable[[], Any], simulator: Any) -> None:
     raise RuntimeError("too many properties are missing")
 
 
-def _settled(simulator: Any, point: Mapping[str, Any]) -> dict[str, float]:
+def _settled(simulator: Any, point: Mapping[str, Any]) -> dict[str, Any]:
     """What JSBSim measures at a state that does not move, when its engines and surfaces no longer
     do."""
     for kind in ("rate", "position"):
@@ -209,7 +209,9 @@ def _settled(simulator: Any, point: Mapping[str, Any]) -> dict[str, float]:
         steady = steady + 1 if moved < 1e-9 else 0
         if second >= 20 and steady >= 2:
             break
-    answer = {name: _value(simulator, full_name) for name, full_name in _MEASURED.items()}
+    answer: dict[str, Any] = {
+        name: _value(simulator, full_name) for name, full_name in _MEASURED.items()
+    }
     answer |= {f"state.{name}": simulator[full_name] for name, full_name in _STATE.items()}
     for number in range(simulator.get_propulsion().get_num_engines()):
         prefix = _engine(number)
@@ -217,7 +219,22 @@ def _settled(simulator: Any, point: Mapping[str, Any]) -> dict[str, float]:
         answer[f"blade{number}"] = _value(simulator, f"{prefix}/blade-angle")
         answer[f"thrust{number}"] = _value(simulator, f"{prefix}/thrust-lbs")
         answer[f"power{number}"] = _value(simulator, f"{prefix}/power-hp")
+    if point.get("linear"):
+        answer |= _linearized(simulator)
     return answer
+
+
+def _linearized(simulator: Any) -> dict[str, Any]:
+    """A and B of JSBSim's own finite differences, by its names of states and inputs."""
+    import jsbsim
+
+    linear = jsbsim.FGLinearization(simulator)
+    return {
+        "A": [list(row) for row in linear.system_matrix],
+        "B": [list(row) for row in linear.input_matrix],
+        "x": list(linear.x_names),
+        "u": list(linear.u_names),
+    }
 
 
 def _propeller_speeds(simulator: Any) -> list[float]:

@@ -40,8 +40,8 @@ def study(name: str) -> dict[str, Any]:
         held.append({"speed": speed, "altitude": 5000.0})
     points = [_trimmed(model, values) for values in held]
     _measure(name, points)
-    own = measured(name, [{"trim": values} for values in held[: len(SPEEDS)]], 120.0)
-    for point, answer in zip(points, own, strict=False):
+    own_trims = measured(name, [{"trim": values} for values in held[: len(SPEEDS)]], 120.0)
+    for point, answer in zip(points, own_trims, strict=False):
         point["jsbsim"] = bool(answer and answer.get("trimmed"))
     notes = [_short(note) for note in model.notes]
     return {"aircraft": name, "seconds_reading": reading, "notes": notes, "points": points}
@@ -62,10 +62,10 @@ def _trimmed(model: Model, held: Mapping[str, float]) -> dict[str, Any]:
         point["reason"] = _short(str(explained(error, flown, condition)))
         if "gamma" in model.trim:
             glide = release(condition, free=("gamma",), hold={"throttle": 0.0})
-            found = _solution(flown, glide)
-            if found is not None:
+            gliding = _solution(flown, glide)
+            if gliding is not None:
                 point["kind"] = "glide"
-                _add(point, found)
+                _add(point, gliding)
     else:
         point["seconds"] = time.perf_counter() - begun
         _add(point, solution)
@@ -90,9 +90,9 @@ def _add(point: dict[str, Any], solution: OperatingPoint) -> None:
 def _measure(name: str, points: list[dict[str, Any]]) -> None:
     """Accelerations, ft/s^2 and rad/s^2, that JSBSim has at our trims, where its control system
     takes our inputs."""
-    known = [point for point in points if point.get("by_commands")]
-    answers = measured(name, known, 300.0) if known else []
-    for point, answer in zip(known, answers, strict=True):
+    measurable = [point for point in points if point.get("by_commands")]
+    answers = measured(name, measurable, 300.0) if measurable else []
+    for point, answer in zip(measurable, answers, strict=True):
         if answer is None:
             continue
         axes = ("udot", "vdot", "wdot", "pdot", "qdot", "rdot")

@@ -21,9 +21,9 @@ def explained(error: TrimError, model: Model, condition: TrimCondition) -> TrimE
         return error
 
     def solve(hold: Mapping[str, float], free: tuple[str, ...]) -> Mapping[str, float] | None:
-        known = {name: value for name, value in hold.items() if name in model.holdable}
+        held = {name: value for name, value in hold.items() if name in model.holdable}
         try:
-            changed = release(condition.resolved(), hold=known, free=free)
+            changed = release(condition.resolved(), hold=held, free=free)
             problem = TrimProblem(model, changed)
             z = problem.newton(problem.clip(problem.system.start))
             if not problem.solved(z):
