@@ -25,7 +25,8 @@ class BallFunction:
     BadInputError names an operation that is not known here."""
 
     def __init__(self, function: ca.Function, name: str = "") -> None:
-        self._name, self._size = name or function.name(), function.sz_w()
+        self._name = name or function.name()
+        self._size = function.sz_w()
         self._sizes = [function.nnz_out(index) for index in range(function.n_out())]
         self._inputs = [function.nnz_in(index) for index in range(function.n_in())]
         self._steps: list[tuple[int, Any, list[int], list[int]]] = []
@@ -83,8 +84,8 @@ def _operation(code: int, name: str) -> Callable[..., Any]:
             str(code),
         )
         raise BadInputError(
-            f"{name}: its equations use {word.removeprefix('OP_').lower()}, which a proof does not take; put a "
-            "polynomial in place of a table or a switch"
+            f"{name}: its equations use {word.removeprefix('OP_').lower()}, which a proof does not "
+            "take; put a polynomial in place of a table or a switch"
         )
     return _OPERATIONS[code]
 
@@ -98,7 +99,8 @@ def constant_part(value: Any) -> Any:
 
 def _sorted(x: Any, y: Any) -> tuple[Any, Any]:
     """The smaller and the larger one, for certain."""
-    first, second = constant_part(x), constant_part(y)
+    first = constant_part(x)
+    second = constant_part(y)
     if not (first <= second or first > second):
         raise Undecided("a comparison in the equations is not decided on this box")
     return (x, y) if first <= second else (y, x)

@@ -260,9 +260,9 @@ def check_game(statement: GameStatement, witness: GameWitness) -> int:
     doubles = _plant(statement, witness, decimals=False)
     wide = _plant(statement, witness, decimals=True) if statement.decimals else doubles
     exact = solution_on(weights, *wide, witness.solution, lowest=1)
-    found = critic_distances(statement.critic, exact)
+    bounds = critic_distances(statement.critic, exact)
     for name, (least, most) in statement.distances.items():
-        lowest, highest = found[name]
+        lowest, highest = bounds[name]
         if not (highest <= arb(most) and (least == 0.0 or lowest >= arb(least))):
             raise Rejected(f"the distance of {name} may be another one")
     A, B = wide

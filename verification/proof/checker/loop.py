@@ -133,10 +133,10 @@ def _measured(
         if name in model.linear:
             states[row, model.linear.index(name)] = 1.0
         elif whole in outputs:
-            place = np.zeros((p, len(outputs)))
-            place[row, outputs.index(whole)] = 1.0
+            selected = np.zeros((p, len(outputs)))
+            selected[row, outputs.index(whole)] = 1.0
             kept = matrix(np.diag([float(state in counted) for state in model.linear]))
-            y += matrix(place) * (linear.C * kept * x + linear.D * S * positions)
+            y += matrix(selected) * (linear.C * kept * x + linear.D * S * positions)
         else:
             moved[row, controller.inputs.index(name.removesuffix("_position"))] = 1.0
     return y + (matrix(states) * x + matrix(moved) * positions)
@@ -144,7 +144,7 @@ def _measured(
 
 def _selected(names: Sequence[str], wanted: Sequence[str]) -> np.ndarray:
     """(wanted, names), 1 where the two are the same."""
-    return np.array([[float(name == one) for name in names] for one in wanted])
+    return np.array([[float(name == row) for name in names] for row in wanted])
 
 
 def controller_on(controller: Controller, low: float, high: float) -> list[TaylorModel]:

@@ -93,7 +93,7 @@ def check_axis(
     rows = hamiltonian_rows(A.range(), riccati_S(weights, B).range(), matrix(weights.Q))
     H = acb_mat(rows)
     identity = acb_mat(matrix(np.eye(len(rows))))
-    values = [(identity * acb(0, arb(each)) - H).det().real for each in frequencies]
+    values = [(identity * acb(0, arb(frequency)) - H).det().real for frequency in frequencies]
     if not (any(value > 0 for value in values) and any(value < 0 for value in values)):
         raise Rejected("no eigenvalue is proved to lie on the axis")
 

@@ -80,8 +80,8 @@ class Flight:
     @property
     def unknowns(self) -> tuple[str, ...]:
         """What a trim finds."""
-        given = (self.model.schedule, *self.imposed)
-        return tuple(name for name in self.model.variables if name not in given)
+        imposed = (self.model.schedule, *self.imposed)
+        return tuple(name for name in self.model.variables if name not in imposed)
 
     @classmethod
     def read(cls, entries: Fields, model: Model, *, point: bool) -> Flight:

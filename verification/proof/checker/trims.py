@@ -58,9 +58,9 @@ def linear_model_on(
     """
     model = flight.model
     equations = equations_of(flight, measured)
-    known = known_values(flight, trim, decimals=decimals)
-    along = dict(known)
-    around = dict(known)
+    imposed = known_values(flight, trim, decimals=decimals)
+    along = dict(imposed)
+    around = dict(imposed)
     for name, (c0, c1, c2, *errors) in trim.polynomials.items():
         along[name] = TaylorModel(c0, c1, c2, arb(0), *errors)
         around[name] = TaylorModel(c0, c1, c2, symmetric(trim.radii[name]), *errors)
@@ -97,7 +97,9 @@ def known_values(flight: Flight, trim: TrimBox, *, decimals: bool = True) -> dic
 
 
 def _root_offsets(residual: Sequence[Any], linear: LinearParts, radii: list[arb]) -> list[arb]:
-    """Where about the polynomials the trim is; equations that no unknown moves must hold exactly."""
+    """Where about the polynomials the trim is.
+
+    Equations that no unknown moves must hold exactly."""
     moved = []
     for row, slopes in enumerate(linear.slopes):
         if not _is_zero([*slopes, residual[row]]):
@@ -161,8 +163,8 @@ def check_branches(flight: Flight, boxes: Iterable[LinearModelBox]) -> None:
     other has no other trim than its own. Rejected unless proved."""
     connected = [_stated_trim(flight, trim) for trim in flight.trims]
     for box in sorted(boxes, key=lambda box: (box.trim.low, box.trim.high)):
-        connected = [other for other in connected if other.trim.high >= box.trim.low]
-        if not any(_is_same(box, other) for other in connected):
+        connected = [before for before in connected if before.trim.high >= box.trim.low]
+        if not any(_is_same(box, before) for before in connected):
             raise Rejected(
                 f"the trims from {box.trim.low} on are not proved to be on the branch of a stated "
                 "trim"

@@ -120,7 +120,7 @@ class CertificateFile:
             raise BadInputError(f"{error}; remove the file and begin again") from error
         forget_read(self.path)
         content: Content = json.loads(self.path.read_text(encoding="utf-8"))
-        subjects = [_subject(content_of(each)) for each in (verified, statement)]
+        subjects = [_subject(content_of(claim)) for claim in (verified, statement)]
         if subjects[0] != subjects[1] or content["toolchain"] != VERSION:
             raise BadInputError(
                 f"{self.path}: is of another statement or version; write to another file"

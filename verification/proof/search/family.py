@@ -275,8 +275,8 @@ class TrimSearch:
     def _slopes(self, scheduling_value: float, values: Sequence[arb]) -> Any:
         """F_w at a point."""
         trim = TrimBox(scheduling_value, scheduling_value, {}, {})
-        known = known_values(self.flight, trim, decimals=False)
-        at: dict[str, Any] = {name: model.parts[0] for name, model in known.items()}
+        imposed = known_values(self.flight, trim, decimals=False)
+        at: dict[str, Any] = {name: model.parts[0] for name, model in imposed.items()}
         at |= dict(zip(self._equations.unknowns, values, strict=True))
         slopes = self._equations.linear(at).slopes
         return stacked([slopes[row] for row in self._rows]).parts[0]

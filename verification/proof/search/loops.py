@@ -39,7 +39,12 @@ _DIGITS = 10
 
 @dataclass(frozen=True)
 class Intervals:
-    """Of uncertain actuators: lowest and highest bandwidth, rad/s, effectiveness; largest delay, s."""
+    """Of uncertain actuators.
+
+    bandwidth: lowest and highest, rad/s
+    effectiveness: lowest and highest
+    delay: largest, s
+    """
 
     bandwidth: tuple[float, float]
     effectiveness: tuple[float, float] = (1.0, 1.0)

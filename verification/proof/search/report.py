@@ -45,11 +45,11 @@ _ERRORS = {
 def joined(runs: Sequence[tuple[float, float, Found]]) -> list[tuple[float, float, Found]]:
     """Low, high and what was found there: neighbours of which the same was found are one."""
     together: list[tuple[float, float, Found]] = []
-    for low, high, found in runs:
-        if together and together[-1][1:] == (low, found):
-            together[-1] = (together[-1][0], high, found)
+    for low, high, result in runs:
+        if together and together[-1][1:] == (low, result):
+            together[-1] = (together[-1][0], high, result)
         else:
-            together.append((low, high, found))
+            together.append((low, high, result))
     return together
 
 
@@ -327,13 +327,13 @@ def checked_report(verified: Verified) -> Report:
     parts: list[Part] = []
     flight = getattr(statement, "flight", getattr(statement, "plant", None))
     if isinstance(flight, Flight):
-        about, of_aircraft = _flight_said(flight)
-        parts.append(about)
+        description, of_aircraft = _flight_said(flight)
+        parts.append(description)
         data |= of_aircraft
     if isinstance(statement, ScheduleStatement):
         moving = statement.scheduled_rate is not None
-        own = schedule_data(statement, moving)
-        data |= {name: own[name] for name in own if name not in ("schema", "statement")}
+        result = schedule_data(statement, moving)
+        data |= {name: result[name] for name in result if name not in ("schema", "statement")}
         parts += _schedule_parts(statement, moving, {})
         lines += _controller_said(statement)
         what = _interval(statement.flight)
@@ -507,8 +507,8 @@ def require_same(stated: Mapping[str, Any], own: Mapping[str, Any], what: str) -
                 f"{what} gives {name}, which this certificate does not state; leave it out"
             )
         claimed = np.asarray(stated[name])
-        given = np.asarray(value)
-        if given.dtype.kind in "fi":
+        values = np.asarray(value)
+        if values.dtype.kind in "fi":
             claimed = np.asarray(stated[name], dtype=float)
-        if not np.array_equal(claimed, given):
+        if not np.array_equal(claimed, values):
             raise NoSolutionError(f"the certificate is about another {name} than {what} gives")

@@ -156,8 +156,8 @@ class ExactGame:
     def _frequencies_of_both_signs(self) -> Iterator[float]:
         """One ω where det(j ω I - H) > 0 and one where it is < 0, near eigenvalues on the axis."""
         units = balanced_units(self.game)
-        own = in_units(self.game, units)
-        values = np.linalg.eigvals(np.block([[own.A, -own.S], [-own.Q, -own.A.T]]))
+        game = in_units(self.game, units)
+        values = np.linalg.eigvals(np.block([[game.A, -game.S], [-game.Q, -game.A.T]]))
         nearest = np.argsort(np.abs(values.real))[:4]
         near = sorted(np.abs(values[nearest].imag).tolist())
         ends = [near[0] * 0.9, *near, near[-1] * 1.1]

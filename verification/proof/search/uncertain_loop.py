@@ -56,10 +56,10 @@ def _piece(
     n = loop.G.nrows()
     if max(np.linalg.eigvals(rates[:, :n]).real.max() for rates, _ in points) >= 0.0:
         return None
-    found = common_lyapunov(points)
-    if found is None:
+    solution = common_lyapunov(points)
+    if solution is None:
         return None
-    H, X = found
+    H, X = solution
     forms = [decrease(rates, rows, H, X) for rates, rows in points]
     try:
         turn = np.linalg.inv(np.linalg.cholesky(sum(forms))).T
@@ -130,11 +130,12 @@ def common_lyapunov(
     S[:n, :n] = turn
     S[range(n, size), range(n, size)] = scales
     turned = [(back @ rates @ S, rows @ S / scales[:, None]) for rates, rows in points]
-    found = _largest_margin(turned)
-    if found is None:
+    solution = _largest_margin(turned)
+    if solution is None:
         return None
-    H = back.T @ found[0] @ back
-    return (H + H.T) / 2, found[1] / scales**2
+    H, X = solution
+    H = back.T @ H @ back
+    return (H + H.T) / 2, X / scales**2
 
 
 def _largest_margin(
