@@ -36,11 +36,11 @@ SHOWN = {
     "AnalysedGame": "cost_lyapunov",
     "PublishedModel": "dihedral: 0.261799",
     "Proof": "Proved: every dihedral from 15 to 15.25 deg, published dynamics",
-    "Policy": "identity: K an array of shape (5, 6)",
+    "GainPolicy": "identity: K an array of shape (5, 6)",
     "Scenario": "gust: OneMinusCosine(length=100.0, peak=3.0, speed=68.0, begin=0.0)",
 }
 #: Those without a table: all their fields are said in a line.
-IN_LINES = ("Policy", "Scenario")
+IN_LINES = ("GainPolicy", "Scenario")
 #: Those that hold arrays, compared value by value.
 COMPARED = {
     "Game",
