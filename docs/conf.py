@@ -23,7 +23,8 @@ DOCS = Path(__file__).parent
 GENERATED = DOCS / "generated"
 #: Package -> what its page of the reference is about.
 PACKAGES = {
-    "hfa_support": "models and reports",
+    "hfa_aircraft": "aircraft as models",
+    "hfa_support": "errors and reports",
     "hfa_model": "the flexible aircraft",
     "trim": "trims and linear models",
     "controller": "games, laws and flights",

@@ -11,7 +11,7 @@ from controller.hfa_game import published_game as published_game
 from controller.learning.certified import learn as learn
 from controller.riccati.gare import solve_game as solve_game
 from hfa_aircraft import Model as Model, Signal as Signal
-from hfa_model.declaration import aircraft as aircraft
+from hfa_model.choice import aircraft as aircraft
 from hfa_support.errors import BadInputError as BadInputError, NoSolutionError as NoSolutionError
 from trim.hfa.level_flight import level_flight as level_flight
 from trim.linear.linear_model import linearize as linearize

@@ -7,7 +7,8 @@ import os
 import signal
 import sys
 
-INTERRUPTED, TERMINATED = 130, 143
+from hfa.exit_codes import INTERRUPTED, TERMINATED
+
 _ENDING = {"SIGINT": INTERRUPTED, "SIGTERM": TERMINATED, "SIGHUP": TERMINATED}
 
 

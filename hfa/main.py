@@ -15,7 +15,7 @@ import warnings
 from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING
 
-from hfa.entry import INTERRUPTED
+from hfa.exit_codes import BAD_INPUT, DONE, FAILED, INTERRUPTED
 from hfa.options.parser import Parser, unknown
 from hfa_support.errors import BadInputError, NoSolutionError, on_one_line, shortened
 from hfa_support.progress import drop, say_aside
@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from hfa.options.request import Request
     from hfa_aircraft.model import Model
 
-DONE, FAILED, BAD_INPUT = 0, 1, 2
 #: Exceptions that are the user's to answer, each in one line; any other is a bug.
 FAILURES = (BadInputError, NoSolutionError, OverflowError, UnicodeError, MemoryError, OSError)
 #: Fields of requests: files that a command writes; what names the model.

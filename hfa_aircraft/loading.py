@@ -23,7 +23,7 @@ def load_model(text: str) -> Model:
     if text.startswith("jsbsim:") or text.endswith(".xml"):
         from hfa_aircraft.jsbsim.reader import read_model
 
-        return read_model(text)
+        return replace(read_model(text), made_by=reloaded)
     where, colon, name = text.rpartition(":")
     if not colon or not name.isidentifier():
         raise BadInputError(
@@ -50,7 +50,7 @@ def load_model(text: str) -> Model:
     model = getattr(module, name, None)
     if not isinstance(model, Model):
         raise BadInputError(f"{where}: {_what_is_there(module, name, model)}")
-    return replace(model, source=(text, sources))
+    return replace(model, source=(text, sources), made_by=reloaded)
 
 
 def _executed(file: str) -> types.ModuleType:

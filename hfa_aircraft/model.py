@@ -9,7 +9,7 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -25,9 +25,6 @@ from hfa_aircraft.signals import VECTORS, Signal, remember_record
 from hfa_support.errors import BadInputError, is_finite, refuse_unknown, shown
 from hfa_support.reporting.text import shown_unit, shown_value
 from hfa_support.units import si_factor
-
-if TYPE_CHECKING:
-    import control
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -64,6 +61,8 @@ class Model:
     aliases: name in another program -> name here.
     notes: what every report says of it.
     native: the model that `hfa_aircraft.units.in_si` converted into this one.
+    made_by: what makes it again in another process: of `native`, else of `source` and the values of
+        the parameters; None where it is sent as it is.
 
     BadInputError when a name is no identifier, is declared twice or is unknown, or when a number
     cannot be.
@@ -95,6 +94,7 @@ class Model:
     aliases: Mapping[str, str] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     native: Model | None = None
+    made_by: Callable[..., Model] | None = None
 
     def __post_init__(self) -> None:
         """Check the declaration before anything is compiled."""
@@ -151,12 +151,13 @@ class Model:
         return f"<Model {self.title}: {counts}>"
 
     def __reduce__(self) -> Any:
-        if self.native is not None:
-            return _converted, (self.native,)
-        if not self.source[0]:
+        """How another process makes it again: what was loaded from a file is loaded there."""
+        if self.made_by is None:
             return super().__reduce__()
+        if self.native is not None:
+            return self.made_by, (self.native,)
         values = {name: signal.start for name, signal in self.parameters.items()}
-        return _reloaded, (self.source, values)
+        return self.made_by, (self.source, values)
 
     # Names and units.
 
@@ -384,25 +385,6 @@ class Model:
             rates = dict(zip(self.states, ca.vertsplit(f), strict=True))
             return rates, dict(zip(self.outputs, components(y), strict=True))
 
-    # Exchange with python-control.
-
-    def to_control(self, outputs: Sequence[str] | None = None) -> control.NonlinearIOSystem:
-        """x' = f(x, u, p), y = the named states and outputs (all unless given) for python-control,
-        names kept."""
-        from hfa_aircraft.control_systems import to_control
-
-        return to_control(self, outputs)
-
-    @staticmethod
-    def from_control(
-        system: control.NonlinearIOSystem, units: Mapping[str, Any], **declared: Any
-    ) -> Model:
-        """The model of a system of python-control that can be traced:
-        `control_systems.from_control`."""
-        from hfa_aircraft.control_systems import from_control
-
-        return from_control(system, units, **declared)
-
 
 def _is_identifier(name: Any) -> bool:
     """Whether a name can be a field, in Python and in C."""
@@ -430,17 +412,3 @@ def _check_signal(where: str, signal: Signal) -> None:
         raise BadInputError(
             f"{where}: min {signal.min:g} is above max {signal.max:g}; exchange them"
         )
-
-
-def _reloaded(source: tuple[str, str], parameters: dict[str, float]) -> Model:
-    """The model of a file in another process."""
-    from hfa_aircraft.loading import reloaded
-
-    return reloaded(source, parameters)
-
-
-def _converted(native: Model) -> Model:
-    """The model in SI in another process."""
-    from hfa_aircraft.units import in_si
-
-    return in_si(native)

@@ -43,6 +43,7 @@ def in_si(model: Model) -> Model:
         explain=None,  # its words are in the units of the declaration
         begin=model.begin and _Begin(model.begin, _factors_of_all(model)),
         native=model,
+        made_by=in_si,
     )
 
 

@@ -1,7 +1,7 @@
 """The aircraft: three rigid panels on two hinges, seven states, five inputs, written symbolically."""
 
+from .choice import aircraft as aircraft
 from .declaration import (
-    aircraft as aircraft,
     is_hfa as is_hfa,
     loads as loads,
     parameters_of as parameters_of,

@@ -18,7 +18,7 @@ from hfa_model.aerodynamics import Loads, aircraft_loads
 from hfa_model.atmosphere import density, refuse_beyond_the_atmosphere
 from hfa_model.kinematics import DISTURBANCES, winds_named
 from hfa_model.outputs import OUTPUTS, moment_of, outputs_of
-from hfa_model.parameters import FIELDS, Parameters, default_parameters
+from hfa_model.parameters import FIELDS, Parameters
 from hfa_model.printed_matrices import published_data
 from hfa_model.variants import VARIANTS, Variant, variant_named
 from hfa_model.vectors import (
@@ -30,15 +30,11 @@ from hfa_model.vectors import (
     Input,
     State,
 )
-from hfa_support.errors import BadInputError, is_finite, shown
+from hfa_support.errors import BadInputError
 from hfa_support.units import si_factor
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
-
-#: What no aircraft has below zero. A fit to one printed angle leaves an inertia open, which may
-#: come out negative.
-_SIZES = ("panel_mass", "panel_span", "chord")
 
 
 @dataclass(frozen=True)
@@ -140,24 +136,9 @@ _DECLARED = Model(
 )
 
 
-def aircraft(dynamics: str | Variant = "published", parameters: Parameters | None = None) -> Model:
-    """The highly flexible aircraft as a `Model`.
-
-    dynamics: "published", "newton" or "unsteady", or a variant of the equations.
-    parameters: by default the identified ones.
-    BadInputError for unknown dynamics and for parameters that no aircraft has.
-    """
-    values = default_parameters().values if parameters is None else _checked_parameters(parameters)
-    return _aircraft(dynamics, values)
-
-
 @lru_cache(maxsize=64)
-def _aircraft(dynamics: str | Variant, parameters: Parameters) -> Model:
-    if dynamics == "unsteady":
-        from hfa_model.unsteady import UNSTEADY
-
-        return UNSTEADY.with_parameters(**parameters._asdict())
-    variant = variant_named(dynamics) if isinstance(dynamics, str) else dynamics
+def rigid_panels(variant: Variant, parameters: Parameters) -> Model:
+    """The aircraft with these equations and parameters, without lags of the air."""
     return replace(
         _DECLARED,
         name=variant.name,
@@ -207,14 +188,3 @@ def _loads_in_si(loads: Any) -> Any:
         else:
             converted[name] = value * si_factor("ft lbf" if name.endswith("moment") else "lbf")
     return loads._replace(**converted)
-
-
-def _checked_parameters(parameters: Parameters) -> Parameters:
-    if not isinstance(parameters, Parameters):
-        raise TypeError("parameters must be Parameters, as in default_parameters().values")
-    for name, value in parameters._asdict().items():
-        if not is_finite(value):
-            raise BadInputError(f"parameter {name} is {shown(value)}; give a finite number")
-        if name in _SIZES and value < 0.0:
-            raise BadInputError(f"parameter {name} is {value:g}; it must be positive")
-    return parameters

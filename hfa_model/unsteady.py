@@ -31,7 +31,7 @@ import casadi as ca
 from hfa_aircraft.signals import Signal
 from hfa_model.aerodynamics import Loads, PanelLoads, panel_loads, sum_of_panels
 from hfa_model.atmosphere import density
-from hfa_model.declaration import aircraft
+from hfa_model.declaration import rigid_panels
 from hfa_model.dynamics import rates_from_loads
 from hfa_model.kinematics import (
     Velocity,
@@ -46,7 +46,7 @@ from hfa_model.kinematics import (
 )
 from hfa_model.outputs import Moment, outputs_of
 from hfa_model.parameters import default_parameters
-from hfa_model.variants import Newton
+from hfa_model.variants import Newton, variant_named
 from hfa_model.vectors import LINEAR_STATES, STATE_SIGNALS, STATES, Quantity
 
 NEWTON = Newton()
@@ -312,7 +312,7 @@ def _plates(p: Any, air: Quantity) -> tuple[_Plate, _Plate]:
 
 
 #: The aircraft without lags.
-_RIGID = aircraft()
+_RIGID = rigid_panels(variant_named("published"), default_parameters().values)
 
 
 def _signals() -> dict[str, Signal]:

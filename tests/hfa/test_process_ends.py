@@ -20,7 +20,7 @@ import pytest
 from cli import SCRIPT, hfa, hfa_process
 from game_files import small
 
-from hfa.entry import INTERRUPTED, TERMINATED
+from hfa.exit_codes import INTERRUPTED, TERMINATED
 from hfa.main import DONE, FAILED
 
 #: Command -> its words.

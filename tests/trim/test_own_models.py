@@ -16,6 +16,7 @@ import pytest
 from cli import answer, assert_refused, hfa
 from own_models import F16, GTM, NAVION, navion, trimmed
 
+from hfa_aircraft import from_control, to_control
 from hfa_support import BadInputError, Model, Signal
 from trim import TrimError, find_operating_point, linearize, release, sweep
 from trim.hfa.hfa_report import trim_report
@@ -281,7 +282,7 @@ def test_a_system_of_python_control_is_traced() -> None:
     """The model has its names, parameters and outputs; its linear model is that of python-control's
     differences."""
     nlsys = system(pendulum)
-    model = Model.from_control(
+    model = from_control(
         nlsys, {"angle": "rad", "rate": "rad/s", "height": "m"}, trim={"angle": 0.5}
     )
     point = find_operating_point(model, usual_condition(model))
@@ -290,7 +291,7 @@ def test_a_system_of_python_control_is_traced() -> None:
     peer = control.linearize(nlsys, [0.5, 0.0], [point.inputs.torque])
     for matrix in "ABCD":
         np.testing.assert_allclose(getattr(own, matrix), getattr(peer, matrix), atol=1e-5)
-    back = model.to_control()
+    back = to_control(model)
     assert back.output_labels == ["angle", "rate", "height"]
     np.testing.assert_allclose(back.output(0.0, [0.5, 0.0], [0.0]), [0.5, 0.0, 1 - math.cos(0.5)])
     heavier = back.dynamics(0.0, [0.5, 0.0], [0.0], params={"stiffness": 8.0})
@@ -322,7 +323,7 @@ def test_a_system_of_python_control_is_traced() -> None:
 )
 def test_a_system_that_cannot_be_traced_is_refused_in_one_line(made, words: str) -> None:
     with pytest.raises(BadInputError) as caught:
-        Model.from_control(made(), {})
+        from_control(made(), {})
     assert words in str(caught.value)
     assert "\n" not in str(caught.value)
 

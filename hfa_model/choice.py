@@ -1,0 +1,40 @@
+"""The paper's aircraft by its dynamics: the one function that makes a `Model` of it."""
+
+from __future__ import annotations
+
+from hfa_aircraft.model import Model
+from hfa_model.declaration import rigid_panels
+from hfa_model.parameters import Parameters, default_parameters
+from hfa_model.variants import Variant, variant_named
+from hfa_support.errors import BadInputError, is_finite, shown
+
+#: What no aircraft has below zero. A fit to one printed angle leaves an inertia open, which may
+#: come out negative.
+_SIZES = ("panel_mass", "panel_span", "chord")
+
+
+def aircraft(dynamics: str | Variant = "published", parameters: Parameters | None = None) -> Model:
+    """The highly flexible aircraft as a `Model`.
+
+    dynamics: "published", "newton" or "unsteady", or a variant of the equations.
+    parameters: by default the identified ones.
+    BadInputError for unknown dynamics and for parameters that no aircraft has.
+    """
+    values = default_parameters().values if parameters is None else _checked_parameters(parameters)
+    if dynamics == "unsteady":
+        from hfa_model.unsteady import UNSTEADY
+
+        return UNSTEADY.with_parameters(**values._asdict())
+    variant = variant_named(dynamics) if isinstance(dynamics, str) else dynamics
+    return rigid_panels(variant, values)
+
+
+def _checked_parameters(parameters: Parameters) -> Parameters:
+    if not isinstance(parameters, Parameters):
+        raise TypeError("parameters must be Parameters, as in default_parameters().values")
+    for name, value in parameters._asdict().items():
+        if not is_finite(value):
+            raise BadInputError(f"parameter {name} is {shown(value)}; give a finite number")
+        if name in _SIZES and value < 0.0:
+            raise BadInputError(f"parameter {name} is {value:g}; it must be positive")
+    return parameters
