@@ -51,34 +51,43 @@ def with_means_at_kinks(
     the derivative; it becomes their mean. Where the rate itself jumps the entry stays, with a note.
     Points without a trim, nan, have none.
     """
-    near = _near_switches(model, x, u, p)
+    near, columns = _near_switches(model, x, u, p)
     if not near.size:
         return Smoothed(A, B, {})
     jacobian = np.concatenate([A, B], axis=2)
     z = np.concatenate([x[near], u[near]], axis=1)
     notes = {}
-    for point, slopes in zip(near.tolist(), _slopes(model, z, p[near]), strict=True):
-        words = _correct(model, slopes, jacobian[point])
+    for point, slopes in zip(near.tolist(), _slopes(model, z, p[near], columns), strict=True):
+        words = _correct(model, slopes, jacobian[point], columns)
         if words:
             notes[point] = words
     n = len(model.states)
     return Smoothed(jacobian[:, :, :n], jacobian[:, :, n:], notes)
 
 
-def _near_switches(model: Model, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> np.ndarray:
-    """Numbers of the first `_MOST` points from which a step can reach a switch; of all points where
-    equations call functions, whose inside is not seen."""
+def _near_switches(
+    model: Model, x: np.ndarray, u: np.ndarray, p: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Numbers of the first `_MOST` points from which a step can reach a switch, and of the states
+    and inputs that reach one there.
+
+    Where equations call functions, whose inside is not seen: all points, all states and inputs.
+    """
+    everything = np.arange(len(model.states) + len(model.inputs))
     if _calls_functions(model.layout):
-        near = np.isfinite(x).all(axis=1)
-    else:
-        switches = _switch_rows(model.layout)
-        if switches is None:
-            return np.zeros(0, dtype=int)
-        values, slopes = switches(x, u, p)
-        by_variable = np.abs(slopes).reshape(len(x), -1, values.shape[1])
-        reach = np.einsum("pvs,v->ps", by_variable, _steps(model))
-        near = (np.abs(values) <= 2 * reach).any(axis=1)
-    return np.flatnonzero(near)[:_MOST]
+        return np.flatnonzero(np.isfinite(x).all(axis=1))[:_MOST], everything
+    switches = _switches(model.layout)
+    if switches is None:
+        return np.zeros(0, dtype=int), everything
+    values, slopes = (np.array(part) for part in switches.map(len(x))(x.T, u.T, p.T))
+    # CasADi lays the slopes of the points side by side, (switches, points (n + m)).
+    sizes = np.abs(slopes.reshape(len(values), len(x), -1)) * _steps(model)
+    near = np.abs(values) <= 2 * sizes.sum(axis=2)
+    points = np.flatnonzero(near.any(axis=0))[:_MOST]
+    moving = sizes[near]
+    if not moving.any(axis=1).all():  # a switch that moves in second order only
+        return points, everything
+    return points, np.flatnonzero(moving.any(axis=0))
 
 
 def _steps(model: Model) -> np.ndarray:
@@ -147,56 +156,61 @@ def _switches(layout: Layout) -> ca.Function | None:
     return ca.Function("switches", vectors, [ca.densify(s), ca.densify(slopes)])
 
 
-def _slopes(model: Model, z: np.ndarray, p: np.ndarray) -> np.ndarray:
-    """Slopes of the rates between seven places along each state and input, (N, 6, n, n + m).
+def _slopes(model: Model, z: np.ndarray, p: np.ndarray, columns: np.ndarray) -> np.ndarray:
+    """Slopes of the rates between seven places along some states and inputs, (N, 6, n, columns).
 
     z: (N, n + m), the states and inputs.
+    columns: numbers of those that are moved.
     The places lie -3, ..., 3 steps away.
     """
     n = len(model.states)
     count, size = z.shape
     steps = _steps(model)
-    offsets = np.arange(-3, 4)[:, None, None] * np.diag(steps)
+    offsets = np.arange(-3, 4)[:, None, None] * np.diag(steps)[columns]
     places = (z[:, None, None, :] + offsets).reshape(-1, size)
-    parameters = np.repeat(p, 7 * size, axis=0)
+    parameters = np.repeat(p, 7 * len(columns), axis=0)
     rates = np.array(_rates(model.layout)(places[:, :n].T, places[:, n:].T, parameters.T))
-    by_place = rates.reshape(n, count, 7, size).transpose(1, 2, 0, 3)
-    return np.diff(by_place, axis=1) / steps
+    by_place = rates.reshape(n, count, 7, len(columns)).transpose(1, 2, 0, 3)
+    return np.diff(by_place, axis=1) / steps[columns]
 
 
-def _correct(model: Model, slopes: np.ndarray, jacobian: np.ndarray) -> tuple[str, ...]:
+def _correct(
+    model: Model, slopes: np.ndarray, jacobian: np.ndarray, columns: np.ndarray
+) -> tuple[str, ...]:
     """Put the means of both slopes into the entries of (n, n + m) `jacobian` at a kink; a sentence
     for each, and for each that the rate jumps over.
 
-    slopes: (6, n, n + m), of `_slopes`. They are extrapolated from where they are clear of a kink
+    slopes: (6, n, columns), of `_slopes`. They are extrapolated from where they are clear of a kink
     within a step, so that the mean is right for a trim that hits a knot up to rounding.
     """
     n = len(model.states)
     names = (*model.states, *model.inputs)
+    derivative = jacobian[:, columns]
     below = 2.5 * slopes[1] - 1.5 * slopes[0]
     above = 2.5 * slopes[4] - 1.5 * slopes[5]
-    nominal = _steps(model) / _STEP
+    nominal = _steps(model)[columns] / _STEP
     scale = nominal / np.array([[model.rate_scale(name)] for name in model.states])
-    allowed = _APART * (1 + np.abs(jacobian) * scale) / scale
+    allowed = _APART * (1 + np.abs(derivative) * scale) / scale
     smooth_below = np.abs(slopes[1] - slopes[0]) <= allowed
     smooth_above = np.abs(slopes[5] - slopes[4]) <= allowed
-    differs = np.maximum(np.abs(below - jacobian), np.abs(above - jacobian)) > allowed
+    differs = np.maximum(np.abs(below - derivative), np.abs(above - derivative)) > allowed
     # Across a kink the two middle slopes lie between those to the sides, or are mixed of them.
     across = np.abs(slopes[2] + slopes[3] - below - above)
     jumps = smooth_below & smooth_above & (across > 2 * np.abs(above - below) + allowed)
     kinks = smooth_below & smooth_above & differs & ~jumps
     notes = []
     for j, i in np.argwhere((kinks | jumps).T).tolist():
-        entry = f"{'A' if j < n else 'B'}({names[i]}, {names[j]})"
+        column = int(columns[j])
+        entry = f"{'A' if column < n else 'B'}({names[i]}, {names[column]})"
         if jumps[i, j]:
             notes.append(
-                f"jump: the rate of {names[i]} jumps as {names[j]} passes its value; {entry} is "
-                f"{jacobian[i, j] + 0.0:.5g}, without the jump"
+                f"jump: the rate of {names[i]} jumps as {names[column]} passes its value; {entry} "
+                f"is {jacobian[i, column] + 0.0:.5g}, without the jump"
             )
         else:
-            jacobian[i, j] = (below[i, j] + above[i, j]) / 2
+            jacobian[i, column] = (below[i, j] + above[i, j]) / 2
             notes.append(
-                f"kink: {entry} is {jacobian[i, j] + 0.0:.5g}, the mean of the slopes below and "
-                f"above, {below[i, j]:.5g} and {above[i, j]:.5g}"
+                f"kink: {entry} is {jacobian[i, column] + 0.0:.5g}, the mean of the slopes below "
+                f"and above, {below[i, j]:.5g} and {above[i, j]:.5g}"
             )
     return tuple(notes)
