@@ -136,13 +136,6 @@ def minimum_delta_discrete(problem: DiscreteGame, progress: Progress | None = No
     return _smallest_delta(_discrete_form(problem), progress)
 
 
-def policies_of_step(
-    step: Game, P: np.ndarray, discount: float = 1.0
-) -> tuple[np.ndarray, np.ndarray]:
-    """`DiscreteGame.policies` of a step."""
-    return DiscreteGame(step, discount).policies(P)
-
-
 def quick_discounted(step: Game) -> tuple[np.ndarray, np.ndarray]:
     """P and K of a step without discount, neither refined nor certified: for a search.
 

@@ -90,38 +90,19 @@ def solution_report(
     """P, K, certificate, meaning and margins; origin: what the plant is called; a unit is "" where
     it is not known."""
     units = state_units or ("",) * len(states), input_units or ("",) * len(inputs)
-    solution, disk, smallest, delta = (
-        found.solution,
-        found.disk,
-        found.delta_min,
-        found.solution.delta,
-    )
-    margin = smallest.margin(delta)
-    doubt = (
-        f" (rounding leaves it open down to {smallest.refused:.7g})" if smallest.uncertain else ""
-    )
-    loops = [
-        (
-            name,
-            f"{loop.gain_low:.3g} to {loop.gain_high:.3g}",
-            f"{loop.phase:.4g}",
-            f"{loop.disk:.4g}",
-        )
-        for name, loop in zip(inputs, found.loops, strict=True)
-    ]
-    eigenvalues = ", ".join(
-        eigenvalue_text(value) for value in solution.closed_loop_eigenvalues if value.imag >= 0
-    )
+    solution = found.solution
+    disk = found.disk
+    margin = found.delta_min.margin(solution.delta)
+    poles = [value for value in solution.closed_loop_eigenvalues if value.imag >= 0]
     return Report(
-        title=f"Exact game solution for {origin}\n"
-        f"delta {delta:.6g}, smallest possible {smallest.value:.7g}{doubt}, margin {margin:.4g}",
+        title=_title(found, origin),
         parts=(
             matrix_table("P", states, states, solution.P),
             matrix_table("K", inputs, states, solution.K),
-            f"closed loop A - B K, 1/s: {eigenvalues}",
+            f"closed loop A - B K, 1/s: {', '.join(map(eigenvalue_text, poles))}",
             checks_block(solution.certificate.checks),
             checks_block(found.meaning),
-            Table(("margins at the input", "gain", "phase deg", "disk"), loops),
+            _margins_table(found, inputs),
             f"All inputs at once: disk {disk.disk:.4g}, gain {disk.gain:.4g},"
             f" phase {disk.phase:.4g} deg, at {disk.frequency:.4g} rad/s",
         ),
@@ -130,7 +111,7 @@ def solution_report(
             "states": list(states),
             "inputs": list(inputs),
             **solution.to_dict(),
-            "delta_min": smallest.value,
+            "delta_min": found.delta_min.value,
             "delta_margin": finite_or_none(margin),
             "meaning": [check.to_dict() for check in found.meaning],
             "loop_margins": dict(zip(inputs, map(_loop_data, found.loops), strict=True)),
@@ -143,6 +124,28 @@ def solution_report(
             entry_rows((solution.P,), (solution.K,), (states, inputs), units),
         ),
     )
+
+
+def _title(found: AnalysedGame, origin: str) -> str:
+    smallest = found.delta_min
+    delta = found.solution.delta
+    doubt = ""
+    if smallest.uncertain:
+        doubt = f" (rounding leaves it open down to {smallest.refused:.7g})"
+    return (
+        f"Exact game solution for {origin}\n"
+        f"delta {delta:.6g}, smallest possible {smallest.value:.7g}{doubt},"
+        f" margin {smallest.margin(delta):.4g}"
+    )
+
+
+def _margins_table(found: AnalysedGame, inputs: tuple[str, ...]) -> Table:
+    """Gain, phase and disk of each input."""
+    rows = []
+    for name, loop in zip(inputs, found.loops, strict=True):
+        gain = f"{loop.gain_low:.3g} to {loop.gain_high:.3g}"
+        rows.append((name, gain, f"{loop.phase:.4g}", f"{loop.disk:.4g}"))
+    return Table(("margins at the input", "gain", "phase deg", "disk"), rows)
 
 
 def _loop_data(margin: LoopMargin) -> dict[str, Any]:
