@@ -21,11 +21,11 @@ def test_round_trip_is_bit_for_bit(point: OperatingPoint, tmp_path: Path) -> Non
     awkward = replace(
         point, inputs=point.inputs._replace(throttle=0.1 + 0.2, aileron_center=-5e-324)
     )
-    for each in (point, awkward):
+    for saved in (point, awkward):
         path = tmp_path / "point.json"
-        each.save(path)
-        assert OperatingPoint.load(path, hfa_model.aircraft()) == each
-    assert [each.name for each in tmp_path.iterdir()] == ["point.json"]
+        saved.save(path)
+        assert OperatingPoint.load(path, hfa_model.aircraft()) == saved
+    assert [path.name for path in tmp_path.iterdir()] == ["point.json"]
 
 
 @pytest.mark.parametrize(
@@ -49,9 +49,9 @@ def test_wrong_files_are_refused(
 
 
 def test_the_paper_s_condition_is_the_default() -> None:
-    named, default = load_condition("paper").at(0.2), level_flight(0.2)
-    assert named.imposed == pytest.approx(default.imposed)
-    assert set(named.free) == set(default.free)
+    loaded, default = load_condition("paper").at(0.2), level_flight(0.2)
+    assert loaded.imposed == pytest.approx(default.imposed)
+    assert set(loaded.free) == set(default.free)
 
 
 @pytest.mark.parametrize(("name", "speed"), [("simvfa-64", 64.0), ("simvfa-30", 30.0)])
@@ -59,9 +59,9 @@ def test_the_peer_s_conditions_fly_at_its_angles_of_attack(
     published_aircraft: Model, name: str, speed: float
 ) -> None:
     condition = load_condition(name)
-    found = [each for each in released_trims() if each.speed == speed]
-    assert len(found) >= 5
-    for released in found:
+    trims = [trim for trim in released_trims() if trim.speed == speed]
+    assert len(trims) >= 5
+    for released in trims:
         point = find_operating_point(published_aircraft, condition.at(released.dihedral))
         assert point.states.speed == speed
         assert point.states.alpha == pytest.approx(released.alpha, abs=1e-7)

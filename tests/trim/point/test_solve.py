@@ -35,13 +35,13 @@ def assert_meets(aircraft: Model, condition: TrimCondition, point: OperatingPoin
         assert abs(rates[name] - imposed) / getattr(RATE_SCALES, name) <= 1e-10, name
         assert point.residuals[name] == pytest.approx(rates[name] - imposed, abs=1e-12)
     assert set(point.residuals) == set(condition.rates)
-    found = point.values
+    values = point.values
     for name, imposed in condition.imposed.items():
         # gamma is stored as pitch - alpha.
-        assert found[name] == pytest.approx(imposed, rel=1e-15, abs=1e-16), name
+        assert values[name] == pytest.approx(imposed, rel=1e-15, abs=1e-16), name
     for name in condition.free:
         lowest, highest = condition.limits_of(name)
-        assert lowest - 1e-12 <= found[name] <= highest + 1e-12, name
+        assert lowest - 1e-12 <= values[name] <= highest + 1e-12, name
 
 
 def effort(point: OperatingPoint) -> float:
@@ -85,12 +85,12 @@ def test_a_point_that_is_not_trimmed_does_not_meet_the_specification(aircraft: M
 
 @pytest.mark.parametrize("free", ["alpha", "dihedral", "speed", "altitude"])
 def test_a_state_set_free_finds_the_same_flight_again(aircraft: Model, free: str) -> None:
-    known = find_operating_point(aircraft, BASE)
-    condition = release(BASE, free=(free,), hold={"aileron_outer": known.inputs.aileron_outer})
+    reference = find_operating_point(aircraft, BASE)
+    condition = release(BASE, free=(free,), hold={"aileron_outer": reference.inputs.aileron_outer})
     point = find_operating_point(aircraft, condition)
     assert_meets(aircraft, condition, point)
-    np.testing.assert_allclose(point.states, known.states, rtol=1e-9, atol=1e-9)
-    np.testing.assert_allclose(point.inputs, known.inputs, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(point.states, reference.states, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(point.inputs, reference.inputs, rtol=1e-9, atol=1e-9)
 
 
 # More unknowns than equations.
@@ -109,7 +109,7 @@ def test_least_effort_is_a_minimum(aircraft: Model, extra: tuple[str, ...]) -> N
         aside = [
             release(condition, hold={name: point.values[name] + step}) for step in (-1e-3, 1e-3)
         ]
-        dearer = [effort(find_operating_point(aircraft, each)) for each in aside]
+        dearer = [effort(find_operating_point(aircraft, nearby)) for nearby in aside]
         assert min(dearer) > effort(point), name
         # At a minimum both sides cost the same to second order.
         assert abs(dearer[1] - dearer[0]) < 0.05 * (dearer[0] + dearer[1] - 2 * effort(point)), name
@@ -184,9 +184,9 @@ def test_the_cheaper_of_two_minima_is_found(
     their highest."""
     condition = release(level_flight(float(np.radians(10.0))), free=("speed", "dihedral", "gamma"))
     for start in (None, point):
-        found = find_operating_point(published_aircraft, condition, start)
-        assert effort(found) == pytest.approx(0.0150, abs=1e-4)
-        assert np.degrees(found.states.dihedral) == pytest.approx(60.0, abs=0.01)
+        cheaper = find_operating_point(published_aircraft, condition, start)
+        assert effort(cheaper) == pytest.approx(0.0150, abs=1e-4)
+        assert np.degrees(cheaper.states.dihedral) == pytest.approx(60.0, abs=0.01)
 
 
 # Bad input.
