@@ -6,7 +6,7 @@ Feet, slugs, pounds, radians; control surfaces in degrees and the throttle from 
 import casadi as ca
 import numpy as np
 
-from hfa_support import Model, Signal
+from hfa import Model, Signal
 
 AREA, SPAN, CHORD, GRAVITY, MASS, SPIN = 300.0, 30.0, 11.32, 32.17, 1 / 1.57e-3, 160.0
 #: Of I_xx 9496, I_yy 55814, I_zz 63100, I_xz 982 slug ft^2, rounded as the printed results take them (Section 1.7).

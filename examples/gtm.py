@@ -15,7 +15,7 @@ import re
 
 import casadi as ca
 
-from hfa_support import Model, Signal
+from hfa import Model, Signal
 
 #: Terms of the rates of V, alpha, q: a coefficient and powers of V (speed), a (alpha), q (pitch rate), h (pitch),
 #: d (elevator) and T (throttle).

@@ -6,7 +6,7 @@ C_Lq out and take C_nbeta 0.0701: so their modes come out within 0.5 %. Here the
 
 import casadi as ca
 
-from hfa_support import Model, Signal
+from hfa import Model, Signal
 
 AREA, SPAN, CHORD, MASS, GRAVITY, DENSITY = 184.0, 33.4, 5.7, 2750 / 32.2, 32.2, 2.3769e-3
 I_XX, I_YY, I_ZZ, C_LQ, C_NBETA = 1048.0, 3000.0, 3530.0, 3.8, 0.071

@@ -14,11 +14,7 @@ import itertools
 import casadi as ca
 import numpy as np
 
-import hfa_model
-from controller import Game, published_game
-from hfa_model import default_parameters
-from trim import level_model
-from verification import solve_game
+import hfa
 
 #: Half widths of the box: ft/s, rad, rad/s.
 BOX = np.array([7.0, 0.1, 0.1, 0.1, 0.1, 0.1])
@@ -29,16 +25,14 @@ ACTIVATIONS = {
 }
 
 
-def game_at(degrees: float) -> Game:
+def game_at(degrees: float) -> hfa.Game:
     """The paper's game on the aircraft at this dihedral angle."""
-    model = level_model(
-        hfa_model.aircraft(parameters=default_parameters().values), np.radians(degrees)
-    )
-    return published_game(model.A, model.B)
+    model = hfa.level_model(hfa.aircraft(), np.radians(degrees))
+    return hfa.published_game(model)
 
 
 def fit(
-    game: Game,
+    game: hfa.Game,
     of: str = "V",
     hidden: tuple[int, ...] = (32, 32),
     activation: str = "tanh",
@@ -50,7 +44,7 @@ def fit(
     """State dict of the network y -> V, dV/dz or u (of: "V", "gradient", "policy") at z = box y, float32."""
     from scipy.optimize import minimize
 
-    exact, rng = solve_game(game), np.random.default_rng(seed)
+    exact, rng = hfa.solve_game(game), np.random.default_rng(seed)
     n = len(game.A)
     y = rng.uniform(-1.0, 1.0, (n, points)) * rng.uniform(0.0, 1.0, points) ** 0.5
     z = box[:, None] * y

@@ -33,7 +33,7 @@ PARTS = (("hfa_model.provenance", "Provenance"),)
 class Stamp(Result):
     """What the command adds to every result.
 
-    units: of every number here, english (ft, slug, lbf) or si (m, kg, N); each name states its unit.
+    units: of every number here, english (ft, slug, lbf) or si (m, kg, N).
     provenance: version, command, date, equations, parameters with a hash, condition."""
 
     units: Literal["english", "si"] | None = None
@@ -78,15 +78,16 @@ def _stamped(schema: dict[str, Any]) -> dict[str, Any]:
 
 def _object(table: dict[str, Any], shared: dict[str, str]) -> dict[str, Any]:
     """The schema of a table of keys, those with * required."""
-    found = {"title": table["title"]} if "title" in table else {}
+    schema = {"title": table["title"]} if "title" in table else {}
     properties = {"schema": {"const": table["schema"]}} if "schema" in table else {}
-    names, own = table["keys"].split(), table.get("own", {})
-    for name in (each.removesuffix("*") for each in names):
-        properties[name] = _value(own.get(name) or shared[name])
+    names = table["keys"].split()
+    meanings = table.get("own", {})
+    for name in (key.removesuffix("*") for key in names):
+        properties[name] = _value(meanings.get(name) or shared[name])
     required = ["schema"] * ("schema" in table) + [
         name.removesuffix("*") for name in names if name.endswith("*")
     ]
-    return {**found, "type": "object", "required": required, "properties": properties}
+    return {**schema, "type": "object", "required": required, "properties": properties}
 
 
 def _value(text: str) -> dict[str, Any]:

@@ -40,10 +40,10 @@ GROUPS = {
         "hfa linearize --dihedral 10 -o model.mat",
         {
             "trim": "trim the aircraft and report variables, limits, residuals, loads, performance",
-            "linearize": "exact linear model A, B at a trim, with modes, offsets and uncertainty bands",
+            "linearize": "exact linear model A, B at a trim, with modes, offsets and bands",
             "sweep": "trims and linear models over a grid, modes tracked",
             "regenerate": "regenerate both printed pairs (A, B) and compare them entry by entry",
-            "report": "the main job on one page: trims, models, games, critics, a slider over the dihedral angle",
+            "report": "the main job on one page: trims, models, games, critics over the dihedral angle",
         },
     ),
     "critic": (
@@ -57,14 +57,14 @@ GROUPS = {
     "flight": (
         "hfa fly --dihedral 15 --gust 400:5",
         {
-            "fly": "simulate a policy on the nonlinear aircraft and compare with the linear prediction",
+            "fly": "simulate a policy on the nonlinear aircraft, beside the linear prediction",
             "design": "the certified controller of a design at every dihedral angle, as one file",
         },
     ),
     "proof": (
         "hfa prove schedule --dihedral 14:15",
         {
-            "prove": "schedules, solutions, critics and models, proved in ball arithmetic at every angle",
+            "prove": "schedules, solutions, critics, models, proved in ball arithmetic at every angle",
         },
     ),
     "exchange": (
@@ -114,6 +114,9 @@ def _reported(words: list[str], find: Callable[[list[str]], tuple[Command, str, 
     # Matrices of six rows gain nothing from threads and lose much to them; must be set before NumPy
     # loads.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    # Zarr's own settings would change the format of a store; they are read when it is loaded.
+    for name in [name for name in os.environ if name.startswith("ZARR_")]:
+        del os.environ[name]
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="replace")  # a terminal that has no "±" shows "?"
     code = DONE
@@ -269,7 +272,8 @@ def overview() -> Parser:
     parser = Parser(
         prog="hfa",
         usage="hfa [--version] command ...  (hfa command --help)",
-        description="Trims, linear models, games, flights and proofs; critics checked against the exact solution.",
+        description="Trims, linear models, games, flights and proofs; "
+        "critics checked against the exact solution.",
         epilog="\n\n".join(
             f"{group}, for example {example}\n"
             + "\n".join(f"  {name:<12}{text}" for name, text in commands.items())

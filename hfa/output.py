@@ -147,7 +147,8 @@ def say_notes(warnings: Iterable[str]) -> None:
 
 
 #: Seconds: of work from which its length is estimated, and from which it is announced.
-_TRIAL, _LONG = 3.0, 300.0
+_TRIAL = 3.0
+_LONG = 300.0
 
 
 class ProgressLine:

@@ -57,8 +57,8 @@ def is_finite(value: object) -> bool:
 def refuse_unless_positive(what: str, value: float, unit: str = "") -> None:
     """BadInputError unless the value is a finite number above 0."""
     if not (is_finite(value) and value > 0.0):
-        said = f"{value}{unit}" if isinstance(value, float) else shown(value)
-        raise BadInputError(f"{what} is {said}; it must be a positive number")
+        typed = f"{value}{unit}" if isinstance(value, float) else shown(value)
+        raise BadInputError(f"{what} is {typed}; it must be a positive number")
 
 
 def pair_of(what: str, ends: Any) -> tuple[float, float]:
@@ -104,5 +104,8 @@ def on_one_line(message: str) -> str:
     its beginning."""
     line = " ".join(message[: 4 * _LONGEST_LINE].split())
     return shortened(
-        "".join(each if each.isprintable() else ascii(each)[1:-1] for each in line), _LONGEST_LINE
+        "".join(
+            character if character.isprintable() else ascii(character)[1:-1] for character in line
+        ),
+        _LONGEST_LINE,
     )

@@ -62,7 +62,8 @@ def forget_read(path: Path) -> None:
 
 def refuse_read(path: Path) -> None:
     """BadInputError where the path, or a folder above it, was read: writing would destroy it."""
-    read, real = _READ or set(), Path(os.path.realpath(path))
+    read = _READ or set()
+    real = Path(os.path.realpath(path))
     if _identity(real) in read:
         raise BadInputError(f"{path} is an input of this run; name another file")
     if _identity(real.parent) in read:
@@ -187,14 +188,14 @@ def regular_file(path: str | Path, largest: int = LARGEST) -> Path:
     OSError as from opening it, also where it is no regular file or has more than `largest` bytes.
     """
     try:
-        found = os.stat(path)
+        status = os.stat(path)
     except ValueError as error:  # a name with a zero byte
         raise OSError(errno.ENOENT, os.strerror(errno.ENOENT), str(path)) from error
-    if stat.S_ISDIR(found.st_mode):
+    if stat.S_ISDIR(status.st_mode):
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
-    if not stat.S_ISREG(found.st_mode):
+    if not stat.S_ISREG(status.st_mode):
         raise OSError(errno.EINVAL, "not a regular file", str(path))
-    if found.st_size > largest:
+    if status.st_size > largest:
         raise OSError(errno.EFBIG, f"larger than {largest >> 20} MiB", str(path))
     note_read(path)
     return Path(path)

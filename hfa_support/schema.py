@@ -51,7 +51,8 @@ class Number(NamedTuple):
         return number if inside and (self.infinite or math.isfinite(number)) else None
 
 
-NUMBER, POSITIVE = Number(), Number(0.0, above=True)
+NUMBER = Number()
+POSITIVE = Number(0.0, above=True)
 
 
 def checked(where: str, value: Any, declared: Any, entry: str = "") -> Any:
@@ -63,9 +64,9 @@ def checked(where: str, value: Any, declared: Any, entry: str = "") -> Any:
             raise BadInputError(f"{where}: {entry} is {shown(value)}; give {declared}")
         return number
     if declared is str or isinstance(declared, tuple):
-        known = declared if isinstance(declared, tuple) else ()
-        if not isinstance(value, str) or (known and value not in known):
-            wanted = ("one of " * (len(known) > 1) + ", ".join(known)) or "a text in quotes"
+        words = declared if isinstance(declared, tuple) else ()
+        if not isinstance(value, str) or (words and value not in words):
+            wanted = ("one of " * (len(words) > 1) + ", ".join(words)) or "a text in quotes"
             raise BadInputError(f"{where}: {entry} is {shown(value)}; give {wanted}")
         return value
     if isinstance(declared, list):
@@ -74,8 +75,8 @@ def checked(where: str, value: Any, declared: Any, entry: str = "") -> Any:
                 f"{where}: {entry} is {shown(value)}; give a list of {_words(declared[0])}"
             )
         return [
-            checked(where, each, declared[0], f"{entry}[{place}]")
-            for place, each in enumerate(value)
+            checked(where, item, declared[0], f"{entry}[{index}]")
+            for index, item in enumerate(value)
         ]
     if isinstance(declared, dict):
         return _table(where, value, declared, entry)
@@ -90,22 +91,23 @@ def _table(where: str, value: Any, declared: dict[Any, Any], entry: str) -> dict
     kinds = {
         name.removesuffix("*"): kind for name, kind in declared.items() if isinstance(name, str)
     }
-    found, place = {}, f"{entry}." if entry else ""
-    for name, each in value.items():
+    entries = {}
+    prefix = f"{entry}." if entry else ""
+    for name, entry_value in value.items():
         if name not in kinds and str not in declared and ... not in declared:
             near = difflib.get_close_matches(name, kinds, n=1, cutoff=0.6)
             meant = f"did you mean {near[0]}?" if near else f"choose from {', '.join(kinds)}"
             raise BadInputError(
-                f"{where}: unknown entry {place}{shortened(ascii(name)[1:-1])}; {meant}"
+                f"{where}: unknown entry {prefix}{shortened(ascii(name)[1:-1])}; {meant}"
             )
-        found[name] = checked(
-            where, each, kinds.get(name, declared.get(str)), f"{place}{shortened(name)}"
+        entries[name] = checked(
+            where, entry_value, kinds.get(name, declared.get(str)), f"{prefix}{shortened(name)}"
         )
     for name in declared:
-        if isinstance(name, str) and name.endswith("*") and name[:-1] not in found:
+        if isinstance(name, str) and name.endswith("*") and name[:-1] not in entries:
             what = "the table" if isinstance(declared[name], dict) else "it"
-            raise BadInputError(f"{where}: {place}{name[:-1]} is missing; add {what}")
-    return found
+            raise BadInputError(f"{where}: {prefix}{name[:-1]} is missing; add {what}")
+    return entries
 
 
 def _words(declared: Any) -> str:
@@ -126,6 +128,7 @@ def read_named(
         data = read_toml(str(files(folder).joinpath(packaged[name])) if name in packaged else name)
     except OSError as error:
         raise BadInputError(
-            f"{name}: no {what} of that name and no readable file; the names are {', '.join(packaged)}"
+            f"{name}: no {what} of that name and no readable file; the names are "
+            f"{', '.join(packaged)}"
         ) from error
     return checked(name, data, declared)

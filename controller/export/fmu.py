@@ -44,6 +44,9 @@ _BASE = {
     "ft/s^2": {"m": "1", "s": "-2", "factor": "0.3048"},
 }
 
+#: The first date that a ZIP archive can bear.
+_FIRST_DATE = (1980, 1, 1, 0, 0, 0)
+
 
 def write_fmu(loop: ExportedLoop, path: Path, origin: Provenance) -> None:
     """Write the FMU, whole or not at all. NoSolutionError when there is no C compiler, or it
@@ -66,7 +69,7 @@ def write_fmu(loop: ExportedLoop, path: Path, origin: Provenance) -> None:
         "resources/provenance.json": json_text(origin.to_dict()),
         **{f"sources/{name}": text for name, text in sources.items()},
     }
-    date = datetime.fromisoformat(origin.date).timetuple()[:6]
+    date = max(datetime.fromisoformat(origin.date).timetuple()[:6], _FIRST_DATE)
     with written_whole(path) as stream, zipfile.ZipFile(stream, "w") as archive:
         for name, data in content.items():
             archive.writestr(zipfile.ZipInfo(name, date), data, zipfile.ZIP_DEFLATED)

@@ -97,7 +97,9 @@ def design(request: DesignRequest) -> int:
         raise BadInputError(
             "name one of --design NAME and a file: of a design (.toml) or of a controller (.npz)"
         )
-    model, design, stored = request.model, request.design, request.file
+    model = request.model
+    design = request.design
+    stored = request.file
     if stored is not None and stored.suffix == ".toml":
         design = load_design(str(stored), model)
     if design is None:
@@ -108,9 +110,10 @@ def design(request: DesignRequest) -> int:
         controller = design_controller(
             model, design, request.breakpoints(design), progress=ProgressLine("design")
         )
-        about = {**controller.about, "provenance": request.provenance.to_dict()}
-        controller = replace(controller, about=about)
-    knots, in_degrees = controller.breakpoints, model.schedule_unit == "deg"
+        origin = {**controller.about, "provenance": request.provenance.to_dict()}
+        controller = replace(controller, about=origin)
+    knots = controller.breakpoints
+    in_degrees = model.schedule_unit == "deg"
     between = (knots[1:] + knots[:-1]) / 2.0
     if in_degrees:
         knots = np.degrees(knots).round(10)

@@ -43,7 +43,8 @@ class ExportRequest(LawOptions, AircraftOptions, TrimOptions, JsonOption):
 
     at: float | None = scheduled(breakpoint_value)
     output: Path = option(
-        "a folder for C source, or a file .fmu (FMU) or .m (the function that reads .mat files of models)",
+        "a folder for C source, or a file .fmu (FMU) or .m (the function that reads .mat "
+        "files of models)",
         "PLACE",
         output_file(".fmu", ".m", folder=True),
         names="-o --output",
@@ -76,27 +77,28 @@ def export(request: ExportRequest) -> int:
         request = replace(request, law="exact")
     if request.at is None and not request.own:
         request = replace(request, at=_DIHEDRAL)
-    place = request.output
+    target = request.output
     # Before anything is written: it finds what is wrong with options that nothing below reads.
     origin = origin_lines(request)
-    if place.suffix == ".m":
-        if not re.fullmatch(r"[A-Za-z]\w*", place.stem, re.ASCII):
+    if target.suffix == ".m":
+        if not re.fullmatch(r"[A-Za-z]\w*", target.stem, re.ASCII):
             raise BadInputError(
-                f"{place}: a function is called by its file's name; choose letters, digits and _, as in hfa_models.m"
+                f"{target}: a function is called by its file's name; choose letters, digits and "
+                "_, as in hfa_models.m"
             )
-        write_text(place, files("controller.export").joinpath("hfa_models.m").read_text("utf-8"))
-        print_report(_report([place]), request)
+        write_text(target, files("controller.export").joinpath("hfa_models.m").read_text("utf-8"))
+        print_report(_report([target]), request)
         return 0
     if request.controller is None:
         request.refuse(("actuators",), "belongs to --controller; leave it out")
-    elif place.suffix and request.actuators is None:
+    elif target.suffix and request.actuators is None:
         raise BadInputError(
             "--controller flies behind actuators in an FMU; add --actuators LAG:RATE"
         )
     request.check_policy()
     model = request.flown_aircraft()
     point = request.operating_point(model)
-    written = _written(request, model, point, origin, with_gain=not (alone and place.suffix))
+    written = _written(request, model, point, origin, with_gain=not (alone and target.suffix))
     print_report(_report(written), request, notes=point.warnings)
     return 0
 

@@ -74,10 +74,12 @@ class LinearizeRequest(OneTrimOptions, OutputOptions):
 def linearize(request: LinearizeRequest) -> int:
     """Exact linear model at a trim: matrices, modes, handling qualities, transfer functions, error
     bands, the print."""
-    aircraft, condition = request.flown_aircraft(), request.trim_condition()
+    aircraft = request.flown_aircraft()
+    condition = request.trim_condition()
     with failure_as_data(request, condition, aircraft):
         point = request.operating_point(aircraft)
-    usual, follow = aircraft.linear, request.residualize
+    usual = aircraft.linear
+    follow = request.residualize
     states = request.states or tuple(name for name in usual if name not in follow)
     if both := set(states) & set(follow):
         raise BadInputError(f"{min(both)} is in --states and in --residualize; name it once")
@@ -118,30 +120,32 @@ def _with_winds(
     """The model of all states with all winds, but none where winds act through states that are not
     kept."""
     winds = tuple(aircraft.disturbances)
-    found = linear_model.linearize(aircraft, point, full=True, outputs=outputs, disturbances=winds)
-    rows = [i for i, name in enumerate(found.states) if name in kept]
+    linear = linear_model.linearize(aircraft, point, full=True, outputs=outputs, disturbances=winds)
+    rows = [i for i, name in enumerate(linear.states) if name in kept]
     through = [
         i
-        for i in range(len(found.states))
-        if i not in rows and np.any(found.A[rows, i]) and np.any(found.E[i])
+        for i in range(len(linear.states))
+        if i not in rows and np.any(linear.A[rows, i]) and np.any(linear.E[i])
     ]
     if not hfa_model.is_hfa(aircraft) and through:
         return linear_model.linearize(aircraft, point, full=True, outputs=outputs, disturbances=())
-    return found
+    return linear
 
 
 def _of_the_hfa(request: LinearizeRequest, condition: TrimCondition, model: LinearModel) -> Report:
     """The report with the bands of the entries and the other dynamics, where they exist."""
-    parameters, bands, other = request.parameter_set, None, None
+    parameters = request.parameter_set
+    bands = None
+    comparison = None
     if _is_printed(model):
         bands = entry_bands(parameters, condition, model) if bands_known(parameters) else None
-        name = next((each for each in VARIANTS if each != request.dynamics), "")
+        name = next((variant for variant in VARIANTS if variant != request.dynamics), "")
         changed = hfa_model.aircraft(name, parameters.values)
         with suppress(BadInputError, NoSolutionError):  # it has no trim there
-            other = linear_model.linearize(
+            comparison = linear_model.linearize(
                 changed, find_operating_point(changed, condition, model.point)
             )
-    return with_bands(linear_model_report(model), model, bands, other)
+    return with_bands(linear_model_report(model), model, bands, comparison)
 
 
 def _is_printed(model: LinearModel) -> bool:

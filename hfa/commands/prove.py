@@ -235,7 +235,8 @@ def _require_same(verified: Verified, request: ProveRequest) -> None:
     statement = verified.statement
     content = content_of(statement)
     if request.at:
-        low, high = request.at[0], request.at[-1]
+        low = request.at[0]
+        high = request.at[-1]
         require_same(content.get("flight", {}), {"range": [low, high]}, "--at")
     for name, value in request.changed_weights().items():
         given = "inf" if name == "delta" and math.isinf(value) else value

@@ -54,12 +54,14 @@ class ReportRequest(UnitsOption, TrimOptions):
         "C and D of these outputs too", "a,b,...", some_of(*STATES, *OUTPUTS)
     )
     claims: Any = option(
-        "claims of the paper to show: the claims.json that `python -m studies.section5` wrote, or its folder",
+        "claims of the paper to show: the claims.json that `python -m studies.section5` "
+        "wrote, or its folder",
         "FILE",
         _claims,
     )
     output: Path | None = option(
-        "one self-contained .html file, or a folder for the page, its pictures and its numbers (JSON)",
+        "one self-contained .html file, or a folder for the page, its pictures and its "
+        "numbers (JSON)",
         "PLACE",
         output_file(".html", folder=True),
         names="-o --output",
@@ -84,7 +86,8 @@ def report(request: ReportRequest) -> int:
         plotly_script()  # refused before anything is computed
     if "dihedral" in (*request.free, *request.hold):
         raise BadInputError(
-            "the angles of a report are given by --dihedral and --sweep; do not free or hold dihedral"
+            "the angles of a report are given by --dihedral and --sweep; do not free or hold "
+            "dihedral"
         )
     asked = array_of("--dihedral", request.at or ASKED, MOST_ASKED)
     swept = array_of("--sweep", request.sweep, MOST_SWEPT)

@@ -39,7 +39,8 @@ if TYPE_CHECKING:
 
 #: Suffixes of a store and of a unit of the models between the points; options that only a store
 #: has.
-STORE, UNIT = ".zarr", ".fmu"
+STORE = ".zarr"
+UNIT = ".fmu"
 OF_A_STORE = ("workers", "resume")
 
 
@@ -49,13 +50,15 @@ class SweepRequest(UnitsOption, AircraftOptions, TrimOptions, WorkersOptions, Ou
 
     at: Range | None = scheduled(scheduled_range, "RANGE", "start:stop:step, a,b,c or one number")
     hold: Mapping[str, Range] = option(
-        "hold a variable, or a parameter of the aircraft, at a value or a range of them; repeatable",
+        "hold a variable, or a parameter of the aircraft, at a value or a range of them; "
+        "repeatable",
         "NAME=RANGE",
         OfModel(value_range),
         named=True,
     )
     condition: TrimCondition | Path | None = option(
-        f"{CONDITION_FILE}; or a list of points, .csv: a row of names, then a row each, typed as in --hold",
+        f"{CONDITION_FILE}; or a list of points, .csv: a row of names, then a row each, typed "
+        "as in --hold",
         "FILE",
         OfModel(condition_or_list),
         rare=True,
@@ -77,7 +80,8 @@ class SweepRequest(UnitsOption, AircraftOptions, TrimOptions, WorkersOptions, Ou
     def plan(self) -> SweepPlan:
         """What is swept; what stays fixed comes first, because it is not drawn."""
         listing = self.condition if isinstance(self.condition, Path) else None
-        condition, by = self.common_condition(), self.model.schedule
+        condition = self.common_condition()
+        by = self.model.schedule
         ranges: dict[str, Range] = {} if self.at is None else {by: self.at}
         ranges |= {name: values for name, values in self.hold.items() if not self.is_constant(name)}
         if listing is not None:
@@ -93,7 +97,8 @@ class SweepRequest(UnitsOption, AircraftOptions, TrimOptions, WorkersOptions, Ou
             varied = [name for name, values in axes.items() if np.ptp(values) > 0]
             if len(varied) > 1:
                 raise BadInputError(
-                    f"--picture draws a sweep in one variable, not in {' and '.join(varied)}; fix all but one"
+                    f"--picture draws a sweep in one variable, not in {' and '.join(varied)}; "
+                    "fix all but one"
                 )
         is_named = by in (*axes, *condition.free, *self.hold)
         if listing is None and by == "dihedral" and not is_named:
@@ -161,7 +166,8 @@ def _in_memory(request: SweepRequest) -> int:
 def _in_store(request: SweepRequest) -> int:
     from trim.sweeps.sweep_store import stored_sweep_report, stream_sweep
 
-    plan, target = request.plan(), request.output
+    plan = request.plan()
+    target = request.output
     assert target is not None
     store = stream_sweep(
         plan,
@@ -190,7 +196,8 @@ def _listed(path: Path, condition: TrimCondition) -> dict[str, np.ndarray]:
             f"{path}: cannot be read ({error}); give a CSV file of conditions"
         ) from error
     names = [name.strip() for name in table_rows[0]] if table_rows else []
-    rows, model = table_rows[1:], condition.model
+    rows = table_rows[1:]
+    model = condition.model
     if not rows or len({*names}) < len(names):
         raise BadInputError(
             f"{path}: give a row of names, each once, and a row of their values for each point"

@@ -25,7 +25,8 @@ def trim(request: TrimRequest) -> int:
     and performance."""
     if not hfa_model.is_hfa(request.model):
         request.refuse(("picture",), "draws the HFA from the front; leave it out with --aircraft")
-    aircraft, condition = request.flown_aircraft(), request.trim_condition()
+    aircraft = request.flown_aircraft()
+    condition = request.trim_condition()
     with failure_as_data(request, condition, aircraft):
         point = request.operating_point(aircraft)
     report = trim_report(aircraft, condition, point)

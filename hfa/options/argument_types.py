@@ -37,8 +37,8 @@ positive = partial(number, declared=POSITIVE)
 def quantity(model: Model, name: str, text: str) -> float:
     """What was typed for a name of the model, in the shown unit of the one that it declares:
     degrees of rad; a plain number where there is none."""
-    known = {**model.rates, **model.signals}
-    unit = known[name].unit if name in known else "1"
+    signals = {**model.rates, **model.signals}
+    unit = signals[name].unit if name in signals else "1"
     return math.radians(number(text)) if unit.startswith("rad") else number(text)
 
 
@@ -65,7 +65,8 @@ def span(model: Model, name: str, text: str) -> tuple[float, float]:
     low, colon, high = text.partition(":")
     if not colon or ":" in high:
         raise BadInputError(f"is {shortened(text)!r}; give LOW:HIGH")
-    lowest, highest = quantity(model, name, low), quantity(model, name, high)
+    lowest = quantity(model, name, low)
+    highest = quantity(model, name, high)
     if not lowest < highest:
         raise BadInputError(f"is {shortened(text)!r}; the first limit must be the lower one")
     return lowest, highest
@@ -138,7 +139,8 @@ def output_file(*suffixes: str, folder: bool = False) -> Callable[[str], Path]:
     """
 
     def convert(text: str) -> Path:
-        path, where = Path(text), text or "''"
+        path = Path(text)
+        where = text or "''"
         if folder and text and not path.suffix:
             if not path.is_dir() and (path.exists() or not path.parent.is_dir()):
                 raise BadInputError(
@@ -146,8 +148,10 @@ def output_file(*suffixes: str, folder: bool = False) -> Callable[[str], Path]:
                 )
             return path
         if path.suffix.lower() not in suffixes:
-            known = ", ".join(suffixes) + ", or a folder, whose name has no suffix" * folder
-            raise BadInputError(f"{where}: unknown suffix {path.suffix!r}; use one of {known}")
+            kinds = ", ".join(suffixes)
+            if folder:
+                kinds += ", or a folder, whose name has no suffix"
+            raise BadInputError(f"{where}: unknown suffix {path.suffix!r}; use one of {kinds}")
         if not path.parent.is_dir():
             raise BadInputError(
                 f"{where}: the folder {path.parent} does not exist; create it first"

@@ -27,7 +27,8 @@ class ReadingOptions(Request):
         rare=True,
     )
     network: str = option(
-        "which part of a file is what: value, V=critic,policy=actor, gradient=; default: by its number "
+        "which part of a file is what: value, V=critic,policy=actor, gradient=; default: by "
+        "its number "
         "of outputs",
         "[V=]NAME",
         default="",

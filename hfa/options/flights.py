@@ -47,8 +47,10 @@ if TYPE_CHECKING:
 NONE = "none"
 #: How help shows the values of options.
 _COMMAND = "NAME=TIME:VALUE[,TIME:VALUE...]"
-_GUST, _TURBULENCE = "LENGTH:PEAK[:BEGIN]", "SIGMA:SCALE"
-_ACTUATORS, _FAULT = "LAG:RATE[:ORDER]", "EFFECTIVENESS:BANDWIDTH[:BEGIN]"
+_GUST = "LENGTH:PEAK[:BEGIN]"
+_TURBULENCE = "SIGMA:SCALE"
+_ACTUATORS = "LAG:RATE[:ORDER]"
+_FAULT = "EFFECTIVENESS:BANDWIDTH[:BEGIN]"
 #: What flies in place of a law -> options that then would change nothing.
 _IN_PLACE = {
     "controller": ("law", "set", "weights", "delta", "Q", "R"),
@@ -72,10 +74,10 @@ def _command(model: Model, name: str, text: str) -> list[tuple[float, float]]:
     pairs = [part.split(":") for part in text.split(",")]
     if any(len(pair) != 2 for pair in pairs):
         raise BadInputError(f"is {text!r}; give {_COMMAND}")
-    found = [(number(time), quantity(model, name, value)) for time, value in pairs]
-    if found[0][0] < 0.0 or any(late <= early for (early, _), (late, _) in pairwise(found)):
+    steps = [(number(time), quantity(model, name, value)) for time, value in pairs]
+    if steps[0][0] < 0.0 or any(late <= early for (early, _), (late, _) in pairwise(steps)):
         raise BadInputError(f"is {text!r}; the times must increase, from 0 on")
-    return found
+    return steps
 
 
 def weights_option() -> Any:
@@ -90,7 +92,8 @@ class LawOptions(LearningOptions, WeightOptions, ReadingOptions):
 
     law: str = law_option("exact")
     set: Mapping[str, Any] = setting_option(
-        "a setting of the law, for example predefined_time=2; of a network of --weights activation, scale",
+        "a setting of the law, for example predefined_time=2; of a network of --weights "
+        "activation, scale",
         READING_SETTINGS,
     )
     weights: Path | None = None
@@ -129,7 +132,8 @@ class LawOptions(LearningOptions, WeightOptions, ReadingOptions):
         from controller.learning.certified import learned_value
         from controller.riccati.gare import solve_game
 
-        game, path = self.game_on(linear), self.weights
+        game = self.game_on(linear)
+        path = self.weights
         if path is None and self.law == "exact":
             return GainPolicy("exact", solve_game(game).K)
         if path is None:
@@ -202,7 +206,8 @@ class ScenarioOptions(LawOptions, TrimOptions):
     )
     actuators: tuple[float, ...] | None = actuators_option()
     fault: tuple[float, ...] | None = option(
-        "actuators of the surfaces from BEGIN on: share of the command that arrives, bandwidth in rad/s",
+        "actuators of the surfaces from BEGIN on: share of the command that arrives, "
+        "bandwidth in rad/s",
         _FAULT,
         numbers(_FAULT, 3, otherwise=(0.0,)),
         rare=True,
@@ -221,7 +226,8 @@ class ScenarioOptions(LawOptions, TrimOptions):
         rare=True,
     )
     error: Mapping[str, float] = option(
-        "factor on a parameter of the simulated aircraft alone; with --samples its relative standard deviation",
+        "factor on a parameter of the simulated aircraft alone; with --samples its relative "
+        "standard deviation",
         "NAME=NUMBER",
         _number,
         named=True,
@@ -247,11 +253,14 @@ class ScenarioOptions(LawOptions, TrimOptions):
         """The scenario that the options name, about a trim; of members the random quantities of each.
 
         The tick is 0.01 s, or the longest shorter one of which the delay is a whole number."""
-        duration, delay, model = self.duration, self.delay, point.model
+        duration = self.duration
+        delay = self.delay
+        model = point.model
         assert duration is not None
         if delay and not 0.0 < delay < duration:
             raise BadInputError(f"--delay is {delay:g} s; it must lie between 0 and the duration")
-        names, disturbed = model.linear, self.disturbance
+        names = model.linear
+        disturbed = self.disturbance
         common = Scenario(
             duration=duration,
             tick=math.gcd(10, round(1000.0 * delay)) / 1000.0,
@@ -278,7 +287,8 @@ class ScenarioOptions(LawOptions, TrimOptions):
             length, peak, begin = self.gust
             if not 0 <= begin < happens.duration:
                 raise BadInputError(
-                    f"--gust begins at {begin:g} s; the flight lasts from 0 to {happens.duration:g} s"
+                    f"--gust begins at {begin:g} s; the flight lasts from 0 to "
+                    f"{happens.duration:g} s"
                 )
             return OneMinusCosine(length, peak, gust_speed(point), begin)
         if self.turbulence is not None and self.samples is None:

@@ -151,7 +151,7 @@ def plant_option() -> Any:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PlantOptions(WeightOptions, AircraftOptions, TrimOptions):
-    """A game: on the aircraft at a trim, with a design or without, or on a plant of the user's own."""
+    """A game on the aircraft at a trim, with a design or without, or on a plant of the user's."""
 
     plant: Path | None = plant_option()
     design: Any = None
@@ -180,8 +180,10 @@ class PlantOptions(WeightOptions, AircraftOptions, TrimOptions):
             raise BadInputError("name the plant: either --dihedral DEG or --model FILE")
         aircraft = self.flown_aircraft()
         point = self.operating_point(aircraft)
-        linear, model = linearize(aircraft, point), aircraft
-        warnings, origin = (*point.warnings, *linear.kinks), model.name
+        linear = linearize(aircraft, point)
+        model = aircraft
+        warnings = (*point.warnings, *linear.kinks)
+        origin = model.name
         missing = [name for name in ("Q", "R", "delta") if name not in self.changed_weights()]
         if not self.own:
             origin = f"the aircraft {at_scheduled(point)}, {model.title}"

@@ -73,11 +73,11 @@ class Parser(argparse.ArgumentParser):
 
     def parse_words(self, words: list[str]) -> dict[str, Any]:
         """What was typed: name -> value."""
-        known = self._option_string_actions
+        actions = self._option_string_actions
         for word in words[: words.index("--")] if "--" in words else words:
             name = word.partition("=")[0]
-            if name.startswith("--") and name not in known:
-                complaint = unknown(f"option {shortened(name)}", name, known, self.prog)
+            if name.startswith("--") and name not in actions:
+                complaint = unknown(f"option {shortened(name)}", name, actions, self.prog)
                 raise BadInputError(complaint)
         parsed, strays = self.parse_known_intermixed_args(words)
         if strays:
@@ -126,8 +126,10 @@ class Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """The complaint of argparse about one option, or about the words as a whole."""
-        named = re.sub(r"^argument (?:\S+/)?(\S+): ", r"\1 ", message)
-        raise BadInputError(named if named != message else f"{message} (see `{self.prog} --help`)")
+        complaint = re.sub(r"^argument (?:\S+/)?(\S+): ", r"\1 ", message)
+        raise BadInputError(
+            complaint if complaint != message else f"{message} (see `{self.prog} --help`)"
+        )
 
 
 class _Help(argparse.Action):

@@ -33,7 +33,8 @@ def value_range(model: Model, name: str, text: str) -> Range:
     if intervals >= MOST_POINTS:
         points = f"{np.floor(intervals) + 1.0:,.15g}"
         raise BadInputError(
-            f"is a range of {points} points; at most {MOST_POINTS:,} are allowed, take a larger step"
+            f"is a range of {points} points; at most {MOST_POINTS:,} are allowed, take a "
+            "larger step"
         )
     unit = quantity(model, name, "1")
     count = math.floor(intervals + 1e-9) + 1

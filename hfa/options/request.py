@@ -1,4 +1,4 @@
-"""Requests: what a run of the command was asked for, each field declared with the option that types it.
+"""Requests: what a run was asked for, each field declared with the option that types it.
 
 A command has one class of requests. The parser makes one from the command line, and nothing else of
 the command line is seen by the rest of the program."""
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 class OfModel(NamedTuple):
-    """A kind of option whose first argument is the model, in whose names and units values are typed."""
+    """A kind of option whose first argument is the model, whose names and units are typed."""
 
     kind: Callable[..., Any]
 
@@ -34,7 +34,7 @@ class Option:
     names: as in "-o --output"; a name without dashes is a positional argument.
     named: its words are NAME=VALUE and it may be repeated; kind takes the name and the word.
     repeated: it may be repeated; the field has all values.
-    count: how many words a positional argument has, or one option, as argparse's nargs; None for one.
+    count: how many words it has, as argparse's nargs; None for one.
     required: whether it must be typed.
     aliases: other names of a model's names, of those that are `named`.
     rare: `--help` lists it by name only; `--help more` explains it.
@@ -53,7 +53,9 @@ class Option:
     aliases: Mapping[str, str] = field(default_factory=dict)
 
     def of(self, model: Model | None, name: str) -> Option:
-        """The same option for a model; None where nothing of it depends on one. name: of the field."""
+        """The same option for a model; None where nothing of it depends on one.
+
+        name: of the field."""
         kind = partial(self.kind.kind, model) if isinstance(self.kind, OfModel) else self.kind
         names = _resolved(self.names, model) or "--" + name.replace("_", "-")
         return Option(
@@ -119,9 +121,9 @@ class Request:
     @classmethod
     def declared(cls) -> dict[str, Option]:
         """Field -> its option: those of its bases first, then those of this class."""
-        options = {each.name: each.metadata["option"] for each in fields(cls) if each.metadata}
+        options = {field.name: field.metadata["option"] for field in fields(cls) if field.metadata}
         classes = (*cls.__mro__[1:], cls)
-        names = [name for each in classes for name in inspect.get_annotations(each)]
+        names = [name for field in classes for name in inspect.get_annotations(field)]
         return {name: options[name] for name in dict.fromkeys(names) if name in options}
 
     @classmethod

@@ -1,4 +1,4 @@
-"""Options of the aircraft, of a trim, of outputs and workers, and the model and the condition that they
+"""Options of the aircraft, of a trim, of outputs and workers; the model and the condition that they
 name."""
 
 from __future__ import annotations
@@ -56,7 +56,8 @@ class UnitsOption(Request):
     """In which units the model is."""
 
     units: str = option(
-        "of what is typed, printed, drawn and written: english (ft, slug, lbf; default) or si (m, kg, N)",
+        "of what is typed, printed, drawn and written: english (ft, slug, lbf; default) or si "
+        "(m, kg, N)",
         "UNITS",
         _unit_system,
         default="english",
@@ -69,7 +70,8 @@ class HfaOptions(Request):
     """Which of the HFA's equations, with which parameters."""
 
     dynamics: str = option(
-        "published (regenerates the printed matrices; default), newton (exact mechanics, the same air loads) or "
+        "published (regenerates the printed matrices; default), newton (exact mechanics, the "
+        "same air loads) or "
         "unsteady (newton with air that has mass and memory, and tails that feel pitch rate)",
         "VARIANT",
         default="published",
@@ -267,7 +269,8 @@ class TrimOptions(HfaOptions):
 
     def common_condition(self) -> TrimCondition:
         """What all trims of the options have in common, the scheduling variable apart."""
-        model, by = self.model, self.model.schedule
+        model = self.model
+        by = self.model.schedule
         usual = self.condition or usual_condition(model)
         for name in self.free:
             if name in self.hold:
@@ -321,7 +324,9 @@ class TrimOptions(HfaOptions):
         """The trim that the options name, begun where --start says.
 
         Raises TrimError that also says so where a held angle of attack is why there is no trim."""
-        condition, by, describe = self.trim_condition(), self.model.schedule, self.model.describe
+        condition = self.trim_condition()
+        by = self.model.schedule
+        describe = self.model.describe
         if self.at is not None and by in condition.free:
             typed = f"--{called_at(self.model)} {describe(by, self.at)}"
             begins = typed if self.start is None else "--start"
@@ -386,11 +391,11 @@ class JsonOption(Request):
 
 def output_option(*more: str, purpose: str = "") -> Any:
     """The field `output`. more: further suffixes than those of a report, with their purpose."""
-    known = (*SUFFIXES, *REPORTS)
-    about = f"also write {', '.join(known)}"
+    suffixes = (*SUFFIXES, *REPORTS)
+    about = f"also write {', '.join(suffixes)}"
     if more:
         about += f" or {', '.join(more)}{purpose}"
-    return option(about, "FILE", output_file(*known, *more), names="-o --output")
+    return option(about, "FILE", output_file(*suffixes, *more), names="-o --output")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

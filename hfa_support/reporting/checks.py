@@ -87,12 +87,12 @@ def below(name: str, value: float, limit: float, reason: str, kind: str = "") ->
 
 def checks_block(checks: Iterable[Check]) -> Part:
     """One row a check, then the reason of each that failed."""
-    found = tuple(checks)
+    listed = tuple(checks)
     rows = [
         (check.name, f"{check.value:.3g}", f"{check.limit:.3g}", verdict_text(check.ok))
-        for check in found
+        for check in listed
     ]
-    reasons = [f"FAIL {check.name}: {check.reason}" for check in found if not check.ok]
+    reasons = [f"FAIL {check.name}: {check.reason}" for check in listed if not check.ok]
     return Table(("check", "value", "limit", "verdict"), rows), *reasons
 
 

@@ -35,8 +35,8 @@ def save_data(target: Path, data: Mapping[str, Any], records: Table) -> None:
         with written_whole(target) as stream:
             stream.write(_mat(data))
     elif suffix == ".csv":
-        about = {name: data[name] for name in ("schema", "provenance") if name in data}
-        write_text(target, _csv(records, json.dumps(jsonable(about))))
+        origin = {name: data[name] for name in ("schema", "provenance") if name in data}
+        write_text(target, _csv(records, json.dumps(jsonable(origin))))
     else:
         raise ValueError(
             f"cannot write {target}: unknown suffix {suffix!r}; use .json, .npz, .mat or .csv"

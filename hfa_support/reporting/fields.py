@@ -31,9 +31,9 @@ class ByValue:
         if type(other) is not type(self):
             return NotImplemented
         return all(
-            _same(getattr(self, one.name), getattr(other, one.name))
-            for one in fields(self)  # type: ignore[arg-type]
-            if one.compare
+            _same(getattr(self, field.name), getattr(other, field.name))
+            for field in fields(self)  # type: ignore[arg-type]
+            if field.compare
         )
 
 
@@ -42,7 +42,7 @@ class Shown(Reported):
 
     def report(self) -> Report:
         """The first line of the docstring, the fields, small matrices, the checks."""
-        held = {one.name: getattr(self, one.name) for one in fields(self)}  # type: ignore[arg-type]
+        held = {field.name: getattr(self, field.name) for field in fields(self)}  # type: ignore[arg-type]
         lines: list[str] = []
         matrices: list[Part] = []
         checks: list[Part] = []
@@ -69,7 +69,7 @@ def _said(value: Any) -> str:
     if isinstance(value, np.ndarray) and (value.ndim != 1 or value.size > _MOST):
         text = f"an array of shape {value.shape}"
     elif isinstance(fields, Mapping):
-        text = ", ".join(f"{name} {_said(each)}" for name, each in fields.items())
+        text = ", ".join(f"{name} {_said(entry)}" for name, entry in fields.items())
     elif isinstance(value, (tuple, list, np.ndarray)):
         text = ", ".join(map(_said, value))
     elif isinstance(value, (float, np.floating)):

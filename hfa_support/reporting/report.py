@@ -95,8 +95,8 @@ class Report:
         first, *others = self.title.split("\n")
         heading = [f"<h{level}>{_escaped(first)}</h{level}>"] if first else []
         shown = [_html(part, level) for part in self.parts]
-        said = (*(f"Note: {note}" for note in self.notes), *filter(None, self.source.split("\n")))
-        return "\n".join([*heading, *map(_paragraph, others), *shown, *map(_paragraph, said)])
+        notes = (*(f"Note: {note}" for note in self.notes), *filter(None, self.source.split("\n")))
+        return "\n".join([*heading, *map(_paragraph, others), *shown, *map(_paragraph, notes)])
 
     def json(self) -> str:
         """The data; a number that is not finite becomes null."""
@@ -147,7 +147,9 @@ def _text(part: Any, color: bool) -> str:
     if isinstance(part, Table):
         return columns(*part, color)
     return (
-        printable(part) if isinstance(part, str) else "\n".join(_text(each, color) for each in part)
+        printable(part)
+        if isinstance(part, str)
+        else "\n".join(_text(entry, color) for entry in part)
     )
 
 
@@ -159,7 +161,7 @@ def _markdown(part: Any, level: int) -> str:
     return (
         printable(part)
         if isinstance(part, str)
-        else "\n\n".join(_markdown(each, level) for each in part)
+        else "\n\n".join(_markdown(entry, level) for entry in part)
     )
 
 
@@ -178,7 +180,7 @@ def _html(part: Part, level: int) -> str:
         return html_table(part)
     if isinstance(part, str):
         return "\n".join(map(_paragraph, part.split("\n")))
-    return "\n".join(_html(each, level) for each in part)
+    return "\n".join(_html(entry, level) for entry in part)
 
 
 def html_table(table: Table) -> str:
@@ -206,8 +208,8 @@ def html_table(table: Table) -> str:
 
 def _are_words(cells: Sequence[Any]) -> bool:
     """Whether fewer than half of the cells that say anything begin as a number does."""
-    said = [text for cell in cells if (text := str(cell)) not in ("", "-")]
-    return sum(text[0].isdigit() or text[0] in "+-.±∞" for text in said) * 2 < len(said)
+    texts = [text for cell in cells if (text := str(cell)) not in ("", "-")]
+    return sum(text[0].isdigit() or text[0] in "+-.±∞" for text in texts) * 2 < len(texts)
 
 
 def _td(cell: Any, column: list[str]) -> str:

@@ -1,8 +1,8 @@
-"""Results whose data are declared once: by the fields of a dataclass and the lines of its docstring.
+"""Results whose data are declared once: by the fields of a dataclass and its docstring.
 
-A `Result` is a dataclass. Each field is a key of the data; its annotation says the type, and the line
-"name: meaning" of the docstring says what it is. JSON, files, the JSON Schema and the page of formats
-follow from these."""
+A `Result` is a dataclass. Each field is a key of the data; its annotation says the type, and the
+line "name: meaning" of the docstring says what it is. JSON, files, the JSON Schema and the page of
+formats follow from these."""
 
 from __future__ import annotations
 
@@ -79,25 +79,28 @@ def plain(value: Any) -> Any:
 
 
 def meanings(kind: type) -> dict[str, str]:
-    """Field -> its meaning: the lines "name: meaning" of the docstrings of a class and its bases."""
-    found: dict[str, str] = {}
-    for each in reversed(kind.__mro__):
-        text = inspect.cleandoc(each.__doc__ or "")
+    """Field -> its meaning: the lines "name: meaning" of the docstrings, bases first."""
+    lines: dict[str, str] = {}
+    for ancestor in reversed(kind.__mro__):
+        text = inspect.cleandoc(ancestor.__doc__ or "")
         for name, meaning in re.findall(r"^(\w+): (.+(?:\n +.+)*)", text, re.MULTILINE):
-            found[name] = " ".join(meaning.split())
-    return found
+            lines[name] = " ".join(meaning.split())
+    return lines
 
 
 def json_schema(kind: type[Result]) -> dict[str, Any]:
     """The JSON Schema of a class of results; parts are referred to by "#/$defs/" and their name."""
-    said, hints = meanings(kind), typing.get_type_hints(kind, include_extras=True)
+    said_of = meanings(kind)
+    hints = typing.get_type_hints(kind, include_extras=True)
     properties: dict[str, Any] = {}
     required = []
     if kind.schema:
         properties["schema"] = {"const": kind.schema}
         required.append("schema")
     for field in _fields(kind):
-        properties[field.name] = type_schema(hints[field.name]) | {"description": said[field.name]}
+        properties[field.name] = type_schema(hints[field.name]) | {
+            "description": said_of[field.name]
+        }
         if not _is_optional(field):
             required.append(field.name)
     title = {"title": kind.made_by} if kind.made_by else {}
@@ -110,13 +113,14 @@ def type_schema(hint: Any) -> dict[str, Any]:
         return {"$ref": f"#/$defs/{hint.__name__}"}
     if hint in _PLAIN:
         return _PLAIN[hint]
-    origin, arguments = get_origin(hint), get_args(hint)
+    origin = get_origin(hint)
+    arguments = get_args(hint)
     if origin is Annotated:
         return _nested(arguments[1])
     if origin is Literal:
         return {"enum": list(arguments)}
     if origin in (types.UnionType, typing.Union):
-        kinds = [each for each in arguments if each is not type(None)]
+        kinds = [argument for argument in arguments if argument is not type(None)]
         return type_schema(kinds[0])
     if origin is not None and issubclass(origin, Mapping):
         return {"type": "object", "additionalProperties": type_schema(arguments[1])}
@@ -127,15 +131,15 @@ def type_schema(hint: Any) -> dict[str, Any]:
 
 def parts_of(kind: type[Result]) -> list[type[Result]]:
     """The classes of results that a class refers to, directly or not."""
-    found: list[type[Result]] = []
+    parts: list[type[Result]] = []
     waiting = list(typing.get_type_hints(kind, include_extras=True).values())
     while waiting:
         hint = waiting.pop()
-        if isinstance(hint, type) and issubclass(hint, Result) and hint not in found:
-            found.append(hint)
+        if isinstance(hint, type) and issubclass(hint, Result) and hint not in parts:
+            parts.append(hint)
             waiting += typing.get_type_hints(hint, include_extras=True).values()
         waiting += get_args(hint)
-    return found
+    return parts
 
 
 def _nested(axes: int) -> dict[str, Any]:

@@ -12,7 +12,8 @@ import numpy as np
 #: Numbers smaller than this are rounding and shown as 0.
 ROUNDING = 1e-12
 #: Largest entries of a matrix that is shown with four decimals.
-_LEAST, _MOST = 0.1, 1e7
+_LEAST = 0.1
+_MOST = 1e7
 #: From the best to the worst, with the color that a terminal gives it.
 TONES = {"good": "32", "near": "33", "far": "35", "bad": "31"}
 
@@ -55,7 +56,8 @@ class RowsMade(Sequence[tuple[Any, ...]]):
     memory."""
 
     def __init__(self, count: int, row: Callable[[int], tuple[Any, ...]]) -> None:
-        self._count, self._row = count, row
+        self._count = count
+        self._row = row
 
     def __len__(self) -> int:
         return self._count
@@ -90,7 +92,8 @@ def entry_rows(
 
     names, units: of states and of inputs; units "" where they are not known.
     """
-    (states, inputs), (state_units, input_units) = names, units
+    (states, inputs) = names
+    (state_units, input_units) = units
     kinds = (
         ("P", P, states, state_units, "1/(({}) ({}))"),  # z'Pz has no unit
         ("K", K, inputs, input_units, "({})/({})"),
@@ -100,7 +103,7 @@ def entry_rows(
             name,
             row,
             column,
-            *(each[i, j] for each in matrices),
+            *(matrix[i, j] for matrix in matrices),
             unit.format(line_units[i], of) if of else "",
         )
         for name, matrices, lines, line_units, unit in kinds

@@ -59,7 +59,8 @@ def test_help_names_every_command_and_every_command_has_help() -> None:
     assert text() == overview
     for command in COMMANDS:
         assert re.search(rf"^  {command} +\w", overview, re.M)
-        short, long = text(command, "--help"), text(command, "--help", "more")
+        short = text(command, "--help")
+        long = text(command, "--help", "more")
         assert short.startswith(f"usage: hfa {command} ")
         assert short.count("\n") <= 48, "it fits on a screen"
         assert set(re.findall(r"--[a-z-]+", long)) <= set(re.findall(r"--[a-z-]+", short))
@@ -105,7 +106,8 @@ def test_degrees_go_in_and_radians_come_out() -> None:
 def test_a_saved_point_starts_the_next_trim(command: str) -> None:
     assert hfa(command, "--dihedral", "14", "-o", "saved.json").code == DONE
     words = ("linearize", "--dihedral", "15")
-    again, plain = answer(*words, "--start", "saved.json"), answer(*words)
+    again = answer(*words, "--start", "saved.json")
+    plain = answer(*words)
     np.testing.assert_allclose(again["A"], plain["A"], atol=1e-9)
     inputs = (list(each["operating_point"]["inputs"].values()) for each in (again, plain))
     np.testing.assert_allclose(*inputs, rtol=1e-9, atol=1e-12)
@@ -327,10 +329,8 @@ def hash_of(path: Path) -> str:
 
 
 def test_text_says_which_aircraft(heavy: Path) -> None:
-    plain, edited = (
-        hfa("solve", "--dihedral", "12"),
-        hfa("solve", "--dihedral", "12", "--parameters", str(heavy)),
-    )
+    plain = hfa("solve", "--dihedral", "12")
+    edited = hfa("solve", "--dihedral", "12", "--parameters", str(heavy))
     assert (
         f"parameters identified ({parameter_hash(default_parameters().values)})"
         in plain.out.splitlines()[-1]

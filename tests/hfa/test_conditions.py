@@ -15,10 +15,8 @@ from scipy.io import loadmat
 def test_it_matters_which_variable_is_held() -> None:
     """At 10 deg and 60 ft/s: alpha held as in the paper, or free with the outer aileron at 0."""
     words = ("--dihedral", "10", "--hold", "speed=60")
-    held, free = (
-        answer("linearize", *words),
-        answer("linearize", *words, "--free", "alpha", "--hold", "aileron_outer=0"),
-    )
+    held = answer("linearize", *words)
+    free = answer("linearize", *words, "--free", "alpha", "--hold", "aileron_outer=0")
     short_periods = [
         next(mode for mode in found["modes"] if mode["name"] == "short period")["eigenvalue"]
         for found in (held, free)
@@ -83,7 +81,8 @@ def test_a_point_of_a_sweep_is_that_of_linearize(words: tuple[str, ...]) -> None
     if single.code:
         assert single.err.startswith("hfa: " + json.loads(swept.out)["reasons"][0])
         return
-    found, expected = json.loads(swept.out), json.loads(single.out)
+    found = json.loads(swept.out)
+    expected = json.loads(single.out)
     np.testing.assert_allclose(found["A"][0], expected["A"], rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(found["B"][0], expected["B"], rtol=1e-9, atol=1e-9)
 

@@ -132,7 +132,8 @@ def test_an_fmu_without_a_compiler_is_one_line(
 
 @pytest.mark.skipif(c_compiler() is None, reason="there is no C compiler")
 def test_a_grid_of_trims_is_an_fmu_with_the_swept_variables_as_inputs(tmp_path: Path) -> None:
-    path, words = tmp_path / "models.fmu", ("sweep", "--dihedral", "5,15", "--hold", "speed=64,68")
+    path = tmp_path / "models.fmu"
+    words = ("sweep", "--dihedral", "5,15", "--hold", "speed=64,68")
     assert hfa(*words, "-o", str(path)).code == 0
     with zipfile.ZipFile(path) as archive:
         described = archive.read("modelDescription.xml").decode()
@@ -141,3 +142,12 @@ def test_a_grid_of_trims_is_an_fmu_with_the_swept_variables_as_inputs(tmp_path: 
     assert_refused(
         hfa("sweep", "--dihedral", "5", "-o", str(path)), 2, "dihedral has one value in the sweep"
     )
+
+
+@pytest.mark.skipif(c_compiler() is None, reason="no C compiler")
+def test_an_fmu_of_the_first_day_of_all_clocks_is_written(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A ZIP archive begins in 1980."""
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "0")
+    assert hfa("export", "--dihedral", "15", "-o", "a.fmu").code == 0
+    with zipfile.ZipFile("a.fmu") as archive:
+        assert {entry.date_time[0] for entry in archive.infolist()} == {1980}

@@ -55,7 +55,8 @@ def test_a_system_of_python_control_as_json(known: dict[str, Any], tmp_path: Pat
         name: getattr(system, name)
         for name in ("A", "B", "C", "D", "dt", "state_labels", "input_labels")
     }
-    plant, gain = tmp_path / "plant.json", tmp_path / "gain.json"
+    plant = tmp_path / "plant.json"
+    gain = tmp_path / "gain.json"
     plant.write_text(json.dumps(content, default=np.ndarray.tolist), encoding="utf-8")
     gain.write_text(json.dumps({"K": known["K"]}), encoding="utf-8")
     assert_solved_and_checked(plant, gain, known)

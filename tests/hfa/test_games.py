@@ -170,7 +170,8 @@ def test_the_exact_gain_of_a_design_with_names_and_units(
 
 
 def test_the_paper_s_design_is_the_default_game() -> None:
-    one, other = answer("solve", "--design", "paper", *AT_15), answer("solve", *AT_15)
+    one = answer("solve", "--design", "paper", *AT_15)
+    other = answer("solve", *AT_15)
     assert {key for key in one if one[key] != other.get(key)} - {"provenance"} == {"plant"}
 
 

@@ -17,10 +17,8 @@ from hfa.options.command import Command
 #: Warnings are what the command makes of them, as they are for its users.
 pytestmark = pytest.mark.filterwarnings("default")
 #: Inputs of each way in, and the number of the first of them.
-INPUTS, FIRST = (
-    int(os.environ.get("HOSTILE_INPUTS", "2")),
-    int(os.environ.get("HOSTILE_FIRST", "0")),
-)
+INPUTS = int(os.environ.get("HOSTILE_INPUTS", "2"))
+FIRST = int(os.environ.get("HOSTILE_FIRST", "0"))
 
 
 @pytest.mark.parametrize("way", WAYS)

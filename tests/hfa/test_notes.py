@@ -58,7 +58,8 @@ def test_a_terminal_gets_colors(
     monkeypatch.setenv("TERM", "xterm")
     for name, value in environment.items():
         monkeypatch.setenv(name, value)
-    shown, plain = hfa(*TRIM, out=Terminal()).out, hfa(*TRIM).out
+    shown = hfa(*TRIM, out=Terminal()).out
+    plain = hfa(*TRIM).out
     assert bool(COLOR.search(shown)) == colored
     assert not COLOR.search(plain + hfa(*TRIM, "--json", out=Terminal()).out)
     assert COLOR.sub("", shown).split() == plain.split()
@@ -69,7 +70,8 @@ def test_what_takes_more_than_a_minute_is_announced_once(
 ) -> None:
     clock = iter(range(0, 1000, 2))
     monkeypatch.setattr(output.time, "monotonic", lambda: float(next(clock)))
-    long, short = ProgressLine("fly"), ProgressLine("fly")
+    long = ProgressLine("fly")
+    short = ProgressLine("fly")
     for done in range(1, 10):
         long(done, 183)
     assert capsys.readouterr().err == "hfa: note: fly: about 6 minutes more; Ctrl-C ends it\n"

@@ -13,7 +13,8 @@ from cli import assert_refused, hfa
 
 from hfa_support.zarr_store import open_store
 
-NAVION, F16 = "navion.py:NAVION", "f16.py:F16"
+NAVION = "navion.py:NAVION"
+F16 = "f16.py:F16"
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
 
@@ -165,7 +166,8 @@ def test_what_does_not_fit_the_model_is_one_line(words: str, named: str) -> None
 def test_a_controller_is_designed_flown_and_exported_over_the_speed_of_the_user_s_model() -> None:
     for name in ("gtm.py", "gtm.toml"):
         shutil.copy(EXAMPLES / name, ".")
-    gtm, at = ("--aircraft", "gtm.py:GTM"), ("--hold", "speed=45")
+    gtm = ("--aircraft", "gtm.py:GTM")
+    at = ("--hold", "speed=45")
     made = json.loads(
         hfa("design", "gtm.toml", *gtm, "--at", "40,45,50", "-o", "gtm.npz", "--json").out
     )

@@ -14,14 +14,18 @@ from cli import answer, assert_refused, hfa
 
 from hfa_support import units
 
-FOOT, POUND_FORCE, SLUG = 0.3048, 4.4482216152605, 14.593902937206364
+FOOT = 0.3048
+POUND_FORCE = 4.4482216152605
+SLUG = 14.593902937206364
 TRIM = ("trim", "--dihedral", "12")
 ENGLISH = ("ft", "lbf", "slug")
 
 
 def physics(data: dict[str, Any]) -> dict[str, float]:
     """What must be 1, of a trim: laws of physics between its own numbers."""
-    about, loads, states = data["performance"], data["loads"], data["operating_point"]["states"]
+    about = data["performance"]
+    loads = data["loads"]
+    states = data["operating_point"]["states"]
     pressure = 0.5 * about["density"] * states["speed"] ** 2
     force = pressure * about["wing_area"]
     return {
@@ -53,7 +57,8 @@ def test_a_wrong_factor_is_seen(monkeypatch: pytest.MonkeyPatch, unit: str) -> N
 def test_matrices_are_similar() -> None:
     """A_si = T A T⁻¹, and so for all others, with T from the units in the same file."""
     words = ("linearize", "--dihedral", "12", "--outputs", "vertical_acceleration,alpha")
-    before, after = answer(*words), answer(*words, "--units", "si")
+    before = answer(*words)
+    after = answer(*words, "--units", "si")
     T = np.diag([FOOT if unit.startswith("ft") else 1.0 for unit in before["state_units"]])
     Y = np.diag([FOOT if unit.startswith("ft") else 1.0 for unit in before["output_units"]])
     inverse = np.linalg.inv(T)

@@ -87,7 +87,8 @@ def test_verify_draws_a_run() -> None:
 
 
 def test_a_critic_over_time_is_held_to_its_time() -> None:
-    plant, exact = small("plant.json"), solve_game(load_game("plant.json")).P
+    plant = small("plant.json")
+    exact = solve_game(load_game("plant.json")).P
     times = np.arange(0.0, 4.5, 0.5)
     sizes = np.where(times < 2.0, 0.5, 1e-9)
     weights = np.outer(1.0 + sizes, [exact[0, 0], 2.0 * exact[0, 1], exact[1, 1]])

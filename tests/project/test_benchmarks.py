@@ -42,10 +42,8 @@ def largest_difference_of_rates(peer, count: int = 200) -> float:
     inputs = rng.uniform(
         [0.0, -0.2, -0.2, -0.2, -0.2], [100.0, 0.2, 0.2, 0.2, 0.2], size=(count, 5)
     )
-    aircraft, seen = (
-        hfa_model.aircraft(parameters=PARAMETERS),
-        [STATES.index(name) for name in LINEAR_STATES],
-    )
+    aircraft = hfa_model.aircraft(parameters=PARAMETERS)
+    seen = [STATES.index(name) for name in LINEAR_STATES]
     full = np.insert(states, STATES.index("altitude"), ALTITUDE, axis=1)
     ours = np.array([aircraft.at(x, u).f[seen] for x, u in zip(full, inputs, strict=True)])
     theirs = np.array([peer(0.0, x, u, {}) for x, u in zip(states, inputs, strict=True)])
@@ -144,12 +142,14 @@ def not_shown(document: str, figures: list[dict]) -> list[str]:
 
 
 def test_the_document_shows_the_stored_figures() -> None:
-    text, data = SCALING.read_text("utf-8"), report.stored()
+    text = SCALING.read_text("utf-8")
+    data = report.stored()
     assert not_shown(text, data["figures"]) == []
 
 
 def test_documents_of_other_figures_would_be_noticed() -> None:
-    text, figures = SCALING.read_text("utf-8"), report.stored()["figures"]
+    text = SCALING.read_text("utf-8")
+    figures = report.stored()["figures"]
     changed = [figure | {"ratio": 1.1 * figure["ratio"]} for figure in figures]
     assert len(not_shown(text, changed)) == len(figures)
     for figure in figures:

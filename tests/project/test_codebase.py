@@ -42,7 +42,8 @@ DATA = {
 @pytest.mark.slow
 def test_the_wheel_holds_every_module_all_data_and_nothing_else(tmp_path: Path) -> None:
     """Built from our sources and a stray package of results."""
-    sources, wheels = tmp_path / "sources", tmp_path / "wheels"
+    sources = tmp_path / "sources"
+    wheels = tmp_path / "wheels"
     sources.mkdir()
     for name in ("pyproject.toml", "README.md"):
         shutil.copy(ROOT / name, sources)

@@ -207,7 +207,8 @@ def test_the_readme_names_every_command() -> None:
 def assert_is_that_of_the_documents(picture: Path) -> None:
     from matplotlib.image import imread
 
-    one, other = imread(ROOT / "docs" / "pictures" / picture.name), imread(picture)
+    one = imread(ROOT / "docs" / "pictures" / picture.name)
+    other = imread(picture)
     assert one.shape == other.shape
     different = np.abs(one - other).max(axis=2) > 0.1
     height, width = different.shape

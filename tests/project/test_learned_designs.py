@@ -65,14 +65,18 @@ def test_every_start_ends_certified_at_the_exact_solution_in_time(name: str, sta
     game, solution = exact(name)
     functions = basis("quadratic", len(game.A))
     assert (len(game.A), functions.size) == SIZES[name]
-    wrong, stabilizing, latest, largest = [], 0, 0.0, np.zeros(2)
+    wrong = []
+    stabilizing = 0
+    latest = 0.0
+    largest = np.zeros(2)
     for index in range(starts):
         weights = random_start(index, game, solution.P, functions, natural_spread(game).tolist())
         stabilizing += abscissa(game.A - game.S_control @ functions.matrix(weights)) < 0.0
         samples = functions.size + index % 80
         found = learn(game, seed=index, tick=0.2, samples=samples, initial_weights=tuple(weights))
         errors = relative_error(found.P, solution.P), relative_error(found.K, solution.K)
-        largest, latest = np.maximum(largest, errors), max(latest, found.settling_time)
+        largest = np.maximum(largest, errors)
+        latest = max(latest, found.settling_time)
         if not (found.settled and max(errors) <= 1e-8 and found.settling_time <= 10.0):
             wrong.append((index, errors, found.outcome))
     assert wrong == []

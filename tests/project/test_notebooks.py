@@ -39,7 +39,9 @@ def code_cells(path: Path) -> list[tuple[str, list[Output]]]:
 
 def ran(source: str, names: dict[str, Any]) -> tuple[str, Any]:
     """What a cell printed, and the value of its last line."""
-    tree, printed, value = ast.parse(source), io.StringIO(), None
+    tree = ast.parse(source)
+    printed = io.StringIO()
+    value = None
     with contextlib.redirect_stdout(printed):
         last = tree.body.pop() if isinstance(tree.body[-1], ast.Expr) else None
         exec(compile(tree, "cell", "exec"), names)

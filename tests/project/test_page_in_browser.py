@@ -63,7 +63,8 @@ def browser() -> Iterator[Any]:
     selenium = pytest.importorskip(
         "selenium.webdriver", reason="needs selenium: pip install '.[dev]'"
     )
-    program, driver = shutil.which("chromium"), shutil.which("chromedriver")
+    program = shutil.which("chromium")
+    driver = shutil.which("chromedriver")
     if program is None or driver is None:
         pytest.skip("needs a browser: apt-get install chromium chromium-driver")
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile:

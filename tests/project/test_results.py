@@ -56,11 +56,13 @@ COMPARED = {
 
 @lru_cache(maxsize=1)
 def results() -> dict[str, Any]:
-    aircraft, condition = hfa_model.aircraft(), trim.level_flight(15 * hfa_model.DEGREE)
+    aircraft = hfa_model.aircraft()
+    condition = trim.level_flight(15 * hfa_model.DEGREE)
     point = trim.find_operating_point(aircraft, condition)
     model = trim.linearize(aircraft, point)
     game = controller.published_game(model)
-    family, gain = verification.Family(aircraft), verification.solve_game(game).K
+    family = verification.Family(aircraft)
+    gain = verification.solve_game(game).K
     gains = GainSchedule(np.radians([15.0, 15.25]), np.stack([gain, gain]), hfa_model.aircraft())
     regeneration = verification.regenerate_all(aircraft)
     found = (
@@ -130,10 +132,8 @@ def test_a_failed_trim_can_be_sent_too() -> None:
 
 def test_the_game_of_a_model_is_the_game_of_its_matrices() -> None:
     model = results()["LinearModel"]
-    one, other = (
-        controller.published_game(model, delta=150.0),
-        controller.published_game(model.A, model.B, delta=150.0),
-    )
+    one = controller.published_game(model, delta=150.0)
+    other = controller.published_game(model.A, model.B, delta=150.0)
     for name in ("A", "B", "E", "Q", "R", "delta"):
         np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
     with pytest.raises(hfa_support.BadInputError, match="give A and B, or a linear model"):

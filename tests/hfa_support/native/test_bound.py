@@ -54,7 +54,8 @@ def test_a_sweep(compile_code: bool) -> None:
 
 
 def test_a_monte_carlo() -> None:
-    point, law = model_at(15.0).point, GainPolicy("exact", exact_gain(15.0))
+    point = model_at(15.0).point
+    law = GainPolicy("exact", exact_gain(15.0))
     scenario = Scenario(0.2, uncertainty=Uncertainty({"panel_mass": 0.1}))
     aircraft = hfa_model.aircraft(parameters=PARAMETERS)
     everywhere = Limits.of(aircraft, STATES, dict.fromkeys(STATES, (-1e9, 1e9)))

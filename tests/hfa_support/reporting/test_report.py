@@ -102,7 +102,8 @@ def test_a_toned_cell_has_its_color_on_a_terminal_and_its_class_in_html() -> Non
     table = Table(
         ("check", "value", "verdict"), [("a", "1.5", Cell("pass", "good")), ("longer", "2", "-")]
     )
-    plain, shown = Report("", (table,)).text(), Report("", (table,)).text(color=True)
+    plain = Report("", (table,)).text()
+    shown = Report("", (table,)).text(color=True)
     assert plain.splitlines()[1] == "a         1.5     pass"
     assert shown.replace("\033[32m", "").replace("\033[0m", "") == plain
     assert "\033[32m   pass\033[0m" in shown
