@@ -221,21 +221,24 @@ def _starts(
 ) -> np.ndarray:
     """(N, k), the unknowns where the search for each point begins.
 
-    Inputs alone have one solution. With states free there may be others: all points begin at
-    solutions of the same coarse grid (a fiftieth of the nominal values), the model's, so that no
-    row depends on its neighbours."""
+    Inputs alone have one solution. With states free there may be others: all points begin where the
+    model says (`begin`), or at solutions of the same coarse grid (a fiftieth of the nominal
+    values), the model's, so that no row depends on its neighbours."""
     if system.only_inputs or not variables:
         return np.tile(system.start, (len(values), 1))
+    if system.model.begin is not None:
+        starts = np.tile(system.start, (len(values), 1))
+        columns = dict(zip(variables, values.T, strict=True))
+        begun = system.model.begin({**system.condition.imposed, **columns})
+        for column, name in enumerate(system.equations.unknowns):
+            if name in begun:
+                starts[:, column] = begun[name] / system.scales[column]
+        return starts
     signals = {**system.model.rates, **system.model.signals}
     widths = np.array([_CELL * signals[name].nominal for name in variables])
     cells, cell = np.unique(np.round(values / widths), axis=0, return_inverse=True)
     columns = dict(zip(variables, (cells * widths).T, strict=True))
     starts = np.tile(system.start, (len(cells), 1))
-    if system.model.begin is not None:
-        begun = system.model.begin({**system.condition.imposed, **columns})
-        for column, name in enumerate(system.equations.unknowns):
-            if name in begun:
-                starts[:, column] = begun[name] / system.scales[column]
     z, settled = newton(system, starts, system.constants(len(cells), columns))
     z[~settled] = starts[~settled]
     return z[cell.ravel()]
