@@ -322,12 +322,9 @@ class _Declaration:
             altitude = imposed.get("altitude")
             if altitude is None:
                 return {}
-            speed = imposed.get("speed")
-            if speed is None:
-                speed = _true_speed(imposed, altitude)
+            speed, density = _speed_and_density(imposed, altitude)
             if speed is None or np.min(speed) <= 0.0:
                 return {}
-            density = _at("density", 0.0, altitude)
             lift = 0.5 * (usual_speed / speed) ** 2 * SEA_LEVEL.density / density
             alpha = np.clip(0.2 * (lift - 0.25), -0.05, 0.25)
             values = {"speed": speed, "alpha": alpha, "pitch": alpha + imposed.get("gamma", 0.0)}
@@ -339,40 +336,44 @@ class _Declaration:
         return begin
 
 
-def _true_speed(imposed: Mapping[str, Any], altitude: Any) -> Any:
-    """True speed, ft/s, of imposed Mach numbers or calibrated airspeeds; None without them."""
+def _speed_and_density(imposed: Mapping[str, Any], altitude: Any) -> tuple[Any, Any]:
+    """True speed, ft/s, of an imposed speed, Mach number or calibrated airspeed, None without them,
+    and density, slug/ft^3: numbers, or arrays of one length."""
+    calibrated = imposed.get("kcas", 0.0)
+    subsonic, sound, density = _at("subsonic", calibrated, altitude)
+    if "speed" in imposed:
+        return imposed["speed"], density
     if "mach" in imposed:
-        return _at("sound", 0.0, altitude) * imposed["mach"]
+        return imposed["mach"] * sound, density
     if "kcas" not in imposed:
-        return None
-    mach = _at("subsonic", imposed["kcas"], altitude)
-    if np.max(mach) > 1.0:
-        mach = _at("mach", imposed["kcas"], altitude)
-    return mach * _at("sound", 0.0, altitude)
+        return None, density
+    if np.max(subsonic) > 1.0:
+        (mach,) = _at("mach", calibrated, altitude)
+        return mach * sound, density
+    return subsonic * sound, density
 
 
 @lru_cache
 def _functions() -> dict[str, ca.Function]:
-    """(calibrated airspeed in kt, altitude in ft) -> Mach number, that below 1 alone, speed of
-    sound, ft/s, density, slug/ft^3."""
+    """(calibrated airspeed in kt, altitude in ft) -> Mach number if it is below 1, speed of sound,
+    ft/s, density, slug/ft^3; and -> any Mach number."""
     speed = ca.SX.sym("speed")
     altitude = ca.SX.sym("altitude")
     air = air_at(altitude)
-    results = {
-        "mach": mach_of_calibrated(speed * KNOT, air.pressure),
-        "subsonic": subsonic_mach_of_calibrated(speed * KNOT, air.pressure),
-        "sound": air.sound,
-        "density": air.density,
-    }
+    subsonic = subsonic_mach_of_calibrated(speed * KNOT, air.pressure)
+    any_mach = mach_of_calibrated(speed * KNOT, air.pressure)
     return {
-        name: ca.Function("air", [speed, altitude], [result]) for name, result in results.items()
+        "subsonic": ca.Function("air", [speed, altitude], [subsonic, air.sound, air.density]),
+        "mach": ca.Function("mach", [speed, altitude], [any_mach]),
     }
 
 
-def _at(name: str, speed: Any, altitude: Any) -> Any:
-    """One of `_functions` at numbers, or at arrays of one length."""
-    array = _functions()[name](np.atleast_2d(speed), np.atleast_2d(altitude)).full().ravel()
-    return float(array[0]) if array.size == 1 else array
+def _at(name: str, speed: Any, altitude: Any) -> list[Any]:
+    """What one of `_functions` gives at numbers, or at arrays of one length."""
+    arguments = [np.atleast_2d(speed), np.atleast_2d(altitude)]
+    results = _functions()[name].call(arguments)
+    arrays = [result.full().ravel() for result in results]
+    return [float(array[0]) if array.size == 1 else array for array in arrays]
 
 
 def _rpm(file: EngineFile) -> Signal:
