@@ -24,6 +24,7 @@ RESULTS = (
     ("trim.linear.linear_model", "LinearModelData"),
     ("trim.sweeps.sweep", "SweepData"),
     ("trim.sweeps.sweep_store", "StoredSweepData"),
+    ("verification.printed.printed_verdict", "PrintedData"),
 )
 #: Parts that only formats.toml refers to.
 PARTS = (("hfa_model.provenance", "Provenance"),)

@@ -38,6 +38,7 @@ from verification.critic.figures import verdict_figure, verdicts_figure
 from verification.critic.other_games import Nearby, Scheduled
 from verification.critic.verdict import Verdict, verdicts_report
 from verification.hfa_box import ordinary_box
+from verification.printed.printed_verdict import check_printed
 
 #: Of more files than this, each network is flown from a few starts.
 _MANY = 5
@@ -77,6 +78,12 @@ class VerifyRequest(GameOptions, LearningOptions, ReadingOptions, OutputOptions)
         default=(),
         count="+",
     )
+    printed: Path | None = option(
+        "a printed answer in place of a critic: plant and P, K, L, W or H pasted as text; says "
+        "whether every digit is right, and of which entry else (docs/critics.md)",
+        "FILE",
+        input_file(".toml"),
+    )
     set: Mapping[str, Any] = setting_option(
         "a setting of the law; of --weights predefined_time=S, of a network scale=a,b,... (times "
         "each state) and of a state dict activation=tanh|relu|... between its layers, after a "
@@ -103,10 +110,12 @@ class VerifyRequest(GameOptions, LearningOptions, ReadingOptions, OutputOptions)
 @command(VerifyRequest)
 def verify(request: VerifyRequest) -> int:
     """Compare a critic with the exact game solution: our own laws, or weights, P, K or networks
-    from elsewhere.
+    from elsewhere, or the printed answer of a paper.
 
     Exit code 0 only when every check passes, or with --limit-cost when the critic costs no more
     than that."""
+    if request.printed is not None:
+        return _verify_printed(request, request.printed)
     paths = [path for files in request.weights for path in files]
     _refuse_unused(request, paths)
     named = request.game(may_be_discrete=bool(paths))
@@ -158,6 +167,16 @@ def _verify_discrete(
     verdict = check_discrete(problem, critic, limit=request.limit_error)
     report = verdict.report(*named.names, limit_cost=request.limit_cost)
     show(report.with_data(**named.labels()), request, notes=named.warnings)
+    return 0 if verdict.holds(request.limit_cost) else 1
+
+
+def _verify_printed(request: VerifyRequest, path: Path) -> int:
+    """`verify` of the printed answer of a file, which has its own plant."""
+    others = request.typed - {"printed", "limit_cost", *OutputOptions.declared()}
+    why = "does not go with --printed, whose file has the plant and the answer; leave it out"
+    request.refuse(sorted(others | {"picture"}), why)
+    verdict = check_printed(path)
+    show(verdict.report(request.limit_cost), request)
     return 0 if verdict.holds(request.limit_cost) else 1
 
 

@@ -1,0 +1,218 @@
+"""The class of a printed answer: what its digits say about the plant beside it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import numpy as np
+
+from verification.printed.changed_entry import EVIDENCE, ChangedEntry, changed_entries
+from verification.printed.comparison import Comparison, Position, change, compare, compare_answer
+from verification.printed.exact_answer import answer_of, certified_value
+from verification.printed.printed_file import PrintedFile
+
+Class = Literal[
+    "as printed",
+    "cut off",
+    "one entry of the answer",
+    "the answer belongs to another plant",
+    "close",
+    "not decided",
+    "cannot tell",
+    "wrong",
+]
+CLASSES: tuple[str, ...] = get_args(Class)
+#: A learned answer this far off is close to nothing.
+_CLOSE = 0.1
+#: An answer this far off is of another problem, which the file does not name.
+_FAR = 0.5
+#: A known mistake explains a learned answer when this part of the error is left.
+_LEFT = 0.15
+
+
+@dataclass(frozen=True, eq=False)
+class Classified:
+    """A class and why.
+
+    name: of the class
+    reason: one line
+    comparison: of every entry with the exact answer of the plant as typed
+    P: (n, n), that answer
+    changed: the intervals of one entry of the plant that make all digits right
+    """
+
+    name: Class
+    reason: str
+    comparison: Comparison
+    P: np.ndarray
+    changed: tuple[ChangedEntry, ...] = ()
+
+
+def classify(file: PrintedFile) -> Classified:
+    """The first class that holds, in the order of `CLASSES` up to rounding.
+
+    NoSolutionError where the plant as typed has no certified answer."""
+    P = certified_value(file.plant)
+    comparison = compare(file, file.plant, P)
+
+    def classified(
+        name: Class, reason: str, changed: list[ChangedEntry] | None = None
+    ) -> Classified:
+        return Classified(name, reason, comparison, P, tuple(changed or ()))
+
+    if not comparison.outside.any():
+        return classified("as printed", f"all {len(comparison.printed)} entries")
+    if _is_cut_off(comparison):
+        return classified("cut off", "the digits are cut off, not rounded")
+    if file.assumption:
+        return classified("cannot tell", file.assumption)
+    asymmetric = _asymmetric_block(file)
+    if asymmetric:
+        return classified("cannot tell", f"{asymmetric} is not symmetric within its digits")
+    wrong = comparison.wrong_positions
+    if len(wrong) == 1 and not comparison.outside.all():
+        return classified("one entry of the answer", _wrong_entry(comparison, wrong[0]))
+    changed = changed_entries(file)
+    mistake = _known_mistake(file, P)
+    if len(changed) == 1 and not mistake and comparison.evidence() >= EVIDENCE:
+        return classified("the answer belongs to another plant", str(changed[0]), changed)
+    explanations = [str(entry) for entry in changed]
+    if mistake:
+        explanations.insert(0, mistake)
+    if len(explanations) == 1 and mistake:
+        return classified("wrong", mistake)
+    if len(explanations) > 1:
+        return classified(
+            "wrong", "the answer does not say which: " + "; or ".join(explanations), changed
+        )
+    if file.plant_rounded:
+        used = rounding_used(file, P, comparison)
+        if used <= 1.0:
+            reason = f"within {used:.2g} of the rounding of the plant, which decides nothing"
+            return classified("not decided", reason)
+        return classified("cannot tell", f"{used:.3g} times the rounding of the plant is needed")
+    return classified(*_by_size(file, comparison), changed)
+
+
+def rounding_used(file: PrintedFile, P: np.ndarray, comparison: Comparison) -> float:
+    """The least s such that entries of the plant, each moved by at most s half units of its own,
+    bring every printed digit right to first order; inf where none does."""
+    from scipy.optimize import linprog
+
+    columns = []
+    for name, block in file.typed.items():
+        for (row, column), rounding in np.ndenumerate(block.roundings):
+            is_mirror = name in ("Q", "R") and column < row
+            if rounding > 0.0 and not is_mirror:
+                place = Position(name, int(row), int(column))
+                columns.append(rounding * change(file, file.plant, P, place))
+    if not columns:
+        return float("inf")
+    slopes = np.column_stack(columns) / comparison.allowed[:, None]
+    misfit = (comparison.printed - comparison.exact) / comparison.allowed
+    size = slopes.shape[1]
+    last = np.zeros((len(misfit), 1))
+    fits = np.vstack([np.hstack([slopes, last]), np.hstack([-slopes, last])])
+    moved = np.vstack(
+        [
+            np.hstack([np.eye(size), -np.ones((size, 1))]),
+            np.hstack([-np.eye(size), -np.ones((size, 1))]),
+        ]
+    )
+    cost = np.zeros(size + 1)
+    cost[-1] = 1.0
+    solution = linprog(
+        cost,
+        A_ub=np.vstack([fits, moved]),
+        b_ub=np.concatenate([1.0 + misfit, 1.0 - misfit, np.zeros(2 * size)]),
+        bounds=[(None, None)] * size + [(0.0, None)],
+    )
+    return float(solution.fun) if solution.success else float("inf")
+
+
+def _is_cut_off(comparison: Comparison) -> bool:
+    """Whether every entry outside is less than one unit from the exact one, toward zero."""
+    outside = comparison.outside
+    exact = comparison.exact[outside]
+    short = np.sign(exact) * (exact - comparison.printed[outside])
+    return bool(((short >= 0.0) & (short < 2.0 * comparison.half_units[outside])).all())
+
+
+def _asymmetric_block(file: PrintedFile) -> str:
+    """The first of P and H whose mirrored entries differ beyond their digits by far; or "".
+
+    One wrong entry is no asymmetry: two positions must differ."""
+    for name in ("P", "H"):
+        if name in file.answer:
+            block = file.answer[name]
+            allowed = block.half_units + block.half_units.T + 1e-12 * np.abs(block.values).max()
+            differ = np.triu(np.abs(block.values - block.values.T) > allowed)
+            if np.count_nonzero(differ) > 1:
+                return name
+    return ""
+
+
+def _wrong_entry(comparison: Comparison, position: Position) -> str:
+    index = next(
+        index
+        for index in np.flatnonzero(comparison.outside)
+        if comparison.places[index].block == position.block
+    )
+    printed = comparison.printed[index]
+    exact = comparison.exact[index]
+    return f"{comparison.places[index]} is printed {printed:.10g}, exact {exact:.10g}"
+
+
+def _known_mistake(file: PrintedFile, P: np.ndarray) -> str:
+    """The known mistake that explains the print, of a learned one most of its error; or ""."""
+    before = compare(file, file.plant, P)
+    norm_before = np.linalg.norm(before.printed - before.exact)
+    for mistake, answer in _mistaken_answers(file, P):
+        after = compare_answer(file, answer)
+        if not after.outside.any():
+            return mistake
+        if file.learned and np.linalg.norm(after.printed - after.exact) <= _LEFT * norm_before:
+            return f"{mistake}, with an error of {after.relative_error:.2g} on top"
+    return ""
+
+
+def _mistaken_answers(
+    file: PrintedFile, P: np.ndarray
+) -> Iterator[tuple[str, dict[str, np.ndarray]]]:
+    """Mistakes and the answers that they make of the right one."""
+    exact = answer_of(file.plant, P)
+    for name in ("K", "L"):
+        if name in file.answer:
+            yield f"{name} has the opposite sign", exact | {name: -exact[name]}
+    row, column = np.triu_indices(len(P))
+    if "W" in file.answer:
+        yield "W lacks the factor 2 on products", exact | {"W": P[row, column][None, :]}
+    for name in ("P", "W", "H"):
+        if name in file.answer:
+            yield f"{name} is twice the value", exact | {name: 2.0 * exact[name]}
+            yield f"{name} is half the value", exact | {name: 0.5 * exact[name]}
+    n = len(P)
+    for first in range(n):
+        for second in range(first):
+            order = np.arange(n)
+            order[[first, second]] = order[[second, first]]
+            swapped = P[np.ix_(order, order)]
+            answer = dict(exact)
+            answer["P"] = swapped
+            answer["K"] = exact["K"][:, order]
+            answer["L"] = exact["L"][:, order]
+            answer["W"] = np.where(row == column, 1.0, 2.0)[None, :] * swapped[row, column]
+            yield f"states {second + 1} and {first + 1} are interchanged", answer
+
+
+def _by_size(file: PrintedFile, comparison: Comparison) -> tuple[Class, str]:
+    """Close, cannot tell or wrong, by the relative error."""
+    error = comparison.relative_error
+    size = f"relative error {error:.2g}, worst entry {comparison.errors.max():.3g} half units"
+    if file.learned and error <= _CLOSE:
+        return "close", size
+    if error > _FAR:
+        return "cannot tell", f"nothing says of which problem the answer is; {size}"
+    return "wrong", f"{size}; no single entry of the plant explains it"
