@@ -41,6 +41,26 @@ _ROWS = """return [...document.querySelectorAll('section.point:not([hidden]) tab
 _DRAWN = (
     "return document.querySelector('#plot-trim-1 .scatterlayer path.js-line').getAttribute('d')"
 )
+#: The greatest distance (px) of a mark from where the ticks of its axis have its value.
+_OFF_AXIS = """return Math.max(...[...document.querySelectorAll('.plot')].map((box) => {
+    const middle = (drawn) => {
+      const { top, bottom } = drawn.getBoundingClientRect();
+      return (top + bottom) / 2;
+    };
+    const ticks = [...box.querySelectorAll('.ytick text')];
+    const first = ticks[0], last = ticks[ticks.length - 1];
+    const value = (tick) => Number(tick.textContent.replace('\u2212', '-'));
+    const slope = (middle(last) - middle(first)) / (value(last) - value(first));
+    const marks = [...box.querySelectorAll('.scatterlayer .trace')]
+      .filter((trace) => trace.__data__[0].trace.marker?.symbol !== 'arrow')
+      .flatMap((trace) => [...trace.querySelectorAll('.points path')]);
+    return Math.max(...marks.map((mark) =>
+      Math.abs(middle(mark) - middle(first) - slope * (mark.__data__.y - value(first)))));
+  }))"""
+#: Where the column of verdicts ends (px), of what its table shows without being scrolled.
+_VERDICTS_RIGHT = """const table = document.querySelector('.first table');
+    return table.getBoundingClientRect().right > table.parentElement.getBoundingClientRect().right + 1
+      ? Infinity : table.getBoundingClientRect().right"""
 _TEXTS = "return [...document.querySelectorAll('#plot-trim-1 .textpoint text')].map((text) => text.textContent)"
 
 
@@ -130,6 +150,8 @@ def test_the_page_in_a_browser(
             "15",
             "--sweep",
             "12:15:0.5",
+            "--claims",
+            str(ROOT / "studies" / "section5" / "results"),
         )
         assert hfa(*words).code == DONE
         driver.get((tmp_path / "page.html").as_uri())
@@ -142,6 +164,17 @@ def test_the_page_in_a_browser(
             )
             buttons = driver.find_elements("css selector", "#plot-trim-1 .modebar-btn")
             assert [each.get_attribute("data-title") for each in buttons] == BUTTONS
+        with subtests.test(
+            "marks stand at their values from the first, the verdicts in the window"
+        ):
+            for width in (1920, 1400, 1000, 400):
+                seen_at(driver, width)
+                driver.refresh()
+                assert settles(driver, "document.body.classList.contains('scripted')")
+                assert driver.execute_script(_OFF_AXIS) <= 2.0, width
+                right = driver.execute_script(_VERDICTS_RIGHT)
+                assert right <= driver.execute_script("return window.innerWidth"), width
+            move_to(driver, "15")
         with subtests.test("the keyboard moves the slider, and one section is shown"):
             assert chosen(driver) == "15 deg"
             driver.find_element("id", "dihedral").send_keys("\ue012")  # arrow left

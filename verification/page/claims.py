@@ -34,6 +34,12 @@ class Claims(NamedTuple):
     rows: Table
     models: list[tuple[float, np.ndarray, np.ndarray]]
 
+    @property
+    def not_confirmed(self) -> str:
+        """How many of all claims are not confirmed, in words."""
+        counts = self.data["verdicts"]
+        return f"{counts.get('not confirmed', 0)} of {sum(counts.values())} claims not confirmed"
+
     def flew(self, regeneration: Regeneration) -> bool:
         """Whether the stored flights were those of the linear models regenerated here."""
         own = {pair.published.dihedral_deg: pair.model for pair in regeneration.pairs}

@@ -8,9 +8,9 @@ import gzip
 import html
 import json
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from importlib.resources import files
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from controller.riccati.solution_report import solution_report
 from hfa_model.provenance import Provenance
@@ -27,15 +27,17 @@ from trim.hfa.printed import (
     printed_at,
     with_bands,
 )
-from trim.linear.linear_model import LinearModel, linear_model_report, matrices
-from trim.linear.modes import modes_of, modes_table
+from trim.linear.linear_model import (
+    LinearModel,
+    linear_model_report,
+    matrices,
+    units_in_words,
+)
+from trim.linear.modes import modes_table
 from verification.critic.figures import verdict_figure
 from verification.page.claims import claims_section
 from verification.page.main_job import Angle, MainJob
 from verification.page.plots import front_view, locus_plot
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 SCHEMA = "hfa.report/1"
 _COLORS = (
@@ -56,19 +58,20 @@ _POLICY = (
 
 def main_report(job: MainJob) -> Report:
     """What the page shows below its slider; data: every number."""
-    regeneration, swept = job.regeneration.report(), job.sweep.report()
+    regeneration = job.regeneration.report()
+    swept = job.sweep.report()
     angles = [angle_report(job, angle) for angle in job.angles]
     claims = claims_section(job.claims, job.regeneration)
-    pictures = front_view(job.aircraft, job.points), locus_plot(job.sweep)
-    critics = [
-        {"dihedral_deg": each.data["dihedral_deg"], **each.data["critic"]}
-        for each in angles
-        if "critic" in each.data
-    ]
+    plots = (front_view(job.aircraft, job.points), locus_plot(job.sweep))
+    critics = []
+    for report in angles:
+        if "critic" in report.data:
+            angle_deg = report.data["dihedral_deg"]
+            critics.append({"dihedral_deg": angle_deg, **report.data["critic"]})
     return Report(
         title="",
         parts=(
-            Report("Any dihedral angle", [each for each in pictures if each is not None]),
+            Report("Any dihedral angle", [plot for plot in plots if plot is not None]),
             *angles,
             claims,
             Report("Every entry against the print", (job.regeneration.picture(),)),
@@ -106,51 +109,51 @@ def verdicts(job: MainJob) -> Table:
         (f"{trimmed} of {len(job.points)} angles of the sweep trimmed", verdict_text(trimmed > 0))
     )
     if job.claims is not None:
-        rows.append(
-            (f"claims of Section 5 of the paper: {job.claims.verdicts}", Cell("findings", "near"))
-        )
+        rows.append(("claims of Section 5 of the paper", Cell(job.claims.not_confirmed, "near")))
     return Table(("check", "verdict"), rows)
 
 
 def angle_report(job: MainJob, angle: Angle) -> Report:
     """One asked angle: linear model with the print, game solution, learned critic; the slider shows
     its trim."""
-    model, data = angle.model, {"dihedral_deg": angle.dihedral_deg, "reason": angle.reason}
+    model = angle.model
+    data: dict[str, Any] = {"dihedral_deg": angle.dihedral_deg, "reason": angle.reason}
     title = f"Dihedral {angle_text(angle.dihedral)}: model, game, critic"
     if model is None:
         return Report(title, (f"No trim: {angle.reason}",), data=data)
     origin = f"the model at dihedral {angle_text(angle.dihedral)}, {model.point.dynamics} dynamics"
     named = model.states, model.inputs, origin, model.state_units, model.input_units
-    shown = {"model": _model_report(job, angle, model)}
+    reports = {"model": _model_report(job, angle, model)}
     if angle.solution is not None:
-        shown["solution"] = solution_report(angle.solution, *named)
-    if (check := angle.check) is not None:
-
-        def draw() -> Figure:
-            return verdict_figure(check, *named)
-
-        text = f"P learned, P exact and their difference at {angle.dihedral_deg:g} deg; residual and error over time"
-        judged, picture = (
-            check.report(*named),
-            Picture(f"critic-{angle.dihedral_deg:g}.png", text, draw),
+        reports["solution"] = solution_report(angle.solution, *named)
+    if angle.check is not None:
+        judged = angle.check.report(*named)
+        picture = Picture(
+            f"critic-{angle.dihedral_deg:g}.png",
+            f"P learned, P exact and their difference at {angle.dihedral_deg:g} deg; "
+            "residual and error over time",
+            partial(verdict_figure, angle.check, *named),
         )
-        shown["critic"] = replace(judged, parts=(*judged.parts, picture))
-    unsolved = [f"No game solution: {angle.reason}"] if angle.reason else []
-    trim = trim_report(job.aircraft, angle.condition, model.point)
-    data |= {"trim": trim.data} | {name: each.data for name, each in shown.items()}
-    return Report(title, (*shown.values(), *unsolved), data=data)
+        reports["critic"] = replace(judged, parts=(*judged.parts, picture))
+    parts: list[Part] = list(reports.values())
+    if angle.reason:
+        parts.append(f"No game solution: {angle.reason}")
+    data["trim"] = trim_report(job.aircraft, angle.condition, model.point).data
+    for name, report in reports.items():
+        data[name] = report.data
+    return Report(title, parts, data=data)
 
 
 def point_report(job: MainJob, angle: Angle) -> Report:
-    """What the slider shows of one angle: trim, modes, A and B."""
+    """What the slider shows of one angle: trim, modes, A and B with their units."""
     title = f"At dihedral {angle_text(angle.dihedral)}"
-    if angle.model is None:
+    model = angle.model
+    if model is None:
         return Report(title, (f"No trim: {angle.reason}",))
-    trim = trim_report(job.aircraft, angle.condition, angle.model.point)
-    modes = modes_table(modes_of(angle.model.A, angle.model.states))
-    return Report(
-        title, (trim, Report("Modes", (modes,)), Report("A and B", matrices(angle.model)))
-    )
+    trim = trim_report(job.aircraft, angle.condition, model.point)
+    modes = Report("Modes", (modes_table(model.modes, model.point.model.time_unit),))
+    pair = Report(f"A and B, in {units_in_words(model)}", matrices(model))
+    return Report(title, (trim, modes, pair))
 
 
 def _model_report(job: MainJob, angle: Angle, model: LinearModel) -> Report:
@@ -169,66 +172,89 @@ def _model_report(job: MainJob, angle: Angle, model: LinearModel) -> Report:
 
 
 def page(job: MainJob, report: Report, origin: Provenance) -> str:
-    """The aircraft with its slider and the verdicts, then the sections of the report, each
-    folded."""
-    regenerated = _verdict(job.regeneration.ok, "regenerated", "NOT regenerated")
-    agrees = _verdict(job.learned, "agrees", "DOES NOT agree")
-    asked = ", ".join(f"{angle.dihedral_deg:g}" for angle in job.angles)
+    """The page as HTML: the verdict in one sentence, the aircraft with its slider beside the
+    verdicts, then the sections of the report, each folded."""
     names = html.escape(json.dumps(sorted(picture.name for picture in report.pictures())))
     first, *parts = (part for part in report.parts if isinstance(part, Report))
     parts.append(Report("Provenance", (f"{origin.command}\n{origin.text()}",)))
-    sections = "\n".join(_folded(f"part-{number}", part) for number, part in enumerate(parts))
-    links = [
-        ("any-angle", first.title),
-        *((f"part-{i}", part.title) for i, part in enumerate(parts)),
-    ]
-    contents = "".join(
-        f'<li><a href="#{place}">{html.escape(title)}</a></li>' for place, title in links
-    )
+    links = [_link("any-angle", first.title)]
+    sections = []
+    for number, part in enumerate(parts):
+        links.append(_link(f"part-{number}", part.title))
+        sections.append(_folded(f"part-{number}", part))
+    contents = "".join(links)
+    folded_sections = "\n".join(sections)
     return f"""<!DOCTYPE html>
 <html lang="en"><head><meta charset="utf-8"><title>{TITLE}</title>
 <meta name="viewport" content="width=device-width, initial-scale=1">
 <meta http-equiv="Content-Security-Policy" content="{_POLICY}">
 <meta name="pictures" content="{names}"><style>{_file("page.css")}</style></head><body><main>
 <h1>{TITLE}</h1>
-<p>Both pairs of matrices (A, B) that the paper prints are {regenerated} from one set of parameters,
-{html.escape(job.sweep.model.name)} dynamics. The learned critic {agrees} with the exact solution
-of the game at {asked} deg.
-The paper: {_PAPER}.</p>
+<p>{verdict_sentence(job)}</p>
 <nav aria-label="Contents"><ul>{contents}</ul></nav>
 {any_angle(job, first)}
-{sections}
+{folded_sections}
 </main>{plotly_script()}<script type="module">{_file("page.js")}</script></body></html>
 """
 
 
-def _folded(place: str, part: Report) -> str:
+def verdict_sentence(job: MainJob) -> str:
+    """What was checked, what came of it, and what is wrong with the paper, as HTML."""
+    regenerated = _toned(job.regeneration.ok, "regenerated", "NOT regenerated")
+    agrees = _toned(job.learned, "agrees", "DOES NOT agree")
+    asked = " and ".join(f"{angle.dihedral_deg:g}" for angle in job.angles)
+    sentence = (
+        f"{_toned(job.ok, 'PASS', 'FAIL')}: both pairs of matrices (A, B) that the paper prints "
+        f"are {regenerated} from one set of parameters ({html.escape(job.sweep.model.name)} "
+        f"dynamics), and the learned critic {agrees} with the exact solution of the game"
+    )
+    if job.angles:
+        sentence += f" at {asked} deg"
+    if job.claims is not None:
+        not_confirmed = html.escape(job.claims.not_confirmed)
+        sentence += (
+            f'; of the paper\'s Section 5, <strong class="bad">{not_confirmed}</strong> '
+            f"({html.escape(job.claims.verdicts)})"
+        )
+    return f"{sentence}."
+
+
+def _link(section: str, title: str) -> str:
+    return f'<li><a href="#{section}">{html.escape(title)}</a></li>'
+
+
+def _folded(section: str, part: Report) -> str:
     """A section that a click unfolds; it is unfolded where it is printed, or where a link leads to
     it."""
     return (
-        f'<details id="{place}"><summary><h2>{html.escape(part.title)}</h2></summary>'
+        f'<details id="{section}"><summary><h2>{html.escape(part.title)}</h2></summary>'
         f"<section>{replace(part, title='').html(2)}</section></details>"
     )
 
 
 def any_angle(job: MainJob, drawn: Report) -> str:
-    """The slider over the sweep, its pictures next to the verdicts, and trim and model of the
-    chosen angle."""
-    shown = [f"{point.dihedral_deg:g} deg" for point in job.points]
+    """The slider over the sweep, the aircraft beside the verdicts, the root locus, and trim and
+    model of the chosen angle."""
+    labels = [f"{point.dihedral_deg:g} deg" for point in job.points]
     asked = [angle.dihedral_deg for angle in job.angles]
     first = next((i for i, point in enumerate(job.points) if point.dihedral_deg in asked), 0)
+    sections = []
+    for i, (label, point) in enumerate(zip(labels, job.points, strict=True)):
+        hidden = "" if i == first else " hidden"
+        shown = point_report(job, point).html(3)
+        sections.append(f'<section class="point" data-angle="{label}"{hidden}>{shown}</section>')
+    pictures = [picture.html() for picture in drawn.pictures()]
+    aircraft = "".join(pictures[:1])
+    locus = "".join(pictures[1:])
     checks = Report("Verdicts", (verdicts(job),)).html(3)
-    sections = "\n".join(
-        f'<section class="point" data-angle="{label}"{"" if i == first else " hidden"}>'
-        f"{point_report(job, point).html(3)}</section>"
-        for i, (label, point) in enumerate(zip(shown, job.points, strict=True))
-    )
+    points = "\n".join(sections)
     return f"""<div id="any-angle"><h2>{drawn.title}</h2>
 <p class="slider"><label for="dihedral">Dihedral angle</label>
-<input type="range" id="dihedral" min="0" max="{len(shown) - 1}" value="{first}" aria-valuetext="{shown[first]}">
-<output for="dihedral" id="angle">{shown[first]}</output> <span class="noscript">The slider needs scripts.</span></p>
-<div class="first"><div>{"".join(each.html() for each in drawn.pictures())}</div><section>{checks}</section></div>
-{sections}</div>"""
+<input type="range" id="dihedral" min="0" max="{len(labels) - 1}" value="{first}" aria-valuetext="{labels[first]}">
+<output for="dihedral" id="angle">{labels[first]}</output> <span class="noscript">The slider needs scripts.</span></p>
+<div class="first"><div>{aircraft}</div><section>{checks}<p class="paper">The paper: {_PAPER}.</p></section></div>
+{locus}
+{points}</div>"""
 
 
 def _file(name: str) -> str:
@@ -252,5 +278,5 @@ def plotly_script() -> str:
     return f'<!--{license_}--><script type="text/plain" id="plotly">{packed}</script>'
 
 
-def _verdict(ok: bool, yes: str, no: str) -> str:
+def _toned(ok: bool, yes: str, no: str) -> str:
     return f'<strong class="good">{yes}</strong>' if ok else f'<strong class="bad">{no}</strong>'

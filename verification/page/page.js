@@ -8,21 +8,33 @@ document.head.append(plotly);
 // Nothing can be sent to a network from the page.
 const SENDS = ["sendChartToCloud", "sendDataToCloud", "select2d", "lasso2d"];
 const CONFIG = { responsive: true, displaylogo: false, plotlyServerURL: "", modeBarButtonsToRemove: SENDS };
-const plots = [...document.querySelectorAll("script[data-plot]")].map((script) => {
-  const box = document.getElementById(script.dataset.plot);
-  const figure = JSON.parse(script.textContent);
-  Plotly.newPlot(box, { ...figure, config: CONFIG });
-  return { box, moves: figure.frames.length > 0 };
-});
 const slider = document.getElementById("dihedral");
 const sections = [...document.querySelectorAll("section.point")];
-const still = { mode: "immediate", transition: { duration: 0 }, frame: { duration: 0, redraw: true } };
 
-function show() {
+// Each plot begins at the angle of the slider. Plotly must not be asked for a frame before its first
+// layout is done: it would draw the marks above their axes.
+function startAt(figure, position) {
+  const frame = figure.frames[position];
+  frame?.traces.forEach((trace, i) => Object.assign(figure.data[trace], frame.data[i]));
+}
+const plots = await Promise.all([...document.querySelectorAll("script[data-plot]")].map(async (script) => {
+  const box = document.getElementById(script.dataset.plot);
+  const figure = JSON.parse(script.textContent);
+  startAt(figure, slider.value);
+  await Plotly.newPlot(box, { ...figure, config: CONFIG });
+  return { box, moves: figure.frames.length > 0 };
+}));
+
+function showSection() {
   const chosen = sections[slider.value];
   for (const section of sections) section.hidden = section !== chosen;
   document.getElementById("angle").value = chosen.dataset.angle;
   slider.setAttribute("aria-valuetext", chosen.dataset.angle);
+}
+
+const still = { mode: "immediate", transition: { duration: 0 }, frame: { duration: 0, redraw: true } };
+function show() {
+  showSection();
   for (const plot of plots) if (plot.moves) Plotly.animate(plot.box, [slider.value], still);
 }
 
@@ -43,6 +55,6 @@ function unfold() {
 addEventListener("hashchange", unfold);
 addEventListener("beforeprint", () => folded.forEach((part) => { part.open = true; }));
 unfold();
+showSection();
 slider.addEventListener("input", show);
 document.body.classList.add("scripted");
-show();

@@ -95,6 +95,7 @@ def _figure(
     moving: Sequence[Sequence[dict[str, Any]]],
     x: dict[str, Any],
     y: dict[str, Any],
+    legend: bool = True,
 ) -> PlotlyFigure:
     """A frame for each position of the slider, named by it: what changes of the last traces.
     Background and size are the page's, which moves to a frame at once; the legend stands above."""
@@ -112,6 +113,7 @@ def _figure(
             "color": NEUTRAL,
             "activecolor": COLORS[1],
         },
+        "showlegend": legend,
         "legend": {"orientation": "h", "yanchor": "bottom", "y": 1.02},
     }
     numbers = list(range(len(traces) - len(moving[0]), len(traces)))
@@ -150,10 +152,13 @@ def front_view(aircraft: Model, points: tuple[Angle, ...]) -> InteractivePlot | 
     x = _axis(length, range=[-wide, wide], **plain)
     low, high = float(np.nanmin(heights)) - room, float(np.nanmax(heights)) + room
     y = _axis(length, range=[low, high], scaleanchor="x", scaleratio=1, constrain="domain")
-    text = f"The trimmed aircraft at the chosen angle, seen from the front; {scale_text(aircraft, scale)}"
-    return InteractivePlot(
-        "trim.png", text, lambda: trim_figure(aircraft, known[0]), (_figure(_FIXED, moving, x, y),)
+    text = (
+        "The trimmed aircraft at the chosen angle, seen from the front: lift (blue), weight "
+        "(orange), and at the hinges (green) the moment of loads and weight; "
+        f"{scale_text(aircraft, scale)}"
     )
+    figure = _figure(_FIXED, moving, x, y, legend=False)
+    return InteractivePlot("trim.png", text, lambda: trim_figure(aircraft, known[0]), (figure,))
 
 
 def _drawing(aircraft: Model, point: OperatingPoint | None, scale: float) -> list[dict[str, Any]]:

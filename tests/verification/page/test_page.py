@@ -23,7 +23,7 @@ from hfa_model.parameters import ParameterSet
 from hfa_support import BadInputError, NoSolutionError
 from trim import modes_of, sweep
 from verification.page.claims import Claims, claims_section, load_claims
-from verification.page.job_report import angle_report, verdicts
+from verification.page.job_report import angle_report, verdict_sentence, verdicts
 from verification.page.main_job import MainJob, main_job, with_game
 from verification.page.plots import front_view, in_script, locus_plot
 
@@ -78,7 +78,9 @@ def test_a_row_each_with_the_verdict_that_is_stored(job: MainJob, claims: Claims
     ]
     assert {row[-1].tone for row in table.rows if row[-1] == "not confirmed"} == {"bad"}
     assert "the same matrices as" in said
-    assert "28 not confirmed" in str(verdicts(replace(job, claims=claims)).rows[-1][0])
+    with_claims = replace(job, claims=claims)
+    assert verdicts(with_claims).rows[-1][1] == "28 of 55 claims not confirmed"
+    assert "28 of 55 claims not confirmed" in verdict_sentence(with_claims)
 
 
 def test_another_aircraft_is_noticed(job: MainJob, claims: Claims) -> None:
