@@ -11,7 +11,7 @@ from importlib import import_module
 from importlib.resources import files
 from typing import Any, Literal
 
-from hfa_model.provenance import Provenance
+from hfa_support.provenance import Provenance
 from hfa_support.reporting.results import Result, json_schema, parts_of
 
 #: Types of JSON.
@@ -27,7 +27,7 @@ RESULTS = (
     ("verification.printed.printed_verdict", "PrintedData"),
 )
 #: Parts that only formats.toml refers to.
-PARTS = (("hfa_model.provenance", "Provenance"),)
+PARTS = (("hfa_support.provenance", "Provenance"),)
 
 
 @dataclass(frozen=True)

@@ -189,7 +189,7 @@ def _request(command: Command, program: str, words: list[str]) -> Request:
 
     The model is loaded first, because the other options are typed in its names and units."""
     from hfa.options.trims import named_model
-    from hfa_model.provenance import now
+    from hfa_support.provenance import now
 
     of_the_model = {
         field: option.of(None, field)

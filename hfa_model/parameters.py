@@ -15,6 +15,7 @@ import numpy as np
 from hfa_model.vectors import T
 from hfa_support.errors import BadInputError
 from hfa_support.files import write_text
+from hfa_support.provenance import Change
 from hfa_support.reporting.fields import ByValue
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.text import Table
@@ -258,3 +259,15 @@ def sample_parameters(parameters: ParameterSet, count: int, seed: int) -> tuple[
     deviations = np.random.default_rng(seed).standard_normal((count, len(columns))) @ root
     table[:, columns] *= np.exp(deviations)
     return tuple(Parameters(*row) for row in table.tolist())
+
+
+def changed_parameters(parameters: ParameterSet) -> dict[str, Change]:
+    """Parameter -> its value and the identified one, for those that are not the identified ones."""
+    identified = default_parameters().values
+    changes = {}
+    for name, field_of_name in FIELDS._asdict().items():
+        value = getattr(parameters.values, name)
+        usual = getattr(identified, name)
+        if value != usual:
+            changes[name] = Change(value, usual, field_of_name.unit)
+    return changes

@@ -21,12 +21,12 @@ import casadi as ca
 
 from controller.export.c_text import braced, comment_lines
 from controller.export.exported_loop import ExportedLoop
-from hfa_model.provenance import Provenance
 from hfa_support.errors import NoSolutionError
 from hfa_support.files import temporary_folder, written_whole
 from hfa_support.jsonable import json_text
 from hfa_support.native.c_code import c_function
 from hfa_support.native.machine_code import c_compiler
+from hfa_support.provenance import Provenance
 
 #: Of the library in the FMU.
 IDENTIFIER = "hfa_aircraft"

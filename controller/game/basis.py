@@ -9,7 +9,6 @@ from functools import cached_property
 
 import numpy as np
 
-from hfa_model.vectors import LINEAR_STATES
 from hfa_support.errors import BadInputError, refuse_unknown
 from hfa_support.reporting.fields import Shown
 
@@ -17,6 +16,8 @@ from hfa_support.reporting.fields import Shown
 #: basis, so this is an assumption: the three tracked channels and the pitch rate, the strongest
 #: coupling of Section 5.1.
 PAPER_QUARTIC_CHANNELS = ("speed", "alpha", "pitch_rate", "dihedral")
+#: The states of the paper's linear model, in its order.
+PAPER_STATES = ("speed", "alpha", "pitch", "pitch_rate", "dihedral", "dihedral_rate")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -106,14 +107,13 @@ def basis(name: str, states: int) -> Basis:
 
 
 def _paper(states: int) -> np.ndarray:
-    if states != len(LINEAR_STATES):
+    """(4, 6) exponents of the fourth powers of the paper's channels."""
+    if states != len(PAPER_STATES):
         raise BadInputError(
-            f"basis 'paper' is for {len(LINEAR_STATES)} states, not {states}; choose 'quadratic'"
+            f"basis 'paper' is for {len(PAPER_STATES)} states, not {states}; choose 'quadratic'"
         )
-    return (
-        4
-        * np.eye(states, dtype=int)[[LINEAR_STATES.index(name) for name in PAPER_QUARTIC_CHANNELS]]
-    )
+    channels = [PAPER_STATES.index(name) for name in PAPER_QUARTIC_CHANNELS]
+    return 4 * np.eye(states, dtype=int)[channels]
 
 
 #: What each basis adds to the quadratic monomials.

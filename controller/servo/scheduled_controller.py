@@ -19,10 +19,10 @@ from controller.game.array_file import read_arrays
 from controller.game.gain_schedule import GainSchedule, load_gain_schedule
 from controller.servo.design import signal_unit
 from hfa_aircraft.model import Model
-from hfa_model.provenance import parameter_hash
 from hfa_support.errors import BadInputError, said_of, shown
 from hfa_support.jsonable import jsonable
 from hfa_support.linear_table import LinearTable
+from hfa_support.provenance import parameter_hash
 from hfa_support.reporting.checks import verdict_text
 from hfa_support.reporting.data_files import save_data
 from hfa_support.reporting.fields import ByValue

@@ -28,7 +28,7 @@ from verification.page.job_report import main_report, page, plotly_script
 from verification.page.main_job import ASKED, MOST_ASKED, MOST_SWEPT, SWEEP, MainJob, main_job
 
 if TYPE_CHECKING:
-    from hfa_model.provenance import Provenance
+    from hfa_support.provenance import Provenance
 
 
 def _claims(text: str) -> Any:

@@ -15,7 +15,7 @@ from hfa_support.errors import BadInputError
 
 if TYPE_CHECKING:
     from hfa_aircraft import Model
-    from hfa_model.provenance import Provenance
+    from hfa_support.provenance import Provenance
 
 
 class OfModel(NamedTuple):
@@ -134,7 +134,7 @@ class Request:
     @cached_property
     def provenance(self) -> Provenance:
         """Where the outputs of this run come from."""
-        from hfa_model.provenance import Provenance
+        from hfa_support.provenance import Provenance
 
         return Provenance(self.line, date=self.date, **self.origin())
 

@@ -105,14 +105,15 @@ class HfaOptions(Request):
 
     def _origin(self, model: Model, **of_the_trim: Any) -> Mapping[str, Any]:
         """What provenance says about a model and what else is named."""
-        from hfa_model.provenance import Change, changed_parameters, parameter_hash
+        from hfa_model.parameters import changed_parameters
+        from hfa_support.provenance import Change, parameter_hash
 
         chosen = self.parameter_set
         changed = changed_parameters(chosen)
         for name, signal in model.parameters.items():
             usual = self.model.parameters[name].start
             if signal.start != usual:
-                changed[name] = Change(signal.start, usual)
+                changed[name] = Change(signal.start, usual, signal.unit)
         return {
             "dynamics": self.dynamics,
             "parameters": chosen.name,

@@ -24,10 +24,10 @@ import numpy as np
 from matplotlib.image import imread
 
 from hfa_model import default_parameters
-from hfa_model.provenance import Provenance, parameter_hash
 from hfa_support import BadInputError, NoSolutionError
 from hfa_support.files import write_text
 from hfa_support.jsonable import json_text, jsonable
+from hfa_support.provenance import Provenance, parameter_hash
 from hfa_support.reporting.figure import save
 from hfa_support.reporting.report import markdown_table
 from hfa_support.reporting.text import Table

@@ -15,9 +15,9 @@ import hfa_model
 from controller import load_controller
 from hfa_aircraft.model import Model
 from hfa_model import default_parameters
-from hfa_model.provenance import Provenance, parameter_hash
 from hfa_support import BadInputError, NoSolutionError, Report
 from hfa_support.errors import on_one_line, refuse_unknown
+from hfa_support.provenance import Provenance, parameter_hash
 
 
 def main() -> int:

@@ -34,11 +34,11 @@ from controller.servo.servo_policy import servo_policy
 from controller.servo.tracked import Tracked, tracked
 from hfa_aircraft.model import Model
 from hfa_model import INPUTS, LINEAR_STATES
-from hfa_model.provenance import Provenance
 from hfa_support import BadInputError, Report
 from hfa_support.errors import refuse_unknown
 from hfa_support.files import write_text
 from hfa_support.jsonable import json_text
+from hfa_support.provenance import Provenance
 from hfa_support.reporting.figure import new_figure, save
 from hfa_support.reporting.text import Table
 from studies.finished import finished, stamped

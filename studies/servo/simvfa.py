@@ -26,7 +26,7 @@ from controller.servo.measured_outputs import MeasuredOutputs
 from controller.servo.servo_policy import MatrixTables
 from hfa_aircraft.model import Model
 from hfa_model import INPUTS, LINEAR_STATES
-from hfa_model.provenance import parameter_hash
+from hfa_support.provenance import parameter_hash
 from trim import OperatingPoint, level_model
 from verification import solve_game
 

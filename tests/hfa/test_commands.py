@@ -24,9 +24,9 @@ from hfa_model import (
     load_parameters,
     save_parameters,
 )
-from hfa_model.provenance import parameter_hash
 from hfa_model.unsteady import LAG_STATES, UNSTEADY
 from hfa_model.vectors import INPUT_UNITS, STATE_UNITS
+from hfa_support.provenance import parameter_hash
 from studies.identification.parameters import ASSUMED
 from trim import find_operating_point, level_flight, linearize
 

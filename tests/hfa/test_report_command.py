@@ -13,7 +13,7 @@ from project import ROOT
 
 from hfa.main import DONE, FAILED
 from hfa_model import default_parameters
-from hfa_model.provenance import parameter_hash
+from hfa_support.provenance import parameter_hash
 from verification.page.job_report import plotly_script
 from verification.page.main_job import MOST_SWEPT
 

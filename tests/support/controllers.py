@@ -7,7 +7,7 @@ import numpy as np
 import hfa_model
 from controller import ScheduledController
 from hfa_aircraft.model import Model
-from hfa_model.provenance import parameter_hash
+from hfa_support.provenance import parameter_hash
 
 
 def small_controller(aircraft: Model, **changed: object) -> ScheduledController:

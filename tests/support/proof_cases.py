@@ -20,7 +20,7 @@ from controller.critic.critic import from_parts
 from hfa_aircraft.loading import load_model
 from hfa_aircraft.model import Model, Signal
 from hfa_model import INPUTS, LINEAR_STATES, default_parameters
-from hfa_model.provenance import Provenance
+from hfa_support.provenance import Provenance
 from verification import (
     Family,
     prove_critic,

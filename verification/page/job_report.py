@@ -13,8 +13,8 @@ from importlib.resources import files
 from typing import Any
 
 from controller.riccati.solution_report import solution_report
-from hfa_model.provenance import Provenance
 from hfa_support.errors import BadInputError
+from hfa_support.provenance import Provenance
 from hfa_support.reporting.checks import verdict_text
 from hfa_support.reporting.report import Part, Picture, Report
 from hfa_support.reporting.text import Cell, Table, angle_text

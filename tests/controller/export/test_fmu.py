@@ -29,7 +29,7 @@ from controller.servo.controller_c import controller_steering
 from controller.servo.servo_policy import servo_policy
 from hfa_aircraft.model import Model
 from hfa_model import LINEAR_STATES, STATES, Input
-from hfa_model.provenance import Provenance
+from hfa_support.provenance import Provenance
 from trim import InterpolatedModel, OperatingPoint, sweep
 
 fmpy = pytest.importorskip("fmpy", reason="FMPy is not installed")

@@ -13,10 +13,10 @@ import numpy as np
 from flint import arb
 
 from hfa_aircraft.model import Model
-from hfa_model.provenance import Provenance
 from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.files import forget_read, write_text
 from hfa_support.jsonable import jsonable
+from hfa_support.provenance import Provenance
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.version import VERSION
 from verification.proof.checker.checker import SCHEMA, check_certificate, sealed

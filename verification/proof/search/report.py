@@ -11,8 +11,8 @@ import numpy as np
 
 from hfa_aircraft.model import Model
 from hfa_model.parameters import NAMED, Parameters, load_parameters
-from hfa_model.provenance import parameter_hash
 from hfa_support.errors import BadInputError, NoSolutionError
+from hfa_support.provenance import parameter_hash
 from hfa_support.reporting.report import Part, Report
 from hfa_support.reporting.text import Table, matrix_table, numbered
 from verification.proof.checker.checker import Verified

@@ -8,14 +8,14 @@ from dataclasses import replace
 
 import pytest
 
-from hfa_model.parameters import ParameterSet
-from hfa_model.provenance import Change, Provenance, changed_parameters, parameter_hash
+from hfa_model.parameters import ParameterSet, changed_parameters
+from hfa_support.provenance import Change, Provenance, parameter_hash
 
 
 def test_an_edited_aircraft_is_told(parameter_set: ParameterSet) -> None:
     edited = replace(parameter_set, values=parameter_set.values._replace(panel_mass=10.5))
     assert changed_parameters(edited) == {
-        "panel_mass": Change(10.5, parameter_set.values.panel_mass)
+        "panel_mass": Change(10.5, parameter_set.values.panel_mass, "slug")
     }
     block = Provenance("hfa trim", "published", "heavy.toml", "0" * 12, changed_parameters(edited))
     assert "panel_mass 10.5 slug (identified: 9.32593)" in block.text()

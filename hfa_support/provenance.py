@@ -10,7 +10,6 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from typing import Any
 
-from hfa_model.parameters import FIELDS, Parameters, ParameterSet, default_parameters
 from hfa_support.errors import BadInputError, shown
 from hfa_support.reporting.results import Result
 from hfa_support.version import VERSION
@@ -26,10 +25,12 @@ class Change(Result):
     """A parameter that is not the identified one.
 
     value: as it is.
-    identified: as it was identified."""
+    identified: as it was identified.
+    unit: of both."""
 
     value: float
     identified: float
+    unit: str = ""
 
 
 @dataclass(frozen=True)
@@ -61,50 +62,44 @@ class Provenance(Result):
     version: str = VERSION
     date: str = field(default_factory=lambda: now())
 
-    def _changes(self) -> list[str]:
+    def _largest_changes(self) -> list[str]:
         """The parameters that differ, the relatively largest differences first; of many their
         number and the first."""
-        sizes = {
-            name: abs(change.value - change.identified) / (abs(change.identified) or 1.0)
-            for name, change in self.changed.items()
-        }
-        told = []
-        for name in sorted(sizes, key=lambda name: -sizes[name])[:_MOST_TOLD]:
+
+        def relative_size(name: str) -> float:
             change = self.changed[name]
-            unit = f" {getattr(FIELDS, name).unit}" if name in FIELDS._fields else ""
-            told.append(f"{name} {change.value:.6g}{unit} (identified: {change.identified:.6g})")
-        return [f"{len(sizes)} parameters differ, most", *told] if len(sizes) > _MOST_TOLD else told
+            return abs(change.value - change.identified) / (abs(change.identified) or 1.0)
+
+        descriptions = []
+        for name in sorted(self.changed, key=relative_size, reverse=True)[:_MOST_TOLD]:
+            change = self.changed[name]
+            value = f"{change.value:.6g} {change.unit}".rstrip(" ")
+            descriptions.append(f"{name} {value} (identified: {change.identified:.6g})")
+        if len(self.changed) > _MOST_TOLD:
+            descriptions.insert(0, f"{len(self.changed)} parameters differ, most")
+        return descriptions
 
     def text(self) -> str:
         """For people: a line, and a few more where aircraft or flight are not the identified and
         the paper's."""
-        about = [f"hfa {self.version}", self.date[:10]]
+        first_line = [f"hfa {self.version}", self.date[:10]]
         if self.model:
-            about.append(f"plant {self.model}")
+            first_line.append(f"plant {self.model}")
         elif self.parameters:
-            about += [
-                f"{self.dynamics} dynamics",
-                f"parameters {self.parameters} ({self.parameter_hash})",
-            ]
-        lines = [", ".join(about)]
+            first_line.append(f"{self.dynamics} dynamics")
+            first_line.append(f"parameters {self.parameters} ({self.parameter_hash})")
+        lines = [", ".join(first_line)]
         if self.changed:
-            lines.append("not the identified aircraft: " + "\n  ".join(self._changes()))
+            lines.append("not the identified aircraft: " + "\n  ".join(self._largest_changes()))
         if self.flight:
             lines.append(f"not the paper's level flight: {self.flight}")
         return "\n".join(lines)
 
 
-def parameter_hash(values: Parameters) -> str:
-    """The first digits of SHA-256 over the 17-digit values in their order."""
+def parameter_hash(values: Any) -> str:
+    """The first digits of SHA-256 over the 17-digit values of a named tuple, in their order."""
     text = "\n".join(f"{name}={float(value):.17g}" for name, value in values._asdict().items())
     return hashlib.sha256(text.encode()).hexdigest()[:_DIGITS]
-
-
-def changed_parameters(parameters: ParameterSet) -> dict[str, Change]:
-    """Parameter -> (value, identified value) for those that are not the identified ones."""
-    known = default_parameters().values
-    pairs = zip(Parameters._fields, parameters.values, known, strict=True)
-    return {name: Change(value, other) for name, value, other in pairs if value != other}
 
 
 def now() -> str:
