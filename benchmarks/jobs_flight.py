@@ -26,7 +26,8 @@ from hfa_support.native.machine_code import c_compiler
 from studies.section5.critic_policy import CriticPolicy
 from studies.update_law.published_law import PublishedSettings, published_law
 
-STEP, STEPS = 1e-4, 200_000
+STEP = 1e-4
+STEPS = 200_000
 
 
 def difference(one: np.ndarray, other: np.ndarray) -> float:
@@ -88,7 +89,8 @@ class FlightCase:
     def data(self) -> dict[str, Any]:
         """Everything that the loop depends on, as arrays and numbers, in the order of the C
         struct."""
-        law, game = self.law, self.law.game
+        law = self.law
+        game = self.law.game
         equations = law.equations
         stored = law.recorded(np.zeros(law.basis.size))
         wave = self.disturbance.harmonics[0]
@@ -152,7 +154,8 @@ def rows(quick: bool = False) -> list[Row]:
     """The loop against C by hand, where there is a compiler."""
     if c_compiler() is None:
         return []
-    case, steps = FlightCase(), 2000 if quick else STEPS
+    case = FlightCase()
+    steps = 2000 if quick else STEPS
     by_hand = c_flight(case, steps)
     timing = in_turn(lambda: case.fly(True, steps), by_hand, repeats=5)
     remark = f"largest relative difference of the two histories {difference(case.fly(True, steps), by_hand()):.1e}"

@@ -40,7 +40,8 @@ _EFFICIENCY = 0.85
 #: as much memory.
 _LINEAR = 0.8
 #: The memory of the largest size is compared with that of the one before, of a few chunks.
-_SIZES, _QUICK_SIZES = (1_000, 10_000, 100_000, 300_000, 1_000_000), (1, 3)
+_SIZES = (1_000, 10_000, 100_000, 300_000, 1_000_000)
+_QUICK_SIZES = (1, 3)
 #: A job of more rows takes minutes and is run once.
 _THRICE = 100_000
 _UNCERTAIN = Uncertainty(
@@ -72,9 +73,11 @@ def critic_plan(members: int, duration: float = 20.0) -> MonteCarlo:
 
     The envelope is as good as none, so that every member flies to the end.
     """
-    case, aircraft = FlightCase(), hfa_model.aircraft()
+    case = FlightCase()
+    aircraft = hfa_model.aircraft()
     point = find_operating_point(aircraft, level_flight(float(np.radians(5.0))))
-    initial, signals = np.array([*case.start[:6], 0.0]), (case.reference, case.disturbance)
+    initial = np.array([*case.start[:6], 0.0])
+    signals = (case.reference, case.disturbance)
     scenario = Scenario(duration, STEP, 0.01, initial, *signals, uncertainty=_UNCERTAIN)
     everywhere = Limits.of(aircraft, STATES, dict.fromkeys(STATES, (-1e9, 1e9)))
     return MonteCarlo(members, 0, aircraft, point, case.flown, scenario, everywhere)
@@ -82,7 +85,8 @@ def critic_plan(members: int, duration: float = 20.0) -> MonteCarlo:
 
 def gain_plan(members: int, duration: float = 20.0) -> MonteCarlo:
     """The nonlinear aircraft under the exact gain at 15 degrees, step 1e-3 s."""
-    aircraft, scenario = hfa_model.aircraft(), Scenario(duration, uncertainty=_UNCERTAIN)
+    aircraft = hfa_model.aircraft()
+    scenario = Scenario(duration, uncertainty=_UNCERTAIN)
     model = level_model(aircraft, float(np.radians(15.0)))
     law = GainPolicy("exact", solve_game(published_game(model.A, model.B)).K)
     return MonteCarlo(
@@ -118,15 +122,14 @@ def _monte_carlo(quick: bool) -> Row:
 def growth(name: str, sizes: list[Size]) -> list[Row]:
     """Time and memory of the largest size against the best smaller one."""
     *smaller, largest = sizes
-    cheapest, memory = min(size.seconds for size in smaller), smaller[-1].memory
+    cheapest = min(size.seconds for size in smaller)
+    memory = smaller[-1].memory
     time_row = Comparison(largest.seconds, cheapest, cheapest / largest.seconds)
     remark = "; ".join(
         f"{size.rows}: {value_text(size.seconds, 's')}, {size.memory:.0f} MB" for size in sizes
     )
-    job, held = (
-        f"{largest.rows} {name}",
-        Comparison(largest.memory, memory, memory / largest.memory),
-    )
+    job = f"{largest.rows} {name}"
+    held = Comparison(largest.memory, memory, memory / largest.memory)
     return [
         Row(
             f"{job}, per row",
@@ -157,7 +160,8 @@ def _sized(job: str, count: int) -> Size:
     store."""
     steps = Steps(0.0, float(np.radians(20.0)) / count, count)
     with tempfile.TemporaryDirectory() as folder:
-        path, start = Path(folder) / "store.zarr", time.perf_counter()
+        path = Path(folder) / "store.zarr"
+        start = time.perf_counter()
         if job == "sweep":
             stream_sweep(SweepPlan({"dihedral": steps}, hfa_model.aircraft()), path)
         else:

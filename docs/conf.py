@@ -31,7 +31,9 @@ PACKAGES = {
     "verification": "checks and proofs",
 }
 
-project, author, release = "hfa", "the authors of hfa", VERSION
+project = "hfa"
+author = "the authors of hfa"
+release = VERSION
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.viewcode", "sphinx.ext.mathjax"]
 source_suffix = {".md": "markdown"}
 exclude_patterns = ["_build"]

@@ -26,7 +26,8 @@ def to_control(model: Model, outputs: Sequence[str] | None = None) -> control.No
     seen = [*model.states, *model.outputs] if outputs is None else list(outputs)
     vectors = model.layout.symbols("x", "u", "p")
     f, y = model.layout.expressions(list(map(components, vectors)), seen)
-    function, names = ca.Function("system", vectors, [f, y]), tuple(model.parameters)
+    function = ca.Function("system", vectors, [f, y])
+    names = tuple(model.parameters)
 
     def at(x: np.ndarray, u: np.ndarray, params: dict[str, float], result: int) -> np.ndarray:
         return np.array(function(x, u, [params[name] for name in names])[result]).ravel()
@@ -56,7 +57,9 @@ def from_control(
         raise BadInputError(f"{name} has no update function; give a system of control.nlsys")
     if system.dt:
         raise BadInputError(f"{name} is in discrete time; give a system in continuous time")
-    states, inputs, constants = system.state_labels, system.input_labels, dict(system.params)
+    states = system.state_labels
+    inputs = system.input_labels
+    constants = dict(system.params)
     outputs = [label for label in system.output_labels if label not in (*states, *inputs)]
 
     def values(time: Any, x: Any, u: Any, p: Any) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -69,10 +72,8 @@ def from_control(
             list(system.updfcn(*arguments)),
             list(system.outfcn(*arguments)) if system.outfcn else list(x),
         ]
-        rates, seen = (
-            dict(zip(states, found[0], strict=True)),
-            dict(zip(system.output_labels, found[1], strict=True)),
-        )
+        rates = dict(zip(states, found[0], strict=True))
+        seen = dict(zip(system.output_labels, found[1], strict=True))
         return rates, {label: seen[label] for label in outputs}
 
     def signal(label: str, start: float = 0.0) -> Signal:
@@ -88,7 +89,8 @@ def from_control(
         equations=lambda x, u, p, w: values(0.0, x, u, p),
         **declared,
     )
-    time, vectors = ca.SX.sym("t"), model.layout.symbols("x", "u", "p")
+    time = ca.SX.sym("t")
+    vectors = model.layout.symbols("x", "u", "p")
     try:
         columns = list(map(components, vectors))
         model.layout.expressions(columns, outputs)

@@ -252,7 +252,8 @@ def linearized(
         refuse_unknown("unknown disturbance", name, layout.names[3])
     vectors = [components(vector) for vector in (x, u, p)]
     f, y = layout.expressions(vectors, outputs)
-    A, B = ca.jacobian(f, x), ca.jacobian(f, u)
+    A = ca.jacobian(f, x)
+    B = ca.jacobian(f, u)
     layout.refuse_steps(A, layout.names[0])
     layout.refuse_steps(B, layout.names[1])
     parts = [f, y, A, B, ca.jacobian(y, x), ca.jacobian(y, u)]

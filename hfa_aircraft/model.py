@@ -326,8 +326,10 @@ class Model:
         for memory, value in zip(bound.inputs, (x, u, self.p), strict=True):
             memory[:] = value
         bound()
-        n, m = len(self.states), len(self.inputs)
-        k, d = len(outputs), len(disturbances)
+        n = len(self.states)
+        m = len(self.inputs)
+        k = len(outputs)
+        d = len(disturbances)
         shapes = ((n,), (k,), (n, n), (n, m), (k, n), (k, m), (n, d), (k, d))
         parts = []
         for column, shape in zip(bound.results, shapes, strict=True):

@@ -72,7 +72,8 @@ def panel_loads(
     drag = density * speed**2 / 2 * area * (p.zero_lift_drag + p.induced_drag * lift_coefficient**2)
     moment = local_pressure * p.chord * area * (p.zero_lift_moment + p.aileron_moment * aileron)
     lift = wing_lift + tail_lift
-    sin_alpha, cos_alpha = ca.sin(flow.alpha), ca.cos(flow.alpha)
+    sin_alpha = ca.sin(flow.alpha)
+    cos_alpha = ca.cos(flow.alpha)
     along_panel = drag * ca.cos(flow.sideslip)
     return PanelLoads(
         lift=lift,
@@ -127,8 +128,10 @@ def sum_of_panels(
     The lever l of the outer panels' forward force and the projection π of their section moment are
     the variant's (`variants.py`). Lift and drag are the forces across and along the path over
     ground, in moving air too. Source: Gibson et al. 2011, Eqs. 31-44."""
-    sin_eta, cos_eta = ca.sin(x.dihedral), ca.cos(x.dihedral)
-    sin_alpha, cos_alpha = ca.sin(x.alpha), ca.cos(x.alpha)
+    sin_eta = ca.sin(x.dihedral)
+    cos_eta = ca.cos(x.dihedral)
+    sin_alpha = ca.sin(x.alpha)
+    cos_alpha = ca.cos(x.alpha)
     forward = center.forward + 2 * outer.forward
     downward = center.downward + 2 * (outer.downward * cos_eta + outer.sideward * sin_eta)
     pitching_moment = (

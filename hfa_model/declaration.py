@@ -75,7 +75,8 @@ def flight_limits(x: State, p: Parameters) -> dict[str, tuple[float, float]]:
     tan(α_max)/(s/3), at which the hinges do. The equations leave out both angles or grow by them,
     so that beyond these rates they mean little."""
     steepest = x.speed * math.tan(STATE_SIGNALS.alpha.max)
-    pitch_rate, dihedral_rate = steepest / p.boom_length, steepest / (p.panel_span / 3)
+    pitch_rate = steepest / p.boom_length
+    dihedral_rate = steepest / (p.panel_span / 3)
     return {
         "speed": (0.5 * x.speed, 2.0 * x.speed),
         "altitude": (x.altitude - 1000.0, x.altitude + 1000.0),

@@ -24,7 +24,8 @@ def rates_from_loads(
     the loads alone. Numbers or CasADi expressions in, the same out."""
     gamma = x.pitch - x.alpha
     total_mass = 3 * p.panel_mass
-    sin_alpha, cos_alpha = ca.sin(x.alpha), ca.cos(x.alpha)
+    sin_alpha = ca.sin(x.alpha)
+    cos_alpha = ca.cos(x.alpha)
     speed_rate = (loads.thrust * cos_alpha - loads.drag) / total_mass - p.gravity * ca.sin(gamma)
     alpha_rate = (
         -(loads.thrust * sin_alpha + loads.lift) / (total_mass * x.speed)
@@ -47,7 +48,8 @@ def _pitch_acceleration(
 ) -> Quantity:
     c1 = 3 * p.inertia_pitch
     c2 = 2 * p.inertia_yaw - 2 * p.inertia_pitch + p.panel_mass * p.panel_span**2 / 6
-    sin_eta, cos_eta = ca.sin(x.dihedral), ca.cos(x.dihedral)
+    sin_eta = ca.sin(x.dihedral)
+    cos_eta = ca.cos(x.dihedral)
     gyroscopic = 2 * c2 * sin_eta * cos_eta * x.dihedral_rate * x.pitch_rate
     return (loads.pitching_moment - gyroscopic) / (c1 + c2 * sin_eta**2)
 
@@ -60,7 +62,8 @@ def _dihedral_acceleration(
     p: Parameters[Quantity],
     variant: Variant,
 ) -> Quantity:
-    sin_eta, cos_eta = ca.sin(x.dihedral), ca.cos(x.dihedral)
+    sin_eta = ca.sin(x.dihedral)
+    cos_eta = ca.cos(x.dihedral)
     descent_rate = speed_rate * ca.sin(x.alpha) + x.speed * ca.cos(x.alpha) * alpha_rate
     inertial = p.panel_mass * p.panel_span / 2 * cos_eta * descent_rate
     spread = p.inertia_pitch - p.inertia_yaw - p.panel_mass * p.panel_span**2 / 12

@@ -91,7 +91,9 @@ def airspeed(x: State[Quantity], wind: Wind) -> Quantity:
     relative to air that moves as at a panel, ft/s; V in still air."""
     if _is_still(wind):
         return x.speed
-    w, h, gamma = wind.updraft, wind.headwind, x.pitch - x.alpha
+    w = wind.updraft
+    h = wind.headwind
+    gamma = x.pitch - x.alpha
     rising = x.speed**2 + w**2 - 2 * x.speed * w * ca.sin(gamma)
     return ca.sqrt(rising + 2 * x.speed * h * ca.cos(gamma) + h**2 + wind.outward**2)
 
@@ -132,7 +134,8 @@ def outer_velocity(x: State[Quantity], p: Parameters[Quantity], winds: Winds) ->
     toward the center (Gibson et al. 2011, Eqs. 69, 77-78; w, h and o of the outer panels)."""
     wind = winds.outer
     hinge = _hinge_descent(x, p, wind)
-    sin_eta, cos_eta = ca.sin(x.dihedral), ca.cos(x.dihedral)
+    sin_eta = ca.sin(x.dihedral)
+    cos_eta = ca.cos(x.dihedral)
     forward = _forward(x, wind) + x.pitch_rate * outer_height(x.dihedral, p)
     normal = hinge * cos_eta - wind.outward * sin_eta - p.panel_span / 2 * x.dihedral_rate
     return forward, hinge * sin_eta + wind.outward * cos_eta, normal

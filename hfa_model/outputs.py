@@ -79,7 +79,8 @@ def _outer_load_factor(m: Moment) -> Quantity:
 
     y = (s/2)(1 + cos η) to the side, so a_y = y'' = -(s/2)(sin η η'' + cos η η'²).
     """
-    sin_eta, cos_eta = ca.sin(m.x.dihedral), ca.cos(m.x.dihedral)
+    sin_eta = ca.sin(m.x.dihedral)
+    cos_eta = ca.cos(m.x.dihedral)
     outward = (
         -m.p.panel_span / 2 * (sin_eta * m.rates.dihedral_rate + cos_eta * m.x.dihedral_rate**2)
     )
@@ -90,8 +91,10 @@ def _outer_load_factor(m: Moment) -> Quantity:
 def _body_descent(m: Moment, height: Quantity, factor: float) -> Quantity:
     """a_z = (V sin α)' - q V cos α - q² z + z'',  z = factor s sin η: downward acceleration at
     height z, ft/s^2."""
-    sin_eta, cos_eta = ca.sin(m.x.dihedral), ca.cos(m.x.dihedral)
-    sin_alpha, cos_alpha = ca.sin(m.x.alpha), ca.cos(m.x.alpha)
+    sin_eta = ca.sin(m.x.dihedral)
+    cos_eta = ca.cos(m.x.dihedral)
+    sin_alpha = ca.sin(m.x.alpha)
+    cos_alpha = ca.cos(m.x.alpha)
     descent_rate = m.rates.speed * sin_alpha + m.x.speed * cos_alpha * m.rates.alpha
     bending = (
         factor * m.p.panel_span * (cos_eta * m.rates.dihedral_rate - sin_eta * m.x.dihedral_rate**2)

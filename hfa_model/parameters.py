@@ -137,7 +137,8 @@ class ParameterSet(ByValue, Reported):
 
     def table(self) -> Table:
         """Every parameter with its standard error, unit and source."""
-        errors, rows = self.standard_errors, []
+        errors = self.standard_errors
+        rows = []
         for name, spec in FIELDS._asdict().items():
             error = f"{errors[name]:.2g}" if name in errors else "-"
             value = f"{getattr(self.values, name):.7g}"

@@ -57,12 +57,14 @@ def published_models() -> tuple[PublishedModel, ...]:
 
 
 def _model(case: dict[str, Any]) -> PublishedModel:
-    A, B = np.array(case["A"], dtype=float), np.array(case["B"], dtype=float)
+    A = np.array(case["A"], dtype=float)
+    B = np.array(case["B"], dtype=float)
     decimals = published_data()["printed_decimals"]
     half_unit_A, half_unit_B = (
         np.full(matrix.shape, 0.5 * 10.0 ** -decimals["default"]) for matrix in (A, B)
     )
-    row, column = LINEAR_STATES.index("speed"), LINEAR_STATES.index("pitch")
+    row = LINEAR_STATES.index("speed")
+    column = LINEAR_STATES.index("pitch")
     half_unit_A[row, column] = 0.5 * 10.0 ** -decimals["A[speed][pitch]"]
     for array in (A, B, half_unit_A, half_unit_B):
         array.setflags(write=False)

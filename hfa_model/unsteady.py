@@ -61,7 +61,8 @@ class Lag(NamedTuple):
 
 #: Approximations of Wagner's function (R. T. Jones, NACA 681, 1940) and of Küssner's (Bisplinghoff,
 #: Ashley, Halfman, Aeroelasticity, Eq. 5-383).
-WAGNER, KUESSNER = Lag((0.165, 0.335), (0.0455, 0.3)), Lag((0.5, 0.5), (0.13, 1.0))
+WAGNER = Lag((0.165, 0.335), (0.0455, 0.3))
+KUESSNER = Lag((0.5, 0.5), (0.13, 1.0))
 #: The strips; `tip` is how the angle of attack varies along an outer wing, at its tip.
 STRIPS = ("center", "outer", "tip", "tail_center", "tail_outer")
 _LAGS = tuple(f"lag_{strip}_{i}" for strip in STRIPS for i in (1, 2))
@@ -169,7 +170,8 @@ def _flown(
 
     The angle of attack of a strip, less what lags, turns its lift too: what the wake induces is a
     flow."""
-    aileron, elevator = getattr(u, f"aileron_{panel}"), getattr(u, f"elevator_{panel}")
+    aileron = getattr(u, f"aileron_{panel}")
+    elevator = getattr(u, f"elevator_{panel}")
     rates: dict[str, Quantity] = {}
 
     def effective(
@@ -184,9 +186,12 @@ def _flown(
         lagging = p.lift_lag * missing("lag", strip, WAGNER, angle + control, x)
         return angle + gust - lagging - p.gust_lag * missing("gust", strip, KUESSNER, gust, x)
 
-    wind, flow, tail_chord = getattr(winds, panel), flow_of(*moving), _tail_chord(p)
+    wind = getattr(winds, panel)
+    flow = flow_of(*moving)
+    tail_chord = _tail_chord(p)
     speed = x.speed if winds.ground_drag else airspeed(x, wind)
-    factor, tail_factor = _slope_factor(p, _aspect_ratio(p)), _slope_factor(p, p.tail_aspect_ratio)
+    factor = _slope_factor(p, _aspect_ratio(p))
+    tail_factor = _slope_factor(p, p.tail_aspect_ratio)
     alpha = effective(panel, p.aileron_lift / p.lift_slope * aileron, p.chord / 2, 0.0, p.chord)
     behind = p.boom_length + tail_chord / 2
     tail_alpha = effective(
@@ -233,10 +238,12 @@ def _with_apparent_mass(
     sin_eta, cos_eta, sin_alpha, cos_alpha = (
         f(a) for a in (x.dihedral, x.alpha) for f in (ca.sin, ca.cos)
     )
-    hinge_rate, third = x.dihedral_rate, p.panel_span / 3
+    hinge_rate = x.dihedral_rate
+    third = p.panel_span / 3
     X: Quantity = 0.0
     Z: Quantity = 0.0
-    pitching, hinge = loads.pitching_moment, loads.hinge_moment
+    pitching = loads.pitching_moment
+    hinge = loads.hinge_moment
     mass: Any = ca.DM(3, 3)
     heights = center_height(x.dihedral, p), outer_height(x.dihedral, p)
     for number, (panel, count) in enumerate((("center", 1), ("outer", 2))):
@@ -254,14 +261,14 @@ def _with_apparent_mass(
         for plate in _plates(p, air):
             speed = w + turn * plate.aft
             drift = lean * descent - bend * hinge_rate * (hinge_descent + plate.aft * x.pitch_rate)
-            along, across, inward = (
-                -plate.mass * speed * turn,
-                -plate.mass * drift,
-                plate.mass * speed * hinge_rate,
-            )
+            along = -plate.mass * speed * turn
+            across = -plate.mass * drift
+            inward = plate.mass * speed * hinge_rate
             down = across * lean + inward * bend
-            roll, spin = plate.mass * plate.span**2 / 12, plate.mass * plate.half_chord**2 / 8
-            X, Z = X + count * along, Z + count * down
+            roll = plate.mass * plate.span**2 / 12
+            spin = plate.mass * plate.half_chord**2 / 8
+            X = X + count * along
+            Z = Z + count * down
             moment = (
                 plate.aft * down
                 + heights[number] * along
@@ -275,7 +282,8 @@ def _with_apparent_mass(
             mass += count * (ca.diag(turned) + plate.mass * t @ t.T)
 
     def added(X: Quantity, Z: Quantity, pitching: Quantity, hinge: Quantity) -> Loads[Quantity]:
-        lift, drag = X * sin_alpha - Z * cos_alpha, -(X * cos_alpha + Z * sin_alpha)
+        lift = X * sin_alpha - Z * cos_alpha
+        drag = -(X * cos_alpha + Z * sin_alpha)
         return loads._replace(
             lift=loads.lift + lift,
             drag=loads.drag + drag,

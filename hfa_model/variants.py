@@ -46,7 +46,8 @@ class Published:
 
     def hinge_coupling(self, x: State[Quantity], p: Parameters[Quantity]) -> Quantity:
         """(m s/2) [cos η V cos α q - V sin α sin η η' - (2s/3) cos η sin η η'²], ft lbf."""
-        sin_eta, cos_eta = ca.sin(x.dihedral), ca.cos(x.dihedral)
+        sin_eta = ca.sin(x.dihedral)
+        cos_eta = ca.cos(x.dihedral)
         return (p.panel_mass * p.panel_span / 2) * (
             cos_eta * x.speed * ca.cos(x.alpha) * x.pitch_rate
             - x.speed * ca.sin(x.alpha) * sin_eta * x.dihedral_rate

@@ -62,7 +62,8 @@ LINEAR_ROWS = [STATES.index(name) for name in LINEAR_STATES]
 #: ft).
 HIGHEST_ALTITUDE = 65_000.0
 
-_ANGLE, _RATE = Signal("rad", 0.1), Signal("rad/s", 0.1, rate=1.0)
+_ANGLE = Signal("rad", 0.1)
+_RATE = Signal("rad/s", 0.1, rate=1.0)
 #: Units, typical sizes (a rate's is g for the speed, and what the eye would notice for the rest),
 #: and limits, assumed: the paper states none. States: attached flow, the atmosphere's altitudes.
 STATE_SIGNALS = State(
@@ -80,9 +81,7 @@ INPUT_SIGNALS = Input(
     Signal("1", 40.0, 0.0, 200.0, start=40.0), _AILERON, _AILERON, _ELEVATOR, _ELEVATOR
 )
 
-STATE_UNITS, INPUT_UNITS = (
-    State(*(s.unit for s in STATE_SIGNALS)),
-    Input(*(s.unit for s in INPUT_SIGNALS)),
-)
+STATE_UNITS = State(*(s.unit for s in STATE_SIGNALS))
+INPUT_UNITS = Input(*(s.unit for s in INPUT_SIGNALS))
 CONTROL_LIMITS = Input(*((s.min, s.max) for s in INPUT_SIGNALS))
 LINEAR_UNITS: tuple[str, ...] = tuple(getattr(STATE_UNITS, name) for name in LINEAR_STATES)

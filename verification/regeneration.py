@@ -55,7 +55,8 @@ class RegeneratedPair(ByValue, Checked, Reported):
 
     def report(self) -> Report:
         """A and B, entry by entry, the spectra and the checks."""
-        model, printed_deg = self.model, self.published.dihedral_deg
+        model = self.model
+        printed_deg = self.published.dihedral_deg
         spectra = [
             ("", eigenvalue_text(printed), eigenvalue_text(computed))
             for printed, computed in zip(self.printed_eigenvalues, self.eigenvalues, strict=True)
@@ -178,14 +179,14 @@ def check_pair(model: LinearModel, published: PublishedModel) -> RegeneratedPair
     """Every entry of A and B against its print; the spectrum and its stability against those of the
     printed A."""
     entries = compare(model, published)
-    printed, computed = _spectrum(published.A), _spectrum(model.A)
-    errors, slow = eigenvalue_errors(computed, printed), np.abs(printed) < SLOW
+    printed = _spectrum(published.A)
+    computed = _spectrum(model.A)
+    errors = eigenvalue_errors(computed, printed)
+    slow = np.abs(printed) < SLOW
     worst = max(entries, key=lambda entry: abs(entry.half_units))
     off = f"{worst.name} is {worst.computed:.6g}, printed {worst.printed:.6g}"
-    fast, slowly = (
-        float((errors / np.abs(printed))[~slow].max()),
-        float(errors[slow].max(initial=0.0)),
-    )
+    fast = float((errors / np.abs(printed))[~slow].max())
+    slowly = float(errors[slow].max(initial=0.0))
     modes = "modes differ from those of the printed A"
     unstable = [int(np.count_nonzero(each.real > 0)) for each in (printed, computed)]
     count = (

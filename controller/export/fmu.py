@@ -30,7 +30,9 @@ from hfa_support.provenance import Provenance
 
 #: Of the library in the FMU.
 IDENTIFIER = "hfa_aircraft"
-SOURCE, WRAPPER, SETTINGS = "aircraft_loop.c", "fmi2_aircraft.c", "fmu_settings.h"
+SOURCE = "aircraft_loop.c"
+WRAPPER = "fmi2_aircraft.c"
+SETTINGS = "fmu_settings.h"
 _FOLDERS = {"linux": ("linux64", "so"), "darwin": ("darwin64", "dylib"), "win32": ("win64", "dll")}
 #: Unit -> exponents of base units, factor.
 _BASE = {
@@ -133,10 +135,8 @@ def description(loop: ExportedLoop, origin: Provenance, guid: str) -> str:
             xml.SubElement(listed, "File", name=name)
     units = xml.SubElement(root, "UnitDefinitions")
     xml.SubElement(root, "DefaultExperiment", startTime="0", stopTime="60", stepSize="0.01")
-    variables, structure = (
-        xml.SubElement(root, "ModelVariables"),
-        xml.SubElement(root, "ModelStructure"),
-    )
+    variables = xml.SubElement(root, "ModelVariables")
+    structure = xml.SubElement(root, "ModelStructure")
     unknown = {
         kind: xml.SubElement(structure, kind)
         for kind in ("Outputs", "Derivatives", "InitialUnknowns")

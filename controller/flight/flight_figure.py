@@ -27,7 +27,8 @@ def flight_figure(result: NonlinearFlight, title: str) -> Figure:
 
     Where the air moves, alpha through it besides.
     """
-    model, times = result.point.model, result.flight.times
+    model = result.point.model
+    times = result.flight.times
     kinds = list(dict.fromkeys(each.unit for each in model.inputs.values()))
     rows = -(-(len(model.states) + len(kinds) + 1) // 2)
     figure = new_figure(10.0, 2.1 * rows)
@@ -61,9 +62,11 @@ def flight_figure(result: NonlinearFlight, title: str) -> Figure:
             linewidth=1.2,
             label="nonlinear",
         )
-        limited, what = result.states[:, index], name
+        limited = result.states[:, index]
+        what = name
         if name == ALPHA and result.flight.winds and flown_through_air(model):
-            limited, what = result.angles_of_attack, "alpha over ground"
+            limited = result.angles_of_attack
+            what = "alpha over ground"
             axes.plot(
                 times, shown_values(limited, unit), color="C2", linewidth=1.2, label=ANGLE_OF_ATTACK
             )
@@ -77,7 +80,9 @@ def flight_figure(result: NonlinearFlight, title: str) -> Figure:
         panels[len(model.states) + len(kinds) :],
     )
     for index, (name, signal) in enumerate(model.inputs.items()):
-        axes, unit, limits = inputs[kinds.index(signal.unit)], signal.unit, (signal.min, signal.max)
+        axes = inputs[kinds.index(signal.unit)]
+        unit = signal.unit
+        limits = (signal.min, signal.max)
         label = f"{name}: {limits_text(*limits, unit)}"
         axes.plot(times, shown_values(result.inputs[:, index], unit), label=label, linewidth=1.0)
         _limit_lines(axes, result.inputs[:, index], limits, unit)

@@ -14,7 +14,8 @@ from hfa_support.errors import BadInputError, refuse_unless_positive
 
 #: Time scales of turbulence, in ticks: shorter ones a noise that is held for a tick cannot make,
 #: longer ones leave the air as it was to rounding.
-SHORTEST, LONGEST = 1.0, 1e6
+SHORTEST = 1.0
+LONGEST = 1e6
 
 
 class Gust:

@@ -163,14 +163,18 @@ class CommandSteps(Shown):
     def _response(self, late: Any) -> tuple[Any, Any]:
         """s and s' of the late time τ >= 0: 1 - e c - ζω e σ and ω² e σ with e = exp(-ζωτ), c =
         cosh(vτ), σ = sinh(vτ)/v and v² = ω² (ζ² - 1)."""
-        middle, tau = self.damping * self.bandwidth, ca.fmax(late, 0.0)
+        middle = self.damping * self.bandwidth
+        tau = ca.fmax(late, 0.0)
         v = self.bandwidth * math.sqrt(abs(self.damping**2 - 1))
         if self.damping > 1.0:  # written so that nothing overflows
-            slow, fast = ca.exp(-(middle - v) * tau), ca.exp(-(middle + v) * tau)
-            even, odd = (slow + fast) / 2, (slow - fast) / (2 * v)
+            slow = ca.exp(-(middle - v) * tau)
+            fast = ca.exp(-(middle + v) * tau)
+            even = (slow + fast) / 2
+            odd = (slow - fast) / (2 * v)
         else:
             decay = ca.exp(-middle * tau)
-            even, odd = decay * ca.cos(v * tau), decay * (ca.sin(v * tau) / v if v else tau)
+            even = decay * ca.cos(v * tau)
+            odd = decay * (ca.sin(v * tau) / v if v else tau)
         return 1 - even - middle * odd, self.bandwidth**2 * odd
 
 

@@ -245,7 +245,8 @@ def signal_unit(model: Model, name: str) -> str:
     return ""
 
 
-_WEIGHTS, _POSITIVE = {str: Number(0.0, 1e100)}, {str: POSITIVE}
+_WEIGHTS = {str: Number(0.0, 1e100)}
+_POSITIVE = {str: POSITIVE}
 _FILE = {
     "description": str,
     "source": str,

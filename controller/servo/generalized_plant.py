@@ -89,8 +89,10 @@ class _Side(NamedTuple):
         paid for apart."""
         Q, R = np.linalg.qr(self.N, mode="complete")
         m = self.N.shape[1]
-        past, rest = np.linalg.solve(R[:m], Q[:, :m].T), Q[:, m:].T
-        into, left = self.B @ past, rest @ self.C
+        past = np.linalg.solve(R[:m], Q[:, :m].T)
+        rest = Q[:, m:].T
+        into = self.B @ past
+        left = rest @ self.C
         left[:, np.linalg.norm(left, axis=0) <= RANK * np.linalg.norm(self.C, axis=0)] = (
             0.0  # rounding is no cost
         )
@@ -248,7 +250,8 @@ class GeneralizedPlant(Shown):
         """Of a state-space system whose last outputs are y and whose last inputs are u, as in
         `hinfsyn`."""
         A, B, C, D = (np.asarray(getattr(system, name), dtype=float) for name in "ABCD")
-        r, k = len(C) - measurements, B.shape[1] - inputs
+        r = len(C) - measurements
+        k = B.shape[1] - inputs
         return cls(A, B[:, :k], B[:, k:], C[:r], D[:r, k:], C[r:], D[r:, :k], D[:r, :k], D[r:, k:])
 
     def in_units(self, units: np.ndarray) -> GeneralizedPlant:
@@ -465,14 +468,16 @@ def central_controller(
     seen = plant.C2 + plant.D21 @ F1
     Dk = _feedthrough(plant, delta)
     Bk = np.linalg.solve(np.eye(len(X)) - Y @ X / delta**2, (plant.B2 + L1 @ plant.D12) @ Dk - L2)
-    Ak, Ck = plant.A + plant.B1 @ F1 + plant.B2 @ F2 - Bk @ seen, F2 - Dk @ seen
+    Ak = plant.A + plant.B1 @ F1 + plant.B2 @ F2 - Bk @ seen
+    Ck = F2 - Dk @ seen
     # What u does to y at once is known, and taken off.
     known = np.eye(len(Dk)) + Dk @ plant.D22
     if np.linalg.cond(known) > 1.0 / RANK:
         raise NoSolutionError(
             "the central controller and D22 make an algebraic loop without a solution; change delta"
         )
-    Ck, Dk = np.linalg.solve(known, Ck), np.linalg.solve(known, Dk)
+    Ck = np.linalg.solve(known, Ck)
+    Dk = np.linalg.solve(known, Dk)
     return Ak - Bk @ plant.D22 @ Ck, Bk - Bk @ plant.D22 @ Dk, Ck, Dk
 
 
@@ -482,10 +487,14 @@ def _feedthrough(plant: GeneralizedPlant, delta: float) -> np.ndarray:
 
     -D22 - D21 D11' (δ² I - D11 D11')⁻¹ D12 of the four blocks D11 D12 D21 D22 of D11, the last what
     u and y both reach."""
-    m, p = plant.D12.shape[1], len(plant.D21)
+    m = plant.D12.shape[1]
+    p = len(plant.D21)
     (U, R), (V, S) = (np.linalg.qr(each, mode="complete") for each in (plant.D12, plant.D21.T))
     D = U.T @ plant.D11 @ V
-    a, b, c, d = D[m:, p:], D[m:, :p], D[:m, p:], D[:m, :p]
+    a = D[m:, p:]
+    b = D[m:, :p]
+    c = D[:m, p:]
+    d = D[:m, :p]
     inner = -d - c @ a.T @ np.linalg.solve(np.eye(len(a)) - a @ a.T / delta**2, b) / delta**2
     return np.asarray(np.linalg.solve(R[:m], np.linalg.solve(S[:p], inner.T).T))
 

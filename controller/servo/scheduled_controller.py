@@ -36,7 +36,8 @@ COMMAND_SIGNALS = ("_command", "_command_rate", "_command_end")
 #: Values closer than this to the ends of the range, in units of the range and of its values, are
 #: inside.
 _AT_THE_END = 1e-9
-SCHEMA, DESIGN_SCHEMA = "hfa.controller/1", "hfa.controller-design/1"
+SCHEMA = "hfa.controller/1"
+DESIGN_SCHEMA = "hfa.controller-design/1"
 #: Formats that a controller is written in.
 SUFFIXES = (".npz", ".mat")
 _ARRAYS = ("breakpoints", "A", "B", "C", "D", "W", "trim_states", "trim_inputs", "command_filter")

@@ -88,7 +88,8 @@ def _limits(name: str, surface: str, properties: Properties, sign: float) -> tup
         if writer is not None and writer.component is not None:
             low, high = surface_limits(writer)
             if source.endswith("-deg"):
-                low, high = math.radians(low), math.radians(high)
+                low = math.radians(low)
+                high = math.radians(high)
             return (low, high) if sign > 0.0 else (-high, -low)
     return -math.inf, math.inf
 

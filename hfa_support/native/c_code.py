@@ -71,13 +71,12 @@ def c_function(
     names = ", ".join(
         [*(f"const double *{each}" for each in arguments), *(f"double *{each}" for each in results)]
     )
-    lines, used = [], set()
+    lines = []
+    used = set()
     for index in range(function.n_instructions()):
-        code, out, source = (
-            function.instruction_id(index),
-            function.instruction_output(index),
-            function.instruction_input(index),
-        )
+        code = function.instruction_id(index)
+        out = function.instruction_output(index)
+        source = function.instruction_input(index)
         used |= set(out if code != ca.OP_OUTPUT else source) - {-1}
         if code == ca.OP_CONST:
             lines.append(f"w{out[0]} = {_number(function.instruction_constant(index))};")

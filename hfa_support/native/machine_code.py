@@ -99,7 +99,8 @@ def _own_folder(folder: Path) -> Path:
 
 def _compile(compiler: list[str], text: str, folder: Path, symbol: str) -> Path:
     with temporary_folder(folder) as temporary:
-        source, made = temporary / "generated.c", temporary / "generated.so"
+        source = temporary / "generated.c"
+        made = temporary / "generated.so"
         source.write_text(text, encoding="utf-8")
         words = [*compiler, str(source), "-o", str(made), "-lm"]
         subprocess.run(

@@ -52,7 +52,9 @@ ASSUMED: dict[str, tuple[float, str, str]] = {
 IDENTIFIED: tuple[str, ...] = tuple(name for name in Parameters._fields if name not in ASSUMED)
 # Where the search begins: a 200 ft flying wing of 1000 lbf, from textbook formulas, deliberately
 # not the answer.
-_MASS, _SPAN, _CHORD = 1000.0 / 3 / 32.2, 70.0, 8.0
+_MASS = 1000.0 / 3 / 32.2
+_SPAN = 70.0
+_CHORD = 8.0
 ROUGH: dict[str, float] = {
     "panel_mass": _MASS,
     "panel_span": _SPAN,
@@ -76,7 +78,8 @@ _ROUGH_INPUTS = np.array([40.0, 0.0, 0.0, 0.0])
 #: for ever.
 _MAX_EVALUATIONS = 500
 #: Seeded rough guesses, and the standard deviation of their logarithms.
-STARTS, _START_SPREAD = 8, 0.3
+STARTS = 8
+_START_SPREAD = 0.3
 
 
 def _with_newtons(method: str) -> Variant:
@@ -152,7 +155,8 @@ class Identification(Reported):
 
     def report(self) -> Report:
         """The whole evidence."""
-        fit, parameters = self.fit, self.fit.parameters
+        fit = self.fit
+        parameters = self.fit.parameters
         combinations = []
         for value, direction in zip(fit.singular_values, fit.directions, strict=True):
             largest = np.argsort(-np.abs(direction))[:4]
@@ -221,10 +225,8 @@ def run_identification(seed: int = 0, progress: Progress | None = None) -> Ident
     """Identify, then collect the evidence; a few seconds. progress: called with (stages done,
     stages in all)."""
     best, starts = identify(seed)
-    aircraft, rng = (
-        hfa_model.aircraft(Published(), best.parameters.values),
-        np.random.default_rng(seed),
-    )
+    aircraft = hfa_model.aircraft(Published(), best.parameters.values)
+    rng = np.random.default_rng(seed)
     tables = {
         model.dihedral_deg: compare(regenerate(aircraft, model), model)
         for model in published_models()
@@ -334,7 +336,8 @@ class _Problem:
         The last answer is kept: the solver asks for values and Jacobian one after the other.
         """
         if self._last is None or not np.array_equal(self._last[0], theta):
-            values, jacobians = [], []
+            values = []
+            jacobians = []
             for k, inputs in enumerate(self.trim_inputs(theta)):
                 v = np.array(
                     [self._held[k].get(name, 0.0) for name in hfa_model.aircraft().variables]
@@ -357,7 +360,8 @@ def _as_fit(problem: _Problem, theta: np.ndarray) -> Fit:
     directions *= np.sign(
         directions[np.arange(len(directions)), np.abs(directions).argmax(axis=1)]
     )[:, None]
-    inverse, rounding = np.linalg.inv(relative.T @ relative), _rounding_covariance(relative)
+    inverse = np.linalg.inv(relative.T @ relative)
+    rounding = _rounding_covariance(relative)
     covariance = (
         inverse
         @ relative.T

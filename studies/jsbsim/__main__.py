@@ -21,7 +21,8 @@ from studies.jsbsim.study import LIFTS, SPEEDS, study
 
 RESULTS = Path(__file__).with_name("results.json")
 PAGE = Path(__file__).parents[2] / "docs" / "jsbsim.md"
-_BEGIN, _END = "<!-- table of studies.jsbsim -->", "<!-- end of the table -->"
+_BEGIN = "<!-- table of studies.jsbsim -->"
+_END = "<!-- end of the table -->"
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -204,7 +204,8 @@ def _settled(simulator: Any, point: Mapping[str, Any]) -> dict[str, Any]:
     for second in range(_LONGEST):
         for _ in range(_RATE):
             _run(simulator.run, simulator)
-        before, speeds = speeds, _propeller_speeds(simulator)
+        before = speeds
+        speeds = _propeller_speeds(simulator)
         moved = max((abs(a - b) for a, b in zip(before, speeds, strict=True)), default=0.0)
         steady = steady + 1 if moved < 1e-9 else 0
         if second >= 20 and steady >= 2:

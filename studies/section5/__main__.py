@@ -88,7 +88,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def run_section(section: str, setting: Setting, processes: int = 1) -> Evidence:
     """Simulate every flight of a section. processes: that share the flights."""
-    plans, fly = plans_of(section, setting), partial(simulate_plan, setting, section=section)
+    plans = plans_of(section, setting)
+    fly = partial(simulate_plan, setting, section=section)
     if processes == 1:
         return Evidence(setting, section, {plan: fly(plan) for plan in plans})
     # Not fork: CasADi and NumPy hold threads, which a forked child would inherit broken.
@@ -111,7 +112,8 @@ def reproduce(
     again."""
     results = []
     for section in sections:
-        place, decides = folder / section, deciding(section, setting)
+        place = folder / section
+        decides = deciding(section, setting)
         known = finished(place / "result.json", decides) if resume else None
         if known is None or not _has_pictures(place, known["pictures"]):
             print(
@@ -164,7 +166,9 @@ def deciding(section: str, setting: Setting) -> dict[str, Any]:
 def write_section(evidence: Evidence, place: Path, origin: Provenance) -> dict[str, Any]:
     """Write the pictures and then the result, which a section has when it is whole; returns the
     result."""
-    setting, section, flown = evidence.setting, evidence.section, evidence.flown
+    setting = evidence.setting
+    section = evidence.section
+    flown = evidence.flown
     place.mkdir(parents=True, exist_ok=True)
     (place / "result.json").unlink(missing_ok=True)
     pictures = list(figures_of(section, setting.configuration, flown))

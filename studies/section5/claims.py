@@ -36,7 +36,8 @@ from studies.section5.flights import (
 )
 from studies.section5.metrics import over
 
-CONFIRMED, NOT_CONFIRMED = "confirmed", "not confirmed"
+CONFIRMED = "confirmed"
+NOT_CONFIRMED = "not confirmed"
 NOT_DECIDABLE = "not decidable from the paper"
 VERDICTS = (CONFIRMED, NOT_CONFIRMED, NOT_DECIDABLE)
 #: Laws that claims name together: whose learning is measured, and which track.
@@ -49,7 +50,8 @@ OPTIMUM = EXACT_FF
 
 def flights_of(group: str, configuration: Configuration, law: str) -> tuple[FlightPlan, ...]:
     """Flights of a law by the name that claims give them."""
-    both, at_5 = (CASE_I, CASE_II), FlightPlan(CASE_II, law)
+    both = (CASE_I, CASE_II)
+    at_5 = FlightPlan(CASE_II, law)
     return {
         "both cases": tuple(FlightPlan(angle, law) for angle in both),
         "5 deg": (at_5,),
@@ -64,7 +66,8 @@ def flights_of(group: str, configuration: Configuration, law: str) -> tuple[Flig
 
 def plans_of(section: str, setting: Setting) -> tuple[FlightPlan, ...]:
     """The flights of a section."""
-    both, factors = (CASE_I, CASE_II), setting.configuration.uncertainty.factors
+    both = (CASE_I, CASE_II)
+    factors = setting.configuration.uncertainty.factors
     if section == "5.1":  # and from rest under the disturbance alone
         flown = [FlightPlan(angle, law) for angle in both for law in (*TRACKING, REWEIGHTED)]
         alone = (PRINTED, MODIFIED, CERTIFIED, EXACT)
@@ -168,7 +171,8 @@ def _gain_error(group: str, *, at_the_end: bool = False) -> Measure:
     exact solution."""
 
     def of(evidence: Evidence, plan: FlightPlan) -> float:
-        record, case = evidence.record(plan), evidence.setting.case(plan.dihedral_deg)
+        record = evidence.record(plan)
+        case = evidence.setting.case(plan.dihedral_deg)
         T_w = evidence.setting.configuration.predefined_time(evidence.section)
         row = min(int(np.searchsorted(record.times, T_w - 1e-9)), len(record.times) - 1)
         K = case.game.gain(record.learned_value(-1 if at_the_end else row))
@@ -184,7 +188,8 @@ def _gain_error(group: str, *, at_the_end: bool = False) -> Measure:
 
 def _final_abscissa(evidence: Evidence, law: str) -> float:
     """Largest real part of the eigenvalues of A - B K with the gain learned last, 1/s."""
-    record, game = evidence.record(FlightPlan(CASE_II, law)), evidence.setting.case(CASE_II).game
+    record = evidence.record(FlightPlan(CASE_II, law))
+    game = evidence.setting.case(CASE_II).game
     return float(
         np.linalg.eigvals(game.A - game.B @ game.gain(record.learned_value(-1))).real.max()
     )
@@ -317,10 +322,8 @@ def check_claim(claim: Claim, evidence: Evidence) -> dict[str, Any]:
 
 def _reason(claim: Claim, checks: Mapping[str, Check], limit: float) -> str:
     """The subject's number against the limit, what the optimum does, and what lies behind it."""
-    own, parts = (
-        checks[claim.subject],
-        [f"the paper would have to give {claim.missing}"] if claim.missing else [],
-    )
+    own = checks[claim.subject]
+    parts = [f"the paper would have to give {claim.missing}"] if claim.missing else []
     told = own.reason or f"{claim.measured}: {own.value:.3g}"
     parts.append(f"{claim.subject}: {told}; the limit is {claim.relation} {limit:.3g}")
     if claim.subject == MODIFIED and OPTIMUM in checks and not own.ok:

@@ -34,10 +34,8 @@ class PaperFlight:
         np.array([0.01, 0.0, 0.0, 0.0, 0.0, 0.0]),
         (Harmonic(0.5, np.array([2.0, 0.0, 0.0, 0.0, 0.0, 0.0]), _NONE),),
     )
-    _SINES, _COSINES = (
-        np.array([0.11, 0.22, 0.0, 0.11, 0.0, 0.11]),
-        np.array([0.0, 0.0, 0.22, 0.0, 0.11, 0.0]),
-    )
+    _SINES = np.array([0.11, 0.22, 0.0, 0.11, 0.0, 0.11])
+    _COSINES = np.array([0.0, 0.0, 0.22, 0.0, 0.11, 0.0])
     DISTURBANCE = Waveform(_NONE, _NONE, (Harmonic(0.1, _SINES, _COSINES),))
     _SLOW = Harmonic(
         0.1, np.array([0.0, 0.0, 0.005, 0.0, 0.005, 0.0]), np.array([0.02, 0.0, 0.0, 0.0, 0.0, 0.0])

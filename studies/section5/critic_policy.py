@@ -48,7 +48,8 @@ class CriticPolicy(Policy):
         self, t: ca.SX, measurements: Measurements, memory: ca.SX, held: ca.SX, applied: ca.SX
     ) -> ca.SX:
         """Eq. (46) with the current sample and the stack, (M,)."""
-        s, gains = self.law.settings, self.law.gains
+        s = self.law.settings
+        gains = self.law.gains
         sigma, residual = self._current(t, measurements.error, memory)
         squared = 1.0 + ca.dot(sigma, sigma)
         n = squared if s.normalisation == "squared" else ca.sqrt(squared)
@@ -62,7 +63,8 @@ class CriticPolicy(Policy):
         Two products with one matrix, kept as such: written out entry by entry, 250 samples take
         minutes to compile."""
         stored = self.law.recorded(np.zeros(self.law.basis.size))
-        regressors, weights = ca.DM(stored.regressors), ca.MX.sym("W", self.law.basis.size)
+        regressors = ca.DM(stored.regressors)
+        weights = ca.MX.sym("W", self.law.basis.size)
         residuals = ca.mtimes(regressors, weights) + ca.DM(stored.residuals)
         push = ca.mtimes(regressors.T, powers(residuals, *self.law.gains, self.law.settings.eta))
         return ca.Function("stack", [weights], [push], {"never_inline": True})
@@ -99,7 +101,8 @@ def forcing(A: np.ndarray, reference: Waveform) -> Waveform:
 
 def gradient(basis: Basis, z: ca.SX) -> ca.SX:
     """∂ψ/∂z, (M, n), at a CasADi expression z (n,)."""
-    parts, rows = ca.vertsplit(z), []
+    parts = ca.vertsplit(z)
+    rows = []
     for exponents in basis.exponents:
         powers_ = [int(power) for power in exponents]
         rows.append(ca.horzcat(*[_derivative(parts, powers_, i) for i in range(basis.states)]))

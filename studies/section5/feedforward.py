@@ -75,7 +75,8 @@ def exosystem_feedforward(game: Game, P: np.ndarray, reference: Exosystem) -> np
             f"the reference has {len(reference.C)} states; the game has {len(game.A)}"
         )
     loop = game.A - game.S @ P
-    decay, growth = _decay(loop), spectrum(reference.omega).abscissa
+    decay = _decay(loop)
+    growth = spectrum(reference.omega).abscissa
     if growth >= decay:
         raise BadInputError(
             f"the reference grows at {growth:.4g} rad/s, the closed loop decays at {decay:.4g} rad/s: "

@@ -37,10 +37,13 @@ if TYPE_CHECKING:
 
 Flights = Mapping[FlightPlan, FlightRecord]
 Values = Callable[[FlightRecord], np.ndarray]
-_COMMAND, _LOST = "command", " (lost at "
+_COMMAND = "command"
+_LOST = " (lost at "
 #: A limit is drawn where a line passes this share of it; residuals below the floor are rounding;
 #: named weights.
-_NEAR, _FLOOR, _NAMED = 0.8, 1e-16, 4
+_NEAR = 0.8
+_FLOOR = 1e-16
+_NAMED = 4
 _SYMBOLS = {
     "speed": "V",
     "alpha": "α",
@@ -168,10 +171,8 @@ class _Panels:
 
     def states(self, state: str, title: str, records: Sequence[FlightRecord]) -> PlotPanel:
         """A state as a deviation from its trim, with its command."""
-        row, label = (
-            LINEAR_STATES.index(state),
-            f"{_SYMBOLS[state]} - trim, {getattr(STATE_UNITS, state)}",
-        )
+        row = LINEAR_STATES.index(state)
+        label = f"{_SYMBOLS[state]} - trim, {getattr(STATE_UNITS, state)}"
         panel = self._of_flights(title, label, records, lambda record: record.states[:, row])
         longest = max(records, key=lambda record: len(record.times))
         command = Line(_COMMAND, longest.times, longest.commands[:, row])
@@ -218,9 +219,11 @@ class _Panels:
         assert record.critic is not None
         weights = record.critic.weights
         order = np.argsort(-np.abs(weights[-1]), kind="stable")
-        named, others = np.sort(order[:_NAMED]), np.sort(order[_NAMED:])
+        named = np.sort(order[:_NAMED])
+        others = np.sort(order[_NAMED:])
         values = np.diff(weights, axis=0) if increments else weights
-        times, powers = record.times[: len(values)], record.critic.basis.exponents
+        times = record.times[: len(values)]
+        powers = record.critic.basis.exponents
         lines = [Line(_monomial(powers[m]), times, values[:, m]) for m in named]
         label = "increments of W in a tick" if increments else "weights W, of z in ft/s, rad"
         bundle = Line(f"the other {len(others)}", times, values[:, others])
@@ -260,7 +263,8 @@ def _monomial(exponents: np.ndarray) -> str:
 def figures_of(section: str, configuration: Configuration, flown: Flights) -> Iterator[PaperFigure]:
     """The paper's figures of a section."""
     T_w = configuration.predefined_time(section)
-    law, uncertain = _Panels(T_w), _Panels(T_w, "uncertainty")
+    law = _Panels(T_w)
+    uncertain = _Panels(T_w, "uncertainty")
     if section == "5.1":
         drawn = ((PRINTED, *_LEARNED, CERTIFIED_FF, EXACT_FF), (*_LEARNED, EXACT), _LEARNED)
         groups = [

@@ -44,13 +44,18 @@ from verification import solve_game
 from verification.exact_solution import Solution
 
 #: The two aircraft of Section 5.1, degrees of dihedral.
-CASE_I, CASE_II = 15.0, 5.0
+CASE_I = 15.0
+CASE_II = 5.0
 #: Where A and B come from: this project's trim and linearization, or the paper's four decimals.
 MATRICES = ("regenerated", "printed")
-PRINTED, MODIFIED = "published, as printed", "published, modified"
-CERTIFIED, CERTIFIED_FF = "certified", "certified + feed-forward"
+PRINTED = "published, as printed"
+MODIFIED = "published, modified"
+CERTIFIED = "certified"
+CERTIFIED_FF = "certified + feed-forward"
 INTEGRAL = "integral RL"
-EXACT, EXACT_FF, REWEIGHTED = "exact", "exact + feed-forward", "exact, alpha reweighted"
+EXACT = "exact"
+EXACT_FF = "exact + feed-forward"
+REWEIGHTED = "exact, alpha reweighted"
 #: What each law is, for tables and figures.
 LAWS = {
     PRINTED: "Eq. (46) with the gains of Theorem 1 and W(0) = 100",
@@ -65,7 +70,8 @@ LAWS = {
 #: Laws of this project: a flight of theirs that is lost is an error of the project, not a finding
 #: about the paper.
 OWN = (CERTIFIED, CERTIFIED_FF, EXACT, EXACT_FF, REWEIGHTED)
-_N, _M = len(LINEAR_STATES), len(INPUTS)
+_N = len(LINEAR_STATES)
+_M = len(INPUTS)
 _ENTRIES = _M * _N
 #: From the memory of a law at the ticks, (N, k), to what it has learned.
 Learned = Callable[[np.ndarray], Critic]
@@ -227,17 +233,21 @@ class FlightRecord:
 
 def simulate_plan(setting: Setting, plan: FlightPlan, section: str) -> FlightRecord:
     """Fly a plan under the conditions of a section of the paper."""
-    configuration, case = setting.configuration, setting.case(plan.dihedral_deg)
+    configuration = setting.configuration
+    case = setting.case(plan.dihedral_deg)
     reference = configuration.reference if plan.commanded else zero(_N)
-    T_w, each = configuration.predefined_time(section), configuration.steps_per_tick()
+    T_w = configuration.predefined_time(section)
+    each = configuration.steps_per_tick()
     flown, learned = law_of(setting, case, plan.law, T_w, configuration.frozen(section), reference)
     plant = LinearPlant((1.0 + plan.uncertainty) * case.game.A, case.game.B)
     noise = configuration.noise if plan.noise else zero(_N)
-    settings, signals = configuration.flight, (reference, configuration.disturbance, noise)
+    settings = configuration.flight
+    signals = (reference, configuration.disturbance, noise)
     start = configuration.initial if plan.commanded else np.zeros(_N)
     scenario = Scenario(settings.duration, settings.step, settings.tick, start, *signals)
     flight, lost_at = _flown(configuration, CompiledLoop(ClosedLoop(plant, flown, scenario)))
-    times, errors = flight.times[::each], flight.errors[::each]
+    times = flight.times[::each]
+    errors = flight.errors[::each]
     # A flight that is lost in its first tick leaves its start behind.
     critic = learned(flight.memory[::each]) if learned is not None else None
     metrics = flight_metrics(configuration, case.game, case.input_limits, flight, lost_at)
@@ -303,7 +313,8 @@ def law_of(
         if law == REWEIGHTED
         else case
     )
-    w, F = generator(reference), feedforward(tuned, reference)
+    w = generator(reference)
+    F = feedforward(tuned, reference)
     constants = held_gains(tuned.exact.K, np.zeros_like(F) if law == EXACT else F)
     return TrackingPolicy(law, w, held=constants[None]), None
 
@@ -342,13 +353,18 @@ def _published(
     reference: Waveform,
 ) -> tuple[Policy, Learned]:
     """Eq. (46) on the recorded stack, as printed or modified."""
-    configuration, critic = setting.configuration, setting.configuration.critic
-    own, modified = configuration.published_as_printed, configuration.published_modified
-    start, functions, gains = own.initial_weight, basis(critic.basis, _N), None
+    configuration = setting.configuration
+    critic = setting.configuration.critic
+    own = configuration.published_as_printed
+    modified = configuration.published_modified
+    start = own.initial_weight
+    functions = basis(critic.basis, _N)
+    gains = None
     if name == MODIFIED:
         own = modified
         start_game = replace(case.game, Q=modified.start_Q * np.eye(_N), delta=np.inf)
-        functions, gains = basis(modified.basis, _N), (modified.alpha1, modified.alpha2)
+        functions = basis(modified.basis, _N)
+        gains = (modified.alpha1, modified.alpha2)
         start = tuple(functions.weights(solve_game(start_game).P).tolist())
     chosen = PublishedSettings(
         predefined_time=predefined_time,
@@ -387,7 +403,8 @@ def _plan(
 ) -> tuple[TrainingRun, np.ndarray, float]:
     """A learning run, its gains tick by tick and when they are certified; flights that differ in
     the plant or in noise share it."""
-    configuration, critic = setting.configuration, setting.configuration.critic
+    configuration = setting.configuration
+    critic = setting.configuration.critic
     if law == "irl":
         chosen = vars(configuration.irl) | {"initial_weights": baseline_weights(case.game)}
         learned = learn_by_integrals(case.game, critic.seed, **chosen)
@@ -406,7 +423,8 @@ def _learned(
     learned, gains, first = _plan(
         setting, case, "irl" if law == INTEGRAL else "certified", predefined_time
     )
-    tick, F = setting.configuration.flight.tick, feedforward(case, reference)
+    tick = setting.configuration.flight.tick
+    F = feedforward(case, reference)
     begun = tick * np.arange(len(gains)) >= first - 1e-9
     uses = begun & (law == CERTIFIED_FF)
     table = np.array(

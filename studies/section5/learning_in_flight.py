@@ -20,13 +20,16 @@ def certified_gains(game: Game, learned: TrainingRun, tick: float) -> tuple[np.n
     until there is one, the baseline is used. What has been learned at t is known at t: nothing of
     the later run is used."""
     functions = basis(learned.basis, len(game.A))
-    current, first = baseline_gain(game), np.inf
-    gains, row = [], 0
+    current = baseline_gain(game)
+    first = np.inf
+    gains = []
+    row = 0
     for index in range(int(np.ceil(learned.times[-1] / tick - 1e-9)) + 1):
         while row < len(learned.times) and learned.times[row] <= index * tick + 1e-9:
             P = functions.matrix(learned.weights[row])
             if _is_value(game, P):
-                current, first = game.gain(P), min(first, index * tick)
+                current = game.gain(P)
+                first = min(first, index * tick)
             row += 1
         gains.append(current)
     return np.array(gains), first

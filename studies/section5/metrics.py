@@ -69,14 +69,19 @@ def flight_metrics(
             **dict.fromkeys(_SINGLE, np.inf),
             "delta_squared": game.delta**2,
         }
-    criteria, each = configuration.criteria, configuration.steps_per_tick()
-    z, u, t = flight.errors, flight.inputs, flight.times
+    criteria = configuration.criteria
+    each = configuration.steps_per_tick()
+    z = flight.errors
+    u = flight.inputs
+    t = flight.times
     d = configuration.disturbance.sampled(t)
     early = t <= criteria.short_adjustment + 1e-9
     late = (t >= criteria.late[0] - 1e-9) & (t <= criteria.late[1] + 1e-9)
-    errors, efforts = _quadratic(z, game.Q), _quadratic(u, game.R)
+    errors = _quadratic(z, game.Q)
+    efforts = _quadratic(u, game.R)
     cost = _integral(errors + efforts, t)
-    size, command = np.abs(z[:, _ROWS]), np.abs(configuration.reference.constant[_ROWS])
+    size = np.abs(z[:, _ROWS])
+    command = np.abs(configuration.reference.constant[_ROWS])
     peak, (low, high) = np.abs(u).max(axis=0), limits
     banded = list(zip(size.T, (criteria.close * command).tolist(), strict=True))
     tables: dict[str, Iterable[float]] = {
@@ -128,12 +133,11 @@ def learning_metrics(
     W = critic.weights
     updates = np.linalg.norm(np.diff(W, axis=0), axis=1)
     end, nearly = (int(np.count_nonzero(times < share * T_w - 1e-9)) for share in (1.0, 0.9))
-    path, largest, final = (
-        float(updates.sum()),
-        float(updates[:end].max()),
-        float(np.linalg.norm(W[end])),
-    )
-    size, on_stack = np.abs(residual), critic.residual
+    path = float(updates.sum())
+    largest = float(updates[:end].max())
+    final = float(np.linalg.norm(W[end]))
+    size = np.abs(residual)
+    on_stack = critic.residual
     return {
         "path_share": float(updates[:end].sum()) / path if path > 0.0 else 0.0,
         "late_update": over(float(updates[end:].max()), largest),

@@ -123,10 +123,8 @@ def _front(_: argparse.Namespace, aircraft: Model) -> Report:
 
 
 def _origin(aircraft: Model) -> Provenance:
-    command, parameters = (
-        f"python -m studies.servo {shlex.join(sys.argv[1:])}",
-        default_parameters(),
-    )
+    command = f"python -m studies.servo {shlex.join(sys.argv[1:])}"
+    parameters = default_parameters()
     return Provenance(
         command,
         hfa_model.variant_of(aircraft).name,

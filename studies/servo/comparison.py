@@ -51,9 +51,11 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 #: Dihedral of the trim in which all flights begin, deg; angles of SimVFA's tables, rad.
-TRIM_DEG, ANGLES = 11.0, np.radians(np.arange(21.0))
+TRIM_DEG = 11.0
+ANGLES = np.radians(np.arange(21.0))
 #: s: a step each, the first after `_FIRST`; the flight ends with the last.
-_EACH, _FIRST = 70.0, 1.0
+_EACH = 70.0
+_FIRST = 1.0
 _DIHEDRAL = np.radians([1.0, 2, 1, 2, 1, 2, -1, 1, 2, 1, 2, 1, 2, -1, 0, 0])
 _ACCELERATION = np.array([-1.0, -2, -1, -2, -1, -2, 1, -1, -2, -1, -2, -2, 1, 1, 0, 0])
 DURATION = _FIRST + _EACH * (len(_DIHEDRAL) - 1)
@@ -179,7 +181,8 @@ class ServoFlight:
 
     def to_dict(self) -> dict[str, Any]:
         """English units and radians."""
-        gone, units = self.result.departure, {each.name: each.unit for each in self.tracked}
+        gone = self.result.departure
+        units = {each.name: each.unit for each in self.tracked}
         return {
             "law": self.law,
             "rms_error": {each.name: each.rms for each in self.tracked},
@@ -234,7 +237,9 @@ def run_case(
 
     resume: a case that this version finished for the same aircraft, laws and duration is not flown
     again."""
-    target, picture, case = folder / f"{name}.json", folder / f"{name}.png", CASES[name]
+    target = folder / f"{name}.json"
+    picture = folder / f"{name}.png"
+    case = CASES[name]
     decides = {
         "case": name,
         "actuator": vars(case.actuator),

@@ -34,7 +34,9 @@ from hfa_support.reporting.text import Table
 from trim import LinearModel, level_model
 
 #: s: step of a flight, how often the envelope is looked at, and how long a flight in a gust lasts.
-STEP, TICK, SECONDS = 0.02, 0.2, 30.0
+STEP = 0.02
+TICK = 0.2
+SECONDS = 30.0
 #: ft/s: how closely the largest gust is found.
 APART = 1.0
 #: Actuators that one servo is asked to work behind.
@@ -47,7 +49,8 @@ ASKED = {
     150.0: (15.0, 10.0, 25.0),
 }
 #: s; rad/s; states and standard deviations of the documents' noise.
-DELAY, BIAS = 0.02, math.radians(0.3)
+DELAY = 0.02
+BIAS = math.radians(0.3)
 NOISE = {
     "pitch_rate": math.radians(0.1),
     "dihedral": math.radians(0.05),
@@ -79,7 +82,8 @@ def flown(
         **{"duration": SECONDS, "step": STEP, "tick": TICK, **happens},
         actuators=flown_actuators(acting),
     )
-    envelope, point = flight_envelope(aircraft, model.point), model.point
+    envelope = flight_envelope(aircraft, model.point)
+    point = model.point
     law = servo_policy(controller, still, aircraft, point)
     return fly(aircraft, point, law, scenario, envelope, predict=False)
 
@@ -106,7 +110,8 @@ def largest_held(held: Callable[[float], bool], highest: float, apart: float) ->
     """The largest size up to `highest` at which `held` is true, to `apart`; it is at 0."""
     if held(highest):
         return highest
-    low, high = 0.0, highest
+    low = 0.0
+    high = highest
     while high - low > apart:
         middle = (low + high) / 2.0
         low, high = (middle, high) if held(middle) else (low, middle)
@@ -118,7 +123,9 @@ def delayed(loop: ServoLoop, seconds: float) -> ServoLoop:
     below 0.7/seconds."""
     from control import pade, ss, tf
 
-    delay, m, n = ss(tf(*pade(seconds, 3))), loop.B.shape[1], len(loop.A)
+    delay = ss(tf(*pade(seconds, 3)))
+    m = loop.B.shape[1]
+    n = len(loop.A)
     A, B, C, D = (np.kron(np.eye(m), getattr(delay, name)) for name in "ABCD")
     return replace(
         loop,

@@ -22,16 +22,16 @@ from trim import level_model
 
 #: Factors on the gain of A_z; s of the commands: the first three steps; ft/s: the largest gust that
 #: is tried.
-FACTORS, SECONDS, LARGEST = (0.25, 0.5, 1.0, 1.5, 2.0), 211.0, 60.0
+FACTORS = (0.25, 0.5, 1.0, 1.5, 2.0)
+SECONDS = 211.0
+LARGEST = 60.0
 
 
 def front(aircraft: Model) -> Report:
     """At 11 deg, order 1: rms of A_z with the fault of `order-1-fault`, largest updrafts held,
     smallest margins."""
-    design, model = (
-        load_design("servo", hfa_model.aircraft()).of(aircraft),
-        level_model(aircraft, math.radians(TRIM_DEG)),
-    )
+    design = load_design("servo", hfa_model.aircraft()).of(aircraft)
+    model = level_model(aircraft, math.radians(TRIM_DEG))
     assert design.shaping is not None
     points: list[dict[str, Any]] = []
     for factor in FACTORS:

@@ -31,12 +31,16 @@ from trim import OperatingPoint, level_model
 from verification import solve_game
 
 #: What is measured besides the integrals, and what is regulated.
-RATE, REGULATED = "pitch_rate", ("dihedral", "vertical_acceleration_short_period")
+RATE = "pitch_rate"
+REGULATED = ("dihedral", "vertical_acceleration_short_period")
 #: Coefficients of α0 + α1 s (+ α2 s²), by the order of the actuators.
 ALPHAS = {1: (1.0, 0.5), 2: (2.0, np.sqrt(2.0), 1.0)}
 #: Weights q I and r of the LQR that places the zeros of the squared-up plant; ε of R⁻¹; shift of A
 #: in R⁻¹, 1/s.
-SQUARING_Q, SQUARING_R, EPSILON, SHIFT = 1.0, 500.0, 20.0, 0.25
+SQUARING_Q = 1.0
+SQUARING_R = 500.0
+EPSILON = 20.0
+SHIFT = 0.25
 _THIRD = np.array([1.0, 1.0, -1.0])
 
 
@@ -79,7 +83,9 @@ def reference_model(built: DesignModel) -> ReferenceModel:
     if (
         S[2].sum() < 0.0
     ):  # the sign of the third input is free; the tables between the angles need one
-        squared_up, B1, S = squared_up * _THIRD, B1 * _THIRD, S * _THIRD[:, None]
+        squared_up = squared_up * _THIRD
+        B1 = B1 * _THIRD
+        S = S * _THIRD[:, None]
     mixed = S @ C
     inverse = np.linalg.inv(mixed @ B1)
     rate = mixed @ (game.A + SHIFT * np.eye(n)) @ B1
@@ -98,16 +104,22 @@ def _third_row(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> np.ndarray:
     zeros, 2014."""
     from scipy.linalg import null_space, solve_continuous_are
 
-    m, p = B.shape[1], len(C)
+    m = B.shape[1]
+    p = len(C)
     T = np.vstack([np.linalg.pinv(B), null_space(B.T).T])
-    moved, seen = T @ A @ np.linalg.inv(T), C @ np.linalg.inv(T)
-    A21, A22, C1, C2 = moved[m:, :m], moved[m:, m:], seen[:, :m], seen[:, m:]
+    moved = T @ A @ np.linalg.inv(T)
+    seen = C @ np.linalg.inv(T)
+    A21 = moved[m:, :m]
+    A22 = moved[m:, m:]
+    C1 = seen[:, :m]
+    C2 = seen[:, m:]
     if np.abs(C1).max() <= 1e-9 * np.abs(C2).max():
         row = np.concatenate([np.zeros(m), _third_row(A22, A21, C2)])
         return row @ T
     whole = np.vstack([C1, null_space(C1).T])
     pseudo = A21 @ np.linalg.inv(whole)
-    drift, b = A22 - pseudo[:, :p] @ C2, pseudo[:, p:]
+    drift = A22 - pseudo[:, :p] @ C2
+    b = pseudo[:, p:]
     R = SQUARING_R * np.eye(m - p)
     P = solve_continuous_are(drift, b, SQUARING_Q * np.eye(len(drift)), R)
     gain = np.linalg.solve(R, b.T @ P)
@@ -135,7 +147,8 @@ def reference_servo(aircraft: Model, design: str, dihedrals: np.ndarray) -> Sche
     tables = [reference_model(each) for each in built]
     n = len(tables[0].A)
     shape = (len(tables), n + 2)
-    A, B = np.zeros((*shape, n + 2)), np.zeros((*shape, 5))
+    A = np.zeros((*shape, n + 2))
+    B = np.zeros((*shape, 5))
     C = np.zeros((len(tables), 2, n + 2))
     for k, each in enumerate(tables):
         A[k, 2:, 2:] = each.A - each.B @ each.K - each.L @ each.C
@@ -177,9 +190,13 @@ MU = 0.02
 A0, A1, A2 = ALPHAS[2]
 #: Adaptation rates of states, by order: of the effectiveness, and of the reference model's own
 #: inputs.
-GAMMA_STATE, GAMMA_EFFECTIVENESS, GAMMA_MODEL = 0.2, {1: 2000.0, 2: 5000.0}, {1: 400.0, 2: 1000.0}
+GAMMA_STATE = 0.2
+GAMMA_EFFECTIVENESS = {1: 2000.0, 2: 5000.0}
+GAMMA_MODEL = {1: 400.0, 2: 1000.0}
 #: States of the aircraft; inputs; measured outputs. States with actuators, by their order.
-_X, _M, _Y = 6, 2, 3
+_X = 6
+_M = 2
+_Y = 3
 _XA = {1: 8, 2: 10}
 _DIHEDRAL = LINEAR_STATES.index("dihedral")
 _TABLED = ("A", "B", "K", "L", "S", "R_inverse", "squared_up")
@@ -275,7 +292,8 @@ class Tuner:
     def drive(self, gamma: float, regressor: ca.SX, error: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
         """Ψ with two derivatives."""
         g = 1 + MU * ca.dot(regressor, regressor)
-        X, X_rate = self._X.now, self._X_rate.now
+        X = self._X.now
+        X_rate = self._X_rate.now
         bend = (self._goal.now - g * (A0 * X + A1 * X_rate)) / A2
         self._memory.move(self._goal, gamma * ca.mtimes(regressor, error.T))
         self._memory.move(self._X, X_rate)
@@ -349,7 +367,8 @@ class AdaptivePolicy(Policy, ABC):
         return self._flown(t, measurements, memory)[1]
 
     def _flown(self, t: ca.SX, measurements: Measurements, memory: ca.SX) -> tuple[ca.SX, ca.SX]:
-        parts, command = MemoryParts(memory), (self.commands.at(t), self.commands.rate(t))
+        parts = MemoryParts(memory)
+        command = (self.commands.at(t), self.commands.rate(t))
         tables = self._table.at(self.dihedral + measurements.states[_DIHEDRAL])
         u = self.law(parts, tables, self.outputs.at(measurements), command)
         return u, parts.rate
@@ -380,10 +399,13 @@ class AdaptiveDegree2(AdaptivePolicy):
     ) -> ca.SX:
         """See the class."""
         (a0, a1), (A, B, K, L, S, R_inverse, squared_up) = ALPHAS[1], tables
-        integrals, model, r = memory.take(_M), memory.take(_XA[1] + _M), command[0]
+        integrals = memory.take(_M)
+        model = memory.take(_XA[1] + _M)
+        r = command[0]
         memory.move(integrals, measured[1:] - r)
         off = ca.vertcat(measured[0], integrals.now) - ca.mtimes(ca.DM(self.models[0].C), model.now)
-        mixed, v = ca.mtimes(S, off), -ca.mtimes(K, model.now)
+        mixed = ca.mtimes(S, off)
+        v = -ca.mtimes(K, model.now)
 
         def followed(size: int, x: ca.SX, gain: float) -> tuple[ca.SX, ca.SX]:
             """x through gain / (s + α0/α1), with its rate."""
@@ -401,7 +423,8 @@ class AdaptiveDegree2(AdaptivePolicy):
             slow = ca.mtimes(weights.now.T, regressor[1]) + ca.mtimes(rate.T, regressor[0])
             return a0 * ca.mtimes(weights.now.T, regressor[0]) + a1 * slow
 
-        v_bar, x_bar = followed(_M, v, a0 / a1), followed(_XA[1], model.now[: _XA[1]], a0 / a1)
+        v_bar = followed(_M, v, a0 / a1)
+        x_bar = followed(_XA[1], model.now[: _XA[1]], a0 / a1)
         of_aircraft = x_bar[0][:_X], x_bar[1][:_X]
         u = operated(memory.take(_M, _M, np.eye(_M)), -GAMMA_EFFECTIVENESS[1], v_bar, mixed[:_M])
         u -= operated(memory.take(_X, _M), GAMMA_STATE, of_aircraft, mixed[:_M])
@@ -437,11 +460,14 @@ class AdaptiveDegree3(AdaptivePolicy):
         """See the class."""
         A, B, K, L, S, R_inverse, squared_up = tables
         (r, r_rate), one = command, np.eye(_M)
-        integrals, model = memory.take(_M), memory.take(_XA[2] + _M)
+        integrals = memory.take(_M)
+        model = memory.take(_XA[2] + _M)
         memory.move(integrals, measured[1:] - r)
         x = model.now
         off = ca.vertcat(measured[0], integrals.now) - ca.mtimes(ca.DM(self.models[0].C), x)
-        mixed, v, pushed = ca.mtimes(S, off), -ca.mtimes(K, x), ca.mtimes(L, off)
+        mixed = ca.mtimes(S, off)
+        v = -ca.mtimes(K, x)
+        pushed = ca.mtimes(L, off)
         commanded, commanded_rate = (ca.vertcat(ca.SX.zeros(_XA[2]), -each) for each in (r, r_rate))
 
         added = self._of_errors(memory, ca.mtimes(R_inverse, mixed), mixed, (A2 * squared_up, A))
@@ -472,8 +498,10 @@ class AdaptiveDegree3(AdaptivePolicy):
         memory: MemoryParts, scaled: ca.SX, mixed: ca.SX, path: tuple[ca.SX, ca.SX]
     ) -> ca.SX:
         """F_e."""
-        bar, bar_12 = Filter(memory, _Y).drive(scaled), Filter(memory, _Y)
-        psi_4, psi_5 = Tuner(memory, _Y, _Y), Tuner(memory, _Y, _Y)
+        bar = Filter(memory, _Y).drive(scaled)
+        bar_12 = Filter(memory, _Y)
+        psi_4 = Tuner(memory, _Y, _Y)
+        psi_5 = Tuner(memory, _Y, _Y)
         e_1 = bar.high()
         found_4 = psi_4.drive(GAMMA_MODEL[2], e_1[0] + bar_12.low_now, mixed)
         moved = product_rate(found_4, e_1)
@@ -491,7 +519,8 @@ class AdaptiveDegree3(AdaptivePolicy):
     ) -> ca.SX:
         """F_ε."""
         bar_1 = Filter(memory, _M).drive(product_rate(psi_1, drift)).high()
-        effect, bar_12 = memory.take(_M, _M, np.eye(_M)), Filter(memory, _M)
+        effect = memory.take(_M, _M, np.eye(_M))
+        bar_12 = Filter(memory, _M)
         effect_rate = -GAMMA_EFFECTIVENESS[2] * ca.mtimes(bar_1[0], error.T)
         memory.move(effect, effect_rate)
         moved = product_rate((effect.now, effect_rate), bar_1)

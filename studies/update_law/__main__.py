@@ -67,11 +67,13 @@ def study(
     """The rows, each written into folder/rows when it is finished; resume: those that are there are
     not run again."""
     (folder / "rows").mkdir(parents=True, exist_ok=True)
-    of, rows = references(), []
+    of = references()
+    rows = []
     with ProcessPoolExecutor(workers, multiprocessing.get_context("spawn")) as pool:
         for name in names:
             words = "".join(letter if letter.isalnum() else " " for letter in name).split()
-            path, runs = folder / "rows" / f"{'-'.join(words)}.json", planned(name, of)
+            path = folder / "rows" / f"{'-'.join(words)}.json"
+            runs = planned(name, of)
             decided = {
                 "row": name,
                 "runs": [(one.dihedral_deg, case, asdict(chosen)) for one, case, chosen in runs],

@@ -118,7 +118,8 @@ class IntegralLearning:
         ends = z[:: NODES + 1]
         scales = Stack(ends, ends).channel_scales()
         inside = np.arange(1, len(times)).reshape(self.intervals, NODES + 1)[:, :NODES]
-        z, weight = z / scales, 0.5 * s.interval * quadrature
+        z = z / scales
+        weight = 0.5 * s.interval * quadrature
 
         def integral(left: np.ndarray, right: np.ndarray) -> np.ndarray:
             return np.einsum("q,jqa,jqb->jab", weight, left[inside], right[inside])
@@ -164,10 +165,13 @@ class IntegralLearning:
     def _least_squares(self, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Rows (N, M) and right side (N,) of the equations for the policies of the given scaled
         weights."""
-        data, game = self.record, self.target
-        B, E = game.B / data.scales[:, None], game.E / data.scales[:, None]
+        data = self.record
+        game = self.target
+        B = game.B / data.scales[:, None]
+        E = game.E / data.scales[:, None]
         P = self.basis.matrix(weights)
-        K, L = np.linalg.solve(game.R, B.T @ P), E.T @ P / game.delta**2
+        K = np.linalg.solve(game.R, B.T @ P)
+        L = E.T @ P / game.delta**2
         # ∫ z v', v = B (u + K z) + E (d - L z): what the applied policies did beyond the evaluated
         # ones.
         beyond = data.zu @ B.T + data.zz @ (B @ K).T + data.zd @ E.T - data.zz @ (E @ L).T
@@ -232,7 +236,8 @@ def learn_by_integrals(game: Game, seed: int = 0, **options: Any) -> TrainingRun
 
 #: Sines per channel of a probing flight: m + k channels with three each tell the n(n+1)/2 products
 #: of states apart. Range of their frequencies, rad/s.
-_SINES, _BAND = 3, (0.5, 12.0)
+_SINES = 3
+_BAND = (0.5, 12.0)
 
 
 def probing_flight(
@@ -245,12 +250,16 @@ def probing_flight(
     of `natural_spread`, which excites the slow modes that the sines leave alone."""
     from scipy.linalg import expm
 
-    rng, half_widths = np.random.default_rng(seed), natural_spread(game)
-    n, m, k = game.A.shape[0], game.B.shape[1], game.E.shape[1]
+    rng = np.random.default_rng(seed)
+    half_widths = natural_spread(game)
+    n = game.A.shape[0]
+    m = game.B.shape[1]
+    k = game.E.shape[1]
     count = _SINES * (m + k)
     frequencies = rng.permutation(np.linspace(*_BAND, count)) * rng.uniform(0.97, 1.03, count)
     phases = rng.uniform(0.0, 2.0 * np.pi, count)
-    pick, waves = np.zeros((m + k, n + 2 * count)), np.arange(count)
+    pick = np.zeros((m + k, n + 2 * count))
+    waves = np.arange(count)
     pick[waves // _SINES, n + 2 * waves] = (
         np.repeat([amplitudes[0]] * m + [amplitudes[1]] * k, _SINES) / _SINES
     )
@@ -260,7 +269,8 @@ def probing_flight(
     generator[n + 2 * waves, n + 2 * waves + 1] = frequencies
     generator[n + 2 * waves + 1, n + 2 * waves] = -frequencies
     sines = np.column_stack([np.cos(phases), np.sin(phases)]).reshape(-1)
-    current, rows = np.concatenate([rng.uniform(-half_widths, half_widths), sines]), []
+    current = np.concatenate([rng.uniform(-half_widths, half_widths), sines])
+    rows = []
     steps = np.round(np.diff(times, prepend=0.0), 12)
     exponentials = {step: expm(generator * step) for step in np.unique(steps)}
     for step in steps:

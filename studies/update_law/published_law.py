@@ -27,9 +27,11 @@ from hfa_support import BadInputError, NoSolutionError
 ROWS = 1000
 #: Residuals below this count as this in the curvature, which is infinite at 0; dividing 0 by the
 #: tiny one gives 0.
-CURVATURE_FLOOR, TINY = 1e-14, float(np.finfo(float).tiny)
+CURVATURE_FLOOR = 1e-14
+TINY = float(np.finfo(float).tiny)
 #: Most Newton steps of one implicit step, and the relative step at which it has converged.
-MOST_STEPS, SETTLED = 60, 1e-10
+MOST_STEPS = 60
+SETTLED = 1e-10
 _WORDS = {
     "normalisation": ("root", "squared"),
     "stack_policies": ("frozen", "reevaluated"),
@@ -265,7 +267,8 @@ class PublishedLaw:
     def _stored(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """σ_j, the cost, n_j and σ̄_j of the stored policies; none depends on the current
         weights."""
-        e, policy = self.equations, self._scaled(self.settings.recorded_weights)
+        e = self.equations
+        policy = self._scaled(self.settings.recorded_weights)
         regressors, costs = bellman(
             e.gradient, e.drifts, self._costs, self.S, np.zeros(e.basis.size), policy
         )
@@ -297,7 +300,8 @@ class PublishedLaw:
 
     def _all_samples(self, weights: np.ndarray, error: np.ndarray) -> Sample:
         """The recorded samples, in flight with the current one before them."""
-        stored, e = self.recorded(weights), self.equations
+        stored = self.recorded(weights)
+        e = self.equations
         if len(error) == 0:
             return stored
         z = error[None, :]
@@ -365,7 +369,8 @@ class PublishedLaw:
 
     def advance(self, tick: int, memory: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """The integration steps of one tick. Raises NoSolutionError when the numbers overflow."""
-        weights, error = memory["weights"], memory["error"]
+        weights = memory["weights"]
+        error = memory["error"]
         with np.errstate(over="ignore", invalid="ignore", divide="ignore", under="ignore"):
             for step in range(self._steps_done(tick), self._steps_done(tick + 1)):
                 weights, error = self._step(weights, error)
@@ -384,7 +389,8 @@ class PublishedLaw:
         }
 
     def _step(self, weights: np.ndarray, error: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        s, gains = self.settings, self.gains
+        s = self.settings
+        gains = self.gains
         if s.integrator == "proximal":
             # The normaliser stays that of the start of the step, so that ∂ē/∂W = σ̄ within it.
             n = normaliser(self.terms(weights)[0], s.normalisation)

@@ -37,7 +37,8 @@ FLIGHT_START = (-2.0, -0.05, 0.0, 0.0, -0.5, 0.0)
 #: Relative changes of W(0) after which a run should end where it ended; if not, its end is an
 #: accident of rounding.
 NEARBY = (-1e-9, 1e-9)
-_POLICIES, _NORMALISATIONS = ("frozen", "reevaluated"), ("root", "squared")
+_POLICIES = ("frozen", "reevaluated")
+_NORMALISATIONS = ("root", "squared")
 _SCALED: dict[str, Any] = {"basis": "quadratic", "coordinates": "scaled"}
 _IMPLICIT: dict[str, Any] = {"integrator": "proximal", "step": 0.01}
 
@@ -168,7 +169,8 @@ def references() -> tuple[Reference, ...]:
     for model in published_models():
         game = published_game(model.A, model.B)
         lqr = replace(game, Q=1000.0 * np.eye(len(game.A)), delta=np.inf)
-        exact, start = learn(game, tick=0.1), learn(lqr, tick=0.1)
+        exact = learn(game, tick=0.1)
+        start = learn(lqr, tick=0.1)
         if not (exact.settled and start.settled):
             raise NoSolutionError(
                 f"no settled reference at {model.dihedral_deg:g} deg; run hfa learn to see why"
@@ -184,7 +186,8 @@ def made(reference: Reference, case: Case, chosen: PublishedSettings) -> dict[st
     settled: when the law's own residual fell below `SETTLED` of its start for good, s. stabilizing:
     A - S P and A - B K Hurwitz. lambda_0, alpha1, alpha2, explicit_step_limit: at the start;
     last_lambda_0: at T_w. P_errors_nearby: P_error from the W(0) of `case.nearby`."""
-    game, exact = reference.game, reference.exact
+    game = reference.game
+    exact = reference.exact
     pool = (
         random_pool(game, chosen.pool_samples, case.seed, np.array(FLIGHT_BOX))
         if case.box
@@ -200,8 +203,10 @@ def made(reference: Reference, case: Case, chosen: PublishedSettings) -> dict[st
             {**facts, "overflow": str(error), **_LOST, **stack, "P_errors_nearby": []}
         )
         return lost
-    result, last = law.conclude(finished), law.recorded(finished.memory["weights"])
-    own, start = result.law_residual_norm, np.array(chosen.initial_weights)
+    result = law.conclude(finished)
+    last = law.recorded(finished.memory["weights"])
+    own = result.law_residual_norm
+    start = np.array(chosen.initial_weights)
     nearby = [
         replace(chosen, initial_weights=(start * (1.0 + change)).tolist()) for change in case.nearby
     ]

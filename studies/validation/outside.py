@@ -177,7 +177,8 @@ def validate(aircraft: Model) -> Validation:
     trims = tuple(_trim_difference(released, model) for released, model in models.items())
     known = outside_data()
     # Qu 2018 prints no true trim: ours is the released one at that speed and dihedral angle.
-    qu, shown = known["qu_2018"], known["gibson_2011"]["fast_dihedral_root"]
+    qu = known["qu_2018"]
+    shown = known["gibson_2011"]["fast_dihedral_root"]
     at = {(each.speed, each.dihedral): model for each, model in models.items()}
     entries = third_printed_entries(at[qu["speed_ft_s"], math.radians(qu["dihedral_deg"])])
     roots = []  # the fastest real root at the ends of Gibson's Fig. 7, at 30 ft/s

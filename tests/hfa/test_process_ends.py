@@ -101,11 +101,9 @@ def run(
     started."""
     (folder / "temporary").mkdir(parents=True, exist_ok=True)
     place = {**os.environ, "TMPDIR": str(folder / "temporary")}
-    begun, seen, streams = (
-        time.monotonic(),
-        set[int](),
-        {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE},
-    )
+    begun = time.monotonic()
+    seen = set[int]()
+    streams = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
     process = subprocess.Popen(
         [SCRIPT, *words], cwd=folder, env=place, text=True, start_new_session=True, **streams
     )
@@ -289,7 +287,8 @@ def test_ended_at_random_moments_and_continued_it_comes_to_the_same_bits(
 ) -> None:
     whole = run(tmp_path / "whole", *LONG[name])
     assert whole.code == 0
-    expected, moments = result_of(tmp_path / "whole"), random.Random(name)
+    expected = result_of(tmp_path / "whole")
+    moments = random.Random(name)
     for number in range(RUNS):
         folder = tmp_path / str(number)
         again: tuple[str, ...] = ()

@@ -45,7 +45,8 @@ def certificates(certificate: Path, tmp_path_factory: pytest.TempPathFactory) ->
 def test_a_certificate_of_each_kind_is_verified(certificates: dict[str, Path], kind: str) -> None:
     result = hfa("prove", "--check", str(certificates[kind]), "--json")
     assert result.code == 0
-    data, origin = json.loads(result.out), json.loads(certificates[kind].read_text())["provenance"]
+    data = json.loads(result.out)
+    origin = json.loads(certificates[kind].read_text())["provenance"]
     assert data["proved"] is True
     assert data["written"] == {key: origin[key] for key in ("version", "command", "date")}
     assert origin["command"].endswith(
@@ -60,8 +61,10 @@ def test_a_certificate_is_bound_to_ones_own_data(
 ) -> None:
     """The same gains, weights and angles pass; others are exit 1, and what it does not state is
     exit 2."""
-    critic, schedule = str(certificates["critic"]), str(certificates["schedule"])
-    solved, table = str(certificates["critic"].parent / "solved.json"), tmp_path / "table.npz"
+    critic = str(certificates["critic"])
+    schedule = str(certificates["schedule"])
+    solved = str(certificates["critic"].parent / "solved.json")
+    table = tmp_path / "table.npz"
     stated = json.loads(Path(schedule).read_text())["statement"]["controller"]
     gains = {"dihedral_deg": np.array(stated["breakpoints"]), "K": -np.array(stated["D"])}
     np.savez(table, **gains)

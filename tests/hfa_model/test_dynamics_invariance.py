@@ -57,7 +57,8 @@ def change_of_units_error(
     worst = 0.0
     for state, control in zip(*random_points(50, seed=7), strict=True):
         air = density(state[2])
-        x, u = State(*state.tolist()), Input(*control.tolist())
+        x = State(*state.tolist())
+        u = Input(*control.tolist())
         before = rates_from_loads(
             x, aircraft_loads(x, u, air, parameters, variant), parameters, variant
         )

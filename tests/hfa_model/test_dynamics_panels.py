@@ -41,7 +41,9 @@ def three_panels(
     to_body = np.array(
         [[np.cos(x.pitch), 0, -np.sin(x.pitch)], [0, 1, 0], [np.sin(x.pitch), 0, np.cos(x.pitch)]]
     )
-    force, moment, inertia = np.zeros(3), np.zeros(3), np.zeros((3, 3))
+    force = np.zeros(3)
+    moment = np.zeros(3)
+    inertia = np.zeros((3, 3))
     for side in SIDES:
         roll = -side * x.dihedral
         axes = np.array(
@@ -77,10 +79,8 @@ def rigid_rates(x: State, body: Body, p: Parameters) -> np.ndarray:
     """V', α', q' of a rigid body in its plane: Newton's and Euler's laws."""
     weight = p.gravity * np.array([-np.sin(x.pitch), 0.0, np.cos(x.pitch)])
     acceleration = body.force / (3 * p.panel_mass) + weight
-    along, down = (
-        np.array([np.cos(x.alpha), 0, np.sin(x.alpha)]),
-        np.array([-np.sin(x.alpha), 0, np.cos(x.alpha)]),
-    )
+    along = np.array([np.cos(x.alpha), 0, np.sin(x.alpha)])
+    down = np.array([-np.sin(x.alpha), 0, np.cos(x.alpha)])
     pitching = np.linalg.solve(body.inertia, body.moment)[1]
     return np.array([acceleration @ along, x.pitch_rate + acceleration @ down / x.speed, pitching])
 
@@ -98,10 +98,8 @@ def cases(change: Callable[[State], State]) -> list[tuple[State, Input, Winds]]:
 def differences(p: Parameters, dynamics: str, change: Callable[[State], State]) -> np.ndarray:
     """Largest errors of V', α', q' against the rigid body's, relative to the rate or, near zero, to
     its scale."""
-    worst, scales = (
-        np.zeros(3),
-        np.array([RATE_SCALES.speed, RATE_SCALES.alpha, RATE_SCALES.pitch_rate]),
-    )
+    worst = np.zeros(3)
+    scales = np.array([RATE_SCALES.speed, RATE_SCALES.alpha, RATE_SCALES.pitch_rate])
     for x, u, winds in cases(change):
         found = rates(x, u, p, VARIANTS[dynamics], winds)
         expected = rigid_rates(x, three_panels(x, u, p, winds), p)

@@ -48,10 +48,8 @@ def disagreement(
     """
     closed_form = function_of(lambda x, u, p, w: rates(x, u, p, variant, w), **air)
     random = np.random.default_rng(5)
-    spread, winds = (
-        random.normal(size=(count, len(parameters))) * 0.2,
-        random.uniform(-15, 15, (count, len(NAMES))),
-    )
+    spread = random.normal(size=(count, len(parameters))) * 0.2
+    winds = random.uniform(-15, 15, (count, len(NAMES)))
     worst = np.zeros(len(STATES))
     for state, control, noise, wind in zip(
         *random_points(count, seed=4), spread, winds, strict=True

@@ -35,14 +35,10 @@ def outputs(
 def test_steady_level_flight(aircraft: Model, degrees: float) -> None:
     """L + T sin α = W, D = T cos α, M = 0, H = k η from `loads` alone, lift and drag positive; and
     the outputs."""
-    point, p = (
-        model_at(degrees, hfa_model.variant_of(aircraft).name).point,
-        hfa_model.parameters_of(aircraft),
-    )
-    loads, weight = (
-        hfa_model.loads(aircraft, point.states, point.inputs),
-        3 * p.panel_mass * p.gravity,
-    )
+    point = model_at(degrees, hfa_model.variant_of(aircraft).name).point
+    p = hfa_model.parameters_of(aircraft)
+    loads = hfa_model.loads(aircraft, point.states, point.inputs)
+    weight = 3 * p.panel_mass * p.gravity
     assert (
         min(
             loads.lift,
@@ -78,7 +74,8 @@ def test_steady_level_flight(aircraft: Model, degrees: float) -> None:
 
 def place_of_panel(x: np.ndarray, height: Callable, side: float, p: Parameters) -> np.ndarray:
     """North, east, down of a panel's center of mass from that of the aircraft, ft."""
-    eta, theta = x[STATES.index("dihedral")], x[STATES.index("pitch")]
+    eta = x[STATES.index("dihedral")]
+    theta = x[STATES.index("pitch")]
     down = float(height(eta, p))
     return np.array(
         [down * np.sin(theta), side * p.panel_span / 2 * (1 + np.cos(eta)), down * np.cos(theta)]
@@ -90,7 +87,8 @@ def velocity_of_panel(
 ) -> np.ndarray:
     """North, east, down, ft/s: of the aircraft's center of mass, plus the rate of the panel's
     place."""
-    state, ahead = State(*x), 1e-6 * aircraft.at(x, u).f
+    state = State(*x)
+    ahead = 1e-6 * aircraft.at(x, u).f
     places = [
         place_of_panel(x + sign * ahead, height, side, hfa_model.parameters_of(aircraft))
         for sign in (1, -1)
@@ -121,7 +119,8 @@ def test_panel_load_factors_are_those_of_the_moving_panels(
             for t in (1e-5, -1e-5)
         ]
         acceleration = (velocities[0] - velocities[1]) / 2e-5
-        theta, eta = x[STATES.index("pitch")], side * x[STATES.index("dihedral")]
+        theta = x[STATES.index("pitch")]
+        eta = side * x[STATES.index("dihedral")]
         across = np.array([np.sin(theta) * np.cos(eta), np.sin(eta), np.cos(theta) * np.cos(eta)])
         felt = (gravity - acceleration) @ across / gravity[2]
         assert outputs(aircraft, x, u)[name] == pytest.approx(felt, rel=2e-5, abs=2e-5)
@@ -129,8 +128,10 @@ def test_panel_load_factors_are_those_of_the_moving_panels(
 
 def test_an_updraft_raises_the_angle_through_the_air_alone(published_aircraft: Model) -> None:
     point = find_operating_point(published_aircraft, level_flight(0.2))
-    x, u = np.array(point.states), np.array(point.inputs)
-    still, rising = outputs(published_aircraft, x, u), outputs(published_aircraft, x, u, 5.0)
+    x = np.array(point.states)
+    u = np.array(point.inputs)
+    still = outputs(published_aircraft, x, u)
+    rising = outputs(published_aircraft, x, u, 5.0)
     assert rising["alpha_air_center"] - still["alpha_air_center"] == pytest.approx(
         5.0 / 68.0, rel=0.01
     )

@@ -22,9 +22,11 @@ from hfa_support import BadInputError
 def test_round_trip_is_bit_for_bit(tmp_path: Path, parameter_set: ParameterSet) -> None:
     """Also of awkward numbers, and of a covariance of rank one: its other eigenvalues are zero but
     for rounding."""
-    rng, count = np.random.default_rng(1), len(parameter_set.identified)
+    rng = np.random.default_rng(1)
+    count = len(parameter_set.identified)
     awkward = Parameters(*(10.0 ** rng.uniform(-300, 300, len(FIELDS))).tolist())
-    sizes, direction = 10.0 ** rng.uniform(-150, 150, count), rng.normal(size=count)
+    sizes = 10.0 ** rng.uniform(-150, 150, count)
+    direction = rng.normal(size=count)
     correlated = np.outer(sizes, sizes) * np.where(np.eye(count), 1.0, 1 / 3)
     assert parameter_set.covariance.shape == (15, 15)
     for each in (

@@ -57,10 +57,8 @@ def coverage(
 
 
 def test_entries_spread_as_their_standard_errors_say(parameter_set: ParameterSet, at_angle) -> None:
-    samples, center = (
-        np.array(sample_parameters(parameter_set, COUNT, seed=0)),
-        np.array(parameter_set.values),
-    )
+    samples = np.array(sample_parameters(parameter_set, COUNT, seed=0))
+    center = np.array(parameter_set.values)
     inside, spread = coverage(samples, at_angle)
     assert np.all((inside > 0.94) & (inside < 0.96))
     np.testing.assert_allclose(spread, 1.0, atol=0.03)
@@ -75,7 +73,8 @@ def test_entries_spread_as_their_standard_errors_say(parameter_set: ParameterSet
 
 def test_each_parameter_has_its_standard_error_and_its_sign(parameter_set: ParameterSet) -> None:
     samples = sample_parameters(parameter_set, COUNT, seed=1)
-    table, center = np.array(samples), np.array(parameter_set.values)
+    table = np.array(samples)
+    center = np.array(parameter_set.values)
     errors = parameter_set.standard_errors
     for name, column in zip(Parameters._fields, table.T, strict=True):
         if name in errors:

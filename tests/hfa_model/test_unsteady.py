@@ -29,10 +29,8 @@ DEGREES = np.pi / 180
 def points(count: int, seed: int) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
     """States with lag states, inputs, and winds, far wider than any trim."""
     rng, (states, inputs) = np.random.default_rng(seed), random_points(count, seed)
-    lags, winds = (
-        rng.uniform(-0.3, 0.3, (count, len(LAG_STATES))),
-        rng.uniform(-6, 6, (count, len(DISTURBANCES))),
-    )
+    lags = rng.uniform(-0.3, 0.3, (count, len(LAG_STATES)))
+    winds = rng.uniform(-6, 6, (count, len(DISTURBANCES)))
     return list(zip(np.hstack([states, lags]), inputs, winds, strict=True))
 
 
@@ -82,7 +80,8 @@ def by_energies() -> ca.Function:
     x, u, p, w = by_name(*vectors)
     derived = derived_unsteady(x, u, density(x.altitude), p, winds_named(tuple(DISTURBANCES), w))
     other = ca.vertcat(*derived.rates, *(derived.lag_rates[name] for name in LAG_STATES))
-    thin, still = ca.SX.sym("density"), winds_named(tuple(DISTURBANCES), [0.0] * len(DISTURBANCES))
+    thin = ca.SX.sym("density")
+    still = winds_named(tuple(DISTURBANCES), [0.0] * len(DISTURBANCES))
     energetic = derived_unsteady(x, u, thin, p, still)  # the density is constant along the path
     moving = ca.SX.sym("moving", vectors[0].numel())
     balance = ca.vertcat(ca.jtimes(energetic.energy, vectors[0], moving), energetic.power)
@@ -160,7 +159,8 @@ def response(kind: str, lag: Lag, k: np.ndarray) -> np.ndarray:
     in A and E."""
     table, flow = half_chords()
     rows, column = ([0, 1], 4) if kind == "lag" else ([2, 3], 5)
-    A, b = table[np.ix_(rows, rows)], table[rows, column]
+    A = table[np.ix_(rows, rows)]
+    b = table[rows, column]
     steady = -np.linalg.solve(A, b)
     z = np.array([np.linalg.solve(1j * each * flow * np.eye(2) - A, b) for each in k]) / steady
     return 1 - (1 - z) @ np.array(lag.shares)
@@ -243,19 +243,23 @@ def test_apparent_mass_is_that_of_the_textbook(parameters: Parameters) -> None:
     model = level_model(
         UNSTEADY.with_parameters(**{each: float(each == "apparent_mass") for each in EFFECTS}), 0.0
     )
-    p, x, air = parameters, model.point.states, density(40000.0)
+    p = parameters
+    x = model.point.states
+    air = density(40000.0)
     forward = x.speed * np.cos(x.alpha)
     t = (np.arange(2000) + 0.5) * np.pi / 2000
     slope = (
         np.cos(t) / 2
     )  # of the camber line z, up: dz/dx = -q (x - c/2) / V at q c / V = 1, x = c (1 - cos t) / 2
     A1, A2 = (2 * np.mean(slope * np.cos(n * t)) for n in (1, 2))
-    mass, moment = np.diag([3 * p.panel_mass, 3 * p.inertia_pitch]), 0.0
+    mass = np.diag([3 * p.panel_mass, 3 * p.inertia_pitch])
+    moment = 0.0
     for chord, area, behind in (
         (p.chord, p.panel_span * p.chord, 0.0),
         (2.0, p.tail_area, p.boom_length),
     ):
-        m, b = np.pi * air * area * chord / 4, chord / 2
+        m = np.pi * air * area * chord / 4
+        b = chord / 2
         inertia = 3 / 8 * m * b**2 + m * b * behind + m * behind**2
         mass += 3 * np.array([[m, m * (b / 2 + behind)], [m * (b / 2 + behind), inertia]])
         moment += 3 * air * forward**2 / 2 * area * chord * np.pi / 4 * (A2 - A1) * chord / forward
@@ -274,7 +278,8 @@ def test_downwash_beside_an_elliptic_lifting_line(across: float, share: float) -
         1.5 * UNSTEADY.parameters["panel_span"].start
     )
     t = (np.arange(100_000) + 0.5) * np.pi / 100_000
-    y, away = np.cos(t), np.cos(t) - across
+    y = np.cos(t)
+    away = np.cos(t) - across
     bound = np.pi * np.mean(np.sin(t) ** 2 * ahead / (ahead**2 + away**2) ** 1.5)
     sheet = 2 * np.pi + np.pi * np.mean((ahead / np.hypot(ahead, away) - 1) * y / away)
     assert (bound + sheet) / (2 * np.pi) == pytest.approx(share, abs=0.01)

@@ -43,8 +43,12 @@ def accelerations(
     it stands. hinge inertia: the term in cos² η of Eq. (46), with the sign of Eq. (70). pitch rate:
     the term V cos α q in d2, with the sign of Eq. (30). moving hinge: M_j = dH_j/dt + v_j × ρ, ρ =
     m v_c, where Eq. (10) has dH_j/dt alone. H of Eq. (44) is printed without its lever s/2."""
-    m, s, eta, spin = p.panel_mass, p.panel_span, x.dihedral, x.dihedral_rate
-    center, outer = loads.center, loads.outer
+    m = p.panel_mass
+    s = p.panel_span
+    eta = x.dihedral
+    spin = x.dihedral_rate
+    center = loads.center
+    outer = loads.outer
     moment = center.moment + 2 * outer.moment * (cos(eta) if "section moment" in repairs else 1.0)
     moment += p.boom_length * (center.tail_downward + 2 * outer.tail_downward * cos(eta))
     moment += s / 3 * sin(eta) * center.forward + 2 * (-s / 6 * sin(eta)) * outer.forward
@@ -75,10 +79,8 @@ def accelerations(
     d3 = p.inertia_roll + m * (
         s**2 / 4 + (-1 if "hinge inertia" in repairs else 1) * s**2 / 6 * cos(eta) ** 2
     )
-    forward, hinge_descent = (
-        x.speed * cos(x.alpha),
-        x.speed * sin(x.alpha) + s / 3 * cos(eta) * spin,
-    )
+    forward = x.speed * cos(x.alpha)
+    hinge_descent = x.speed * sin(x.alpha) + s / 3 * cos(eta) * spin
     across = hinge_descent * sin(eta), hinge_descent * cos(eta)
     v_j = forward + s / 3 * sin(eta) * x.pitch_rate, *across  # Eq. (67)
     v_c = forward - s / 6 * sin(eta) * x.pitch_rate, across[0], across[1] - s / 2 * spin  # Eq. (69)

@@ -16,7 +16,8 @@ NAMES = tuple(DISTURBANCES)
 def seen_from_the_ground(x: State, updraft: float, headwind: float) -> State:
     """The state over ground of an aircraft whose state through the air is x."""
     gamma = x.pitch - x.alpha
-    north, up = x.speed * np.cos(gamma) - headwind, x.speed * np.sin(gamma) + updraft
+    north = x.speed * np.cos(gamma) - headwind
+    up = x.speed * np.sin(gamma) + updraft
     return x._replace(
         speed=float(np.hypot(north, up)), alpha=x.pitch - float(np.arctan2(up, north))
     )
@@ -24,11 +25,10 @@ def seen_from_the_ground(x: State, updraft: float, headwind: float) -> State:
 
 def inertial(x: State, rate: State) -> np.ndarray:
     """Accelerations that no steady motion of the observer changes: north, up, pitch, dihedral."""
-    gamma, gamma_rate = x.pitch - x.alpha, rate.pitch - rate.alpha
-    along, across = (
-        np.array([np.cos(gamma), np.sin(gamma)]),
-        np.array([-np.sin(gamma), np.cos(gamma)]),
-    )
+    gamma = x.pitch - x.alpha
+    gamma_rate = rate.pitch - rate.alpha
+    along = np.array([np.cos(gamma), np.sin(gamma)])
+    across = np.array([-np.sin(gamma), np.cos(gamma)])
     return np.array(
         [*(rate.speed * along + x.speed * gamma_rate * across), rate.pitch_rate, rate.dihedral_rate]
     )
@@ -39,7 +39,8 @@ def galilean_error(parameters: Parameters, variant: Variant, winds: Winds) -> np
     of many states."""
     worst = np.zeros(4)
     for state, control in zip(*random_points(100, seed=5), strict=True):
-        x, u = State(*state.tolist()), Input(*control.tolist())
+        x = State(*state.tolist())
+        u = Input(*control.tolist())
         moving = seen_from_the_ground(x, winds.center.updraft, winds.center.headwind)
         still = inertial(x, rates(x, u, parameters, variant))
         error = np.abs(inertial(moving, rates(moving, u, parameters, variant, winds)) - still)

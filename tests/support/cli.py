@@ -57,7 +57,8 @@ def unchecked_hfa(
     *words: str, err: io.StringIO | None = None, out: io.StringIO | None = None
 ) -> Result:
     """The same, whatever the JSON is like."""
-    out, err = io.StringIO() if out is None else out, io.StringIO() if err is None else err
+    out = io.StringIO() if out is None else out
+    err = io.StringIO() if err is None else err
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
         code = main(words)
     return Result(code, out.getvalue(), err.getvalue())

@@ -41,6 +41,7 @@ def small_controller(aircraft: Model, **changed: object) -> ScheduledController:
 def integrating_controller(aircraft: Model, **changed: object) -> ScheduledController:
     """u = -(k e + g (dihedral - r)), e' = dihedral - r, k rising with the angle."""
     gains = np.array([0.02, 0.03, 0.04])[:, None, None]
-    one, row = np.ones((3, 1, 1)), np.array([0.0, 1.0, -1.0, 0.0])
+    one = np.ones((3, 1, 1))
+    row = np.array([0.0, 1.0, -1.0, 0.0])
     parts = {"A": 0.0 * one, "B": one * row, "C": -gains, "D": -0.3 * gains * row, "W": 0.0 * one}
     return small_controller(aircraft, **(parts | changed))

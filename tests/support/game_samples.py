@@ -44,15 +44,24 @@ def random_game(rng: np.random.Generator, *, scaled: bool) -> Game:
 
     `scaled`: in units of state that differ by up to 1e8 from each other, badly scaled on purpose.
     """
-    n, m, k, rank = 6, int(rng.integers(1, 6)), int(rng.integers(1, 7)), int(rng.integers(1, 7))
-    A, B = rng.standard_normal((n, n)), rng.standard_normal((n, m))
+    n = 6
+    m = int(rng.integers(1, 6))
+    k = int(rng.integers(1, 7))
+    rank = int(rng.integers(1, 7))
+    A = rng.standard_normal((n, n))
+    B = rng.standard_normal((n, m))
     E = rng.standard_normal((n, k)) if rng.random() < 0.5 else np.eye(n)
-    C, root = rng.standard_normal((rank, n)), rng.standard_normal((m, m))
+    C = rng.standard_normal((rank, n))
+    root = rng.standard_normal((m, m))
     delta = math.exp(rng.uniform(math.log(0.3), math.log(30.0)))
     if scaled:
         units = 10.0 ** rng.uniform(-4.0, 4.0, n)
-        A, B, E, C = A * units[:, None] / units, B * units[:, None], E * units[:, None], C / units
-    Q, R = C.T @ C, root @ root.T + 0.1 * np.eye(m)
+        A = A * units[:, None] / units
+        B = B * units[:, None]
+        E = E * units[:, None]
+        C = C / units
+    Q = C.T @ C
+    R = root @ root.T + 0.1 * np.eye(m)
     return Game(A, B, E, (Q + Q.T) / 2.0, (R + R.T) / 2.0, delta)
 
 

@@ -235,7 +235,8 @@ def damaged(content: bytes, chance: random.Random) -> bytes:
     for _ in range(chance.randint(1, 4)):
         if not result:
             break
-        at, length = chance.randrange(len(result)), chance.randint(1, 32)
+        at = chance.randrange(len(result))
+        length = chance.randint(1, 32)
         match chance.randrange(5):
             case 0:
                 result[at] ^= 1 << chance.randrange(8)
@@ -254,7 +255,8 @@ def _hostile_text(content: bytes, chance: random.Random) -> bytes:
     tokens = _TOKENS.findall(content.decode("utf-8"))
     for _ in range(chance.randint(1, 3)):
         places = [number for number, token in enumerate(tokens) if not token.isspace()] or [0]
-        at, other = chance.choice(places), chance.choice(places)
+        at = chance.choice(places)
+        other = chance.choice(places)
         match chance.randrange(5):
             case 0 | 1:
                 tokens[at] = chance.choice((*NUMBERS, *VALUES))
@@ -385,7 +387,8 @@ def attempt(words: Sequence[str], given: Mapping[str, bytes]) -> str | None:
     """What is wrong with how `hfa` takes an input, None where nothing is; runs below a folder that
     must stay empty."""
     with tempfile.TemporaryDirectory() as name:
-        inside, err = Path(name) / "inside", io.StringIO()
+        inside = Path(name) / "inside"
+        err = io.StringIO()
         inside.mkdir()
         with chdir(inside):
             for path, content in given.items():

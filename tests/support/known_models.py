@@ -75,10 +75,8 @@ class FlownCase:
 
 
 def case_at(parameters: Parameters, dynamics: str, degrees: float) -> FlownCase:
-    point, law = (
-        model_at(degrees, dynamics).point,
-        GainPolicy("exact", exact_gain(degrees, dynamics)),
-    )
+    point = model_at(degrees, dynamics).point
+    law = GainPolicy("exact", exact_gain(degrees, dynamics))
     aircraft = hfa_model.aircraft(dynamics, parameters)
     return FlownCase(
         aircraft, point, game_at(degrees, dynamics), law, flight_envelope(aircraft, point)

@@ -39,7 +39,8 @@ def lagrangian_rates(
     inertial velocity less that of the air there. CasADi expressions in and out.
     Source: Goldstein, Classical Mechanics, Section 1.4.
     """
-    r, v = ca.SX.sym("r", 4), ca.SX.sym("v", 4)
+    r = ca.SX.sym("r", 4)
+    v = ca.SX.sym("v", 4)
     panels = panels_at(r, v, p)
     kinetic = sum(kinetic_energy(panel, r, v, p) for panel in panels)
     force = _generalized_force(panels, r, v, u, density, p, winds)
@@ -68,7 +69,8 @@ def euler_lagrange(
 
 def mechanical_energy(x: State, p: Parameters) -> ca.SX:
     """T + U of a state, ft lbf: what free flight without air and dampers conserves."""
-    r, v = ca.SX.sym("r", 4), ca.SX.sym("v", 4)
+    r = ca.SX.sym("r", 4)
+    v = ca.SX.sym("v", 4)
     panels = panels_at(r, v, p)
     energy = sum(kinetic_energy(panel, r, v, p) + _potential_energy(panel, p) for panel in panels)
     return at_state(energy + p.hinge_stiffness * r[3] ** 2, x, r, v, p)
@@ -77,7 +79,8 @@ def mechanical_energy(x: State, p: Parameters) -> ca.SX:
 def panels_at(r: ca.SX, v: ca.SX, p: Parameters) -> tuple[Panel, Panel, Panel]:
     """Center, right and left panel; a wing hinges at half a span and its center lies half a span
     further out."""
-    sin_theta, cos_theta = ca.sin(r[2]), ca.cos(r[2])
+    sin_theta = ca.sin(r[2])
+    cos_theta = ca.cos(r[2])
     body = ca.vertcat(
         ca.horzcat(cos_theta, 0, sin_theta),
         ca.horzcat(0, 1, 0),
@@ -89,7 +92,8 @@ def panels_at(r: ca.SX, v: ca.SX, p: Parameters) -> tuple[Panel, Panel, Panel]:
     for side in (1, -1):
         # The right wing (side 1) rises by a rotation of -η about the body's x axis, the left one by
         # +η.
-        roll, roll_rate = -side * r[3], -side * v[3]
+        roll = -side * r[3]
+        roll_rate = -side * v[3]
         lean = ca.vertcat(
             ca.horzcat(1, 0, 0),
             ca.horzcat(0, ca.cos(roll), -ca.sin(roll)),
@@ -184,7 +188,8 @@ def at_state(expression: ca.SX, x: State, r: ca.SX, v: ca.SX, p: Parameters) -> 
     center of mass."""
     height = p.panel_span / 3 * ca.sin(x.dihedral)
     height_rate = p.panel_span / 3 * ca.cos(x.dihedral) * x.dihedral_rate
-    sin_theta, cos_theta = ca.sin(x.pitch), ca.cos(x.pitch)
+    sin_theta = ca.sin(x.pitch)
+    cos_theta = ca.cos(x.pitch)
     gamma = x.pitch - x.alpha
     position = ca.vertcat(height * sin_theta, height * cos_theta - x.altitude, x.pitch, x.dihedral)
     velocity = ca.vertcat(

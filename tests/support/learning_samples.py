@@ -92,10 +92,12 @@ def start_at_the_edge(game: Game, exact: np.ndarray, seed: int, margin: float) -
     while True:
         noise = rng.normal(size=exact.shape)
         noise = (noise + noise.T) / 2.0 * np.linalg.norm(scaled) * 10.0
-        inside, outside = exact, exact + noise / np.outer(units, units)
+        inside = exact
+        outside = exact + noise / np.outer(units, units)
         if abscissa(game.A - game.S_control @ outside) > 0.0:
             break
-    low, high = 0.0, 1.0
+    low = 0.0
+    high = 1.0
     for _ in range(200):
         middle = 0.5 * (low + high)
         if abscissa(game.A - game.S_control @ (inside + middle * (outside - inside))) < -margin:

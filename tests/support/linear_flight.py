@@ -42,7 +42,8 @@ def simulate(
 
     def rate(t: float, augmented: np.ndarray) -> np.ndarray:
         z = augmented[:-1]
-        u, d = control(t, z), disturbance(t, z)
+        u = control(t, z)
+        d = disturbance(t, z)
         change = game.A @ z + game.B @ u + game.E @ d + (0.0 if forcing is None else forcing(t))
         return np.append(change, z @ game.Q @ z + u @ game.R @ u - price * d @ d)
 

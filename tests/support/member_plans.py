@@ -34,7 +34,8 @@ def plan(point: OperatingPoint, gain: np.ndarray) -> MonteCarlo:
         uncertainty=EVERYTHING,
     )
     aircraft = hfa_model.aircraft(parameters=PARAMETERS)
-    law, envelope = GainPolicy("exact", gain), flight_envelope(aircraft, point)
+    law = GainPolicy("exact", gain)
+    envelope = flight_envelope(aircraft, point)
     return MonteCarlo(12, 7, aircraft, point, law, scenario, envelope)
 
 

@@ -86,7 +86,8 @@ def torch_file(path: Path | str, tensors: Mapping[str, Any]) -> str:
 
 def safetensors_file(path: Path | str, tensors: Mapping[str, Any]) -> str:
     """A header of JSON, then the numbers."""
-    header, body = {}, b""
+    header = {}
+    body = b""
     for name, value in tensors.items():
         each = np.asarray(value)
         kind = {"float32": "F32", "float64": "F64", "float16": "F16"}[str(each.dtype)]

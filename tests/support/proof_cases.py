@@ -97,7 +97,9 @@ def loop_in_doubles(loop: Any, A: np.ndarray, B: np.ndarray, angle: float) -> Lo
     A_c, B_c, C_c, D_c = (
         between(controller.breakpoints, getattr(controller, name), angle) for name in "ABCD"
     )
-    n, k, a = len(A), len(A_c), len(controller.inputs)
+    n = len(A)
+    k = len(A_c)
+    a = len(controller.inputs)
     orders = () if loop.actuators is None else loop.actuators.order
     second = [i for i, order in enumerate(orders) if order == 2]
     size = n + len(orders) + len(second) + k
@@ -110,7 +112,9 @@ def loop_in_doubles(loop: Any, A: np.ndarray, B: np.ndarray, angle: float) -> Lo
     moved = B[:, [INPUTS.index(name) for name in controller.inputs]]
     U = D_c @ measured
     U[:, size - k :] += C_c
-    base, lag, G = np.zeros((size, size)), np.zeros((size, size)), np.zeros((size, a))
+    base = np.zeros((size, size))
+    lag = np.zeros((size, size))
+    G = np.zeros((size, a))
     base[:n, :n] = A
     base[size - k :] = B_c @ measured
     base[size - k :, size - k :] += A_c
@@ -162,12 +166,14 @@ def delayed_abscissa(
 def unstable_between(low: float, high: float) -> Loop:
     """Gains that stabilize at both angles and not halfway, found by trying."""
     models = [model_at(angle) for angle in (low, (low + high) / 2, high)]
-    K, random = exact_gain(low), np.random.default_rng(0)
+    K = exact_gain(low)
+    random = np.random.default_rng(0)
     sizes = np.linalg.norm(K, axis=1)[:, None]
     for _ in range(5000):
         change = random.standard_normal(K.shape) * sizes * random.choice([0.5, 1.0, 2.0])
         other = random.standard_normal(K.shape) * sizes
-        first, last = K + change, K - change + other
+        first = K + change
+        last = K - change + other
         gains = first, (first + last) / 2, last
         loops = np.array(
             [model.A - model.B @ gain for model, gain in zip(models, gains, strict=True)]
@@ -229,7 +235,8 @@ def _of_gtm() -> Proof:
 
 def _critic(game: Game, *flights: Any) -> Proof:
     """W and K that are off by 1e-6 and 1e-3."""
-    exact, functions = solve_game(game), basis("quadratic", len(game.A))
+    exact = solve_game(game)
+    functions = basis("quadratic", len(game.A))
     parts = {"W": functions.weights(exact.P) * (1 + 1e-6), "K": exact.K * (1 + 1e-3)}
     return prove_critic(game, from_parts(game, parts), *flights)
 

@@ -12,10 +12,8 @@ from hfa_model.outputs import moment_of
 from hfa_model.variants import Variant
 from hfa_model.vectors import INPUT_SIGNALS, STATE_SIGNALS, Quantity
 
-STATE_SCALES, INPUT_SCALES = (
-    State(*(s.nominal for s in STATE_SIGNALS)),
-    Input(*(s.nominal for s in INPUT_SIGNALS)),
-)
+STATE_SCALES = State(*(s.nominal for s in STATE_SIGNALS))
+INPUT_SCALES = Input(*(s.nominal for s in INPUT_SIGNALS))
 #: One scaled unit of each rate.
 RATE_SCALES = State(*map(hfa_model.aircraft().rate_scale, hfa_model.aircraft().states))
 _LOWEST_STATE = State(20.0, -0.35, 0.0, -1.0, -1.0, -1.2, -1.0)

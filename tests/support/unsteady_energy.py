@@ -30,7 +30,8 @@ from hfa_model.kinematics import Flow, Winds, flow_of
 from hfa_model.vectors import Quantity, State
 
 #: (A_1, A_2), (b_1, b_2): Jones's approximations of Wagner's and Küssner's functions.
-MOTION, GUST = ((0.165, 0.335), (0.0455, 0.3)), ((0.5, 0.5), (0.13, 1.0))
+MOTION = ((0.165, 0.335), (0.0455, 0.3))
+GUST = ((0.5, 0.5), (0.13, 1.0))
 
 
 class Derived(NamedTuple):
@@ -46,7 +47,8 @@ class Derived(NamedTuple):
 def derived_unsteady(x: Any, u: Any, density: Quantity, p: Any, winds: Winds) -> Derived:
     """At a state and input by name (SX), as `hfa_model.UNSTEADY` has them; the drag takes the speed
     through the air."""
-    r, v = ca.SX.sym("r", 4), ca.SX.sym("v", 4)
+    r = ca.SX.sym("r", 4)
+    v = ca.SX.sym("v", 4)
     panels = panels_at(r, v, p)
     center = ca.jtimes(sum(panel.position for panel in panels) / 3, r, v)
     force: Any = ca.vertcat(0, 0, 0, -2 * p.hinge_damping * v[3])
@@ -79,7 +81,8 @@ def derived_unsteady(x: Any, u: Any, density: Quantity, p: Any, winds: Winds) ->
             for each in (3 * p.panel_span / p.chord, p.tail_aspect_ratio)
         ]
         flap = p.aileron_lift * slopes[0] / p.lift_slope
-        aileron, elevator = getattr(u, f"aileron_{name}"), getattr(u, f"elevator_{name}")
+        aileron = getattr(u, f"aileron_{name}")
+        elevator = getattr(u, f"elevator_{name}")
         lifts.append(slopes[0] * angles[0] + flap * aileron)
         one_wing = p._replace(lift_slope=slopes[0], aileron_lift=flap, tail_area=0)
         speed = ca.norm_2(center - moving)
@@ -166,7 +169,8 @@ def _carried(
     """Kinetic energy of the air that wing and tail carry; the moments, in panel axes, in place of
     Kirchhoff's."""
     chord = ca.sqrt(p.tail_area / p.tail_aspect_ratio)
-    energy, moment = ca.SX(0), ca.SX(3, 1)
+    energy = ca.SX(0)
+    moment = ca.SX(3, 1)
     for b, span, behind in (
         (p.chord / 2, p.panel_span, p.chord / 4),
         (chord / 2, p.tail_area / chord, None),

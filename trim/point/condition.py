@@ -143,7 +143,8 @@ class TrimCondition:
         points = np.atleast_1d(scheduled)
         outside = points[(points < first - _ROUNDING) | (points > last + _ROUNDING)]
         if outside.size:
-            by, describe = self.model.schedule, self.model.describe
+            by = self.model.schedule
+            describe = self.model.describe
             raise BadInputError(
                 f"condition {self.name}: {name} is given from {describe(by, first)} to "
                 f"{describe(by, last)} of {by}; {describe(by, outside[0])} lies outside"

@@ -124,7 +124,8 @@ def _binding(problem: TrimProblem, z: np.ndarray, wanted: np.ndarray) -> list[st
     describe = problem.model.describe
     values = z * problem.system.scales
     needed = wanted * problem.system.scales
-    low, high = limits.at_lowest(values), limits.at_highest(values)
+    low = limits.at_lowest(values)
+    high = limits.at_highest(values)
     beyond = ~limits.within(needed)
     sentences = []
     for i, name in enumerate(problem.free):

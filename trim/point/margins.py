@@ -102,7 +102,8 @@ def all_margins(condition: TrimCondition, point: OperatingPoint) -> dict[str, Ma
         limits[output] = max(limits[output][0], lowest), min(limits[output][1], highest)
     margins = {}
     for name, (lowest, highest) in limits.items():
-        signal, role = model.signals[name], roles.get(name, "follows")
+        signal = model.signals[name]
+        role = roles.get(name, "follows")
         margins[name] = Margin(
             name, values[name], role, lowest, highest, signal.unit, signal.nominal
         )

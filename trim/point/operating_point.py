@@ -172,7 +172,8 @@ class OperatingPoint(Reported):
 
     def records(self) -> Table:
         """Rows (kind, name, value, unit), angles in radians."""
-        unit, rows = self.model.unit, list[tuple[str, str, float, str]]()
+        unit = self.model.unit
+        rows = list[tuple[str, str, float, str]]()
         for kind, values in (("state", self.states._asdict()), ("input", self.inputs._asdict())):
             rows += [(kind, name, value, unit(name)) for name, value in values.items()]
         rows += [
@@ -222,7 +223,8 @@ class OperatingPoint(Reported):
         found = checked(
             str(path), data, {**_FILE, "states*": names["states"], "inputs*": names["inputs"]}
         )
-        stated, values = found.get("state_units", {}), found["states"]
+        stated = found.get("state_units", {})
+        values = found["states"]
         for name in model.states:
             unit = model.unit(name)
             factor = conversion(stated.get(name, unit), unit)

@@ -58,7 +58,8 @@ def test_rates_are_ours(folder: Path, aircraft: Model, point: OperatingPoint) ->
     ours = ca.Function(
         "ours", [x, u, p, w], [state_rates(x, u, p, hfa_model.variant_of(aircraft), rising(w))]
     )
-    random, dx = np.random.default_rng(5), np.empty(7)
+    random = np.random.default_rng(5)
+    dx = np.empty(7)
     for row in range(1000):
         state = np.array(point.states) + 0.5 * np.array(STATE_SCALES) * random.uniform(-1, 1, 7)
         control = np.array(point.inputs) + 0.5 * np.array(INPUT_SCALES) * random.uniform(-1, 1, 5)
@@ -73,12 +74,11 @@ def test_rates_are_ours(folder: Path, aircraft: Model, point: OperatingPoint) ->
 
 
 def test_the_policy_and_the_constants(folder: Path, aircraft: Model) -> None:
-    model, gain = (
-        model_at(15.0, hfa_model.variant_of(aircraft).name),
-        np.arange(30.0).reshape(5, 6) / 100,
-    )
+    model = model_at(15.0, hfa_model.variant_of(aircraft).name)
+    gain = np.arange(30.0).reshape(5, 6) / 100
     point = model.point
-    x, u = np.array(point.states) + np.arange(7.0) / 10, np.empty(5)
+    x = np.array(point.states) + np.arange(7.0) / 10
+    u = np.empty(5)
     called(folder, "hfa_policy", x, u)
     np.testing.assert_allclose(
         u, np.array(point.inputs) - gain @ (np.arange(7.0) / 10)[[0, 1, 3, 4, 5, 6]], rtol=1e-14
@@ -121,9 +121,11 @@ def test_another_aircraft_is_ours_too_and_flies(name: str, tmp_path: Path) -> No
     """Tables, parameters or none, another number of states; the rates of both at random states."""
     model = load_model(str(EXAMPLES / name))
     point = find_operating_point(model, usual_condition(model))
-    linear, gain = linearize(model, point), np.zeros((len(model.inputs), len(model.linear)))
+    linear = linearize(model, point)
+    gain = np.zeros((len(model.inputs), len(model.linear)))
     written(tmp_path, c_model_texts(linear, GainPolicy("none", gain), "here"), SOURCE)
-    random, dx = np.random.default_rng(5), np.empty(len(model.states))
+    random = np.random.default_rng(5)
+    dx = np.empty(len(model.states))
     still = np.zeros(max(1, len(model.disturbances)))
     for _ in range(50):
         x, u = (
@@ -146,7 +148,8 @@ def test_an_operation_that_c_does_not_have_is_named() -> None:
 
 
 LAW_HEADER, LAW_SOURCE, LAW_EXAMPLE = CONTROLLER_FILES
-STATES, HIGHEST = 4, 0.3
+STATES = 4
+HIGHEST = 0.3
 Z = "vertical_acceleration_short_period"
 
 
@@ -189,7 +192,8 @@ def answered(
     law_folder: Path, dihedral: float, measured: np.ndarray, memory: np.ndarray, command: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     limits = np.full(5, HIGHEST)
-    u, rate = np.empty(5), np.empty(len(memory))
+    u = np.empty(5)
+    rate = np.empty(len(memory))
     called(
         law_folder, "hfa_controller", dihedral, measured, memory, command, -limits, limits, u, rate
     )
@@ -203,7 +207,10 @@ def flown(controller: ScheduledController, aircraft: Model, point: OperatingPoin
         commandable(controller), np.array([0.0, 2.0]), np.array([[0.05, 0.3], [-0.05, 2.0]])
     )
     policy = servo_policy(controller, commands, aircraft, point)
-    t, x, a, m = ca.SX.sym("t"), ca.SX.sym("x", 6), ca.SX.sym("a", 5), ca.SX.sym("m", STATES)
+    t = ca.SX.sym("t")
+    x = ca.SX.sym("x", 6)
+    a = ca.SX.sym("a", 5)
+    m = ca.SX.sym("m", STATES)
     seen = Measurements(x, x, a, ca.SX(5, 1))
     limited = ca.fmin(ca.fmax(policy.control(t, seen, m, ca.SX(0, 1)), -HIGHEST), HIGHEST)
     told = [policy.outputs.at(seen), commands.at(t), commands.rate(t), commands.end(t)]
@@ -217,8 +224,10 @@ def test_it_is_the_flown_controller_at_1000_states(
     published_aircraft: Model,
     point: OperatingPoint,
 ) -> None:
-    law, random = flown(controller, published_aircraft, point), np.random.default_rng(5)
-    worst, limited = 0.0, 0
+    law = flown(controller, published_aircraft, point)
+    random = np.random.default_rng(5)
+    worst = 0.0
+    limited = 0
     for t in random.uniform(0.0, 5.0, 1000):
         x, a, m = (random.normal(size=size) for size in (6, 5, STATES))
         x[LINEAR_STATES.index("dihedral")] = random.uniform(
@@ -246,8 +255,11 @@ def test_a_step_is_the_exponential(controller: ScheduledController, law_folder: 
     ms."""
     from scipy.linalg import expm
 
-    dihedral, limits, u = float(np.radians(8.0)), np.full(5, 1e9), np.empty(5)
-    memory, start = np.zeros(STATES + 4), np.array([0.4, -0.2, 0.1, 0.3])
+    dihedral = float(np.radians(8.0))
+    limits = np.full(5, 1e9)
+    u = np.empty(5)
+    memory = np.zeros(STATES + 4)
+    start = np.array([0.4, -0.2, 0.1, 0.3])
     memory[:STATES] = start
     arguments = (np.zeros(3), np.zeros(2), -limits, limits, 0.01, u)
     called(law_folder, "hfa_controller_step", memory, dihedral, *arguments)
@@ -321,7 +333,8 @@ def test_it_flies_what_we_fly_and_says_its_time(
 ) -> None:
     """Holding the inputs for a tick costs an error in proportion to the tick; without it the two
     are one."""
-    controller, states = made(published_aircraft), []
+    controller = made(published_aircraft)
+    states = []
     known = flown_states(controller, published_aircraft, point)
     write_texts(tmp_path, c_controller_texts(controller, published_aircraft, point, "here", SLOW))
     for hertz in (100, 1000):

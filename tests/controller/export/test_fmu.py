@@ -35,7 +35,8 @@ from trim import InterpolatedModel, OperatingPoint, sweep
 fmpy = pytest.importorskip("fmpy", reason="FMPy is not installed")
 pytest.importorskip("fmpy.validation")  # not loaded with FMPy
 pytestmark = pytest.mark.skipif(fmu.c_compiler() is None, reason="there is no C compiler")
-SECONDS, STEP = 60.0, 0.001
+SECONDS = 60.0
+STEP = 0.001
 START = {"speed": 69.0, "pitch_rate": 0.01}
 ORIGIN = Provenance("hfa export", date="2026-09-21T14:13:20Z")
 
@@ -65,22 +66,23 @@ def unit(
     gain: np.ndarray,
     tmp_path_factory: pytest.TempPathFactory,
 ) -> Unit:
-    kind, path = request.param, tmp_path_factory.mktemp("fmu") / "aircraft.fmu"
-    aircraft, law, start, happens, exported = (
-        published_aircraft,
-        GainPolicy("none", 0.0 * gain),
-        {},
-        {},
-        [],
-    )
+    kind = request.param
+    path = tmp_path_factory.mktemp("fmu") / "aircraft.fmu"
+    aircraft = published_aircraft
+    law = GainPolicy("none", 0.0 * gain)
+    start = {}
+    happens = {}
+    exported = []
     if kind == "gain":
-        law, start = GainPolicy("exact", gain), {"reference_speed": 0.5}
+        law = GainPolicy("exact", gain)
+        start = {"reference_speed": 0.5}
         exported = [following_a_reference(aircraft, law)]
         happens = {"reference": Waveform(np.eye(6)[0] * 0.5, np.zeros(6))}
     elif kind == "controller":
         controller = integrating_controller(aircraft, W=np.full((3, 1, 1), 0.1))
         commands = CommandSteps(("dihedral",), np.zeros(1), np.array([[0.02]]))
-        law, start = servo_policy(controller, commands, aircraft, point), {"command_dihedral": 0.02}
+        law = servo_policy(controller, commands, aircraft, point)
+        start = {"command_dihedral": 0.02}
         exported = [controller_steering(controller, aircraft, point), ACTUATORS]
         happens = {"reference": CommandedStates(commands, LINEAR_STATES), "actuators": ACTUATORS}
     loop = exported_loop(aircraft, point, *exported)
@@ -135,18 +137,18 @@ def test_the_validator_is_content_and_sees_a_planted_unit(unit: Unit, tmp_path: 
 
 
 def test_a_state_is_kept_and_a_wrong_guid_refused(unit: Unit, tmp_path: Path) -> None:
-    path, states = unit.path, len(unit.loop.states)
+    path = unit.path
+    states = len(unit.loop.states)
     count = 2 * states + len(unit.loop.outputs) + len(unit.loop.inputs)
-    read, folder = (
-        fmpy.read_model_description(str(path)),
-        fmpy.extract(str(path), str(tmp_path / "unit")),
-    )
+    read = fmpy.read_model_description(str(path))
+    folder = fmpy.extract(str(path), str(tmp_path / "unit"))
     instance = fmpy.instantiate_fmu(folder, read, "CoSimulation")
     instance.setupExperiment(startTime=0.0)
     instance.enterInitializationMode()
     instance.exitInitializationMode()
     instance.doStep(0.0, 0.5)
-    kept, seen = instance.getFMUState(), instance.getReal(range(count))
+    kept = instance.getFMUState()
+    seen = instance.getReal(range(count))
     kept = instance.deserializeFMUState(instance.serializeFMUState(kept))
     instance.doStep(0.5, 0.5)
     assert instance.getReal(range(count)) != seen
@@ -193,9 +195,11 @@ def test_a_model_interpolated_over_two_variables_is_an_fmu(tmp_path: Path) -> No
         output_interval=0.1,
         start_values=start,
     )
-    middle, here = between.at(speed=180.0, gamma=0.01), between.at(**at)
+    middle = between.at(speed=180.0, gamma=0.01)
+    here = between.at(**at)
     rows = [list(NAVION.states).index(name) for name in NAVION.linear]
-    x, u = middle.states[rows].copy(), middle.inputs.copy()
+    x = middle.states[rows].copy()
+    u = middle.inputs.copy()
     x[NAVION.linear.index("pitch_rate")], u[list(NAVION.inputs).index("elevator")] = 0.02, 0.01
     rate = lambda _, x: here.A @ (x - here.states[rows]) + here.B @ (u - here.inputs)  # noqa: E731
     known = solve_ivp(rate, (0.0, 2.0), x, rtol=1e-10, atol=1e-12).y[:, -1]

@@ -32,7 +32,8 @@ from hfa_support import BadInputError
 from trim import LinearModel
 from verification import solve_game
 
-N, M = 6, len(INPUTS)
+N = 6
+M = len(INPUTS)
 FREE = ActuatorBank(
     Input(*[0.1] * M), Input(*[-np.inf] * M), Input(*[np.inf] * M), Input(*[np.inf] * M)
 )
@@ -76,7 +77,8 @@ def test_a_lag_that_the_step_cannot_resolve_is_refused() -> None:
 def test_of_order_2_it_is_the_second_order_response() -> None:
     second = replace(FREE, order=2, damping=0.7)
     flight = flown(second, 1.0, -2.0, 0.0, 0.0, 0.0)
-    w, v = 10.0, 10.0 * np.sqrt(1 - 0.7**2)
+    w = 10.0
+    v = 10.0 * np.sqrt(1 - 0.7**2)
     t = flight.times
     response = 1 - np.exp(-0.7 * w * t) * (np.cos(v * t) + 0.7 * w / v * np.sin(v * t))
     np.testing.assert_allclose(flight.inputs[:, :2], response[:, None] * [1.0, -2.0], atol=1e-8)
@@ -85,7 +87,8 @@ def test_of_order_2_it_is_the_second_order_response() -> None:
 def test_a_fault_changes_the_actuators_that_it_names_from_its_time_on() -> None:
     fault = ActuatorFault(0.5, 0.25, 2.0, inputs=("aileron_outer",))
     flight = flown(replace(FREE, faults=(fault,)), 0.0, 1.0, 1.0, 0.0, 0.0)
-    whole, t = 1.0 - np.exp(-flight.times / 0.1), flight.times
+    whole = 1.0 - np.exp(-flight.times / 0.1)
+    t = flight.times
     np.testing.assert_allclose(flight.inputs[:, 1], whole, atol=1e-9)
     before = 1.0 - np.exp(-0.5 / 0.1)
     failed = np.where(t <= 0.5, whole, 0.25 + (before - 0.25) * np.exp(-2.0 * (t - 0.5)))
@@ -113,7 +116,8 @@ def abscissa(model: LinearModel, K: np.ndarray, lag: float) -> float:
 
 def lost(weights: str, lag: float) -> bool:
     """A command of one degree for 200 s behind actuators of that lag, 60 deg/s for the surfaces."""
-    aircraft, point = hfa_model.aircraft("newton"), model_at(15.0, "newton").point
+    aircraft = hfa_model.aircraft("newton")
+    point = model_at(15.0, "newton").point
     lowest, highest = (Input(*(pair[side] for pair in CONTROL_LIMITS)) for side in (0, 1))
     actuators = ActuatorBank(
         Input(*[lag] * 5), lowest, highest, Input(np.inf, *[float(np.radians(60.0))] * 4)
@@ -122,7 +126,8 @@ def lost(weights: str, lag: float) -> bool:
     scenario = Scenario(
         duration=200.0, reference=Waveform(command, np.zeros(len(command))), actuators=actuators
     )
-    law, envelope = GainPolicy("exact", gain(weights)), flight_envelope(aircraft, point)
+    law = GainPolicy("exact", gain(weights))
+    envelope = flight_envelope(aircraft, point)
     return fly(aircraft, point, law, scenario, envelope, predict=False).departure is not None
 
 
@@ -141,7 +146,8 @@ def test_the_lags_of_the_document_are_where_the_eigenvalues_turn(degrees: float)
     for weights, limit in zip(
         WEIGHTS, stated(f"lag of all actuators, eigenvalues at {degrees:g} deg"), strict=True
     ):
-        model, K = model_at(degrees, "newton"), gain(weights)
+        model = model_at(degrees, "newton")
+        K = gain(weights)
         assert (
             abscissa(model, K, limit) < 0.0 < abscissa(model, K, limit + 0.001)
         )  # rounded down to a millisecond

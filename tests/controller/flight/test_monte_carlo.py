@@ -42,27 +42,26 @@ def flown_plainly(plan: MonteCarlo, member: Scenario, p: Parameters) -> Mapping[
     """The row of a member under u = -K z, by a Runge-Kutta loop in NumPy on the history of every
     step and the equations of motion in plain numbers, without any compiled function."""
     assert member.samples is not None
-    h, lowest, highest = (
-        member.step,
-        np.array(plan.envelope.lowest),
-        np.array(plan.envelope.highest),
-    )
-    X0, U0, K, air = (
-        np.array(plan.point.states),
-        np.array(plan.point.inputs),
-        plan.policy.gains[0],
-        member.gust,
-    )
-    variant, x, filter_ = (
-        variant_named(plan.model.name),
-        member.initial,
-        np.zeros(0) if air is None else air.start(),
-    )
-    errors, inputs, angles, left, flown = [], [], [], -1, member.duration
+    h = member.step
+    lowest = np.array(plan.envelope.lowest)
+    highest = np.array(plan.envelope.highest)
+    X0 = np.array(plan.point.states)
+    U0 = np.array(plan.point.inputs)
+    K = plan.policy.gains[0]
+    air = member.gust
+    variant = variant_named(plan.model.name)
+    x = member.initial
+    filter_ = np.zeros(0) if air is None else air.start()
+    errors = []
+    inputs = []
+    angles = []
+    left = -1
+    flown = member.duration
 
     def slope(t: float, x: np.ndarray, f: np.ndarray, tick: int) -> tuple[np.ndarray, np.ndarray]:
         u = -K @ (x[SEEN] - member.reference.at(t) + member.samples[tick])
-        w, filter_rate = 0.0, np.zeros(0)
+        w = 0.0
+        filter_rate = np.zeros(0)
         if air is not None:
             held = air.held_inputs(tick)
             w = float(air.updraft(t, f, held))
@@ -79,11 +78,13 @@ def flown_plainly(plan: MonteCarlo, member: Scenario, p: Parameters) -> Mapping[
         X = State(*(x + X0))
         w = 0.0 if air is None else float(air.updraft(t, f, air.held_inputs(tick)))
         path = X.pitch - X.alpha
-        north, down = X.speed * np.cos(path), w - X.speed * np.sin(path)
+        north = X.speed * np.cos(path)
+        down = w - X.speed * np.sin(path)
         return np.array(X._replace(alpha=X.pitch + np.arctan2(down, north)))
 
     for step in range(member.ticks * member.steps_per_tick):
-        t, tick = step * h, step // member.steps_per_tick
+        t = step * h
+        tick = step // member.steps_per_tick
         z = x[SEEN] - member.reference.at(t)
         errors.append(z)
         inputs.append(-K @ (z + member.samples[tick]))
@@ -97,7 +98,8 @@ def flown_plainly(plan: MonteCarlo, member: Scenario, p: Parameters) -> Mapping[
         X = limited(t + h, x, filter_, tick)
         outside = np.maximum(X - highest, lowest - X) / (highest - lowest)
         if outside.max() > 0.0:
-            left, flown = int(np.argmax(outside)), t + h
+            left = int(np.argmax(outside))
+            flown = t + h
             break
     return {
         "left": left,
@@ -114,7 +116,8 @@ def flown_plainly(plan: MonteCarlo, member: Scenario, p: Parameters) -> Mapping[
 
 def assert_same_flight(plan: MonteCarlo, member: int, p: Parameters | None = None) -> None:
     result = fly_member(plan, member)
-    found, scenario = member_row(plan, result), result.loop.scenario
+    found = member_row(plan, result)
+    scenario = result.loop.scenario
     known = p or Parameters(*with_errors(plan.model, scenario).p.tolist())
     for name, value in flown_plainly(plan, scenario, known).items():
         np.testing.assert_allclose(found[name], value, rtol=1e-8, atol=1e-12, err_msg=name)
@@ -158,7 +161,8 @@ def test_a_member_that_leaves_its_envelope_ends_there(plan: MonteCarlo) -> None:
 def test_the_envelope_counts_on_the_angle_through_the_air(plan: MonteCarlo) -> None:
     """A sharp gust turns the air before it turns the path; turbulence may do so at the start
     already."""
-    alpha, near = plan.point.states.alpha, np.radians(0.5)
+    alpha = plan.point.states.alpha
+    near = np.radians(0.5)
     narrow = flight_envelope(plan.model, plan.point, {"alpha": (alpha - near, alpha + near)})
     plan = with_scenario(replace(plan, envelope=narrow), duration=0.05, initial=np.zeros(7))
     gust = OneMinusCosine(10.0, 3.0, plan.point.states.speed)

@@ -46,10 +46,8 @@ def test_the_envelope_limits_the_angle_through_the_air_and_not_the_one_over_grou
 ) -> None:
     """In rising air the path climbs: alpha over ground falls to -1.5 deg, alpha through the air
     stays near 2.8."""
-    gust, alpha = (
-        Scenario(duration=6.0, gust=OneMinusCosine(400.0, 5.0, 68.0)),
-        STATES.index("alpha"),
-    )
+    gust = Scenario(duration=6.0, gust=OneMinusCosine(400.0, 5.0, 68.0))
+    alpha = STATES.index("alpha")
     for lowest, held in ((2.0, True), (2.7, False)):
         limits = {"alpha": (float(np.radians(lowest)), 0.2)}
         narrow = replace(newton, envelope=flight_envelope(newton.aircraft, newton.point, limits))
@@ -82,8 +80,11 @@ def test_the_envelope_limits_the_angle_through_the_air_and_not_the_one_over_grou
 
 
 def test_the_envelope_is_about_the_trim_and_can_be_changed(newton: FlownCase) -> None:
-    p, point = newton.aircraft, newton.point
-    at, low, high = point.states, State(*newton.envelope.lowest), State(*newton.envelope.highest)
+    p = newton.aircraft
+    point = newton.point
+    at = point.states
+    low = State(*newton.envelope.lowest)
+    high = State(*newton.envelope.highest)
     assert (low.speed, high.speed) == (at.speed / 2, 2 * at.speed)
     assert (at.altitude - low.altitude, high.altitude - at.altitude) == (1000.0, 1000.0)
     assert high.pitch_rate == -low.pitch_rate > 0.0
@@ -174,7 +175,8 @@ def adaptive_states(result: NonlinearFlight) -> np.ndarray:
     Started anew where what the law is handed, a gust's noise or an actuator jumps: a jump inside
     its step would cost it its order. Source: Hairer, Norsett, Wanner, Solving Ordinary Differential
     Equations I, Section II.10, as in SciPy."""
-    loop, scenario = CompiledLoop(result.loop), result.loop.scenario
+    loop = CompiledLoop(result.loop)
+    scenario = result.loop.scenario
     y = result.loop.start()
 
     def every(tick: int) -> np.ndarray:
@@ -182,9 +184,12 @@ def adaptive_states(result: NonlinearFlight) -> np.ndarray:
         result.loop.hold(tick, held)
         return held
 
-    rows, begin, ticks = [y[:7]], 0, scenario.ticks
+    rows = [y[:7]]
+    begin = 0
+    ticks = scenario.ticks
     while begin < ticks:
-        p, end = every(begin).copy(), begin + 1
+        p = every(begin).copy()
+        end = begin + 1
         while end < ticks and np.array_equal(every(end), p):
             end += 1
         times = scenario.tick * np.arange(begin, end + 1)
@@ -199,7 +204,8 @@ def adaptive_states(result: NonlinearFlight) -> np.ndarray:
         )
         assert found.success
         rows += list(found.y[:7].T)
-        y, begin = found.y[:, -1], end
+        y = found.y[:, -1]
+        begin = end
     return np.array(rows)
 
 
@@ -223,7 +229,8 @@ def test_the_fixed_step_agrees_with_an_adaptive_integrator(
 ) -> None:
     result = flown(at_15, scenario)
     assert result.departure is None
-    adaptive, fixed = adaptive_states(result), result.flight.states[:: scenario.steps_per_tick]
+    adaptive = adaptive_states(result)
+    fixed = result.flight.states[:: scenario.steps_per_tick]
     assert difference(fixed, adaptive) < 1e-6
 
 

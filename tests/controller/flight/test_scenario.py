@@ -63,7 +63,8 @@ def complaints_about_draws(plan: MonteCarlo, members: int = 2000) -> list[str]:
 
 def test_errors_have_the_law_that_was_asked_for(plan: MonteCarlo) -> None:
     assert complaints_about_draws(plan) == []
-    member, nominal = plan.member(5), np.array(PARAMETERS, dtype=float)
+    member = plan.member(5)
+    nominal = np.array(PARAMETERS, dtype=float)
     parameters = with_errors(plan.model, member).p
     changed = [Parameters._fields[i] for i in np.flatnonzero(parameters != nominal)]
     assert set(changed) == set(plan.scenario.uncertainty.errors)
@@ -101,7 +102,9 @@ def test_a_wrong_deviation_is_noticed(plan: MonteCarlo, monkeypatch: pytest.Monk
 
 
 def test_seed_and_member_decide_everything(plan: MonteCarlo) -> None:
-    one, again, next_one = plan.member(3), replace(plan, members=99).member(3), plan.member(4)
+    one = plan.member(3)
+    again = replace(plan, members=99).member(3)
+    next_one = plan.member(4)
     other_seed = replace(plan, seed=8).member(3)
     for of in (
         lambda each: list(each.errors.values()),

@@ -125,7 +125,8 @@ def test_a_fast_mode_of_the_law_divides_the_steps() -> None:
 
 def test_a_run_ends_with_the_tick_in_which_it_is_to_stop() -> None:
     loop = pendulum(4.0, 0.02, duration=30.0)
-    whole, stopped = loop.fly(), loop.fly(stop=lambda rows: rows.times > 24.11)
+    whole = loop.fly()
+    stopped = loop.fly(stop=lambda rows: rows.times > 24.11)
     assert stopped.times[-1] == pytest.approx(24.2)
     np.testing.assert_array_equal(stopped.states, whole.states[: len(stopped.times)])
 
@@ -135,7 +136,8 @@ def test_a_loop_that_blows_up_says_when_and_nothing_else(capfd: pytest.CaptureFi
         def rate(self, x: Any, u: Any, d: Any, winds: Any, p: Any) -> Any:
             return x**2
 
-    plant, law = Blown(np.zeros((1, 1)), np.zeros((1, 1))), GainPolicy("none", np.zeros((1, 1)))
+    plant = Blown(np.zeros((1, 1)), np.zeros((1, 1)))
+    law = GainPolicy("none", np.zeros((1, 1)))
     loop = CompiledLoop(ClosedLoop(plant, law, Scenario(200.0, 0.05, 0.1, np.ones(1))))
     with pytest.raises(NoSolutionError, match=r"left every bound at t = 1"):
         loop.fly()
@@ -152,11 +154,9 @@ def stepped(model: Model, scenario: Scenario, **steps: float) -> NonlinearFlight
 
 def test_a_step_without_a_law_is_what_another_integrator_says() -> None:
     result = stepped(NAVION, Scenario(duration=3.0), elevator=0.02, rudder=0.01)
-    x0, u0, step = (
-        np.array(result.point.states),
-        np.array(result.point.inputs),
-        np.array([0.0, 0.02, 0.0, 0.01]),
-    )
+    x0 = np.array(result.point.states)
+    u0 = np.array(result.point.inputs)
+    step = np.array([0.0, 0.02, 0.0, 0.01])
     f = NAVION.functions(())
     ends = [x0]
     for span, u in (((0.0, 1.0), u0), ((1.0, 3.0), u0 + step)):
@@ -222,7 +222,8 @@ def test_a_delay_is_a_delay(delay: float) -> None:
     k D)_+^k / k!."""
     tick = 0.005
     scenario = Scenario(3.0, tick / 5, tick, np.ones(1), delay=delay)
-    plant, law = LinearPlant(np.zeros((1, 1)), np.ones((1, 1))), GainPolicy("one", np.ones((1, 1)))
+    plant = LinearPlant(np.zeros((1, 1)), np.ones((1, 1)))
+    law = GainPolicy("one", np.ones((1, 1)))
     flight = CompiledLoop(ClosedLoop(plant, law, scenario)).fly()
     t = flight.times
     np.testing.assert_allclose(flight.states[t < delay, 0], 1.0, atol=1e-12)

@@ -71,7 +71,8 @@ def test_cells_of_text_and_structures() -> None:
 def test_a_damaged_file_is_one_line_even_where_it_crashes_scipy(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    whole, lines = mat(**{**TREES, "full": NUMBERS}), []
+    whole = mat(**{**TREES, "full": NUMBERS})
+    lines = []
     for seed in range(2):
         try:
             read(damaged(whole, random.Random(seed)))
@@ -120,7 +121,8 @@ def test_matrices_without_names_have_those_of_their_files() -> None:
 
 # .csv
 
-A, B = np.array([[0.0, 1.0], [-2.0, -3.0]]), np.array([[0.5], [1.0]])
+A = np.array([[0.0, 1.0], [-2.0, -3.0]])
+B = np.array([[0.5], [1.0]])
 BARE = "0,1\n-2,-3\n", ".5\n1e0\n"
 NAMED = (
     ",speed [ft/s],alpha [rad]\nspeed [ft/s],0,1\nalpha [rad],-2,-3\n",

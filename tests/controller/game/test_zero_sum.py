@@ -63,9 +63,11 @@ def test_gains_are_the_extremals_of_the_hamiltonian_of_the_game() -> None:
     rng = np.random.default_rng(4)
     for game in (Game(**SMALL), *game_models().values()):
         n = len(game.A)
-        root, z = rng.standard_normal((n, n)), rng.standard_normal(n)
+        root = rng.standard_normal((n, n))
+        z = rng.standard_normal(n)
         P = root @ root.T
-        u, d = -game.gain(P) @ z, game.disturbance_gain(P) @ z
+        u = -game.gain(P) @ z
+        d = game.disturbance_gain(P) @ z
         np.testing.assert_allclose(game.R @ u, -game.B.T @ P @ z, rtol=1e-12, atol=1e-12)
         np.testing.assert_allclose(game.delta**2 * d, game.E.T @ P @ z, rtol=1e-12)
         cost = z @ game.Q @ z + u @ game.R @ u - game.delta**2 * d @ d
@@ -154,7 +156,9 @@ def test_many_states_at_once_are_each_state_alone() -> None:
 def test_weights_and_matrix_are_the_same_value_in_any_units() -> None:
     rng = np.random.default_rng(4)
     root = rng.normal(size=(6, 6))
-    P, z, scales = root + root.T, rng.normal(size=6), 10.0 ** rng.uniform(-2.0, 2.0, 6)
+    P = root + root.T
+    z = rng.normal(size=6)
+    scales = 10.0 ** rng.uniform(-2.0, 2.0, 6)
     for functions in ALL:
         W = functions.weights(P)
         assert W @ functions.psi(z) == pytest.approx(z @ P @ z, rel=1e-13)

@@ -163,7 +163,8 @@ def test_riccati_residual_contracts_as_a_whole() -> None:
         assert 0.01 < ratio < 0.5
         return float(np.linalg.norm(later - ratio * first) / np.linalg.norm(later))
 
-    coarse, fine = departure(0.05), departure(0.0125)
+    coarse = departure(0.05)
+    fine = departure(0.0125)
     assert fine < 0.35 * coarse
     assert fine < 0.05
 
@@ -238,7 +239,8 @@ def test_noisy_derivatives_give_a_stabilizing_gain_that_the_judge_refuses(noise:
         assert result.diagnostics["drift_misfit"] == pytest.approx(noise, rel=0.2)
 
 
-RATE, ETA = decay_rate(time=5.0, eta=0.8, theta=0.9), 0.8
+RATE = decay_rate(time=5.0, eta=0.8, theta=0.9)
+ETA = 0.8
 
 
 @pytest.mark.parametrize("start", [1e-3, 0.5, 3.0, 40.0])
@@ -271,16 +273,17 @@ def test_zero_within_theta_T_from_anywhere(start: float, eta: float) -> None:
 
 def exact_direction(game: Game, equations: StackEquations, weights: np.ndarray) -> np.ndarray:
     """Newton direction of the LQ problem with 60 digits, scaled coordinates."""
-    scales, eye = equations.scales, np.eye(len(game.A), dtype=int)
+    scales = equations.scales
+    eye = np.eye(len(game.A), dtype=int)
     outer = np.outer(scales, scales)
     with mpmath.workdps(60):
         digits = np.vectorize(mpmath.mpf, otypes=[object])
-        A, P = (
-            digits(game.A * scales[None, :] / scales[:, None]),
-            digits(equations.basis.matrix(weights)),
-        )
-        S, Q = digits(game.S_control / outer), digits(game.Q * outer)
-        closed, residual = A - S @ P, A.T @ P + P @ A + Q - P @ S @ P
+        A = digits(game.A * scales[None, :] / scales[:, None])
+        P = digits(equations.basis.matrix(weights))
+        S = digits(game.S_control / outer)
+        Q = digits(game.Q * outer)
+        closed = A - S @ P
+        residual = A.T @ P + P @ A + Q - P @ S @ P
         operator = np.kron(closed.T, eye) + np.kron(eye, closed.T)
         step = mpmath.lu_solve(
             mpmath.matrix(operator.tolist()), mpmath.matrix(residual.ravel().tolist())

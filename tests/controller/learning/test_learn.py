@@ -41,7 +41,9 @@ def test_progress_rises_to_one_and_nothing_is_printed(capsys: pytest.CaptureFixt
 
 
 def test_the_seed_decides_every_bit() -> None:
-    one, same, other = short_run(), short_run(), short_run(seed=2)
+    one = short_run()
+    same = short_run()
+    other = short_run(seed=2)
     for name in ("times", "weights", "residual_norm", "law_residual_norm", "P", "K"):
         assert getattr(one, name).tobytes() == getattr(same, name).tobytes(), name
     assert one.to_dict() == same.to_dict()
@@ -62,7 +64,8 @@ def test_results_are_plain_json() -> None:
 
 def test_the_samples_taken_by_default_are_enough_for_the_plant() -> None:
     """A stable chain of ten states with an input and a disturbance at its end: 55 weights."""
-    A, end = np.diag(-np.linspace(0.5, 5.0, 10)) + np.diag(np.ones(9), 1), np.eye(10)[:, -1:]
+    A = np.diag(-np.linspace(0.5, 5.0, 10)) + np.diag(np.ones(9), 1)
+    end = np.eye(10)[:, -1:]
     game = Game(A=A, B=end, E=end, Q=np.eye(10), R=np.eye(1), delta=50.0)
     result = learn(game, tick=0.1)
     assert result.settled
@@ -76,7 +79,8 @@ def test_rows_are_kept_evenly_with_the_start_and_the_end(monkeypatch: pytest.Mon
     every = short_run()
     assert every.times == pytest.approx(0.1 * np.arange(81))
     monkeypatch.setattr(ticks, "MOST_ROWS", 30)
-    kept, rows = short_run(), [*range(0, 80, 3), 80]
+    kept = short_run()
+    rows = [*range(0, 80, 3), 80]
     assert np.array_equal(kept.times, every.times[rows])
     assert np.array_equal(kept.weights, every.weights[rows])
 
@@ -101,7 +105,8 @@ def test_singular_weights_are_learned_and_pass() -> None:
     signs = set()
     for _ in range(8):
         T = rng.standard_normal((3, 3))
-        A, C = T @ np.diag([-1.0, -2.0, 0.5]) @ np.linalg.inv(T), np.linalg.inv(T)[1:]
+        A = T @ np.diag([-1.0, -2.0, 0.5]) @ np.linalg.inv(T)
+        C = np.linalg.inv(T)[1:]
         Q = C.T @ C
         game = Game(
             A, rng.standard_normal((3, 1)), np.zeros((3, 1)), (Q + Q.T) / 2.0, [[1.0]], np.inf
@@ -143,8 +148,10 @@ def assert_learned(game: Game, share: float, tick: float) -> None:
 
 @pytest.mark.parametrize(("seed", "states"), [(9, 6), (1, 7), (2, 7), (7, 8)])
 def test_few_inputs_against_many_disturbances(seed: int, states: int) -> None:
-    rng, eye = np.random.default_rng(seed), np.eye(states)
-    A, B = rng.standard_normal((states, states)), rng.standard_normal((states, 1))
+    rng = np.random.default_rng(seed)
+    eye = np.eye(states)
+    A = rng.standard_normal((states, states))
+    B = rng.standard_normal((states, 1))
     assert_learned(Game(A, B, eye, eye, [[1.0]], 1.0), 2.0, tick=0.2)
 
 

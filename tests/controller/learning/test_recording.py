@@ -47,14 +47,16 @@ def test_natural_spread_changes_with_the_units_of_the_states() -> None:
 def test_natural_spread_solves_its_equation() -> None:
     game = stable_game()
     beta = 0.1 * np.abs(np.linalg.eigvals(game.A)).max()
-    shifted, push = game.A - beta * np.eye(2), game.S_control + game.S_disturbance / game.delta**2
+    shifted = game.A - beta * np.eye(2)
+    push = game.S_control + game.S_disturbance / game.delta**2
     times = np.linspace(0.0, 60.0, 12_001)
     step = (
         np.eye(2)
         + (times[1] - times[0]) * shifted
         + 0.5 * (times[1] - times[0]) ** 2 * shifted @ shifted
     )
-    X, current = np.zeros((2, 2)), np.eye(2)
+    X = np.zeros((2, 2))
+    current = np.eye(2)
     for _ in times:
         X = X + current @ push @ current.T * (times[1] - times[0])
         current = step @ current
@@ -77,7 +79,8 @@ def test_chosen_samples_are_richer_than_the_first_ones(samples: int) -> None:
 def test_rounding_does_not_decide_the_choice(name: str, functions: str) -> None:
     """Another processor rounds otherwise: the same seed must give the same samples there."""
     game, _ = published(name)
-    pool, rng = random_pool(game, 500, seed=0), np.random.default_rng(1)
+    pool = random_pool(game, 500, seed=0)
+    rng = np.random.default_rng(1)
     chosen = choose(pool, basis(functions, 6), 50)
     for _ in range(3):
         rounded = Stack(
@@ -196,7 +199,8 @@ def test_residual_along_a_step_is_an_exact_parabola(name: str) -> None:
 def test_residuals_are_those_of_the_discounted_riccati_equation() -> None:
     game, exact = published(PUBLISHED[0])
     equations = build(game)
-    P, problem = 0.7 * exact.P, PartialGame(0.3, 0.4)
+    P = 0.7 * exact.P
+    problem = PartialGame(0.3, 0.4)
     S = game.S_control - 0.4 * game.S_disturbance / game.delta**2
     A = game.A - 0.3 * np.eye(6)
     residual = A.T @ P + P @ A + game.Q - P @ S @ P

@@ -52,9 +52,11 @@ def test_rounding_in_a_stiff_plant_is_not_taken_for_an_error(seed: int) -> None:
     """Poles at -3e4 and 0.09, in random coordinates."""
     rng = np.random.default_rng(seed)
     n = int(rng.integers(2, 5))
-    modes, poles = rng.standard_normal((n, n)), -np.geomspace(1.0, 100.0, n)
+    modes = rng.standard_normal((n, n))
+    poles = -np.geomspace(1.0, 100.0, n)
     poles[0], poles[-1] = 0.09, -3e4
-    A, B = modes @ np.diag(poles) @ np.linalg.inv(modes), rng.standard_normal((n, 1))
+    A = modes @ np.diag(poles) @ np.linalg.inv(modes)
+    B = rng.standard_normal((n, 1))
     game = Game(A, B, rng.standard_normal((n, 1)), np.eye(n), np.eye(1), math.inf)
     found = check_critic(game, from_value(game, solve_game(game).P))
     assert found.ok, failed_names(found.checks)
@@ -96,7 +98,8 @@ def test_the_loss_grows_with_the_square_of_the_error() -> None:
 
 def test_a_start_is_found_that_costs_what_is_said() -> None:
     K = EXACT.K * (1.0 + 0.1 * NOISE)
-    D, found = loss_matrix(GAME, EXACT, K), flight_cost(GAME, EXACT, K)
+    D = loss_matrix(GAME, EXACT, K)
+    found = flight_cost(GAME, EXACT, K)
     assert D is not None
     starts = np.random.default_rng(1).standard_normal((4000, 6)) @ np.linalg.inv(
         np.linalg.cholesky(EXACT.P)

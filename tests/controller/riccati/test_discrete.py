@@ -47,7 +47,11 @@ def test_the_value_is_that_of_value_iteration_one_step_at_a_time(seed, discount,
 
 
 def test_one_state_without_disturbance_is_the_root_of_a_quadratic():
-    a, b, q, r, discount = 1.02, 0.01, 2.0, 0.5, 0.98
+    a = 1.02
+    b = 0.01
+    q = 2.0
+    r = 0.5
+    discount = 0.98
     found = solve_discounted(Game([[a]], [[b]], [[1.0]], [[q]], [[r]], np.inf), discount)
     root = np.roots([discount * b * b, r - discount * (a * a * r + b * b * q), -q * r]).max()
     assert found.P[0, 0] == pytest.approx(root, rel=1e-13)
@@ -75,17 +79,16 @@ def test_sampling_integrates_the_held_input_and_scales_the_weights():
 
 
 def test_units_of_the_states_do_not_matter():
-    game, units = _game(4), np.array([1e-6, 1.0, 1e5, 30.0])
+    game = _game(4)
+    units = np.array([1e-6, 1.0, 1e5, 30.0])
     other = Game(
         game.A * units / units[:, None],
         game.B / units[:, None],
         game.E / units[:, None],
         *(np.diag(units**2), game.R, game.delta),
     )
-    P, turned = (
-        solve_discounted(game, 0.95).P,
-        solve_discounted(other, 0.95).P / np.outer(units, units),
-    )
+    P = solve_discounted(game, 0.95).P
+    turned = solve_discounted(other, 0.95).P / np.outer(units, units)
     assert np.abs(P - turned).max() <= 1e-12 * np.abs(P).max()
 
 

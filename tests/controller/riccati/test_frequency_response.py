@@ -24,7 +24,8 @@ from verification import bounded_real_gain, minimum_delta, solve_game
 
 def test_gain_of_the_game_policy_is_below_delta_by_both_methods(game: Game) -> None:
     K = solve_game(game).K
-    gain, swept = bounded_real_gain(game, K), swept_gain(*closed_loop(game, K))
+    gain = bounded_real_gain(game, K)
+    swept = swept_gain(*closed_loop(game, K))
     assert gain < game.delta
     assert swept.gain == pytest.approx(gain, rel=1e-8)
     assert swept.gain <= gain * (1.0 + 1e-12)
@@ -100,7 +101,8 @@ def test_a_sweep_that_misses_the_peak_is_noticed(
 def test_the_smallest_delta_is_a_bound_on_the_gain() -> None:
     """K attains its own gain, so delta_min cannot be above it; and the game policy stays below its
     delta."""
-    rng, tried = np.random.default_rng(6), 0
+    rng = np.random.default_rng(6)
+    tried = 0
     while tried < 6:
         game = random_game(rng, scaled=False)
         if not has_value(NormalForm.of(game)):
@@ -122,7 +124,8 @@ def test_in_a_stiff_loop_both_are_right(factor: float) -> None:
     """At the sweep's frequency the gain in 50 digits is that of the sweep."""
     game = game_models()["published-15"]
     K = factor * solve_game(game).K
-    bound, swept = bounded_real_gain(game, K), swept_gain(*closed_loop(game, K))
+    bound = bounded_real_gain(game, K)
+    swept = swept_gain(*closed_loop(game, K))
     with mpmath.workdps(50):
         A, B, E, Q, R, gain = (
             mpmath.matrix(each.tolist()) for each in (game.A, game.B, game.E, game.Q, game.R, K)

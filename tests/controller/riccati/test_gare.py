@@ -33,7 +33,8 @@ I2 = np.eye(2)
 @pytest.mark.parametrize("name", [*MODELS, *OURS])
 def test_P_and_K_are_exact_to_1e12(name: str) -> None:
     game = (game_models() | OURS)[name]
-    reference, solution = reference_solution(game), solve_game(game)
+    reference = reference_solution(game)
+    solution = solve_game(game)
     assert reference.exists
     assert relative_error(solution.P, reference.P) < 1e-12
     assert relative_error(solution.K, reference.K) < 1e-12
@@ -60,7 +61,8 @@ def test_reference_agrees_with_eigenvectors_by_mpmath(game: Game) -> None:
 
 
 def test_policies_eigenvalues_and_json_follow_from_P(game: Game) -> None:
-    solution, P = solve_game(game), solve_game(game).P
+    solution = solve_game(game)
+    P = solve_game(game).P
     np.testing.assert_allclose(solution.K, np.linalg.inv(game.R) @ game.B.T @ P, rtol=1e-12)
     np.testing.assert_allclose(solution.disturbance_gain, game.E.T @ P / game.delta**2, rtol=1e-12)
     flown = np.linalg.eigvals(game.A - game.B @ solution.K)

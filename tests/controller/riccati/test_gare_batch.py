@@ -60,7 +60,8 @@ def test_random_games_are_accepted_exactly_when_they_have_a_solution(count: int)
     rng = np.random.default_rng(7)
     accepted = refused = 0
     for delta in (0.7, 1.5, 3.0, 8.0):
-        A, B = rng.standard_normal((count, 6, 6)), rng.standard_normal((count, 6, 2))
+        A = rng.standard_normal((count, 6, 6))
+        B = rng.standard_normal((count, 6, 2))
         like = Game(A[0], B[0], np.eye(6), np.eye(6), np.eye(2), delta)
         batch = solve_games(A, B, like)
         for i in range(len(A)):
@@ -78,7 +79,8 @@ def test_random_games_are_accepted_exactly_when_they_have_a_solution(count: int)
 
 def test_near_the_smallest_delta_a_batch_refuses_what_is_refused_alone():
     rng = np.random.default_rng(8)
-    A, B = rng.standard_normal((3, 6, 6)), rng.standard_normal((3, 6, 2))
+    A = rng.standard_normal((3, 6, 6))
+    B = rng.standard_normal((3, 6, 2))
     for i in range(len(A)):
         game = Game(A[i], B[i], np.eye(6), np.eye(6), np.eye(2), 1.0)
         near = game.with_delta(minimum_delta(game).value * (1.0 + 10.0 ** rng.uniform(-6.0, -3.0)))
@@ -93,7 +95,8 @@ def test_near_the_smallest_delta_a_batch_refuses_what_is_refused_alone():
 
 def test_a_batch_of_24_states_needs_no_more_than_some_megabytes():
     rng = np.random.default_rng(9)
-    A, B = rng.standard_normal((2, 24, 24)) - 4.0 * np.eye(24), rng.standard_normal((2, 24, 3))
+    A = rng.standard_normal((2, 24, 24)) - 4.0 * np.eye(24)
+    B = rng.standard_normal((2, 24, 3))
     like = Game(A[0], B[0], np.eye(24), np.eye(24), np.eye(3), 50.0)
     tracemalloc.start()
     assert solve_games(A, B, like).certified.all()
@@ -103,7 +106,8 @@ def test_a_batch_of_24_states_needs_no_more_than_some_megabytes():
 
 def test_a_singular_plant_does_not_stop_the_others():
     A, B = _models("published", 3)
-    A, B = A.copy(), B.copy()
+    A = A.copy()
+    B = B.copy()
     A[1], B[1] = 0.0, 0.0
     batch = solve_games(A, B, published_game(A[0], B[0]))
     assert batch.certified.tolist() == [True, False, True]

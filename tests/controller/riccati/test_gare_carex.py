@@ -123,7 +123,8 @@ def test_a_loop_within_rounding_of_the_axis_is_refused_with_that_reason() -> Non
 @pytest.mark.parametrize("size", [1e-99, 1e-8, 1e8, 1e99])
 def test_the_unit_of_the_disturbance_scales_delta_min_and_nothing_else(size: float) -> None:
     plant = equation([[0, 1], [-1, -0.5]], [[0], [1]], np.eye(2), [[1]])
-    expected, found = minimum_delta(plant), minimum_delta(replace(plant, E=size * plant.E))
+    expected = minimum_delta(plant)
+    found = minimum_delta(replace(plant, E=size * plant.E))
     assert found.value == pytest.approx(expected.value * size, rel=3e-6)
     assert found.refused == pytest.approx(expected.refused * size, rel=3e-6)
 
@@ -143,7 +144,8 @@ def printed(number: int) -> Game:
 
 def nearly_singular_weight(small: float) -> Game:
     """Example 8: R is [[1 + small, 1], [1, 1]]."""
-    B, Q = [[0.1, 0.0], [0.001, 0.01]], [[100.0, 1000.0], [1000.0, 10000.0]]
+    B = [[0.1, 0.0], [0.001, 0.01]]
+    Q = [[100.0, 1000.0], [1000.0, 10000.0]]
     return equation(np.diag([-0.1, -0.02]), B, Q, [[1.0 + small, 1.0], [1.0, 1.0]])
 
 
@@ -160,7 +162,8 @@ def remainder(game: Game, P: np.ndarray) -> float:
     + [pytest.param(printed(5), id="5")],
 )
 def test_an_equation_without_a_known_solution_is_solved_to_sixty_digits(game: Game) -> None:
-    P, reference = solve_game(game).P, reference_solution(game).P
+    P = solve_game(game).P
+    reference = reference_solution(game).P
     units = 1.0 / np.sqrt(np.diag(reference))
     for found, right in ((P, True), (P * (1.0 + 1e-9), False)):
         assert (np.abs((found - reference) * np.outer(units, units)).max() <= 1e-12) == right

@@ -45,9 +45,11 @@ class Sample(NamedTuple):
 
 def dense(rng: np.random.Generator, n: int, rank: int | None = None) -> Game:
     """Any number of inputs and disturbances, entries of size one, Q of the given rank."""
-    m, k = int(rng.integers(1, n + 1)), int(rng.integers(1, n + 1))
+    m = int(rng.integers(1, n + 1))
+    k = int(rng.integers(1, n + 1))
     A, B, E = (rng.standard_normal((n, columns)) for columns in (n, m, k))
-    C, root = rng.standard_normal((rank or n, n)), rng.standard_normal((m, m))
+    C = rng.standard_normal((rank or n, n))
+    root = rng.standard_normal((m, m))
     delta = (
         math.inf if rng.random() < 0.05 else math.exp(rng.uniform(math.log(0.3), math.log(1000.0)))
     )
@@ -69,7 +71,8 @@ def low_rank(rng: np.random.Generator, n: int) -> Game:
 
 def unseen(rng: np.random.Generator, n: int) -> Game:
     """Unstable modes that Q does not see, in a basis that hides them."""
-    game, blind = dense(rng, n), int(rng.integers(1, n + 1))
+    game = dense(rng, n)
+    blind = int(rng.integers(1, n + 1))
     A = np.triu(game.A)
     rates = rng.uniform(0.05, 2.0, n)
     A[np.arange(n), np.arange(n)] = np.where(np.arange(n) < blind, rates, -rates)
@@ -90,10 +93,8 @@ def lightly_damped(rng: np.random.Generator, n: int) -> Game:
     negative."""
     A = np.zeros((n, n))
     for i in range(0, n - 1, 2):
-        frequency, damping = (
-            10.0 ** rng.uniform(-1.0, 2.0),
-            10.0 ** rng.uniform(-5.0, -1.0) * rng.choice([1, 1, -1]),
-        )
+        frequency = 10.0 ** rng.uniform(-1.0, 2.0)
+        damping = 10.0 ** rng.uniform(-5.0, -1.0) * rng.choice([1, 1, -1])
         A[i : i + 2, i : i + 2] = [[0.0, 1.0], [-(frequency**2), -2.0 * damping * frequency]]
     if n % 2:
         A[-1, -1] = -(10.0 ** rng.uniform(-3.0, 0.0))
@@ -119,7 +120,8 @@ def barely_reached(rng: np.random.Generator, n: int) -> Game:
     A[:few, :few] = np.array([[rate, 1.0], [-1.0, rate]])[:few, :few]
     B = rng.standard_normal((n, int(rng.integers(1, n + 1))))
     B[:few] *= 10.0 ** rng.uniform(-11.0, -5.0)
-    basis, size = np.linalg.qr(rng.standard_normal((n, n)))[0], B.shape[1]
+    basis = np.linalg.qr(rng.standard_normal((n, n)))[0]
+    size = B.shape[1]
     E = rng.standard_normal((n, 1)) * (rng.random() < 0.5)
     return Game(basis @ A @ basis.T, basis @ B, basis @ E, np.eye(n), np.eye(size), math.inf)
 
@@ -142,10 +144,8 @@ BARELY_REACHED: dict[str, Callable[[np.random.Generator, int], Game]] = {
 
 def in_other_units(rng: np.random.Generator, game: Game) -> Game:
     """The same game in units of state that differ by up to 1e16, and of input by up to 1e6."""
-    states, inputs = (
-        10.0 ** rng.uniform(-8.0, 8.0, len(game.A)),
-        10.0 ** rng.uniform(-3.0, 3.0, game.B.shape[1]),
-    )
+    states = 10.0 ** rng.uniform(-8.0, 8.0, len(game.A))
+    inputs = 10.0 ** rng.uniform(-3.0, 3.0, game.B.shape[1])
     return replace(
         game,
         A=game.A * states[:, None] / states,
@@ -167,7 +167,8 @@ def collection(
     names = list(structures)
     for number in range(count):
         rng = np.random.default_rng([seed, number])
-        name, n = names[number % len(names)], 1 + (number + number // len(names)) % 10
+        name = names[number % len(names)]
+        n = 1 + (number + number // len(names)) % 10
         game = structures[name](rng, n)
         if rng.random() < 0.3:
             game = in_other_units(rng, game)
@@ -179,13 +180,12 @@ def _with_telling_delta(rng: np.random.Generator, name: str, game: Game) -> Game
         smallest = minimum_delta(game).value
     except NoSolutionError:
         return game
-    above, below, kind = (
-        10.0 ** rng.uniform(-2.9, 3.0),
-        10.0 ** rng.uniform(-5.0, -1.0),
-        rng.random(),
-    )
+    above = 10.0 ** rng.uniform(-2.9, 3.0)
+    below = 10.0 ** rng.uniform(-5.0, -1.0)
+    kind = rng.random()
     if name == "marginal":
-        above, kind = 10.0 ** rng.uniform(-2.9, -2.0), 0.0
+        above = 10.0 ** rng.uniform(-2.9, -2.0)
+        kind = 0.0
     if smallest == 0.0 or kind > 0.8:
         return game
     return game.with_delta(smallest * (1.0 + above if kind < 0.6 else 1.0 - below))
@@ -201,7 +201,8 @@ def _symmetric(matrix: np.ndarray) -> np.ndarray:
 def _verdict(sample: Sample, worst: float = WORST_ERROR) -> str:
     """How the solver does on a game; AssertionError when it accepts a wrong solution, or names a
     wrong cause."""
-    game, label = sample.game, f"{sample.structure} {sample.number}"
+    game = sample.game
+    label = f"{sample.structure} {sample.number}"
     reference = reference_solution(game)
     try:
         P = solve_game(game).P
@@ -269,7 +270,8 @@ def test_games_with_a_mode_that_the_input_barely_reaches(count: int) -> None:
 @pytest.mark.parametrize("seed", [2, 3])
 def test_two_thousand_games(seed: int) -> None:
     count = 1000
-    verdicts, brackets = Counter[str](), Counter[str]()
+    verdicts = Counter[str]()
+    brackets = Counter[str]()
     for sample in collection(count, seed):
         verdicts[_verdict(sample)] += 1
         brackets[_bracket(sample)] += 1
@@ -285,18 +287,14 @@ def test_two_thousand_games(seed: int) -> None:
 @pytest.mark.parametrize("count", [12, pytest.param(600, marks=pytest.mark.slow)])
 def test_random_games_and_what_scipy_alone_says(count: int, scaled: bool) -> None:
     """Right to 1e-8 at the edge of existence; a bare call returns other roots without a word."""
-    rng, verdicts, alone = (
-        np.random.default_rng(2 if count > 12 else 1),
-        Counter[str](),
-        Counter[bool](),
-    )
+    rng = np.random.default_rng(2 if count > 12 else 1)
+    verdicts = Counter[str]()
+    alone = Counter[bool]()
     for number in range(count):
         game = random_game(rng, scaled=scaled)
         verdicts[_verdict(Sample("random", number, game), 1e-8)] += 1
-        inputs, weights = (
-            np.hstack([game.B, game.E]),
-            block_diag(game.R, -(game.delta**2) * np.eye(game.E.shape[1])),
-        )
+        inputs = np.hstack([game.B, game.E])
+        weights = block_diag(game.R, -(game.delta**2) * np.eye(game.E.shape[1]))
         with suppress(LinAlgError, ValueError), warnings.catch_warnings(action="ignore"):
             P = solve_continuous_are(game.A, inputs, game.Q, weights)
             wrong = (
@@ -312,7 +310,8 @@ def test_random_games_and_what_scipy_alone_says(count: int, scaled: bool) -> Non
 
 @pytest.mark.parametrize("games", [30, pytest.param(90, marks=pytest.mark.slow)])
 def test_the_two_derivations_agree_on_existence(games: int) -> None:
-    rng, verdicts = np.random.default_rng(3), Counter[tuple[bool, ...]]()
+    rng = np.random.default_rng(3)
+    verdicts = Counter[tuple[bool, ...]]()
     for number in range(games):
         game = random_game(rng, scaled=number % 2 == 1)
         verdicts[

@@ -104,7 +104,9 @@ def test_an_undamped_mode_that_Q_sees_is_solved_and_one_that_it_does_not_is_name
 def test_units_over_16_decades_change_nothing() -> None:
     """States, inputs and disturbances in units between 1e-8 and 1e8 of others."""
     rng = np.random.default_rng(4)
-    A, B, E = rng.standard_normal((5, 5)), rng.standard_normal((5, 3)), rng.standard_normal((5, 2))
+    A = rng.standard_normal((5, 5))
+    B = rng.standard_normal((5, 3))
+    E = rng.standard_normal((5, 2))
     game = Game(A, B, E, np.eye(5), np.eye(3), 30.0)
     plain = solve_game(game)
     assert error(game) <= EXACT
@@ -129,7 +131,8 @@ def test_a_mode_that_the_input_barely_reaches_is_solved_with_a_bound_on_its_pole
 ) -> None:
     """Rates 0.5 and -1; the input along the second but for `reach`. Alone, x' = x/2 + r u moves to
     -1/2 as r -> 0."""
-    A, modes = np.array([[-0.04, 0.72], [0.72, -0.46]]), np.array([[0.8, 0.6], [-0.6, 0.8]])
+    A = np.array([[-0.04, 0.72], [0.72, -0.46]])
+    modes = np.array([[0.8, 0.6], [-0.6, 0.8]])
     game = Game(A, modes.T @ [[reach], [1.0]], np.zeros((2, 1)), np.eye(2), np.eye(1), math.inf)
     found = analyse_game(game).solution  # confirmed in flight, too
     assert error(game, found.P) <= EXACT
@@ -169,7 +172,10 @@ def test_a_mode_that_the_input_reaches_by_no_more_than_rounding_is_named(reach: 
 
 def scalar(a: float, apart: float) -> Game:
     """A game whose delta lies by the share `apart` above its exact smallest delta, or below."""
-    b, e, q, r = 0.7, 1.3, 2.0, 0.4
+    b = 0.7
+    e = 1.3
+    q = 2.0
+    r = 0.4
     exact = e / math.sqrt(b * b / r + min(a, 0.0) ** 2 / q)
     return Game([[a]], [[b]], [[e]], [[q]], [[r]], exact * (1.0 + apart))
 
@@ -201,7 +207,8 @@ def test_at_its_smallest_delta_a_game_is_solved_or_told_on_which_side_it_is(
 
 @pytest.mark.parametrize("a", [-1.0, 0.0, 2.0])
 def test_the_smallest_delta_is_within_a_millionth(a: float) -> None:
-    found, exact = minimum_delta(scalar(a, 1.0)), scalar(a, 0.0).delta
+    found = minimum_delta(scalar(a, 1.0))
+    exact = scalar(a, 0.0).delta
     assert exact * (1.0 - 1e-6) <= found.refused <= exact * (1.0 + 1e-12)
     assert exact * (1.0 - 1e-12) <= found.value <= exact * (1.0 + 1e-6)
     assert not found.uncertain

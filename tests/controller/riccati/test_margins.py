@@ -69,7 +69,8 @@ def test_every_factor_within_the_disk_leaves_the_loop_stable(game: Game) -> None
 def test_disk_margin_is_tight(game: Game) -> None:
     """At its frequency, phases of the five factors exist that take the loop to the edge just
     outside the disk."""
-    K, margin = solve_game(game).K, disk_margin(game, solve_game(game).K)
+    K = solve_game(game).K
+    margin = disk_margin(game, solve_game(game).K)
     closed = 1j * margin.frequency * np.eye(6) - game.A + game.B @ K
     M = 0.5 * np.eye(5) - K @ np.linalg.solve(closed, game.B)
 
@@ -125,7 +126,8 @@ def test_speeds_in_metres_leave_what_has_no_unit_alone(game: Game) -> None:
     that goes."""
     units = np.array([1 / 0.3048, 1.0, 1.0, 1.0, 1.0, 1.0])
     si = in_units(game, units)
-    here, there = solve_game(game), solve_game(si)
+    here = solve_game(game)
+    there = solve_game(si)
     exact = [(there.K, here.K * units), (loop_margins(si, there.K), loop_margins(game, here.K))]
     exact += [(disk_margin(si, there.K), disk_margin(game, here.K))]
     exact += [
@@ -166,8 +168,10 @@ def test_margins_are_those_of_python_control(name: str, factor: float) -> None:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # where a loop has no crossover
             found, phases, *_ = control.stability_margins(loop, returnall=True)
-        gains, phases = np.asarray(found), np.abs(np.asarray(phases))
-        low, high = gains[(gains < 1.0) & (gains > 1e-12)], gains[gains > 1.0]
+        gains = np.asarray(found)
+        phases = np.abs(np.asarray(phases))
+        low = gains[(gains < 1.0) & (gains > 1e-12)]
+        high = gains[gains > 1.0]
         assert margin.gain_low == pytest.approx(low.max(initial=0.0), rel=1e-6)
         assert margin.gain_high == pytest.approx(high.min(initial=math.inf), rel=1e-6)
         assert margin.phase == pytest.approx(
@@ -177,7 +181,8 @@ def test_margins_are_those_of_python_control(name: str, factor: float) -> None:
 
 def test_nine_loops_that_change_alike_have_the_margin_of_the_slackest() -> None:
     """Loops l = k / (s (s + 1)), in an order that changes from frequency to frequency."""
-    gains, frequencies = np.linspace(0.5, 4.5, 9), np.geomspace(1e-3, 100.0, 400)
+    gains = np.linspace(0.5, 4.5, 9)
+    frequencies = np.geomspace(1e-3, 100.0, 400)
 
     def shifted(omega: np.ndarray, count: int = 9) -> np.ndarray:
         loops = gains[-count:] / (1j * omega * (1j * omega + 1.0))[:, None]

@@ -39,7 +39,8 @@ def whole(aircraft: Model, design: Design) -> tuple[np.ndarray, LinearController
     assert told == [(1, 2), (2, 2)]
     plant = servo_plant(aircraft, model, table, design.actuators)
     measured = len(table.measurements)
-    B, D = found.B[:, :measured], found.D[:, :measured]
+    B = found.B[:, :measured]
+    D = found.D[:, :measured]
     for part in "ABCDW":
         np.testing.assert_array_equal(getattr(table, part)[1], getattr(found, part))
     return np.block(
@@ -231,10 +232,8 @@ def test_a_path_from_inputs_to_a_sensor_at_once_is_closed_as_the_equations_say(
     published_aircraft: Model,
 ) -> None:
     """u = Ck x_c + Dk (C x + D u), solved for u at a state, gives the rates of the loop."""
-    rng, shapes = (
-        np.random.default_rng(0),
-        {"A": (3, 3), "B": (3, 4), "C": (2, 3), "D": (2, 4), "W": (3, 2)},
-    )
+    rng = np.random.default_rng(0)
+    shapes = {"A": (3, 3), "B": (3, 4), "C": (2, 3), "D": (2, 4), "W": (3, 2)}
     table = small_controller(
         published_aircraft,
         inputs=("aileron_outer", "elevator_center"),
@@ -247,7 +246,8 @@ def test_a_path_from_inputs_to_a_sensor_at_once_is_closed_as_the_equations_say(
     )
     plant = servo_plant(published_aircraft, model_at(11.0), table, {})
     A, B, C, D = (getattr(table, name)[0] for name in "ABCD")
-    x, own = rng.standard_normal(len(plant.A)), rng.standard_normal(3)
+    x = rng.standard_normal(len(plant.A))
+    own = rng.standard_normal(3)
     u = np.linalg.solve(np.eye(2) - D[:, :2] @ plant.D, C @ own + D[:, :2] @ plant.C @ x)
     rates = [plant.A @ x + plant.B @ u, A @ own + B[:, :2] @ (plant.C @ x + plant.D @ u)]
     np.testing.assert_allclose(

@@ -161,7 +161,8 @@ def test_the_loop_of_a_servo_brings_the_integrated_outputs_to_zero(
 def _gust_by_differences(aircraft: Model, built: DesignModel) -> np.ndarray:
     """Rates of the six states and of the integrals in an updraft, from the nonlinear equations, per
     ft/s."""
-    point, h = built.model.point, 1e-4
+    point = built.model.point
+    h = 1e-4
     winds = (rising(side * h) for side in (1.0, -1.0))
     up, down = (
         moment_of(

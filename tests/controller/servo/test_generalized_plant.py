@@ -39,8 +39,11 @@ DOUBLE |= {
 @cache
 def random_plant(seed: int, feedthrough: float = 1.0) -> GeneralizedPlant:
     rng = np.random.default_rng(seed)
-    n, m, p = int(rng.integers(2, 9)), int(rng.integers(1, 4)), int(rng.integers(1, 4))
-    r, k = m + int(rng.integers(0, 4)), p + int(rng.integers(0, 4))
+    n = int(rng.integers(2, 9))
+    m = int(rng.integers(1, 4))
+    p = int(rng.integers(1, 4))
+    r = m + int(rng.integers(0, 4))
+    k = p + int(rng.integers(0, 4))
     sizes = {
         "A": (n, n),
         "B1": (n, k),
@@ -66,7 +69,8 @@ def smallest_of(seed: int, feedthrough: float = 1.0) -> DeltaMin:
 def of_slycot(plant: GeneralizedPlant) -> tuple[float, float]:
     """The smallest gain that SLICOT's SB10AD states, and that of the loop which it returns."""
     slycot = pytest.importorskip("slycot")
-    B, C = np.hstack([plant.B1, plant.B2]), np.vstack([plant.C1, plant.C2])
+    B = np.hstack([plant.B1, plant.B2])
+    C = np.vstack([plant.C1, plant.C2])
     D = np.block([[plant.D11, plant.D12], [plant.D21, plant.D22]])
     sizes = len(plant.A), B.shape[1], len(C), plant.B2.shape[1], len(plant.C2)
     try:
@@ -120,8 +124,10 @@ def test_X_and_Y_solve_the_general_equations_and_to_sixty_digits(seed: int) -> N
     found: Any = solve_plant(plant, delta)
     transposed = plant.transposed()
     for each, X in ((plant, found.X), (transposed, found.Y)):
-        B, D = np.hstack([each.B1, each.B2]), np.hstack([each.D11, each.D12])
-        k, m = each.B1.shape[1], each.B2.shape[1]
+        B = np.hstack([each.B1, each.B2])
+        D = np.hstack([each.D11, each.D12])
+        k = each.B1.shape[1]
+        m = each.B2.shape[1]
         R = D.T @ D - np.diag(np.repeat([delta**2, 0.0], [k, m]))
         crossed = X @ B + each.C1.T @ D
         terms = (
@@ -138,13 +144,12 @@ def test_X_and_Y_solve_the_general_equations_and_to_sixty_digits(seed: int) -> N
 def test_state_feedback_is_the_game_where_nothing_crosses(game: Game) -> None:
     n, m = game.B.shape
     root = np.sqrt(np.diag(game.Q))
-    C1, D12 = (
-        np.vstack([np.diag(root), np.zeros((m, n))]),
-        np.vstack([np.zeros((n, m)), np.sqrt(game.R)]),
-    )
+    C1 = np.vstack([np.diag(root), np.zeros((m, n))])
+    D12 = np.vstack([np.zeros((n, m)), np.sqrt(game.R)])
     plant = GeneralizedPlant(game.A, game.E, game.B, C1, D12)
     assert plant.minimum_delta().value == pytest.approx(minimum_delta(game).value, rel=3e-6)
-    found, exact = solve_plant(plant, game.delta), solve_game(game)
+    found = solve_plant(plant, game.delta)
+    exact = solve_game(game)
     assert relative_error(found.K, exact.K) < 1e-10
     assert relative_error(found.disturbance_gain, exact.disturbance_gain) < 1e-10
 
@@ -156,7 +161,8 @@ def test_state_feedback_is_the_limit_of_measuring_every_state_ever_better(seed: 
     state = replace(plant, C2=None, D21=None, D22=None)
     smallest, (n, k) = state.minimum_delta(), plant.B1.shape
     assert smallest.value >= np.linalg.norm(plant.D11, 2)
-    r, D21 = len(plant.C1), np.hstack([np.zeros((n, k)), 1e-4 * np.eye(n)])
+    r = len(plant.C1)
+    D21 = np.hstack([np.zeros((n, k)), 1e-4 * np.eye(n)])
     noisy = GeneralizedPlant(
         plant.A, np.hstack([plant.B1, np.zeros((n, n))]), plant.B2, plant.C1, plant.D12, np.eye(n), D21,
         np.hstack([plant.D11, np.zeros((r, n))]),
@@ -171,7 +177,8 @@ def test_state_feedback_is_the_limit_of_measuring_every_state_ever_better(seed: 
 
 
 def test_what_u_adds_to_y_at_once_changes_nothing() -> None:
-    plant, smallest = random_plant(8), smallest_of(8).value
+    plant = random_plant(8)
+    smallest = smallest_of(8).value
     without = replace(plant, D22=np.zeros_like(plant.D22))
     assert without.minimum_delta().value == pytest.approx(smallest, rel=2e-6)
     loops = []
@@ -190,7 +197,8 @@ def test_a_planted_error_in_the_controller_is_seen(
         parts = dict(zip(("Ak", "Bk", "Ck", "Dk"), central_controller(*arguments), strict=True))
         return tuple((1.01 if name == part else 1.0) * value for name, value in parts.items())
 
-    plant, delta = random_plant(8), 1.001 * smallest_of(8).value
+    plant = random_plant(8)
+    delta = 1.001 * smallest_of(8).value
     monkeypatch.setattr(generalized_plant, "central_controller", wrong)
     with pytest.raises(NoSolutionError, match="the controller is not certified: "):
         solve_plant(plant, delta)
@@ -198,11 +206,9 @@ def test_a_planted_error_in_the_controller_is_seen(
 
 def test_a_gain_that_is_too_large_is_seen() -> None:
     """A resonance far narrower than any grid: its peak is 1/(2 zeta), at 1 rad/s."""
-    A, B, C = (
-        np.array([[0.0, 1.0], [-1.0, -2e-7]]),
-        np.array([[0.0], [1.0]]),
-        np.array([[1.0, 0.0]]),
-    )
+    A = np.array([[0.0, 1.0], [-1.0, -2e-7]])
+    B = np.array([[0.0], [1.0]])
+    C = np.array([[1.0, 0.0]])
     peak = 1.0 / 2e-7
     for D, inside, outside in ((np.zeros((1, 1)), 1.001, 0.999), (np.array([[1e6]]), 1.05, 1.01)):
         assert peak_gain(A, B, C, D, inside * peak) < inside * peak
@@ -217,7 +223,8 @@ def with_noise(system: Any, size: float) -> GeneralizedPlant:
     """The system with one y and one u, and noise on y."""
     A, B, C, D = (np.asarray(getattr(system, name)) for name in "ABCD")
     k = B.shape[1] - 1
-    B, D = np.insert(B, k, 0.0, axis=1), np.insert(D, k, 0.0, axis=1)
+    B = np.insert(B, k, 0.0, axis=1)
+    D = np.insert(D, k, 0.0, axis=1)
     D[-1, k] = size
     return GeneralizedPlant.from_control(control.ss(A, B, C, D), 1, 1)
 
@@ -236,7 +243,8 @@ def octave_13() -> Any:
     does not see."""
     one = control.ss(DOUBLE["A"], DOUBLE["B2"], [[1.0, 0.0]], 0.0)
     A = np.kron(np.eye(4), one.A)
-    B, C = np.zeros((8, 2)), np.zeros((3, 8))
+    B = np.zeros((8, 2))
+    C = np.zeros((3, 8))
     B[[1, 5], 0], B[[3, 7], 1] = 1.0, 1.0
     C[0, [0, 2]], C[2, [4, 6]] = 1.0, 1.0
     return control.ss(A, B, C, [[0.0, 0.0], [0.0, 1.0], [0.0, 0.0]])
@@ -396,7 +404,8 @@ def test_the_command_solves_a_file_and_says_what_to_change(tmp_path: Any) -> Non
 
 
 MEASURED = ("pitch_rate", "dihedral_integral", "vertical_acceleration_short_period_integral")
-NOISE, ONE = np.diag([1e-4, 1e-4, 1e-2]), np.eye(1)
+NOISE = np.diag([1e-4, 1e-4, 1e-2])
+ONE = np.eye(1)
 
 
 @pytest.fixture(
@@ -505,7 +514,8 @@ def test_without_disturbance_it_is_lqg(servo: tuple[Game, np.ndarray, Generalize
 def test_with_every_state_measured_well_it_is_the_state_feedback_game(game: Game) -> None:
     """As the noise falls the filter's share of the coupling falls, and the smallest delta becomes
     that of the game."""
-    n, smallest = len(game.A), minimum_delta(game).value
+    n = len(game.A)
+    smallest = minimum_delta(game).value
     plants = [
         GeneralizedPlant.measured(game, np.eye(n), noise * np.eye(n)) for noise in (1e-6, 1e-10)
     ]
@@ -521,17 +531,16 @@ def test_units_of_the_states_over_16_decades_change_nothing(seed: int) -> None:
     """z = u y: delta_min, the coupling, the response; X and Y in the new units."""
     rng = np.random.default_rng(seed)
     A, B, E, C = (rng.standard_normal(shape) for shape in ((3, 3), (3, 1), (3, 2), (2, 3)))
-    game, u = (
-        Game(A=A, B=B, E=E, Q=np.eye(3), R=ONE, delta=1.0),
-        10.0 ** (8 * np.array([1.0, -1.0, 0.0])),
-    )
+    game = Game(A=A, B=B, E=E, Q=np.eye(3), R=ONE, delta=1.0)
+    u = 10.0 ** (8 * np.array([1.0, -1.0, 0.0]))
     scaled = Game(
         A=A * u / u[:, None], B=B / u[:, None], E=E / u[:, None], Q=np.diag(u * u), R=ONE, delta=1.0
     )
     one, other = (
         GeneralizedPlant.measured(each, c, np.eye(2)) for each, c in ((game, C), (scaled, C * u))
     )
-    smallest, found = one.minimum_delta(), other.minimum_delta()
+    smallest = one.minimum_delta()
+    found = other.minimum_delta()
     assert found.refused < found.value <= found.refused * (1 + 2e-6)
     assert found.value == pytest.approx(smallest.value, rel=2e-6)
     assert found.condition == smallest.condition

@@ -55,17 +55,19 @@ def test_gamma_min_is_that_of_the_hankel_norm_and_of_slycot(degrees: float | Non
     problem of it."""
     slycot = pytest.importorskip("slycot")
     A, B, C = random_plant(1) if degrees is None else shaped_plant(degrees)
-    n, m, p = len(A), B.shape[1], len(C)
+    n = len(A)
+    m = B.shape[1]
+    p = len(C)
     found = robust_controller(A, B, C)
     Z = solve_continuous_are(A.T, C.T, B @ B.T, np.eye(p))
-    stable, enters = A - Z @ C.T @ C, np.hstack([B, -Z @ C.T])
-    P, Q = (
-        solve_continuous_lyapunov(stable, -enters @ enters.T),
-        solve_continuous_lyapunov(stable.T, -C.T @ C),
-    )
+    stable = A - Z @ C.T @ C
+    enters = np.hstack([B, -Z @ C.T])
+    P = solve_continuous_lyapunov(stable, -enters @ enters.T)
+    Q = solve_continuous_lyapunov(stable.T, -C.T @ C)
     hankel = np.linalg.eigvals(P @ Q).real.max()
     assert found.gamma_min == pytest.approx(1.0 / np.sqrt(1.0 - hankel), rel=1e-6)
-    B1, C1 = np.hstack([np.zeros((n, p)), B]), np.vstack([np.zeros((m, n)), C])
+    B1 = np.hstack([np.zeros((n, p)), B])
+    C1 = np.vstack([np.zeros((m, n)), C])
     D = np.block(
         [
             [np.zeros((m, p)), np.zeros((m, m)), np.eye(m)],
@@ -98,7 +100,9 @@ def test_the_loop_is_as_robust_as_gamma_says_and_a_planted_error_is_found() -> N
     assert found.gamma == 1.1 * found.gamma_min
     check = robust_check(A, B, C, found)
     assert check.ok
-    n, m, p = len(A), B.shape[1], len(C)
+    n = len(A)
+    m = B.shape[1]
+    p = len(C)
     closed = np.block([[A, -B @ found.F], [found.H @ C, A - B @ found.F - found.H @ C]])
     enters = np.block([[np.zeros((n, p)), B], [found.H, np.zeros((n, m))]])
     leaves = np.block([[np.zeros((m, n)), -found.F], [C, np.zeros((p, n))]])
@@ -119,10 +123,8 @@ def test_a_mode_that_is_not_seen_has_no_controller() -> None:
 @cache
 def servo(dynamics: str, degrees: tuple[float, ...] = ()) -> ScheduledController:
     """The designed servo at its own angles, or at these."""
-    aircraft, design = (
-        hfa_model.aircraft(dynamics),
-        load_design("servo", hfa_model.aircraft()).of(hfa_model.aircraft(dynamics)),
-    )
+    aircraft = hfa_model.aircraft(dynamics)
+    design = load_design("servo", hfa_model.aircraft()).of(hfa_model.aircraft(dynamics))
     assert design.shaping is not None
     return design_controller(
         aircraft, design, np.radians(degrees) if degrees else np.array(design.shaping.breakpoints)
@@ -154,7 +156,8 @@ def test_it_is_stable_with_half_the_effectiveness_and_20_ms(dynamics: str) -> No
     rad/s."""
     from control import pade, ss, tf
 
-    aircraft, controller = hfa_model.aircraft(dynamics), servo(dynamics)
+    aircraft = hfa_model.aircraft(dynamics)
+    controller = servo(dynamics)
     delay = ss(tf(*pade(0.02, 3)))
     for degrees in (0.0, 11.0, 20.0):
         for order, bandwidth, share in (
@@ -165,7 +168,8 @@ def test_it_is_stable_with_half_the_effectiveness_and_20_ms(dynamics: str) -> No
                 servo_plant(aircraft, model_at(degrees, dynamics), controller, actuators),
                 controller,
             )
-            n, each = len(loop.A), np.eye(len(INPUTS))
+            n = len(loop.A)
+            each = np.eye(len(INPUTS))
             A = np.block(
                 [
                     [loop.A, loop.B @ np.kron(each, delay.C)],
@@ -193,7 +197,8 @@ def test_margins_are_where_a_loop_by_hand_ends(published_aircraft: Model) -> Non
         ]
         assert min(map(abs, found)) < 1e-9
     for k, name in enumerate(controller.measurements):
-        turned, w = np.ones(3, dtype=complex), margins[name].crossover
+        turned = np.ones(3, dtype=complex)
+        w = margins[name].crossover
         turned[k] = np.exp(1j * np.radians(margins[name].phase))
         both = []
         for phase in (turned, turned.conj()):
@@ -208,7 +213,8 @@ def test_a_double_integrator_has_the_margins_of_the_book(published_aircraft: Mod
     """l = 1/(s (s + 1)): 51.83 deg at 0.7862 rad/s, no gain ends it."""
     from controller.servo.servo_loop import ServoLoop
 
-    one, none = np.ones((1, 1)), np.zeros((1, 1))
+    one = np.ones((1, 1))
+    none = np.zeros((1, 1))
     loop = ServoLoop(none, one, one, -one, one, -one, none)
     found = servo_margins(loop, ("u",), ("y",))
     for each in found.values():
@@ -222,20 +228,23 @@ def test_the_model_answers_a_command_and_the_loop_feels_none_of_it(
 ) -> None:
     """Behind the actuators that the model has, measured and modelled outputs agree: measuring adds
     nothing, and at rest both outputs are where the command is."""
-    design, model = load_design("servo", hfa_model.aircraft()), model_at(11.0)
+    design = load_design("servo", hfa_model.aircraft())
+    model = model_at(11.0)
     controller = servo("published", (11.0,))
     found = controller_at(published_aircraft, model, design)
     assert design.shaping is not None
     actuators = dict.fromkeys(INPUTS, Actuator(1, design.shaping.following.bandwidth))
     plant = servo_plant(published_aircraft, model, controller, actuators)
-    B, n = found.B, len(plant.A)
+    B = found.B
+    n = len(plant.A)
     closed = np.block([[plant.A, plant.B @ found.C], [B[:, :3] @ plant.C, found.A]])
     told = np.vstack([np.zeros((n, 6)), B[:, 3:]])
     commands = np.array([0.02, -1.0, 0.0, 0.0, 0.02, -1.0])  # r, r', r_end
     rest = -np.linalg.solve(closed, told @ commands)
     np.testing.assert_allclose(plant.C[1:] @ rest[:n], commands[:2], atol=1e-9)
     rng = np.random.default_rng(0)
-    state, w = np.zeros(len(closed)), rng.standard_normal(6)
+    state = np.zeros(len(closed))
+    w = rng.standard_normal(6)
     for _ in range(50):
         state = state + 0.02 * (closed @ state + told @ w)
     own = state[n:]
@@ -320,7 +329,8 @@ def test_two_surfaces_alone_leave_the_phugoid_undamped_and_four_inputs_do_not(
     tightly as can be. With two surfaces they are at 0.67 rad/s, which gusts excite, and in the
     right half plane; pitch in the place of A_z has none there. With the inputs of the servo the
     rank is whole at those s."""
-    two, zeros = ("aileron_outer", "elevator_center"), {}
+    two = ("aileron_outer", "elevator_center")
+    zeros = {}
     for outputs in (("dihedral", A_Z), ("dihedral", "pitch")):
         pencil = pencil_of(dynamics, degrees, two, outputs)
         found = eigvals(pencil, np.diag(np.arange(8) < 6).astype(float))

@@ -70,7 +70,9 @@ def test_outputs_are_those_of_the_linear_model(
     outputs = MeasuredOutputs(published_aircraft, point, names)
     model = linearize(published_aircraft, point, outputs=("vertical_acceleration", "load_factor"))
     rng = np.random.default_rng(2)
-    x, a, v = rng.normal(size=6), rng.normal(size=5), rng.normal(size=5)
+    x = rng.normal(size=6)
+    a = rng.normal(size=5)
+    v = rng.normal(size=5)
     y = np.array(ca.DM(outputs.at(Measurements(ca.SX(x), ca.SX(x), ca.SX(a), ca.SX(v))))).ravel()
     alpha = LINEAR_STATES.index("alpha")
     short = model.C[0, alpha] * x[alpha] + model.D[0] @ a
@@ -90,7 +92,8 @@ def test_in_moving_air_an_accelerometer_feels_alpha_through_the_air(
     published_aircraft: Model, point: OperatingPoint
 ) -> None:
     names = (Z, "load_factor", "pitch_rate", "aileron_outer_position")
-    outputs, still = MeasuredOutputs(published_aircraft, point, names), ca.SX(6, 1)
+    outputs = MeasuredOutputs(published_aircraft, point, names)
+    still = ca.SX(6, 1)
     rest = ca.SX(5, 1)
     F = linearize(published_aircraft, point, outputs=("vertical_acceleration", "load_factor")).F[
         :, 0
@@ -114,15 +117,16 @@ def test_the_flight_on_the_linear_model_is_the_loop_written_out(
     controller = integrating_controller(published_aircraft)
     result = flown(published_aircraft, point, controller)
     assert result.predicted is not None
-    model, follow = LinearPlant.at(published_aircraft, point), commands(0.01)
-    eta, q, column = (
-        STATES.index("dihedral"),
-        STATES.index("pitch_rate"),
-        INPUTS.index("aileron_outer"),
-    )
+    model = LinearPlant.at(published_aircraft, point)
+    follow = commands(0.01)
+    eta = STATES.index("dihedral")
+    q = STATES.index("pitch_rate")
+    column = INPUTS.index("aileron_outer")
 
     def rate(t: float, y: np.ndarray) -> np.ndarray:
-        x, a, e = y[:7], y[7:12], y[12:]
+        x = y[:7]
+        a = y[7:12]
+        e = y[12:]
         r = float(follow.sampled(np.array([t]))[0, 0])
         A, B, C, D = controller.at(point.states.dihedral + x[eta])
         told = np.array([x[q], x[eta], r, 0.0])
@@ -144,7 +148,8 @@ def test_the_anti_windup_input_is_what_was_not_applied(
 ) -> None:
     """With W = w the integral gets w (u_applied - u): nothing while no limit acts, and less of it
     where one does."""
-    lowest, highest = np.array(point.inputs) - 1e-4, np.array(point.inputs) + 1e-4
+    lowest = np.array(point.inputs) - 1e-4
+    highest = np.array(point.inputs) + 1e-4
     narrow = replace(FREE, lowest=Input(*lowest), highest=Input(*highest))
     controller = integrating_controller(published_aircraft, W=-2000.0 * np.ones((3, 1, 1)))
     plain = integrating_controller(published_aircraft)
@@ -158,14 +163,16 @@ def test_the_anti_windup_input_is_what_was_not_applied(
     assert np.abs(relieved.memory).max() < 0.5 * np.abs(saturated.memory).max()
 
 
-TIMES, VALUES = np.array([1.0, 4.0, 9.0]), np.array([[1.0, -2.0], [0.5, 0.0], [0.0, 3.0]])
+TIMES = np.array([1.0, 4.0, 9.0])
+VALUES = np.array([[1.0, -2.0], [0.5, 0.0], [0.0, 3.0]])
 
 
 def test_a_signal_is_the_same_at_one_time_at_many_and_as_an_expression() -> None:
     rng = np.random.default_rng(2)
     constant, slope, sine, cosine = rng.normal(size=(4, 3))
     signal = Waveform(constant, slope, (Harmonic(1.3, sine, cosine), Harmonic(0.2, cosine, -sine)))
-    times, t = np.array([0.0, 0.7, 5.0]), ca.SX.sym("t")
+    times = np.array([0.0, 0.7, 5.0])
+    t = ca.SX.sym("t")
     one = signal.sampled(times)
     compiled = ca.Function("s", [t], [signal.at(t)])
     for row, time in zip(one, times.tolist(), strict=True):
@@ -185,7 +192,8 @@ def steps(damping: float = 2.0) -> CommandSteps:
 @pytest.mark.parametrize("damping", [0.6, 1.0, 1.5, 2.0])
 def test_the_closed_form_solves_the_equation_of_the_filter(damping: float) -> None:
     commands = steps(damping)
-    w, y = 0.5, np.zeros(4)
+    w = 0.5
+    y = np.zeros(4)
     for begin, end, goal in zip([0.0, *TIMES], [*TIMES, 20.0], [np.zeros(2), *VALUES], strict=True):
 
         def rate(t: float, y: np.ndarray, goal: np.ndarray = goal) -> np.ndarray:

@@ -83,7 +83,9 @@ def misses(name, count):
     worst = np.zeros(4)
     for point, answer in zip(points, measured(name, points), strict=True):
         state, rates, outputs = ours_at(model, point, answer)
-        alpha, beta, speed = state["alpha"], state["beta"], state["speed"]
+        alpha = state["alpha"]
+        beta = state["beta"]
+        speed = state["speed"]
         along = np.array([np.cos(alpha) * np.cos(beta), np.sin(beta), np.sin(alpha) * np.cos(beta)])
         acceleration = np.array([answer["udot"], answer["vdot"], answer["wdot"]])
         u, v, w = speed * along

@@ -86,10 +86,8 @@ def test_all_rough_starts_fit_the_print_as_well_as_rounding_allows(
     assert len(sums) == 8
     np.testing.assert_allclose(sums, best.sum_of_squares, rtol=1e-6)
     # None of the rough guesses is the answer.
-    guess, answer = (
-        np.array(list(ROUGH.values())),
-        np.array([getattr(best.parameters.values, n) for n in IDENTIFIED]),
-    )
+    guess = np.array(list(ROUGH.values()))
+    answer = np.array([getattr(best.parameters.values, n) for n in IDENTIFIED])
     assert np.median(np.abs(guess / answer - 1)) > 0.1
     assert best.entries == 70
     assert best.sum_of_squares < 1.5 * best.expected_sum
@@ -228,13 +226,12 @@ def test_one_angle_determines_all_but_one_combination() -> None:
         # Known to 1 %: the singular value s leaves a standard error 1/(s √3).
         assert np.count_nonzero(fitted.singular_values * np.sqrt(3) > 100) == len(IDENTIFIED) - 1
         model = regenerate(hfa_model.aircraft(parameters=fitted.parameters.values), unknown)
-        computed, print_ = np.hstack([model.A, model.B]), np.hstack([unknown.A, unknown.B])
+        computed = np.hstack([model.A, model.B])
+        print_ = np.hstack([unknown.A, unknown.B])
         errors = np.abs(computed - print_).max(axis=1) / np.abs(print_).max(axis=1)
         pitch = LINEAR_STATES.index("pitch_rate")
         assert errors[pitch] > 0.1
         assert np.delete(errors, pitch).max() < 1e-5
-        row, factor = (
-            computed[pitch],
-            computed[pitch] @ print_[pitch] / (computed[pitch] @ computed[pitch]),
-        )
+        row = computed[pitch]
+        factor = computed[pitch] @ print_[pitch] / (computed[pitch] @ computed[pitch])
         assert np.abs(factor * row - print_[pitch]).max() < 1e-5 * np.abs(print_[pitch]).max()

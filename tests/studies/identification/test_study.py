@@ -23,7 +23,8 @@ def test_it_writes_the_committed_parameters(
     text = capsys.readouterr().out
     data = json.loads(text)
     # Not the same bits: another processor rounds the linear algebra in another order.
-    found, committed = load_parameters("mine.TOML"), default_parameters()
+    found = load_parameters("mine.TOML")
+    committed = default_parameters()
     assert found.sources == committed.sources
     assert found.notes == committed.notes
     assert found.values._asdict() == pytest.approx(committed.values._asdict(), rel=1e-8)

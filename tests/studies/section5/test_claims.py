@@ -40,7 +40,8 @@ ROW = re.compile(r"^\|[^|]*\| (?:claim|5\.\d-\d+) \|.*\|$", re.M)
 def wrong_numbers(text: str) -> list[str]:
     """Cells of the table of numbers that are not those of the results."""
     header, *rows = ([cell.strip() for cell in line.split("|")[2:-1]] for line in ROW.findall(text))
-    claims, found = {claim["number"]: claim for claim in STORED["claims"]}, []
+    claims = {claim["number"]: claim for claim in STORED["claims"]}
+    found = []
     for number, *cells in rows:
         findings = claims[number]["findings"]
         for law, cell in zip(header[1:], cells, strict=True):
@@ -91,7 +92,8 @@ def test_the_results_come_out_again(tmp_path: Path) -> None:
     for stored, found in zip(STORED["claims"], again["claims"], strict=True):
         assert stored["verdict"] == found["verdict"], stored["number"]
         for law in stored["findings"].keys() & {*OWN}:
-            one, other = stored["findings"][law]["value"], found["findings"][law]["value"]
+            one = stored["findings"][law]["value"]
+            other = found["findings"][law]["value"]
             assert one == other or other == pytest.approx(one, rel=1e-6, abs=1e-9), (
                 stored["number"],
                 law,
@@ -155,10 +157,8 @@ def test_measures_look_at_the_right_flights_and_names(said: dict[str, Any], valu
     evidence = evidence_of(*TABLES)
     if "to" in said:  # of the flight without uncertainty to that with the noise
         noisy = recorded(FlightPlan(5.0, EXACT, noise=True), {"rms_error": {"a": 1.0, "b": 3.0}})
-        evidence, said = (
-            replace(evidence, flown={**evidence.flown, noisy.plan: noisy}),
-            said | {"to": "noise"},
-        )
+        evidence = replace(evidence, flown={**evidence.flown, noisy.plan: noisy})
+        said = said | {"to": "noise"}
     assert measure_of(said | {"in": group})(evidence, EXACT) == value
     with pytest.raises(FlightLostError, match=r"5 deg, exact, A - 0\.2 A: lost at 0\.5 s"):
         measure_of({"worst": "cost", "in": "every uncertainty"})(

@@ -70,8 +70,10 @@ def constants_of(setting: Setting, law: str, predefined_time: float) -> Any:
 
 
 def test_the_signals_are_those_that_the_paper_prints() -> None:
-    t, configuration = 3.0, section5_configuration()
-    s, c = np.sin(0.3), np.cos(0.3)
+    t = 3.0
+    configuration = section5_configuration()
+    s = np.sin(0.3)
+    c = np.cos(0.3)
     np.testing.assert_allclose(
         configuration.disturbance.at(t),
         1.1 * np.array([0.1 * s, 0.2 * s, 0.2 * c, 0.1 * s, 0.1 * c, 0.1 * s]),
@@ -111,13 +113,12 @@ def test_tracking_is_what_another_study_found(
 def test_a_flight_agrees_with_an_independent_simulation(law: str) -> None:
     """LSODA on the error equation with the forcing of the reference: states, cost and metrics."""
     setting = make_setting(section5_configuration(COARSE))
-    case, configuration = setting.case(5.0), setting.configuration
+    case = setting.case(5.0)
+    configuration = setting.configuration
     record = simulate_plan(setting, FlightPlan(5.0, law), "5.1")
-    reference, disturbance, w = (
-        configuration.reference,
-        configuration.disturbance,
-        generator(configuration.reference),
-    )
+    reference = configuration.reference
+    disturbance = configuration.disturbance
+    w = generator(configuration.reference)
     F = feedforward(case, reference) * (law == EXACT_FF)
     other = simulate(
         case.game,
@@ -142,12 +143,17 @@ def test_the_fixed_step_agrees_with_an_adaptive_integrator() -> None:
     from scipy.integrate import solve_ivp
 
     setting = make_setting(section5_configuration(BRIEF))
-    case, configuration = setting.case(5.0), setting.configuration
+    case = setting.case(5.0)
+    configuration = setting.configuration
     record = simulate_plan(setting, FlightPlan(5.0, CERTIFIED_FF), "5.2")
-    constants, w = constants_of(setting, CERTIFIED_FF, 0.5), generator(configuration.reference)
-    d, reference, rows = configuration.disturbance, configuration.reference, [configuration.initial]
+    constants = constants_of(setting, CERTIFIED_FF, 0.5)
+    w = generator(configuration.reference)
+    d = configuration.disturbance
+    reference = configuration.reference
+    rows = [configuration.initial]
     for tick, span in enumerate(pairwise(record.times.tolist())):
-        K, F = constants(tick)[:30].reshape(6, 5).T, constants(tick)[30:].reshape(-1, 5).T
+        K = constants(tick)[:30].reshape(6, 5).T
+        F = constants(tick)[30:].reshape(-1, 5).T
 
         def rate(t: float, x: np.ndarray, K: np.ndarray = K, F: np.ndarray = F) -> np.ndarray:
             return (
@@ -184,7 +190,8 @@ def test_the_modified_law_learns_in_flight_and_can_be_frozen() -> None:
 
 def test_the_certified_law_applies_a_baseline_and_then_the_exact_gain() -> None:
     setting = make_setting(section5_configuration(BRIEF))
-    forward, exact = constants_of(setting, CERTIFIED_FF, 0.5), setting.case(5.0).exact.K
+    forward = constants_of(setting, CERTIFIED_FF, 0.5)
+    exact = setting.case(5.0).exact.K
     record = simulate_plan(setting, FlightPlan(5.0, CERTIFIED), "5.2")
     first, last = (forward(tick)[:30].reshape(6, 5).T for tick in (0, 99))
     assert (forward(0)[30:].any(), forward(99)[30:].any()) == (False, True)
@@ -214,7 +221,8 @@ def test_uncertainty_and_noise_reach_the_plant_and_the_sensor() -> None:
         FlightPlan(5.0, EXACT, noise=True),
     )
     plain, wrong, noisy = (simulate_plan(setting, plan, "5.3") for plan in plans)
-    K, n = setting.case(5.0).exact.K, setting.configuration.noise
+    K = setting.case(5.0).exact.K
+    n = setting.configuration.noise
     np.testing.assert_allclose(wrong.inputs, -wrong.errors @ K.T, atol=1e-12)
     np.testing.assert_allclose(
         noisy.inputs, -(noisy.errors + n.sampled(noisy.times)) @ K.T, atol=1e-12

@@ -55,7 +55,8 @@ def expected(
     law: PublishedLaw, r: np.ndarray, z: np.ndarray, W: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """u and W' of Eq. (46) from `published_equations`, with the drift F = A z + r."""
-    e, s = law.equations, law.settings
+    e = law.equations
+    s = law.settings
     y = (z / e.scales)[None, :]
     gradient = law.basis.gradient(y)
     drift = ((law.game.A @ z + r) / e.scales)[None, :]
@@ -105,7 +106,8 @@ def test_the_right_sides_are_equal(
     policy = CriticPolicy("critic", law, r)
     rng = np.random.default_rng(1)
     for _ in range(5):
-        t, z = rng.uniform(0.0, 20.0), rng.normal(size=6) * [2.0, 0.1, 0.1, 0.5, 0.5, 0.5]
+        t = rng.uniform(0.0, 20.0)
+        z = rng.normal(size=6) * [2.0, 0.1, 0.1, 0.5, 0.5, 0.5]
         W = law.equations.scaled(rng.normal(size=law.basis.size) * 100.0)
         u, rate = flown(policy, t, z, W, 1.0)
         u_expected, rate_expected = expected(law, r.at(t), z, W)
@@ -117,7 +119,8 @@ def test_the_right_sides_are_equal(
 
 def test_another_law_is_seen() -> None:
     law = law_with()
-    z, W = np.array([1.0, 0.1, 0.0, 0.1, 0.2, 0.0]), np.linspace(-50.0, 100.0, law.basis.size)
+    z = np.array([1.0, 0.1, 0.0, 0.1, 0.2, 0.0])
+    W = np.linspace(-50.0, 100.0, law.basis.size)
     _, rate = flown(CriticPolicy("critic", law, zero(6)), 0.0, z, W, 1.0)
     told = forcing(law.game.A, REFERENCE)
     others = [
@@ -147,7 +150,9 @@ def test_feedforward_satisfies_its_differential_equation(game: Game) -> None:
     flown."""
     P = solve_game(game).P
     P_s = exosystem_feedforward(game, P, PAPER)
-    loop, step, weights = game.A - game.S @ P, 1e-3, np.array([1.0, -8.0, 8.0, -1.0]) / 12e-3
+    loop = game.A - game.S @ P
+    step = 1e-3
+    weights = np.array([1.0, -8.0, 8.0, -1.0]) / 12e-3
     for t in (0.0, 3.0, 17.0):
         around = [t + k * step for k in (-2, -1, 1, 2)]
         r = game.A @ REFERENCE.at(t) - weights @ np.array([REFERENCE.at(each) for each in around])
@@ -158,7 +163,8 @@ def test_feedforward_satisfies_its_differential_equation(game: Game) -> None:
 
 
 def test_a_constant_reference_has_a_constant_feedforward_and_a_free_motion_none(game: Game) -> None:
-    P, level = solve_game(game).P, np.array([7.0, 0.1, 0.0, 0.0, 0.5, 0.0])
+    P = solve_game(game).P
+    level = np.array([7.0, 0.1, 0.0, 0.0, 0.5, 0.0])
     P_s = exosystem_feedforward(game, P, exosystem(level, np.zeros(6)))
     exact = -np.linalg.solve((game.A - game.S @ P).T, P @ game.A @ level)
     np.testing.assert_allclose(P_s[:, 0], exact, rtol=1e-10)
@@ -220,7 +226,8 @@ class _Tracking:
 def test_exact_policies_cost_what_the_value_says(game: Game) -> None:
     """J(0, T) + V(z(T), T) = V(z(0), 0) with c(0) - c(T) = ∫ 2 s'r - s'S s dt; 1 % of s more costs
     more."""
-    tracking, end = _Tracking(game), 8.0
+    tracking = _Tracking(game)
+    end = 8.0
     flight = tracking.fly(end)
     z = flight.states[0]
 
@@ -238,8 +245,11 @@ def test_leaving_the_feedforward_costs_to_second_order() -> None:
     """u + ε v costs exactly ε² ∫ v'R v against the exact d, and d + ε g gains exactly -ε² δ² ∫
     g'g."""
     game = game_models()[min(game_models())]
-    tracking, rng, end = _Tracking(game), np.random.default_rng(0), 6.0
-    v, g = rng.standard_normal(5), rng.standard_normal(6)
+    tracking = _Tracking(game)
+    rng = np.random.default_rng(0)
+    end = 6.0
+    v = rng.standard_normal(5)
+    g = rng.standard_normal(6)
     best = tracking.total(tracking.fly(end))
     pulse = end * 3.0 / 8.0  # ∫ sin⁴(π t/end) dt
     costs = (("push", v, float(v @ game.R @ v)), ("gust", g, -(game.delta**2) * float(g @ g)))

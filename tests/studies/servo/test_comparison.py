@@ -138,7 +138,9 @@ def test_the_numbers_of_simvfa_and_the_stored_ones_come_out_again(
 
 @pytest.mark.slow
 def test_the_largest_gust_is_where_flights_begin_to_end(published_aircraft: Model) -> None:
-    controller, model, acting = designed_servo(published_aircraft), model_at(11.0), Actuator(2, 2.0)
+    controller = designed_servo(published_aircraft)
+    model = model_at(11.0)
+    acting = Actuator(2, 2.0)
     held = gust_held(published_aircraft, model, controller, acting, 150.0, -60.0)
     assert -60.0 < held < -5.0
     for peak, lost in ((held, False), (held - 1.0, True)):

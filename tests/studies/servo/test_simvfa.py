@@ -93,14 +93,19 @@ def test_the_servo_is_the_model_and_its_correction(published_aircraft: Model) ->
     assert controller.command_filter == (0.5, 2.0)
 
 
-MEASURED, R, R_RATE = np.array([0.3, -0.2, 0.5]), np.array([0.1, 0.4]), np.array([7.0, 7.0])
+MEASURED = np.array([0.3, -0.2, 0.5])
+R = np.array([0.1, 0.4])
+R_RATE = np.array([7.0, 7.0])
 #: Tables at 0.1 and 0.3 rad; the flight begins at 0.15 and is at 0.2 rad, the mean of both.
-_ANGLES, _BEGUN, _RISEN = np.array([0.1, 0.3]), 0.15, 0.05
+_ANGLES = np.array([0.1, 0.3])
+_BEGUN = 0.15
+_RISEN = 0.05
 _INPUTS = ("aileron_outer", "elevator_center")
 
 
 def random_models(seed: int, states: int) -> list[ReferenceModel]:
-    rng, n = np.random.default_rng(seed), states
+    rng = np.random.default_rng(seed)
+    n = states
     shapes = ((n, n), (n, 2), (3, n), (2, n), (n, 3), (3, 3), (3, 3), (n, 3))
     return [ReferenceModel(*(rng.normal(size=shape) for shape in shapes)) for _ in range(2)]
 
@@ -121,9 +126,11 @@ def law_of(kind: type[AdaptivePolicy], models: list[ReferenceModel]) -> Adaptive
 
 def evaluated(law: AdaptivePolicy, memory: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """u of its inputs, those of the others being 0, and the rate of its memory."""
-    states, nothing = ca.SX(6, 1), ca.SX(0, 1)
+    states = ca.SX(6, 1)
+    nothing = ca.SX(0, 1)
     states[4] = _RISEN
-    seen, y = Measurements(states, states, nothing, nothing), ca.SX.sym("y", len(memory))
+    seen = Measurements(states, states, nothing, nothing)
+    y = ca.SX.sym("y", len(memory))
     of = [
         law.control(ca.SX(0), seen, y, nothing),
         law.memory_rate(ca.SX(0), seen, y, nothing, nothing),
@@ -152,7 +159,8 @@ def by_equations_2(y: np.ndarray, models: list[ReferenceModel]) -> tuple[np.ndar
     A, B, K, L, S, R_inverse, squared_up, C = between(models)
     integrals, x_m, v_bar, x_bar, _, _, _, e_bar, _ = parts_of(y, SHAPES_2)
     e_y = np.vstack([MEASURED[:1, None], integrals]) - C @ x_m
-    mixed, v = S @ e_y, -K @ x_m
+    mixed = S @ e_y
+    v = -K @ x_m
     rates = [
         MEASURED[1:] - R,
         np.zeros(10),  # x_m', below
@@ -221,7 +229,8 @@ def by_equations_3(
 ) -> tuple[np.ndarray, np.ndarray]:
     """u and the rate of the memory."""
     A, B, K, L, S, R_inverse, squared_up, C = between(models)
-    left, rates = iter(parts_of(memory, SHAPES_3)), []
+    left = iter(parts_of(memory, SHAPES_3))
+    rates = []
 
     def filtered(x: np.ndarray, state: list[np.ndarray]) -> Signal:
         """1/Π x."""
@@ -255,7 +264,9 @@ def by_equations_3(
 
     integrals, x = take(2)
     e_y = np.vstack([MEASURED[:1, None], integrals]) - C @ x
-    mixed, pushed, v = S @ e_y, L @ e_y, -K @ x
+    mixed = S @ e_y
+    pushed = L @ e_y
+    v = -K @ x
     error = mixed[:2]
     rates += [MEASURED[1:, None] - R[:, None], np.zeros((12, 1))]  # x_m', below
 

@@ -33,7 +33,9 @@ def test_integrals_are_those_of_the_flight() -> None:
     from scipy.integrate import simpson
 
     law = stable_learning()
-    game, s, data = law.game, law.settings, law.record
+    game = law.game
+    s = law.settings
+    data = law.record
     times = np.linspace(0.0, 2 * s.interval, 801)
     z, u, d = probing_flight(game, 3, times, (s.probe, s.disturbance))
     z = z / data.scales

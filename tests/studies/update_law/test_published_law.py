@@ -73,7 +73,11 @@ def test_residual_and_regressor_are_those_of_the_paper() -> None:
 
 
 def test_direction_is_the_printed_sum() -> None:
-    sample, gamma, a1, a2, eta = random_sample(), 0.01, 3.0, 7.0, 0.8
+    sample = random_sample()
+    gamma = 0.01
+    a1 = 3.0
+    a2 = 7.0
+    eta = 0.8
     expected = np.zeros(4)
     for sigma, e in zip(*sample, strict=True):
         expected -= (a1 + 1.0) * gamma * sigma * abs(e) ** (1.0 - eta) * np.sign(e)
@@ -119,7 +123,11 @@ def test_residual_is_quadratic_in_the_weight_error(name: str) -> None:
 
 def test_explicit_steps_are_stable_below_the_limit_and_not_above() -> None:
     """Growth of a small disturbance of the weights under forward Euler, frozen policies."""
-    sample, gamma, a1, a2, eta = random_sample(3), 0.2, 2.0, 5.0, 0.8
+    sample = random_sample(3)
+    gamma = 0.2
+    a1 = 2.0
+    a2 = 5.0
+    eta = 0.8
     limit = explicit_step_limit(sample, gamma, a1, a2, eta)
 
     def growth(step: float) -> float:
@@ -141,7 +149,9 @@ def test_explicit_steps_are_stable_below_the_limit_and_not_above() -> None:
 
 @pytest.mark.parametrize("gain", [1.0, 1e4, 1e9])
 def test_implicit_step_satisfies_its_equation(gain: float) -> None:
-    sample, gamma, step = random_sample(4), 0.01, 0.1
+    sample = random_sample(4)
+    gamma = 0.01
+    step = 0.1
     start = np.array([0.5, -1.0, 2.0, 0.1])
 
     def at(W: np.ndarray) -> Sample:
@@ -170,7 +180,8 @@ def test_the_papers_settings_overflow_with_the_reason(name: str, policies: str) 
 
 
 def test_defaults_are_those_of_the_paper() -> None:
-    printed, chosen = published_data()["critic"], PublishedSettings()
+    printed = published_data()["critic"]
+    chosen = PublishedSettings()
     assert chosen.predefined_time == printed["T_w_s"]
     assert chosen.eta == printed["eta"]
     assert chosen.step == printed["step_s"]
@@ -228,8 +239,10 @@ def test_gains_by_hand_fly_with_the_plant_and_end_uncertified() -> None:
         gamma=0.5,
     )
     law = published_law(game, flown, seed=0)
-    z, W = np.array([0.4, -0.2]), np.ones(3)
-    states, drifts = law.stack.states, law.stack.drifts
+    z = np.array([0.4, -0.2])
+    W = np.ones(3)
+    states = law.stack.states
+    drifts = law.stack.drifts
     for _ in range(5):
         step = np.zeros(3)
         for sample, (state, drift) in enumerate(
@@ -247,7 +260,8 @@ def test_gains_by_hand_fly_with_the_plant_and_end_uncertified() -> None:
             n = np.sqrt(1.0 + sigma[0] @ sigma[0])
             step += update_direction(Sample(sigma / n, e / n), 0.5, 1.0, 2.0, 0.8)
         rate = game.A @ z - 0.5 * game.S_control @ functions.gradient(z).T @ W
-        W, z = W + 0.01 * step, z + 0.01 * rate
+        W = W + 0.01 * step
+        z = z + 0.01 * rate
     result = law.conclude(run(law))
     assert result.weights[-1] == pytest.approx(W, rel=1e-12)
     assert not result.settled

@@ -48,7 +48,8 @@ def test_the_stored_table_is_todays_and_whole() -> None:
         for run, (reference, case, chosen) in zip(row["runs"], planned(name, of), strict=True):
             stack = (reference.dihedral_deg, case.seed, case.box)
             assert (run["dihedral_deg"], run["seed"], run["box"]) == stack
-            stored, today = run["settings"], json.loads(json.dumps(asdict(chosen)))
+            stored = run["settings"]
+            today = json.loads(json.dumps(asdict(chosen)))
             for weights in (
                 "initial_weights",
                 "recorded_weights",

@@ -15,8 +15,10 @@ from hfa_model import INPUTS, STATES, Input, State
 from hfa_model.kinematics import DISTURBANCES, winds_named
 from hfa_model.outputs import OUTPUTS, moment_of, outputs_of
 
-NAMES, WATCHED = tuple(DISTURBANCES), tuple(OUTPUTS)
-ROWS, COLUMNS = (*STATES, *WATCHED), (*STATES, *INPUTS, *NAMES)
+NAMES = tuple(DISTURBANCES)
+WATCHED = tuple(OUTPUTS)
+ROWS = (*STATES, *WATCHED)
+COLUMNS = (*STATES, *INPUTS, *NAMES)
 #: What a step of 1 is, in the units of states, inputs and winds.
 SCALES = np.array([*STATE_SCALES, *INPUT_SCALES, *[10.0] * len(NAMES)])
 STEPS = np.array([5e-3, 1.5e-3, 5e-4])
@@ -61,12 +63,15 @@ def slopes(
 ) -> np.ndarray:
     """Of log |f(z + h d) - f(z) - h J d| over log h, (count, rows): 2 when J is exact, 1 when it is
     not."""
-    rng, found = np.random.default_rng(3), np.full((count, len(ROWS)), 2.0)
+    rng = np.random.default_rng(3)
+    found = np.full((count, len(ROWS)), 2.0)
     for slope, z in zip(found, points(count, seed=11), strict=True):
-        J, direction = blocks(aircraft, z, **how), rng.normal(size=len(COLUMNS))
+        J = blocks(aircraft, z, **how)
+        direction = rng.normal(size=len(COLUMNS))
         if planted is not None:
             J[planted] += 0.1 * np.abs(J[planted[0]]).max()
-        here, change = at(aircraft, z, **how), J @ direction
+        here = at(aircraft, z, **how)
+        change = J @ direction
         moved = np.array([at(aircraft, z + h * direction * SCALES, **how) for h in STEPS])
         remainders = np.abs(moved - here - STEPS[:, None] * change)
         curved = remainders[-1] > LINEAR * np.maximum(np.abs(here), np.abs(change))
@@ -100,7 +105,8 @@ def test_the_remainder_of_every_row_is_of_second_order(aircraft: Model, ground_d
 def test_one_wrong_entry_is_seen_in_its_row(
     published_aircraft: Model, row: str, column: str
 ) -> None:
-    at_row, at_column = ROWS.index(row), COLUMNS.index(column)
+    at_row = ROWS.index(row)
+    at_column = COLUMNS.index(column)
     typical = np.median(slopes(published_aircraft, 20, (at_row, at_column)), axis=0)
     assert typical[at_row] < 1.5
     assert np.delete(typical, at_row).min() >= 1.8
@@ -111,7 +117,9 @@ def test_derivatives_equal_high_order_differences(aircraft: Model, ground_drag: 
     """Of eighth order: an error of 1e-10 of the largest entry of a row would show."""
     weights = {1: 4 / 5, 2: -1 / 5, 3: 4 / 105, 4: -1 / 280}
     for z in points(25, seed=12):
-        exact, columns, width = blocks(aircraft, z, ground_drag=ground_drag), [], 0.005
+        exact = blocks(aircraft, z, ground_drag=ground_drag)
+        columns = []
+        width = 0.005
         for step in np.diag(width * SCALES):
             ahead = [at(aircraft, z + k * step, ground_drag=ground_drag) for k in weights]
             back = [at(aircraft, z - k * step, ground_drag=ground_drag) for k in weights]

@@ -57,7 +57,9 @@ def test_transfer_functions_have_the_frequency_response_of_the_model(model: Line
 def test_zeros_are_those_of_slicot(model: LinearModel) -> None:
     pytest.importorskip("slycot")
     for size in (1, 2, 3):
-        B, C, D = model.B[:, :size], model.C[:size], model.D[:size, :size]
+        B = model.B[:, :size]
+        C = model.C[:size]
+        D = model.D[:size, :size]
         found, rank = transmission_zeros(model.A, B, C, D)
         peer = control.ss(model.A, B, C, D).zeros()
         assert (rank, len(found)) == (size, len(peer))
@@ -68,8 +70,10 @@ def test_zeros_are_those_of_slicot(model: LinearModel) -> None:
 def test_a_known_zero_is_found_and_cancels() -> None:
     """(s - 3) / ((s + 1) (s + 2)), and the same beside a state that nothing moves: -5 is pole and
     zero."""
-    A, B = np.diag([-1.0, -2.0, -5.0]), np.array([[1.0], [1.0], [0.0]])
-    C, D = np.array([[-4.0, 5.0, 1.0]]), np.zeros((1, 1))
+    A = np.diag([-1.0, -2.0, -5.0])
+    B = np.array([[1.0], [1.0], [0.0]])
+    C = np.array([[-4.0, 5.0, 1.0]])
+    D = np.zeros((1, 1))
     zeros, rank = transmission_zeros(A, B, C, D)
     np.testing.assert_allclose(np.sort(zeros), [-5.0, 3.0], atol=1e-12)
     assert rank == 1

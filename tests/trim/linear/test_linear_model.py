@@ -274,7 +274,8 @@ def peer_errors(*, ground_drag: bool) -> dict[str, float]:
 
 
 def test_four_columns_of_the_released_simulation_come_out_with_drag_over_ground() -> None:
-    same, through_the_air = peer_errors(ground_drag=True), peer_errors(ground_drag=False)
+    same = peer_errors(ground_drag=True)
+    through_the_air = peer_errors(ground_drag=False)
     assert max(same.values()) <= 2e-8
     assert same["updraft_outer"] <= 4e-9  # half a unit of the last digit here
     assert through_the_air["headwind_center"] > 1.0

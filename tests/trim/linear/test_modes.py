@@ -146,10 +146,8 @@ def n_per_alpha(model: Model, point: OperatingPoint, pitching: str, step: float 
 def test_printed_modes_and_load_factors(model: Model) -> None:
     """The modes are those printed in the books, in tests/trim/test_own_models.py."""
     point = trimmed(model)
-    found, roots = (
-        values(model, point),
-        {mode.name: mode.eigenvalue for mode in linearize(model, point).modes},
-    )
+    found = values(model, point)
+    roots = {mode.name: mode.eigenvalue for mode in linearize(model, point).modes}
     for name in ("short period", "phugoid", "dutch roll"):
         assert found[f"{name} frequency"] == pytest.approx(abs(roots[name]), rel=1e-12)
         assert found[f"{name} damping"] == pytest.approx(

@@ -49,7 +49,8 @@ def test_wrong_files_are_refused(
 
 
 def test_the_paper_s_condition_is_the_default() -> None:
-    loaded, default = load_condition("paper").at(0.2), level_flight(0.2)
+    loaded = load_condition("paper").at(0.2)
+    default = level_flight(0.2)
     assert loaded.imposed == pytest.approx(default.imposed)
     assert set(loaded.free) == set(default.free)
 

@@ -147,7 +147,8 @@ def test_a_binding_limit_is_named(aircraft: Model, extra: tuple[str, ...]) -> No
     limited = level_flight(float(np.radians(15.0)), limits={"throttle": (0.0, 30.0)})
     with pytest.raises(TrimError) as caught:
         find_operating_point(aircraft, release(limited, free=extra))
-    message, attempt = str(caught.value), caught.value.attempt
+    message = str(caught.value)
+    attempt = caught.value.attempt
     assert "\n" not in message
     assert "throttle at its highest, 30" in message
     # Ten lbf short of 40 on 28 slug: the speed is the equation that fails, and by that much.
@@ -272,12 +273,14 @@ def test_level_and_nearly_upright_wings_are_trimmed(aircraft: Model, degrees: fl
 @pytest.mark.parametrize("dihedral", [0.0, np.pi / 2])
 def test_without_air_it_falls(aircraft: Model, dihedral: float) -> None:
     """No density, no load: V' = -g sin γ and V γ' = -g cos γ, whatever the controls do."""
-    p, x = hfa_model.parameters_of(aircraft), State(68.0, 0.05, 40_000.0, 0.3, 0.1, dihedral, 0.0)
+    p = hfa_model.parameters_of(aircraft)
+    x = State(68.0, 0.05, 40_000.0, 0.3, 0.1, dihedral, 0.0)
     loads = aircraft_loads(
         x, Input(0.0, 0.1, -0.1, 0.2, -0.2), 0.0, p, hfa_model.variant_of(aircraft)
     )
     assert (loads.lift, loads.drag, loads.pitching_moment) == (0.0, 0.0, 0.0)
-    rates, gamma = rates_from_loads(x, loads, p, hfa_model.variant_of(aircraft)), x.pitch - x.alpha
+    rates = rates_from_loads(x, loads, p, hfa_model.variant_of(aircraft))
+    gamma = x.pitch - x.alpha
     assert rates.speed == pytest.approx(-p.gravity * np.sin(gamma), rel=1e-14)
     assert rates.pitch - rates.alpha == pytest.approx(
         -p.gravity * np.cos(gamma) / x.speed, rel=1e-14
@@ -304,7 +307,8 @@ ANGLES = [
 def strong(published_aircraft: Model) -> Model:
     """A light aircraft with an engine that holds any climb, its controls far from their limits."""
     parameters = hfa_model.parameters_of(published_aircraft)
-    thrust, mass = 100 * parameters.thrust_per_throttle, 0.9 * parameters.panel_mass
+    thrust = 100 * parameters.thrust_per_throttle
+    mass = 0.9 * parameters.panel_mass
     return hfa_model.aircraft(
         parameters=parameters._replace(thrust_per_throttle=thrust, panel_mass=mass)
     )

@@ -71,7 +71,8 @@ def test_a_limit_that_binds_is_named_first(published_aircraft: Model) -> None:
     limited = level_flight(BASE.imposed["dihedral"], limits={"elevator_outer": (limit, 0.5)})
     condition = release(limited, free=("aileron_center",))
     point, report = reported(published_aircraft, condition)
-    data, found = report.data, all_margins(condition, point)
+    data = report.data
+    found = all_margins(condition, point)
     assert (data["nearest_limits"][0], data["binding"]) == ("elevator_outer", ["elevator_outer"])
     first = found["elevator_outer"]
     assert (first.nearer, first.nearer_limit, first.at_limit) == ("lowest", limit, True)
@@ -128,7 +129,8 @@ def test_a_trim_that_fails_is_data_too(command: str) -> None:
     """The nearest point within the limits, what binds and why; exit code 1 and the sentence as
     without --json."""
     words = (command, "--dihedral", "10", "--limit", "throttle=0:30")
-    found, plain = hfa(*words, "--json"), hfa(*words)
+    found = hfa(*words, "--json")
+    plain = hfa(*words)
     assert (found.code, plain.code, plain.out) == (1, 1, "")
     assert found.err == plain.err
     data = json.loads(found.out)
@@ -156,10 +158,8 @@ METRE_PER_FOOT = 0.3048
 
 
 LEVEL = level_flight(math.radians(11.0), speed=70.0, altitude=20_000.0)
-CLIMB, GLIDE = (
-    release(LEVEL, hold={"gamma": 0.05}),
-    release(LEVEL, free=("gamma",), hold={"throttle": 0.0}),
-)
+CLIMB = release(LEVEL, hold={"gamma": 0.05})
+GLIDE = release(LEVEL, free=("gamma",), hold={"throttle": 0.0})
 
 
 @pytest.mark.parametrize("condition", [LEVEL, CLIMB, GLIDE], ids=["level", "climb", "glide"])
@@ -170,16 +170,12 @@ def test_performance_is_that_of_the_loads_in_steady_flight(
     γ, n = cos γ."""
     point = find_operating_point(aircraft, condition)
     gamma = point.values["gamma"]
-    found, p, alpha = (
-        SimpleNamespace(**performance(aircraft, point)),
-        hfa_model.parameters_of(aircraft),
-        point.states.alpha,
-    )
+    found = SimpleNamespace(**performance(aircraft, point))
+    p = hfa_model.parameters_of(aircraft)
+    alpha = point.states.alpha
     loads = hfa_model.loads(aircraft, point.states, point.inputs)
-    air, metres_per_second = (
-        Atmosphere(point.states.altitude * METRE_PER_FOOT),
-        point.states.speed * METRE_PER_FOOT,
-    )
+    air = Atmosphere(point.states.altitude * METRE_PER_FOOT)
+    metres_per_second = point.states.speed * METRE_PER_FOOT
     pressure = 0.5 * float(air.density[0]) * metres_per_second**2  # Pa
     assert found.speed_of_sound * METRE_PER_FOOT == pytest.approx(
         float(air.speed_of_sound[0]), rel=1e-6

@@ -69,7 +69,8 @@ def test_each_point_is_that_of_a_single_trim(aircraft: Model, name: str) -> None
     assert is_square(aircraft, tuple(grid), condition) == square
     result = sweep(aircraft, grid, condition=condition)
     for i, row in enumerate(result.values):
-        single, one = condition_at(condition, result.variables, row), aircraft
+        single = condition_at(condition, result.variables, row)
+        one = aircraft
         if name == "mass":
             one = hfa_model.aircraft(
                 hfa_model.variant_of(aircraft),
@@ -239,7 +240,8 @@ def test_a_list_of_points_is_swept_row_by_row(published_aircraft: Model, tmp_pat
 # Many points at once against the robust solver, and what is left to it.
 
 LEVEL = ("dihedral", "speed", "altitude", "alpha", "gamma")
-LOWEST, HIGHEST = [0.0, 60.0, 20_000.0, 0.035, -0.05], [0.35, 75.0, 45_000.0, 0.07, 0.05]
+LOWEST = [0.0, 60.0, 20_000.0, 0.035, -0.05]
+HIGHEST = [0.35, 75.0, 45_000.0, 0.07, 0.05]
 GLIDE = release(
     LEVEL_FLIGHT, free=("alpha", "gamma"), hold={"throttle": 0.0, "elevator_outer": 0.0}
 )
@@ -252,7 +254,8 @@ WORDS = "the equations overflow or divide by zero at this condition with these p
     ("variables", "condition"), [(LEVEL, LEVEL_FLIGHT), (LEVEL[:3], GLIDE)], ids=["level", "glide"]
 )
 def test_many_points_are_those_of_the_robust_solver(dynamics, compile_code, variables, condition):
-    aircraft, k = hfa_model.aircraft(dynamics), len(variables)
+    aircraft = hfa_model.aircraft(dynamics)
+    k = len(variables)
     values = np.random.default_rng(4).uniform(LOWEST[:k], HIGHEST[:k], size=(25, k))
     found = trim_points(aircraft, variables, values, condition, compile_code=compile_code)
     trimmed = np.flatnonzero(found.status == TRIMMED)

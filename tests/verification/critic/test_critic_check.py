@@ -417,7 +417,8 @@ def test_a_plant_of_the_aircraft_s_size_has_a_box_of_its_own() -> None:
 
 # Critics of the discounted problem in discrete time.
 
-DISCOUNT, DT = 0.99, 0.01
+DISCOUNT = 0.99
+DT = 0.01
 
 
 def test_the_exact_discounted_critic_passes_and_planted_mistakes_are_named(game: Game) -> None:

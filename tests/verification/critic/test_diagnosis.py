@@ -98,7 +98,8 @@ SMALL = Game([[0.0, 1.0], [-1.0, -1.0]], [[0.0], [1.0]], np.eye(2), np.eye(2), [
 def test_random_errors_get_no_cause(game: Game, plant: str, kind: str, draws: int) -> None:
     game = game if plant == "aircraft" else SMALL
     right = {"W": weights_of(value(game)), "P": value(game), "K": gain(game)}[kind]
-    rng, found = np.random.default_rng(0), []
+    rng = np.random.default_rng(0)
+    found = []
     for size in 10.0 ** rng.uniform(-4.0, -1.0, draws):
         noise = rng.standard_normal(right.shape)
         noise = (noise + noise.T) / np.sqrt(2.0) if kind == "P" else noise
@@ -128,7 +129,8 @@ def test_random_errors_of_a_gain_beside_its_value_get_no_cause(game: Game) -> No
 def test_a_critic_of_another_angle_is_named_with_its_angle(
     kind: str, dynamics: str, degrees: float, other: float
 ) -> None:
-    game, theirs = game_at(degrees, dynamics), game_at(other, dynamics)
+    game = game_at(degrees, dynamics)
+    theirs = game_at(other, dynamics)
     candidate = candidate_of(game, kind, lambda _: value(theirs) if kind == "P" else gain(theirs))
     said = named(game, candidate, lambda at: game_at(at, dynamics))
     assert said.endswith(f"of another game, at dihedral {other:.4f} deg")
@@ -317,7 +319,8 @@ def test_a_network_is_made_again_and_one_of_64_64_is_judged_within_5_seconds(
 )
 def test_the_search_finds_what_a_grid_finds(game: Game, name: str, points: int) -> None:
     """The errors of V and of the policy, at four or eight values of each state."""
-    exact, b = solved(game), BOX
+    exact = solved(game)
+    b = BOX
     z = np.array(np.meshgrid(*[np.linspace(-1.0, 1.0, points)] * 6)).reshape(6, -1) * b[:, None]
     largest = np.sqrt(game.R.diagonal()) * (np.abs(exact.K) @ b)
     u_size = np.maximum(largest, 1e-5 * largest.max()) / np.sqrt(game.R.diagonal())
@@ -339,7 +342,8 @@ def test_several_critics_and_a_folder_of_checkpoints_are_in_one_table_and_a_lear
     Path("runs").mkdir()
     for step, share in ((2, 3.0), (10, 1.5)):
         np.savez(f"runs/step_{step}.npz", **layers("gamma_120", out=share))
-    right, twice = stored("right.npz", P=value(game)), stored("P.npz", P=2 * value(game))
+    right = stored("right.npz", P=value(game))
+    twice = stored("P.npz", P=2 * value(game))
     said = hfa(
         "verify",
         *AT_15,

@@ -66,7 +66,8 @@ def test_what_torch_wrote_is_read_and_differentiated(game: Game) -> None:
     V = np.array(critic.value(np.array(DATA["torch"]["x"]).T))
     F = np.array(critic.gradient(np.array(DATA["torch"]["x"]).T))
     assert V.ravel() == pytest.approx(DATA["torch"]["V"], rel=1e-12)
-    step, z = 1e-5, np.array(DATA["torch"]["x"][0])
+    step = 1e-5
+    z = np.array(DATA["torch"]["x"][0])
     moved = np.array(critic.value(z[:, None] + step * np.hstack([np.eye(6), -np.eye(6)]))).ravel()
     assert F[:, 0] == pytest.approx((moved[:6] - moved[6:]) / (2 * step), abs=1e-9)
     ends = np.array(critic.gradient(step * np.hstack([np.eye(6), -np.eye(6)])))
@@ -95,7 +96,8 @@ def assert_as_onnx_runtime(path: str, **tolerance: float) -> None:
 
 def test_the_operators_are_those_of_onnx_runtime() -> None:
     """Each on the same numbers, its results weighted by others and added."""
-    rng, count = np.random.default_rng(0), len(_OPERATORS)
+    rng = np.random.default_rng(0)
+    count = len(_OPERATORS)
     sizes = {"W": (8, 6), "b": (8,), "c": (1,), "rest": (12 * count, 1)}
     constants = {key: rng.normal(size=size).astype("float32") for key, size in sizes.items()}
     constants |= {
@@ -382,7 +384,8 @@ def test_a_value_that_is_not_a_number_somewhere_fails(game: Game) -> None:
     }
     constants |= {"half": np.array(2.5), "zero": np.array(1e-30)}
     path = onnx_file("nan.onnx", [*nodes, ("Mul", "r zero", "n"), ("Add", "V n", "y")], constants)
-    critic, exact = from_network(game, path), solve_game(game)
+    critic = from_network(game, path)
+    exact = solve_game(game)
     found = {each.name: each.error for each in search(game, critic, exact, BOX)[1]}
     assert found["value"] == math.inf
 
@@ -470,7 +473,8 @@ def test_names_of_layers_are_free(name: str) -> None:
 
 def test_actors_and_critics_of_one_file_and_of_stable_baselines() -> None:
     """A3C-like heads: each network by a word in its names, parts with + between them."""
-    value_net, policy = layers("mlp_extractor.value_net", 3), layers("mlp_extractor.policy_net", 3)
+    value_net = layers("mlp_extractor.value_net", 3)
+    policy = layers("mlp_extractor.policy_net", 3)
     heads = {
         "action_net.weight": np.ones((5, 3)),
         "action_net.bias": np.zeros(5),
@@ -521,7 +525,8 @@ FEATURES = ", ".join(["1", *(f"x{i}*x{j}" for i in range(1, 7) for j in range(i,
 
 
 def test_a_basis_in_words_or_as_a_function_and_a_constant(game: Game) -> None:
-    plant, P = small("plant.json", states=["speed", "alpha"]), solve_game(load_game("plant.json")).P
+    plant = small("plant.json", states=["speed", "alpha"])
+    P = solve_game(load_game("plant.json")).P
     words = (
         "verify",
         "--model",
@@ -646,10 +651,8 @@ def test_wrong_graphs_are_refused() -> None:
     pytest.importorskip("onnx", reason="the package onnx is not installed")
     constants = {"P": np.eye(6, dtype="float32"), "ones": ONES.astype("float32")}
     half = {name: each.astype("float16") for name, each in constants.items()}
-    ten, not_a_number = (
-        {"P": np.ones((10, 1), "float32")},
-        {"P": np.full((6, 6), np.nan, "float32")},
-    )
+    ten = {"P": np.ones((10, 1), "float32")}
+    not_a_number = {"P": np.full((6, 6), np.nan, "float32")}
     for said, nodes, numbers, states in (
         ("has 10 inputs and the plant 6 states", [("MatMul", "x P", "y")], ten, 10),
         ("operator Loop is not known", [("Loop", "x", "y")], constants, 6),

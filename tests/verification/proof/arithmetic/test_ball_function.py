@@ -68,7 +68,8 @@ def test_enclosures_contain_a_hundred_thousand_random_points(dynamics: str) -> N
 
 
 def test_the_program_s_own_numbers_come_out() -> None:
-    model, aircraft = model_at(15.0), family().model
+    model = model_at(15.0)
+    aircraft = family().model
     functions = aircraft.functions(())
     arguments = (model.point.states, model.point.inputs, hfa_model.parameters_of(aircraft))
     found = BallFunction(functions)(*([exact(value) for value in values] for values in arguments))
@@ -85,7 +86,8 @@ def test_the_program_s_own_numbers_come_out() -> None:
 def test_a_planted_wrong_instruction_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
     """Every operation of the model in turn is replaced by one that is off by 1e-9 of its value."""
     function = rates_function(VARIANTS["published"])
-    point, parameters = model_at(15.0).point, hfa_model.parameters_of(family().model)
+    point = model_at(15.0).point
+    parameters = hfa_model.parameters_of(family().model)
     arguments = [
         [exact(value) for value in values] for values in (point.states, point.inputs, parameters)
     ]

@@ -34,15 +34,11 @@ def test_pivots_are_those_of_elimination(off: float, second: float) -> None:
 @pytest.mark.parametrize("dynamics", VARIANTS)
 def test_the_rest_along_a_box_is_of_third_order(dynamics: str) -> None:
     function = BallFunction(rates_function(VARIANTS[dynamics]))
-    point, parameters = (
-        model_at(12.0, dynamics).point,
-        hfa_model.parameters_of(family(dynamics).model),
-    )
+    point = model_at(12.0, dynamics).point
+    parameters = hfa_model.parameters_of(family(dynamics).model)
     direction = np.random.default_rng(3).uniform(-1.0, 1.0, 7) * [5.0, 0.1, 0.0, 0.1, 0.1, 0.1, 0.1]
-    fixed, rests = (
-        [[TaylorModel(arb(value)) for value in values] for values in (point.inputs, parameters)],
-        [],
-    )
+    fixed = [[TaylorModel(arb(value)) for value in values] for values in (point.inputs, parameters)]
+    rests = []
     for size in (0.2, 0.1):
         steps = (size * direction).tolist()
         along = [TaylorModel(arb(a), arb(b)) for a, b in zip(point.states, steps, strict=True)]
@@ -53,15 +49,12 @@ def test_the_rest_along_a_box_is_of_third_order(dynamics: str) -> None:
 def escaped(dynamics: str, points: int, seed: int) -> int:
     """Random places of a random line through the trim whose rates, at 200 bits, are not in the
     Taylor models on it."""
-    random, function = np.random.default_rng(seed), BallFunction(rates_function(VARIANTS[dynamics]))
-    point, parameters = (
-        model_at(12.0, dynamics).point,
-        hfa_model.parameters_of(family(dynamics).model),
-    )
-    x, direction = (
-        [arb(value) for value in point.states],
-        random.uniform(-0.1, 0.1, len(point.states)).tolist(),
-    )
+    random = np.random.default_rng(seed)
+    function = BallFunction(rates_function(VARIANTS[dynamics]))
+    point = model_at(12.0, dynamics).point
+    parameters = hfa_model.parameters_of(family(dynamics).model)
+    x = [arb(value) for value in point.states]
+    direction = random.uniform(-0.1, 0.1, len(point.states)).tolist()
     along = [TaylorModel(a, arb(b)) for a, b in zip(x, direction, strict=True)]
     fixed = [[arb(value) for value in values] for values in (point.inputs, parameters)]
     models = function(along, *([TaylorModel(value) for value in values] for values in fixed))[0]
@@ -100,7 +93,8 @@ def test_taylor_models_contain_a_hundred_thousand_random_points(dynamics: str) -
 def test_errors_of_parameters_are_carried_to_first_order() -> None:
     """(1 + 0.1 s + 0.2 t_1 - 0.1 t_2)² / x at random places; products of errors alone are left to
     the rest."""
-    x, y = ca.SX.sym("x"), ca.SX.sym("y")
+    x = ca.SX.sym("x")
+    y = ca.SX.sym("y")
     function = BallFunction(ca.Function("f", [x, y], [x**2 / y]))
     zero = arb(0)
     top = TaylorModel(arb(1), arb(0.1), zero, zero, arb(0.2), arb(-0.1))

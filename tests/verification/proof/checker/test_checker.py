@@ -99,7 +99,8 @@ def test_where_alpha_is_free_the_derivative_follows_the_pitch_with_it(
     condition = release(LEVEL_FLIGHT, free=("alpha",), hold={"elevator_outer": 0.0})
     flights = Family(hfa_model.aircraft(), condition)
     proof = prove_schedule(flights, exact_loop(14.0, 14.125), 14.0, 14.0625)
-    box, found = content(proof)["witness"]["loop"][0], list[Any]()
+    box = content(proof)["witness"]["loop"][0]
+    found = list[Any]()
     whole = trims.root_offsets
 
     def watched(residual: Any, derivative: Any, radii: Any) -> Any:

@@ -52,7 +52,8 @@ def test_the_program_s_models_lie_in_the_enclosure(dynamics: str, low: float) ->
 
 @pytest.mark.parametrize("name", ["panel_mass", "hinge_damping"])
 def test_what_the_error_of_a_parameter_does_lies_in_its_enclosure(name: str) -> None:
-    values, ends = default_parameters().values, []
+    values = default_parameters().values
+    ends = []
     width = 1e-4 * getattr(values, name)
     linear = linear_model(replace(family(), spread={name: width}), 12.0, 12.03125)
     for sign in (-1.0, 1.0):
@@ -83,7 +84,8 @@ def test_where_there_is_no_enclosure_no_trim_or_none_within_limits_is_said() -> 
         search.linear_model(Box(0.0, 20.0))
     with pytest.raises(NoSolutionError, match="no trim"):
         search.linear_model(Box(49.9, 50.1))
-    last, without = 40.0, 60.0
+    last = 40.0
+    without = 60.0
     while without - last > 1e-9:
         middle = (last + without) / 2
         try:

@@ -52,7 +52,8 @@ def test_a_ball_that_holds_both_and_dependent_eigenvectors_are_left_open() -> No
 
 def test_additions_that_do_less_than_their_entries_could_are_counted() -> None:
     """|E| <= N with a spectral radius of |Re λ|⁻¹ N below 1, though |Re λ|⁻¹ does not prove it."""
-    A, N = np.diag([-1.0, -1.5]), np.array([[0.0, 2.0], [0.3, 0.0]])
+    A = np.diag([-1.0, -1.5])
+    N = np.array([[0.0, 2.0], [0.3, 0.0]])
     assert unstable_modes(widened(A, N)) == 0
     worst = (A + N) / -np.diag(A)[:, None]
     assert np.linalg.eigvalsh(worst + worst.T)[-1] > 0.0

@@ -36,7 +36,9 @@ SENSORS = (*LINEAR_STATES, "vertical_acceleration_short_period")
 def filtered(gain: float = 1.0, lag: float = 0.002, direct: float = 0.0) -> ScheduledController:
     """u = -K x_f, x_f' = (y - x_f)/lag, and a filtered acceleration that moves nothing; K of the
     exact game."""
-    K, n, m = np.array([exact_gain(14.0), exact_gain(15.0)]), len(SENSORS), len(INPUTS)
+    K = np.array([exact_gain(14.0), exact_gain(15.0)])
+    n = len(SENSORS)
+    m = len(INPUTS)
     D = np.zeros((2, m, n))
     D[:, 0, -1] = direct
     eye = np.tile(np.eye(n) / lag, (2, 1, 1))
@@ -68,13 +70,21 @@ def fast(order: int = 1) -> dict[str, Actuator]:
 @pytest.mark.parametrize("order", [1, 2])
 def test_the_loop_is_that_of_its_parts(order: int) -> None:
     """Written out once more, block by block, at an angle of the table."""
-    controller, model = filtered(), model_at(14.0)
+    controller = filtered()
+    model = model_at(14.0)
     loop = loop_of_servo(controller, fast(order), family().model)
-    m, n, w, d, zero = len(INPUTS), len(SENSORS), 300.0, 0.7, np.zeros
+    m = len(INPUTS)
+    n = len(SENSORS)
+    w = 300.0
+    d = 0.7
+    zero = np.zeros
     acceleration = zero((1, 6))
     acceleration[0, 1] = 68.0 * model.A[1, 1]
-    y_x, y_a = np.vstack([np.eye(6), acceleration]), np.vstack([zero((6, m)), 68.0 * model.B[1:2]])
-    A, B, C = controller.A[0], controller.B[0], controller.C[0]
+    y_x = np.vstack([np.eye(6), acceleration])
+    y_a = np.vstack([zero((6, m)), 68.0 * model.B[1:2]])
+    A = controller.A[0]
+    B = controller.B[0]
+    C = controller.C[0]
     if order == 1:
         rows = [
             [model.A, model.B, zero((6, n))],
@@ -152,8 +162,10 @@ def test_a_loop_through_actuators_is_proved_and_beyond_the_true_limit_left_open(
 ) -> None:
     """By the delay equation's own eigenvalues the loop stands 0.02 s and not 0.5 s; actuators of
     0.02 rad/s leave the aircraft, which is unstable at 14 deg, to itself."""
-    loop, drawn = through_actuators(14.0, 14.125, delay=delay, slowest=slowest), np.random
-    model, stands = model_at(14.0), (delay, slowest) == (0.02, 1.8)
+    loop = through_actuators(14.0, 14.125, delay=delay, slowest=slowest)
+    drawn = np.random
+    model = model_at(14.0)
+    stands = (delay, slowest) == (0.02, 1.8)
     worst = max(
         delayed_abscissa(loop, model.A, model.B, w, np.ones(5), share * delay, 14.0)
         for w in (slowest, 10.0)
@@ -167,7 +179,8 @@ def test_a_loop_through_actuators_is_proved_and_beyond_the_true_limit_left_open(
     assert proof.data["actuators"]["delay"] == delay
     random = drawn.default_rng(0)
     for _ in range(20 * stands):
-        arrives, seconds = random.uniform(0.5, 1.0, 5), random.uniform(0.0, delay)
+        arrives = random.uniform(0.5, 1.0, 5)
+        seconds = random.uniform(0.0, delay)
         w = random.uniform(1.8, 10.0)
         assert delayed_abscissa(loop, model.A, model.B, w, arrives, seconds, 14.0) < 0.0
 
@@ -189,7 +202,8 @@ def test_one_lyapunov_function_serves_its_points_and_none_is_found_for_an_unstab
 def test_gains_over_the_speed_of_another_aircraft(tmp_path: Any) -> None:
     """The LQR's gains of the Navion, weights 1/nominal²: proved, verified with its file; refuted
     negated."""
-    flights, gains = Family(load_model("examples/navion.py:NAVION")), []
+    flights = Family(load_model("examples/navion.py:NAVION"))
+    gains = []
     for speed in (160.0, 176.0):
         model = linearize(flights.model, flights.point(speed))
         gains.append(solve_game(usual_game(flights.model, model.A, model.B)).K)
@@ -216,7 +230,8 @@ def test_gains_over_the_speed_of_another_aircraft(tmp_path: Any) -> None:
 
 
 def test_the_gtm_is_proved_and_verified_by_the_command(tmp_path: Any) -> None:
-    own, saved = ("--aircraft", "examples/gtm.py:GTM"), str(tmp_path / "gtm.json")
+    own = ("--aircraft", "examples/gtm.py:GTM")
+    saved = str(tmp_path / "gtm.json")
     assert (
         "Proved: every speed from 40 to 42 m/s"
         in hfa("prove", "schedule", *own, "--at", "40:42", "-o", saved).out

@@ -19,8 +19,10 @@ WITHIN = 4.9e-4
 
 def test_the_error_stays_below_its_bound_and_not_far(tmp_path: Path) -> None:
     grid = prove_models(family(), 14.0, 14.5, WITHIN)
-    data, report = grid.data, grid.report()
-    places, bounds = data["dihedral_deg"], data["error"]
+    data = grid.data
+    report = grid.report()
+    places = data["dihedral_deg"]
+    bounds = data["error"]
     assert max(bounds.values()) <= WITHIN
     found: dict[str, list[float]] = {name: [] for name in bounds}
     for angle in np.linspace(14.0, 14.5, 9).tolist():

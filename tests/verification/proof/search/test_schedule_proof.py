@@ -50,7 +50,8 @@ def assert_agrees_with_doubles(proof: Proof, loop: Loop, dynamics: str) -> None:
             values = np.linalg.eigvals(loop_at(loop, angle, dynamics))
             assert values.real.max() < -proof.data["decay_rate"]
             for name in ("A", "B"):
-                ends, value = np.array(box[name]), getattr(model_at(angle, dynamics), name)
+                ends = np.array(box[name])
+                value = getattr(model_at(angle, dynamics), name)
                 rounding = 1e-11 * (1.0 + np.abs(value).max())
                 assert np.all(ends[..., 0] - rounding <= value)
                 assert np.all(value <= ends[..., 1] + rounding)
@@ -67,7 +68,9 @@ def test_a_part_of_the_schedule_is_proved(dynamics: str) -> None:
     assert counts(proof.statement.modes) == [(2, 2)]
     assert proof.data["decay_rate"] > 0.29
     assert_agrees_with_doubles(proof, loop, dynamics)
-    rate, lyapunov, fastest = proof.data["dihedral_rate_deg_s"], proof.witness["motion"], []
+    rate = proof.data["dihedral_rate_deg_s"]
+    lyapunov = proof.witness["motion"]
+    fastest = []
     assert rate > 60.0
     width = lyapunov["breakpoints"][1] - lyapunov["breakpoints"][0]
     slope = (lyapunov["P"][1] - lyapunov["P"][0]) / np.radians(width)
@@ -117,7 +120,8 @@ def test_an_instability_between_two_angles_is_found_and_refuted(
     still_open = [run for run in runs if run.least < run.most]
     assert 0.0 < sum(run.high - run.low for run in still_open) < 0.03
     assert proof.data["decay_rate"] > 0.0
-    data, text = proof.report().data, proof.report().text()
+    data = proof.report().data
+    text = proof.report().text()
     found = (data["proved"], len(data["refuted"]), len(data["loop"]["open"]))
     assert found == (False, len(refuted), len(still_open))
     assert text.startswith("Refuted: every dihedral from 15 to")
@@ -148,7 +152,8 @@ def test_an_interrupted_proof_is_continued_to_the_same_bits(
     """After the loop of a part, and after the modes of A of a part."""
     monkeypatch.setattr(certificate, "_PAUSE", -1.0)
     monkeypatch.setattr(certificate, "_RARELY", 0.0)
-    path, whole = tmp_path / "certificate.json", tmp_path / "whole.json"
+    path = tmp_path / "certificate.json"
+    whole = tmp_path / "whole.json"
     loop = exact_loop(13.75, 14.0, 14.25)
     prove_schedule(family(), loop, 13.75, 14.25, moving=True, file=CertificateFile(whole, ORIGIN))
     again = CertificateFile(path, ORIGIN, resume=True)
@@ -213,10 +218,12 @@ def test_a_table_that_is_none_is_refused(angles: list[float], shape: tuple[int, 
 def test_the_whole_range_is_proved(dynamics: str, errors: float, tmp_path: Path) -> None:
     """Of the identified aircraft with a rate, and of all within one standard error of every
     parameter."""
-    angles, flights = np.linspace(0.0, 20.0, 11).tolist(), family(dynamics)
+    angles = np.linspace(0.0, 20.0, 11).tolist()
+    flights = family(dynamics)
     if errors:
         flights = replace(flights, spread=default_parameters().standard_errors)
-    loop, path = exact_loop(*angles, dynamics=dynamics), tmp_path / "certificate.json"
+    loop = exact_loop(*angles, dynamics=dynamics)
+    path = tmp_path / "certificate.json"
     proof = prove_schedule(flights, loop, 0.0, 20.0, moving=not errors)
     assert proof.proved
     assert proof.data["decay_rate"] > 0.29

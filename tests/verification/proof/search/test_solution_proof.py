@@ -36,7 +36,8 @@ def test_the_solution_of_the_paper_s_game_is_proved(dynamics: str) -> None:
     assert ("A - S P is Hurwitz", "proved") in proof.report().parts[0].rows
     assert proof.data["relative_radius"] < 1e-12
     assert proof.data["unstable_modes"] == 2
-    above, most = proof.data["delta_min_above"], proof.data["delta_min_at_most"]
+    above = proof.data["delta_min_above"]
+    most = proof.data["delta_min_at_most"]
     assert most - above <= 1e-6 * most
     found = minimum_delta(game_at(15.0, dynamics))
     assert above < found.value * (1 + 1e-6)
@@ -77,7 +78,8 @@ def test_delta_min_of_a_scalar_game_is_bracketed(found: float) -> None:
 
 @pytest.mark.parametrize("share", [1e-5, 1e-3, 0.1])
 def test_above_and_below_delta_min_are_told_apart(share: float) -> None:
-    game, smallest = ExactGame.of(game_at(15.0)), minimum_delta(game_at(15.0)).value
+    game = ExactGame.of(game_at(15.0))
+    smallest = minimum_delta(game_at(15.0)).value
     above, below = (game.with_delta(smallest * (1 + sign * share)) for sign in (1, -1))
     assert (above.has_value(), below.has_value()) == (True, False)
     assert (above.why_no_value() is None, below.why_no_value() is None) == (True, False)
@@ -117,7 +119,8 @@ def test_the_search_says_what_it_does() -> None:
 
 @pytest.mark.parametrize("size", [1e-12, 1e-9, 1e-3])
 def test_a_spoiled_critic_is_as_far_as_it_was_moved(size: float) -> None:
-    game, functions = game_at(15.0), basis("quadratic", 6)
+    game = game_at(15.0)
+    functions = basis("quadratic", 6)
     exact = solve_game(game)
     right = {"W": functions.weights(exact.P), "P": exact.P, "K": exact.K}
     critic = from_parts(game, {name: array * (1 + size) for name, array in right.items()})
