@@ -8,7 +8,6 @@ from .flight.gusts import Dryden as Dryden, OneMinusCosine as OneMinusCosine
 from .flight.monte_carlo import MonteCarlo as MonteCarlo
 from .flight.monte_carlo_store import (
     run_monte_carlo as run_monte_carlo,
-    stream_members as stream_members,
 )
 from .flight.nonlinear_flight import fly as fly
 from .flight.policies import GainPolicy as GainPolicy, Policy as Policy

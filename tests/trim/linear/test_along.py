@@ -11,6 +11,7 @@ from own_models import F16, NAVION, trimmed
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
+from hfa_aircraft import to_control
 from hfa_support import BadInputError
 from trim import models_along
 
@@ -59,7 +60,7 @@ def test_one_model_is_that_of_python_control() -> None:
     x = np.array(trimmed(model).states) + 0.01
     u = np.array([0.2, -1.5, 0.5, 0.5])
     along = models_along(model, x, u)
-    peer = control.linearize(model.to_control(), x, u)
+    peer = control.linearize(to_control(model), x, u)
     np.testing.assert_allclose(along.A[0], peer.A, rtol=1e-4, atol=2e-3)
     np.testing.assert_allclose(along.B[0], peer.B, rtol=1e-4, atol=2e-3)
     x[0] = 0.0
