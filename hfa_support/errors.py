@@ -39,8 +39,12 @@ def said_of(what: str | Path) -> Iterator[None]:
 
 
 def refuse_unknown(what: str, name: object, known: Iterable[str]) -> None:
-    """BadInputError unless the name is one of the known: what it was taken for, the name, the
-    choices."""
+    """BadInputError unless the name is one of those known; the message lists them.
+
+    what: how the message begins: "unknown state"
+    name: what a caller gave
+    known: the names to choose from
+    """
     choices = tuple(known)
     if name not in choices:
         raise BadInputError(f"{what} {shown(name)}; choose from {', '.join(choices) or 'none'}")
@@ -57,20 +61,25 @@ def is_finite(value: object) -> bool:
 def refuse_unless_positive(what: str, value: float, unit: str = "") -> None:
     """BadInputError unless the value is a finite number above 0."""
     if not (is_finite(value) and value > 0.0):
-        typed = f"{value}{unit}" if isinstance(value, float) else shown(value)
-        raise BadInputError(f"{what} is {typed}; it must be a positive number")
+        text = f"{value}{unit}" if isinstance(value, float) else shown(value)
+        raise BadInputError(f"{what} is {text}; it must be a positive number")
 
 
 def pair_of(what: str, ends: Any) -> tuple[float, float]:
-    """The lowest and the highest. BadInputError unless they are two numbers, which may be
-    infinite."""
+    """(lowest, highest) as floats.
+
+    what: the name of the pair, for the message
+    ends: what a caller gave for the pair
+
+    BadInputError unless they are two numbers; they may be infinite.
+    """
     try:
-        lowest, highest = (end + 0.0 for end in ends)
+        lowest, highest = ends
+        return lowest + 0.0, highest + 0.0  # a text fails here; float() would read it
     except (TypeError, ValueError) as error:
         raise BadInputError(
             f"{what} is {shown(ends)}; give two numbers, (lowest, highest)"
         ) from error
-    return lowest, highest
 
 
 def numbers_in(what: str, values: Any) -> np.ndarray:
@@ -102,10 +111,9 @@ def shown(value: Any) -> str:
 def on_one_line(message: str) -> str:
     """A message without line breaks and control characters, which are spelled, as in "\\x1b"; or
     its beginning."""
-    line = " ".join(message[: 4 * _LONGEST_LINE].split())
-    return shortened(
-        "".join(
-            character if character.isprintable() else ascii(character)[1:-1] for character in line
-        ),
-        _LONGEST_LINE,
-    )
+    words = message[: 4 * _LONGEST_LINE].split()
+    spelled = [
+        character if character.isprintable() else ascii(character)[1:-1]
+        for character in " ".join(words)
+    ]
+    return shortened("".join(spelled), _LONGEST_LINE)

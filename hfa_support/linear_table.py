@@ -40,8 +40,10 @@ class LinearTable(ByValue):
         object.__setattr__(self, "values", values)
 
     def at(self, where: float | np.ndarray) -> np.ndarray:
-        """v_i + (v_i+1 - v_i) (x - x_i)/(x_i+1 - x_i): the values at x, their shape behind that of
-        `where`."""
+        """v_i + (v_i+1 - v_i) (x - x_i)/(x_i+1 - x_i): the array at x, held at both ends.
+
+        where: x, a number or an array; its shape comes before that of the array
+        """
         x = np.clip(where, self.breakpoints[0], self.breakpoints[-1])
         count = len(self.breakpoints)
         if count == 1:
@@ -52,13 +54,17 @@ class LinearTable(ByValue):
         return np.asarray(self.values[i] + share * (self.values[i + 1] - self.values[i]))
 
     def expression(self, where: ca.SX) -> ca.SX:
-        """The same of a CasADi expression: v_0 + Σ_i (v_i+1 - v_i) sat((x - x_i)/(x_i+1 - x_i), 0,
-        1), a column (k,), the values of each breakpoint row by row."""
+        """`at` as a CasADi expression: v_0 + Σ_i (v_i+1 - v_i) sat((x - x_i)/(x_i+1 - x_i), 0, 1).
+
+        where: x, one expression
+
+        Returns a column (k,) of the k entries of the array, row by row.
+        """
         rows = self.values.reshape(len(self.breakpoints), -1)
         value = ca.SX(ca.DM(rows[0]))
-        for (low, high), difference in zip(
-            pairwise(self.breakpoints.tolist()), np.diff(rows, axis=0), strict=True
-        ):
+        intervals = pairwise(self.breakpoints.tolist())
+        differences = np.diff(rows, axis=0)
+        for (low, high), difference in zip(intervals, differences, strict=True):
             share = ca.fmin(ca.fmax((where - low) / (high - low), 0.0), 1.0)
             value = value + ca.sparsify(ca.DM(difference)) * share
         return value

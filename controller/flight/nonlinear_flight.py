@@ -55,8 +55,16 @@ def fly(
     predict: bool = True,
     progress: Progress | None = None,
 ) -> NonlinearFlight:
-    """X' = f(X, U, w) + d with U = U0 + u of the policy and, with `predict`, x' = A x + B u + E w + d
-    of the linear model.
+    """The flight of X' = f(X, U, w) + d with U = U0 + u of the policy and, with `predict`, that of
+    x' = A x + B u + E w + d, the linear model.
+
+    model: the aircraft as designed
+    point: the trim X0, U0 about which it flies
+    policy: u, from the deviations from trim
+    scenario: what happens during the flight; all of it drawn
+    envelope: limits of the states
+    predict: whether the linear model flies too
+    progress: called during the nonlinear flight
 
     The prediction is of the aircraft as designed: without the parameter errors. Both end at the
     first tick in which the nonlinear flight leaves the envelope.
@@ -90,8 +98,15 @@ def fly_within(
     *,
     progress: Progress | None = None,
 ) -> NonlinearFlight:
-    """One flight of a loop about a trim, of its scenario or another (`CompiledLoop.fly`), without a
-    prediction; it ends with the first tick outside the envelope."""
+    """One flight of a nonlinear loop about its trim, without a prediction of the linear model; it
+    ends with the first tick outside the envelope.
+
+    compiled: the loop
+    envelope: limits of the states, in their own values, not as deviations
+    scenario: flown in place of the loop's own; what may differ is in `CompiledLoop.fly`
+    parameters: of the flown aircraft, as `CompiledLoop.fly` takes them; None for the loop's own
+    progress: as `CompiledLoop.fly` calls it
+    """
     loop = compiled.loop if scenario is None else replace(compiled.loop, scenario=scenario)
     trim = np.array(loop.plant.point.states)
 
@@ -99,11 +114,11 @@ def fly_within(
         return outside(envelope, rows.limited + trim)
 
     flight = compiled.fly(loop.scenario, parameters=parameters, stop=stop, progress=progress)
-    left = departure(envelope, flight.times, flight.limited + trim, loop.scenario.moving_air)
+    left_at = departure(envelope, flight.times, flight.limited + trim, loop.scenario.moving_air)
     cycle = None
-    if left is None and not isinstance(loop.policy, OpenLoop):
+    if left_at is None and not isinstance(loop.policy, OpenLoop):
         cycle = limit_cycle(loop.plant.point.model, flight, loop.scenario.driven_until)
-    return NonlinearFlight(envelope, loop, flight, left, cycle)
+    return NonlinearFlight(envelope, loop, flight, left_at, cycle)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

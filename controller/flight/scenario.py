@@ -54,7 +54,7 @@ class Uncertainty:
     turbulence: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
-        """Check the deviations before the simulation."""
+        """BadInputError unless every standard deviation is a finite number from 0 on."""
         for name, value in (*self.errors.items(), *self.noise.items()):
             if not (is_finite(value) and value >= 0.0):
                 raise BadInputError(
@@ -123,15 +123,16 @@ class Scenario(Shown):
     delay: float = 0.0
 
     def __post_init__(self) -> None:
-        """Refuse times that do not fit and errors of nothing."""
+        """BadInputError for times that do not fit each other, and for factors and a delay out of
+        range."""
         times = {"duration": self.duration, "tick": self.tick, "step": self.step}
         for name, value in times.items():
             refuse_unless_positive(name, value, " s")
-        for (name, long), (part, short) in pairwise(times.items()):
-            count = long / short
+        for (name, time), (part, part_time) in pairwise(times.items()):
+            count = time / part_time
             if round(count) < 1 or abs(count - round(count)) > 1e-6 * count:
                 raise BadInputError(
-                    f"{name} is {long:g} s and {part} {short:g} s;"
+                    f"{name} is {time:g} s and {part} {part_time:g} s;"
                     f" make it a whole number of {part}s"
                 )
         if self.duration > MOST_STEPS * self.step * (1 + 1e-9):
@@ -179,10 +180,11 @@ class Scenario(Shown):
         return max(ends, default=0.0)
 
     def on(self, model: Model) -> Scenario:
-        """The same with a start and signals of the sizes of a model.
+        """This scenario for a model: where no start or signal is given, zeros of the model's sizes.
 
-        BadInputError for what the model does not have: states, parameters, a disturbance
-        `updraft`.
+        BadInputError when it names a parameter, state or disturbance that the model does not have,
+        when it has a gust or turbulence and the model no disturbance `updraft`, and when `initial`
+        has not one number for each state.
         """
         for name in (*self.errors, *self.uncertainty.errors):
             refuse_unknown("unknown parameter", name, tuple(model.parameters))
@@ -195,7 +197,7 @@ class Scenario(Shown):
                 f"{model.name} declares no disturbance {UPDRAFT}, which a gust is; declare it"
             )
         n = len(model.states)
-        none = zero(len(model.linear))
+        no_signal = zero(len(model.linear))
         initial = self.initial if np.size(self.initial) else np.zeros(n)
         if np.shape(initial) != (n,):
             raise BadInputError(
@@ -204,9 +206,9 @@ class Scenario(Shown):
         return replace(
             self,
             initial=initial,
-            reference=self.reference or none,
-            disturbance=self.disturbance or none,
-            noise=self.noise or none,
+            reference=self.reference or no_signal,
+            disturbance=self.disturbance or no_signal,
+            noise=self.noise or no_signal,
         )
 
     @property

@@ -81,11 +81,15 @@ class GainSchedule(Shown):
 
 
 def load_gain_schedule(path: Path, model: Model) -> GainSchedule:
-    """The schedule in a file with K (m, n), or with the values of the scheduling variable (G,),
-    angles in degrees, under the model's `schedule_key` and K (G, m, n), also as MATLAB stacks
-    them, (m, n, G).
+    """The gain schedule in a file.
 
-    BadInputError names the file, also for a table whose `state_units` are not the model's.
+    path: a file with one gain K (m, n); or with K (G, m, n), in MATLAB (m, n, G), and its G
+        breakpoints under the model's `schedule_key`, angles in degrees
+    model: of m inputs and n linear states. One gain may be in the SI or English units of
+        `state_units`; a table must be in the units of the model
+
+    BadInputError, which names the file, when K or the breakpoints are missing or have another
+    shape, and when the units are not those.
     """
     stored = read_arrays(path)
     m = len(model.inputs)
@@ -101,13 +105,16 @@ def load_gain_schedule(path: Path, model: Model) -> GainSchedule:
                 )
             gain = checked_matrix("K", K, LARGEST_CRITIC_ENTRY) * file_scales(stored, plant)
             return GainSchedule(np.zeros(1), gain[None], model)
+
         if key not in stored:
             raise BadInputError(f"there is no {key}; a table of gains K holds the value of each")
         breakpoints = np.ravel(numbers_in(key, stored[key]))
         if breakpoints.size < 2:
             raise BadInputError(f"{key} must be at least two values, increasing")
         count = breakpoints.size
-        if (K.shape[0], K.shape[2]) == (m, count) and K.shape[:2] != (count, m):
+        is_matlab_stack = K.shape[0] == m and K.shape[2] == count
+        is_stack = K.shape[:2] == (count, m)
+        if is_matlab_stack and not is_stack:
             K = np.moveaxis(K, -1, 0)
         units = words(stored, "state_units")[:n]
         if np.any(file_scales({"state_units": units}, plant) != 1.0):

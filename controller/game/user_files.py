@@ -123,7 +123,7 @@ class StoredGame(NamedTuple):
 
 
 def no_defaults(parts: Mapping[str, Any], names: PlantNames) -> Defaults:
-    """Of a plant of which nothing is known."""
+    """No defaults: for a plant of which nothing is known."""
     return Defaults()
 
 
@@ -221,8 +221,12 @@ def _discrete(stored: Mapping[str, Any], game: Game) -> DiscreteGame | None:
 
 
 def one_number(name: str, value: Any) -> float:
-    """Of MATLAB a 1 x 1 matrix, of JSON also the text "inf". BadInputError where it is not one
-    number."""
+    """An entry of a file that must be one number.
+
+    value: a number, a 1 x 1 matrix (MATLAB), or the text "inf" (JSON)
+
+    BadInputError where it is anything else.
+    """
     if isinstance(value, str) and value.strip().lower() in ("inf", "infinity"):
         return math.inf
     numbers = numbers_in(name, value)
@@ -232,16 +236,22 @@ def one_number(name: str, value: Any) -> float:
 
 
 def _unused(stored: Mapping[str, Any]) -> list[str]:
-    """The note on entries that are not used; none of a file of this project."""
+    """A note that names the entries which are not used; [] where there are none.
+
+    A file that this project wrote, whose `schema` begins with "hfa.", is not noted: it has further
+    entries of its own.
+    """
+    schema = words(stored, "schema")
+    if schema and schema[0].startswith("hfa."):
+        return []
     used = {*MODEL_KEYS, *NAME_KEYS}
     if is_discrete(stored):
         used |= set(DISCRETE_KEYS)
     unused = sorted(set(stored) - used)
-    schema = "".join(words(stored, "schema")[:1])
-    if not unused or schema.startswith("hfa."):
+    if not unused:
         return []
-    keys = ", ".join(MODEL_KEYS)
-    return [f"{shortened(', '.join(unused), 200)} not used; a model file holds {keys}"]
+    names = shortened(", ".join(unused), 200)
+    return [f"{names} not used; a model file holds {', '.join(MODEL_KEYS)}"]
 
 
 def _names(

@@ -28,11 +28,11 @@ class Spectrum(NamedTuple):
         return float(self.eigenvalues.real.max())
 
     def axis_distance(self) -> float:
-        """min_ω σ_min(M - jω I) / ‖M‖₂ of the balanced M, over the imaginary parts ω of the
+        """min_ω σ_min(M - jω I) / ‖M‖₂ of the balanced M, over the imaginary parts ω of its
         eigenvalues.
 
-        How far M is, relative, from a matrix with an eigenvalue on the imaginary axis. Unlike |Re
-        λ| it does not mislead when an eigenvalue is badly conditioned: a double eigenvalue on the
+        This is the distance of M, relative to its norm, from the nearest matrix with an eigenvalue
+        on the imaginary axis. Unlike |Re λ| it does not mislead when an eigenvalue is badly conditioned: a double eigenvalue on the
         axis is computed with |Re λ| of about 1e-8 ‖M‖, but its axis_distance is of the order of
         rounding, 1e-16. Source: Byers 1988."""
         return self.nearest_to_axis()[0]

@@ -195,15 +195,19 @@ def _policies(form: NormalForm, X: np.ndarray) -> _Policies:
 
 
 def _certified(form: NormalForm) -> tuple[np.ndarray, Certificate]:
-    """X in normal form and its certificate."""
+    """P in normal form, X (n, n), by a Schur form, and its certificate: the tests of X, and that
+    value iteration gives the same.
+
+    NoSolutionError when a test fails or a matrix that must be inverted is singular.
+    """
     try:
         X = _first_derivation(form)
         checks = _checks(form, X)
         refuse_failures(checks)
-        second = _by_doubling(form)
+        X_by_iteration = _by_doubling(form)
     except np.linalg.LinAlgError as error:
         raise NoSolutionError("delta^2 I - discount E'P E is singular on the way") from error
-    difference = float(largest(X - second)) / (float(largest(X)) or 1.0)
+    difference = float(largest(X - X_by_iteration)) / (float(largest(X)) or 1.0)
     reason = f"value iteration gives another P (difference {difference:.2g})"
     checks = (*checks, at_most("second_derivation", difference, DISAGREEMENT, reason))
     refuse_failures(checks)

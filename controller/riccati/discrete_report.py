@@ -21,7 +21,7 @@ SCHEMA = "hfa.discrete-solution/1"
 
 @dataclass(frozen=True, eq=False, repr=False)
 class AnalysedDiscreteGame(Shown):
-    """A certified solution in discrete time and the smallest delta."""
+    """A certified solution in discrete time and the smallest delta that has one."""
 
     solution: DiscreteSolution
     delta_min: DeltaMin
@@ -30,23 +30,35 @@ class AnalysedDiscreteGame(Shown):
 def analyse_discrete(
     problem: DiscreteGame, progress: Progress | None = None
 ) -> AnalysedDiscreteGame:
-    """Solve a game in discrete time; NoSolutionError as `solve_discrete`."""
+    """The certified solution of a game in discrete time, and its smallest delta.
+
+    progress: called during the search for the smallest delta
+
+    NoSolutionError where `solve_discrete` raises it.
+    """
     solution = solve_discrete(problem, progress)
     return AnalysedDiscreteGame(solution, minimum_delta_discrete(problem, progress))
 
 
 def discrete_report(
-    found: AnalysedDiscreteGame, states: tuple[str, ...], inputs: tuple[str, ...], origin: str
+    analysed: AnalysedDiscreteGame, states: tuple[str, ...], inputs: tuple[str, ...], origin: str
 ) -> Report:
-    """P, K, the certificate and both radii; origin: what the plant is called."""
-    solution = found.solution
+    """The report of a solution: P, K, the checks of its certificate and the spectral radii of
+    A - B K and of sqrt(discount) (A - B K).
+
+    analysed: the solution and the smallest delta
+    states: names of the n rows of P
+    inputs: names of the m rows of K
+    origin: what the plant is called, for the title
+    """
+    solution = analysed.solution
     delta = solution.game.delta
-    margin = found.delta_min.margin(delta)
+    margin = analysed.delta_min.margin(delta)
     stabilizes = "stabilizes" if solution.radius < 1.0 else "does NOT stabilize"
     eigenvalues = np.linalg.eigvals(solution.game.A - solution.game.B @ solution.K)
     return Report(
         title=f"Exact game solution in discrete time for {origin}\n"
-        f"delta {delta:.6g}, smallest possible {found.delta_min.value:.7g}, margin {margin:.4g},"
+        f"delta {delta:.6g}, smallest possible {analysed.delta_min.value:.7g}, margin {margin:.4g},"
         f" discount {solution.discount:g} a step",
         parts=(
             matrix_table("P", states, states, solution.P),
@@ -65,7 +77,7 @@ def discrete_report(
             "H": solution.H.tolist(),
             "delta": finite_or_none(delta),
             "discount": solution.discount,
-            "delta_min": found.delta_min.value,
+            "delta_min": analysed.delta_min.value,
             "delta_margin": finite_or_none(margin),
             "certificate": solution.certificate.to_dict(),
             "spectral_radius": solution.radius,

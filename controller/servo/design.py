@@ -63,7 +63,12 @@ class Actuator:
 
 
 class OutputWeight(NamedTuple):
-    """gain (1 + corner/s) / (1 + lag s): in 1/unit of the output, rad/s, s."""
+    """gain (1 + corner/s) / (1 + lag s).
+
+    gain: 1/unit of the output
+    corner: rad/s
+    lag: s
+    """
 
     gain: float
     corner: float = 0.0
@@ -71,11 +76,14 @@ class OutputWeight(NamedTuple):
 
 
 class Following(NamedTuple):
-    """How commands of `outputs` are to be followed: weights of their squared errors, of states, of
-    the rates of inputs.
+    """How commands are to be followed: weights of squares in the cost.
 
-    filter: bandwidth (rad/s) and damping of the command filter. bandwidth: of the actuators, of
-    order 1, rad/s."""
+    outputs: commanded output -> weight of its error
+    rates: input -> weight of its rate
+    states: state -> weight
+    filter: bandwidth (rad/s) and damping of the command filter
+    bandwidth: of the actuators, of order 1, rad/s
+    """
 
     outputs: Mapping[str, float]
     rates: Mapping[str, float]
@@ -85,9 +93,16 @@ class Following(NamedTuple):
 
 
 class Shaping(NamedTuple):
-    """Loop shaping: gain of each input, weight of each measured output, γ / γ_min, and the values
-    of the scheduling variable (angles in rad) between which the controller is interpolated.
-    schedule: output -> factor on its gain at each of them."""
+    """A loop shaping.
+
+    inputs: input -> gain
+    outputs: measured output -> weight
+    breakpoints: values of the scheduling variable, increasing, angles in rad, between which the
+        controller is interpolated
+    following: how commands are followed
+    factor: γ / γ_min
+    schedule: output -> factor on its gain at each breakpoint
+    """
 
     inputs: Mapping[str, float]
     outputs: Mapping[str, OutputWeight]
@@ -96,15 +111,15 @@ class Shaping(NamedTuple):
     factor: float = 1.1
     schedule: Mapping[str, Sequence[float]] = MappingProxyType({})
 
-    def outputs_at(self, place: float) -> dict[str, OutputWeight]:
+    def outputs_at(self, scheduling_value: float) -> dict[str, OutputWeight]:
         """The weights with their gains at a value of the scheduling variable."""
         factors = {
-            name: float(np.interp(place, self.breakpoints, row))
+            name: float(np.interp(scheduling_value, self.breakpoints, row))
             for name, row in self.schedule.items()
         }
         return {
-            name: each._replace(gain=each.gain * factors.get(name, 1.0))
-            for name, each in self.outputs.items()
+            name: weight._replace(gain=weight.gain * factors.get(name, 1.0))
+            for name, weight in self.outputs.items()
         }
 
 
@@ -170,28 +185,32 @@ class Design:
             self._check_shaping(where, self.shaping)
 
     def _check_shaping(self, where: str, shaping: Shaping) -> None:
-        """BadInputError for what a loop shaping names or lacks."""
+        """BadInputError when a loop shaping names what the model or the design does not have, lacks
+        an actuator or a rate weight of an input, or has tables that do not fit its breakpoints.
+
+        where: how a message begins: "design NAME:"
+        """
         following = shaping.following
-        outputs = [*shaping.outputs]
-        followed = f"{where} unknown followed output, which must be measured"
+        measured = [*shaping.outputs]
         _refuse_names(f"{where} unknown rate of an input", [*following.rates], self.inputs)
         _refuse_names(f"{where} unknown weight of a state", [*following.states], self.model.linear)
-        _refuse_names(f"{where} unknown scheduled output", [*shaping.schedule], outputs)
-        _refuse_names(followed, [*following.outputs], outputs)
+        _refuse_names(f"{where} unknown scheduled output", [*shaping.schedule], measured)
+        unmeasured = f"{where} unknown followed output, which must be measured"
+        _refuse_names(unmeasured, [*following.outputs], measured)
         self._require_for_every_input(where, "actuator", self.actuators)
-        rates = "weight in shaping.following.rates"
-        self._require_for_every_input(where, rates, following.rates)
-        by = self.model.schedule
+        rate_weight = "weight in shaping.following.rates"
+        self._require_for_every_input(where, rate_weight, following.rates)
+        variable = self.model.schedule
         for name, factors in shaping.schedule.items():
             if len(factors) != len(shaping.breakpoints):
                 raise BadInputError(
-                    f"{where} shaping.schedule.{name} needs one factor for each {by}"
+                    f"{where} shaping.schedule.{name} needs one factor for each {variable}"
                 )
         increasing = bool(shaping.breakpoints) and np.all(np.diff(shaping.breakpoints) > 0.0)
         if len(following.filter) != 2 or not increasing:
             raise BadInputError(
                 f"{where} shaping.following.filter is a bandwidth and a damping,"
-                f" and the {by}s increase"
+                f" and the {variable}s increase"
             )
 
     def _require_for_every_input(self, where: str, what: str, table: Mapping[str, Any]) -> None:

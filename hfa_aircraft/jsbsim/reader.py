@@ -308,8 +308,10 @@ class _Declaration:
         return modes
 
     def _beginning(self) -> Callable[[Mapping[str, Any]], Mapping[str, Any]]:
-        """Where a search begins at an imposed speed: the true speed of kcas or mach, the angle of
-        attack in proportion to the lift coefficient, propellers at usual advance ratios. Numbers,
+        """A function that gives starting values of a trim from the imposed ones.
+
+        The speed is the true speed of kcas or mach, the angle of attack follows the lift
+        coefficient of level flight, propellers turn at a usual advance ratio. Values are numbers,
         or arrays of one length."""
         usual_speed = self.usual_speed
         propellers = [
@@ -319,18 +321,22 @@ class _Declaration:
         ]
 
         def begin(imposed: Mapping[str, Any]) -> dict[str, Any]:
+            """Starting values by name; {} where no altitude or no positive speed is imposed.
+
+            imposed: values by name: speed (ft/s), mach or kcas, altitude (ft), gamma (rad)
+            """
             altitude = imposed.get("altitude")
             if altitude is None:
                 return {}
             speed, density = _speed_and_density(imposed, altitude)
             if speed is None or np.min(speed) <= 0.0:
                 return {}
-            lift = 0.5 * (usual_speed / speed) ** 2 * SEA_LEVEL.density / density
-            alpha = np.clip(0.2 * (lift - 0.25), -0.05, 0.25)
+            lift_coefficient = 0.5 * (usual_speed / speed) ** 2 * SEA_LEVEL.density / density
+            alpha = np.clip(0.2 * (lift_coefficient - 0.25), -0.05, 0.25)
             values = {"speed": speed, "alpha": alpha, "pitch": alpha + imposed.get("gamma", 0.0)}
-            for name, diameter, usual in propellers:
-                turns = 60.0 * speed / (_ADVANCE_RATIO * diameter)
-                values[name] = np.clip(turns, 0.5 * usual, 1.1 * usual)
+            for name, diameter, usual_rpm in propellers:
+                rpm = 60.0 * speed / (_ADVANCE_RATIO * diameter)
+                values[name] = np.clip(rpm, 0.5 * usual_rpm, 1.1 * usual_rpm)
             return values
 
         return begin

@@ -95,7 +95,11 @@ def _field_name(key: str) -> str:
 
 
 def _csv(records: Table, about: str) -> str:
-    """The records with one column more, `about`, whose first row alone is not empty."""
+    """A table as CSV, with a last column `about`: the text in the first row, empty in the others.
+
+    records: header and rows; numbers are written with all digits
+    about: where the records come from
+    """
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow((*records.header, "about"))
@@ -104,17 +108,16 @@ def _csv(records: Table, about: str) -> str:
             _digits(cell) if isinstance(cell, (float, np.floating)) else _inert(cell)
             for cell in row
         ]
-        writer.writerow([*cells, "" if number else about])
+        writer.writerow([*cells, about if number == 0 else ""])
     return stream.getvalue()
 
 
 def _inert(cell: Any) -> Any:
-    """A text that a spreadsheet would take for a formula gets an apostrophe before it."""
-    return (
-        f"'{cell}"
-        if isinstance(cell, str) and re.match(r"[=@\t\r]|\+[^\d.]|\+.*[^\d.]$|-[^\d.]", cell)
-        else cell
-    )
+    """The cell; a text that a spreadsheet would take for a formula has an apostrophe before it."""
+    formula = r"[=@\t\r]|\+[^\d.]|\+.*[^\d.]$|-[^\d.]"
+    if isinstance(cell, str) and re.match(formula, cell):
+        return f"'{cell}"
+    return cell
 
 
 def _digits(value: float | np.floating) -> str:

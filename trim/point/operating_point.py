@@ -241,22 +241,28 @@ class OperatingPoint(Reported):
 
 
 def beyond_range(model: Model, values: Mapping[str, float]) -> list[str]:
-    """Which values lie beyond the range of their state that models are meant for."""
-    return [
-        f"{name} {model.describe(name, values[name])} lies beyond {whose}, which ends at {model.describe(name, most)}"
-        for name, (most, whose) in model.range.items()
-        if abs(values.get(name, 0.0)) > most * (1 + 1e-12)
-    ]
+    """A sentence for every value beyond the range that the model is meant for (`Model.range`).
+
+    values: by name; a name that is missing lies within
+    """
+    sentences = []
+    for name, (limit, range_name) in model.range.items():
+        if abs(values.get(name, 0.0)) > limit * (1 + 1e-12):
+            value = model.describe(name, values[name])
+            end = model.describe(name, limit)
+            sentences.append(f"{name} {value} lies beyond {range_name}, which ends at {end}")
+    return sentences
 
 
 def at_scheduled(point: OperatingPoint) -> str:
-    """At which value of the scheduling variable a point lies, in words."""
+    """The value of the scheduling variable at a point, in words: "at dihedral 15 deg".
+
+    "" for a model whose scheduling variable is neither a state nor an input of the point.
+    """
     name = point.model.schedule
-    return (
-        f"at {name} {point.model.describe(name, point.values[name])}"
-        if name in point.values
-        else ""
-    )
+    if name not in point.values:
+        return ""
+    return f"at {name} {point.model.describe(name, point.values[name])}"
 
 
 def scheduled_data(point: OperatingPoint) -> dict[str, Any]:

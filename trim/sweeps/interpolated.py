@@ -60,8 +60,12 @@ class InterpolatedModel:
         return tuple(np.unique(column) for column in self.sweep.values.T)
 
     def at(self, **values: float | np.ndarray) -> Interpolated:
-        """The model at values of all variables, numbers or arrays (N,); BadInputError outside of
-        the grid."""
+        """Trim and linear model at values of the variables.
+
+        values: of every variable of the sweep, by name: a number, or (N,)
+
+        BadInputError when a variable is missing or unknown, or a value lies outside of the grid.
+        """
         variables = self.sweep.variables
         if {*values} != {*variables}:
             raise BadInputError(f"give {', '.join(variables)}, by name")
@@ -101,18 +105,20 @@ class InterpolatedModel:
 
     @cached_property
     def _interpolator(self) -> Any:
-        """Of all quantities at once: (..., variables) -> (..., entries)."""
+        """SciPy's interpolator of all quantities at once: points (..., variables) -> (..., entries),
+        the entries of X0, U0, A and B one behind the other, each row by row."""
         from scipy.interpolate import RegularGridInterpolator
 
-        sizes = tuple(map(len, self.axes))
-        flat = [table.reshape(*sizes, -1) for table in self._tables]
-        return RegularGridInterpolator(self.axes, np.concatenate(flat, axis=-1))
+        sizes = tuple(len(axis) for axis in self.axes)
+        rows = [table.reshape(*sizes, -1) for table in self._tables]
+        return RegularGridInterpolator(self.axes, np.concatenate(rows, axis=-1))
 
     @cached_property
     def _tables(self) -> list[np.ndarray]:
-        """Each quantity over the grid, the axes of the variables first, ascending."""
+        """X0, U0, A and B over the grid: one axis for each variable, ascending, then the shape of
+        the quantity."""
         order = np.lexsort(self.sweep.values.T[::-1])
-        sizes = tuple(map(len, self.axes))
+        sizes = tuple(len(axis) for axis in self.axes)
         tables = []
         for name in Interpolated._fields:
             rows = getattr(self.sweep, name)[order]

@@ -72,7 +72,12 @@ def _along(path: np.ndarray, values: np.ndarray, shapes: np.ndarray) -> Iterator
 
 
 def _connected(neighbours: np.ndarray, path: np.ndarray) -> np.ndarray:
-    """The pairs of neighbours, and those of the path that join what neighbours leave apart."""
+    """Pairs of points that join all N points, (M, 2): the neighbours, and those pairs of the path
+    whose two points the neighbours do not join.
+
+    neighbours: (K, 2), pairs of points
+    path: (N - 1, 2), the pairs (0, 1), (1, 2), ...
+    """
     from scipy.sparse import csr_array
     from scipy.sparse.csgraph import connected_components
 
@@ -80,8 +85,8 @@ def _connected(neighbours: np.ndarray, path: np.ndarray) -> np.ndarray:
     ones = np.ones(len(neighbours))
     graph = csr_array((ones, (neighbours[:, 0], neighbours[:, 1])), (count, count))
     _, component = connected_components(graph, directed=False)
-    between = component[path[:, 0]] != component[path[:, 1]]
-    return np.concatenate([neighbours, path[between]])
+    apart = component[path[:, 0]] != component[path[:, 1]]
+    return np.concatenate([neighbours, path[apart]])
 
 
 def _along_tree(pairs: np.ndarray, values: np.ndarray, shapes: np.ndarray) -> Iterator[_Step]:
@@ -108,8 +113,15 @@ def _along_tree(pairs: np.ndarray, values: np.ndarray, shapes: np.ndarray) -> It
 def _pairings(
     values: np.ndarray, shapes: np.ndarray, pairs: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The eigenvalue of the second point of each pair that matches each of the first, (M, n); and
-    the sum that this maximizes, (M,)."""
+    """How the eigenvalues of the two points of each pair match, and the gain of that matching.
+
+    values: (N, n), eigenvalues of each point
+    shapes: (N, n, n), their eigenvectors, columns of unit length
+    pairs: (M, 2), pairs of points
+
+    Returns, (M, n), for every eigenvalue of the first point the number of the one at the second,
+    and, (M,), the sum of gains that this maximizes.
+    """
     matches = np.empty((len(pairs), values.shape[1]), dtype=int)
     sums = np.empty(len(pairs))
     for begin in range(0, len(pairs), _AT_ONCE):
@@ -129,7 +141,8 @@ def _pairings(
 def _gain(
     values: np.ndarray, other_values: np.ndarray, shapes: np.ndarray, other_shapes: np.ndarray
 ) -> np.ndarray:
-    """What pairing each eigenvalue with each at the other point gains, (M, n, n)."""
+    """|v_i^H w_j|² - |λ_i - μ_j| / (|λ_i| + |μ_j|), (M, n, n): the gain of matching eigenvalue i of
+    a point with j of the other."""
     likeness = np.abs(np.einsum("nki,nkj->nij", shapes.conj(), other_shapes)) ** 2
     distance = np.abs(values[:, :, None] - other_values[:, None, :])
     size = np.abs(values)[:, :, None] + np.abs(other_values)[:, None, :]

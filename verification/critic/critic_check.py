@@ -31,7 +31,7 @@ from verification.critic.critic_errors import (
     matrix_errors,
     relative_error,
 )
-from verification.critic.verdict import COLUMNS, ErrorTable, Section, Verdict
+from verification.critic.verdict import ErrorTable, Section, Verdict
 
 if TYPE_CHECKING:
     from controller.game.discrete_game import DiscreteGame
@@ -144,12 +144,16 @@ def check_history(
     predefined_time: float | None = None,
     progress: Progress | None = None,
 ) -> Verdict:
-    """The verdict on the last critic of a history, with the errors of all of them over time.
+    """The verdict on the last critic of a history (`check_critic`), with a table of the errors of
+    all its critics over time.
 
-    critics: with their `time`, as `critics_in` and `critics_over_time` make them.
-    predefined_time: T_w, s, by which every error must be within the limit for good; None: no such
-        check.
-    progress: called with rows done, rows.
+    game: the game that they should solve.
+    critics: in order of their `time`, as `critics_in` and `critics_over_time` make them.
+    limit: of every error and of the residual.
+    scope: on what else the last critic is judged.
+    predefined_time: T_w, s; a check is added that from then on every error stays within the limit.
+        None: no such check.
+    progress: called with the critics done and their number.
 
     BadInputError when the critics have no times.
     """
@@ -163,25 +167,22 @@ def check_history(
             check.name: check.value
             for check in critic_errors(game, critic, verdict.exact, limit, box)
         }
-        rows.append(
-            (
-                errors.get("P_rel_error", math.nan),
-                errors["K_rel_error"],
-                math.nan if critic.P is None else _residual(game, critic.P),
-                max(errors.values()),
-            )
-        )
+        row = {
+            "P_rel_error": errors.get("P_rel_error", math.nan),
+            "K_rel_error": errors["K_rel_error"],
+            "riccati_residual": math.nan if critic.P is None else _residual(game, critic.P),
+            "largest_error": max(errors.values()),
+        }
+        rows.append(row)
     times = np.array([critic.time for critic in critics], dtype=float)
-    errors_by_name = dict(zip(COLUMNS, np.array(rows).T, strict=True))
-    table = ErrorTable(times, errors_by_name, "largest_error", limit, predefined_time)
+    columns = {name: np.array([row[name] for row in rows]) for name in rows[0]}
+    table = ErrorTable(times, columns, "largest_error", limit, predefined_time)
     checks = verdict.checks
     if predefined_time is not None:
         reason = f"{table.sentence}; T_w is {predefined_time:g} s"
-        settled = table.settling_time
-        checks = (
-            *checks,
-            at_most("settling_time", settled, predefined_time, reason, kind="data"),
-        )
+        settling = table.settling_time
+        check = at_most("settling_time", settling, predefined_time, reason, kind="data")
+        checks = (*checks, check)
     sections = (*verdict.sections, table.section())
     return replace(verdict, checks=checks, sections=sections, table=table)
 
