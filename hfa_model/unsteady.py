@@ -4,14 +4,20 @@
 Each effect has a parameter, 1 as it should be and 0 without it; without any the rates are those of
 `newton`.
 
-| parameter | effect | |---|---| | `local_motion` | wing and tail take the flow at their own
-three-quarter chord, each part of an outer wing its own η' | | `apparent_mass` | air moves with
-wings and tails: π ρ b² per length, with its moments (Theodorsen, NACA 496) | | `lift_lag` | lift
-follows motion, ailerons and elevators with Wagner's function (R. T. Jones, NACA 681) | | `gust_lag`
-| lift follows air that rises or moves outward with Küssner's function; a headwind acts at once | |
-`finite_span` | lift slope a / (1 + a / (π Λ)): Λ of the whole wing (span 3 s), of a tail
-`tail_aspect_ratio` | | `downwash_share` | 2 C_L / (π Λ) at the tails, C_L the mean of the wings,
-later by l_b / V (first order) |
+| parameter | effect |
+|---|---|
+| `local_motion` | wing and tail take the flow at their own three-quarter chord, each part of an
+outer wing its own η' |
+| `apparent_mass` | air moves with wings and tails: π ρ b² per length, with its moments (Theodorsen,
+NACA 496) |
+| `lift_lag` | lift follows motion, ailerons and elevators with Wagner's function (R. T. Jones, NACA
+681) |
+| `gust_lag` | lift follows air that rises or moves outward with Küssner's function; a headwind acts
+at once |
+| `finite_span` | lift slope a / (1 + a / (π Λ)): Λ of the whole wing (span 3 s), of a tail
+`tail_aspect_ratio` |
+| `downwash_share` | 2 C_L / (π Λ) at the tails, C_L the mean of the wings, later by l_b / V (first
+order) |
 
 At 1 the downwash is that of the far wake; a lifting line has 1.71 times that at the center tail,
 1.52 at the others. The lags are those of two dimensions; in steady flight nothing lags, and a trim
@@ -35,6 +41,7 @@ from hfa_model.declaration import rigid_panels
 from hfa_model.dynamics import rates_from_loads
 from hfa_model.kinematics import (
     Velocity,
+    Wind,
     Winds,
     airspeed,
     center_height,
@@ -53,7 +60,11 @@ NEWTON = Newton()
 
 
 class Lag(NamedTuple):
-    """1 - Σ A_i exp(-b_i s) of a unit step, s = V t / b in half chords b."""
+    """1 - Σ A_i exp(-b_i s) of a unit step, s = V t / b in half chords b.
+
+    shares: A_1, A_2
+    rates: b_1, b_2
+    """
 
     shares: tuple[float, float]
     rates: tuple[float, float]
@@ -73,9 +84,47 @@ LAG_STATES = (*_LAGS, *_GUSTS, "downwash")
 EFFECTS = ("local_motion", "apparent_mass", "lift_lag", "gust_lag", "finite_span", "downwash_share")
 
 
-class _Flown(NamedTuple):
-    """What one panel feels: its loads, the lift coefficient of its wing, and the rates of its lag
-    states."""
+class _PanelMotion(NamedTuple):
+    """How a panel moves through its air.
+
+    panel: "center" or "outer"
+    wind: of the air at the panel
+    calm: velocity relative to air that moves from ahead alone; gusts rise or move outward
+    moving: velocity relative to the air as it is
+    turn: pitch rate about the spanwise axis of the panel, rad/s
+    """
+
+    panel: str
+    wind: Wind
+    calm: Velocity
+    moving: Velocity
+    turn: Quantity
+
+
+class _Strip(NamedTuple):
+    """A wing or a tail of a panel, as the flow meets it.
+
+    name: one of `STRIPS`
+    control: the angle of attack that its control surface is worth, rad
+    behind: from the wing's quarter chord back to the strip's three-quarter chord, ft
+    downwash: rad
+    chord: ft
+    """
+
+    name: str
+    control: Quantity
+    behind: Quantity
+    downwash: Quantity
+    chord: Quantity
+
+
+class _LaggedPanel(NamedTuple):
+    """What one panel feels.
+
+    loads: of wing and tail
+    lift_coefficient: of the wing
+    rates: of the panel's lag states, by name
+    """
 
     loads: PanelLoads[Quantity]
     lift_coefficient: Quantity
@@ -83,8 +132,13 @@ class _Flown(NamedTuple):
 
 
 class _Plate(NamedTuple):
-    """A wing or a tail: apparent mass, slug, half chord and span, ft, and how far its mid-chord
-    lies behind the quarter chord of the wing, ft."""
+    """A wing or a tail, as air moves with it.
+
+    mass: apparent mass, slug
+    half_chord: ft
+    span: ft
+    aft: from the wing's quarter chord back to the mid-chord, ft
+    """
 
     mass: Quantity
     half_chord: Quantity
@@ -92,55 +146,111 @@ class _Plate(NamedTuple):
     aft: Quantity
 
 
+class _CarriedAir(NamedTuple):
+    """Loads on the aircraft of the air that a plate carries, at accelerations (w_b', q', η'') of
+    0, and the matrix M_a that gives the rest: -M_a (w_b', q', η'').
+
+    forward: lbf, along the x axis of the body
+    downward: lbf, along the z axis
+    pitching_moment: ft lbf
+    hinge_moment: of one outer panel, ft lbf
+    mass: M_a, (3, 3)
+    """
+
+    forward: Quantity
+    downward: Quantity
+    pitching_moment: Quantity
+    hinge_moment: Quantity
+    mass: Any
+
+
 @dataclass(frozen=True)
 class UnsteadyEquations:
-    """As a `Model` takes them. ground_drag: as in `aircraft.Equations`."""
+    """The unsteady equations as a `Model` takes them.
+
+    ground_drag: as in `declaration.Equations`
+    """
 
     ground_drag: bool = False
 
     def __call__(
         self, x: Any, u: Any, p: Any, w: Any
     ) -> tuple[Mapping[str, Any], Mapping[str, Any]]:
-        """Rates by state, outputs by name."""
+        """Rates by state, outputs by name.
+
+        x: states, the seven and `LAG_STATES`
+        u: inputs
+        p: parameters, those of the aircraft, `EFFECTS` and `tail_aspect_ratio`
+        w: disturbances, of `DISTURBANCES`
+        """
         winds = winds_named(w._fields, w, ground_drag=self.ground_drag)
-        # Air that rises or moves outward is a gust; the air from ahead is part of the motion.
-        calm = [each._replace(updraft=0.0, outward=0.0) for each in (winds.center, winds.outer)]
-        still = Winds(calm[0], calm[1])
         air = density(x.altitude)
-        motion = (center_velocity(x, p, still), outer_velocity(x, p, still))
-        center = _flown("center", motion[0], center_velocity(x, p, winds), x, u, p, winds, air)
-        outer = _flown("outer", motion[1], outer_velocity(x, p, winds), x, u, p, winds, air)
+        center_motion = _panel_motion("center", x, p, winds)
+        outer_motion = _panel_motion("outer", x, p, winds)
+        center = _lagged_panel(center_motion, x, u, p, air, self.ground_drag)
+        outer = _lagged_panel(outer_motion, x, u, p, air, self.ground_drag)
         loads = sum_of_panels(x, u, center.loads, outer.loads, p, NEWTON)
-        tip, tip_rates = _tip_moment(x, p, flow_of(*motion[1]).speed, air)
-        loads = loads._replace(hinge_moment=loads.hinge_moment + tip)
-        loads = _with_apparent_mass(x, loads, motion, still, p, air)
+        tip_moment, tip_rates = _tip_moment(x, p, flow_of(*outer_motion.calm).speed, air)
+        loads = loads._replace(hinge_moment=loads.hinge_moment + tip_moment)
+        loads = _with_apparent_mass(x, loads, (center_motion, outer_motion), p, air)
         rates = rates_from_loads(x, loads, p, NEWTON)
-        lift = (center.lift_coefficient + 2 * outer.lift_coefficient) / 3
-        downwash = x.speed / p.boom_length * (2 * lift / (math.pi * _aspect_ratio(p)) - x.downwash)
-        lags = {**center.rates, **outer.rates, **tip_rates, "downwash": downwash}
-        return {**rates._asdict(), **lags}, outputs_of(Moment(x, u, p, winds, loads, rates))
+        lift_coefficient = (center.lift_coefficient + 2 * outer.lift_coefficient) / 3
+        downwash = 2 * lift_coefficient / (math.pi * _aspect_ratio(p))
+        downwash_rate = x.speed / p.boom_length * (downwash - x.downwash)
+        lag_state_rates = {**center.rates, **outer.rates, **tip_rates, "downwash": downwash_rate}
+        outputs = outputs_of(Moment(x, u, p, winds, loads, rates))
+        return {**rates._asdict(), **lag_state_rates}, outputs
+
+
+def _panel_motion(panel: str, x: Any, p: Any, winds: Winds) -> _PanelMotion:
+    """How the panel "center" or "outer" moves through its air."""
+    # Air that rises or moves outward is a gust; the air from ahead is part of the motion.
+    calm = Winds(
+        winds.center._replace(updraft=0.0, outward=0.0),
+        winds.outer._replace(updraft=0.0, outward=0.0),
+    )
+    if panel == "center":
+        return _PanelMotion(
+            panel=panel,
+            wind=winds.center,
+            calm=center_velocity(x, p, calm),
+            moving=center_velocity(x, p, winds),
+            turn=x.pitch_rate,
+        )
+    return _PanelMotion(
+        panel=panel,
+        wind=winds.outer,
+        calm=outer_velocity(x, p, calm),
+        moving=outer_velocity(x, p, winds),
+        turn=x.pitch_rate * ca.cos(x.dihedral),
+    )
 
 
 def _aspect_ratio(p: Any) -> Quantity:
+    """Λ of the whole wing, 3 s / c."""
     return 3 * p.panel_span / p.chord
 
 
 def _slope_factor(p: Any, aspect_ratio: Quantity) -> Quantity:
-    """1 / (1 + a / (π Λ)) (Prandtl, elliptic lift)."""
+    """1 / (1 + a / (π Λ)), the factor of a finite span on the lift slope (Prandtl, elliptic
+    lift)."""
     return 1 / (1 + p.finite_span * p.lift_slope / (math.pi * aspect_ratio))
 
 
 def _tail_chord(p: Any) -> Quantity:
+    """sqrt(S_t / Λ_t), ft."""
     return ca.sqrt(p.tail_area / p.tail_aspect_ratio)
 
 
-def _turn(panel: str, x: Any) -> Quantity:
-    """The pitch rate about the spanwise axis of a panel, rad/s."""
-    return x.pitch_rate if panel == "center" else x.pitch_rate * ca.cos(x.dihedral)
-
-
 def missing(kind: str, strip: str, lag: Lag, angle: Quantity, x: Any) -> Quantity:
-    """Σ A_i (a - z_i): what of a strip's angle has not yet become lift, rad."""
+    """Σ A_i (a - z_i), rad: the part of a strip's angle a that has not yet become lift.
+
+    kind: "lag" or "gust", as the names of the states z_i begin
+    strip: one of `STRIPS`
+    lag: A_i and b_i
+    angle: a, rad
+    x: states
+    """
     pairs = zip(lag.shares, (1, 2), strict=True)
     return sum(share * (angle - getattr(x, f"{kind}_{strip}_{i}")) for share, i in pairs)
 
@@ -148,7 +258,11 @@ def missing(kind: str, strip: str, lag: Lag, angle: Quantity, x: Any) -> Quantit
 def lag_rates(
     kind: str, strip: str, lag: Lag, angle: Quantity, x: Any, half_chords: Quantity
 ) -> dict[str, Quantity]:
-    """z_i' = b_i (V/b) (a - z_i); half_chords: V/b, 1/s."""
+    """z_i' = b_i (V/b) (a - z_i), rad/s, by the names of the states z_i.
+
+    half_chords: V/b, the half chords flown in a second, 1/s
+    The other arguments are those of `missing`.
+    """
     names = [f"{kind}_{strip}_{i}" for i in (1, 2)]
     return {
         name: rate * half_chords * (angle - getattr(x, name))
@@ -156,62 +270,84 @@ def lag_rates(
     }
 
 
-def _flown(
-    panel: str,
-    motion: Velocity,
-    moving: Velocity,
-    x: Any,
-    u: Any,
-    p: Any,
-    winds: Winds,
-    air: Quantity,
-) -> _Flown:
-    """A panel that moves through still air, and through the moving air, with these velocities.
+def _lagged_panel(
+    motion: _PanelMotion, x: Any, u: Any, p: Any, air: Quantity, ground_drag: bool
+) -> _LaggedPanel:
+    """Loads on a panel whose lift lags behind its motion, its controls and its gusts.
 
-    The angle of attack of a strip, less what lags, turns its lift too: what the wake induces is a
-    flow."""
-    aileron = getattr(u, f"aileron_{panel}")
-    elevator = getattr(u, f"elevator_{panel}")
-    rates: dict[str, Quantity] = {}
+    motion: of the panel
+    air: density, slug/ft^3
+    ground_drag: whether the drag takes the speed over ground
 
-    def effective(
-        strip: str, control: Quantity, behind: Quantity, downwash: Quantity, chord: Quantity
-    ) -> Quantity:
-        moved = p.local_motion * _turn(panel, x) * behind
-        angle = ca.atan2(motion[2] + moved, motion[0]) - downwash
-        gust = ca.atan2(moving[2] + moved, moving[0]) - downwash - angle
-        half_chords = 2 * flow_of(*moving).speed / chord
-        rates.update(lag_rates("lag", strip, WAGNER, angle + control, x, half_chords))
-        rates.update(lag_rates("gust", strip, KUESSNER, gust, x, half_chords))
-        lagging = p.lift_lag * missing("lag", strip, WAGNER, angle + control, x)
-        return angle + gust - lagging - p.gust_lag * missing("gust", strip, KUESSNER, gust, x)
-
-    wind = getattr(winds, panel)
-    flow = flow_of(*moving)
+    The angle of attack less what lags turns the lift too: what the wake induces is a flow.
+    """
+    aileron = getattr(u, f"aileron_{motion.panel}")
+    elevator = getattr(u, f"elevator_{motion.panel}")
     tail_chord = _tail_chord(p)
-    speed = x.speed if winds.ground_drag else airspeed(x, wind)
-    factor = _slope_factor(p, _aspect_ratio(p))
-    tail_factor = _slope_factor(p, p.tail_aspect_ratio)
-    alpha = effective(panel, p.aileron_lift / p.lift_slope * aileron, p.chord / 2, 0.0, p.chord)
-    behind = p.boom_length + tail_chord / 2
-    tail_alpha = effective(
-        f"tail_{panel}", elevator, behind, p.downwash_share * x.downwash, tail_chord
+    wing_strip = _Strip(
+        name=motion.panel,
+        control=p.aileron_lift / p.lift_slope * aileron,
+        behind=p.chord / 2,
+        downwash=0.0,
+        chord=p.chord,
     )
+    tail_strip = _Strip(
+        name=f"tail_{motion.panel}",
+        control=elevator,
+        behind=p.boom_length + tail_chord / 2,
+        downwash=p.downwash_share * x.downwash,
+        chord=tail_chord,
+    )
+    wing_alpha, wing_rates = _lagged_alpha(wing_strip, motion, x, p)
+    tail_alpha, tail_rates = _lagged_alpha(tail_strip, motion, x, p)
+    flow = flow_of(*motion.moving)
+    speed = x.speed if ground_drag else airspeed(x, motion.wind)
+    wing_factor = _slope_factor(p, _aspect_ratio(p))
+    tail_factor = _slope_factor(p, p.tail_aspect_ratio)
     of_wing = p._replace(
-        lift_slope=factor * p.lift_slope, aileron_lift=factor * p.aileron_lift, tail_area=0.0
+        lift_slope=wing_factor * p.lift_slope,
+        aileron_lift=wing_factor * p.aileron_lift,
+        tail_area=0.0,
     )
     of_tail = p._replace(lift_slope=tail_factor * p.lift_slope, chord=0.0)
-    wing = panel_loads(flow._replace(alpha=alpha), speed, aileron, 0.0, air, of_wing)
+    wing = panel_loads(flow._replace(alpha=wing_alpha), speed, aileron, 0.0, air, of_wing)
     tail = panel_loads(flow._replace(alpha=tail_alpha), speed, 0.0, elevator, air, of_tail)
-    loads = PanelLoads(*(one + other for one, other in zip(wing, tail, strict=True)))
-    return _Flown(loads, of_wing.lift_slope * alpha + of_wing.aileron_lift * aileron, rates)
+    sums = [wing_load + tail_load for wing_load, tail_load in zip(wing, tail, strict=True)]
+    return _LaggedPanel(
+        loads=PanelLoads(*sums),
+        lift_coefficient=of_wing.lift_slope * wing_alpha + of_wing.aileron_lift * aileron,
+        rates={**wing_rates, **tail_rates},
+    )
+
+
+def _lagged_alpha(
+    strip: _Strip, motion: _PanelMotion, x: Any, p: Any
+) -> tuple[Quantity, dict[str, Quantity]]:
+    """The angle of attack of a strip less what has not yet become lift, rad, and the rates of the
+    strip's lag states."""
+    moved = p.local_motion * motion.turn * strip.behind
+    alpha = ca.atan2(motion.calm[2] + moved, motion.calm[0]) - strip.downwash
+    gust = ca.atan2(motion.moving[2] + moved, motion.moving[0]) - strip.downwash - alpha
+    angle = alpha + strip.control
+    half_chords = 2 * flow_of(*motion.moving).speed / strip.chord
+    rates = {
+        **lag_rates("lag", strip.name, WAGNER, angle, x, half_chords),
+        **lag_rates("gust", strip.name, KUESSNER, gust, x, half_chords),
+    }
+    lift_lag = p.lift_lag * missing("lag", strip.name, WAGNER, angle, x)
+    gust_lag = p.gust_lag * missing("gust", strip.name, KUESSNER, gust, x)
+    return alpha + gust - lift_lag - gust_lag, rates
 
 
 def _tip_moment(
     x: Any, p: Any, speed: Quantity, air: Quantity
 ) -> tuple[Quantity, dict[str, Quantity]]:
-    """H = ½ρV² c a (s²/6) a_tip, a_tip = -η' s / (2V): the wing's lift varies along an outer panel
-    as η' does there; ft lbf. And the rates of its lag states."""
+    """H = ½ρV² c a (s²/6) a_tip, a_tip = -η' s / (2V), ft lbf: the hinge moment of the lift that
+    the motion about the hinge makes along an outer wing; and the rates of its lag states.
+
+    speed: V, ft/s
+    air: ρ, slug/ft^3
+    """
     angle = -p.local_motion * x.dihedral_rate * p.panel_span / (2 * speed)
     tip = angle - p.lift_lag * missing("lag", "tip", WAGNER, angle, x)
     slope = _slope_factor(p, _aspect_ratio(p)) * p.lift_slope
@@ -222,101 +358,154 @@ def _tip_moment(
 def _with_apparent_mass(
     x: Any,
     loads: Loads[Quantity],
-    motion: tuple[Velocity, Velocity],
-    still: Winds,
+    motions: tuple[_PanelMotion, _PanelMotion],
     p: Any,
     air: Quantity,
 ) -> Loads[Quantity]:
     """The loads with those of the air that wings and tails carry with them.
 
+    loads: all others
+    motions: of the center panel and of an outer one
+    air: density, slug/ft^3
+
+    The accelerations (w_b', q', η''), w_b = V sin α, solve (M + M_a) a = M a_0: M is the inertia of
+    the aircraft, M_a that of the carried air (`_carried_air`), and a_0 the accelerations of a rigid
+    aircraft with all loads but -M_a a.
+    """
+    forward: Quantity = 0.0
+    downward: Quantity = 0.0
+    pitching_moment = loads.pitching_moment
+    hinge_moment = loads.hinge_moment
+    mass: Any = ca.DM(3, 3)
+    for motion in motions:
+        for plate in _plates(p, air):
+            carried = _carried_air(plate, motion, x, p)
+            forward = forward + carried.forward
+            downward = downward + carried.downward
+            pitching_moment = pitching_moment + carried.pitching_moment
+            hinge_moment = hinge_moment + carried.hinge_moment
+            mass = mass + carried.mass
+    sin_eta = ca.sin(x.dihedral)
+    cos_eta = ca.cos(x.dihedral)
+    unaccelerated = _with_forces(x, loads, forward, downward, pitching_moment, hinge_moment)
+    base = rates_from_loads(x, unaccelerated, p, NEWTON)
+    descent_rate = base.speed * ca.sin(x.alpha) + x.speed * ca.cos(x.alpha) * base.alpha
+    accelerations = ca.vertcat(descent_rate, base.pitch_rate, base.dihedral_rate)
+    c2 = 2 * p.inertia_yaw - 2 * p.inertia_pitch + p.panel_mass * p.panel_span**2 / 6
+    pitch_inertia = 3 * p.inertia_pitch + c2 * sin_eta**2
+    hinge_inertia = 2 * NEWTON.hinge_inertia(x.dihedral, p)
+    inertia = ca.diag(ca.vertcat(3 * p.panel_mass, pitch_inertia, hinge_inertia))
+    # Both matrices are symmetric, their sum positive definite: L D L' keeps the digits that a
+    # symbolic QR loses.
+    factors = ca.ldl(inertia + mass)
+    forces = mass @ (accelerations - ca.ldl_solve(mass @ accelerations, *factors))
+    hinge_force = (forces[2] - p.panel_span / 3 * cos_eta * forces[0]) / 2
+    return _with_forces(
+        x,
+        loads,
+        forward,
+        downward - forces[0],
+        pitching_moment - forces[1],
+        hinge_moment - hinge_force,
+    )
+
+
+def _carried_air(plate: _Plate, motion: _PanelMotion, x: Any, p: Any) -> _CarriedAir:
+    """Loads of the air that a plate of the center panel, or of both outer panels, carries.
+
     A plate of half chord b that turns by ω about its span has the normal velocity w at its
     mid-chord and the momentum m w across it, m = π ρ b² span, and the angular momenta (m b²/8) ω
     about its span, (m span²/12) η' about its chord. The force is -(m w n)': -m w' across the plate,
     -m w ω forward, m w η' toward the center. The moment of the lift, which acts at the quarter
-    chord, lacks -m u (b/2) ω (Theodorsen's 3/4-chord force). The accelerations (w_b', q', η''), w_b
-    = V sin α, solve (M + M_a) a = M a_0, with a_0 of all other loads."""
-    sin_eta, cos_eta, sin_alpha, cos_alpha = (
-        f(a) for a in (x.dihedral, x.alpha) for f in (ca.sin, ca.cos)
-    )
-    hinge_rate = x.dihedral_rate
+    chord, lacks -m u (b/2) ω (Theodorsen's 3/4-chord force).
+    """
+    is_center = motion.panel == "center"
+    sin_eta = ca.sin(x.dihedral)
+    cos_eta = ca.cos(x.dihedral)
     third = p.panel_span / 3
-    X: Quantity = 0.0
-    Z: Quantity = 0.0
-    pitching = loads.pitching_moment
-    hinge = loads.hinge_moment
-    mass: Any = ca.DM(3, 3)
-    heights = center_height(x.dihedral, p), outer_height(x.dihedral, p)
-    for number, (panel, count) in enumerate((("center", 1), ("outer", 2))):
-        (u, _, w), turn, wind = motion[number], _turn(panel, x), (still.center, still.outer)[number]
-        center = panel == "center"
-        lean, bend = (1.0, 0.0) if center else (cos_eta, sin_eta)
-        # w' = t . (w_b', q', η'') + what follows from the velocities.
-        descent = (
-            third * sin_eta * -(hinge_rate**2) + wind.headwind * ca.cos(x.pitch) * x.pitch_rate
-        )
-        hinge_descent = (
-            x.speed * sin_alpha + third * cos_eta * hinge_rate + wind.headwind * ca.sin(x.pitch)
-        )
-        by_hinge = third * cos_eta * lean - (0.0 if center else p.panel_span / 2)
-        for plate in _plates(p, air):
-            speed = w + turn * plate.aft
-            drift = lean * descent - bend * hinge_rate * (hinge_descent + plate.aft * x.pitch_rate)
-            along = -plate.mass * speed * turn
-            across = -plate.mass * drift
-            inward = plate.mass * speed * hinge_rate
-            down = across * lean + inward * bend
-            roll = plate.mass * plate.span**2 / 12
-            spin = plate.mass * plate.half_chord**2 / 8
-            X = X + count * along
-            Z = Z + count * down
-            moment = (
-                plate.aft * down
-                + heights[number] * along
-                - lean * plate.mass * u * plate.half_chord / 2 * turn
-            )
-            pitching += count * (moment + 2 * spin * lean * bend * x.pitch_rate * hinge_rate)
-            if not center:
-                hinge -= p.panel_span / 2 * across + spin * lean * bend * x.pitch_rate**2
-            t = ca.vertcat(lean, plate.aft * lean, by_hinge)
-            turned = ca.vertcat(0.0, spin * lean**2, 0.0 if center else roll)
-            mass += count * (ca.diag(turned) + plate.mass * t @ t.T)
+    headwind = motion.wind.headwind
+    # Cosine and sine of the dihedral of the plate.
+    lean = 1.0 if is_center else cos_eta
+    bend = 0.0 if is_center else sin_eta
+    height = center_height(x.dihedral, p) if is_center else outer_height(x.dihedral, p)
+    forward_speed = motion.calm[0]
+    normal_speed = motion.calm[2] + motion.turn * plate.aft
 
-    def added(X: Quantity, Z: Quantity, pitching: Quantity, hinge: Quantity) -> Loads[Quantity]:
-        lift = X * sin_alpha - Z * cos_alpha
-        drag = -(X * cos_alpha + Z * sin_alpha)
-        return loads._replace(
-            lift=loads.lift + lift,
-            drag=loads.drag + drag,
-            pitching_moment=pitching,
-            hinge_moment=hinge,
-        )
-
-    base = rates_from_loads(x, added(X, Z, pitching, hinge), p, NEWTON)
-    descent_rate = base.speed * sin_alpha + x.speed * cos_alpha * base.alpha
-    first = ca.vertcat(descent_rate, base.pitch_rate, base.dihedral_rate)
-    c2 = 2 * p.inertia_yaw - 2 * p.inertia_pitch + p.panel_mass * p.panel_span**2 / 6
-    hinge_inertia = 2 * NEWTON.hinge_inertia(x.dihedral, p)
-    own = ca.diag(
-        ca.vertcat(3 * p.panel_mass, 3 * p.inertia_pitch + c2 * sin_eta**2, hinge_inertia)
+    # w' = direction . (w_b', q', η'') + what follows from the velocities.
+    by_hinge = third * cos_eta * lean - (0.0 if is_center else p.panel_span / 2)
+    direction = ca.vertcat(lean, plate.aft * lean, by_hinge)
+    hinge_descent = (
+        x.speed * ca.sin(x.alpha) + third * cos_eta * x.dihedral_rate + headwind * ca.sin(x.pitch)
     )
-    # Both matrices are symmetric, their sum positive definite: L D L' keeps the digits that a
-    # symbolic QR loses.
-    forces = mass @ (first - ca.ldl_solve(mass @ first, *ca.ldl(own + mass)))
-    by_the_hinge = (forces[2] - third * cos_eta * forces[0]) / 2
-    return added(X, Z - forces[0], pitching - forces[1], hinge - by_the_hinge)
+    hinge_descent_rate = (
+        third * sin_eta * -(x.dihedral_rate**2) + headwind * ca.cos(x.pitch) * x.pitch_rate
+    )
+    normal_acceleration = lean * hinge_descent_rate - bend * x.dihedral_rate * (
+        hinge_descent + plate.aft * x.pitch_rate
+    )
+
+    along = -plate.mass * normal_speed * motion.turn
+    across = -plate.mass * normal_acceleration
+    inward = plate.mass * normal_speed * x.dihedral_rate
+    down = across * lean + inward * bend
+    roll_inertia = plate.mass * plate.span**2 / 12
+    pitch_inertia = plate.mass * plate.half_chord**2 / 8
+    lift_moment = lean * plate.mass * forward_speed * plate.half_chord / 2 * motion.turn
+    moment = plate.aft * down + height * along - lift_moment
+    turning = 2 * pitch_inertia * lean * bend * x.pitch_rate * x.dihedral_rate
+    count = 1 if is_center else 2
+    hinge_moment: Quantity = 0.0
+    if not is_center:
+        centrifugal = pitch_inertia * lean * bend * x.pitch_rate**2
+        hinge_moment = -(p.panel_span / 2 * across + centrifugal)
+    inertias = ca.vertcat(0.0, pitch_inertia * lean**2, 0.0 if is_center else roll_inertia)
+    return _CarriedAir(
+        forward=count * along,
+        downward=count * down,
+        pitching_moment=count * (moment + turning),
+        hinge_moment=hinge_moment,
+        mass=count * (ca.diag(inertias) + plate.mass * direction @ direction.T),
+    )
+
+
+def _with_forces(
+    x: Any,
+    loads: Loads[Quantity],
+    forward: Quantity,
+    downward: Quantity,
+    pitching_moment: Quantity,
+    hinge_moment: Quantity,
+) -> Loads[Quantity]:
+    """The loads with forces in body axes (lbf) added, and with these moments (ft lbf) in place of
+    their own."""
+    sin_alpha = ca.sin(x.alpha)
+    cos_alpha = ca.cos(x.alpha)
+    return loads._replace(
+        lift=loads.lift + (forward * sin_alpha - downward * cos_alpha),
+        drag=loads.drag - (forward * cos_alpha + downward * sin_alpha),
+        pitching_moment=pitching_moment,
+        hinge_moment=hinge_moment,
+    )
 
 
 def _plates(p: Any, air: Quantity) -> tuple[_Plate, _Plate]:
-    """The wing and the tail of a panel."""
-    chord = _tail_chord(p)
-    mass = [
-        p.apparent_mass * math.pi * air * area / 4
-        for area in (p.chord**2 * p.panel_span, p.tail_area * chord)
-    ]
-    return (
-        _Plate(mass[0], p.chord / 2, p.panel_span, p.chord / 4),
-        _Plate(mass[1], chord / 2, p.tail_area / chord, p.boom_length + chord / 4),
+    """The wing and the tail of a panel in air of this density, slug/ft^3."""
+    tail_chord = _tail_chord(p)
+    wing_volume = p.chord**2 * p.panel_span
+    tail_volume = p.tail_area * tail_chord
+    wing = _Plate(
+        mass=p.apparent_mass * math.pi * air * wing_volume / 4,
+        half_chord=p.chord / 2,
+        span=p.panel_span,
+        aft=p.chord / 4,
     )
+    tail = _Plate(
+        mass=p.apparent_mass * math.pi * air * tail_volume / 4,
+        half_chord=tail_chord / 2,
+        span=p.tail_area / tail_chord,
+        aft=p.boom_length + tail_chord / 4,
+    )
+    return wing, tail
 
 
 #: The aircraft without lags.
@@ -324,13 +513,20 @@ _RIGID = rigid_panels(variant_named("published"), default_parameters().values)
 
 
 def _signals() -> dict[str, Signal]:
+    """Parameters of the unsteady aircraft: the identified ones, the effects, all at 1, and
+    `tail_aspect_ratio`."""
     values = default_parameters().values._asdict()
-    own = {
-        name: each._replace(start=float(values[name])) for name, each in _RIGID.parameters.items()
+    identified = {
+        name: signal._replace(start=float(values[name]))
+        for name, signal in _RIGID.parameters.items()
     }
     effects = {name: Signal("1", 1.0, 0.0, 2.0, start=1.0) for name in EFFECTS}
     # The parameters do not say how the area of a tail is spread: 20 ft by 2 ft are assumed.
-    return {**own, **effects, "tail_aspect_ratio": Signal("1", 10.0, 0.1, 1000.0, start=10.0)}
+    return {
+        **identified,
+        **effects,
+        "tail_aspect_ratio": Signal("1", 10.0, 0.1, 1000.0, start=10.0),
+    }
 
 
 #: The aircraft with its identified parameters and all effects.
