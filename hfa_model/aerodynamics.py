@@ -21,11 +21,16 @@ from hfa_model.vectors import Input, Quantity, State, T
 
 
 class PanelLoads(NamedTuple, Generic[T]):
-    """Loads on one panel in its own axes: wing and tail together unless stated; lbf and ft lbf.
+    """Loads on one panel in its own axes, wing and tail together unless stated.
 
-    forward, sideward, downward: force components at the reference point. tail_downward: the tail's
-    share of `downward`, which acts at the end of the boom. moment: of the wing section about the
-    quarter chord."""
+    lift: lbf
+    drag: lbf
+    forward: force at the reference point, lbf
+    sideward: force at the reference point, lbf
+    downward: force at the reference point, lbf
+    tail_downward: the tail's share of `downward`, lbf, which acts at the end of the boom
+    moment: of the wing section about the quarter chord, ft lbf
+    """
 
     lift: T
     drag: T
@@ -37,9 +42,16 @@ class PanelLoads(NamedTuple, Generic[T]):
 
 
 class Loads(NamedTuple, Generic[T]):
-    """Loads on the aircraft: lift, drag (lbf, about the flight path), pitching moment about the
-    center of mass and moment of one outer panel about its hinge without spring and damper (ft lbf),
-    thrust (lbf), and the loads of the center and of one outer panel."""
+    """Loads on the aircraft.
+
+    lift: across the flight path, lbf
+    drag: along the flight path, lbf
+    pitching_moment: about the center of mass, ft lbf
+    hinge_moment: of one outer panel about its hinge, without spring and damper, ft lbf
+    thrust: lbf
+    center: loads on the center panel
+    outer: loads on one outer panel
+    """
 
     lift: T
     drag: T
@@ -58,12 +70,22 @@ def panel_loads(
     density: Quantity,
     p: Parameters[Quantity],
 ) -> PanelLoads[Quantity]:
-    """L_w = q_i S (C_Lα α_i + C_Lδ δ_a),  L_t = q_i S_t C_Lα (α_i + δ_e),
+    """The loads on one panel:
+
+    L_w = q_i S (C_Lα α_i + C_Lδ δ_a),  L_t = q_i S_t C_Lα (α_i + δ_e),
     D = q S (C_D0 + κ C_Lw²),  M = q_i c S (C_M0 + C_Mδ δ_a).
 
+    flow: of the air at the panel: V_i, α_i, sideslip
+    speed: V of the aircraft, ft/s
+    aileron: δ_a, rad
+    elevator: δ_e, rad
+    density: ρ, slug/ft^3
+    p: parameters
+
     q_i = ½ρV_i² takes the local speed; the drag takes q = ½ρV² with the aircraft's speed, and the
-    tail makes none: that is how the published matrices were made. Angles rad, speeds ft/s, density
-    slug/ft^3. Source: Gibson et al. 2011, Eqs. 36-43."""
+    tail makes none: that is how the published matrices were made.
+    Source: Gibson et al. 2011, Eqs. 36-43.
+    """
     area = p.panel_span * p.chord
     local_pressure = density * flow.speed**2 / 2
     lift_coefficient = p.lift_slope * flow.alpha + p.aileron_lift * aileron
@@ -94,19 +116,22 @@ def aircraft_loads(
     variant: Variant,
     winds: Winds = STILL_AIR,
 ) -> Loads[Quantity]:
-    """The loads of the panels (`panel_loads`) and their sums (`sum_of_panels`).
+    """The loads on the panels (`panel_loads`) and their sums (`sum_of_panels`).
 
-    The drag of a panel takes the speed of the aircraft through the panel's own air, unless `winds`
-    says otherwise."""
-    speeds = [
-        x.speed if winds.ground_drag else airspeed(x, wind) for wind in (winds.center, winds.outer)
-    ]
-    center = panel_loads(
-        center_flow(x, p, winds), speeds[0], u.aileron_center, u.elevator_center, density, p
-    )
-    outer = panel_loads(
-        outer_flow(x, p, winds), speeds[1], u.aileron_outer, u.elevator_outer, density, p
-    )
+    x: states
+    u: inputs
+    density: slug/ft^3
+    p: parameters
+    variant: of the equations
+    winds: at the panels. The drag of a panel takes the speed of the aircraft through the panel's
+        air, or over ground with `winds.ground_drag`
+    """
+    center_speed = x.speed if winds.ground_drag else airspeed(x, winds.center)
+    outer_speed = x.speed if winds.ground_drag else airspeed(x, winds.outer)
+    center_air = center_flow(x, p, winds)
+    outer_air = outer_flow(x, p, winds)
+    center = panel_loads(center_air, center_speed, u.aileron_center, u.elevator_center, density, p)
+    outer = panel_loads(outer_air, outer_speed, u.aileron_outer, u.elevator_outer, density, p)
     return sum_of_panels(x, u, center, outer, p, variant)
 
 
@@ -118,20 +143,26 @@ def sum_of_panels(
     p: Parameters[Quantity],
     variant: Variant,
 ) -> Loads[Quantity]:
-    """Sums over the panels (o: one outer panel, seen in the axes of the aircraft):
+    """The loads on the aircraft, sums over its panels (c: center, o: one outer, t: tail):
 
     X = X_c + 2 X_o,  Z = Z_c + 2 (Z_o cos η + Y_o sin η),
     D = -(X cos α + Z sin α),  L = X sin α - Z cos α,
     M = M_c + 2 π M_o + l_b (Z_tc + 2 Z_to cos η) + z_c X_c - 2 l X_o,
     H = -(s/2) Z_o - (s/2) m g cos η cos θ.
 
-    The lever l of the outer panels' forward force and the projection π of their section moment are
-    the variant's (`variants.py`). Lift and drag are the forces across and along the path over
-    ground, in moving air too. Source: Gibson et al. 2011, Eqs. 31-44."""
-    sin_eta = ca.sin(x.dihedral)
-    cos_eta = ca.cos(x.dihedral)
-    sin_alpha = ca.sin(x.alpha)
-    cos_alpha = ca.cos(x.alpha)
+    x: states
+    u: inputs; the throttle makes the thrust
+    center: loads on the center panel
+    outer: loads on one outer panel
+    p: parameters
+    variant: gives the lever l of the outer panels' forward force and the projection π of their
+        section moment (`variants.py`)
+
+    Lift and drag are the forces across and along the path over ground, in moving air too.
+    Source: Gibson et al. 2011, Eqs. 31-44.
+    """
+    sin_eta, cos_eta = ca.sin(x.dihedral), ca.cos(x.dihedral)
+    sin_alpha, cos_alpha = ca.sin(x.alpha), ca.cos(x.alpha)
     forward = center.forward + 2 * outer.forward
     downward = center.downward + 2 * (outer.downward * cos_eta + outer.sideward * sin_eta)
     pitching_moment = (

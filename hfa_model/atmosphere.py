@@ -25,7 +25,8 @@ _KILOGRAM_PER_SLUG = 14.593902937206364
 def density(altitude: Quantity) -> Quantity:
     """ρ(h) = p(H) / (R T(H)) with the geopotential altitude H = r h / (r + h).
 
-    altitude: geometric, ft, 0 to `HIGHEST_ALTITUDE`; a number or a CasADi expression.
+    altitude: geometric, ft, 0 to `HIGHEST_ALTITUDE`; a number or a CasADi expression
+
     Returns the density in slug/ft^3. BadInputError for a number outside of that range.
     Source: U.S. Standard Atmosphere, 1976, Eqs. 18, 23, 33a, 33b, 42.
     """
@@ -42,13 +43,17 @@ def density(altitude: Quantity) -> Quantity:
 
 
 def refuse_beyond_the_atmosphere(altitude: ca.DM | float) -> None:
-    """BadInputError for an altitude, ft, or one of several, that the layers do not cover."""
-    for each in (
-        [altitude] if isinstance(altitude, float) else ca.DM(altitude).full().ravel().tolist()
-    ):
-        if not 0.0 <= each <= HIGHEST_ALTITUDE:
+    """BadInputError when an altitude is not within 0 to `HIGHEST_ALTITUDE`.
+
+    altitude: ft, one or several
+    """
+    heights = [altitude]
+    if not isinstance(altitude, float):
+        heights = ca.DM(altitude).full().ravel().tolist()
+    for height in heights:
+        if not 0.0 <= height <= HIGHEST_ALTITUDE:
             raise BadInputError(
-                f"altitude is {each:g} ft; the atmosphere covers 0 to {HIGHEST_ALTITUDE:g} ft"
+                f"altitude is {height:g} ft; the atmosphere covers 0 to {HIGHEST_ALTITUDE:g} ft"
             )
 
 
@@ -71,4 +76,5 @@ def _geopotential(altitude: Quantity) -> Quantity:
 
 
 def _temperature(geopotential: Quantity) -> Quantity:
+    """T_0 - λ min(H, 11 km), K, of a geopotential altitude H in m."""
     return _SEA_LEVEL_TEMPERATURE - _LAPSE_RATE * ca.fmin(geopotential, _TROPOPAUSE)

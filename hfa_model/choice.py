@@ -8,16 +8,17 @@ from hfa_model.parameters import Parameters, default_parameters
 from hfa_model.variants import Variant, variant_named
 from hfa_support.errors import BadInputError, is_finite, shown
 
-#: What no aircraft has below zero. A fit to one printed angle leaves an inertia open, which may
-#: come out negative.
+#: Parameters that no aircraft has below zero. Inertias are not among them: a fit to one printed
+#: angle leaves one of them open, and it may come out negative.
 _SIZES = ("panel_mass", "panel_span", "chord")
 
 
 def aircraft(dynamics: str | Variant = "published", parameters: Parameters | None = None) -> Model:
     """The highly flexible aircraft as a `Model`.
 
-    dynamics: "published", "newton" or "unsteady", or a variant of the equations.
-    parameters: by default the identified ones.
+    dynamics: "published", "newton" or "unsteady", or a variant of the equations
+    parameters: by default the identified ones
+
     BadInputError for unknown dynamics and for parameters that no aircraft has.
     """
     values = default_parameters().values if parameters is None else _checked_parameters(parameters)
@@ -30,6 +31,7 @@ def aircraft(dynamics: str | Variant = "published", parameters: Parameters | Non
 
 
 def _checked_parameters(parameters: Parameters) -> Parameters:
+    """The parameters; BadInputError when one is not finite, or a size is negative."""
     if not isinstance(parameters, Parameters):
         raise TypeError("parameters must be Parameters, as in default_parameters().values")
     for name, value in parameters._asdict().items():

@@ -39,8 +39,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Equations:
-    """Those of a variant as a `Model` takes them. ground_drag: with winds the drag takes the speed
-    over ground, not that through the air."""
+    """The equations of a variant as a `Model` takes them.
+
+    variant: of the equations
+    ground_drag: whether in wind the drag takes the speed over ground, not that through the air
+    """
 
     variant: Variant
     ground_drag: bool = False
@@ -48,15 +51,21 @@ class Equations:
     def __call__(
         self, x: Any, u: Any, p: Any, w: Any
     ) -> tuple[Mapping[str, Any], Mapping[str, Any]]:
-        """Rates by state, outputs by name."""
-        moment = moment_of(
-            x, u, p, self.variant, winds_named(w._fields, w, ground_drag=self.ground_drag)
-        )
+        """Rates by state, outputs by name.
+
+        x: states
+        u: inputs
+        p: parameters
+        w: disturbances, of `DISTURBANCES`
+        """
+        winds = winds_named(w._fields, w, ground_drag=self.ground_drag)
+        moment = moment_of(x, u, p, self.variant, winds)
         return moment.rates._asdict(), outputs_of(moment)
 
 
 def check_in_range(x: State) -> None:
-    """BadInputError when a state lies where the equations mean nothing."""
+    """BadInputError unless the speed is positive, the altitude within the atmosphere and the
+    dihedral angle within 90 degrees: elsewhere the equations mean nothing."""
     if x.speed <= 0.0:
         raise BadInputError(f"speed is {x.speed:g} ft/s; it must be positive")
     refuse_beyond_the_atmosphere(x.altitude)
@@ -67,16 +76,24 @@ def check_in_range(x: State) -> None:
 
 
 def flight_limits(x: State, p: Parameters) -> dict[str, tuple[float, float]]:
-    """Where the equations are meant to hold about a trim, in addition to the limits of alpha, pitch
-    and dihedral.
+    """State -> (lowest, highest) within which the equations are meant to hold about a trim; alpha,
+    pitch and dihedral have their own limits (`STATE_SIGNALS`).
 
-    Speed: half to double the trimmed one. Altitude: within 1000 ft. Pitch rate: V tan(α_max)/l_b,
-    at which the tail, a boom behind, meets the air at the largest α. Dihedral rate: V
-    tan(α_max)/(s/3), at which the hinges do. The equations leave out both angles or grow by them,
-    so that beyond these rates they mean little."""
-    steepest = x.speed * math.tan(STATE_SIGNALS.alpha.max)
-    pitch_rate = steepest / p.boom_length
-    dihedral_rate = steepest / (p.panel_span / 3)
+    x: the trimmed state
+    p: parameters
+
+    speed: half to double the trimmed one, ft/s
+    altitude: within 1000 ft
+    pitch_rate: up to V tan(α_max)/l_b, rad/s, at which the tail, a boom behind, meets the air at
+        the largest α
+    dihedral_rate: up to V tan(α_max)/(s/3), rad/s, at which the hinges do
+
+    The equations leave out both angles or grow by them, so that beyond these rates they mean
+    little.
+    """
+    steepest_descent = x.speed * math.tan(STATE_SIGNALS.alpha.max)
+    pitch_rate = steepest_descent / p.boom_length
+    dihedral_rate = steepest_descent / (p.panel_span / 3)
     return {
         "speed": (0.5 * x.speed, 2.0 * x.speed),
         "altitude": (x.altitude - 1000.0, x.altitude + 1000.0),
@@ -102,7 +119,7 @@ _DECLARED = Model(
     inputs=INPUT_SIGNALS,  # type: ignore[arg-type]
     equations=Equations(variant_named("published")),
     parameters=Parameters(
-        *(Signal(each.unit, min=0.0 if each.positive else -math.inf, start=1.0) for each in FIELDS)
+        *(Signal(spec.unit, min=0.0 if spec.positive else -math.inf, start=1.0) for spec in FIELDS)
     ),  # type: ignore[arg-type]
     disturbances={name: Signal("ft/s", 10.0) for name in DISTURBANCES},
     outputs={name: Signal(unit, _TYPICAL.get(unit, 1.0)) for name, (unit, _) in OUTPUTS.items()},
@@ -154,13 +171,13 @@ def is_hfa(model: Model) -> bool:
 
 
 def parameters_of(model: Model) -> Parameters:
-    """The parameters of this aircraft in the units of the model, also of its unsteady dynamics,
-    which have further ones."""
+    """The parameters of a model of this aircraft, in the units of the model; the further ones of
+    the unsteady dynamics are left out."""
     return Parameters(*(model.parameters[name].start for name in Parameters._fields))
 
 
 def variant_of(model: Model) -> Variant:
-    """The variant of the equations that a model of this aircraft has."""
+    """The variant of the equations of a model for which `is_hfa` holds."""
     equations: Equations = native_of(model).equations  # type: ignore[assignment]
     return equations.variant
 
@@ -168,16 +185,19 @@ def variant_of(model: Model) -> Variant:
 def loads(model: Model, x: ArrayLike, u: ArrayLike) -> Loads:
     """Forces and moments on the aircraft and its panels: lbf and ft lbf, or N and N m in SI.
 
-    x: (7,), in the order of `STATES`. u: (5,), in the order of `INPUTS`.
-    BadInputError when the state lies outside the model.
+    model: for which `is_hfa` holds
+    x: (7,), in the order of `STATES`, in the units of the model
+    u: (5,), in the order of `INPUTS`, in the units of the model
+
+    BadInputError when the state is out of range (`check_in_range`).
     """
     native = native_of(model)
     state = State(*native_values(model, STATES, x).tolist())
     control = Input(*native_values(model, INPUTS, u).tolist())
     check_in_range(state)
     air = density(state.altitude)
-    found = aircraft_loads(state, control, air, parameters_of(native), variant_of(native))
-    return found if native is model else _loads_in_si(found)
+    in_lbf = aircraft_loads(state, control, air, parameters_of(native), variant_of(native))
+    return in_lbf if native is model else _loads_in_si(in_lbf)
 
 
 def _loads_in_si(loads: Any) -> Any:

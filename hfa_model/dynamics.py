@@ -15,13 +15,22 @@ def rates_from_loads(
 ) -> State[Quantity]:
     """dX/dt for X = [V, α, h, θ, q, η, η'] (paper Section 2.2; γ = θ - α, m_tot = 3 m):
 
-    V'  = (T cos α - D)/m_tot - g sin γ α'  = -(T sin α + L)/(m_tot V) + q + g cos γ / V h'  = V sin
-    γ,   θ' = q q'  = (M - 2 c2 sin η cos η η' q) / (c1 + c2 sin² η),   c1 = 3 I_yy,  c2 = 2 I_zz -
-    2 I_yy + m s²/6 η'' = (H - k_c η' - k_k η + (m s/2) cos η (V' sin α + V cos α α') + coupling -
-    d2) / d3 d2  = (I_yy - I_zz - m s²/12) sin η cos η q²
+    V'  = (T cos α - D)/m_tot - g sin γ,
+    α'  = -(T sin α + L)/(m_tot V) + q + g cos γ / V,
+    h'  = V sin γ,
+    θ'  = q,
+    q'  = (M - 2 c2 sin η cos η η' q) / (c1 + c2 sin² η),  c1 = 3 I_yy,
+          c2 = 2 I_zz - 2 I_yy + m s²/6,
+    η'' = (H - k_c η' - k_k η + (m s/2) cos η (V' sin α + V cos α α') + coupling - d2) / d3,
+    d2  = (I_yy - I_zz - m s²/12) sin η cos η q².
 
-    `coupling` and d3 are the variant's (`variants.py`). V is over ground; moving air acts through
-    the loads alone. Numbers or CasADi expressions in, the same out."""
+    x: states; V is over ground
+    loads: L, D, M, H and T; moving air acts through them alone
+    p: parameters
+    variant: gives `coupling` and d3 (`variants.py`)
+
+    Numbers or CasADi expressions in, the same out.
+    """
     gamma = x.pitch - x.alpha
     total_mass = 3 * p.panel_mass
     sin_alpha = ca.sin(x.alpha)
@@ -46,6 +55,7 @@ def rates_from_loads(
 def _pitch_acceleration(
     x: State[Quantity], loads: Loads[Quantity], p: Parameters[Quantity]
 ) -> Quantity:
+    """q', rad/s^2."""
     c1 = 3 * p.inertia_pitch
     c2 = 2 * p.inertia_yaw - 2 * p.inertia_pitch + p.panel_mass * p.panel_span**2 / 6
     sin_eta = ca.sin(x.dihedral)
@@ -62,8 +72,8 @@ def _dihedral_acceleration(
     p: Parameters[Quantity],
     variant: Variant,
 ) -> Quantity:
-    sin_eta = ca.sin(x.dihedral)
-    cos_eta = ca.cos(x.dihedral)
+    """η'', rad/s^2, from V' and α'."""
+    sin_eta, cos_eta = ca.sin(x.dihedral), ca.cos(x.dihedral)
     descent_rate = speed_rate * ca.sin(x.alpha) + x.speed * ca.cos(x.alpha) * alpha_rate
     inertial = p.panel_mass * p.panel_span / 2 * cos_eta * descent_rate
     spread = p.inertia_pitch - p.inertia_yaw - p.panel_mass * p.panel_span**2 / 12

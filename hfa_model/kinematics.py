@@ -24,7 +24,12 @@ from hfa_model.vectors import Quantity, State
 
 
 class Wind(NamedTuple):
-    """Velocity of the air at a panel over ground, ft/s: upward, from ahead, toward the tips."""
+    """Velocity of the air at a panel over ground.
+
+    updraft: upward, ft/s
+    headwind: from ahead, ft/s
+    outward: toward the wing tips, ft/s
+    """
 
     updraft: Quantity = 0.0
     headwind: Quantity = 0.0
@@ -32,10 +37,13 @@ class Wind(NamedTuple):
 
 
 class Winds(NamedTuple):
-    """The wind at the center panel and at each outer panel.
+    """The wind at the panels.
 
-    ground_drag: the drag takes the speed over ground, as the simulation released with Gibson et al.
-    2011 has it; else that of the aircraft through the air of the panel."""
+    center: at the center panel
+    outer: at each outer panel
+    ground_drag: whether the drag takes the speed over ground, as the simulation released with
+        Gibson et al. 2011 has it; else it takes that of the aircraft through the air of the panel
+    """
 
     center: Wind
     outer: Wind
@@ -43,8 +51,8 @@ class Winds(NamedTuple):
 
 
 STILL_AIR = Winds(Wind(), Wind())
-#: The disturbances of a model, ft/s: a component of `Wind`, the same at every panel, or that at one
-#: place.
+#: The disturbances of a model, ft/s: a component of `Wind` at all panels, at the center panel or at
+#: the outer ones.
 DISTURBANCES = (
     *("updraft", "updraft_center", "updraft_outer"),
     *("headwind", "headwind_center", "headwind_outer", "outward_outer"),
@@ -54,12 +62,18 @@ DISTURBANCES = (
 def winds_named(
     names: Sequence[str], values: Sequence[Quantity], *, ground_drag: bool = False
 ) -> Winds:
-    """The sum of winds by name, of `DISTURBANCES`, with these values, ft/s."""
+    """The wind at the panels, the sum of disturbances.
+
+    names: of `DISTURBANCES`
+    values: one for each name, ft/s
+    ground_drag: as in `Winds`
+    """
     sums: dict[str, dict[str, Quantity]] = {"center": {}, "outer": {}}
     for name, value in zip(names, values, strict=True):
-        component, _, place = name.partition("_")
-        for each in (place,) if place else sums:
-            sums[each][component] = sums[each].get(component, 0.0) + value
+        component, _, panel = name.partition("_")
+        panels = (panel,) if panel else tuple(sums)
+        for reached in panels:
+            sums[reached][component] = sums[reached].get(component, 0.0) + value
     return Winds(Wind(**sums["center"]), Wind(**sums["outer"]), ground_drag)
 
 
@@ -68,8 +82,12 @@ Velocity: TypeAlias = tuple[Quantity, Quantity, Quantity]
 
 
 class Flow(NamedTuple):
-    """Air relative to one panel, in panel axes: speed (ft/s), angle of attack and sideslip
-    (rad)."""
+    """Air relative to one panel, in panel axes.
+
+    speed: ft/s
+    alpha: angle of attack, rad
+    sideslip: rad
+    """
 
     speed: Quantity
     alpha: Quantity
@@ -77,32 +95,39 @@ class Flow(NamedTuple):
 
 
 def center_height(dihedral: Quantity, p: Parameters[Quantity]) -> Quantity:
-    """z_c = (s/3) sin η: the center panel below the center of mass, ft."""
+    """z_c = (s/3) sin η, ft: how far the center panel lies below the center of mass."""
     return p.panel_span / 3 * ca.sin(dihedral)
 
 
 def outer_height(dihedral: Quantity, p: Parameters[Quantity]) -> Quantity:
-    """z_o = -(s/6) sin η: an outer panel above the center of mass (negative), ft."""
+    """z_o = -(s/6) sin η, ft: how far an outer panel lies below the center of mass; negative where
+    it is above."""
     return -p.panel_span / 6 * ca.sin(dihedral)
 
 
 def airspeed(x: State[Quantity], wind: Wind) -> Quantity:
-    """V_a = sqrt(V² + w² - 2 V w sin γ + 2 V h cos γ + h² + o²): the speed of the center of mass
-    relative to air that moves as at a panel, ft/s; V in still air."""
+    """V_a = sqrt(V² + w² - 2 V w sin γ + 2 V h cos γ + h² + o²), ft/s: the speed of the center of
+    mass relative to the air at a panel; V in still air.
+
+    x: states
+    wind: w, h, o at the panel
+    """
     if _is_still(wind):
         return x.speed
     w = wind.updraft
     h = wind.headwind
     gamma = x.pitch - x.alpha
-    rising = x.speed**2 + w**2 - 2 * x.speed * w * ca.sin(gamma)
-    return ca.sqrt(rising + 2 * x.speed * h * ca.cos(gamma) + h**2 + wind.outward**2)
+    with_updraft = x.speed**2 + w**2 - 2 * x.speed * w * ca.sin(gamma)
+    return ca.sqrt(with_updraft + 2 * x.speed * h * ca.cos(gamma) + h**2 + wind.outward**2)
 
 
 def angle_of_attack(x: State[Quantity], winds: Winds) -> Quantity:
-    """α_a = atan2(V sin α + w cos θ + h sin θ, V cos α - w sin θ + h cos θ): of the center of mass
-    through the air at the center panel, rad; α in still air."""
+    """α_a = atan2(V sin α + w cos θ + h sin θ, V cos α - w sin θ + h cos θ), rad: the angle of
+    attack of the center of mass in the air at the center panel; α in still air."""
     wind = winds.center
-    return x.alpha if _is_still(wind) else ca.atan2(_downward(x, wind), _forward(x, wind))
+    if _is_still(wind):
+        return x.alpha
+    return ca.atan2(_downward(x, wind), _forward(x, wind))
 
 
 def center_flow(x: State[Quantity], p: Parameters[Quantity], winds: Winds) -> Flow:
@@ -116,10 +141,13 @@ def outer_flow(x: State[Quantity], p: Parameters[Quantity], winds: Winds) -> Flo
 
 
 def center_velocity(x: State[Quantity], p: Parameters[Quantity], winds: Winds) -> Velocity:
-    """u = V cos α + q z_c - w sin θ + h cos θ,  v = 0,  w_c = V sin α + (s/3) cos η η' + w cos θ +
-    h sin θ
+    """The velocity (u, v, w_c) of the center panel through its air, ft/s:
 
-    (Gibson et al. 2011, Eqs. 75-76; w and h of the center panel).
+    u = V cos α + q z_c - w sin θ + h cos θ,
+    v = 0,
+    w_c = V sin α + (s/3) cos η η' + w cos θ + h sin θ,
+
+    with the wind w, h at the center panel. Source: Gibson et al. 2011, Eqs. 75-76.
     """
     wind = winds.center
     forward = _forward(x, wind) + x.pitch_rate * center_height(x.dihedral, p)
@@ -127,11 +155,16 @@ def center_velocity(x: State[Quantity], p: Parameters[Quantity], winds: Winds) -
 
 
 def outer_velocity(x: State[Quantity], p: Parameters[Quantity], winds: Winds) -> Velocity:
-    """u = V cos α + q z_o - w sin θ + h cos θ,  v = w_h sin η + o cos η,  w_o = w_h cos η - o sin η
-    - (s/2) η', w_h = V sin α + (s/3) cos η η' + w cos θ + h sin θ.
+    """The velocity (u, v, w_o) of an outer panel through its air, in panel axes, ft/s:
 
-    w_h is the descent of the hinge through the air, split along and across the outer panel, o that
-    toward the center (Gibson et al. 2011, Eqs. 69, 77-78; w, h and o of the outer panels)."""
+    u = V cos α + q z_o - w sin θ + h cos θ,
+    v = w_h sin η + o cos η,
+    w_o = w_h cos η - o sin η - (s/2) η',
+    w_h = V sin α + (s/3) cos η η' + w cos θ + h sin θ,
+
+    with the wind w, h, o at the outer panels. w_h is the descent of the hinge through the air.
+    Source: Gibson et al. 2011, Eqs. 69, 77-78.
+    """
     wind = winds.outer
     hinge = _hinge_descent(x, p, wind)
     sin_eta = ca.sin(x.dihedral)
@@ -142,27 +175,33 @@ def outer_velocity(x: State[Quantity], p: Parameters[Quantity], winds: Winds) ->
 
 
 def flow_of(forward: Quantity, sideward: Quantity, downward: Quantity) -> Flow:
-    """V = |(u, v, w)|,  α = atan2(w, u),  β = asin(v / V)  (Gibson et al. 2011, Eq. 14)."""
+    """The flow at a panel with the velocity (u, v, w), ft/s: V = |(u, v, w)|, α = atan2(w, u),
+    β = asin(v / V). Source: Gibson et al. 2011, Eq. 14."""
     speed = ca.sqrt(forward**2 + sideward**2 + downward**2)
     return Flow(speed, ca.atan2(downward, forward), ca.asin(sideward / speed))
 
 
 def _is_still(wind: Wind) -> bool:
+    """Whether the wind is the number 0; an expression may be another one."""
     return all(isinstance(part, float) and part == 0.0 for part in wind)
 
 
 def _forward(x: State[Quantity], wind: Wind) -> Quantity:
+    """V cos α - w sin θ + h cos θ, ft/s: forward speed of the center of mass through the air."""
     return (
         x.speed * ca.cos(x.alpha) - wind.updraft * ca.sin(x.pitch) + wind.headwind * ca.cos(x.pitch)
     )
 
 
 def _downward(x: State[Quantity], wind: Wind) -> Quantity:
+    """V sin α + w cos θ + h sin θ, ft/s: descent of the center of mass through the air."""
     return (
         x.speed * ca.sin(x.alpha) + wind.updraft * ca.cos(x.pitch) + wind.headwind * ca.sin(x.pitch)
     )
 
 
 def _hinge_descent(x: State[Quantity], p: Parameters[Quantity], wind: Wind) -> Quantity:
+    """w_h = V sin α + (s/3) cos η η' + w cos θ + h sin θ, ft/s: descent of a hinge through the
+    air."""
     descent = x.speed * ca.sin(x.alpha) + p.panel_span / 3 * ca.cos(x.dihedral) * x.dihedral_rate
     return descent + wind.updraft * ca.cos(x.pitch) + wind.headwind * ca.sin(x.pitch)

@@ -29,7 +29,15 @@ from hfa_model.vectors import Input, Quantity, State
 
 
 class Moment(NamedTuple):
-    """Everything that an output may look at, at one instant: numbers or CasADi expressions."""
+    """Everything that an output may depend on, at one instant: numbers or CasADi expressions.
+
+    x: states
+    u: inputs
+    p: parameters
+    winds: at the panels
+    loads: on the aircraft
+    rates: dx/dt
+    """
 
     x: State[Quantity]
     u: Input[Quantity]
@@ -46,32 +54,38 @@ def moment_of(
     variant: Variant,
     winds: Winds = STILL_AIR,
 ) -> Moment:
-    """Loads and rates at (x, u), with the wind at each panel."""
+    """The moment with the loads and rates of the variant's equations at (x, u).
+
+    x: states
+    u: inputs
+    p: parameters
+    variant: of the equations
+    winds: at the panels
+    """
     loads = aircraft_loads(x, u, density(x.altitude), p, variant, winds)
     return Moment(x, u, p, winds, loads, rates_from_loads(x, loads, p, variant))
 
 
 def outputs_of(moment: Moment) -> dict[str, Quantity]:
-    """Every output at a moment, by name."""
-    return {name: of(moment) for name, (_, of) in OUTPUTS.items()}
+    """Every output of `OUTPUTS` at a moment, by name."""
+    return {name: output(moment) for name, (_, output) in OUTPUTS.items()}
 
 
 def _vertical_acceleration(m: Moment) -> Quantity:
-    """V (α' - q), ft/s^2, positive downward: of the path of the center of mass, in the axes of the
-    path."""
+    """V (α' - q), ft/s^2: acceleration of the center of mass across its path, positive
+    downward."""
     return m.x.speed * (m.rates.alpha - m.x.pitch_rate)
 
 
 def _load_factor(m: Moment) -> Quantity:
-    """n = (L + T sin α) / (m_tot g): force across the path over weight."""
+    """n = (L + T sin α) / (m_tot g): the force across the path over the weight."""
     return (m.loads.lift + m.loads.thrust * ca.sin(m.x.alpha)) / (3 * m.p.panel_mass * m.p.gravity)
 
 
 def _center_load_factor(m: Moment) -> Quantity:
     """n_c = cos θ - a_z / g of the center panel, a_z downward in body axes."""
-    return (
-        ca.cos(m.x.pitch) - _body_descent(m, center_height(m.x.dihedral, m.p), 1 / 3) / m.p.gravity
-    )
+    descent = _body_descent(m, center_height(m.x.dihedral, m.p), 1 / 3)
+    return ca.cos(m.x.pitch) - descent / m.p.gravity
 
 
 def _outer_load_factor(m: Moment) -> Quantity:
@@ -89,12 +103,14 @@ def _outer_load_factor(m: Moment) -> Quantity:
 
 
 def _body_descent(m: Moment, height: Quantity, factor: float) -> Quantity:
-    """a_z = (V sin α)' - q V cos α - q² z + z'',  z = factor s sin η: downward acceleration at
-    height z, ft/s^2."""
-    sin_eta = ca.sin(m.x.dihedral)
-    cos_eta = ca.cos(m.x.dihedral)
-    sin_alpha = ca.sin(m.x.alpha)
-    cos_alpha = ca.cos(m.x.alpha)
+    """a_z = (V sin α)' - q V cos α - q² z + z'',  z = factor s sin η, ft/s^2: the downward
+    acceleration, in body axes, of a panel.
+
+    height: z, how far the panel lies below the center of mass, ft
+    factor: 1/3 of the center panel, -1/6 of an outer one
+    """
+    sin_eta, cos_eta = ca.sin(m.x.dihedral), ca.cos(m.x.dihedral)
+    sin_alpha, cos_alpha = ca.sin(m.x.alpha), ca.cos(m.x.alpha)
     descent_rate = m.rates.speed * sin_alpha + m.x.speed * cos_alpha * m.rates.alpha
     bending = (
         factor * m.p.panel_span * (cos_eta * m.rates.dihedral_rate - sin_eta * m.x.dihedral_rate**2)
@@ -105,7 +121,8 @@ def _body_descent(m: Moment, height: Quantity, factor: float) -> Quantity:
 
 
 def _elastic_moment(m: Moment) -> Quantity:
-    """H - k_c η' - k_k η: what turns an outer panel about its hinge, spring and damper included."""
+    """H - k_c η' - k_k η, ft lbf: the moment on an outer panel about its hinge, with spring and
+    damper."""
     return (
         m.loads.hinge_moment
         - m.p.hinge_damping * m.x.dihedral_rate
@@ -113,7 +130,7 @@ def _elastic_moment(m: Moment) -> Quantity:
     )
 
 
-#: Name -> unit, and how it follows from a `Moment`. States are outputs too, by their own names.
+#: Name -> unit, and the function that gives it from a `Moment`. States are outputs too, by their own names.
 OUTPUTS: dict[str, tuple[str, Callable[[Moment], Quantity]]] = {
     "vertical_acceleration": ("ft/s^2", _vertical_acceleration),
     "load_factor": ("1", _load_factor),

@@ -51,7 +51,12 @@ class Parameters(NamedTuple, Generic[T]):
 
 
 class Field(NamedTuple):
-    """What one parameter means, in which unit, and whether it must be positive."""
+    """What a file of parameters may say of one of them.
+
+    unit: its unit
+    meaning: in words
+    positive: whether it must be positive
+    """
 
     unit: str
     meaning: str
@@ -111,10 +116,13 @@ _FILE: dict[str, Any] = {
 class ParameterSet(ByValue, Reported):
     """Parameters with their provenance.
 
-    values: the numbers. sources: name -> one of `SOURCES`. notes: name -> why, for assumed values.
+    values: the numbers
+    sources: name -> one of `SOURCES`
+    notes: name -> why, for assumed values
     covariance: (n, n), of the identified parameters in the order of `identified`, in their own
-    units, propagated from the rounding of the print; empty when nothing is identified. name: of the
-    set or its file."""
+        units, propagated from the rounding of the print; (0, 0) when nothing is identified
+    name: of the set or its file
+    """
 
     values: Parameters[float]
     sources: dict[str, str]
@@ -158,45 +166,56 @@ NAMED = {
 
 
 def default_parameters() -> ParameterSet:
-    """The identified aircraft that comes with the package (`python -m studies.identification` writes it)."""
+    """The identified parameters, which come with the package; `python -m studies.identification`
+    writes their file."""
     return load_parameters("identified")
 
 
 def load_parameters(name: str | Path) -> ParameterSet:
-    """A set that comes with the package, by its name in `NAMED`, or a file's; BadInputError names
-    the file, the entry and the fault."""
-    return copy.deepcopy(_packaged(str(name))) if str(name) in NAMED else _read(str(name))
+    """A set of parameters.
+
+    name: of a set that comes with the package (`NAMED`), or the path of a file
+
+    BadInputError names the file, the entry and the fault.
+    """
+    if str(name) in NAMED:
+        return copy.deepcopy(_packaged(str(name)))
+    return _read(str(name))
 
 
 def _read(name: str) -> ParameterSet:
+    """The set of a name or file, read anew; BadInputError as `load_parameters`."""
     data = read_named("parameters", name, NAMED, "hfa_model", _FILE)
     table = data.pop("covariance", {"names": [], "rows": []})
-    values = Parameters(*(data[name]["value"] for name in Parameters._fields))
-    sources = {name: data[name].get("source", "assumed") for name in Parameters._fields}
-    notes = {name: data[name]["note"] for name in Parameters._fields if "note" in data[name]}
-    found = ParameterSet(values, sources, notes, name=name)
-    if table["rows"]:
-        even = len({len(row) for row in table["rows"]}) == 1
-        found = replace(found, covariance=np.array(table["rows"] if even else [[]]))
-        if table["names"] != list(found.identified) or not _is_covariance(
-            found.covariance, len(found.identified)
-        ):
-            raise BadInputError(
-                f"{name}: [covariance] is no covariance of the identified parameters: symmetric, without a negative "
-                "eigenvalue; remove it or run `python -m studies.identification` again"
-            )
-    return found
+    names = Parameters._fields
+    values = Parameters(*(data[parameter]["value"] for parameter in names))
+    sources = {parameter: data[parameter].get("source", "assumed") for parameter in names}
+    notes = {parameter: data[parameter]["note"] for parameter in names if "note" in data[parameter]}
+    parameters = ParameterSet(values, sources, notes, name=name)
+    rows = table["rows"]
+    if not rows:
+        return parameters
+    identified = parameters.identified
+    one_length = len({len(row) for row in rows}) == 1
+    covariance = np.array(rows if one_length else [[]])
+    if table["names"] != list(identified) or not _is_covariance(covariance, len(identified)):
+        raise BadInputError(
+            f"{name}: [covariance] is no covariance of the identified parameters: symmetric,"
+            " without a negative eigenvalue; remove it or run `python -m studies.identification`"
+            " again"
+        )
+    return replace(parameters, covariance=covariance)
 
 
 _packaged = cache(_read)  # once: nothing changes it while the program runs
 
 
 def _is_covariance(matrix: np.ndarray, size: int) -> bool:
-    """Whether the correlations of a symmetric matrix have no negative eigenvalue but for
-    rounding."""
-    if matrix.shape != (size, size) or not (
-        np.array_equal(matrix, matrix.T) and np.all(np.diag(matrix) >= 0)
-    ):
+    """Whether a matrix is (size, size) and symmetric, and its correlations have no negative
+    eigenvalue beyond rounding."""
+    if matrix.shape != (size, size) or not np.array_equal(matrix, matrix.T):
+        return False
+    if not np.all(np.diag(matrix) >= 0):
         return False
     deviations = np.sqrt(np.diag(matrix))
     deviations[deviations == 0.0] = 1.0
@@ -208,8 +227,12 @@ def _is_covariance(matrix: np.ndarray, size: int) -> bool:
 
 
 def save_parameters(parameters: ParameterSet, path: Path, header: str) -> None:
-    """Write a parameters file that `load_parameters` reads back bit for bit; whole or not at
-    all."""
+    """Write a parameters file, whole or not at all; `load_parameters` reads it back bit for bit.
+
+    parameters: the set
+    path: of the file
+    header: comment at its top
+    """
     lines = [f"# {line}" for line in header.splitlines()]
     errors = parameters.standard_errors
     for name, spec in FIELDS._asdict().items():
@@ -232,17 +255,24 @@ def save_parameters(parameters: ParameterSet, path: Path, header: str) -> None:
 
 
 def sample_parameters(parameters: ParameterSet, count: int, seed: int) -> tuple[Parameters, ...]:
-    """p_i exp(z_i), z ~ N(0, C_ij / (p_i p_j)): the identified parameters varied together, the
-    others as they are.
+    """p_i exp(z_i), z ~ N(0, C_ij / (p_i p_j)): random samples of the identified parameters, which
+    vary together; the other parameters stay as they are.
 
-    C: the covariance of `parameters`. The print determines products and quotients of the parameters
-    far better than the parameters, and those of logarithms are sums, which a Gaussian keeps. Drawn
-    as p + N(0, C) the spread of an entry of A comes out up to 4.8 times too large. The same seed
-    gives the same samples. BadInputError when there is no covariance, or an identified parameter is
-    zero."""
+    parameters: p and its covariance C
+    count: how many samples
+    seed: the same seed gives the same samples
+
+    The print determines products and quotients of the parameters far better than the parameters;
+    their logarithms are sums, which a Gaussian keeps. Drawn as p + N(0, C) the spread of an entry
+    of A comes out up to 4.8 times too large.
+
+    BadInputError when there is no covariance, an identified parameter is zero, or count or seed is
+    out of range.
+    """
     if not parameters.covariance.size:
         raise BadInputError(
-            "samples need parameters with their covariance, such as the parameters.toml of `python -m studies.identification`"
+            "samples need parameters with their covariance, such as the parameters.toml of"
+            " `python -m studies.identification`"
         )
     if count < 1 or seed < 0:
         raise BadInputError(

@@ -21,9 +21,14 @@ from hfa_support.reporting.fields import ByValue, Shown
 class PublishedModel(ByValue, Shown):
     """One printed linear model, x' = A x + B u (paper Section 5.1).
 
-    dihedral: rad.  A: (6, 6), B: (6, 5), in the order of `LINEAR_STATES` and `INPUTS`. half_unit_A,
-    half_unit_B: half a unit of the last printed digit of each entry. An entry printed as a bare 0
-    or 1 is taken to four decimals like its neighbours: B(alpha, throttle) is -2.6e-5 and printed 0.
+    dihedral: rad
+    A: (6, 6), in the order of `LINEAR_STATES`
+    B: (6, 5), in the order of `LINEAR_STATES` and `INPUTS`
+    half_unit_A: (6, 6), half a unit of the last printed digit of each entry of A
+    half_unit_B: (6, 5), the same of B
+
+    An entry printed as a bare 0 or 1 is taken to four decimals like its neighbours: B(alpha,
+    throttle) is -2.6e-5 and printed 0.
     """
 
     dihedral: float
@@ -57,12 +62,13 @@ def published_models() -> tuple[PublishedModel, ...]:
 
 
 def _model(case: dict[str, Any]) -> PublishedModel:
+    """One of the `cases` of `printed_matrices.json`; its arrays are read-only."""
     A = np.array(case["A"], dtype=float)
     B = np.array(case["B"], dtype=float)
     decimals = published_data()["printed_decimals"]
-    half_unit_A, half_unit_B = (
-        np.full(matrix.shape, 0.5 * 10.0 ** -decimals["default"]) for matrix in (A, B)
-    )
+    half_unit = 0.5 * 10.0 ** -decimals["default"]
+    half_unit_A = np.full(A.shape, half_unit)
+    half_unit_B = np.full(B.shape, half_unit)
     row = LINEAR_STATES.index("speed")
     column = LINEAR_STATES.index("pitch")
     half_unit_A[row, column] = 0.5 * 10.0 ** -decimals["A[speed][pitch]"]

@@ -65,7 +65,7 @@ class Published:
 
 @dataclass(frozen=True)
 class Newton:
-    """The equations of three rigid bodies on two hinges, forces by virtual work."""
+    """The exact equations of three rigid bodies on two hinges, forces by virtual work."""
 
     name = "newton"
 
@@ -99,7 +99,8 @@ VARIANTS: dict[str, Variant] = {"published": Published(), "newton": Newton()}
 
 
 def variant_named(name: str) -> Variant:
-    """Look a variant up; BadInputError names the choices."""
+    """The variant of a name of `VARIANTS`. BadInputError for any other: "unsteady" is no variant of
+    the seven equations."""
     refuse_unknown("unknown dynamics", name, (*VARIANTS, "unsteady"))
     if name not in VARIANTS:
         raise BadInputError(

@@ -11,7 +11,7 @@ from hfa_aircraft.signals import Signal
 if TYPE_CHECKING:
     import casadi as ca
 
-#: A number or a CasADi expression; the shape, where it is not one number, stands in the docstring.
+#: A number or a CasADi expression; docstrings say the shape where it is not one number.
 #: SX stands for MX too: whatever computes with one does with the other, and a union of both would
 #: let them be added.
 Quantity: TypeAlias = "ca.SX | ca.DM | float"
@@ -36,11 +36,11 @@ class State(NamedTuple, Generic[T]):
 
 
 class Input(NamedTuple, Generic[T]):
-    """U = [δ_t, δ_ac, δ_ao, δ_ec, δ_eo] in the order of the paper (Section 2.2), or one quantity
-    per input.
+    """U = [δ_t, δ_ac, δ_ao, δ_ec, δ_eo] in the order of the paper (Section 2.2): numbers, CasADi
+    expressions, units or signals.
 
-    `throttle` is dimensionless: total thrust = thrust_per_throttle * throttle (see
-    `parameters.py`)."""
+    `throttle` is dimensionless: total thrust = thrust_per_throttle * throttle (`parameters.py`).
+    """
 
     throttle: T
     aileron_center: T
@@ -55,7 +55,7 @@ INPUTS: tuple[str, ...] = Input._fields
 #: 2.2).
 LINEAR_STATES: tuple[str, ...] = tuple(name for name in STATES if name != "altitude")
 
-#: Their places among all states.
+#: Their rows among all states.
 LINEAR_ROWS = [STATES.index(name) for name in LINEAR_STATES]
 
 #: The highest altitude that the atmosphere covers, ft (the 20 km geopotential limit lies at 65,824
@@ -81,7 +81,7 @@ INPUT_SIGNALS = Input(
     Signal("1", 40.0, 0.0, 200.0, start=40.0), _AILERON, _AILERON, _ELEVATOR, _ELEVATOR
 )
 
-STATE_UNITS = State(*(s.unit for s in STATE_SIGNALS))
-INPUT_UNITS = Input(*(s.unit for s in INPUT_SIGNALS))
-CONTROL_LIMITS = Input(*((s.min, s.max) for s in INPUT_SIGNALS))
+STATE_UNITS = State(*(signal.unit for signal in STATE_SIGNALS))
+INPUT_UNITS = Input(*(signal.unit for signal in INPUT_SIGNALS))
+CONTROL_LIMITS = Input(*((signal.min, signal.max) for signal in INPUT_SIGNALS))
 LINEAR_UNITS: tuple[str, ...] = tuple(getattr(STATE_UNITS, name) for name in LINEAR_STATES)
