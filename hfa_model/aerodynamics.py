@@ -161,8 +161,10 @@ def sum_of_panels(
     Lift and drag are the forces across and along the path over ground, in moving air too.
     Source: Gibson et al. 2011, Eqs. 31-44.
     """
-    sin_eta, cos_eta = ca.sin(x.dihedral), ca.cos(x.dihedral)
-    sin_alpha, cos_alpha = ca.sin(x.alpha), ca.cos(x.alpha)
+    sin_eta = ca.sin(x.dihedral)
+    cos_eta = ca.cos(x.dihedral)
+    sin_alpha = ca.sin(x.alpha)
+    cos_alpha = ca.cos(x.alpha)
     forward = center.forward + 2 * outer.forward
     downward = center.downward + 2 * (outer.downward * cos_eta + outer.sideward * sin_eta)
     pitching_moment = (

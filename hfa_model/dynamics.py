@@ -73,7 +73,8 @@ def _dihedral_acceleration(
     variant: Variant,
 ) -> Quantity:
     """η'', rad/s^2, from V' and α'."""
-    sin_eta, cos_eta = ca.sin(x.dihedral), ca.cos(x.dihedral)
+    sin_eta = ca.sin(x.dihedral)
+    cos_eta = ca.cos(x.dihedral)
     descent_rate = speed_rate * ca.sin(x.alpha) + x.speed * ca.cos(x.alpha) * alpha_rate
     inertial = p.panel_mass * p.panel_span / 2 * cos_eta * descent_rate
     spread = p.inertia_pitch - p.inertia_yaw - p.panel_mass * p.panel_span**2 / 12

@@ -109,8 +109,10 @@ def _body_descent(m: Moment, height: Quantity, factor: float) -> Quantity:
     height: z, how far the panel lies below the center of mass, ft
     factor: 1/3 of the center panel, -1/6 of an outer one
     """
-    sin_eta, cos_eta = ca.sin(m.x.dihedral), ca.cos(m.x.dihedral)
-    sin_alpha, cos_alpha = ca.sin(m.x.alpha), ca.cos(m.x.alpha)
+    sin_eta = ca.sin(m.x.dihedral)
+    cos_eta = ca.cos(m.x.dihedral)
+    sin_alpha = ca.sin(m.x.alpha)
+    cos_alpha = ca.cos(m.x.alpha)
     descent_rate = m.rates.speed * sin_alpha + m.x.speed * cos_alpha * m.rates.alpha
     bending = (
         factor * m.p.panel_span * (cos_eta * m.rates.dihedral_rate - sin_eta * m.x.dihedral_rate**2)
@@ -130,7 +132,8 @@ def _elastic_moment(m: Moment) -> Quantity:
     )
 
 
-#: Name -> unit, and the function that gives it from a `Moment`. States are outputs too, by their own names.
+#: Name -> unit, and the function that gives it from a `Moment`. States are outputs
+#: too, by their own names.
 OUTPUTS: dict[str, tuple[str, Callable[[Moment], Quantity]]] = {
     "vertical_acceleration": ("ft/s^2", _vertical_acceleration),
     "load_factor": ("1", _load_factor),

@@ -16,17 +16,17 @@ from hfa_support.version import VERSION
 
 #: Hexadecimal digits of a parameter hash.
 _DIGITS = 12
-#: Differences of a parameter set that a text shows; files have all.
-_MOST_SHOWN = 3
+#: Differences of a parameter set that people are told; files have all.
+_MOST_TOLD = 3
 
 
 @dataclass(frozen=True)
 class Change(Result):
     """A parameter that is not the identified one.
 
-    value: as it is
-    identified: as it was identified
-    """
+    value: as it is.
+    identified: as it was identified.
+    unit: of both."""
 
     value: float
     identified: float
@@ -35,20 +35,19 @@ class Change(Result):
 
 @dataclass(frozen=True)
 class Provenance(Result):
-    """Where an output comes from; every output carries it.
+    """One block that every output carries.
 
-    command: as typed
-    dynamics: name of the equations, "" for a plant of the user's own
-    parameters: name or file of the set
-    parameter_hash: of the values alone, so that two files with the same numbers have the same
-    changed: parameter -> its value and the identified one, where they differ
-    condition: what a trim imposes, leaves free and limits; angles in radians
-    flight: how the condition differs from the paper's level flight, in words; not among the data
-    model: file of a plant
-    version: of the program
+    command: as typed.
+    dynamics: the equations, "" for a plant of the user's own.
+    parameters: name or file of the set.
+    parameter_hash: of the values alone, so that two files with the same numbers have the same.
+    changed: parameter -> its value and the identified one, where they differ.
+    condition: what a trim imposes, leaves free and limits; angles in radians.
+    flight: the same in words, what it changes of the paper's level flight; not among the data.
+    model: file of a plant.
+    version: of the program.
     date: UTC; from SOURCE_DATE_EPOCH where that is set, so that outputs can be made again byte for
-        byte
-    """
+        byte."""
 
     schema = "hfa.provenance/1"
 
@@ -63,26 +62,27 @@ class Provenance(Result):
     version: str = VERSION
     date: str = field(default_factory=lambda: now())
 
-    def _changes(self) -> list[str]:
-        """A phrase for each parameter that differs, the relatively largest difference first; of
-        more than `_MOST_SHOWN` their number and the first."""
-        sizes = {
-            name: abs(change.value - change.identified) / (abs(change.identified) or 1.0)
-            for name, change in self.changed.items()
-        }
-        phrases = []
-        if len(sizes) > _MOST_SHOWN:
-            phrases.append(f"{len(sizes)} parameters differ, most")
-        for name in sorted(sizes, key=lambda name: -sizes[name])[:_MOST_SHOWN]:
+    def _largest_changes(self) -> list[str]:
+        """The parameters that differ, the relatively largest differences first; of many their
+        number and the first."""
+
+        def relative_size(name: str) -> float:
             change = self.changed[name]
-            unit = f" {getattr(FIELDS, name).unit}" if name in FIELDS._fields else ""
-            phrases.append(f"{name} {change.value:.6g}{unit} (identified: {change.identified:.6g})")
-        return phrases
+            return abs(change.value - change.identified) / (abs(change.identified) or 1.0)
+
+        descriptions = []
+        for name in sorted(self.changed, key=relative_size, reverse=True)[:_MOST_TOLD]:
+            change = self.changed[name]
+            value = f"{change.value:.6g} {change.unit}".rstrip(" ")
+            descriptions.append(f"{name} {value} (identified: {change.identified:.6g})")
+        if len(self.changed) > _MOST_TOLD:
+            descriptions.insert(0, f"{len(self.changed)} parameters differ, most")
+        return descriptions
 
     def text(self) -> str:
-        """For people: one line, and further ones for parameters that are not the identified ones
-        and a flight that is not the paper's."""
-        about = [f"hfa {self.version}", self.date[:10]]
+        """For people: a line, and a few more where aircraft or flight are not the identified and
+        the paper's."""
+        first_line = [f"hfa {self.version}", self.date[:10]]
         if self.model:
             first_line.append(f"plant {self.model}")
         elif self.parameters:
@@ -102,21 +102,8 @@ def parameter_hash(values: Any) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:_DIGITS]
 
 
-def changed_parameters(parameters: ParameterSet) -> dict[str, Change]:
-    """Parameter -> its change, for those whose values are not the identified ones."""
-    identified = default_parameters().values
-    changes = {}
-    for name, value in parameters.values._asdict().items():
-        if value != getattr(identified, name):
-            changes[name] = Change(value, getattr(identified, name))
-    return changes
-
-
 def now() -> str:
-    """Date and time, UTC, as "2026-01-31T12:00:00Z"; those of SOURCE_DATE_EPOCH where that is set.
-
-    BadInputError when that number of seconds lies beyond the year 9999.
-    """
+    """The date and time, UTC; what SOURCE_DATE_EPOCH says where that is set."""
     epoch = os.environ.get("SOURCE_DATE_EPOCH", "")
     try:
         moment = datetime.fromtimestamp(int(epoch), UTC) if epoch.isdecimal() else datetime.now(UTC)
