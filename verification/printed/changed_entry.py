@@ -27,7 +27,7 @@ EVIDENCE = 1.0
 class ChangedEntry:
     """An entry of the plant, with another value of which every printed digit is right.
 
-    place: of the entry
+    position: of the entry
     typed: its text in the file
     lowest: of the interval of such values
     highest: of it
@@ -35,7 +35,7 @@ class ChangedEntry:
     slip: what happened to the text
     """
 
-    place: Position
+    position: Position
     typed: str
     lowest: float
     highest: float
@@ -43,23 +43,23 @@ class ChangedEntry:
     slip: str
 
     def __str__(self) -> str:
-        return f"{self.place} = {self.value}, not {self.typed} ({self.slip})"
+        return f"{self.position} = {self.value}, not {self.typed} ({self.slip})"
 
 
 def changed_entries(file: PrintedFile) -> list[ChangedEntry]:
     """Every interval of one entry of A, B, E, N, Q, R or gamma that makes all digits right and
     holds an edit of the typed text. More than one: the answer does not decide between them."""
     entries = []
-    for place, text in _places(file):
+    for position, text in _positions(file):
         edits = dict(_edits(text))
-        for lowest, highest in _intervals(file, place):
-            entry = _edit_within(file, place, text, edits, (lowest, highest))
+        for lowest, highest in _intervals(file, position):
+            entry = _edit_within(file, position, text, edits, (lowest, highest))
             if entry is not None:
                 entries.append(entry)
     return entries
 
 
-def _places(file: PrintedFile) -> Iterator[tuple[Position, str]]:
+def _positions(file: PrintedFile) -> Iterator[tuple[Position, str]]:
     """Entries of the plant and their texts; of Q and R the upper triangle."""
     for name, block in file.typed.items():
         for row, texts in enumerate(block.texts):
@@ -68,14 +68,14 @@ def _places(file: PrintedFile) -> Iterator[tuple[Position, str]]:
                     yield Position(name, row, column), text
 
 
-def _intervals(file: PrintedFile, place: Position) -> list[tuple[float, float]]:
+def _intervals(file: PrintedFile, position: Position) -> list[tuple[float, float]]:
     """Disjoint intervals of the entry, found from four starts."""
-    typed = _entry(file.plant, place)
+    typed = _entry(file.plant, position)
     starts = (typed, -typed, 10.0 * typed, typed / 10.0) if typed else (0.0,)
     intervals: list[tuple[float, float]] = []
     for start in starts:
-        value = _least_squares(file, place, start)
-        interval = None if value is None else _interval(file, place, value)
+        value = _least_squares(file, position, start)
+        interval = None if value is None else _interval(file, position, value)
         if interval is None:
             continue
         lowest, highest = interval
@@ -84,13 +84,13 @@ def _intervals(file: PrintedFile, place: Position) -> list[tuple[float, float]]:
     return intervals
 
 
-def _least_squares(file: PrintedFile, place: Position, start: float) -> float | None:
+def _least_squares(file: PrintedFile, position: Position, start: float) -> float | None:
     """The entry at the least Σ ((printed - exact)/h)², by Gauss-Newton; None where it has no
     answer."""
     value = start
     for _ in range(_STEPS):
         try:
-            comparison, slopes = _linear(file, place, value)
+            comparison, slopes = _linear(file, position, value)
         except NoSolutionError:
             return None
         scaled = slopes / np.maximum(comparison.allowed, 1e-300)
@@ -107,11 +107,11 @@ def _least_squares(file: PrintedFile, place: Position, start: float) -> float | 
     return value
 
 
-def _interval(file: PrintedFile, place: Position, value: float) -> tuple[float, float] | None:
+def _interval(file: PrintedFile, position: Position, value: float) -> tuple[float, float] | None:
     """Values near this one with which every |printed - exact| is allowed; None where none is."""
     for _ in range(2):
         try:
-            comparison, slopes = _linear(file, place, value)
+            comparison, slopes = _linear(file, position, value)
         except NoSolutionError:
             return None
         misfit = comparison.printed - comparison.exact
@@ -127,23 +127,26 @@ def _interval(file: PrintedFile, place: Position, value: float) -> tuple[float, 
         interval = (value + lowest, value + highest)
         value += (lowest + highest) / 2.0
     try:
-        middle = _with(file.plant, place, value)
+        middle = _with(file.plant, position, value)
         confirmed = not compare(file, middle, quick_value(middle)).outside.any()
     except NoSolutionError:
         return None
     return interval if confirmed else None
 
 
-def _linear(file: PrintedFile, place: Position, value: float) -> tuple[Comparison, np.ndarray]:
+def _linear(file: PrintedFile, position: Position, value: float) -> tuple[Comparison, np.ndarray]:
     """The comparison at a value of the entry, and the derivatives of the exact numbers."""
-    plant = _with(file.plant, place, value)
+    plant = _with(file.plant, position, value)
     P = quick_value(plant)
-    return compare(file, plant, P), change(file, plant, P, place)
+    try:
+        return compare(file, plant, P), change(file, plant, P, position)
+    except np.linalg.LinAlgError as error:
+        raise NoSolutionError("the policies are not unique") from error
 
 
 def _edit_within(
     file: PrintedFile,
-    place: Position,
+    position: Position,
     text: str,
     edits: dict[str, str],
     interval: tuple[float, float],
@@ -153,24 +156,24 @@ def _edit_within(
     within = [edit for edit in edits if lowest <= float(edit) <= highest]
     middle = (lowest + highest) / 2.0
     for edit in sorted(within, key=lambda word: abs(float(word) - middle)):
-        plant = _with(file.plant, place, float(edit))
+        plant = _with(file.plant, position, float(edit))
         try:
             confirmed = not compare(file, plant, certified_value(plant)).outside.any()
         except (NoSolutionError, BadInputError):
             continue
         if confirmed:
-            return ChangedEntry(place, text, lowest, highest, edit, edits[edit])
+            return ChangedEntry(position, text, lowest, highest, edit, edits[edit])
     return None
 
 
-def _entry(plant: Plant, place: Position) -> float:
-    if place.block == "gamma":
+def _entry(plant: Plant, position: Position) -> float:
+    if position.block == "gamma":
         return plant.gamma
-    return float(getattr(plant, place.block)[place.row, place.column])
+    return float(getattr(plant, position.block)[position.row, position.column])
 
 
-def _with(plant: Plant, place: Position, value: float) -> Plant:
-    return plant.with_entry(place.block, place.row, place.column, value)
+def _with(plant: Plant, position: Position, value: float) -> Plant:
+    return plant.with_entry(position.block, position.row, position.column, value)
 
 
 def _edits(text: str) -> Iterator[tuple[str, str]]:

@@ -51,49 +51,71 @@ class Classified:
 
 
 def classify(file: PrintedFile) -> Classified:
-    """The first class that holds, in the order of `CLASSES` up to rounding.
+    """The class of a printed answer: the first that its digits allow.
 
     NoSolutionError where the plant as typed has no certified answer."""
     P = certified_value(file.plant)
     comparison = compare(file, file.plant, P)
+    by_digits = _by_digits(file, comparison)
+    if by_digits is not None:
+        name, reason = by_digits
+        return Classified(name, reason, comparison, P)
+    changed = tuple(changed_entries(file))
+    mistake = _known_mistake(file, P)
+    by_search = _by_search(file, comparison, changed, mistake)
+    if by_search is not None:
+        name, reason = by_search
+        return Classified(name, reason, comparison, P, changed)
+    if file.plant_rounded:
+        name, reason = _by_rounding(rounding_used(file, P, comparison))
+    else:
+        name, reason = _by_size(file, comparison)
+    return Classified(name, reason, comparison, P)
 
-    def classified(
-        name: Class, reason: str, changed: list[ChangedEntry] | None = None
-    ) -> Classified:
-        return Classified(name, reason, comparison, P, tuple(changed or ()))
 
+def _by_digits(file: PrintedFile, comparison: Comparison) -> tuple[Class, str] | None:
+    """The class that needs no search; None where the digits alone do not say."""
     if not comparison.outside.any():
-        return classified("as printed", f"all {len(comparison.printed)} entries")
+        return "as printed", f"all {len(comparison.printed)} entries"
     if _is_cut_off(comparison):
-        return classified("cut off", "the digits are cut off, not rounded")
+        return "cut off", "the digits are cut off, not rounded"
     if file.assumption:
-        return classified("cannot tell", file.assumption)
+        return "cannot tell", file.assumption
     asymmetric = _asymmetric_block(file)
     if asymmetric:
-        return classified("cannot tell", f"{asymmetric} is not symmetric within its digits")
+        return "cannot tell", f"{asymmetric} is not symmetric within its digits"
     wrong = comparison.wrong_positions
     if len(wrong) == 1 and not comparison.outside.all():
-        return classified("one entry of the answer", _wrong_entry(comparison, wrong[0]))
-    changed = changed_entries(file)
-    mistake = _known_mistake(file, P)
-    if len(changed) == 1 and not mistake and comparison.evidence() >= EVIDENCE:
-        return classified("the answer belongs to another plant", str(changed[0]), changed)
+        return "one entry of the answer", _wrong_entry(comparison, wrong[0])
+    return None
+
+
+def _by_search(
+    file: PrintedFile, comparison: Comparison, changed: tuple[ChangedEntry, ...], mistake: str
+) -> tuple[Class, str] | None:
+    """The class where a changed entry of the plant or a known mistake explains the answer; None
+    where nothing does."""
     explanations = [str(entry) for entry in changed]
     if mistake:
         explanations.insert(0, mistake)
-    if len(explanations) == 1 and mistake:
-        return classified("wrong", mistake)
+    if not explanations:
+        return None
     if len(explanations) > 1:
-        return classified(
-            "wrong", "the answer does not say which: " + "; or ".join(explanations), changed
-        )
-    if file.plant_rounded:
-        used = rounding_used(file, P, comparison)
-        if used <= 1.0:
-            reason = f"within {used:.2g} of the rounding of the plant, which decides nothing"
-            return classified("not decided", reason)
-        return classified("cannot tell", f"{used:.3g} times the rounding of the plant is needed")
-    return classified(*_by_size(file, comparison), changed)
+        return "wrong", "the answer does not say which: " + "; or ".join(explanations)
+    if mistake:
+        return "wrong", mistake
+    if comparison.evidence() >= EVIDENCE:
+        return "the answer belongs to another plant", explanations[0]
+    if file.learned or file.plant_rounded:
+        return None
+    return "wrong", f"perhaps {explanations[0]}, for which too few other entries speak"
+
+
+def _by_rounding(used: float) -> tuple[Class, str]:
+    """used: as of `rounding_used`."""
+    if used <= 1.0:
+        return "not decided", f"{used:.2g} of the rounding of the plant explains it"
+    return "cannot tell", f"{used:.3g} times the rounding of the plant would explain it"
 
 
 def rounding_used(file: PrintedFile, P: np.ndarray, comparison: Comparison) -> float:
@@ -106,8 +128,8 @@ def rounding_used(file: PrintedFile, P: np.ndarray, comparison: Comparison) -> f
         for (row, column), rounding in np.ndenumerate(block.roundings):
             is_mirror = name in ("Q", "R") and column < row
             if rounding > 0.0 and not is_mirror:
-                place = Position(name, int(row), int(column))
-                columns.append(rounding * change(file, file.plant, P, place))
+                position = Position(name, int(row), int(column))
+                columns.append(rounding * change(file, file.plant, P, position))
     if not columns:
         return float("inf")
     slopes = np.column_stack(columns) / comparison.allowed[:, None]
@@ -127,7 +149,7 @@ def rounding_used(file: PrintedFile, P: np.ndarray, comparison: Comparison) -> f
         cost,
         A_ub=np.vstack([fits, moved]),
         b_ub=np.concatenate([1.0 + misfit, 1.0 - misfit, np.zeros(2 * size)]),
-        bounds=[(None, None)] * size + [(0.0, None)],
+        bounds=[*((None, None) for _ in range(size)), (0.0, None)],
     )
     return float(solution.fun) if solution.success else float("inf")
 
@@ -141,10 +163,11 @@ def _is_cut_off(comparison: Comparison) -> bool:
 
 
 def _asymmetric_block(file: PrintedFile) -> str:
-    """The first of P and H whose mirrored entries differ beyond their digits by far; or "".
+    """The first of P and H whose mirrored entries differ beyond their digits; or "".
 
-    One wrong entry is no asymmetry: two positions must differ."""
-    for name in ("P", "H"):
+    One wrong entry is no asymmetry: two positions must differ. A learned P may be a little so."""
+    names = ("H",) if file.learned else ("P", "H")
+    for name in names:
         if name in file.answer:
             block = file.answer[name]
             allowed = block.half_units + block.half_units.T + 1e-12 * np.abs(block.values).max()
@@ -158,11 +181,11 @@ def _wrong_entry(comparison: Comparison, position: Position) -> str:
     index = next(
         index
         for index in np.flatnonzero(comparison.outside)
-        if comparison.places[index].block == position.block
+        if comparison.positions[index].block == position.block
     )
     printed = comparison.printed[index]
     exact = comparison.exact[index]
-    return f"{comparison.places[index]} is printed {printed:.10g}, exact {exact:.10g}"
+    return f"{comparison.positions[index]} is printed {printed:.10g}, exact {exact:.10g}"
 
 
 def _known_mistake(file: PrintedFile, P: np.ndarray) -> str:

@@ -35,14 +35,14 @@ class Position(NamedTuple):
 class Comparison:
     """All printed entries of an answer and their exact values.
 
-    places: (N) positions
+    positions: (N) positions
     printed: (N,)
     exact: (N,), in the signs of the print
     half_units: (N,)
     allowed: (N,), the half unit or the floor, whichever is larger
     """
 
-    places: tuple[Position, ...]
+    positions: tuple[Position, ...]
     printed: np.ndarray
     exact: np.ndarray
     half_units: np.ndarray
@@ -61,27 +61,29 @@ class Comparison:
     @property
     def wrong_positions(self) -> list[Position]:
         """Positions of the entries outside; mirrored ones count once."""
-        wrong = {_mirrored(self.places[index]) for index in np.flatnonzero(self.outside)}
+        wrong = {_mirrored(self.positions[index]) for index in np.flatnonzero(self.outside)}
         return sorted(wrong)
 
     def relative(self, block: str) -> float:
         """|printed - exact| / |exact| of a block, Frobenius norms."""
-        members = np.array([place.block == block for place in self.places])
+        members = np.array([position.block == block for position in self.positions])
         size = float(np.linalg.norm(self.exact[members])) or 1.0
         return float(np.linalg.norm((self.printed - self.exact)[members])) / size
 
     @property
     def relative_error(self) -> float:
         """The largest of the blocks."""
-        return max(self.relative(block) for block in {place.block for place in self.places})
+        return max(
+            self.relative(block) for block in {position.block for position in self.positions}
+        )
 
     def evidence(self) -> float:
         """Σ log₁₀ max(1, r) over the positions, without its largest term: what a second entry
         says."""
         terms: dict[Position, float] = {}
-        for place, error in zip(self.places, self.errors, strict=True):
-            position = _mirrored(place)
-            terms[position] = max(terms.get(position, 0.0), float(np.log10(max(1.0, error))))
+        for position, error in zip(self.positions, self.errors, strict=True):
+            upper = _mirrored(position)
+            terms[upper] = max(terms.get(upper, 0.0), float(np.log10(max(1.0, error))))
         return sum(terms.values()) - max(terms.values())
 
 
@@ -92,17 +94,16 @@ def compare(file: PrintedFile, plant: Plant, P: np.ndarray) -> Comparison:
 
 def compare_answer(file: PrintedFile, answer: Mapping[str, np.ndarray]) -> Comparison:
     """The printed answer beside another one."""
-    places = []
+    positions = []
     allowed = []
     for name, block in file.answer.items():
         floor = FLOOR * float(np.abs(answer[name]).max(initial=0.0))
         allowed.append(np.maximum(block.half_units, floor).ravel())
-        places += [
-            Position(name, int(row), int(column)) for row, column in np.ndindex(block.values.shape)
-        ]
+        for row, column in np.ndindex(block.values.shape):
+            positions.append(Position(name, row, column))
     blocks = file.answer.values()
     return Comparison(
-        places=tuple(places),
+        positions=tuple(positions),
         printed=np.concatenate([block.values.ravel() for block in blocks]),
         exact=in_signs(file, answer),
         half_units=np.concatenate([block.half_units.ravel() for block in blocks]),
@@ -110,9 +111,9 @@ def compare_answer(file: PrintedFile, answer: Mapping[str, np.ndarray]) -> Compa
     )
 
 
-def change(file: PrintedFile, plant: Plant, P: np.ndarray, place: Position) -> np.ndarray:
+def change(file: PrintedFile, plant: Plant, P: np.ndarray, position: Position) -> np.ndarray:
     """The derivative of `Comparison.exact` with an entry of the plant, (N,)."""
-    return in_signs(file, answer_change(plant, P, *place))
+    return in_signs(file, answer_change(plant, P, *position))
 
 
 def in_signs(file: PrintedFile, answer: Mapping[str, np.ndarray]) -> np.ndarray:
@@ -122,8 +123,8 @@ def in_signs(file: PrintedFile, answer: Mapping[str, np.ndarray]) -> np.ndarray:
     )
 
 
-def _mirrored(place: Position) -> Position:
+def _mirrored(position: Position) -> Position:
     """The position in the upper triangle where the block is symmetric."""
-    if place.block in _SYMMETRIC and place.row > place.column:
-        return Position(place.block, place.column, place.row)
-    return place
+    if position.block in _SYMMETRIC and position.row > position.column:
+        return Position(position.block, position.column, position.row)
+    return position

@@ -6,6 +6,7 @@ import math
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,7 @@ from controller.riccati.gare import solve_game
 from hfa_support.errors import NoSolutionError
 
 #: Newton steps after the Schur form of `quick_value`.
-_REFINEMENTS = 2
+_REFINEMENTS = 1
 #: Eigenvalues this close to the edge of stability do not count as stable.
 _EDGE = 1e-12
 
@@ -47,17 +48,17 @@ class Plant:
     is_discrete: bool = False
     discount: float = 1.0
 
-    @property
+    @cached_property
     def G(self) -> np.ndarray:
         """[B E], (n, m + k)."""
         return np.hstack([self.B, self.E])
 
-    @property
+    @cached_property
     def S(self) -> np.ndarray:
         """[N 0], (n, m + k)."""
         return np.hstack([self.N, np.zeros_like(self.E)])
 
-    @property
+    @cached_property
     def W(self) -> np.ndarray:
         """blkdiag(R, -γ² I), (m + k, m + k)."""
         m = len(self.R)
@@ -163,8 +164,8 @@ def answer_change(
     )
     unit = zero if name == "gamma" else zero.with_entry(name, row, column, 1.0)
     dW = unit.W
+    m = len(plant.R)
     if name == "gamma":
-        m = len(plant.R)
         dW[m:, m:] = -2.0 * plant.gamma * np.eye(plant.E.shape[1])
     G = plant.G
     dG = unit.G
@@ -181,7 +182,6 @@ def answer_change(
         dgains = np.linalg.solve(weights, plant.discount * inner + unit.S.T - dW @ gains)
     else:
         dgains = np.linalg.solve(plant.W, dG.T @ P + G.T @ dP + unit.S.T - dW @ gains)
-    m = len(plant.R)
     change = {"P": dP, "K": dgains[:m], "L": -dgains[m:], "W": weights_of(dP)}
     if plant.is_discrete:
         step = np.hstack([plant.A, G])
@@ -212,8 +212,9 @@ def _lyapunov(plant: Plant, F: np.ndarray, right: np.ndarray) -> np.ndarray:
     from scipy.linalg import solve_continuous_lyapunov, solve_discrete_lyapunov
 
     symmetric = (right + right.T) / 2.0
-    if plant.is_discrete:
-        Z = solve_discrete_lyapunov(math.sqrt(plant.discount) * F.T, symmetric)
-    else:
-        Z = solve_continuous_lyapunov(F.T, -symmetric)
+    with warnings.catch_warnings(action="ignore"):  # of a loop near the edge of stability
+        if plant.is_discrete:
+            Z = solve_discrete_lyapunov(math.sqrt(plant.discount) * F.T, symmetric)
+        else:
+            Z = solve_continuous_lyapunov(F.T, -symmetric)
     return np.asarray(Z + Z.T) / 2.0

@@ -102,7 +102,7 @@ def read_block(name: str, text: Any) -> Block:
         raise BadInputError(f"{name} is empty; paste its numbers")
     if rows[0][0] == "diag":
         diagonal = [number for row in rows for number in row][1:]
-        rows = [["0"] * len(diagonal) for _ in diagonal]
+        rows = [["0" for _ in diagonal] for _ in diagonal]
         for index, number in enumerate(diagonal):
             rows[index][index] = number
         if not rows:
@@ -194,13 +194,13 @@ def _scalar(name: str, block: Block) -> float:
 
 
 def _completed(typed: dict[str, Block]) -> str:
-    """One number for Q or R of several rows becomes that number times the identity; how, in words."""
+    """One number for Q or R of several rows becomes a diagonal of it; how, in words."""
     readings = []
     for name, size in (("Q", len(typed["A"].values)), ("R", typed["B"].values.shape[1])):
         block = typed[name]
         if block.values.size == 1 and size > 1:
             number = block.texts[0][0]
-            typed[name] = read_block(name, "diag" + f" {number}" * size)
+            typed[name] = read_block(name, " ".join(["diag", *([number] * size)]))
             readings.append(f"{name} is one number where {size} x {size} are needed")
     return "; ".join(readings)
 

@@ -57,38 +57,38 @@ class PrintedVerdict(Reported):
     """What the digits of a printed answer say.
 
     file: what was judged
-    found: its class, the comparison and the search
+    classified: its class, the comparison and the search
     cost_lost: percent, of a close answer; else nan
     """
 
     file: PrintedFile
-    found: Classified
+    classified: Classified
     cost_lost: float
 
     def holds(self, limit_cost: float | None = None) -> bool:
         """As printed, cut off, or close and costing no more than the limit, percent."""
-        if self.found.name == "close":
+        if self.classified.name == "close":
             return limit_cost is not None and self.cost_lost <= limit_cost
-        return self.found.name in ("as printed", "cut off")
+        return self.classified.name in ("as printed", "cut off")
 
     def data(self, limit_cost: float | None = None) -> PrintedData:
         """As data."""
-        comparison = self.found.comparison
+        comparison = self.classified.comparison
         others = [
             {
-                "entry": str(entry.place),
+                "entry": str(entry.position),
                 "typed": entry.typed,
                 "value": entry.value,
                 "lowest": entry.lowest,
                 "highest": entry.highest,
                 "slip": entry.slip,
             }
-            for entry in self.found.changed
+            for entry in self.classified.changed
         ]
         return PrintedData(
             ok=self.holds(limit_cost),
-            verdict=self.found.name,
-            reason=self.found.reason,
+            verdict=self.classified.name,
+            reason=self.classified.reason,
             title=self.file.title,
             relative_error=comparison.relative_error,
             cost_lost_percent=self.cost_lost,
@@ -98,8 +98,8 @@ class PrintedVerdict(Reported):
 
     def report(self, limit_cost: float | None = None) -> Report:
         """The class in the first line, then the entries that are farthest off."""
-        comparison = self.found.comparison
-        line = f"{self.found.name}: {self.found.reason}"
+        comparison = self.classified.comparison
+        line = f"{self.classified.name}: {self.classified.reason}"
         if not math.isnan(self.cost_lost):
             line += f", cost lost {self.cost_lost:.2g} %"
         rows = _rows(comparison)
@@ -107,14 +107,14 @@ class PrintedVerdict(Reported):
         shown = []
         for index in sorted(nearest):
             _, _, _, printed, exact, _, off = rows[index]
-            place = str(comparison.places[index])
-            shown.append((place, f"{printed:.12g}", f"{exact:.12g}", f"{off:.3g}"))
+            position = str(comparison.positions[index])
+            shown.append((position, f"{printed:.12g}", f"{exact:.12g}", f"{off:.3g}"))
         parts: list[Any] = [f"{self.file.title}: consistent with its digits is at most 1 half unit"]
         if self.file.assumption:
             parts.append(self.file.assumption)
-        for entry in self.found.changed:
+        for entry in self.classified.changed:
             interval = f"{entry.lowest:.8g} to {entry.highest:.8g}"
-            parts.append(f"{entry.place} in {interval} makes every printed digit right")
+            parts.append(f"{entry.position} in {interval} makes every printed digit right")
         parts.append(Table(("entry", "printed", "exact", "half units off"), shown))
         if len(rows) > _ENTRIES:
             parts.append(
@@ -137,11 +137,11 @@ def check_printed(path: Path) -> PrintedVerdict:
     BadInputError for a file that cannot be read; NoSolutionError where the plant as typed has no
     certified answer."""
     file = load_printed(path)
-    found = classify(file)
+    classified = classify(file)
     cost_lost = math.nan
-    if found.name == "close":
+    if classified.name == "close":
         cost_lost = _cost_lost(file)
-    return PrintedVerdict(file, found, cost_lost)
+    return PrintedVerdict(file, classified, cost_lost)
 
 
 def _cost_lost(file: PrintedFile) -> float:
@@ -176,12 +176,12 @@ def _printed_gain(file: PrintedFile) -> np.ndarray:
 def _rows(comparison: Comparison) -> list[tuple[Any, ...]]:
     """Block, row and column from 1, printed, exact, half unit, half units off."""
     rows = []
-    for index, place in enumerate(comparison.places):
+    for index, position in enumerate(comparison.positions):
         rows.append(
             (
-                place.block,
-                place.row + 1,
-                place.column + 1,
+                position.block,
+                position.row + 1,
+                position.column + 1,
                 float(comparison.printed[index]),
                 float(comparison.exact[index]),
                 float(comparison.half_units[index]),

@@ -139,26 +139,26 @@ def small_case(decimals=5):
 
 def test_all_digits_right(verdict_of):
     verdict = verdict_of(DIESEL)
-    assert verdict.found.name == "as printed"
+    assert verdict.classified.name == "as printed"
     assert verdict.holds()
-    comparison = verdict.found.comparison
-    index = [str(place) for place in comparison.places].index("P12")
+    comparison = verdict.classified.comparison
+    index = [str(position) for position in comparison.positions].index("P12")
     assert comparison.errors[index] == pytest.approx(0.99, abs=0.01)
 
 
 def test_digits_cut_off(verdict_of):
-    assert verdict_of(INTEGRATOR).found.name == "cut off"
+    assert verdict_of(INTEGRATOR).classified.name == "cut off"
 
 
 def test_a_digit_dropped_in_the_plant_is_named(verdict_of):
     verdict = verdict_of(MULTIPLAYER)
-    assert verdict.found.name == "the answer belongs to another plant"
+    assert verdict.classified.name == "the answer belongs to another plant"
     assert not verdict.holds(limit_cost=100.0)
-    (entry,) = verdict.found.changed
+    (entry,) = verdict.classified.changed
     assert str(entry) == "A21 = 0.0741349, not 0.074349 (a digit is missing)"
     assert entry.lowest == pytest.approx(0.0741338, abs=1e-7)
     assert entry.highest == pytest.approx(0.0741351, abs=1e-7)
-    assert verdict.found.comparison.errors.max() == pytest.approx(131.0, abs=0.5)
+    assert verdict.classified.comparison.errors.max() == pytest.approx(131.0, abs=0.5)
 
 
 @pytest.mark.parametrize(
@@ -172,26 +172,26 @@ def test_a_digit_dropped_in_the_plant_is_named(verdict_of):
 )
 def test_a_planted_slip_is_named(verdict_of, right, typed, name):
     verdict = verdict_of(small_case().replace(right, typed, 1))
-    assert verdict.found.name == "the answer belongs to another plant"
-    (entry,) = verdict.found.changed
-    assert str(entry.place) == name
+    assert verdict.classified.name == "the answer belongs to another plant"
+    (entry,) = verdict.classified.changed
+    assert str(entry.position) == name
     assert float(entry.value) == float(right)
 
 
 def test_one_entry_of_the_answer(verdict_of):
     verdict = verdict_of(DIESEL.replace("24.8446", "24.8464"))
-    assert verdict.found.name == "one entry of the answer"
-    assert verdict.found.reason == "K14 is printed 24.8464, exact 24.84458622"
+    assert verdict.classified.name == "one entry of the answer"
+    assert verdict.classified.reason == "K14 is printed 24.8464, exact 24.84458622"
 
 
 def test_a_mirrored_pair_is_one_entry_of_the_answer(verdict_of):
     verdict = verdict_of(DIESEL.replace("97.3265", "97.3256"))
-    assert verdict.found.name == "one entry of the answer"
+    assert verdict.classified.name == "one entry of the answer"
 
 
 @pytest.mark.parametrize("decimals", [2, 4, 8, 15])
 def test_a_right_answer_is_as_printed_at_any_number_of_digits(verdict_of, decimals):
-    assert verdict_of(small_case(decimals)).found.name == "as printed"
+    assert verdict_of(small_case(decimals)).classified.name == "as printed"
 
 
 def test_a_learned_answer_is_close_and_accuses_nobody(verdict_of):
@@ -201,8 +201,8 @@ def test_a_learned_answer_is_close_and_accuses_nobody(verdict_of):
     text = text.replace(f'K = "{block}"', f'K = "{printed(moved, 4)}"')
     text = re.sub(r'P = ".*"\n', "", text)
     verdict = verdict_of(text)
-    assert verdict.found.name == "close"
-    assert verdict.found.changed == ()
+    assert verdict.classified.name == "close"
+    assert verdict.classified.changed == ()
     assert 0.0 < verdict.cost_lost < 0.01
     assert not verdict.holds()
     assert verdict.holds(limit_cost=0.01)
@@ -210,13 +210,13 @@ def test_a_learned_answer_is_close_and_accuses_nobody(verdict_of):
 
 def test_rounding_of_the_plant_decides_nothing(verdict_of):
     text = small_case(6).replace("0.8223", "0.82", 1).replace("-1.0774", "-1.08", 1)
-    assert verdict_of("plant_rounded = true\n" + text).found.name == "not decided"
-    assert verdict_of(text).found.name == "wrong"
+    assert verdict_of("plant_rounded = true\n" + text).classified.name == "not decided"
+    assert verdict_of(text).classified.name == "wrong"
 
 
 def test_an_answer_of_nothing_cannot_be_told(verdict_of):
     text = re.sub(r'P = ".*"\nK = ".*"', 'K = "71.123 -38.71"', small_case())
-    assert verdict_of(text).found.name == "cannot tell"
+    assert verdict_of(text).classified.name == "cannot tell"
 
 
 def test_the_opposite_sign_of_a_gain_is_a_known_mistake(verdict_of):
@@ -224,10 +224,10 @@ def test_the_opposite_sign_of_a_gain_is_a_known_mistake(verdict_of):
     gain = read_block("K", re.search(r'K = "(.*)"', text)[1])
     opposite = re.sub(r'K = ".*"', f'K = "{printed(-gain.values, 5)}"', text)
     verdict = verdict_of(opposite)
-    assert verdict.found.name == "wrong"
-    assert verdict.found.reason == "K has the opposite sign"
+    assert verdict.classified.name == "wrong"
+    assert verdict.classified.reason == "K has the opposite sign"
     declared = opposite + 'K_sign = "u = K x"\n'
-    assert verdict_of(declared).found.name == "as printed"
+    assert verdict_of(declared).classified.name == "as printed"
 
 
 @pytest.mark.parametrize("is_discrete", [False, True])
