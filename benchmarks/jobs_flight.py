@@ -158,7 +158,10 @@ def rows(quick: bool = False) -> list[Row]:
     steps = 2000 if quick else STEPS
     by_hand = c_flight(case, steps)
     timing = in_turn(lambda: case.fly(True, steps), by_hand, repeats=5)
-    remark = f"largest relative difference of the two histories {difference(case.fly(True, steps), by_hand()):.1e}"
+    remark = (
+        "largest relative difference of the two histories"
+        f" {difference(case.fly(True, steps), by_hand()):.1e}"
+    )
     return [
         Row(
             "20 s of flight, critic learning, generated C",

@@ -115,7 +115,10 @@ def _monte_carlo(quick: bool) -> Row:
     job = (
         f"Monte Carlo of that flight (errors, noise, turbulence) on {workers} processes, per member"
     )
-    remark = f"{timing.ratio / cores:.2f} of {cores} cores, {members} members a run with the start of the processes"
+    remark = (
+        f"{timing.ratio / cores:.2f} of {cores} cores, {members} members a run with the start of"
+        " the processes"
+    )
     return Row(job, "the members one by one", timing, _EFFICIENCY * cores, remark)
 
 

@@ -1,4 +1,5 @@
-"""How the aircraft is controlled: the game, the critics that learn its value, and the simulated closed loop."""
+"""How the aircraft is controlled: the game, the critics that learn its value, and the simulated
+closed loop."""
 
 from .critic.critic_file import critic_in as critic_in, critics_over_time as critics_over_time
 from .flight.actuators import ActuatorBank as ActuatorBank, ActuatorFault as ActuatorFault

@@ -1,4 +1,5 @@
-"""Trims, exact linear models and games of aircraft, and critics checked against the exact solution."""
+"""Trims, exact linear models and games of aircraft, and critics checked against the exact
+solution."""
 
 from controller.critic.critic import (
     from_gain as from_gain,

@@ -43,7 +43,9 @@ GROUPS = {
             "linearize": "exact linear model A, B at a trim, with modes, offsets and bands",
             "sweep": "trims and linear models over a grid, modes tracked",
             "regenerate": "regenerate both printed pairs (A, B) and compare them entry by entry",
-            "report": "the main job on one page: trims, models, games, critics over the dihedral angle",
+            "report": (
+                "the main job on one page: trims, models, games, critics over the dihedral angle"
+            ),
         },
     ),
     "critic": (
@@ -64,7 +66,9 @@ GROUPS = {
     "proof": (
         "hfa prove schedule --dihedral 14:15",
         {
-            "prove": "schedules, solutions, critics, models, proved in ball arithmetic at every angle",
+            "prove": (
+                "schedules, solutions, critics, models, proved in ball arithmetic at every angle"
+            ),
         },
     ),
     "exchange": (
@@ -272,8 +276,10 @@ def overview() -> Parser:
     parser = Parser(
         prog="hfa",
         usage="hfa [--version] command ...  (hfa command --help)",
-        description="Trims, linear models, games, flights and proofs; "
-        "critics checked against the exact solution.",
+        description=(
+            "Trims, linear models, games, flights and proofs; "
+            "critics checked against the exact solution."
+        ),
         epilog="\n\n".join(
             f"{group}, for example {example}\n"
             + "\n".join(f"  {name:<12}{text}" for name, text in commands.items())

@@ -104,6 +104,7 @@ def from_control(
         raise BadInputError(f"{name} depends on time; make what it does over time an input")
     if model.layout.has_nan:
         raise BadInputError(
-            f"{name} cannot be traced: float or math makes numbers of symbols; use NumPy's functions"
+            f"{name} cannot be traced: float or math makes numbers of symbols; use NumPy's"
+            " functions"
         )
     return model

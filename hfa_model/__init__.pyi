@@ -1,4 +1,5 @@
-"""The aircraft: three rigid panels on two hinges, seven states, five inputs, written symbolically."""
+"""The aircraft: three rigid panels on two hinges, seven states, five inputs, written
+symbolically."""
 
 from .choice import aircraft as aircraft
 from .declaration import (

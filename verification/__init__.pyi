@@ -1,4 +1,5 @@
-"""Is it true: the exact game solution with its certificate, and everything that is checked against it."""
+"""Is it true: the exact game solution with its certificate, and everything that is checked against
+it."""
 
 from .critic.critic_check import (
     Scope as Scope,

@@ -1,5 +1,5 @@
-"""The aircraft as C: its equations of motion, a trim, the linear model and a policy about it, with a
-loop of 100 Hz as an example."""
+"""The aircraft as C: its equations of motion, a trim, the linear model and a policy about it, with
+a loop of 100 Hz as an example."""
 
 from __future__ import annotations
 

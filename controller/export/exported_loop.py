@@ -1,5 +1,5 @@
-"""Loops for other tools, as data: the aircraft alone or with what sets its inputs, and linear models
-between the points of a sweep.
+"""Loops for other tools, as data: the aircraft alone or with what sets its inputs, and linear
+models between the points of a sweep.
 
 What a simulation works out, commands, references, disturbances and held inputs, an exported loop
 gets as arguments."""

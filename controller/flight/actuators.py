@@ -83,7 +83,8 @@ class ActuatorBank:
                 )
             if not lowest < highest:
                 raise BadInputError(
-                    f"the positions of {name} go from {lowest} to {highest}; give the lower one first"
+                    f"the positions of {name} go from {lowest} to {highest}; give the lower one"
+                    " first"
                 )
         if self.order not in (1, 2):
             raise BadInputError(f"the order of the actuators is {self.order}; it must be 1 or 2")
@@ -154,7 +155,8 @@ class ActuatorBank:
         return states[len(self.lag) :]
 
     def states_rate(self, states: ca.SX, reachable: ca.SX, held: ca.SX) -> ca.SX:
-        """Time derivative of the states. reachable: c, (m,). held: `held_inputs`, () of no fault."""
+        """Time derivative of the states. reachable: c, (m,). held: `held_inputs`, () of no
+        fault."""
         numbers = held if self.faults else ca.SX(ca.DM(self.held_inputs(0.0)))
         bandwidth, damping, effectiveness = ca.vertsplit(numbers, len(self.lag))
         fastest = np.array(self.rate, dtype=float)

@@ -1,4 +1,5 @@
-"""The air of a flight: the names by which models declare it, and the speed at which gusts are met."""
+"""The air of a flight: the names by which models declare it, and the speed at which gusts are
+met."""
 
 from __future__ import annotations
 

@@ -73,8 +73,8 @@ class LinearPlant(Plant):
 
     @classmethod
     def at(cls, model: Model, point: OperatingPoint, winds: Sequence[str] = ()) -> LinearPlant:
-        """What `NonlinearPlant` is to first order: all states of a model, with the exact derivatives
-        at an operating point, those by these disturbances included."""
+        """What `NonlinearPlant` is to first order: all states of a model, with the exact
+        derivatives at an operating point, those by these disturbances included."""
         slopes = model.at(point.states, point.inputs, disturbances=winds)
         return cls(slopes.A, slopes.B, dict(zip(winds, slopes.E.T, strict=True)), point)
 

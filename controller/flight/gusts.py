@@ -119,8 +119,8 @@ class Dryden(Gust):
         low, high = (ticks * self.interval * self.speed for ticks in (SHORTEST, LONGEST))
         if not low <= self.scale <= high:
             raise BadInputError(
-                f"the gust's scale is {self.scale:g} ft; at {self.speed:g} ft/s and ticks of {self.interval:g} s it"
-                f" must lie between {low:.4g} and {high:.4g} ft"
+                f"the gust's scale is {self.scale:g} ft; at {self.speed:g} ft/s and ticks of"
+                f" {self.interval:g} s it must lie between {low:.4g} and {high:.4g} ft"
             )
         if self.seed < 0:
             raise BadInputError(f"the gust's seed is {self.seed}; give a whole number from 0")

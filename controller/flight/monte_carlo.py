@@ -91,7 +91,8 @@ class MonteCarlo(Shown):
                 )
         if self.scenario.samples is not None:
             raise BadInputError(
-                "the scenario of a Monte Carlo is drawn already; give the one that it was drawn from"
+                "the scenario of a Monte Carlo is drawn already; give the one that it was drawn"
+                " from"
             )
         refuse_start(self.envelope, np.array(self.point.states) + self.scenario.initial)
         for name in self.scenario.uncertainty.errors:
@@ -99,7 +100,7 @@ class MonteCarlo(Shown):
                 raise BadInputError(
                     f"{name} is 0, so that a relative error does nothing; leave it out"
                 )
-        self.loop()  # turbulence and gains that cannot be flown are refused here rather than in a worker
+        self.loop()  # what cannot be flown is refused here rather than in a worker
 
     def member(self, number: int) -> Scenario:
         """What happens in one member; turbulence is met at the trimmed speed."""

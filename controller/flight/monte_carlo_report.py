@@ -1,5 +1,5 @@
-"""What became of the members of a Monte Carlo: how many stayed within their limits, and quantiles of
-their errors."""
+"""What became of the members of a Monte Carlo: how many stayed within their limits, and quantiles
+of their errors."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""What acts in a flight: policies as CasADi expressions, with their held inputs and their memory."""
+"""What acts in a flight: policies as CasADi expressions, with their held inputs and their
+memory."""
 
 from __future__ import annotations
 

@@ -50,7 +50,8 @@ class Waveform(Shown):
         ):
             if len(size) != 1 or np.shape(part) != size:
                 raise BadInputError(
-                    f"a waveform has parts of shape {size} and {np.shape(part)}; make them one length"
+                    f"a waveform has parts of shape {size} and {np.shape(part)}; make them one"
+                    " length"
                 )
             if not np.all(np.isfinite(part)):
                 raise BadInputError("a waveform has an entry that is not finite; give numbers")
@@ -122,8 +123,8 @@ class CommandSteps(Shown):
             np.isfinite(self.values)
         ):
             raise BadInputError(
-                f"the commands have values of shape {np.shape(self.values)}; give {len(self.times)} finite rows of"
-                f" {len(self.names)}"
+                f"the commands have values of shape {np.shape(self.values)}; give {len(self.times)}"
+                f" finite rows of {len(self.names)}"
             )
         for name in self.names:
             if self.names.count(name) > 1:

@@ -196,8 +196,8 @@ def lower_discount(
 
 def _not_brought_to_rest(discount: float) -> NoSolutionError:
     return NoSolutionError(
-        f"the discount cannot be lowered below {discount:.6g} 1/s: the policies learned there do not"
-        " bring a mode to rest; check that (A, B) is stabilizable and that Q sees the mode"
+        f"the discount cannot be lowered below {discount:.6g} 1/s: the policies learned there do"
+        " not bring a mode to rest; check that (A, B) is stabilizable and that Q sees the mode"
     )
 
 

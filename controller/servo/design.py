@@ -242,8 +242,8 @@ class Design:
 
 
 def _refuse_names(unknown: str, names: Sequence[str], choices: Sequence[str]) -> None:
-    """BadInputError for a name that is not among the choices, or given twice. unknown: "design NAME:
-    unknown sensor", say."""
+    """BadInputError for a name that is not among the choices, or given twice. unknown: "design
+    NAME: unknown sensor", say."""
     for name in names:
         refuse_unknown(unknown, name, choices)
         if names.count(name) > 1:

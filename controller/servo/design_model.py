@@ -80,7 +80,8 @@ class DesignModel(Shown):
         there, or the design has no game."""
         if self.design.shaping is not None:
             raise BadInputError(
-                f"design {self.design.name} is a loop shaping and has no game; make it with hfa design"
+                f"design {self.design.name} is a loop shaping and has no game; make it with hfa"
+                " design"
             )
         self._check_integrals()
         Q = np.diag([float(self.design.state_weights.get(name, 0.0)) for name in self.states])

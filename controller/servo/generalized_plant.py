@@ -60,12 +60,17 @@ TOLERANCE = 2.5e-7
 _OBSTACLES = (
     (
         "no input reaches the {}, which is not stable; change B2",
-        "z does not show the {}, which does not decay (a zero from u to z on the imaginary axis); let z weigh it",
+        (
+            "z does not show the {}, which does not decay (a zero from u to z on the imaginary"
+            " axis); let z weigh it"
+        ),
     ),
     (
         "the sensors do not see the {}, which is not stable; measure more",
-        "the disturbance does not reach the {}, which does not decay, so its estimate would never settle; "
-        "let the disturbance enter there",
+        (
+            "the disturbance does not reach the {}, which does not decay, so its estimate would"
+            " never settle; let the disturbance enter there"
+        ),
     ),
 )
 
@@ -423,8 +428,8 @@ def _state_feedback(
 def _output_feedback(
     plant: GeneralizedPlant, X: np.ndarray, Y: np.ndarray, delta: float, units: np.ndarray
 ) -> OutputFeedback:
-    """The central controller of solutions X and Y, with the checks of the coupling, its loop and its
-    second derivation; units: (n,), balanced."""
+    """The central controller of solutions X and Y, with the checks of the coupling, its loop and
+    its second derivation; units: (n,), balanced."""
     radius = _radius(X, Y)
     coupling = f"rho(XY) = {radius:.6g} is not below"
     if not radius < delta**2:
@@ -530,7 +535,10 @@ def loop_checks(
     ]
     if math.isfinite(delta):
         kept = abscissa < 0.0 and peak_gain(A, B, C, D, delta) < delta
-        reason = f"the closed loop's gain from disturbance to what is paid for is not below delta = {delta:.6g}"
+        reason = (
+            "the closed loop's gain from disturbance to what is paid for is not below delta ="
+            f" {delta:.6g}"
+        )
         found.append(at_most("gain_above_delta", 0.0 if kept else 1.0, 0.0, reason))
     return tuple(found)
 

@@ -45,8 +45,8 @@ def fly(request: FlyRequest) -> int:
     `--law none --command elevator=1:2,2:-2,3:0` flies a doublet without a law. With gains over the
     scheduling variable a --command of it is followed along its trims. --samples N flies N members:
     --error and --noise are standard deviations, --turbulence is drawn anew; member k is
-    decided by --seed and k alone. Exit code 1 when a state leaves its envelope, an input its control
-    limits, or an oscillation does not decay."""
+    decided by --seed and k alone. Exit code 1 when a state leaves its envelope, an input its
+    control limits, or an oscillation does not decay."""
     if request.samples is not None:
         return _fly_members(request)
     from controller.flight.flight_figure import flight_figure

@@ -106,7 +106,8 @@ class ProveRequest(PlantOptions, OutputOptions):
         rare=True,
     )
     delay: float | None = option(
-        "with --bandwidth: each command is late by up to S seconds, changing at any time; default 0",
+        "with --bandwidth: each command is late by up to S seconds, changing at any time;"
+        " default 0",
         "S",
         _not_negative,
         rare=True,

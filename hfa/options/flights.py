@@ -250,7 +250,8 @@ class ScenarioOptions(LawOptions, TrimOptions):
     )
 
     def scenario(self, point: OperatingPoint) -> Scenario:
-        """The scenario that the options name, about a trim; of members the random quantities of each.
+        """The scenario that the options name, about a trim; of members the random quantities of
+        each.
 
         The tick is 0.01 s, or the longest shorter one of which the delay is a whole number."""
         duration = self.duration

@@ -31,8 +31,8 @@ class EngineFile:
     """An engine with its thruster, as the files describe them.
 
     number: of the engine, from 0.
-    mount: <engine> of the aircraft. engine: turbine_engine, ... thruster: propeller, direct, nozzle.
-    location: of the thruster, inches.
+    mount: <engine> of the aircraft. engine: turbine_engine, ... thruster: propeller, direct,
+        nozzle. location: of the thruster, inches.
     starved: whether no tank feeds it.
     dry_of: the kind of tank that is empty.
     """

@@ -91,7 +91,8 @@ def c_function(
             )
             callee = f"{name}_{inner[0].name()}"
             lines.append(
-                f"{{ const double x[] = {{{given}}}; double y[{len(out)}]; {callee}(x, y); {taken} }}"
+                f"{{ const double x[] = {{{given}}}; double y[{len(out)}]; {callee}(x, y);"
+                f" {taken} }}"
             )
         elif code in _OPERATIONS:
             lines.append(

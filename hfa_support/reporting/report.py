@@ -200,7 +200,10 @@ def html_table(table: Table) -> str:
         + "</tr>"
         for row in table.rows
     )
-    box = f'<div class="table" role="group" tabindex="0" aria-label="table: {_escaped(table.header[0])}">'
+    box = (
+        '<div class="table" role="group" tabindex="0" aria-label="table:'
+        f' {_escaped(table.header[0])}">'
+    )
     return (
         f"{box}<table>\n<thead><tr>{head}</tr></thead>\n<tbody>\n{body}\n</tbody>\n</table></div>"
     )

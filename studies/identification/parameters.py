@@ -40,12 +40,18 @@ ASSUMED: dict[str, tuple[float, str, str]] = {
     "chord": (
         8.0,
         "assumed",
-        "the printed matrices determine area times coefficient only; Gibson et al. 2011, Table 1, has a chord of 8 ft",
+        (
+            "the printed matrices determine area times coefficient only; Gibson et al. 2011, Table"
+            " 1, has a chord of 8 ft"
+        ),
     ),
     "thrust_per_throttle": (
         1.0,
         "assumed",
-        "the printed matrices determine forces per mass; counting throttle in lbf of total thrust fixes the mass scale",
+        (
+            "the printed matrices determine forces per mass; counting throttle in lbf of total"
+            " thrust fixes the mass scale"
+        ),
     ),
     "gravity": (32.2, "print", "A(speed, pitch) is printed as -32.2"),
 }
@@ -123,12 +129,12 @@ class Fit:
     def save(self, path: Path) -> None:
         """Write a parameters file."""
         header = (
-            "The aircraft behind the printed matrices. Written by `python -m studies.identification`; do not edit.\n"
-            f"Sum of squares {self.sum_of_squares:.2f} half units^2 over {self.entries} printed entries "
-            f"(rounding alone gives {self.expected_sum:.1f} on average).\n"
-            "The covariance is that of small errors: sample it in the logarithms of the parameters, as\n"
-            "hfa_model.sample_parameters does. Sampled as a plain Gaussian it spreads entries of A up to 4.8 times "
-            "too far."
+            "The aircraft behind the printed matrices. Written by `python -m"
+            f" studies.identification`; do not edit.\nSum of squares {self.sum_of_squares:.2f} half"
+            f" units^2 over {self.entries} printed entries (rounding alone gives"
+            f" {self.expected_sum:.1f} on average).\nThe covariance is that of small errors: sample"
+            " it in the logarithms of the parameters, as\nhfa_model.sample_parameters does."
+            " Sampled as a plain Gaussian it spreads entries of A up to 4.8 times too far."
         )
         save_parameters(self.parameters, path, header)
 
@@ -169,10 +175,13 @@ class Identification(Reported):
             for each in self.structures
         ]
         return Report(
-            title=f"{len(IDENTIFIED)} parameters identified from {fit.entries} printed entries; "
-            f"{_agreeing(self.starts)} of {len(self.starts)} starts agree\n"
-            f"Sum of squares {fit.sum_of_squares:.2f} half units² (rounding alone gives {fit.expected_sum:.1f} on "
-            f"average), largest difference {fit.largest:.2f} half units",
+            title=(
+                f"{len(IDENTIFIED)} parameters identified from {fit.entries} printed entries;"
+                f" {_agreeing(self.starts)} of {len(self.starts)} starts agree\nSum of squares"
+                f" {fit.sum_of_squares:.2f} half units² (rounding alone gives"
+                f" {fit.expected_sum:.1f} on average), largest difference {fit.largest:.2f} half"
+                " units"
+            ),
             parts=(
                 parameters.table(),
                 entries_table(
@@ -184,9 +193,11 @@ class Identification(Reported):
                         ("singular value", "known to", "combination of relative parameters"),
                         combinations,
                     ),
-                    "Not determined by the print, in combination only: all masses, inertias, hinge constants and force "
-                    "coefficients together\n(fixed by thrust_per_throttle), and chord times the coefficients "
-                    "(fixed by chord).",
+                    (
+                        "Not determined by the print, in combination only: all masses, inertias,"
+                        " hinge constants and force coefficients together\n(fixed by"
+                        " thrust_per_throttle), and chord times the coefficients (fixed by chord)."
+                    ),
                 ),
                 Table(("structure", "sum of squares", "largest, half units"), tried),
             ),
@@ -260,7 +271,8 @@ def identify(seed: int = 0) -> tuple[Fit, list[float]]:
     sums = [one.sum_of_squares for one in fits]
     if 2 * _agreeing(sums) < STARTS:
         raise NoSolutionError(
-            f"only {_agreeing(sums)} of {STARTS} starts of the identification agree; try another --seed"
+            f"only {_agreeing(sums)} of {STARTS} starts of the identification agree; try another"
+            " --seed"
         )
     return fits[int(np.argmin(sums))], sums
 

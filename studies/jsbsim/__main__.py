@@ -113,12 +113,12 @@ def summary(rows: Sequence[dict[str, Any]]) -> str:
     jsbsim = sum(any(point["jsbsim"] for point in points) for points in first)
     small = sum(residual < 1e-9 for residual in residuals)
     return (
-        f"Of {len(rows)} aircraft JSBSim's own trim finds one at {jsbsim}, `hfa` at "
-        f"{count(first, ('level', 'glide'))} ({count(first, ('level',))} in level flight); with "
-        f"{len(LIFTS)} speeds of their own (lift coefficients {', '.join(map(str, LIFTS))}) at "
-        f"{count(own_points, ('level', 'glide'))} ({count(own_points, ('level',))} level). "
-        f"Of {len(residuals)} trims that were measured in JSBSim, {small} leave accelerations below "
-        "1e-9 ft/s² and rad/s²."
+        f"Of {len(rows)} aircraft JSBSim's own trim finds one at {jsbsim}, `hfa` at"
+        f" {count(first, ('level', 'glide'))} ({count(first, ('level',))} in level flight); with"
+        f" {len(LIFTS)} speeds of their own (lift coefficients {', '.join(map(str, LIFTS))}) at"
+        f" {count(own_points, ('level', 'glide'))} ({count(own_points, ('level',))} level). Of"
+        f" {len(residuals)} trims that were measured in JSBSim, {small} leave accelerations below"
+        " 1e-9 ft/s² and rad/s²."
     )
 
 

@@ -93,7 +93,8 @@ def measured(name: str, points: Sequence[Mapping[str, Any]], seconds: float = 60
     """What JSBSim finds at each point, in another process; None for those that it did not reach.
 
     name: of an aircraft of JSBSim.
-    points: {"state": {...}, "commands": {...}}, with "linear": true for A and B too, of `Model` names, or {"trim": {"kcas", "altitude"}}.
+    points: {"state": {...}, "commands": {...}}, with "linear": true for A and B too, of `Model`
+        names, or {"trim": {"kcas", "altitude"}}.
     """
     answers: list[Any] = []
     waiting = list(points)

@@ -48,7 +48,8 @@ def study(name: str) -> dict[str, Any]:
 
 
 def _trimmed(model: Model, held: Mapping[str, float]) -> dict[str, Any]:
-    """Our trim at a condition: level, else in a glide with idle throttle; else why there is none."""
+    """Our trim at a condition: level, else in a glide with idle throttle; else why there is
+    none."""
     gravity = GRAVITY * (RADIUS / (RADIUS + held["altitude"])) ** 2
     flown = model.with_parameters(gravity=gravity)
     condition = release(usual_condition(flown), hold=held)

@@ -52,7 +52,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument(
         "-o", type=Path, default=Path("out/section5"), metavar="FOLDER", help="default: %(default)s"
     )
-    about = "where A and B come from: trimmed and linearized here (default), or the paper's four decimals"
+    about = (
+        "where A and B come from: trimmed and linearized here (default), or the paper's four"
+        " decimals"
+    )
     parser.add_argument("--matrices", choices=MATRICES, default=MATRICES[0], help=about)
     parser.add_argument(
         "--resume", action="store_true", help="keep the sections that are finished in FOLDER"

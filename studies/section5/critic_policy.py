@@ -33,7 +33,8 @@ class CriticPolicy(Policy):
         """Refuse the stack that cannot be flown."""
         if self.law.settings.stack_policies != "frozen":
             raise BadInputError(
-                "the stack's policies are re-evaluated; a flight needs those stored with the samples"
+                "the stack's policies are re-evaluated; a flight needs those stored with the"
+                " samples"
             )
 
     def control(self, t: ca.SX, measurements: Measurements, memory: ca.SX, held: ca.SX) -> ca.SX:

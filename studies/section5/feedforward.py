@@ -79,8 +79,8 @@ def exosystem_feedforward(game: Game, P: np.ndarray, reference: Exosystem) -> np
     growth = spectrum(reference.omega).abscissa
     if growth >= decay:
         raise BadInputError(
-            f"the reference grows at {growth:.4g} rad/s, the closed loop decays at {decay:.4g} rad/s: "
-            "give a reference that grows more slowly"
+            f"the reference grows at {growth:.4g} rad/s, the closed loop decays at {decay:.4g}"
+            " rad/s: give a reference that grows more slowly"
         )
     return solve_sylvester(loop.T, reference.omega, -P @ reference.forcing(game.A))
 

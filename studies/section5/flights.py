@@ -60,7 +60,9 @@ REWEIGHTED = "exact, alpha reweighted"
 LAWS = {
     PRINTED: "Eq. (46) with the gains of Theorem 1 and W(0) = 100",
     MODIFIED: "Eq. (46) with a stabilizing start, scaled states and gains by hand",
-    CERTIFIED: "u = -K(t) z, the certified law learning in flight; a gentle LQR until K(t) is certified",
+    CERTIFIED: (
+        "u = -K(t) z, the certified law learning in flight; a gentle LQR until K(t) is certified"
+    ),
     CERTIFIED_FF: "the same, with the exact feed-forward from the first certified gain on",
     INTEGRAL: "u = -K(t) z, learned in flight by integral RL from the same gentle LQR",
     EXACT: "u = -K z with the exact solution of the game",

@@ -92,7 +92,8 @@ def main() -> None:
     ).parse_args()
     angles = (0.0, 5.0, 11.0, 15.0, 20.0)
     print(
-        "servo, designed on, angle, flown on: 1/s, disk margin of the worst actuator, of order 1 and 2"
+        "servo, designed on, angle, flown on: 1/s, disk margin of the worst actuator, of order 1"
+        " and 2"
     )
     for name, of in (("servo", "published"), ("servo", "newton"), ("simvfa-1", "published")):
         design = load_design(name, hfa_model.aircraft()) if name == "servo" else simvfa_design(name)

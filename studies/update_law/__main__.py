@@ -22,7 +22,10 @@ from hfa_support.jsonable import json_text
 from studies.finished import finished, stamped
 from studies.update_law.study import ROWS, SCHEMA, made, planned, references, summed_up
 
-_HEADER = "row,runs,overflow,stabilizing,certified,by rounding,error of P,error of K,settled s,λ₀,largest explicit step s"
+_HEADER = (
+    "row,runs,overflow,stabilizing,certified,by rounding,error of P,error of K,settled s,λ₀,largest"
+    " explicit step s"
+)
 
 
 def main(argv: Sequence[str] | None = None) -> int:

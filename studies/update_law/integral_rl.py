@@ -157,7 +157,8 @@ class IntegralLearning:
         scaled = weights * self.basis.scaling(self.record.scales)
         if self.intervals < self.basis.size:
             raise BadInputError(
-                f"{self.intervals} intervals cannot determine {self.basis.size} weights; record more of them"
+                f"{self.intervals} intervals cannot determine {self.basis.size} weights; record"
+                " more of them"
             )
         refuse_poor(recording.rank(unit_rows(self.record.monomials)), self.basis.size, "the flight")
         return {"weights": scaled, "misfit": np.array(np.inf)}
@@ -187,8 +188,8 @@ class IntegralLearning:
             rows, right = self._least_squares(memory["weights"])
         if not (np.all(np.isfinite(rows)) and np.all(np.isfinite(right))):
             raise NoSolutionError(
-                f"integral learning broke down at iteration {tick + 1}: the policy it evaluates has no value;"
-                " start from weights of a stabilizing policy"
+                f"integral learning broke down at iteration {tick + 1}: the policy it evaluates has"
+                " no value; start from weights of a stabilizing policy"
             )
         weights = np.linalg.lstsq(rows, right, rcond=0.0)[0]
         misfit = np.linalg.norm(rows @ weights - right) / np.linalg.norm(right)

@@ -80,7 +80,8 @@ class PublishedSettings:
                 )
         if self.integrator == "proximal" and self.flight_start:
             raise BadInputError(
-                "flight_start needs integrator 'explicit'; implicit steps learn from the stack alone"
+                "flight_start needs integrator 'explicit'; implicit steps learn from the stack"
+                " alone"
             )
 
 
@@ -412,8 +413,8 @@ class PublishedLaw:
     def _overflow(self, step: int) -> str:
         return (
             f"the published law overflowed at step {step} (t = {step * self.settings.step:.3g} s):"
-            " lambda_0 = {lambda_0:.2g}, alpha1 = {alpha1:.2g}, alpha2 = {alpha2:.2g} ask for an"
-            " explicit step below {explicit_step_limit:.2g} s,".format(**self.facts)
+            " lambda_0 = {lambda_0:.2g}, alpha1 = {alpha1:.2g}, alpha2 = {alpha2:.2g} ask"
+            " for an explicit step below {explicit_step_limit:.2g} s,".format(**self.facts)
             + f" the step is {self.settings.step:g} s; use law 'certified', or give gains"
         )
 

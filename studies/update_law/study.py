@@ -106,19 +106,21 @@ def _reevaluated_alone(box: bool) -> Iterator[Case]:
 ROWS = {
     "theorem gains, explicit": Row(
         lambda: _theorem(("quadratic", "paper", "quadratic+linear"), flight_start=FLIGHT_START),
-        "lambda_0 of a stack on this aircraft is tiny, so alpha1 and alpha2 of Theorem 1 are huge, and the step"
-        " that explicit integration needs is far below the 1e-4 s of the paper.",
+        "lambda_0 of a stack on this aircraft is tiny, so alpha1 and alpha2 of Theorem 1 are huge,"
+        " and the step that explicit integration needs is far below the 1e-4 s of the paper.",
     ),
     "theorem gains, implicit": Row(
         lambda: _theorem(("quadratic", "paper"), NEARBY, integrator="proximal", step=0.05),
-        "The implicit step survives, but W(0) = 100 does not stabilize: frozen policies have no value, and"
-        " re-evaluated ones end at a root of the Riccati equation that is not the stabilizing one, or by accident at"
-        " it: where a run is decided by rounding, another start in the ninth digit of W(0) leads to another root.",
+        "The implicit step survives, but W(0) = 100 does not stabilize: frozen policies have no"
+        " value, and re-evaluated ones end at a root of the Riccati equation that is not the"
+        " stabilizing one, or by accident at it: where a run is decided by rounding, another start"
+        " in the ninth digit of W(0) leads to another root.",
     ),
     "gains by hand, raw, W(0) = 100": Row(
         lambda: _by_hand(coordinates="raw", basis="paper"),
-        "W(0) = 100 does not stabilize; on the 5 degree model it makes a pole of -7.6e4 rad/s that no explicit"
-        " step of 1e-4 s survives, and the flight is lost before the critic has learned.",
+        "W(0) = 100 does not stabilize; on the 5 degree model it makes a pole of -7.6e4 rad/s that"
+        " no explicit step of 1e-4 s survives, and the flight is lost before the critic has"
+        " learned.",
     ),
     "gains by hand, scaled, W(0) = 100": Row(
         lambda: _by_hand(coordinates="scaled", basis="quadratic"),
@@ -126,13 +128,14 @@ ROWS = {
     ),
     "gains by hand, scaled, stabilizing W(0)": Row(
         _by_hand_from_lqr,
-        "A stabilizing start, scaling and gains by hand keep flight and weights bounded; gains that an explicit"
-        " step survives do not move the directions of the small eigenvalues of Sigma within T_w.",
+        "A stabilizing start, scaling and gains by hand keep flight and weights bounded; gains that"
+        " an explicit step survives do not move the directions of the small eigenvalues of Sigma"
+        " within T_w.",
     ),
     "learning alone, frozen, implicit": Row(
         _frozen_alone,
-        "Settles within theta T_w / 2 as the proof of Theorem 1 gives, but at the value of the recorded policies,"
-        " not of the game.",
+        "Settles within theta T_w / 2 as the proof of Theorem 1 gives, but at the value of the"
+        " recorded policies, not of the game.",
     ),
     "learning alone, re-evaluated, implicit": Row(
         lambda: _reevaluated_alone(box=False),
@@ -141,9 +144,9 @@ ROWS = {
     ),
     "learning alone, re-evaluated, implicit, poorer stack": Row(
         lambda: _reevaluated_alone(box=True),
-        "The same from states of an ordinary flight (rates as small as the angles): the ideal case of Theorem 1"
-        " does not occur because the residual is quadratic in the weight error, and Sigma moves: the gains are"
-        " made for the lambda_0 of the start.",
+        "The same from states of an ordinary flight (rates as small as the angles): the ideal case"
+        " of Theorem 1 does not occur because the residual is quadratic in the weight error, and"
+        " Sigma moves: the gains are made for the lambda_0 of the start.",
     ),
 }
 
@@ -216,11 +219,12 @@ def made(reference: Reference, case: Case, chosen: PublishedSettings) -> dict[st
         "K_error": relative_error(result.K, exact.K),
         "settled": settled_at(result.times, own, SETTLED * own[0]),
         "last_lambda_0": float(np.linalg.svd(last.regressors, compute_uv=False)[-1] ** 2),
-        "stabilizing": is_hurwitz(game.A - game.S @ result.P)
-        and is_hurwitz(game.A - game.B @ result.K),
-        "certified": check_critic(
-            game, from_weights(game, result.weights[-1], result.basis), run=result
-        ).ok,
+        "stabilizing": (
+            is_hurwitz(game.A - game.S @ result.P) and is_hurwitz(game.A - game.B @ result.K)
+        ),
+        "certified": (
+            check_critic(game, from_weights(game, result.weights[-1], result.basis), run=result).ok
+        ),
     }
     stack["P_errors_nearby"] = [
         relative_error(other.conclude(run(other)).P, exact.P) for other in repeated
@@ -253,11 +257,13 @@ def summed_up(name: str, runs: list[dict[str, Any]]) -> dict[str, Any]:
         "overflow": len(runs) - len(finished),
         "stabilizing": sum(one["stabilizing"] for one in runs),
         "certified": sum(one["certified"] for one in runs),
-        "decided_by_rounding": sum(map(by_rounding, runs))
-        if any(one["P_errors_nearby"] for one in runs)
-        else None,
-        "ranges": {field: _range(field, runs) for field in _AT_START}
-        | {field: _range(field, finished) for field in _AT_END},
+        "decided_by_rounding": (
+            sum(map(by_rounding, runs)) if any(one["P_errors_nearby"] for one in runs) else None
+        ),
+        "ranges": (
+            {field: _range(field, runs) for field in _AT_START}
+            | {field: _range(field, finished) for field in _AT_END}
+        ),
         "runs": runs,
     }
 

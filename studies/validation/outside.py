@@ -147,9 +147,15 @@ class Validation(Checked, Reported):
             for degrees, read, computed in self.fast_roots
         ]
         return Report(
-            title=f"Comparison with the outside, {self.dynamics} dynamics: {'PASS' if self.ok else 'FAIL'}",
+            title=(
+                f"Comparison with the outside, {self.dynamics} dynamics:"
+                f" {'PASS' if self.ok else 'FAIL'}"
+            ),
             parts=(
-                f"Trims and eigenvalues of the released simulation\n{sources['released_simulation']['source']}",
+                (
+                    "Trims and eigenvalues of the released"
+                    f" simulation\n{sources['released_simulation']['source']}"
+                ),
                 Table((*about, "deflection, rad", "thrust, relative", "eigenvalue, 1/s"), trims),
                 f"The third printed model, 10 deg at 30 ft/s\n{sources['qu_2018']['source']}",
                 entries_table("entry", {"": inexact}),

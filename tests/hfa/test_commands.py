@@ -134,7 +134,8 @@ def test_sweep_text_and_json() -> None:
     said = text("sweep", "--dihedral", "0:15:5")
     assert said.startswith("Sweep, published dynamics: 4 of 4 points trimmed\n")
     assert re.search(
-        r"^dihedral deg +short period 1/s +dihedral \(fast\) 1/s +phugoid 1/s +dihedral \(slow\) 1/s$",
+        r"^dihedral deg +short period 1/s +dihedral \(fast\) 1/s +phugoid 1/s +dihedral \(slow\)"
+        r" 1/s$",
         said,
         re.M,
     )

@@ -269,8 +269,8 @@ def test_a_design_becomes_a_file_that_prints_the_same_table() -> None:
     assert again.out.split("\n\n")[:-1] == table
     assert "simvfa-1.toml: state feedback, 2 states, 2 angles from 9 to 11 deg" in table[0]
     assert (
-        f"Margins of controller {SIMVFA['simvfa-1']}, published dynamics: PASS, 12 of 12 loops stable"
-        in made.out
+        f"Margins of controller {SIMVFA['simvfa-1']}, published dynamics: PASS, 12 of 12 loops"
+        " stable" in made.out
     )
     controller = load_controller("servo.npz", hfa_model.aircraft())
     assert controller.about["provenance"]["command"].startswith(

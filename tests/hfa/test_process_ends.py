@@ -129,9 +129,9 @@ def result_of(folder: Path) -> dict[str, Any]:
     folders = {"temporary", "session"}
     files = [path for path in files if path not in killed and not {*path.parts} & folders]
     return {
-        str(path.relative_to(folder)): _plain(json.loads(path.read_bytes()))
-        if path.suffix == ".json"
-        else path.read_bytes()
+        str(path.relative_to(folder)): (
+            _plain(json.loads(path.read_bytes())) if path.suffix == ".json" else path.read_bytes()
+        )
         for path in files
     }
 
@@ -258,7 +258,10 @@ def test_warnings_are_notes_of_a_result_and_nothing_before_a_refusal(
 
     monkeypatch.setattr(game, "solve", game.solve._replace(run=warning))
     result = hfa("solve", "--model", str(tmp_path / "plant.json"))
-    notes = "hfa: note: two chunks were damaged\nhfa: note: while computing: overflow in multiply; check the result\n"
+    notes = (
+        "hfa: note: two chunks were damaged\nhfa: note: while computing: overflow in multiply;"
+        " check the result\n"
+    )
     assert (result.code, result.out, result.err) == (plain.code, plain.out, plain.err + notes)
     assert hfa("solve", "--quiet", "--model", str(tmp_path / "plant.json")).err == ""
 

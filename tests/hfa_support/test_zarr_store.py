@@ -26,8 +26,8 @@ NAN = float("nan")
 
 
 def numbers(start: int, stop: int) -> Mapping[str, np.ndarray]:
-    """`empty` holds nothing but fill values; `pole` is nan+0j in the rows of chunk 1, as where there
-    is no trim."""
+    """`empty` holds nothing but fill values; `pole` is nan+0j in the rows of chunk 1, as where
+    there is no trim."""
     count = np.arange(start, stop, dtype=float)
     pole = count * (1 + 2j)
     pole[(count >= 3) & (count < 6)] = complex(NAN, 0.0)

@@ -82,7 +82,8 @@ def test_every_start_ends_certified_at_the_exact_solution_in_time(name: str, sta
     assert wrong == []
     if starts == 1000:
         print(
-            f"{name}: eP {largest[0]:.0e}, eK {largest[1]:.0e}, {stabilizing} stabilizing, settled at {latest:.2g} s"
+            f"{name}: eP {largest[0]:.0e}, eK {largest[1]:.0e}, {stabilizing} stabilizing, settled"
+            f" at {latest:.2g} s"
         )
         assert f"| {name} | {SIZES[name][0]} | {SIZES[name][1]} | {starts} of {starts} |" in (
             ROOT / "docs" / "servo.md"

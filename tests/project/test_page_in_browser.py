@@ -61,7 +61,10 @@ _OFF_AXIS = """return Math.max(...[...document.querySelectorAll('.plot')].map((b
 _VERDICTS_RIGHT = """const table = document.querySelector('.first table');
     return table.getBoundingClientRect().right > table.parentElement.getBoundingClientRect().right + 1
       ? Infinity : table.getBoundingClientRect().right"""
-_TEXTS = "return [...document.querySelectorAll('#plot-trim-1 .textpoint text')].map((text) => text.textContent)"
+_TEXTS = (
+    "return [...document.querySelectorAll('#plot-trim-1 .textpoint text')].map((text) =>"
+    " text.textContent)"
+)
 
 
 #: No window, no network, nothing kept from another start.

@@ -189,10 +189,16 @@ LINES = (
     "solve --dihedral 15 --design paper -o a.mat",
     "verify --dihedral 15 --law certified --seed 3 --limit-error 0.1 --limit-cost 5",
     "learn --dihedral 15 --law certified --set predefined_time=2 -o a.npz",
-    "fly --dihedral 15 --duration 0.02 --initial speed=1 --gust 25:3:0 --turbulence 1:500 --noise alpha=0.1",
+    (
+        "fly --dihedral 15 --duration 0.02 --initial speed=1 --gust 25:3:0 --turbulence 1:500"
+        " --noise alpha=0.1"
+    ),
     "fly --dihedral 15 --duration 0.02 --actuators 0.1:60:2 --fault 0.5:1:0 --error panel_mass=1.1",
     "map --dihedral 15 --envelope alpha=-5:15",
-    "fly --dihedral 15 --samples 3 --duration 0.02 --error panel_mass=0.1 --noise alpha=0.1 -o a.zarr",
+    (
+        "fly --dihedral 15 --samples 3 --duration 0.02 --error panel_mass=0.1 --noise alpha=0.1 -o"
+        " a.zarr"
+    ),
     "prove solution --dihedral 15",
     "prove --check a.json",
     "prove models --dihedral 10:10.1 --limit-error 0.01 -o a.npz",

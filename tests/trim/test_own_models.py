@@ -425,8 +425,12 @@ FAULTS = {
     "A = 3": "holds 3, not a Model, under A; define a Model",
     "B = 3": "has no name A; define a Model",
     "1 / 0": "ZeroDivisionError: division by zero; correct the file",
-    "import hfa_support as s; A = s.Model('a', {'x': s.Signal(nominal=0)}, {}, None)": "nominal and rate positive",
-    "import hfa_support as s; A = s.Model('a', {'x': s.Signal()}, {'x': s.Signal()}, None)": "x is declared twice",
+    "import hfa_support as s; A = s.Model('a', {'x': s.Signal(nominal=0)}, {}, None)": (
+        "nominal and rate positive"
+    ),
+    "import hfa_support as s; A = s.Model('a', {'x': s.Signal()}, {'x': s.Signal()}, None)": (
+        "x is declared twice"
+    ),
 }
 
 

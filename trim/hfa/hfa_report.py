@@ -245,9 +245,9 @@ def trim_figure(aircraft: Model, point: OperatingPoint) -> Figure:
     axes.grid(alpha=0.3)
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.18), ncols=3, fontsize=8, frameon=False)
     axes.set_title(
-        f"{point.dynamics} dynamics: {point.status} at dihedral {angle_text(x.dihedral)}, "
-        f"{short_number(x.speed, 'ft/s')} {shown_unit('ft/s')}, {short_number(x.altitude, 'ft')} {length}\n"
-        f"{scale_text(aircraft, scale)}",
+        f"{point.dynamics} dynamics: {point.status} at dihedral {angle_text(x.dihedral)},"
+        f" {short_number(x.speed, 'ft/s')} {shown_unit('ft/s')}, {short_number(x.altitude, 'ft')}"
+        f" {length}\n{scale_text(aircraft, scale)}",
         fontsize=10,
     )
     return figure

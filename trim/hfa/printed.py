@@ -213,7 +213,8 @@ class Bands(ByValue, Reported):
             for name, across in (("A", LINEAR_STATES), ("B", INPUTS))
         ]
         return Report(
-            "Two standard errors of each entry from the rounding of the printed matrices; rad, ft, s",
+            "Two standard errors of each entry from the rounding of the printed matrices; rad,"
+            " ft, s",
             tables,
         )
 

@@ -141,8 +141,8 @@ class OperatingPoint(Reported):
             )
         if self.dynamics != model.name:
             raise BadInputError(
-                f"the operating point was trimmed with {self.dynamics!r} dynamics, the aircraft has {model.name!r}; "
-                "trim it again"
+                f"the operating point was trimmed with {self.dynamics!r} dynamics, the aircraft has"
+                f" {model.name!r}; trim it again"
             )
 
     def _scale(self, equation: str) -> float:

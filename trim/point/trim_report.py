@@ -45,9 +45,11 @@ class TrimData(Result):
     rates_left: rate of each state that the trim does not balance.
     search: equations, unknowns, whether of least effort, number of the start, idle variables, other
         trims found.
-    performance: of the HFA weight, lift coefficient, load factor and so on; of others their outputs.
+    performance: of the HFA weight, lift coefficient, load factor and so on; of others their
+        outputs.
     performance_units: unit of each.
-    status: trimmed or failed; a failed trim has the nearest point within the limits, and exit code 1.
+    status: trimmed or failed; a failed trim has the nearest point within the limits, and exit code
+        1.
     reason: why there is no trim.
     warnings: what to know before trusting the result."""
 

@@ -68,7 +68,10 @@ def test_a_lag_that_the_step_cannot_resolve_is_refused() -> None:
     lag = Input(0.5, *[0.0003] * (M - 1))
     fast = ActuatorBank(lag, LIMITED.lowest, LIMITED.highest, LIMITED.rate)
     fast.refuse_step(0.00075)
-    said = rf"the lag of {INPUTS[1]} is 0\.0003 s; with a step of 0\.001 s it must be at least 0\.0004 s"
+    said = (
+        rf"the lag of {INPUTS[1]} is 0\.0003 s; with a step of 0\.001 s it must be at least"
+        r" 0\.0004 s"
+    )
     with pytest.raises(BadInputError, match=said):
         Scenario(actuators=fast)
     assert Scenario(step=0.0005, actuators=fast).actuators is fast

@@ -27,7 +27,7 @@ pytestmark = pytest.mark.usefixtures("folder")
 
 
 # Plants
-# -----------------------------------------------------------------------------------------------------------
+# --------------------------------------------------------------------------------------------------
 
 
 def test_every_format_gives_the_same_game_and_where_it_comes_from() -> None:
@@ -145,7 +145,10 @@ def test_bad_entries_are_refused_in_one_line(
     assert "\n" not in str(refusal.value)
 
 
-MATLAB_73 = b"MATLAB 7.3 MAT-file, Platform: GLNXA64, Created on: Mon Jan  1 00:00:00 2024 HDF5 schema 1.00 ."
+MATLAB_73 = (
+    b"MATLAB 7.3 MAT-file, Platform: GLNXA64, Created on: Mon Jan  1 00:00:00 2024 HDF5 schema"
+    b" 1.00 ."
+)
 VERSION_73 = b"\x00" * 8 + b"\x00\x02IM" + b"\x89HDF\r\n\x1a\n" + b"\x00" * 500
 
 

@@ -57,7 +57,10 @@ def test_provenance_changes_with_every_file(tmp_path):
         ),
         (
             "<FDM_CONFIG NAME='old'/>",
-            r"glider.xml:1: <FDM_CONFIG> is no aircraft of JSBSim; its files begin with <fdm_config>",
+            (
+                r"glider.xml:1: <FDM_CONFIG> is no aircraft of JSBSim; its files begin with"
+                r" <fdm_config>"
+            ),
         ),
         ("<fdm_config/>", r"glider.xml: the aircraft has no <metrics>; add it"),
         (
@@ -119,8 +122,10 @@ def test_provenance_changes_with_every_file(tmp_path):
         ),
         (
             glider(
-                more="<propulsion> <engine> <rotor_engine/> <thruster> <rotor/> </thruster> "
-                "</engine> </propulsion>"
+                more=(
+                    "<propulsion> <engine> <rotor_engine/> <thruster> <rotor/> </thruster> "
+                    "</engine> </propulsion>"
+                )
             ),
             r"glider.xml:\d+: <rotor_engine> is not read; engines: turbine_engine,",
         ),
@@ -159,34 +164,50 @@ def test_a_second_axis_of_one_name_replaces_the_first(tmp_path):
     ("component", "positions"),
     [
         (
-            '<aerosurface_scale name="e"> <input>fcs/elevator-cmd-norm</input> <range> <min>-0.4</min> '
-            "<max>0.2</max> </range> <output>fcs/elevator-pos-rad</output> </aerosurface_scale>",
+            (
+                '<aerosurface_scale name="e"> <input>fcs/elevator-cmd-norm</input> <range>'
+                " <min>-0.4</min> <max>0.2</max> </range> <output>fcs/elevator-pos-rad</output>"
+                " </aerosurface_scale>"
+            ),
             {-1.0: -0.4, -0.5: -0.2, 0.0: 0.0, 0.5: 0.1, 1.0: 0.2},
         ),
         (
-            '<summer name="e"> <input>-fcs/elevator-cmd-norm</input> <bias>0.1</bias> <clipto> '
-            "<min>-0.3</min> <max>0.5</max> </clipto> <output>fcs/elevator-pos-rad</output> </summer>",
+            (
+                '<summer name="e"> <input>-fcs/elevator-cmd-norm</input> <bias>0.1</bias> <clipto>'
+                " <min>-0.3</min> <max>0.5</max> </clipto> <output>fcs/elevator-pos-rad</output>"
+                " </summer>"
+            ),
             {-1.0: 0.5, 0.0: 0.1, 1.0: -0.3},
         ),
         (
-            '<kinematic name="e"> <input>fcs/elevator-cmd-norm</input> <traverse> <setting> '
-            "<position>0</position> <time>0</time> </setting> <setting> <position>20</position> "
-            "<time>1</time> </setting> </traverse> <output>fcs/elevator-pos-deg</output> </kinematic>",
+            (
+                '<kinematic name="e"> <input>fcs/elevator-cmd-norm</input> <traverse> <setting>'
+                " <position>0</position> <time>0</time> </setting> <setting>"
+                " <position>20</position> <time>1</time> </setting> </traverse>"
+                " <output>fcs/elevator-pos-deg</output> </kinematic>"
+            ),
             {-1.0: 0.0, 0.5: np.radians(10.0), 1.0: np.radians(20.0)},
         ),
         (
-            '<deadband name="e"> <input>fcs/elevator-cmd-norm</input> <width>0.5</width> '
-            "<gain>0.5</gain> <output>fcs/elevator-pos-rad</output> </deadband>",
+            (
+                '<deadband name="e"> <input>fcs/elevator-cmd-norm</input> <width>0.5</width> '
+                "<gain>0.5</gain> <output>fcs/elevator-pos-rad</output> </deadband>"
+            ),
             {-1.0: -0.375, 0.1: 0.0, 0.75: 0.25},
         ),
         (
-            '<switch name="e"> <default value="0.1"/> <test logic="AND" value="fcs/elevator-cmd-norm"> '
-            "fcs/elevator-cmd-norm gt 0.5 </test> <output>fcs/elevator-pos-rad</output> </switch>",
+            (
+                '<switch name="e"> <default value="0.1"/> <test logic="AND"'
+                ' value="fcs/elevator-cmd-norm"> fcs/elevator-cmd-norm gt 0.5 </test>'
+                " <output>fcs/elevator-pos-rad</output> </switch>"
+            ),
             {0.4: 0.1, 0.6: 0.6},
         ),
         (
-            '<lag_filter name="e"> <input>fcs/elevator-cmd-norm</input> <c1>10</c1> '
-            "<output>fcs/elevator-pos-rad</output> </lag_filter>",
+            (
+                '<lag_filter name="e"> <input>fcs/elevator-cmd-norm</input> <c1>10</c1> '
+                "<output>fcs/elevator-pos-rad</output> </lag_filter>"
+            ),
             {-1.0: -1.0, 0.25: 0.25},
         ),
     ],
@@ -204,8 +225,8 @@ def test_a_component_stands_where_its_input_holds_it(tmp_path, component, positi
 
 def test_the_surface_is_the_input_where_the_stick_acts_through_an_integrator(tmp_path):
     pid = (
-        '<pid name="e"> <input>fcs/elevator-cmd-norm</input> <kp>1</kp> <ki>0.1</ki> '
-        "<clipto> <min>-0.2</min> <max>0.3</max> </clipto> <output>fcs/elevator-pos-rad</output> </pid>"
+        '<pid name="e"> <input>fcs/elevator-cmd-norm</input> <kp>1</kp> <ki>0.1</ki> <clipto>'
+        " <min>-0.2</min> <max>0.3</max> </clipto> <output>fcs/elevator-pos-rad</output> </pid>"
     )
     start = CONTROL.index('  <pure_gain name="Elevator')
     end = CONTROL.index('  <pure_gain name="Aileron')

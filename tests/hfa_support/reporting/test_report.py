@@ -45,16 +45,17 @@ def report(drawn: list[str]) -> Report:
 
 
 def test_text_has_an_empty_line_between_parts_but_not_within_a_block() -> None:
-    assert report([]).text() == (
-        "Title & more\nof it\n\nfirst\n\nInner\n\n"
+    assert (
+        report([]).text() == "Title & more\nof it\n\nfirst\n\nInner\n\n"
         "load      value\nlift <1>    2.5\na|b          10\nbelow the table\n\nNote: take care"
     )
 
 
 def test_markdown_has_headings_and_tables() -> None:
-    assert report([]).markdown() == (
-        "# Title & more\n\nof it\n\nfirst\n\n## Inner\n\n"
-        "| load | value |\n|---|---|\n| lift <1> | 2.5 |\n| a\\|b | 10 |\n\nbelow the table\n\nNote: take care"
+    assert (
+        report([]).markdown()
+        == "# Title & more\n\nof it\n\nfirst\n\n## Inner\n\n| load | value |\n|---|---|\n| lift <1>"
+        " | 2.5 |\n| a\\|b | 10 |\n\nbelow the table\n\nNote: take care"
     )
 
 

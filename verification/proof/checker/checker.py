@@ -164,7 +164,8 @@ def _check(statement: Statement, entries: Fields, progress: Progress | None) -> 
 def check_schedule(
     statement: ScheduleStatement, witness: ScheduleWitness, progress: Progress | None = None
 ) -> int:
-    """Every run has the unstable modes that are claimed, and the motion is stable. Number of boxes."""
+    """Every run has the unstable modes that are claimed, and the motion is stable. Number of
+    boxes."""
     flight = statement.flight
     n = len(flight.model.linear)
     size = loop_size(flight.model, statement.controller, statement.actuators)
@@ -239,7 +240,8 @@ def _cover(boxes: Sequence[Run | TrimBox], low: float, high: float) -> bool:
 def _check_scheduled_rate(
     statement: ScheduleStatement, motion: Motion, progress: Progress | None
 ) -> list[LinearModelBox]:
-    """V' = ζ'(F'P + P F + η' dP/dη) ζ < 0 for both signs of the largest η', hence for all between."""
+    """V' = ζ'(F'P + P F + η' dP/dη) ζ < 0 for both signs of the largest η', hence for all
+    between."""
     flight = statement.flight
     if not _cover([trim for trim, _ in motion.boxes], flight.low, flight.high):
         raise Rejected("the boxes of the motion do not cover the interval")

@@ -24,7 +24,8 @@ from verification.proof.checker.witness import Line, Piece
 
 
 def modes_right_of(A: TaylorModel, line: Line) -> int:
-    """How many eigenvalues of every A lie right of -rate; none lies on it. Rejected unless proved."""
+    """How many eigenvalues of every A lie right of -rate; none lies on it. Rejected unless
+    proved."""
     H = matrix(line.H)
     turn = matrix(line.turn)
     n = A.parts[0].nrows()

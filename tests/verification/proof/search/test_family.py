@@ -1,4 +1,5 @@
-"""Trims and linear models on boxes of scheduling values, and which trims a statement may be about."""
+"""Trims and linear models on boxes of scheduling values, and which trims a statement may be
+about."""
 
 from __future__ import annotations
 
