@@ -22,6 +22,15 @@ STUDIES := $(patsubst studies/%/__main__.py,%,$(wildcard studies/*/__main__.py))
 report: .venv/report
 	$(BIN)/hfa report -o report --claims studies/section5/results/claims.json
 
+# Every stored picture of the documents anew; page.png needs the browser Chromium.
+pictures: .venv/ready
+	$(BIN)/hfa report -o report --claims studies/section5/results/claims.json
+	cp report/regeneration.png report/root_locus.png docs/pictures
+	$(BIN)/hfa verify --dihedral 15 --picture docs/pictures/verify.png
+	$(BIN)/python -c "from benchmarks.report import draw, stored; draw(stored())"
+	chromium --headless --no-sandbox --hide-scrollbars --window-size=1400,900 --virtual-time-budget=10000 \
+		--screenshot=docs/pictures/page.png file://$(CURDIR)/report/report.html
+
 # The documentation as a site of HTML pages; opens without a network.
 docs: .venv/ready
 	$(BIN)/python -m sphinx -W -n -q docs site

@@ -87,9 +87,7 @@ def test_the_pictures_of_the_documents_are_its(made: tuple[Result, Path]) -> Non
         other = imread(made[1] / name)
         assert one.shape == other.shape
         # Another release of the font library moves some edges of letters.
-        assert np.mean(np.abs(one - other) > 0.1) < 0.005, (
-            f"copy report/{name} to docs/pictures after `make report`"
-        )
+        assert np.mean(np.abs(one - other) > 0.1) < 0.005, "run `make pictures`"
 
 
 @pytest.mark.slow

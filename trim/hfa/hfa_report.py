@@ -239,11 +239,15 @@ def trim_figure(aircraft: Model, point: OperatingPoint) -> Figure:
     ):
         axes.plot([], [], color=color, linewidth=2.0, label=name)
     axes.set_aspect("equal")
-    axes.margins(0.08, 0.2)
+    axes.margins(0.02, 0.12)
+    width, height = axes.dataLim.size
+    figure.set_figheight(
+        1.9 + 9.2 * (1.24 * height) / (1.04 * width)
+    )  # no empty space at the sides
     axes.set_xlabel(f"{length}, seen from the front")
     axes.set_ylabel(length)
     axes.grid(alpha=0.3)
-    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.18), ncols=3, fontsize=8, frameon=False)
+    figure.legend(loc="outside upper center", ncols=3, fontsize=8, frameon=False)
     axes.set_title(
         f"{point.dynamics} dynamics: {point.status} at dihedral {angle_text(x.dihedral)},"
         f" {short_number(x.speed, 'ft/s')} {shown_unit('ft/s')}, {short_number(x.altitude, 'ft')}"

@@ -25,6 +25,11 @@ from trim.linear.transfer import (
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+#: A Bode plot of more outputs cannot be read.
+_MOST_PANELS = 6
+#: Eigenvalues below this share of the largest are zero but for rounding: no modes to draw.
+_STILL = 1e-6
+
 
 def transfers(model: LinearModel) -> list[Transfer]:
     """The transfer function of each output and input, outputs first."""
@@ -47,38 +52,73 @@ def zeros_of(model: LinearModel) -> np.ndarray:
 
 
 def bode_figure(model: LinearModel) -> Figure:
-    """Magnitude in dB and phase in degrees, a column an output and a line an input."""
+    """Magnitude in dB above phase in degrees, a panel an output and a line an input.
+
+    At most six outputs that an input reaches are drawn; the others are named below. The frequencies
+    are those of `bode_frequencies`. BadInputError where no input reaches an output."""
+    from matplotlib.ticker import MaxNLocator
+
     if not model.inputs:
         raise BadInputError("the model has no inputs: there is no Bode plot to draw")
-    response = model.frequency_response()
+    response = model.frequency_response(bode_frequencies(model))
     values = np.moveaxis(response.frdata, 2, 0)
-    output_units = model.point.model.units(model.outputs)
     size = np.abs(values)
-    phase = np.degrees(np.unwrap(np.angle(values), axis=0))
     if not size.any():
         raise BadInputError(
             "no chosen input reaches a chosen output: there is no Bode plot to draw"
         )
-    figure = new_figure(max(5.0, 3.4 * len(model.outputs)), 5.6)
-    axes = figure.subplots(2, len(model.outputs), sharex=True, squeeze=False)
-    lines = {}
-    for i, (output, unit) in enumerate(zip(model.outputs, output_units, strict=True)):
-        above, below = axes[:, i]
-        for j, (name, input_unit) in enumerate(zip(model.inputs, model.input_units, strict=True)):
-            if size[:, i, j].max() <= ROUNDING * size.max():
-                continue
+    phase = np.degrees(np.unwrap(np.angle(values), axis=0))
+    reaches = size.max(axis=0) > ROUNDING * size.max()  # (outputs, inputs)
+    reached = np.flatnonzero(reaches.any(axis=1)).tolist()
+    drawn = reached[:_MOST_PANELS]
+    columns = min(len(drawn), 3)
+    lines = -(-len(drawn) // columns)
+    figure = new_figure(max(6.0, 3.6 * columns), 4.6 * lines + 0.6)
+    axes = figure.subplots(
+        2 * lines, columns, sharex=True, squeeze=False, height_ratios=[3, 2] * lines
+    )
+    labels = [f"{name}, {unit}" for name, unit in zip(model.inputs, model.input_units, strict=True)]
+    output_units = model.point.model.units(model.outputs)
+    handles = {}
+    for panel, i in enumerate(drawn):
+        line, column = divmod(panel, columns)
+        above = axes[2 * line, column]
+        below = axes[2 * line + 1, column]
+        for j in np.flatnonzero(reaches[i]).tolist():
             decibels = 20 * np.log10(size[:, i, j])
-            (line,) = above.semilogx(response.omega, decibels, color=f"C{j}")
+            (handles[labels[j]],) = above.semilogx(response.omega, decibels, color=f"C{j}")
             below.semilogx(response.omega, phase[:, i, j], color=f"C{j}")
-            lines[f"{name}, {input_unit}"] = line
-        above.set_title(f"{output}, {unit}", fontsize=9)
+        above.set_title(f"{model.outputs[i]}, {output_units[i]}", fontsize=9)
         above.grid(alpha=0.3)
+        below.yaxis.set_major_locator(MaxNLocator(nbins=5, steps=[1, 1.8, 3.6, 9, 10]))
+        below.tick_params(labelbottom=True)
         below.set_xlabel("rad/s")
         below.grid(alpha=0.3)
-    axes[0, 0].set_ylabel("magnitude, dB")
-    axes[1, 0].set_ylabel("phase, deg")
-    figure.legend([*lines.values()], [*lines], loc="outside upper center", ncols=5, fontsize=8)
+        if column == 0:
+            above.set_ylabel("magnitude, dB")
+            below.set_ylabel("phase, deg")
+    for panel in range(len(drawn), lines * columns):
+        line, column = divmod(panel, columns)
+        axes[2 * line, column].set_axis_off()
+        axes[2 * line + 1, column].set_axis_off()
+    figure.legend([*handles.values()], [*handles], loc="outside upper center", ncols=5, fontsize=8)
+    others = [model.outputs[i] for i in range(len(model.outputs)) if i not in drawn]
+    if others:
+        figure.supxlabel(f"not drawn: {', '.join(others)}", fontsize=8)
     return figure
+
+
+def bode_frequencies(model: LinearModel) -> np.ndarray:
+    """From a tenth of the slowest mode to ten times the fastest, rad per unit of time; dense enough
+    to follow the phase past a lightly damped mode. Without modes 0.01 to 100."""
+    frequencies = np.abs(np.linalg.eigvals(model.A))
+    moving = frequencies[frequencies > _STILL * frequencies.max(initial=0.0)]
+    if not moving.size:
+        return np.geomspace(0.01, 100.0, 401)
+    even = np.geomspace(moving.min() / 10, moving.max() * 10, 401)
+    offsets = np.geomspace(1e-4, 0.2, 40)
+    around = np.concatenate([1.0 - offsets, [1.0], 1.0 + offsets])
+    return np.unique(np.concatenate([even, np.outer(moving, around).ravel()]))
 
 
 def with_transfers(report: Report, model: LinearModel) -> Report:

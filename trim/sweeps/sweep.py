@@ -48,6 +48,9 @@ _SLOW = 0.15
 _LONGEST = 200
 #: Rows that are printed of each end of it, and failures, at most.
 _SHOWN = 20
+#: Of the size of the picture: a longer line of the root locus has an arrow, and values along it.
+_DIRECTED = 0.05
+_LABELLED = 0.2
 #: So many points that were trimmed one by one are told.
 _MANY_SLOW = 20
 
@@ -256,6 +259,7 @@ class Sweep(ByValue, Reported):
             label = name if column == self.mode_names.index(name) else None
             axes.plot(roots.real, roots.imag, style, color=f"C{number}", label=label)
         unit = self.plan.units[-1]
+        self._mark_values(axes, columns)
         for end, marker in zip(np.flatnonzero(self.trimmed)[[0, -1]], "os", strict=True):
             roots = self.eigenvalues[end, columns]
             value = shown_value(self.values[end, -1], unit, ".4g")
@@ -272,6 +276,40 @@ class Sweep(ByValue, Reported):
         axes.set_xlabel(f"real part, 1/{self.model.time_unit}")
         axes.set_ylabel(f"imaginary part, 1/{self.model.time_unit}")
         axes.grid(alpha=0.3)
+
+    def _mark_values(self, axes: Axes, columns: np.ndarray) -> None:
+        """Along each line of the upper half an arrow in the direction of the sweep, and beside a
+        long one some values of the variable."""
+        names = list(dict.fromkeys(self.mode_names))
+        width, height = axes.dataLim.size
+        trimmed = np.flatnonzero(self.trimmed)
+        unit = self.plan.units[-1]
+        for column in np.flatnonzero(columns).tolist():
+            roots = self.eigenvalues[trimmed, column]
+            if len(roots) < 3 or roots.imag.min() < 0:
+                continue
+            length = np.hypot(np.ptp(roots.real) / width, np.ptp(roots.imag) / height)
+            if length < _DIRECTED:
+                continue
+            color = f"C{names.index(self.mode_names[column])}"
+            middle = len(roots) // 2
+            axes.annotate(
+                "",
+                xy=(roots[middle].real, roots[middle].imag),
+                xytext=(roots[middle - 1].real, roots[middle - 1].imag),
+                arrowprops={"arrowstyle": "-|>", "color": color, "shrinkA": 0, "shrinkB": 0},
+            )
+            if length < _LABELLED:
+                continue
+            for i in np.unique(np.linspace(0, len(roots) - 1, 5).round().astype(int))[1:-1]:
+                axes.plot(roots[i].real, roots[i].imag, ".", color=color, markersize=5)
+                axes.annotate(
+                    shown_value(self.values[trimmed[i], -1], unit, ".4g"),
+                    (roots[i].real, roots[i].imag),
+                    xytext=(4, 3),
+                    textcoords="offset points",
+                    fontsize=7,
+                )
 
     def report(self) -> Report:
         """A line a point: the varied values and the eigenvalues of each mode, or why there is no

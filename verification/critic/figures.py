@@ -23,6 +23,8 @@ _FLOOR = 1e-17
 #: Below this an error is rounding, whose size differs from machine to machine: then the axis begins
 #: at `_FLOOR`.
 _ROUNDED = 1e-12
+#: The color scale of relative differences reaches at least so far, so that rounding stays pale.
+_LEAST_DIFFERENCE = 1e-6
 
 
 def verdict_figure(
@@ -119,14 +121,24 @@ def _draw_errors(
 def _heat_map(
     figure: Figure, axes: Axes, title: str, matrix: np.ndarray, size: float | None
 ) -> None:
-    """size: of the color scale; by default, and when it is 0, the largest entry."""
+    """size: of the color scale of a matrix; None for relative differences, whose scale says which
+    of them are rounding."""
     from matplotlib.colors import SymLogNorm
 
-    size = size or float(np.ma.filled(np.abs(matrix), 0.0).max()) or 1.0
-    norm = SymLogNorm(linthresh=size * _LINEAR_SHARE, vmin=-size, vmax=size)
-    image = axes.imshow(matrix, cmap="RdBu_r", norm=norm)
     axes.set_title(title)
-    powers = 10.0 ** (np.floor(np.log10(size)) - np.array([0.0, 1.0, 2.0]))
+    if size is None:
+        largest = float(np.ma.filled(np.abs(matrix), 0.0).max())
+        size = max(largest, _LEAST_DIFFERENCE)
+        linear = _ROUNDED
+        powers = 10.0 ** np.linspace(np.floor(np.log10(size)), np.log10(_ROUNDED), 3)[:2]
+    else:
+        size = size or 1.0
+        linear = size * _LINEAR_SHARE
+        powers = 10.0 ** (np.floor(np.log10(size)) - np.array([0.0, 1.0, 2.0]))
+    norm = SymLogNorm(linthresh=linear, vmin=-size, vmax=size)
+    image = axes.imshow(matrix, cmap="RdBu_r", norm=norm)
     ticks = [*-powers, 0.0, *powers[::-1]]
     bar = figure.colorbar(image, ax=axes, shrink=0.8, ticks=ticks, format="%g")
     bar.ax.minorticks_off()
+    if linear == _ROUNDED:
+        bar.ax.set_yticklabels([f"{tick:.0e}" if tick else "rounding" for tick in ticks])

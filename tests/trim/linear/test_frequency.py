@@ -120,6 +120,25 @@ def test_what_cannot_be_done_is_said() -> None:
         bode_figure(navion)
 
 
+def test_a_bode_plot_holds_every_mode_and_six_outputs_at_most() -> None:
+    point = level_model(hfa_model.aircraft(), 0.2).point
+    states = linearize(hfa_model.aircraft(), point)
+    model = linearize(hfa_model.aircraft(), point, outputs=(*states.states, "gamma"))
+    figure = bode_figure(model)
+    panels = [axes for axes in figure.axes if axes.get_title()]
+    assert [axes.get_title().partition(",")[0] for axes in panels] == list(model.states)
+    assert figure.get_supxlabel() == "not drawn: gamma"
+    frequencies = np.abs(np.linalg.eigvals(model.A))
+    drawn = panels[0].lines[0].get_xdata()
+    assert drawn[0] <= frequencies.min() / 9.9
+    assert drawn[-1] >= frequencies.max() * 9.9
+    # The phugoid is lightly damped: the drawn frequencies follow the phase past it.
+    phugoid = np.sort(frequencies)[1:3].mean()
+    near = np.flatnonzero(np.abs(drawn / phugoid - 1.0) < 0.15)
+    phases = [line.get_ydata()[near] for axes in figure.axes[1::2] for line in axes.lines]
+    assert max(np.abs(np.diff(phase)).max() for phase in phases) < 45.0
+
+
 def test_the_command_shows_what_the_model_has(tmp_path: Path) -> None:
     chosen = "--inputs", "throttle,elevator_center", "--outputs", "gamma,speed"
     words = "linearize", "--dihedral", "10", "--bode", *chosen
