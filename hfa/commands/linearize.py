@@ -117,18 +117,26 @@ def _with_winds(
     outputs: tuple[str, ...],
     kept: tuple[str, ...],
 ) -> LinearModel:
-    """The model of all states with all winds, but none where winds act through states that are not
-    kept."""
+    """The linear model of all states at a point, with the winds of the aircraft as disturbances.
+
+    aircraft: the model
+    point: its trim
+    outputs: of the linear model
+    kept: the states that the user asks for
+
+    Without winds where one of them moves a state that is not kept but acts on one that is: a model
+    of the kept states has no column for that. The HFA always has its winds.
+    """
     winds = tuple(aircraft.disturbances)
     linear = linear_model.linearize(aircraft, point, full=True, outputs=outputs, disturbances=winds)
+    if hfa_model.is_hfa(aircraft):
+        return linear
     rows = [i for i, name in enumerate(linear.states) if name in kept]
-    through = [
-        i
-        for i in range(len(linear.states))
-        if i not in rows and np.any(linear.A[rows, i]) and np.any(linear.E[i])
-    ]
-    if not hfa_model.is_hfa(aircraft) and through:
-        return linear_model.linearize(aircraft, point, full=True, outputs=outputs, disturbances=())
+    for i in range(len(linear.states)):
+        if i not in rows and np.any(linear.A[rows, i]) and np.any(linear.E[i]):
+            return linear_model.linearize(
+                aircraft, point, full=True, outputs=outputs, disturbances=()
+            )
     return linear
 
 

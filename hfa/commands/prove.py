@@ -223,8 +223,14 @@ def _check(request: ProveRequest, certificate: Path) -> int:
 
 
 def _require_same(verified: Verified, request: ProveRequest) -> None:
-    """Bind the certificate to the user's own data: --dihedral, --weights, --delta, --Q, --R must be
-    what it states."""
+    """NoSolutionError unless the data that the user gave beside --check are those of the
+    certificate: --dihedral, --weights, --delta, --Q, --R.
+
+    verified: the certificate's statement
+    request: of the user; an option that was not given is not compared
+
+    BadInputError for an option that the certificate says nothing of.
+    """
     from verification.proof.checker.statement import (
         Flight,
         GameStatement,
@@ -240,28 +246,28 @@ def _require_same(verified: Verified, request: ProveRequest) -> None:
         high = request.at[-1]
         require_same(content.get("flight", {}), {"range": [low, high]}, "--at")
     for name, value in request.changed_weights().items():
-        given = "inf" if name == "delta" and math.isinf(value) else value
-        require_same(content.get("weights", {}), {name: given}, f"--{name}")
+        stored_value = "inf" if name == "delta" and math.isinf(value) else value
+        require_same(content.get("weights", {}), {name: stored_value}, f"--{name}")
     if request.weights is None:
         return
-    what = f"--weights {request.weights}"
+    option_text = f"--weights {request.weights}"
     if isinstance(statement, GameStatement):
         model = statement.plant.model if isinstance(statement.plant, Flight) else None
         parts = _critic_parts(request.weights, model, len(statement.weights.Q))
-        require_same(statement.critic, parts, what)
+        require_same(statement.critic, parts, option_text)
         return
     model = statement.flight.model
     if not isinstance(statement, ScheduleStatement):
         gains = load_gain_schedule(request.weights, model)
-        require_same(content, {"breakpoints": gains.file_breakpoints, "K": gains.gains}, what)
+        table = {"breakpoints": gains.file_breakpoints, "K": gains.gains}
+        require_same(content, table, option_text)
         return
     loop = _loop(request.weights, request, model, _stated_intervals(statement))
-    stated = {"controller": statement.controller, "actuators": statement.actuators}
-    for name, value in {"controller": loop.controller, "actuators": loop.actuators}.items():
-        if value is not None and stated[name] is not None:
-            require_same(vars(stated[name]), vars(value), what)
-        elif value is not stated[name]:
-            raise BadInputError(f"{what}: the certificate has other actuators; give --design")
+    require_same(vars(statement.controller), vars(loop.controller), option_text)
+    if (loop.actuators is None) != (statement.actuators is None):
+        raise BadInputError(f"{option_text}: the certificate has other actuators; give --design")
+    if loop.actuators is not None:
+        require_same(vars(statement.actuators), vars(loop.actuators), option_text)
 
 
 def _stated_intervals(statement: Any) -> Intervals | None:

@@ -70,12 +70,20 @@ def _number(_: str, text: str) -> float:
 
 
 def _command(model: Model, name: str, text: str) -> list[tuple[float, float]]:
-    """(time, value) pairs, increasing."""
+    """The steps of a command, (time in s, value) pairs, times increasing from 0 on.
+
+    model: whose unit the values have
+    name: of the commanded output
+    text: as typed, "TIME:VALUE,TIME:VALUE"
+
+    BadInputError for anything else.
+    """
     pairs = [part.split(":") for part in text.split(",")]
     if any(len(pair) != 2 for pair in pairs):
         raise BadInputError(f"is {text!r}; give {_COMMAND}")
     steps = [(number(time), quantity(model, name, value)) for time, value in pairs]
-    if steps[0][0] < 0.0 or any(late <= early for (early, _), (late, _) in pairwise(steps)):
+    times = [time for time, _ in steps]
+    if times[0] < 0.0 or any(later <= earlier for earlier, later in pairwise(times)):
         raise BadInputError(f"is {text!r}; the times must increase, from 0 on")
     return steps
 

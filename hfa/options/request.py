@@ -53,9 +53,11 @@ class Option:
     aliases: Mapping[str, str] = field(default_factory=dict)
 
     def of(self, model: Model | None, name: str) -> Option:
-        """The same option for a model; None where nothing of it depends on one.
+        """This option for a model: whatever is a function of the model is replaced by its value.
 
-        name: of the field."""
+        model: None for an option that does not depend on one
+        name: of the field, from which the option has its name unless it declares another
+        """
         kind = partial(self.kind.kind, model) if isinstance(self.kind, OfModel) else self.kind
         names = _resolved(self.names, model) or "--" + name.replace("_", "-")
         return Option(

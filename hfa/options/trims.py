@@ -269,40 +269,55 @@ class TrimOptions(HfaOptions):
         return self.model.with_parameters(**self.held_parameters())
 
     def common_condition(self) -> TrimCondition:
-        """What all trims of the options have in common, the scheduling variable apart."""
+        """The condition that all trims of the options share: --condition, or the usual one, changed
+        by --hold, --free, --limit, --glide and --start. The value of the scheduling variable is not
+        in it.
+
+        BadInputError when a variable is named twice, or --condition is a list of points.
+        """
+        self._refuse_doubles()
         model = self.model
-        by = self.model.schedule
         usual = self.condition or usual_condition(model)
-        for name in self.free:
-            if name in self.hold:
-                raise BadInputError(f"{name} is both set free and held; name it once")
-        if self.at is not None:
-            option_name = f"--{called_at(model)}"
-            if by in self.hold:
-                raise BadInputError(
-                    f"{by} is given twice, by {option_name} and by --hold; give it once"
-                )
-            # One value is where the search for a free one begins.
-            if by in self.free and not isinstance(self.at, float):
-                raise BadInputError(
-                    f"{by} is given by {option_name} and set free by --free; leave one of them out"
-                )
         if isinstance(usual, Path):
             raise BadInputError(f"--condition {usual} is a list of points; `hfa sweep` takes it")
-        constant = {
-            name: value if isinstance(value, float) else value[0]
-            for name, value in self.hold.items()
-            if name not in model.parameters and (isinstance(value, float) or self.is_constant(name))
-        }
+        held: dict[str, float] = {}
+        for name, value in self.hold.items():
+            if name in model.parameters:
+                continue
+            if isinstance(value, float):
+                held[name] = value
+            elif self.is_constant(name):
+                held[name] = value[0]
         free = self.free
         if self.glide:
             free = (*free, "gamma")
             if "throttle" in model.inputs:
-                constant["throttle"] = model.inputs["throttle"].min
-        changed = release(usual, free=free, hold=constant, limits=self.limit)
+                held["throttle"] = model.inputs["throttle"].min
+        condition = release(usual, free=free, hold=held, limits=self.limit)
         if isinstance(self.start, Mapping):
-            return replace(changed, begin={**changed.begin, **self.start})
-        return changed
+            return replace(condition, begin={**condition.begin, **self.start})
+        return condition
+
+    def _refuse_doubles(self) -> None:
+        """BadInputError when two of --free, --hold and the option of the scheduling variable name
+        the same variable."""
+        for name in self.free:
+            if name in self.hold:
+                raise BadInputError(f"{name} is both set free and held; name it once")
+        if self.at is None:
+            return
+        variable = self.model.schedule
+        option_name = f"--{called_at(self.model)}"
+        if variable in self.hold:
+            raise BadInputError(
+                f"{variable} is given twice, by {option_name} and by --hold; give it once"
+            )
+        # One value is where the search for a free one begins.
+        if variable in self.free and not isinstance(self.at, float):
+            raise BadInputError(
+                f"{variable} is given by {option_name} and set free by --free;"
+                " leave one of them out"
+            )
 
     def is_constant(self, name: str) -> bool:
         """Whether --hold of a sweep imposes one value on a trim variable; a parameter is always one

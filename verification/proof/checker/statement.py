@@ -557,7 +557,8 @@ def _own_aircraft(dynamics: str) -> Model:
 
 
 def _read_limits(entries: Fields, model: Model) -> dict[str, tuple[float, float]]:
-    """Of every signal that has a limit in the model, and of others if stated."""
+    """The limits of a certificate by signal: of every signal that has a limit in the model, and of
+    others if stated."""
     stated = entries.fields("limits")
     limits = {}
     for name, ends in model.limits.items():
@@ -575,16 +576,27 @@ def _read_orders(entries: Fields, count: int) -> tuple[int, ...]:
 
 
 def _read_runs(entries: Fields, name: str, flight: Flight, size: int) -> tuple[Run, ...]:
-    """Runs that follow each other from the low end to the high end."""
-    rows = entries.array(name, None, 4)
-    runs = tuple(Run(low, high, int(least), int(most)) for low, high, least, most in rows.tolist())
-    require(bool(runs), name)
-    for run, row in zip(runs, rows.tolist(), strict=True):
-        require(row == list(run) and run.low < run.high, name, row)
+    """The runs of a certificate's entry.
+
+    entries: where the entry is
+    name: of the entry, rows [low, high, least, most]
+    flight: from whose low end to whose high end the runs must follow each other without a gap
+    size: how many eigenvalues there are
+
+    Malformed names the entry when its rows are anything else.
+    """
+    runs: list[Run] = []
+    for row in entries.array(name, None, 4).tolist():
+        low, high, least, most = row
+        run = Run(low, high, int(least), int(most))
+        require(row == list(run) and low < high, name, row)
         require(0 <= run.least <= run.most <= size, name, row)
+        runs.append(run)
+    require(bool(runs), name)
     require(runs[0].low == flight.low and runs[-1].high == flight.high, name)
-    require(all(first.high == second.low for first, second in pairwise(runs)), name)
-    return runs
+    for first, second in pairwise(runs):
+        require(first.high == second.low, name)
+    return tuple(runs)
 
 
 def _read_bounds(entries: Fields, name: str, size: int) -> tuple[int, int]:

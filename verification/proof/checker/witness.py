@@ -125,7 +125,14 @@ class Motion:
 
     @classmethod
     def read(cls, entries: Fields, flight: Flight, n: int) -> Motion:
-        """Of a loop with n states."""
+        """The motion of a certificate.
+
+        entries: of the motion
+        flight: whose trims the boxes enclose
+        n: number of states of the loop
+
+        Malformed names the entry that cannot be.
+        """
         breakpoints = entries.increasing("breakpoints")
         P = entries.array("P", len(breakpoints), n, n)
         require(np.array_equal(P, P.transpose(0, 2, 1)), f"{entries.where}: P: not symmetric")

@@ -19,8 +19,12 @@ _DEPENDENT = 1e12
 
 
 def find_line(A: TaylorModel, rate: float = 0.0) -> tuple[int, Line] | None:
-    """How many eigenvalues of every matrix lie right of Re λ = -rate, and what proves it; None when
-    one may lie on the line."""
+    """(count, line): how many eigenvalues of every matrix lie right of Re λ = -rate, and the H that
+    proves it. None when no H does: an eigenvalue may lie on the line.
+
+    A: the matrices, (n, n)
+    rate: 1/s
+    """
     for H, turn in _candidates(A, rate):
         line = Line(H, turn, rate)
         try:
@@ -41,8 +45,12 @@ def lines_beside_the_axis(A: TaylorModel) -> list[Line]:
                 between += [-(first + second) / 2, -(2 * first + second) / 3]
         ends = [1.0 - abscissae[0], -1.0 - abscissae[-1]]
         for rate in sorted([*between, *ends], key=abs):
-            if rate * side > 0.0 and (proof := find_line(A, rate)) is not None:
-                lines.append(proof[1])
+            if rate * side <= 0.0:
+                continue
+            counted = find_line(A, rate)
+            if counted is not None:
+                _, line = counted
+                lines.append(line)
                 break
     return lines
 

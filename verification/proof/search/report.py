@@ -43,7 +43,10 @@ _ERRORS = {
 
 
 def joined(runs: Sequence[tuple[float, float, Found]]) -> list[tuple[float, float, Found]]:
-    """Low, high and what was found there: neighbours of which the same was found are one."""
+    """The runs with neighbours of the same result made one.
+
+    runs: (low, high, result), ascending
+    """
     together: list[tuple[float, float, Found]] = []
     for low, high, result in runs:
         if together and together[-1][1:] == (low, result):
@@ -54,7 +57,10 @@ def joined(runs: Sequence[tuple[float, float, Found]]) -> list[tuple[float, floa
 
 
 def gaps(runs: Sequence[Run], low: float, high: float) -> list[tuple[float, float]]:
-    """What the runs leave of the interval from low to high."""
+    """The intervals (low, high) between `low` and `high` that no run covers, ascending.
+
+    runs: in any order; they may overlap
+    """
     empty = []
     reached = low
     for run in sorted(runs):
@@ -129,7 +135,11 @@ def _not_covered(statement: ScheduleStatement) -> str:
 
 
 def proof_report(statement: Statement, data: Content) -> Report:
-    """Of what the prover found."""
+    """The report of a proof.
+
+    statement: what was proved
+    data: of the report
+    """
     if isinstance(statement, ScheduleStatement):
         moving = {"dihedral_rate_deg_s", "scheduled_rate"} & data.keys()
         title = f"every {_interval(statement.flight)}, {statement.flight.model.title}"
@@ -149,17 +159,53 @@ def _verdict(statement: ScheduleStatement, moving: bool) -> str:
 
 
 def _schedule_parts(statement: ScheduleStatement, moving: bool, data: Content) -> list[Part]:
+    """What is proved of a schedule, refuted and left open: sentences, then a table of the loop's
+    unstable modes and one of those of A.
+
+    statement: of the loop
+    moving: whether a rate of the scheduling variable was asked for
+    data: the report's data, for the number of boxes
+    """
+    flight = statement.flight
+    variable = flight.model.schedule
+    unit = flight.model.schedule_unit
+    stable = all(run.most == 0 for run in statement.loop)
+    parts: list[Part] = ["\n".join(_loop_sentences(statement, stable, data))]
+    if isinstance(statement.actuators, UncertainActuators):
+        parts.append(_actuators_text(statement.actuators, stable))
+    rate = statement.scheduled_rate
+    if rate is not None:
+        parts.append(
+            f"stable while the {variable} moves by at most {rate:.4g} {unit}/s, however it does"
+        )
+    elif moving:
+        interval = f"{flight.low:.10g} to {flight.high:.10g}"
+        parts.append(f"open: a moving {variable} from {interval} {unit}")
+    parts.append(_not_covered(statement))
+    for name, runs in (("loop", statement.loop), ("aircraft A", statement.modes)):
+        heading = (f"{name}: {variable}, {unit}", "unstable modes")
+        parts.append(Table(heading, [(_span(run), _count(run)) for run in runs]))
+    return parts
+
+
+def _loop_sentences(statement: ScheduleStatement, stable: bool, data: Content) -> list[str]:
+    """Where the loop is unstable, open or stable, and how sharp that is.
+
+    statement: of the loop
+    stable: whether no run has an unstable mode, or may have one
+    data: the report's data, for the number of boxes
+    """
     flight = statement.flight
     unit = flight.model.schedule_unit
     every = "angle" if unit == "deg" else flight.model.schedule
-    refuted = [run for run in statement.loop if run.least > 0]
-    still_open = [run for run in statement.loop if run.least == 0 < run.most]
-    stable = not (refuted or still_open)
-    lines = [
-        f"the loop has {_count(run)} unstable modes at every {every} from {_span(run)} {unit}"
-        for run in refuted
-    ]
-    lines += [f"open: the loop from {_span(run)} {unit}" for run in still_open]
+    lines = []
+    for run in statement.loop:
+        if run.least > 0:
+            modes = f"{_count(run)} unstable modes"
+            lines.append(f"the loop has {modes} at every {every} from {_span(run)} {unit}")
+    for run in statement.loop:
+        if run.least == 0 < run.most:
+            lines.append(f"open: the loop from {_span(run)} {unit}")
     if stable:
         what = _what_is_stable(statement)
         lines.append(f"the trim exists within its limits and {what} at every {every}")
@@ -171,26 +217,11 @@ def _schedule_parts(statement: ScheduleStatement, moving: bool, data: Content) -
     if "boxes" in data.get("loop", {}):
         counts = [data[name]["boxes"] for name in ("loop", "modes")]
         lines.append(f"boxes: {counts[0]} for the loop, {counts[1]} for the aircraft's modes")
-    parts: list[Part] = ["\n".join(lines)]
-    if isinstance(statement.actuators, UncertainActuators):
-        parts.append(_actuators_said(statement.actuators, stable))
-    rate = statement.scheduled_rate
-    if rate is not None:
-        parts.append(
-            f"stable while the {flight.model.schedule} moves by at most {rate:.4g} {unit}/s, "
-            "however it does"
-        )
-    elif moving:
-        whole = f"{flight.low:.10g} to {flight.high:.10g}"
-        parts.append(f"open: a moving {flight.model.schedule} from {whole} {unit}")
-    parts.append(_not_covered(statement))
-    for name, runs in (("loop", statement.loop), ("aircraft A", statement.modes)):
-        heading = (f"{name}: {flight.model.schedule}, {unit}", "unstable modes")
-        parts.append(Table(heading, [(_span(run), _count(run)) for run in runs]))
-    return parts
+    return lines
 
 
 def _what_is_stable(statement: ScheduleStatement) -> str:
+    """Of which loop the statement says that it is stable, in words."""
     if statement.actuators is not None:
         return "the loop through the actuators is stable"
     if statement.controller.A.shape[1]:
@@ -198,7 +229,9 @@ def _what_is_stable(statement: ScheduleStatement) -> str:
     return "A - B K is Hurwitz"
 
 
-def _actuators_said(actuators: UncertainActuators, stable: bool) -> str:
+def _actuators_text(actuators: UncertainActuators, stable: bool) -> str:
+    """For which actuators the statement holds; where the loop is not proved stable, for which it
+    was asked."""
     slow, fast = actuators.bandwidth
     least, most = actuators.effectiveness
     return (
@@ -210,33 +243,46 @@ def _actuators_said(actuators: UncertainActuators, stable: bool) -> str:
 
 
 def _span(run: Run) -> str:
+    """Its interval: "5 to 15"."""
     return f"{run.low:.10g} to {run.high:.10g}"
 
 
 def _count(run: Run) -> str:
+    """Its number of unstable modes: "2", or "0 to 2" where only bounds are proved."""
     return str(run.least) if run.least == run.most else f"{run.least} to {run.most}"
 
 
 def game_report(
     data: Content, states: tuple[str, ...] = (), origin: str = "a plant", file: str = "it"
 ) -> Report:
-    """Of a solution the statements one by one and the P that the radius is about, of a critic the
-    distances.
+    """The report of a proof about a game: of its solution the statements one by one and P, of a
+    critic its distances from the solution.
 
-    states: of P
-    origin: whose game it is
-    file: of the critic
+    data: of the proof, with the entry `statement`
+    states: names of the rows of P; () for z1, z2, ...
+    origin: whose game it is, for the title
+    file: of the critic, for the title
     """
     verdict = "Proved" if data.get("proved", True) else "Left open"
     if data["statement"] == "critic":
-        rows = [
-            (name, f"{bounds['at_least']:.6e}", f"{bounds['at_most']:.6e}")
-            for name, bounds in data["distances"].items()
-        ]
-        loop = f"A - B K with this gain: {_hurwitz(data['closed_loop_hurwitz'])}"
-        parts: list[Part] = [Table(("|X - X*| / |X*|", "at least", "at most"), rows), loop]
         title = f"{verdict}: the distance of {file} from the exact solution of the game of {origin}"
-        return Report(title, parts, data=data)
+        return Report(title, _critic_parts(data), data=data)
+    title = f"{verdict}: the solution of the game of {origin}"
+    return Report(title, _solution_parts(data, states), data=data)
+
+
+def _critic_parts(data: Content) -> list[Part]:
+    """Bounds of the distances of a critic, and whether its gain stabilizes."""
+    rows = [
+        (name, f"{bounds['at_least']:.6e}", f"{bounds['at_most']:.6e}")
+        for name, bounds in data["distances"].items()
+    ]
+    loop = f"A - B K with this gain: {_hurwitz(data['closed_loop_hurwitz'])}"
+    return [Table(("|X - X*| / |X*|", "at least", "at most"), rows), loop]
+
+
+def _solution_parts(data: Content, states: tuple[str, ...]) -> list[Part]:
+    """What is proved of a solution, statement by statement, and P."""
     above = data["delta_min_above"]
     most = data["delta_min_at_most"]
     bracket = "open" if above is None else f"above {above:.10g}, at most {most:.10g}"
@@ -254,14 +300,14 @@ def game_report(
         ("unstable modes of A", _count(Run(0.0, 0.0, least_modes, most_modes))),
     ]
     states = states or numbered("z", len(data["P"]))
-    parts = [
+    return [
         Table(("statement", "result"), statements),
         matrix_table("P", states, states, data["P"]),
     ]
-    return Report(f"{verdict}: the solution of the game of {origin}", parts, data=data)
 
 
 def _hurwitz(closed_loop: bool | None) -> str:
+    """What is proved of a closed loop, in words; None: nothing."""
     if closed_loop is None:
         return "open: a mode may lie on the axis"
     return "proved Hurwitz" if closed_loop else "proved not Hurwitz"

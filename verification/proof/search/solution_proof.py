@@ -103,7 +103,14 @@ class ExactGame:
     def of(
         cls, game: Game, family: Family | None = None, scheduling_value: float | None = None
     ) -> ExactGame:
-        """Of the model of a family at a scheduling value, or of the matrices of the game."""
+        """A game with enclosures of its A and B.
+
+        game: in doubles
+        family: whose linear model A and B are; None: they are the matrices of the game, exactly
+        scheduling_value: of the linear model; None without a family
+
+        NoSolutionError where `weights_of` raises it, or no trim is found.
+        """
         weights = weights_of(game)
         if family is None or scheduling_value is None:
             matrices = (TaylorModel(matrix(game.A)), TaylorModel(matrix(game.B)))
@@ -112,12 +119,18 @@ class ExactGame:
         trim = search.point_trim(scheduling_value)
         stated = search.stated_trim(scheduling_value)
         flight = replace(search.flight, trims=(stated,))
-        pairs = []
-        for decimals, radii in ((False, trim.radii), (True, trim.wide_radii)):
-            box = TrimBox(scheduling_value, scheduling_value, trim.center, radii)
-            linear = linear_model_on(flight, box, decimals=decimals)
-            pairs.append((linear.A, linear.B))
-        return cls(game, weights, flight, trim, *pairs)
+        box = TrimBox(scheduling_value, scheduling_value, trim.center, trim.radii)
+        wide_box = replace(box, radii=trim.wide_radii)
+        linear = linear_model_on(flight, box, decimals=False)
+        wide_linear = linear_model_on(flight, wide_box, decimals=True)
+        return cls(
+            game=game,
+            weights=weights,
+            plant=flight,
+            trim=trim,
+            doubles=(linear.A, linear.B),
+            wide=(wide_linear.A, wide_linear.B),
+        )
 
     def with_delta(self, delta: float) -> ExactGame:
         """The same game at another disturbance weight."""
