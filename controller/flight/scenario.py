@@ -237,8 +237,8 @@ class Scenario(Shown):
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """What is known before anything is drawn, for JSON; a signal without a formula is named by
-        its kind."""
+        """The scenario for JSON, without its random quantities; of a signal without a formula the
+        name of its class."""
         plain = ("duration", "step", "tick", "initial", "errors")
         data = {name: getattr(self, name) for name in plain}
         for name in ("reference", "disturbance", "noise"):

@@ -177,10 +177,14 @@ def has_all(found: dict[str, Any], *names: str) -> bool:
 
 
 def entries_of(found: dict[str, Any], needed: set[str]) -> tuple[dict[str, Any], list[str]]:
-    """The entries of a plant in continuous time, and what to know of it.
+    """The entries of a plant by the names of this project, and notes on them.
 
-    They are those of the one structure that has the needed ones where the file itself has none of
-    them."""
+    found: what `read_arrays` has read of the file
+    needed: entries that the plant must have; where the file has none of them, but one structure in
+        it has all, the entries are those of the structure
+
+    BadInputError where python-control's `dt` says discrete time.
+    """
     notes: list[str] = []
     if not needed & set(found):
         plants = [

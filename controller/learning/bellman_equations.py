@@ -222,9 +222,8 @@ def newton_step(found: Residuals, normaliser: np.ndarray) -> np.ndarray:
 
     size = found.regressors.shape[1]
     both = np.column_stack([found.regressors, found.residuals]) / normaliser[:, None]
-    factored = np.linalg.qr(both, mode="raw")[
-        0
-    ].T  # R on and above its diagonal, and Q'ē in its last column
+    # R on and above its diagonal, and Q'ē in its last column.
+    factored = np.linalg.qr(both, mode="raw")[0].T
     step, failed = dtrtrs(factored[:size, :size], factored[:size, size])
     if failed:
         raise np.linalg.LinAlgError("the regressors are singular")

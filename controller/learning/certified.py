@@ -123,12 +123,19 @@ def iterate(
     to_the_floor: bool,
     most: int = 100,
 ) -> tuple[Point, bool]:
-    """Full Newton steps W <- W - N at a fixed problem; the last point and whether it converged.
+    """(point, converged): the last point of full Newton steps W <- W - N at a fixed problem.
 
-    to_the_floor: go on until the correction no longer halves, otherwise stop at TRACKING. On an LQ
-    problem (share 0) the steps are those of Kleinman (1968), which converge from every stabilizing
-    policy, and each is guarded by `stabilizing_step`."""
-    last = np.inf
+    equations: of which the steps are taken
+    here: weights and problem to begin with
+    normaliser: as `newton_step` takes it
+    to_the_floor: go on until the correction no longer halves; otherwise stop at TRACKING
+    most: steps
+
+    On an LQ problem (share 0) the steps are those of Kleinman (1968), which converge from every
+    stabilizing policy, and each is guarded by `stabilizing_step`. A singular or infinite step ends
+    them without convergence.
+    """
+    last_correction = np.inf
     for _ in range(most):
         try:
             step = newton_step(equations.at(here.weights, here.problem), normaliser)
@@ -137,16 +144,16 @@ def iterate(
         correction = float(np.linalg.norm(step) / np.linalg.norm(here.weights - step))
         if not np.isfinite(correction):
             return here, False
-        if last < SETTLED and correction > 0.5 * last:
+        if last_correction < SETTLED and correction > 0.5 * last_correction:
             return here, True
         if here.problem.share == 0.0:
             here = stabilizing_step(equations, here, step, 1.0)
         else:
             here = here._replace(weights=here.weights - step)
-        last = correction
+        last_correction = correction
         if not to_the_floor and correction <= TRACKING:
             return here, True
-    return here, last < SETTLED
+    return here, last_correction < SETTLED
 
 
 def stabilizing_step(

@@ -115,7 +115,13 @@ def some_of(*known: str) -> Callable[[str], tuple[str, ...]]:
 
 
 def input_file(*suffixes: str) -> Callable[[str], Path]:
-    """The kind of files that are there, with one of the suffixes."""
+    """A function that turns a typed word into the path of an existing file.
+
+    suffixes: that the file may have, such as ".json"
+
+    The function raises BadInputError for another suffix and for a file that is not there, and
+    notes that the file is read.
+    """
 
     def convert(text: str) -> Path:
         path = Path(text)

@@ -112,13 +112,16 @@ def _in_data(name: str, root: Path | None) -> Path:
 
 
 def data_folder() -> Path | None:
-    """The folder with aircraft, engine and systems: $JSBSIM_ROOT, or that of the installed package
-    jsbsim, which is not imported."""
-    stated = os.environ.get("JSBSIM_ROOT")
-    if stated:
-        if not (Path(stated) / "aircraft").is_dir():
-            raise BadInputError(f"JSBSIM_ROOT is {shortened(stated)}; it holds no folder aircraft")
-        return Path(stated)
+    """The folder of JSBSim's data, which holds `aircraft`, `engine` and `systems`: $JSBSIM_ROOT, or
+    that of the installed package jsbsim, which is not imported. None without both.
+
+    BadInputError when $JSBSIM_ROOT holds no folder `aircraft`.
+    """
+    root = os.environ.get("JSBSIM_ROOT")
+    if root:
+        if not (Path(root) / "aircraft").is_dir():
+            raise BadInputError(f"JSBSIM_ROOT is {shortened(root)}; it holds no folder aircraft")
+        return Path(root)
     package = importlib.util.find_spec("jsbsim")
     if package is None or not package.submodule_search_locations:
         return None

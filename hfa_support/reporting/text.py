@@ -88,9 +88,12 @@ def entry_rows(
     names: tuple[tuple[str, ...], tuple[str, ...]],
     units: tuple[tuple[str, ...], tuple[str, ...]],
 ) -> list[tuple[Any, ...]]:
-    """Rows (matrix, row, column, an entry of each, unit) of every P (n, n), then of every K (m, n).
+    """Rows (matrix, row, column, its entry in each P or K, unit): of the P, then of the K.
 
-    names, units: of states and of inputs; units "" where they are not known.
+    P: (n, n) each
+    K: (m, n) each
+    names: of the n states and of the m inputs
+    units: of the states and of the inputs; "" where they are not known
     """
     (states, inputs) = names
     (state_units, input_units) = units
@@ -98,18 +101,18 @@ def entry_rows(
         ("P", P, states, state_units, "1/(({}) ({}))"),  # z'Pz has no unit
         ("K", K, inputs, input_units, "({})/({})"),
     )
-    return [
-        (
-            name,
-            row,
-            column,
-            *(matrix[i, j] for matrix in matrices),
-            unit.format(line_units[i], of) if of else "",
-        )
-        for name, matrices, lines, line_units, unit in kinds
-        for i, row in enumerate(lines if matrices else ())
-        for j, (column, of) in enumerate(zip(states, state_units, strict=True))
-    ]
+    rows: list[tuple[Any, ...]] = []
+    for name, matrices, row_names, row_units, unit_text in kinds:
+        if not matrices:
+            continue
+        for i, row in enumerate(row_names):
+            for j, column in enumerate(states):
+                entries = [matrix[i, j] for matrix in matrices]
+                unit = ""
+                if state_units[j]:
+                    unit = unit_text.format(row_units[i], state_units[j])
+                rows.append((name, row, column, *entries, unit))
+    return rows
 
 
 def numbered(letter: str, count: int) -> tuple[str, ...]:

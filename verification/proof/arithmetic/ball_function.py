@@ -17,12 +17,13 @@ class Undecided(NoSolutionError):
 
 
 class BallFunction:
-    """The same function as a CasADi `SX` function, for `flint.arb`, `flint.arb_series` and Taylor
-    models.
+    """A CasADi `SX` function that takes `flint.arb`, `flint.arb_series` and Taylor models.
 
     A series represents its Taylor polynomial in one variable, so that running the instructions on
     series differentiates automatically. Numbers in the function are the doubles that CasADi holds.
-    BadInputError names an operation that is not known here."""
+
+    BadInputError names an operation that balls do not take.
+    """
 
     def __init__(self, function: ca.Function, name: str = "") -> None:
         self._name = name or function.name()
@@ -37,68 +38,79 @@ class BallFunction:
                 operation = arb(function.instruction_constant(index))
             elif code not in (ca.OP_INPUT, ca.OP_OUTPUT):
                 operation = _operation(code, self._name)
-            self._steps.append(
-                (
-                    code,
-                    operation,
-                    function.instruction_output(index),
-                    function.instruction_input(index),
-                )
-            )
+            targets = function.instruction_output(index)
+            sources = function.instruction_input(index)
+            self._steps.append((code, operation, targets, sources))
 
     def __call__(self, *arguments: Sequence[Any]) -> list[list[Any]]:
-        """The outputs, each as a list of its nonzeros in CasADi's order (column by column)."""
+        """The outputs, each as a list of its nonzeros in CasADi's order (column by column).
+
+        arguments: the nonzeros of each input, in the same order
+
+        Undecided when a divisor, a root or a comparison is not decided on the box; ValueError when
+        an argument has another number of entries.
+        """
         if [len(argument) for argument in arguments] != self._inputs:
             raise ValueError(f"{self._name} takes arguments of {self._inputs} entries")
         try:
             return self._run(arguments)
-        except (
-            ValueError,
-            ZeroDivisionError,
-        ) as error:  # a divisor or a root that may be 0 on this box
+        except (ValueError, ZeroDivisionError) as error:
+            # A divisor or a root may be 0 on this box.
             raise Undecided(
                 f"{self._name} may not be defined on all of this box ({error})"
             ) from error
 
     def _run(self, arguments: Sequence[Sequence[Any]]) -> list[list[Any]]:
+        """The outputs, by the instructions of the function one after the other."""
         work: list[Any] = [None] * self._size
         results: list[list[Any]] = [[None] * size for size in self._sizes]
-        for code, operation, out, source in self._steps:
+        for code, operation, target, source in self._steps:
             if code == ca.OP_CONST:
-                work[out[0]] = operation
+                work[target[0]] = operation
             elif code == ca.OP_INPUT:
-                work[out[0]] = arguments[source[0]][source[1]]
+                work[target[0]] = arguments[source[0]][source[1]]
             elif code == ca.OP_OUTPUT:
-                results[out[0]][out[1]] = work[source[0]]
+                results[target[0]][target[1]] = work[source[0]]
             elif len(source) == 1:
-                work[out[0]] = operation(work[source[0]])
+                work[target[0]] = operation(work[source[0]])
             else:
-                work[out[0]] = operation(work[source[0]], work[source[1]])
+                work[target[0]] = operation(work[source[0]], work[source[1]])
         return results
 
 
 def _operation(code: int, name: str) -> Callable[..., Any]:
-    if code not in _OPERATIONS:
-        word = next(
-            (word for word in dir(ca) if word.startswith("OP_") and getattr(ca, word) == code),
-            str(code),
-        )
-        raise BadInputError(
-            f"{name}: its equations use {word.removeprefix('OP_').lower()}, which a proof does not "
-            "take; put a polynomial in place of a table or a switch"
-        )
-    return _OPERATIONS[code]
+    """The operation of one of CasADi's codes on balls.
+
+    code: `ca.OP_...`
+    name: of the function, for the message
+
+    BadInputError names an operation that balls do not take.
+    """
+    if code in _OPERATIONS:
+        return _OPERATIONS[code]
+    word = str(code)
+    for casadi_name in dir(ca):
+        if casadi_name.startswith("OP_") and getattr(ca, casadi_name) == code:
+            word = casadi_name.removeprefix("OP_").lower()
+            break
+    raise BadInputError(
+        f"{name}: its equations use {word}, which a proof does not take;"
+        " put a polynomial in place of a table or a switch"
+    )
 
 
 def constant_part(value: Any) -> Any:
-    """The ball that a power series takes at 0, or a Taylor model on its box; a ball is its own."""
+    """The ball of a value: a ball itself, what a power series is at 0, the range of a Taylor
+    model."""
     if isinstance(value, arb):
         return value
-    return value[0] if isinstance(value, arb_series) else value.range()
+    if isinstance(value, arb_series):
+        return value[0]
+    return value.range()
 
 
 def _sorted(x: Any, y: Any) -> tuple[Any, Any]:
-    """The smaller and the larger one, for certain."""
+    """(the smaller, the larger) of two values. Undecided when their balls overlap."""
     first = constant_part(x)
     second = constant_part(y)
     if not (first <= second or first > second):
@@ -107,14 +119,14 @@ def _sorted(x: Any, y: Any) -> tuple[Any, Any]:
 
 
 def _arctangent(y: Any, x: Any) -> Any:
-    """atan2(y, x) = atan(y / x), which holds for x > 0 only."""
+    """atan2(y, x) = atan(y / x) for x > 0; Undecided for an x that may not be positive."""
     if not constant_part(x) > 0:
         raise Undecided("atan2 with a second argument that may not be positive")
     return (y / x).atan()
 
 
 def _power(x: Any, y: Any) -> Any:
-    """x^y = exp(y log x), x > 0."""
+    """x^y = exp(y log x) for x > 0; Undecided for an x that may not be positive."""
     if not constant_part(x) > 0:
         raise Undecided("a power of a base that may not be positive")
     return (y * x.log()).exp()

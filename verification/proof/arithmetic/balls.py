@@ -55,7 +55,7 @@ def doubles(values: arb_mat) -> np.ndarray:
 
 
 def norm(entries: Iterable[arb]) -> arb:
-    """sqrt(Σ entry²): of a matrix the Frobenius norm."""
+    """sqrt(Σ entry²), a ball; of the entries of a matrix the Frobenius norm."""
     balls = list(entries)
     lowest = sum((ball.abs_lower() ** 2 for ball in balls), arb(0))
     highest = sum((ball.abs_upper() ** 2 for ball in balls), arb(0))
@@ -82,7 +82,8 @@ def pivots(values: arb_mat) -> list[arb] | None:
 
 
 def is_positive_definite(values: arb_mat) -> bool:
-    """Every symmetric matrix in the matrix of balls is positive definite, for certain."""
+    """Whether every symmetric matrix in the matrix of balls is positive definite; False also where
+    that is not decided."""
     diagonal = pivots(values)
     return diagonal is not None and all(pivot > 0 for pivot in diagonal)
 
@@ -113,10 +114,10 @@ def lowest_sign(values: np.ndarray) -> int:
 class TaylorModel:
     """c_0 + c_1 s + c_2 s² + remainder + Σ z_k t_k for every |s|, |t_k| <= 1.
 
-    s is the position within a box, t are errors of the parameters. The parts are balls, or matrices
-    of balls. What is no Taylor model is a constant; `ball_function.py` runs functions on scalar
-    ones.
-    parts: (c_0, c_1, c_2, remainder, z_1, ..)
+    parts: (c_0, c_1, c_2, remainder, z_1, ..), balls or matrices of balls; missing ones are 0
+
+    s is the position within a box, t are errors of the parameters. In sums and products a number
+    or a ball counts as a constant. `ball_function.py` runs functions on scalar models.
     """
 
     def __init__(self, *parts: Any) -> None:
@@ -124,7 +125,7 @@ class TaylorModel:
 
     @classmethod
     def of(cls, value: Any) -> TaylorModel:
-        """A value; whatever is not one is a constant."""
+        """A Taylor model itself; of any other value the model that is that constant."""
         if isinstance(value, TaylorModel):
             return value
         return cls(arb(value) if isinstance(value, int) else value)
@@ -176,16 +177,20 @@ class TaylorModel:
         return TaylorModel.of(other) / self
 
     def transpose(self) -> TaylorModel:
-        """Of a matrix."""
+        """The transpose of a matrix."""
         return self.map(lambda part: part.transpose())
 
     def off_center(self, s: Any = _ALL, square: Any = _SQUARE) -> Any:
-        """Every value less c_0, at some s and s²."""
+        """An enclosure of every value less c_0.
+
+        s: ball of s; by default all of [-1, 1]
+        square: ball of s²; by default all of [0, 1]
+        """
         _, c1, c2, remainder, *errors = self.parts
         return s * c1 + square * c2 + sum((_ALL * z for z in errors), remainder)
 
     def range(self) -> Any:
-        """Every value on the box."""
+        """An enclosure of every value on the box."""
         return self.parts[0] + self.off_center()
 
     def corners(self) -> list[Any]:

@@ -70,7 +70,7 @@ class SteadyFlight:
         return results[:rates] + [output - values[name] for output, name in outputs]
 
     def linear(self, values: Mapping[str, Any]) -> LinearParts:
-        """The linear model there."""
+        """The linear model where every variable and parameter has such a value."""
         columns = self.linear_parts(*self._arguments(values))
         parts = []
         for entries, height in zip(columns, self.heights, strict=True):
@@ -78,6 +78,7 @@ class SteadyFlight:
         return LinearParts(*parts)
 
     def _arguments(self, values: Mapping[str, Any]) -> list[list[Any]]:
+        """(v, p) from values by name."""
         return [[values[name] for name in names] for names in (self.variables, self.parameters)]
 
 
@@ -87,11 +88,13 @@ def steady_flight(
     limited: Sequence[str] = (),
     measured: Sequence[str] = (),
 ) -> SteadyFlight:
-    """Of a model, whatever its parameters.
+    """The trim equations and the linear model of a model, as functions of its parameters too.
 
+    model: the aircraft
     imposed: variables and outputs that the trim imposes, beside the scheduling variable
     limited: names whose values are wanted, because they have limits
     measured: outputs of the linear model
+
     BadInputError names an operation that balls do not take, such as that of a table.
     """
     imposed_outputs = tuple(name for name in imposed if name not in model.variables)
@@ -111,6 +114,13 @@ def _steady_flight(
     outputs: tuple[str, ...],
     measured: tuple[str, ...],
 ) -> SteadyFlight:
+    """`steady_flight`, kept for the next call.
+
+    unknowns: of the trim
+    imposed_outputs: that the trim imposes
+    outputs: those, and others whose values are wanted
+    measured: outputs of the linear model
+    """
     states = list(model.states)
     variables = model.variables
     v = ca.SX.sym("v", len(variables))
