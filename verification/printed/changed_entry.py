@@ -184,12 +184,22 @@ def _edits(text: str) -> Iterator[tuple[str, str]]:
     sign, digits, exponent = match.groups()
     typed = float(text)
     for edited, slip in _edited_digits(digits):
-        word = f"{sign}{edited}{exponent}"
-        if edited.strip(".") and float(word) != typed:
+        if not edited.strip("."):
+            continue
+        word = f"{sign}{_without_leading_zeros(edited)}{exponent}"
+        if float(word) != typed:
             yield word, slip
     if typed:
         opposite = "" if sign == "-" else "-"
         yield f"{opposite}{digits}{exponent}", "the sign"
+
+
+def _without_leading_zeros(digits: str) -> str:
+    """0.5 of 00.5 and of .5."""
+    stripped = digits.lstrip("0")
+    if not stripped or stripped.startswith("."):
+        return f"0{stripped}"
+    return stripped
 
 
 def _edited_digits(digits: str) -> Iterator[tuple[str, str]]:

@@ -8,6 +8,7 @@ from typing import Literal, get_args
 
 import numpy as np
 
+from hfa_support.errors import NoSolutionError
 from verification.printed.changed_entry import EVIDENCE, ChangedEntry, changed_entries
 from verification.printed.comparison import Comparison, Position, change, compare, compare_answer
 from verification.printed.exact_answer import answer_of, certified_value
@@ -53,8 +54,18 @@ class Classified:
 def classify(file: PrintedFile) -> Classified:
     """The class of a printed answer: the first that its digits allow.
 
-    NoSolutionError where the plant as typed has no certified answer."""
-    P = certified_value(file.plant)
+    NoSolutionError where the plant as typed has no certified answer; it names the entries
+    of the plant one of which, changed, makes the printed answer right."""
+    try:
+        P = certified_value(file.plant)
+    except NoSolutionError as failure:
+        entries = [str(entry) for entry in changed_entries(file)]
+        if not entries:
+            raise
+        changes = "; or with ".join(entries)
+        raise NoSolutionError(
+            f"with {changes} every printed digit is right; as typed: {failure}"
+        ) from failure
     comparison = compare(file, file.plant, P)
     by_digits = _by_digits(file, comparison)
     if by_digits is not None:

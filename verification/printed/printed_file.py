@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from hfa_support.errors import BadInputError, refuse_unknown, said_of, shown
+from hfa_support.errors import BadInputError, refuse_unknown, refuse_unless_positive, said_of, shown
 from hfa_support.files import note_read
 from verification.printed.exact_answer import Plant
 
@@ -221,6 +221,7 @@ def _plant(typed: dict[str, Block], *, is_discrete: bool, discount: float) -> Pl
         E = typed["E"].values
         _check_shape("E", typed["E"], n, E.shape[1])
         gamma = _scalar("gamma", typed["gamma"])
+        refuse_unless_positive("gamma", gamma)
     N = typed["N"].values if "N" in typed else np.zeros((n, m))
     return Plant(
         A=typed["A"].values,

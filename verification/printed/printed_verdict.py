@@ -12,6 +12,7 @@ import numpy as np
 
 from controller.critic.critic import from_parts
 from controller.game.discrete_game import DiscreteGame
+from hfa_support.errors import said_of
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Result
 from hfa_support.reporting.text import Table
@@ -137,7 +138,8 @@ def check_printed(path: Path) -> PrintedVerdict:
     BadInputError for a file that cannot be read; NoSolutionError where the plant as typed has no
     certified answer."""
     file = load_printed(path)
-    classified = classify(file)
+    with said_of(path):
+        classified = classify(file)
     cost_lost = math.nan
     if classified.name == "close":
         cost_lost = _cost_lost(file)

@@ -7,7 +7,7 @@ import re
 import numpy as np
 import pytest
 
-from hfa_support.errors import BadInputError
+from hfa_support.errors import BadInputError, NoSolutionError
 from verification.printed.exact_answer import (
     Plant,
     answer_change,
@@ -214,6 +214,37 @@ def test_rounding_of_the_plant_decides_nothing(verdict_of):
     assert verdict_of(text).classified.name == "wrong"
 
 
+def test_a_slip_after_which_no_answer_exists_is_named(verdict_of):
+    """Gamma and an E of one column cannot be told apart: both are named."""
+    plant = Plant(
+        A=np.array([[-1.0, 0.9], [0.8, -1.1]]),
+        B=np.array([[0.0], [1.0]]),
+        E=np.array([[1.0], [0.0]]),
+        N=np.zeros((2, 1)),
+        Q=np.eye(2),
+        R=np.eye(1),
+        gamma=5.2,
+    )
+    answer = answer_of(plant, certified_value(plant))
+    text = f"""
+time = "continuous"
+[plant]
+A = "-1.0 0.9; 0.8 -1.1"
+B = "0; 1"
+E = "1; 0"
+Q = "diag 1 1"
+R = "1"
+gamma = "0.52"
+[printed]
+P = "{printed(answer["P"], 5)}"
+"""
+    assert verdict_of(text.replace("0.52", "5.2")).classified.name == "as printed"
+    with pytest.raises(
+        NoSolutionError, match=r"with gamma = 5\.2, not 0\.52 \(the decimal point\)"
+    ):
+        verdict_of(text)
+
+
 def test_an_answer_of_nothing_cannot_be_told(verdict_of):
     text = re.sub(r'P = ".*"\nK = ".*"', 'K = "71.123 -38.71"', small_case())
     assert verdict_of(text).classified.name == "cannot tell"
@@ -275,6 +306,7 @@ def test_numbers_of_a_text_and_their_half_units():
         ('R = "1"', "R = 1.0", "R is not a text; put its numbers in quotes, digits as printed"),
         ('time = "continuous"', "", 'time is missing; give time = "continuous" or "discrete"'),
         ('Q = "1 0; 0 2"', "", "the plant has no Q"),
+        ('R = "1"', 'R = "1"\nE = "1; 0"\ngamma = "-2"', "gamma is -2.0; it must be a positive"),
     ],
 )
 def test_bad_input_names_the_block_and_the_row(tmp_path, old, new, message):
