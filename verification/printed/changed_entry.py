@@ -17,6 +17,8 @@ from verification.printed.printed_file import PrintedFile
 #: Steps of Gauss-Newton from a start, and the relative step that ends them.
 _STEPS = 12
 _SETTLED = 1e-13
+#: Where a step promises to remove less than this part of the misfit, no better value is near.
+_STATIONARY = 1e-3
 #: A step may change the entry by this factor of its size.
 _LONGEST_STEP = 3.0
 #: Least evidence for a name: entries beside the worst must be off too.
@@ -85,8 +87,8 @@ def _intervals(file: PrintedFile, position: Position) -> list[tuple[float, float
 
 
 def _least_squares(file: PrintedFile, position: Position, start: float) -> float | None:
-    """The entry at the least Σ ((printed - exact)/h)², by Gauss-Newton; None where it has no
-    answer."""
+    """The entry at the least Σ ((printed - exact)/h)², by Gauss-Newton; None where the plant has no
+    answer, and where the least leaves the numbers outside their digits."""
     value = start
     for _ in range(_STEPS):
         try:
@@ -97,6 +99,10 @@ def _least_squares(file: PrintedFile, position: Position, start: float) -> float
         misfit = (comparison.printed - comparison.exact) / np.maximum(comparison.allowed, 1e-300)
         square = float(scaled @ scaled)
         if not (math.isfinite(square) and square > 0.0):
+            return None
+        reduction = float(scaled @ misfit) ** 2 / square
+        before = float(misfit @ misfit)
+        if reduction < _STATIONARY * before and before - reduction > len(misfit):
             return None
         step = float(scaled @ misfit) / square
         longest = _LONGEST_STEP * max(abs(value), abs(start), 1.0)
