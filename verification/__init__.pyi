@@ -2,11 +2,11 @@
 it."""
 
 from .critic.critic_check import (
-    Scope as Scope,
     check_critic as check_critic,
     check_history as check_history,
 )
 from .critic.critic_errors import relative_error as relative_error
+from .critic.scope import Scope as Scope
 from .critics import (
     from_gain as from_gain,
     from_network as from_network,

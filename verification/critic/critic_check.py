@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -25,44 +25,23 @@ from hfa_support.progress import Progress, told
 from hfa_support.reporting.checks import Check, at_least, at_most, below
 from hfa_support.reporting.text import Table
 from verification.critic.critic_errors import (
-    Box,
     balanced_box,
     critic_errors,
     matrix_errors,
     relative_error,
 )
+from verification.critic.scope import Scope
 from verification.critic.verdict import ErrorTable, Section, Verdict
 
 if TYPE_CHECKING:
     from controller.game.discrete_game import DiscreteGame
     from controller.game.training_run import TrainingRun
     from controller.riccati.discrete import DiscreteSolution
-    from verification.critic.about_trim import NonlinearPlant
-    from verification.critic.other_games import Nearby
 
 #: Default limit of the errors of P, K, V, its slopes and the policies, and of the Riccati residual.
 LIMIT = 1e-6
-#: From how many starts a network is flown.
-FLIGHTS = 100
 #: Relative Riccati residual, in balanced units, below which a run counts as settled.
 SETTLED = 1e-9
-
-
-@dataclass(frozen=True)
-class Scope:
-    """What a critic is judged on beside its game.
-
-    box: of the states over which V, its slopes and the policies are compared; by default
-        `balanced_box`.
-    nearby: other games, to recognize a critic that was learned on one of them.
-    plant: the nonlinear plant about its trim, on which a network is flown too.
-    flights: from how many starts a network is flown.
-    """
-
-    box: Box | None = None
-    nearby: Nearby | None = None
-    plant: NonlinearPlant | None = None
-    flights: int = FLIGHTS
 
 
 def check_critic(

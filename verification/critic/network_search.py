@@ -24,7 +24,7 @@ from verification.critic.critic_errors import SMALL, Exact, error_check
 from verification.critic.verdict import Section
 
 if TYPE_CHECKING:
-    from verification.critic.critic_check import Scope
+    from verification.critic.scope import Scope
 
 #: States at which the errors are computed, half of them corners of the box.
 STARTS = 1000

@@ -23,11 +23,12 @@ from controller.critic.critic import Critic
 from examples.train_a_network import fit
 from hfa.main import FAILED
 from verification import check_critic, from_gain, from_network, from_value, from_weights
-from verification.critic.critic_check import LIMIT, Scope
+from verification.critic.critic_check import LIMIT
 from verification.critic.critic_errors import critic_errors
 from verification.critic.diagnosis import diagnose
 from verification.critic.network_search import search
 from verification.critic.other_games import Nearby, Scheduled
+from verification.critic.scope import Scope
 from verification.hfa_box import ordinary_box
 
 pytestmark = pytest.mark.usefixtures("folder")

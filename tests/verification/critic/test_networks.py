@@ -30,8 +30,8 @@ from controller.hfa_game import ORDINARY_DEVIATIONS
 from hfa.main import BAD_INPUT, DONE, FAILED
 from hfa_support import BadInputError
 from verification import check_critic, from_network, from_weights, solve_game
-from verification.critic.critic_check import FLIGHTS, Scope
 from verification.critic.network_search import search
+from verification.critic.scope import FLIGHTS, Scope
 from verification.hfa_box import ordinary_box
 
 HERE = Path(__file__).parent
