@@ -15,17 +15,26 @@ UNUSED = "unused"
 
 
 def filled(package: str, file: str, **values: object) -> str:
-    """The text of a file from its template FILE.in in a package."""
+    """The text of a file, made from its template.
+
+    package: that holds the template
+    file: name of the file; that of the template ends with .in
+    values: of the template's fields
+    """
     return files(package).joinpath(f"{file}.in").read_text("utf-8").format(**values)
 
 
 def comment_lines(text: str) -> str:
-    """Text for the inside of a comment."""
+    """A text as the inside of a C comment, which it cannot end."""
     return "\n   ".join(text.replace("*/", "* /").splitlines())
 
 
 def positions(units: Mapping[str, str], prefix: str = "") -> str:
-    """Lines of an enumeration of the names, each with its unit where it has one."""
+    """The lines of a C enumeration, such as "HFA_SPEED, /* ft/s */".
+
+    units: name -> unit, "" for none
+    prefix: of the names
+    """
     lines = []
     for name, unit in units.items():
         comment = f" /* {unit} */" if unit else ""
@@ -34,7 +43,11 @@ def positions(units: Mapping[str, str], prefix: str = "") -> str:
 
 
 def name_tables(kind: str, units: Mapping[str, str]) -> dict[str, list[str]]:
-    """Declaration -> texts: tables of the names and of their units."""
+    """Declaration -> C strings, of a table of names and of one of their units.
+
+    kind: in the names of both tables
+    units: name -> unit
+    """
     return {
         f"const char *const hfa_{kind}_name": _quoted(units),
         f"const char *const hfa_{kind}_unit": _quoted(units.values()),
@@ -42,6 +55,7 @@ def name_tables(kind: str, units: Mapping[str, str]) -> dict[str, list[str]]:
 
 
 def _quoted(words: Iterable[str]) -> list[str]:
+    """Each word as a C string."""
     return [f'"{word}"' for word in words]
 
 

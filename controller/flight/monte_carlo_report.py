@@ -44,7 +44,11 @@ class Outcomes(NamedTuple):
 
 
 def outcomes(plan: MonteCarlo, read: Read) -> Outcomes:
-    """What became of the members of a plan."""
+    """What became of the members of a plan.
+
+    plan: of the flights
+    read: name of a result -> its values, (N, ...), one for each member
+    """
     model = plan.model
     left = read("left")
     cycle = read("cycle")

@@ -72,9 +72,17 @@ class Parser(argparse.ArgumentParser):
         return shown + textwrap.fill(f"more ({self.prog} --help more): {names}", 80) + "\n"
 
     def parse_words(self, words: list[str]) -> dict[str, Any]:
-        """What was typed: name -> value."""
+        """Name of the option -> value, of the options that were typed.
+
+        words: of the command line, behind the command
+
+        Unknown options, stray words and missing required options end in BadInputError.
+        """
         actions = self._option_string_actions
-        for word in words[: words.index("--")] if "--" in words else words:
+        option_words = words
+        if "--" in words:
+            option_words = words[: words.index("--")]
+        for word in option_words:
             name = word.partition("=")[0]
             if name.startswith("--") and name not in actions:
                 complaint = unknown(f"option {shortened(name)}", name, actions, self.prog)

@@ -406,7 +406,11 @@ class JsonOption(Request):
 
 
 def output_option(*more: str, purpose: str = "") -> Any:
-    """The field `output`. more: further suffixes than those of a report, with their purpose."""
+    """The field `output` of a request: the file that a command also writes.
+
+    more: suffixes that the command takes beside those of a report
+    purpose: what these are for, as help says it after them
+    """
     suffixes = (*SUFFIXES, *REPORTS)
     about = f"also write {', '.join(suffixes)}"
     if more:

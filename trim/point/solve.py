@@ -192,14 +192,20 @@ def _continued(problem: TrimProblem) -> np.ndarray | None:
 
 
 def _polished(problem: TrimProblem, z: np.ndarray) -> np.ndarray:
-    """Newton's method with what lies at a limit staying there."""
+    """The unknowns after Newton's method, in which unknowns at a limit stay there.
+
+    z: scaled unknowns to begin with; those beyond a limit are moved to it
+    """
     system = problem.system
     z = problem.clip(z)
-    low = system.limits.at_lowest(z * system.scales)
-    high = system.limits.at_highest(z * system.scales)
-    z = np.where(low, system.lowest, np.where(high, system.highest, z))
-    moving = np.flatnonzero(~(low | high))
-    return problem.newton(z, moving) if moving.size else z
+    at_lowest = system.limits.at_lowest(z * system.scales)
+    at_highest = system.limits.at_highest(z * system.scales)
+    z[at_lowest] = system.lowest[at_lowest]
+    z[at_highest] = system.highest[at_highest]
+    moving = np.flatnonzero(~(at_lowest | at_highest))
+    if not moving.size:
+        return z
+    return problem.newton(z, moving)
 
 
 def _bounded_least_squares(problem: TrimProblem, guess: np.ndarray) -> np.ndarray:

@@ -236,17 +236,21 @@ def answers(view: View, candidates: list[Family], explained: float) -> Iterator[
 
 
 def other_weights(game: Game, P: np.ndarray) -> Iterator[tuple[str, Answer]]:
-    """Games with another diagonal Q or R whose value may be P (n, n), and what they are called.
+    """(what it is called, answer) for games with another diagonal Q or R whose value may be P.
+
+    game: whose diagonal weights are varied; a Q or R that is not diagonal is not
+    P: (n, n)
 
     A'P + P A + Σ q_i e_i e_i' - P (Σ b_j b_j' / r_j - δ⁻² E E') P = 0 is linear in q and 1/r.
     """
     if not P.any():
         return
     units = balanced_units(game)
-    there = in_units(game, units)
+    balanced = in_units(game, units)
     P = (P + P.T) / 2.0 * np.outer(units, units)
-    control = P @ there.S_control @ P
-    constant = there.A.T @ P + P @ there.A + P @ there.S_disturbance @ P / there.delta**2
+    control = P @ balanced.S_control @ P
+    worst_case = P @ balanced.S_disturbance @ P / balanced.delta**2
+    constant = balanced.A.T @ P + P @ balanced.A + worst_case
     if _is_diagonal(game.Q):
         squares = [np.diag(row) for row in np.eye(len(P))]
         fitted = _fitted(squares, constant - control)
@@ -254,8 +258,8 @@ def other_weights(game: Game, P: np.ndarray) -> Iterator[tuple[str, Answer]]:
             diagonal = fitted / units**2
             yield from _with_weights(game, "Q", "state", diagonal)
     if _is_diagonal(game.R):
-        squares = [-np.outer(column, column) for column in (P @ there.B).T]
-        fitted = _fitted(squares, constant + there.Q)
+        squares = [-np.outer(column, column) for column in (P @ balanced.B).T]
+        fitted = _fitted(squares, constant + balanced.Q)
         if fitted is not None and np.all(fitted > 0.0):
             yield from _with_weights(game, "R", "input", 1.0 / fitted)
 

@@ -121,8 +121,15 @@ def loop_of_servo(
     model: Model,
     intervals: Intervals | None = None,
 ) -> Loop:
-    """The controller of a design, commands at rest, and its actuators, or such of intervals in
-    place of their numbers. BadInputError names what is missing or measured otherwise."""
+    """The loop of a scheduled controller with its commands at rest, through actuators.
+
+    controller: whose commands are left out
+    actuators: input -> actuator, of its design
+    model: of the aircraft
+    intervals: of bandwidth, effectiveness and delay, in place of the numbers of the actuators
+
+    BadInputError names an input without an actuator, and a measurement that a proof does not take.
+    """
     where = f"controller {controller.name}:"
     missing = [name for name in controller.inputs if name not in actuators]
     if missing:

@@ -309,7 +309,13 @@ class MotionSearch:
         self.P = np.zeros((0, 0, 0))
 
     def suggested_rates(self) -> list[float]:
-        """Parts of what points allow, the largest first; none where a loop is not stable."""
+        """Rates of the scheduling variable to try, the largest first: parts of the largest one that
+        a Lyapunov function allows in the middles of the boxes. Its P at the ends of the boxes is
+        kept in `self.P`.
+
+        [] where the loops cannot be enclosed, one of them is not stable, or a P is not positive
+        definite.
+        """
         try:
             loops = [self._search.closed_loop(box) for box in self._boxes]
         except (Undecided, Rejected):

@@ -242,25 +242,31 @@ class Bracket:
 
 
 def prove_delta_min(
-    exact: ExactGame, found: DeltaMin, progress: Progress | None = None
+    exact: ExactGame, in_doubles: DeltaMin, progress: Progress | None = None
 ) -> Bracket | None:
-    """The narrowest bracket about what was found in doubles that can be proved; None when none can.
+    """The narrowest bracket of delta_min that can be proved; None when none can.
+
+    exact: the game; its own δ plays no part
+    in_doubles: delta_min as computed in doubles, where the search begins
+    progress: called before every halving
 
     The δ for which the game has a value are an interval (delta_min, inf] (Basar and Bernhard,
     Theorem 4.11), so one δ with a value bounds delta_min from above, and one without from below."""
-    if found.value <= 0.0:
+    if in_doubles.value <= 0.0:
         return None
-    bracket = _first_bracket(exact, math.sqrt(found.value * found.refused), progress)
+    guess = math.sqrt(in_doubles.value * in_doubles.refused)
+    bracket = _first_bracket(exact, guess, progress)
     while bracket is not None and bracket.value - bracket.refused > WIDTH * bracket.value:
         _tell(progress, "narrowing delta_min")
         middle = math.sqrt(bracket.value * bracket.refused)
         game = exact.with_delta(middle)
         if game.has_value():
             bracket = replace(bracket, value=middle)
-        elif why := game.why_no_value():
-            bracket = replace(bracket, refused=middle, why=why)
-        else:
+            continue
+        why = game.why_no_value()
+        if not why:
             break
+        bracket = replace(bracket, refused=middle, why=why)
     return bracket
 
 
