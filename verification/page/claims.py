@@ -40,11 +40,20 @@ class Claims(NamedTuple):
         counts = self.data["verdicts"]
         return f"{counts.get('not confirmed', 0)} of {sum(counts.values())} claims not confirmed"
 
+    @property
+    def others(self) -> str:
+        """How many claims have each of the other verdicts, in words."""
+        counts = self.data["verdicts"].items()
+        words = [f"{count} {verdict}" for verdict, count in counts if verdict != "not confirmed"]
+        return ", ".join(words)
+
     def flew(self, regeneration: Regeneration) -> bool:
         """Whether the stored flights were those of the linear models regenerated here."""
-        own = {pair.published.dihedral_deg: pair.model for pair in regeneration.pairs}
+        regenerated = {pair.published.dihedral_deg: pair.model for pair in regeneration.pairs}
         return bool(self.models) and all(
-            angle in own and _same(A, own[angle].A) and _same(B, own[angle].B)
+            angle in regenerated
+            and _same(A, regenerated[angle].A)
+            and _same(B, regenerated[angle].B)
             for angle, A, B in self.models
         )
 
@@ -52,7 +61,10 @@ class Claims(NamedTuple):
 def claims_section(claims: Claims | None, regeneration: Regeneration) -> Report:
     """The claims, and whether this aircraft was flown; without claims, how to get them."""
     if claims is None:
-        how = "Not on this page. `python -m studies.section5 -o out` computes it, `hfa report --claims out` shows it."
+        how = (
+            "Not on this page. `python -m studies.section5 -o out` computes it, "
+            "`hfa report --claims out` shows it."
+        )
         return Report(_TITLE, (how,))
     same = "the same matrices as" if claims.flew(regeneration) else "OTHER matrices than"
     return Report(
@@ -63,7 +75,8 @@ def claims_section(claims: Claims | None, regeneration: Regeneration) -> Report:
 def load_claims(path: Path) -> Claims:
     """claims.json, or the folder that holds it; BadInputError where it is not what the study
     writes."""
-    file, study = path / "claims.json" if path.is_dir() else path, "`python -m studies.section5`"
+    file = path / "claims.json" if path.is_dir() else path
+    study = "`python -m studies.section5`"
     try:
         data = read_json(file)
     except OSError as error:
@@ -74,14 +87,15 @@ def load_claims(path: Path) -> Claims:
         if data["schema"] != SCHEMA:
             raise ValueError(data["schema"])
         verdicts = ", ".join(f"{count} {verdict}" for verdict, count in data["verdicts"].items())
-        setting, lost = data["setting"], len(data["lost_flights"])
+        setting = data["setting"]
+        lost = len(data["lost_flights"])
         about = (
             f"Read from {file}, which {study} wrote. A green number meets the criterion of its claim. {verdicts}; "
             f"flights lost: {lost}. It flew {setting['matrices']} matrices"
         )
         models = [
-            (each["dihedral_deg"], np.array(each["A"]), np.array(each["B"]))
-            for each in setting["models"]
+            (model["dihedral_deg"], np.array(model["A"]), np.array(model["B"]))
+            for model in setting["models"]
         ]
         return Claims(data, verdicts, about, claims_table(data["claims"]), models)
     except (AttributeError, KeyError, TypeError, ValueError) as error:
@@ -93,17 +107,20 @@ def claims_table(claims: Sequence[dict[str, Any]]) -> Table:
     verdict."""
     rows = []
     for claim in claims:
-        found, subject = claim["findings"], claim["subject"]
-        own = _cell(found[subject], "" if subject == _SUBJECT else f"{subject}: ")
-        beside = (_cell(found[law]) if law in found else "" for law in _BESIDE)
-        about = (
-            claim["number"],
-            claim["says"],
-            claim["measured"],
-            f"{claim['relation']} {claim['limit']:.3g}",
-        )
+        findings = claim["findings"]
+        subject = claim["subject"]
+        number = _cell(findings[subject], "" if subject == _SUBJECT else f"{subject}: ")
+        others = [_cell(findings[name]) if name in findings else "" for name in _BESIDE]
         rows.append(
-            (*about, own, *beside, Cell(claim["verdict"], _TONE.get(claim["verdict"], "near")))
+            (
+                claim["number"],
+                claim["says"],
+                claim["measured"],
+                f"{claim['relation']} {claim['limit']:.3g}",
+                number,
+                *others,
+                Cell(claim["verdict"], _TONE.get(claim["verdict"], "near")),
+            )
         )
     return Table(
         ("claim", "the paper says", "measured", "asked for", _SUBJECT, *_BESIDE, "verdict"), rows
@@ -116,5 +133,5 @@ def _cell(finding: dict[str, Any], before: str = "") -> str:
     return Cell(f"{before}{finding['value']:.3g}", "good" if finding["holds"] else "")
 
 
-def _same(one: np.ndarray, other: np.ndarray) -> bool:
-    return one.shape == other.shape and bool(np.allclose(one, other, rtol=_SAME, atol=_SAME))
+def _same(A: np.ndarray, B: np.ndarray) -> bool:
+    return A.shape == B.shape and bool(np.allclose(A, B, rtol=_SAME, atol=_SAME))

@@ -41,14 +41,15 @@ from verification.page.plots import front_view, locus_plot
 
 SCHEMA = "hfa.report/1"
 _COLORS = (
-    "Colors of A and B: green prints the same (within 1 half unit of the last printed digit), yellow is one off "
-    "(2 half units), violet at most 3 half units, red more. The table entry by entry has the half units."
+    "Colors of A and B: green prints the same (within 1 half unit of the last printed digit), "
+    "yellow is one off (2 half units), violet at most 3 half units, red more. The table entry by "
+    "entry has the half units."
 )
 TITLE = "Highly flexible aircraft: linear models"
 _PAPER = (
-    'Zhang, Ma, Zhang and Wu, <a href="https://doi.org/10.3390/electronics15173838"><cite>Zero-Sum Game-Based '
-    "Practical Predefined-Time Reinforcement Learning for Robust Tracking Control of Highly Flexible Aircraft"
-    "</cite></a>, Electronics 2026, 15(17), 3838"
+    'Zhang, Ma, Zhang and Wu, <a href="https://doi.org/10.3390/electronics15173838"><cite>'
+    "Zero-Sum Game-Based Practical Predefined-Time Reinforcement Learning for Robust Tracking "
+    "Control of Highly Flexible Aircraft</cite></a>, Electronics 2026, 15(17), 3838"
 )
 #: A browser that follows it loads nothing from any network.
 _POLICY = (
@@ -214,7 +215,7 @@ def verdict_sentence(job: MainJob) -> str:
         not_confirmed = html.escape(job.claims.not_confirmed)
         sentence += (
             f'; of the paper\'s Section 5, <strong class="bad">{not_confirmed}</strong> '
-            f"({html.escape(job.claims.verdicts)})"
+            f"({html.escape(job.claims.others)})"
         )
     return f"{sentence}."
 

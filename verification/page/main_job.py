@@ -37,7 +37,8 @@ SWEEP = np.radians(np.arange(0.0, 20.01, 0.5))
 #: The angles that are shown in full: the printed ones.
 ASKED = tuple(sorted(model.dihedral for model in published_models()))
 #: A page with more would be too large to file (3 MB of data), or take minutes.
-MOST_SWEPT, MOST_ASKED = 151, 20
+MOST_SWEPT = 151
+MOST_ASKED = 20
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,9 +152,9 @@ def main_job(
     swept = np.union1d(swept, asked)
     over = sweep(aircraft, {"dihedral": swept}, condition=flight, start=start)
     points = tuple(trimmed_angle(aircraft, float(angle), outputs, flight, start) for angle in swept)
-    found = []
-    for count, angle in enumerate(each for each in points if each.dihedral in asked):
+    in_full = []
+    for count, angle in enumerate(point for point in points if point.dihedral in asked):
         progress(0.1 + 0.9 * count / len(asked), 1.0, f"dihedral {angle_text(angle.dihedral)}")
-        found.append(with_game(angle))
+        in_full.append(with_game(angle))
     progress(1.0, 1.0)
-    return MainJob(aircraft, parameters, regeneration, over, points, tuple(found), claims)
+    return MainJob(aircraft, parameters, regeneration, over, points, tuple(in_full), claims)

@@ -69,7 +69,8 @@ class InteractivePlot(Picture):
 
     def html(self) -> str:
         """Boxes, figures and one caption; the page that holds them brings Plotly's script."""
-        key, text = self.name.removesuffix(".png"), html.escape(self.text)
+        key = self.name.removesuffix(".png")
+        text = html.escape(self.text)
         boxes = "".join(
             f'<div class="plot" id="plot-{key}-{number}" role="img" aria-label="{text}"></div>'
             f'<script type="application/json" data-plot="plot-{key}-{number}">{in_script(figure)}</script>'
@@ -127,17 +128,15 @@ def _figure(
 def front_view(aircraft: Model, points: tuple[Angle, ...]) -> InteractivePlot | None:
     """One drawing for all points that are trimmed, a frame each, arrows to one scale; None where
     none is trimmed."""
-    trims = [None if each.model is None else each.model.point for each in points]
-    known = [point for point in trims if point is not None]
-    if not known:
+    trims = [None if angle.model is None else angle.model.point for angle in points]
+    trimmed = [point for point in trims if point is not None]
+    if not trimmed:
         return None
-    span, length = hfa_model.parameters_of(aircraft).panel_span, unit_of(aircraft, "ft")
-    panels = [panel for point in known for panel in panels_from_the_front(aircraft, point)]
-    scale = (
-        _LONGEST
-        * span
-        / max(float(np.linalg.norm(force)) for each in panels for force in (each.lift, each.weight))
-    )
+    span = hfa_model.parameters_of(aircraft).panel_span
+    length = unit_of(aircraft, "ft")
+    panels = [panel for point in trimmed for panel in panels_from_the_front(aircraft, point)]
+    largest = max(np.linalg.norm([panel.lift, panel.weight], axis=1).max() for panel in panels)
+    scale = _LONGEST * span / float(largest)
     moving = [_drawing(aircraft, point, scale) for point in trims]
     heights = np.concatenate(
         [np.asarray(trace["y"], dtype=float) for traces in moving for trace in traces]
@@ -150,7 +149,8 @@ def front_view(aircraft: Model, points: tuple[Angle, ...]) -> InteractivePlot | 
         "zeroline": False,
     }  # lines would cross the texts
     x = _axis(length, range=[-wide, wide], **plain)
-    low, high = float(np.nanmin(heights)) - room, float(np.nanmax(heights)) + room
+    low = float(np.nanmin(heights)) - room
+    high = float(np.nanmax(heights)) + room
     y = _axis(length, range=[low, high], scaleanchor="x", scaleratio=1, constrain="domain")
     text = (
         "The trimmed aircraft at the chosen angle, seen from the front: lift (blue), weight "
@@ -158,7 +158,7 @@ def front_view(aircraft: Model, points: tuple[Angle, ...]) -> InteractivePlot | 
         f"{scale_text(aircraft, scale)}"
     )
     figure = _figure(_FIXED, moving, x, y, legend=False)
-    return InteractivePlot("trim.png", text, lambda: trim_figure(aircraft, known[0]), (figure,))
+    return InteractivePlot("trim.png", text, lambda: trim_figure(aircraft, trimmed[0]), (figure,))
 
 
 def _drawing(aircraft: Model, point: OperatingPoint | None, scale: float) -> list[dict[str, Any]]:
@@ -166,41 +166,48 @@ def _drawing(aircraft: Model, point: OperatingPoint | None, scale: float) -> lis
     trim."""
     if point is None:
         return [{"x": [], "y": []} for _ in _FIXED]
-    panels, gap = panels_from_the_front(aircraft, point), np.array([np.nan, np.nan])
+    panels = panels_from_the_front(aircraft, point)
     half = hfa_model.parameters_of(aircraft).panel_span / 2
-    forces = (
-        [(panel.middle, panel.lift) for panel in panels],
-        [(panel.middle, panel.weight) for panel in panels],
-    )
     hinges = np.array([[-half, 0.0], [half, 0.0]])
     moment = float(hfa_model.loads(aircraft, point.states, point.inputs).hinge_moment)
-    sizes = [
-        f"{np.linalg.norm(force):.1f} {unit_of(aircraft, 'lbf')}"
-        for kind in forces
-        for _, force in kind
-    ]
-    beside = [
-        "top center" if force[1] >= 0 else "bottom center" for kind in forces for _, force in kind
-    ]
-    texts = [
-        *(start + scale * force for kind in forces for start, force in kind),
-        *(hinges - [0.0, 0.1 * half]),
-    ]
+    moment_text = f"{round(moment, 1) + 0.0:.1f} {unit_of(aircraft, 'ft lbf')}"
+    middles = [panel.middle for panel in panels]
+    lifts = [panel.lift for panel in panels]
+    weights = [panel.weight for panel in panels]
+    texts = []
+    positions = []
+    sides = []
+    for start, force in zip([*middles, *middles], [*lifts, *weights], strict=True):
+        texts.append(f"{np.linalg.norm(force):.1f} {unit_of(aircraft, 'lbf')}")
+        positions.append(start + scale * force)
+        sides.append("top center" if force[1] >= 0 else "bottom center")
+    for hinge in hinges:
+        texts.append(moment_text)
+        positions.append(hinge - [0.0, 0.1 * half])
+        sides.append("bottom center")
     return [
-        _line([each for panel in panels for each in (*panel.ends, gap)]),
-        *(
-            _line([each for start, force in kind for each in (start, start + scale * force, gap)])
-            for kind in forces
-        ),
+        _pieces([panel.ends for panel in panels]),
+        _pieces(_arrows(middles, lifts, scale)),
+        _pieces(_arrows(middles, weights, scale)),
         _line(hinges),
-        _line(texts)
-        | {"text": [*sizes, *[f"{round(moment, 1) + 0.0:.1f} {unit_of(aircraft, 'ft lbf')}"] * 2]}
-        | {"textposition": [*beside, *["bottom center"] * 2]},
+        {**_line(positions), "text": texts, "textposition": sides},
     ]
 
 
-def _line(places: Any) -> dict[str, Any]:
-    x, y = np.round(np.asarray(places), 3).T
+def _arrows(starts: list[np.ndarray], forces: list[np.ndarray], scale: float) -> list[np.ndarray]:
+    """Start and end of each force, (2, 2)."""
+    pairs = zip(starts, forces, strict=True)
+    return [np.array([start, start + scale * force]) for start, force in pairs]
+
+
+def _pieces(pieces: list[np.ndarray]) -> dict[str, Any]:
+    """A trace of separate lines, each (2, 2): NaN after each is a gap."""
+    gap = np.full((1, 2), np.nan)
+    return _line(np.concatenate([part for piece in pieces for part in (piece, gap)]))
+
+
+def _line(positions: Any) -> dict[str, Any]:
+    x, y = np.round(np.asarray(positions), 3).T
     return {"type": "scatter", "x": x, "y": y, "hoverinfo": "skip"}
 
 
@@ -209,8 +216,9 @@ def locus_plot(swept: Sweep) -> InteractivePlot | None:
     trimmed."""
     if not swept.mode_names:
         return None
-    every, slow = np.ones(len(swept.mode_names), dtype=bool), swept.slow
-    figures, text = [_locus(swept, every)], "Eigenvalues over the dihedral angle"
+    slow = swept.slow
+    figures = [_locus(swept, np.ones(len(swept.mode_names), dtype=bool))]
+    text = "Eigenvalues over the dihedral angle"
     if slow.any() and not slow.all():
         figures.append(_locus(swept, slow))
         text += ": all modes, and the slow ones alone"
@@ -219,29 +227,23 @@ def locus_plot(swept: Sweep) -> InteractivePlot | None:
 
 def _locus(swept: Sweep, shown: np.ndarray) -> PlotlyFigure:
     """A line a mode, and the point of the slider; shown: (n,) which columns."""
-    angles, roots, names = (
-        np.degrees(swept.values[:, -1]),
-        swept.eigenvalues[:, shown],
-        list(swept.mode_names),
-    )
+    angles = np.degrees(swept.values[:, -1])
+    roots = swept.eigenvalues[:, shown]
+    names = [swept.mode_names[column] for column in np.flatnonzero(shown).tolist()]
+    modes = list(dict.fromkeys(swept.mode_names))
     traces: list[dict[str, Any]] = []
-    columns = np.flatnonzero(shown).tolist()
-    for place, column in enumerate(columns):
-        line = {
-            "color": COLORS[list(dict.fromkeys(names)).index(names[column]) % len(COLORS)],
-            "width": 2,
-        }
-        again = any(names[each] == names[column] for each in columns[:place])
-        about = {
-            "name": names[column],
-            "legendgroup": names[column],
-            "showlegend": not again,
-            "line": line,
-        }
+    for column, name in enumerate(names):
+        color = COLORS[modes.index(name) % len(COLORS)]
         traces.append(
-            _roots(angles, roots[:, place])
-            | about
-            | {"mode": "lines+markers", "marker": {"size": 4}}
+            _roots(angles, roots[:, column])
+            | {
+                "name": name,
+                "legendgroup": name,
+                "showlegend": name not in names[:column],
+                "line": {"color": color, "width": 2},
+                "mode": "lines+markers",
+                "marker": {"size": 4},
+            }
         )
     moving = [[_roots(angle, row)] for angle, row in zip(angles, roots, strict=True)]
     traces.append(
@@ -251,7 +253,8 @@ def _locus(swept: Sweep, shown: np.ndarray) -> PlotlyFigure:
             "marker": {"symbol": "x", "size": 9, "color": COLORS[1]},
         }
     )
-    x, y = (_axis(f"{part} part, 1/s", rangemode="tozero") for part in ("real", "imaginary"))
+    x = _axis("real part, 1/s", rangemode="tozero")
+    y = _axis("imaginary part, 1/s", rangemode="tozero")
     return _figure(traces, moving, x, y)
 
 
@@ -259,10 +262,10 @@ def _roots(angles: Any, roots: np.ndarray) -> dict[str, Any]:
     """Eigenvalues with angle, frequency and damping."""
     size = np.abs(roots)
     with np.errstate(invalid="ignore", divide="ignore"):
-        told = np.broadcast_arrays(angles, size, np.where(size > 0, -roots.real / size, 0.0))
+        hover = np.broadcast_arrays(angles, size, np.where(size > 0, -roots.real / size, 0.0))
     numbers = {
         "x": np.round(roots.real, 6),
         "y": np.round(roots.imag, 6),
-        "customdata": np.round(np.stack(told, 1), 6),
+        "customdata": np.round(np.stack(hover, 1), 6),
     }
     return {"type": "scatter", **numbers, "hovertemplate": _HOVER}
