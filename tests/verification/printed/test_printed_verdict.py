@@ -261,6 +261,16 @@ def test_the_opposite_sign_of_a_gain_is_a_known_mistake(verdict_of):
     assert verdict_of(declared).classified.name == "as printed"
 
 
+def test_a_missing_factor_on_products_is_known_under_noise(verdict_of):
+    text = small_case()
+    P = read_block("P", re.search(r'P = "(.*)"', text)[1]).values
+    weights = P[np.triu_indices(2)] * [1.003, 0.998, 1.001]
+    answer = f'W = "{printed(weights[None, :], 5)}"'
+    verdict = verdict_of("learned = true\n" + re.sub(r'P = ".*"\nK = ".*"', answer, text))
+    assert verdict.classified.name == "wrong"
+    assert verdict.classified.reason.startswith("W lacks the factor 2 on products, with")
+
+
 @pytest.mark.parametrize("is_discrete", [False, True])
 @pytest.mark.parametrize("name", ["A", "B", "E", "N", "Q", "R", "gamma"])
 def test_the_derivative_is_that_of_the_exact_answer(name, is_discrete):
