@@ -494,3 +494,11 @@ def test_points_that_were_trimmed_one_by_one_are_counted(
     assert run_plan(plan).warnings == [note]
     dataset = stream_sweep(plan, tmp_path / "a.zarr")
     assert note in stored_sweep_report(plan, dataset, tmp_path).notes
+
+
+def test_the_root_locus_shows_direction_and_values() -> None:
+    swept = sweep(hfa_model.aircraft(), {"dihedral": np.radians([0.0, 5.0, 10.0, 15.0, 20.0])})
+    for axes in swept.figure().axes:
+        labels = [text.get_text() for text in axes.texts]
+        assert {"5", "10", "15"} <= {*labels}
+        assert "" in labels  # an arrow has no text
