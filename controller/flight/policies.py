@@ -69,7 +69,14 @@ class Policy(Shown):
         held: ca.SX,
         applied: ca.SX,
     ) -> ca.SX:
-        """Time derivative of the memory, (l,). applied: u within the limits of the actuators."""
+        """Time derivative of the memory, (l,); of a policy without one an empty column.
+
+        t: s
+        measurements: at t
+        memory: (l,)
+        held: the held inputs
+        applied: u within the limits of the actuators
+        """
         return ca.SX(0, 1)
 
     def held_inputs(self, tick: int) -> np.ndarray:

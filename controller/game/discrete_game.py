@@ -90,8 +90,12 @@ class DiscreteGame(Shown):
     def of_q_function(self, H: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """P and K that a Q-function [x; u; w]'H [x; u; w] implies, its extremum over u and w.
 
-        [K; -L] = H_aa⁻¹ H_ax,  P = H_xx - H_xa H_aa⁻¹ H_ax. H: symmetric, over (x, u, w), or over
-        (x, u). BadInputError for another shape."""
+        [K; -L] = H_aa⁻¹ H_ax,  P = H_xx - H_xa H_aa⁻¹ H_ax,  a = (u, w).
+
+        H: symmetric, over (x, u, w), or over (x, u)
+
+        BadInputError for another shape, and for an H that is not symmetric.
+        """
         n, m = self.step.B.shape
         k = self.step.E.shape[1]
         H = checked_matrix("H", H, LARGEST)

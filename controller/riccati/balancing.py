@@ -90,12 +90,17 @@ def balanced_units(game: Game) -> np.ndarray:
 
 
 def units_of(A: np.ndarray, S: np.ndarray, Q: np.ndarray) -> np.ndarray:
-    """Units u, powers of two, with z_i = u_i y_i the Hamiltonian of A, S, Q is balanced in y.
+    """Units u (..., n), powers of two: in y, z_i = u_i y_i, the Hamiltonian of the game is balanced.
 
-    A, S, Q: (..., n, n); u: (..., n). Powers of two make the change of units free of rounding. The
-    units are taken from the game rather than from P, so that an entry of P that is zero up to
-    rounding stays small. Without costs (Q = 0) the size of P is that which moves A: |S P| = |A|.
-    Source: Benner, Symplectic balancing of Hamiltonian matrices, SIAM J. Sci. Comput. 22 (2001)."""
+    A: (..., n, n)
+    S: (..., n, n)
+    Q: (..., n, n)
+
+    Powers of two make the change of units free of rounding. The units are taken from the game
+    rather than from P, so that an entry of P that is zero up to rounding stays small. Without costs
+    (Q = 0) they are such that |S P| = |A|.
+    Source: Benner, Symplectic balancing of Hamiltonian matrices, SIAM J. Sci. Comput. 22 (2001).
+    """
     n = A.shape[-1]
     matrices = hamiltonian(A, S, Q).reshape(-1, 2 * n, 2 * n)
     scaling = np.array([balanced(matrix)[1] for matrix in matrices])

@@ -391,10 +391,10 @@ def _actuators_of(name: str, entries: Mapping[str, Any]) -> dict[str, Actuator]:
 
 
 def _merged(whole: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
-    """The entries with these in place of theirs, table by table."""
-    both = {
-        key: _merged(whole[key], each)
-        for key, each in changes.items()
-        if isinstance(whole.get(key), dict)
-    }
-    return {**whole, **changes, **both}
+    """The entries of `whole` with those of `changes` in their place; tables are merged entry by
+    entry."""
+    merged = {**whole, **changes}
+    for key, change in changes.items():
+        if isinstance(whole.get(key), dict):
+            merged[key] = _merged(whole[key], change)
+    return merged

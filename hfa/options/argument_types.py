@@ -175,7 +175,12 @@ def output_file(*suffixes: str, folder: bool = False) -> Callable[[str], Path]:
 def numbers(
     form: str, count: int, otherwise: tuple[float, ...] = ()
 ) -> Callable[[str], tuple[float, ...]]:
-    """The kind of `count` numbers between colons; the last ones may be left out, `otherwise`."""
+    """A function that turns "1:2:3" into numbers.
+
+    form: how the word looks, for its BadInputError
+    count: how many numbers it has
+    otherwise: values of the last ones, which may be left out
+    """
 
     def convert(text: str) -> tuple[float, ...]:
         parts = text.split(":")

@@ -168,7 +168,11 @@ def scheduled(
 ) -> Any:
     """The field `at`, typed by --at, of the HFA also by --dihedral: the scheduling variable.
 
-    kind: (model, word) -> value. form: how help shows it. required: whether the HFA needs it."""
+    kind: (model, word) -> value
+    form: how help shows the value
+    about: what help says of it further
+    required: whether the HFA needs it
+    """
 
     def convert(model: Model, text: str) -> Any:
         if not model.schedule:

@@ -306,8 +306,9 @@ class TrimSystem:
     def constants(
         self, count: int = 1, columns: Mapping[str, np.ndarray] | None = None
     ) -> np.ndarray:
-        """(N, ..), the values that the points give.
+        """The values that the equations take as constant, a row for each of N points.
 
+        count: N
         columns: name of a variable, output, rate or parameter -> its values (N,); the others
             have those of the condition and the model
         """

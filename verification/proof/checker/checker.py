@@ -85,8 +85,10 @@ class Verified:
 
 
 def sealed(head: str, origin: str) -> str:
-    """A JSON object without its last brace, closed by its SHA-256, where it comes from, and the
-    SHA-256 of all that.
+    """The text of a certificate.
+
+    head: its JSON object without the last brace; `digest`, the SHA-256 of this, is added
+    origin: its provenance, JSON; `checksum`, the SHA-256 of all before, is added
 
     An edited digit of any number shows; the digest covers the statement and the witness and not the
     date of the proof."""

@@ -114,7 +114,13 @@ class Fields:
         return values
 
     def array(self, name: str, *shape: int | None) -> np.ndarray:
-        """Nested lists of finite numbers; None is any length."""
+        """An entry of nested lists of finite numbers as an array.
+
+        name: of the entry
+        shape: length of each level of lists; None for any length
+
+        Malformed for anything else.
+        """
         entries = self.value(name, lambda value: True)
         numbers = _walked(self._called(name), entries, list(shape), _double)
         try:

@@ -359,7 +359,13 @@ class GameStatement:
 
     @classmethod
     def read(cls, entries: Fields, model: Model | None) -> GameStatement:
-        """model: None of a plant."""
+        """The statement of a certificate.
+
+        entries: of the statement
+        model: of the aircraft; None where the game is of a plant's matrices
+
+        Malformed names the first entry that cannot be.
+        """
         plant: Flight | Plant
         if model is None:
             plant = Plant.read(entries.fields("plant"))

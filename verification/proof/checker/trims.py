@@ -97,9 +97,15 @@ def known_values(flight: Flight, trim: TrimBox, *, decimals: bool = True) -> dic
 
 
 def _root_offsets(residual: Sequence[Any], linear: LinearParts, radii: list[arb]) -> list[arb]:
-    """Where about the polynomials the trim is.
+    """How far the trim lies from the polynomials of a box, a ball for each unknown.
 
-    Equations that no unknown moves must hold exactly."""
+    residual: of the trim equations at the polynomials
+    linear: slopes of the equations on the box
+    radii: of the unknowns about the polynomials
+
+    Rejected unless there is one trim within the radii. Equations that no unknown moves must hold
+    exactly.
+    """
     moved = []
     for row, slopes in enumerate(linear.slopes):
         if not _is_zero([*slopes, residual[row]]):
@@ -133,7 +139,11 @@ def root_offsets(residual: TaylorModel, derivative: TaylorModel, radii: list[arb
 
 
 def _check_limits(flight: Flight, values: Mapping[str, Any]) -> None:
-    """Of what a trim finds; what it imposes was compared when the statement was read."""
+    """Rejected unless every value that the trim finds lies within its limits.
+
+    flight: its limits; a value that it imposes was compared when the statement was read
+    values: name -> value on the box
+    """
     for name, (least, most) in flight.limits.items():
         if name == flight.model.schedule or name in flight.imposed:
             continue
