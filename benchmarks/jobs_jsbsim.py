@@ -17,7 +17,7 @@ from trim.sweeps.points import TRIMMED, trim_points
 
 
 def rows(quick: bool = False) -> list[Row]:
-    """Trims and linear models over calibrated airspeed and altitude, without and with a compiler."""
+    """Trims and linear models over airspeed and altitude, without and with a compiler."""
     if importlib.util.find_spec("jsbsim") is None:
         return []
     model = load_model("jsbsim:737")

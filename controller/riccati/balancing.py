@@ -32,9 +32,9 @@ class Spectrum(NamedTuple):
         eigenvalues.
 
         This is the distance of M, relative to its norm, from the nearest matrix with an eigenvalue
-        on the imaginary axis. Unlike |Re λ| it does not mislead when an eigenvalue is badly conditioned: a double eigenvalue on the
-        axis is computed with |Re λ| of about 1e-8 ‖M‖, but its axis_distance is of the order of
-        rounding, 1e-16. Source: Byers 1988."""
+        on the imaginary axis. Unlike |Re λ| it does not mislead when an eigenvalue is badly
+        conditioned: a double eigenvalue on the axis is computed with |Re λ| of about 1e-8 ‖M‖, but
+        its axis_distance is of the order of rounding, 1e-16. Source: Byers 1988."""
         return self.nearest_to_axis()[0]
 
     def nearest_to_axis(self) -> tuple[float, float]:
@@ -90,7 +90,7 @@ def balanced_units(game: Game) -> np.ndarray:
 
 
 def units_of(A: np.ndarray, S: np.ndarray, Q: np.ndarray) -> np.ndarray:
-    """Units u (..., n), powers of two: in y, z_i = u_i y_i, the Hamiltonian of the game is balanced.
+    """Units u (..., n), powers of two: in y, z_i = u_i y_i, the Hamiltonian is balanced.
 
     A: (..., n, n)
     S: (..., n, n)

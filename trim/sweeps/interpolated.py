@@ -105,7 +105,7 @@ class InterpolatedModel:
 
     @cached_property
     def _interpolator(self) -> Any:
-        """SciPy's interpolator of all quantities at once: points (..., variables) -> (..., entries),
+        """SciPy's interpolator of all quantities: points (..., variables) -> (..., entries),
         the entries of X0, U0, A and B one behind the other, each row by row."""
         from scipy.interpolate import RegularGridInterpolator
 

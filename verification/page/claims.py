@@ -90,8 +90,8 @@ def load_claims(path: Path) -> Claims:
         setting = data["setting"]
         lost = len(data["lost_flights"])
         about = (
-            f"Read from {file}, which {study} wrote. A green number meets the criterion of its claim. {verdicts}; "
-            f"flights lost: {lost}. It flew {setting['matrices']} matrices"
+            f"Read from {file}, which {study} wrote. A green number meets the criterion of its"
+            f" claim. {verdicts}; flights lost: {lost}. It flew {setting['matrices']} matrices"
         )
         models = [
             (model["dihedral_deg"], np.array(model["A"]), np.array(model["B"]))

@@ -55,8 +55,8 @@ _FIXED: tuple[dict[str, Any], ...] = (
     {"name": "sizes", "mode": "text", "showlegend": False},
 )
 _HOVER = (
-    "dihedral %{customdata[0]:.4g} deg<br>frequency %{customdata[1]:.4f} rad/s<br>damping %{customdata[2]:.4f}"
-    "<br>eigenvalue %{x:.4f}, %{y:.4f} 1/s"
+    "dihedral %{customdata[0]:.4g} deg<br>frequency %{customdata[1]:.4f} rad/s<br>damping"
+    " %{customdata[2]:.4f}<br>eigenvalue %{x:.4f}, %{y:.4f} 1/s"
 )
 
 
@@ -72,8 +72,9 @@ class InteractivePlot(Picture):
         key = self.name.removesuffix(".png")
         text = html.escape(self.text)
         boxes = "".join(
-            f'<div class="plot" id="plot-{key}-{number}" role="img" aria-label="{text}"></div>'
-            f'<script type="application/json" data-plot="plot-{key}-{number}">{in_script(figure)}</script>'
+            f'<div class="plot" id="plot-{key}-{number}" role="img"'
+            f' aria-label="{text}"></div><script type="application/json"'
+            f' data-plot="plot-{key}-{number}">{in_script(figure)}</script>'
             for number, figure in enumerate(self.figures, start=1)
         )
         return f'<figure><div class="plots">{boxes}</div><figcaption>{text}</figcaption></figure>'
