@@ -250,8 +250,8 @@ def trim_figure(aircraft: Model, point: OperatingPoint) -> Figure:
     figure.legend(loc="outside upper center", ncols=3, fontsize=8, frameon=False)
     axes.set_title(
         f"{point.dynamics} dynamics: {point.status} at dihedral {angle_text(x.dihedral)},"
-        f" {short_number(x.speed, 'ft/s')} {shown_unit('ft/s')}, {short_number(x.altitude, 'ft')}"
-        f" {length}\n{scale_text(aircraft, scale)}",
+        f" {aircraft.describe('speed', round(x.speed, 2))},"
+        f" {aircraft.describe('altitude', round(x.altitude))}\n{scale_text(aircraft, scale)}",
         fontsize=10,
     )
     return figure
