@@ -329,7 +329,10 @@ class NonlinearFlight(Reported):
 
 
 def _tracking_table(commanded: dict[str, dict[str, Any]]) -> Table:
-    """A row a commanded output, of `Policy.tracking_errors`."""
+    """A row a commanded output: its rms and largest error over the flight, with their unit.
+
+    commanded: what `Policy.tracking_errors` returns.
+    """
     rows = []
     for name, errors in commanded.items():
         unit = errors["unit"]

@@ -139,23 +139,33 @@ def _csv(path: Path) -> dict[str, Any]:
 
 
 def _table(name: str, path: Path) -> tuple[np.ndarray, list[str], list[str]]:
-    """The matrix, and the names of its rows and columns, [] where it has none."""
+    """The matrix of a .csv file, and the names of its rows and of its columns, [] without names.
+
+    name: of the matrix in messages.
+    A first row without a number names the columns; a first column without a number the rows.
+    ValueError for rows of different lengths, for no rows, and for a cell that is no number.
+    """
     with regular_file(path, LARGEST_TEXT).open(encoding="utf-8-sig", newline="") as stream:
         rows = [row for row in csv.reader(stream) if any(cell.strip() for cell in row)]
-    columns = rows.pop(0) if rows and not any(map(_is_number, rows[0])) else []
-    beside = [row[0] for row in rows] if rows and len(rows[0]) > 1 else []
-    if any(map(_is_number, beside)):
-        beside = []
-    if beside:
-        rows = [row[1:] for row in rows]
-        columns = columns[1:]
+    column_names: list[str] = []
+    if rows and not any(map(_is_number, rows[0])):
+        column_names = rows.pop(0)
+    row_names: list[str] = []
+    if rows and len(rows[0]) > 1:
+        first_column = [row[0] for row in rows]
+        if not any(map(_is_number, first_column)):
+            row_names = first_column
+            rows = [row[1:] for row in rows]
+            column_names = column_names[1:]
     widths = {len(row) for row in rows}
-    if columns:
-        widths.add(len(columns))
-    if not rows or len(widths) > 1:
+    if column_names:
+        widths.add(len(column_names))
+    if not rows:
+        raise ValueError(f"{name} has no numbers")
+    if len(widths) > 1:
         cells = " and of ".join(map(str, sorted(widths)))
-        raise ValueError(f"{name} has rows of {cells} cells" if rows else f"{name} has no numbers")
-    return np.array(rows, dtype=float), beside, columns
+        raise ValueError(f"{name} has rows of {cells} cells")
+    return np.array(rows, dtype=float), row_names, column_names
 
 
 def _named(sides: Mapping[str, list[list[str]]]) -> dict[str, list[str]]:

@@ -59,10 +59,8 @@ def trim_report(model: Model, condition: TrimCondition, point: OperatingPoint) -
 
 def with_loads(report: Report, aircraft: Model, point: OperatingPoint) -> Report:
     """The report of a trim with the loads on the aircraft and its panels, and its performance."""
-    loads, numbers = (
-        hfa_model.loads(aircraft, point.states, point.inputs),
-        performance(aircraft, point),
-    )
+    loads = hfa_model.loads(aircraft, point.states, point.inputs)
+    numbers = performance(aircraft, point)
     flat = {name: getattr(loads, name) for name in Loads._fields if name not in ("center", "outer")}
     for panel in ("center", "outer"):
         flat |= {
@@ -112,11 +110,23 @@ def performance(aircraft: Model, point: OperatingPoint) -> dict[str, float]:
 
 
 def _loads(loads: Loads, numbers: dict[str, float], unit: str, moment: str) -> Table:
-    """Of the aircraft, its center panel and one outer panel; the forces of a panel in its own
-    axes."""
-    weight, panel_force = numbers["weight"], numbers["dynamic_pressure"] * numbers["wing_area"] / 3
-    center, outer = loads.center, loads.outer
-    coefficients = numbers["lift_coefficient"], center.lift / panel_force, outer.lift / panel_force
+    """A row a load: of the aircraft, its center panel and one outer panel.
+
+    loads: in the units of the model; the forces of a panel are in its own axes.
+    numbers: those of `performance`.
+    unit: of forces.
+    moment: the unit of moments.
+    """
+    center = loads.center
+    outer = loads.outer
+    weight = numbers["weight"]
+    # q S of one of the three panels: what makes a coefficient of its lift.
+    panel_force = numbers["dynamic_pressure"] * numbers["wing_area"] / 3
+    coefficients = (
+        numbers["lift_coefficient"],
+        center.lift / panel_force,
+        outer.lift / panel_force,
+    )
     rows = [
         ("weight", *_row((weight, weight / 3, weight / 3), unit)),
         ("lift", *_row((loads.lift, center.lift, outer.lift), unit)),
