@@ -177,8 +177,14 @@ def actuators_option() -> Any:
     return option(about, _ACTUATORS, kind)
 
 
-def _wind_unit(model: Model) -> str:
-    return model.unit(UPDRAFT) if UPDRAFT in model.disturbances else "ft/s"
+def _about_gust(model: Model) -> str:
+    speed = model.unit(UPDRAFT) if UPDRAFT in model.disturbances else "ft/s"
+    return f"1-cosine updraft, {speed.removesuffix('/s')}, {speed}, s"
+
+
+def _about_turbulence(model: Model) -> str:
+    speed = model.unit(UPDRAFT) if UPDRAFT in model.disturbances else "ft/s"
+    return f"Dryden turbulence, {speed} and {speed.removesuffix('/s')}, from --seed"
 
 
 _gust_numbers = numbers(_GUST, 3, otherwise=(0.0,))
@@ -228,7 +234,7 @@ class ScenarioOptions(LawOptions, TrimOptions):
         rare=True,
     )
     turbulence: tuple[float, float] | None = option(
-        "Dryden turbulence, ft/s and ft, from --seed",
+        _about_turbulence,
         _TURBULENCE,
         _turbulence_numbers,
         rare=True,
@@ -248,7 +254,7 @@ class ScenarioOptions(LawOptions, TrimOptions):
         named=True,
         rare=True,
     )
-    gust: tuple[float, ...] | None = option("1-cosine updraft, ft, ft/s, s", _GUST, _gust_numbers)
+    gust: tuple[float, ...] | None = option(_about_gust, _GUST, _gust_numbers)
     envelope: Mapping[str, tuple[float, float]] = option(
         "other limits of a state, absolute (alpha: through the air); repeatable",
         "NAME=LOW:HIGH",

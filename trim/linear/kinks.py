@@ -11,7 +11,6 @@ import numpy as np
 
 from hfa_aircraft.layout import Layout, components
 from hfa_aircraft.model import Model
-from hfa_support.native.bound import RowFunction, cached_per_thread
 
 _ONE_ARGUMENT = {ca.OP_FABS, ca.OP_SIGN}
 _TWO_ARGUMENTS = {ca.OP_FMIN, ca.OP_FMAX, ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE}
@@ -94,13 +93,6 @@ def _steps(model: Model) -> np.ndarray:
     """The step of each state and input, (n + m,)."""
     signals = (*model.states.values(), *model.inputs.values())
     return _STEP * np.array([signal.nominal for signal in signals])
-
-
-@cached_per_thread(maxsize=16)
-def _switch_rows(layout: Layout) -> RowFunction | None:
-    """`_switches`, bound to memory."""
-    switches = _switches(layout)
-    return None if switches is None else RowFunction(switches)
 
 
 @lru_cache(maxsize=16)

@@ -31,11 +31,6 @@ def exact(value: float) -> arb:
     return arb(float(value))
 
 
-def as_read(value: float) -> arb:
-    """A ball about a double that also holds the decimal, or the degrees, that it was read from."""
-    return arb(float(value), abs(float(value)) * READING)
-
-
 def symmetric(radius: Any) -> arb:
     """[-r, r] with r the largest absolute value of a number or ball."""
     bound = abs(arb(radius)).upper()
