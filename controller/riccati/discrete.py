@@ -147,18 +147,16 @@ def quick_discounted(step: Game) -> tuple[np.ndarray, np.ndarray]:
     return form.value(X), _user_policies(problem, form, X)[0]
 
 
-def discounted_checks(game: Game, P: np.ndarray) -> tuple[Check, ...]:
-    """The tests of the P, (n, n), of a step without discount: Bellman's equation, signs, loops."""
-    form = NormalForm.of(game)
+def value_checks(problem: DiscreteGame, P: np.ndarray) -> tuple[Check, ...]:
+    """The tests of a P, (n, n), of a game in discrete time: Bellman's equation, signs, loops."""
+    form = _discrete_form(problem)
     back = np.linalg.inv(form.T)
     return _checks(form, back.T @ P @ back)
 
 
 def bellman_residual(problem: DiscreteGame, P: np.ndarray) -> float:
     """What is left of Bellman's equation at P, (n, n), relative to its terms."""
-    form = _discrete_form(problem)
-    back = np.linalg.inv(form.T)
-    return _checks(form, back.T @ P @ back)[0].value
+    return value_checks(problem, P)[0].value
 
 
 def _discrete_form(problem: DiscreteGame) -> NormalForm:

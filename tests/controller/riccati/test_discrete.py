@@ -9,10 +9,10 @@ from game_files import stored
 from controller import Game
 from controller.game.discrete_game import DiscreteGame
 from controller.riccati.discrete import (
-    discounted_checks,
     minimum_delta_discrete,
     sampled,
     solve_discrete,
+    value_checks,
 )
 from hfa.main import FAILED
 from hfa_support import BadInputError, NoSolutionError
@@ -95,14 +95,14 @@ def test_units_of_the_states_do_not_matter():
 def test_a_wrong_value_fails():
     game = _game(5)
     P = solve_discounted(game, 1.0).P
-    assert all(check.ok for check in discounted_checks(game, P))
+    assert all(check.ok for check in value_checks(DiscreteGame(game), P))
     for wrong in (
         P * (1.0 + 1e-9),
         P + 1e-9 * np.eye(4),
         solve_discounted(game, 0.999999999).P,
         -P,
     ):
-        assert not all(check.ok for check in discounted_checks(game, wrong))
+        assert not all(check.ok for check in value_checks(DiscreteGame(game), wrong))
 
 
 def test_what_has_no_value_is_refused_by_name():
