@@ -56,6 +56,8 @@ class PrintedFile:
     """A plant and the answer that is printed beside it.
 
     title: of the file
+    source: where it is printed; "" where the file does not say
+    note: what a reader of it has to know; or ""
     plant: as typed
     typed: the blocks of the plant
     answer: the printed blocks of P, K, L, W, H
@@ -66,6 +68,8 @@ class PrintedFile:
     """
 
     title: str
+    source: str
+    note: str
     plant: Plant
     typed: dict[str, Block]
     answer: dict[str, Block]
@@ -166,8 +170,18 @@ def _printed_file(content: dict[str, Any]) -> PrintedFile:
         convention = answer_texts.get(key, next(iter(conventions)))
         refuse_unknown(f"{key} is", convention, conventions)
         signs[key[0]] = conventions[convention]
-    title = str(content.get("title", "printed answer"))
-    return PrintedFile(title, plant, typed, answer, signs, **flags, assumption=assumption)
+    return PrintedFile(
+        title=str(content.get("title", "printed answer")),
+        source=str(content.get("source", "")),
+        note=str(content.get("note", "")),
+        plant=plant,
+        typed=typed,
+        answer=answer,
+        signs=signs,
+        learned=flags["learned"],
+        plant_rounded=flags["plant_rounded"],
+        assumption=assumption,
+    )
 
 
 def _table(content: dict[str, Any], name: str, keys: tuple[str, ...]) -> dict[str, Any]:

@@ -1,0 +1,1 @@
+"""Answers that others have printed, judged digit by digit."""
