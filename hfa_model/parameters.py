@@ -26,9 +26,9 @@ class Parameters(NamedTuple, Generic[T]):
     """The aircraft as numbers (or CasADi symbols), English units: ft, slug, lbf, s, rad.
 
     Each of the three panels has the mass, span, chord, tail, boom and inertias below. Inertias are
-    about the panel's own center of mass, in panel axes. The wing area of a panel is `panel_span *
-    chord`; wing and tail share one lift slope; `thrust_per_throttle` converts the throttle to total
-    thrust."""
+    about the panel's own center of mass, in panel axes. The wing area of a panel is its span
+    times its chord; wing and tail share one lift slope; `thrust_per_throttle` converts the throttle
+    to total thrust. Units and meanings: `FIELDS`."""
 
     panel_mass: T
     panel_span: T

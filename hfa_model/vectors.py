@@ -24,7 +24,16 @@ DEGREE = math.pi / 180
 
 class State(NamedTuple, Generic[T]):
     """X = [V, α, h, θ, q, η, η'] in the order of the paper (Section 2.2): numbers, CasADi
-    expressions, units or signals."""
+    expressions, units or signals.
+
+    speed: V, ft/s
+    alpha: α, rad, angle of attack of the center panel
+    altitude: h, ft
+    pitch: θ, rad
+    pitch_rate: q, rad/s
+    dihedral: η, rad, of both outer panels, tips up
+    dihedral_rate: η', rad/s
+    """
 
     speed: T
     alpha: T
@@ -39,7 +48,11 @@ class Input(NamedTuple, Generic[T]):
     """U = [δ_t, δ_ac, δ_ao, δ_ec, δ_eo] in the order of the paper (Section 2.2): numbers, CasADi
     expressions, units or signals.
 
-    `throttle` is dimensionless: total thrust = thrust_per_throttle * throttle (`parameters.py`).
+    throttle: δ_t, 1; total thrust = thrust_per_throttle * throttle (`Parameters`)
+    aileron_center: δ_ac, rad, trailing edge down
+    aileron_outer: δ_ao, rad, trailing edge down
+    elevator_center: δ_ec, rad, more lift on the tail
+    elevator_outer: δ_eo, rad, more lift on the tail
     """
 
     throttle: T
@@ -49,7 +62,9 @@ class Input(NamedTuple, Generic[T]):
     elevator_outer: T
 
 
+#: The names of the seven states, in order.
 STATES: tuple[str, ...] = State._fields
+#: The names of the five inputs, in order.
 INPUTS: tuple[str, ...] = Input._fields
 #: The six states of the paper's linear model: the altitude deviation is not controlled (Section
 #: 2.2).

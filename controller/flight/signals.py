@@ -33,6 +33,10 @@ class Harmonic(NamedTuple):
 class Waveform(Shown):
     """s(t) = constant + slope t + Σ_i (sine_i sin ω_i t + cosine_i cos ω_i t), (n,).
 
+    constant: (n,)
+    slope: (n,), per s
+    harmonics: ω_i, sine_i and cosine_i
+
     BadInputError when the parts differ in length or are not finite.
     """
 
@@ -107,9 +111,16 @@ class CommandSteps(Shown):
     """r'' = ω² (r_step(t) - r) - 2 ζ ω r' from rest, so that r(t) = Σ_i (R_i - R_i-1) s(t - t_i),
     R_-1 = 0.
 
-    s: the step response of the filter. names: outputs, as deviations from trim. times: t_i (S,), s,
-    increasing, from 0 on. values: R (S, k), in the outputs' units. bandwidth ω, rad/s; damping ζ.
-    BadInputError when a number or a shape is wrong, or a name is given twice."""
+    s(t) is the step response of the filter.
+
+    names: outputs, as deviations from trim
+    times: t_i, (S,), s, increasing, from 0 on
+    values: R, (S, k), in the outputs' units
+    bandwidth: ω, rad/s
+    damping: ζ
+
+    BadInputError when a number or a shape is wrong, or a name is given twice.
+    """
 
     names: tuple[str, ...]
     times: np.ndarray

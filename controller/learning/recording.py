@@ -24,10 +24,14 @@ _AHEAD = 1e-6
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Stack(Shown):
-    """N_h recorded samples: states z_j (N_h, n) and drifts F_j (N_h, n), F = z' - B u - E d.
+    """N_h recorded samples of a plant.
+
+    states: z_j, (N_h, n)
+    drifts: F_j = z' - B u - E d, (N_h, n)
 
     F must not carry the reference forcing r(t) = A x_d - x_d': the value z'Pz answers F = A z
-    alone. Raises BadInputError when the shapes differ or a number is not finite."""
+    alone. Raises BadInputError when the shapes differ or a number is not finite.
+    """
 
     states: np.ndarray
     drifts: np.ndarray

@@ -23,7 +23,12 @@ RELATIONS: Mapping[str, Callable[[float, float], bool]] = {
 class Check(NamedTuple):
     """A named number that must be `value relation limit`.
 
+    name: of what is checked
+    value: the number
+    limit: what it is compared with
+    ok: whether it is as it must be
     reason: why it fails; empty when `ok`.
+    relation: "<=", "<", ">=" or ">"
     kind: what it is about, where that decides what is said of it: "error", "stability", "cost".
     """
 

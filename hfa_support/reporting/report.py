@@ -51,10 +51,14 @@ class Picture:
 class Report:
     """What a result says, in the order in which it is read.
 
-    title: a heading, and below it what follows its first line. parts: paragraphs (str), tables of
-    formatted cells (Table), a tuple of these without an empty line between them, pictures, and
-    reports within the report. data: the result for JSON, .npz and .mat. records: for CSV, numbers
-    with all digits. notes: what to know before trusting it. source: the provenance, shown last."""
+    title: a heading, and below it what follows its first line
+    parts: paragraphs (str), tables of formatted cells (Table), a tuple of these without an empty
+        line between them, pictures, and reports within the report
+    notes: what to know before trusting it
+    data: the result for JSON, .npz and .mat
+    records: for CSV, numbers with all digits
+    source: the provenance, shown last
+    """
 
     title: str
     parts: Sequence[Part] = ()

@@ -34,6 +34,8 @@ class Interpolated(NamedTuple):
 class InterpolatedModel:
     """Trim, A and B over the grid of a sweep, linear in each of its variables (bilinear in two).
 
+    sweep: whose points are trimmed
+
     BadInputError when a variable has fewer than two values, or a point of the sweep has no trim.
     """
 

@@ -1,0 +1,109 @@
+"""The pages of the reference: every public name of a package, the most used first."""
+
+from __future__ import annotations
+
+import ast
+import importlib
+import inspect
+import json
+import re
+from collections import Counter
+from functools import cache
+from itertools import takewhile
+from pathlib import Path
+
+from docstrings import describe_attributes, escaped
+from sphinx.pycode import ModuleAnalyzer
+
+ROOT = Path(__file__).parent.parent
+#: Package -> what its page of the reference is about. A name of several packages has its entry on
+#: the first page.
+PACKAGES = {
+    "hfa": "what a script needs",
+    "hfa_aircraft": "aircraft as models",
+    "hfa_support": "errors and reports",
+    "hfa_model": "the flexible aircraft",
+    "trim": "trims and linear models",
+    "controller": "games, laws and flights",
+    "verification": "checks and proofs",
+}
+
+
+def names_of(package: str) -> list[str]:
+    """The public names of a package, from its stub; those that most examples use first."""
+    stub = ast.parse((ROOT / package / "__init__.pyi").read_text("utf-8"))
+    imports = [statement for statement in stub.body if isinstance(statement, ast.ImportFrom)]
+    names = [alias.asname or alias.name for statement in imports for alias in statement.names]
+    return sorted(names, key=lambda name: -users()[name])
+
+
+@cache
+def users() -> Counter[str]:
+    """Name -> how many documents and examples call it in their code."""
+    code = [path.read_text("utf-8") for path in (ROOT / "examples").glob("*.py")]
+    for path in (ROOT / "README.md", *(ROOT / "docs").glob("*.md")):
+        blocks = re.findall(r"^```python\n(.*?)^```$", path.read_text("utf-8"), re.M | re.S)
+        code.append("\n".join(blocks))
+    for path in (ROOT / "examples").glob("*.ipynb"):
+        cells = json.loads(path.read_text("utf-8"))["cells"]
+        code.append("\n".join("".join(cell["source"]) for cell in cells))
+    return Counter(name for text in code for name in set(re.findall(r"\w+(?=\()", text)))
+
+
+def value_of(package: str, name: str) -> object:
+    """What a public name stands for."""
+    return getattr(importlib.import_module(package), name)
+
+
+def home_of(package: str, name: str) -> str:
+    """The first of `PACKAGES` that has the name for the same: its entry is on that page."""
+    return next(
+        candidate
+        for candidate in PACKAGES
+        if name in names_of(candidate)
+        and value_of(candidate, name) is value_of(package, name)
+    )
+
+
+def names_page(package: str) -> str:
+    """A table of the names with their first sentences, then their entries."""
+    names = names_of(package)
+    rows = [_row(home_of(package, name), name) for name in names]
+    entries = [_entry(package, name) for name in names if home_of(package, name) == package]
+    table = ".. list-table::\n   :class: names\n\n" + "".join(rows)
+    body = "\n".join([table, *entries])
+    return f"# `{package}`: {PACKAGES[package]}\n\n```{{eval-rst}}\n{body}```\n"
+
+
+def _row(package: str, name: str) -> str:
+    paragraph = " ".join(takewhile(str.strip, _text(package, name)))
+    sentence = re.split(r"(?<=\w\.) (?=[A-Z])", paragraph)[0]
+    return f"   * - :py:obj:`{name} <{package}.{name}>`\n     - {escaped([sentence])[0]}\n"
+
+
+def _text(package: str, name: str) -> list[str]:
+    """The lines of a docstring; of a constant, of the comment above it."""
+    value = value_of(package, name)
+    if isinstance(value, type) or inspect.isroutine(value):
+        return (inspect.getdoc(value) or "").splitlines()
+    stub = ast.parse((ROOT / package / "__init__.pyi").read_text("utf-8"))
+    module = next(
+        f"{package}.{statement.module}"
+        for statement in stub.body
+        if isinstance(statement, ast.ImportFrom)
+        and name in (alias.name for alias in statement.names)
+    )
+    return ModuleAnalyzer.for_module(module).find_attr_docs().get(("", name), [])
+
+
+def _entry(package: str, name: str) -> str:
+    value = value_of(package, name)
+    if isinstance(value, type):
+        for base in value.__mro__:
+            if base.__module__.partition(".")[0] in PACKAGES:
+                describe_attributes(base)
+        return f".. autoclass:: {package}.{name}\n   :members:\n   :undoc-members:\n"
+    if inspect.isroutine(value):
+        return f".. autofunction:: {package}.{name}\n"
+    lines = "\n".join(f"   {line}" for line in escaped(_text(package, name)))
+    return f".. py:data:: {package}.{name}\n\n{lines}\n"
