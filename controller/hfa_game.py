@@ -33,7 +33,13 @@ def published_game(
 
     changes: of Q, R, delta, E. A linear model with more than the paper's six states has weight 0
     and no disturbance on the others; with anything else than six states and five inputs Q and R
-    must be given. Of a linear model in SI units it is the same game: Q, R and E are converted."""
+    must be given. Of a linear model in SI units it is the same game: Q, R and E are converted.
+
+    >>> import hfa
+    >>> model = hfa.level_model(hfa.aircraft(), 0.2)
+    >>> hfa.published_game(model, delta=250.0).R.diagonal().tolist()
+    [100.0, 400.0, 400.0, 400.0, 50.0]
+    """
     states = getattr(A, "states", LINEAR_STATES)
     native = A.point.model.native if hasattr(A, "point") else None
     if B is None:

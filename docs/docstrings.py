@@ -47,7 +47,9 @@ def describe_attributes(owner: type) -> None:
     comments = ModuleAnalyzer.for_module(owner.__module__).find_attr_docs()
     text = entries_of((inspect.getdoc(owner) or "").splitlines())
     if owner is Parameters:
-        text = (([name], [f"{spec.unit}, {spec.meaning}"]) for name, spec in FIELDS._asdict().items())
+        text = (
+            ([name], [f"{spec.unit}, {spec.meaning}"]) for name, spec in FIELDS._asdict().items()
+        )
     for names, lines in text:
         comments.update({(owner.__qualname__, name): lines for name in names})
 

@@ -60,8 +60,7 @@ def home_of(package: str, name: str) -> str:
     return next(
         candidate
         for candidate in PACKAGES
-        if name in names_of(candidate)
-        and value_of(candidate, name) is value_of(package, name)
+        if name in names_of(candidate) and value_of(candidate, name) is value_of(package, name)
     )
 
 

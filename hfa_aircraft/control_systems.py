@@ -20,7 +20,13 @@ if TYPE_CHECKING:
 
 def to_control(model: Model, outputs: Sequence[str] | None = None) -> control.NonlinearIOSystem:
     """x' = f(x, u, p), y = the named states and outputs, by default all; without disturbances.
-    Names are kept."""
+    Names are kept.
+
+    >>> import hfa
+    >>> from hfa_aircraft import to_control
+    >>> to_control(hfa.aircraft()).ninputs
+    5
+    """
     import control
 
     seen = [*model.states, *model.outputs] if outputs is None else list(outputs)

@@ -66,6 +66,14 @@ class Model:
 
     BadInputError when a name is no identifier, is declared twice or is unknown, or when a number
     cannot be.
+
+    >>> import hfa
+    >>> states = {"position": hfa.Signal("ft"), "velocity": hfa.Signal("ft/s")}
+    >>> inputs = {"force": hfa.Signal("lbf")}
+    >>> def equations(x, u, p, w):
+    ...     return {"position": x.velocity, "velocity": u.force / 2.0}, {}
+    >>> hfa.Model("cart", states, inputs, equations).at([0.0, 0.0], [1.0]).B.tolist()
+    [[0.0], [0.5]]
     """
 
     name: str

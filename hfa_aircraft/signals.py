@@ -21,6 +21,10 @@ class Signal(NamedTuple):
     min, max: where the equations hold; limits of a trim.
     start: value of a parameter; where a search for a state or an input begins.
     rate: typical size of a state's rate; the nominal unless given.
+
+    >>> import hfa
+    >>> hfa.Signal("ft/s", nominal=100.0, min=0.0).max
+    inf
     """
 
     unit: str = "1"

@@ -20,6 +20,10 @@ def aircraft(dynamics: str | Variant = "published", parameters: Parameters | Non
     parameters: by default the identified ones
 
     BadInputError for unknown dynamics and for parameters that no aircraft has.
+
+    >>> import hfa
+    >>> hfa.aircraft("newton").inputs["throttle"].max
+    200.0
     """
     values = default_parameters().values if parameters is None else _checked_parameters(parameters)
     if dynamics == "unsteady":

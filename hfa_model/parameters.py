@@ -167,7 +167,12 @@ NAMED = {
 
 def default_parameters() -> ParameterSet:
     """The identified parameters, which come with the package; `python -m studies.identification`
-    writes their file."""
+    writes their file.
+
+    >>> import hfa
+    >>> round(hfa.default_parameters().values.panel_mass, 2)  # slug
+    9.33
+    """
     return load_parameters("identified")
 
 

@@ -57,7 +57,12 @@ def published_data() -> dict[str, Any]:
 
 @cache
 def published_models() -> tuple[PublishedModel, ...]:
-    """The printed pairs (A1, B1) at 15 degrees and (A2, B2) at 5 degrees, in that order."""
+    """The printed pairs (A1, B1) at 15 degrees and (A2, B2) at 5 degrees, in that order.
+
+    >>> from hfa_model import published_models
+    >>> [round(model.dihedral, 4) for model in published_models()]
+    [0.2618, 0.0873]
+    """
     return tuple(_model(case) for case in published_data()["cases"])
 
 

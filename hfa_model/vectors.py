@@ -33,6 +33,10 @@ class State(NamedTuple, Generic[T]):
     pitch_rate: q, rad/s
     dihedral: η, rad, of both outer panels, tips up
     dihedral_rate: η', rad/s
+
+    >>> from hfa_model import State
+    >>> State(68.0, 0.05, 40000.0, 0.05, 0.0, 0.2, 0.0).dihedral
+    0.2
     """
 
     speed: T
@@ -53,6 +57,10 @@ class Input(NamedTuple, Generic[T]):
     aileron_outer: δ_ao, rad, trailing edge down
     elevator_center: δ_ec, rad, more lift on the tail
     elevator_outer: δ_eo, rad, more lift on the tail
+
+    >>> from hfa_model import Input
+    >>> Input(40.0, 0.0, 0.03, 0.0, -0.05).elevator_outer
+    -0.05
     """
 
     throttle: T

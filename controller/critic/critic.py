@@ -122,12 +122,24 @@ class Critic(Shown):
 
 
 def from_gain(game: Game, K: np.ndarray, time: float | None = None) -> Critic:
-    """The policy u = -K z. BadInputError when K has another shape than B', or is complex."""
+    """The policy u = -K z. BadInputError when K has another shape than B', or is complex.
+
+    >>> import hfa
+    >>> game = hfa.Game([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]], delta=2.0)
+    >>> hfa.check_critic(game, hfa.from_gain(game, [[0.5]])).ok
+    False
+    """
     return Critic(game.checked_gain(K), None, "K", time=time)
 
 
 def from_value(game: Game, P: np.ndarray, time: float | None = None) -> Critic:
-    """V = z'Pz, u = -R⁻¹B'P z. BadInputError when P has another shape than A, or is complex."""
+    """V = z'Pz, u = -R⁻¹B'P z. BadInputError when P has another shape than A, or is complex.
+
+    >>> import hfa
+    >>> game = hfa.Game([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]], delta=2.0)
+    >>> hfa.from_value(game, [[3.0]]).K.tolist()
+    [[3.0]]
+    """
     P = numbers_in("P", P)
     if P.shape != game.A.shape:
         n = len(game.A)
@@ -150,6 +162,11 @@ def from_weights(
     functions: a basis, its name, or a CasADi Function z (n,) -> ψ(z) (M,).
 
     BadInputError when W has another length than the basis, or is complex.
+
+    >>> import hfa
+    >>> game = hfa.Game([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]], delta=2.0)
+    >>> hfa.from_weights(game, [3.0]).K.tolist()
+    [[3.0]]
     """
     weights = numbers_in("W", weights)
     n = len(game.A)

@@ -131,6 +131,14 @@ def critics_over_time(
 
     BadInputError when a number is not finite or too large, the times do not increase, or the number
     of rows differs.
+
+    >>> import hfa
+    >>> import numpy as np
+    >>> from controller import critics_over_time
+    >>> game = hfa.Game([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]], delta=2.0)
+    >>> weights = np.array([[1.0], [3.0]])
+    >>> [critic.K.item() for critic in critics_over_time(game, np.array([0.0, 1.0]), W=weights)]
+    [1.0, 3.0]
     """
     times = checked_matrix("time", times, LARGEST_CRITIC_ENTRY, ndim=None)
     arrays = {

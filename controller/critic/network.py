@@ -40,6 +40,14 @@ def from_network(
     features: a single layer on these functions (default: the quadratic basis) is a polynomial.
 
     BadInputError, one line, names the file.
+
+    >>> import casadi as ca
+    >>> import hfa
+    >>> game = hfa.published_game(hfa.level_model(hfa.aircraft(), 0.2))
+    >>> z = ca.SX.sym("z", 6)
+    >>> V = ca.Function("V", [z], [3 * ca.sumsqr(z)])
+    >>> hfa.from_network(game, V).P.diagonal().tolist()
+    [3.0, 3.0, 3.0, 3.0, 3.0, 3.0]
     """
     n = len(game.A)
     scales = np.ones(n) if scale is None else np.asarray(scale, dtype=float)

@@ -71,6 +71,16 @@ def fly(
 
     BadInputError when the flight does not begin inside, or part of the scenario is still to be
     drawn.
+
+    >>> import hfa
+    >>> from controller import GainPolicy, Scenario, flight_envelope, fly
+    >>> model = hfa.aircraft()
+    >>> point = hfa.find_operating_point(model, hfa.level_flight(0.2))
+    >>> K = hfa.solve_game(hfa.published_game(hfa.linearize(model, point))).K
+    >>> second = Scenario(duration=1.0)
+    >>> envelope = flight_envelope(model, point)
+    >>> fly(model, point, GainPolicy("exact", K), second, envelope).states.shape
+    (1001, 7)
     """
     if scenario.uncertainty != Uncertainty():
         raise BadInputError(

@@ -95,6 +95,10 @@ def basis(name: str, states: int) -> Basis:
     (`PAPER_QUARTIC_CHANNELS`, our assumption).
 
     Raises BadInputError for an unknown name, and for "paper" on another number of channels.
+
+    >>> from controller import basis
+    >>> basis("quadratic", 6).size
+    21
     """
     refuse_unknown("unknown basis", name, BASES)
     if states < 1:

@@ -33,7 +33,13 @@ class Game(ByValue, Shown):
     R: (m, m), symmetric positive definite
     delta: > 0, may be inf: no disturbance, LQR
 
-    Raises BadInputError when a shape, a sign or a number is wrong."""
+    Raises BadInputError when a shape, a sign or a number is wrong.
+
+    >>> import hfa
+    >>> game = hfa.Game([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]], delta=2.0)
+    >>> game.S.tolist()
+    [[0.75]]
+    """
 
     A: np.ndarray
     B: np.ndarray

@@ -528,7 +528,13 @@ def learn(
     Whether what was learned is right the judge says (`verification.check_critic`), who knows A.
     Raises BadInputError for an unknown law or option and for data that cannot determine the
     weights; NoSolutionError when the law cannot reach its end: no game value at this delta, (A, B)
-    not stabilizable, overflow."""
+    not stabilizable, overflow.
+
+    >>> import hfa
+    >>> game = hfa.Game([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]], delta=2.0)
+    >>> hfa.learn(game, seed=1).K.round(4).tolist()
+    [[3.0972]]
+    """
     refuse_unknown("unknown law", law, ("certified",))
     settings_of_law = [field.name for field in fields(CertifiedSettings)]
     for name in options:

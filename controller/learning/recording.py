@@ -95,7 +95,14 @@ def record(game: Game, states: np.ndarray) -> Stack:
 
 def random_pool(game: Game, count: int, seed: int, half_widths: np.ndarray | None = None) -> Stack:
     """`count` states drawn uniformly from a box, with their drifts; half_widths: (n,), by default
-    `natural_spread`."""
+    `natural_spread`.
+
+    >>> import hfa
+    >>> from controller import random_pool
+    >>> game = hfa.Game([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]], delta=2.0)
+    >>> random_pool(game, 100, seed=1).states.shape
+    (100, 1)
+    """
     n = game.A.shape[0]
     widths = natural_spread(game) if half_widths is None else np.asarray(half_widths, dtype=float)
     if widths.shape != (n,) or not np.all((widths > 0.0) & np.isfinite(widths)):

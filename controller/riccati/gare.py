@@ -112,7 +112,13 @@ def solve_game(game: Game, progress: Progress | None = None) -> Solution:
 
     Raises NoSolutionError with one line: the mode that rules out a solution at any delta, or the
     test of the certificate that failed together with delta_min, whose search calls `progress`.
-    Source: Basar and Bernhard, H-infinity Optimal Control, Theorem 4.11."""
+    Source: Basar and Bernhard, H-infinity Optimal Control, Theorem 4.11.
+
+    >>> import hfa
+    >>> game = hfa.Game([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]], delta=2.0)
+    >>> hfa.solve_game(game).K.round(4).tolist()
+    [[3.0972]]
+    """
     form = NormalForm.of(game)
     return solution_of(form, certified(form, progress))
 

@@ -126,7 +126,14 @@ def minimum_delta(game: Game, progress: Progress | None = None) -> DeltaMin:
     """The smallest δ of a game, to 1e-6 relative; its own delta plays no part.
 
     Raises NoSolutionError when there is none, naming the mode if one is found that rules out every
-    solution."""
+    solution.
+
+    >>> import hfa
+    >>> from verification import minimum_delta
+    >>> game = hfa.Game([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]], delta=2.0)
+    >>> round(minimum_delta(game).value, 4)
+    1.0
+    """
     return smallest_delta_of(NormalForm.of(game), progress)
 
 

@@ -11,6 +11,9 @@ from __future__ import annotations
 
 import contextlib
 import difflib
+import doctest
+import importlib
+import inspect
 import io
 import re
 import runpy
@@ -245,6 +248,38 @@ def test_examples_run(
     expected = "\n".join(line.removeprefix("    ") for line in shown.strip("\n").splitlines())
     assert difference(expected, said) == ""
     assert list(tmp_path.iterdir()) == []
+
+
+def entries() -> list[Any]:
+    """(package.name, value) of every public name that has a docstring of its own."""
+    names = [
+        (package, name)
+        for package in PACKAGES
+        for name in re.findall(r" as (\w+)", text_of(ROOT / package / "__init__.pyi"))
+    ]
+    values = [(f"{p}.{name}", getattr(importlib.import_module(p), name)) for p, name in names]
+    return [(name, value) for name, value in values if hasattr(value, "__qualname__")]
+
+
+def test_examples_of_public_names_print_what_they_show() -> None:
+    parser = doctest.DocTestParser()
+    failures = io.StringIO()
+    runner = doctest.DocTestRunner(verbose=False)
+    ran = set()
+    for name, value in entries():
+        example = parser.get_doctest(inspect.getdoc(value) or "", {}, name, None, 0)
+        if example.examples and value not in ran:
+            runner.run(example, out=failures.write)
+            ran.add(value)
+    assert failures.getvalue() == ""
+    assert len(ran) >= 30
+    exceptions = ("BadInputError", "NoSolutionError")
+    of_scripts = {name: value for name, value in entries() if name.startswith("hfa.")}
+    assert [
+        name
+        for name, value in of_scripts.items()
+        if value not in ran and not name.endswith(exceptions)
+    ] == []
 
 
 # The judge itself.

@@ -27,6 +27,10 @@ def level_flight(
     dihedral: rad.
     limits: variable -> (lowest, highest), in place of the model's.
     held: what is imposed in place of the paper's values, in rad, ft, s.
+
+    >>> import hfa
+    >>> hfa.level_flight(0.2, speed=70.0).free
+    ('throttle', 'aileron_outer', 'elevator_center', 'elevator_outer')
     """
     model = LEVEL_FLIGHT.model
     imposed = {**model.trim, model.schedule: dihedral, **held}

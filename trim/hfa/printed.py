@@ -84,7 +84,16 @@ class EntryRow:
 
 
 def compare(model: LinearModel, published: PublishedModel) -> tuple[EntryRow, ...]:
-    """All 66 entries of A (6 x 6) and B (6 x 5), row by row."""
+    """All 66 entries of A (6 x 6) and B (6 x 5), row by row.
+
+    >>> import hfa
+    >>> import hfa_model
+    >>> import trim
+    >>> printed = hfa_model.published_models()[0]
+    >>> rows = trim.compare(trim.regenerate(hfa.aircraft(), printed), printed)
+    >>> round(max(abs(row.half_units) for row in rows), 2)
+    1.21
+    """
     parts = (
         ("A", LINEAR_STATES, model.A, published.A, published.half_unit_A),
         ("B", INPUTS, model.B, published.B, published.half_unit_B),
@@ -100,7 +109,14 @@ def compare(model: LinearModel, published: PublishedModel) -> tuple[EntryRow, ..
 
 
 def regenerate(aircraft: Model, published: PublishedModel) -> LinearModel:
-    """The linear model of an aircraft in the paper's trim at a printed dihedral angle."""
+    """The linear model of an aircraft in the paper's trim at a printed dihedral angle.
+
+    >>> import hfa
+    >>> import hfa_model
+    >>> import trim
+    >>> trim.regenerate(hfa.aircraft(), hfa_model.published_models()[0]).A.shape
+    (6, 6)
+    """
     return level_model(aircraft, published.dihedral)
 
 
@@ -302,7 +318,14 @@ def entry_bands(parameters: ParameterSet, condition: TrimCondition, model: Linea
     2 sqrt(diag(J C J')), J = ∂(A, B)/∂p + ∂(A, B)/∂v dv/dp, dv/dp = -(∂f/∂v)⁻¹ ∂f/∂p (implicit
     function theorem), C the covariance of the identified parameters p, v the free variables of the
     trim. BadInputError when the parameters have no bands (`bands_known`), or the model is not of
-    the paper's six states."""
+    the paper's six states.
+
+    >>> import hfa
+    >>> from trim import entry_bands
+    >>> model = hfa.level_model(hfa.aircraft(), 0.2)
+    >>> entry_bands(hfa.default_parameters(), hfa.level_flight(0.2), model).A.shape
+    (6, 6)
+    """
     if model.states != LINEAR_STATES:
         raise BadInputError(
             f"bands are known for the states {', '.join(LINEAR_STATES)} only; select them"

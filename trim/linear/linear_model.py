@@ -469,6 +469,11 @@ def linearize(
     disturbances: names; None for the first one where outputs are asked for, else for none.
 
     BadInputError when the point is of another model, or a name is unknown.
+
+    >>> import hfa
+    >>> point = hfa.find_operating_point(hfa.aircraft(), hfa.level_flight(0.2))
+    >>> hfa.linearize(hfa.aircraft(), point).A.shape
+    (6, 6)
     """
     point.refuse_other(model)
     states = tuple(model.states)
@@ -504,6 +509,11 @@ def linearize(
 
 def level_model(model: Model, scheduled: float) -> LinearModel:
     """A, B at the model's own trim with this value of its scheduling variable, of the HFA the
-    paper's level flight with this dihedral, rad. TrimError when there is no such trim."""
+    paper's level flight with this dihedral, rad. TrimError when there is no such trim.
+
+    >>> import hfa
+    >>> hfa.level_model(hfa.aircraft(), 0.2).states
+    ('speed', 'alpha', 'pitch', 'pitch_rate', 'dihedral', 'dihedral_rate')
+    """
     condition = usual_condition(model).at(hold={model.schedule: scheduled})
     return linearize(model, find_operating_point(model, condition))

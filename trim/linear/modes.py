@@ -59,6 +59,12 @@ def modes_of(
     eigenvectors v, w (Perez-Arriaga, Verghese, Schweppe 1982). A mode takes the name of the family
     of states with the largest share, or of the state where that is in no family; when two modes
     fall to one family, the faster is called "fast", the slower "slow".
+
+    >>> import numpy as np
+    >>> from trim import modes_of
+    >>> mode = modes_of(np.array([[0.0, 1.0], [-4.0, -0.4]]), ("position", "velocity"))[0]
+    >>> round(mode.damping, 3)
+    0.1
     """
     eigenvalues, right = np.linalg.eig(A)
     inverse = np.linalg.pinv(right)

@@ -34,6 +34,12 @@ class TrimCondition:
 
     `at` and `release` take a rate by the name of its state with _dot behind it. BadInputError when
     a name is unknown, or a value is not finite or lies outside its limits.
+
+    >>> import hfa
+    >>> from trim import TrimCondition
+    >>> model = hfa.aircraft()
+    >>> TrimCondition(model, {**model.trim, "speed": 70.0}).free
+    ('throttle', 'aileron_outer', 'elevator_center', 'elevator_outer')
     """
 
     model: Model = field(compare=False)

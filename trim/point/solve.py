@@ -56,7 +56,13 @@ def find_operating_point(
     start: a neighbouring point to begin from; else where the declaration begins.
     Raises TrimError when the equations cannot be balanced within the limits, BadInputError when the
     condition is not well posed or its numbers, with the model's, overflow. Source: Stevens,
-    Lewis, Johnson, Aircraft Control and Simulation, Section 3.6."""
+    Lewis, Johnson, Aircraft Control and Simulation, Section 3.6.
+
+    >>> import hfa
+    >>> point = hfa.find_operating_point(hfa.aircraft(), hfa.level_flight(0.2))
+    >>> round(point.inputs.throttle, 2)
+    40.27
+    """
     refuse_other_units(condition, model)
     problem = TrimProblem(model, condition, start)
     try:

@@ -490,6 +490,10 @@ def sweep(
 
     A point that has no trim becomes a row with its reason. BadInputError when a name is unknown, a
     value lies outside its limits, or the grid is empty or has more than `MOST_POINTS` points.
+
+    >>> import hfa
+    >>> hfa.sweep(hfa.aircraft(), {"dihedral": [0.1, 0.2], "speed": [66.0, 68.0]}).A.shape
+    (4, 6, 6)
     """
     plan = SweepPlan(grid, model, condition, start=start, listed=listed)  # type: ignore[arg-type]
     return run_plan(plan, progress)

@@ -64,7 +64,13 @@ def balanced_box(game: Game) -> Box:
 
 def relative_error(value: np.ndarray, exact: np.ndarray) -> float:
     """|value - exact| / |exact|, Frobenius norms; inf when a number is not finite, or |exact| alone
-    is 0."""
+    is 0.
+
+    >>> import numpy as np
+    >>> from verification import relative_error
+    >>> relative_error(np.array([3.0, 4.5]), np.array([3.0, 4.0]))
+    0.1
+    """
     if not np.all(np.isfinite(value)):
         return math.inf
     with np.errstate(over="ignore"):  # then the error is inf
