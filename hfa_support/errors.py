@@ -92,10 +92,24 @@ def numbers_in(what: str, values: Any) -> np.ndarray:
     except ValueError:  # rows that differ in length
         array = np.empty(0, dtype=object)
     if array.dtype.kind not in "iuf":
-        raise BadInputError(f"{what} does not consist of rows of real numbers, all of one length")
+        rule = f"{what} does not consist of rows of real numbers, all of one length"
+        raise BadInputError(rule + _faulty_row(values))
     if np.any(getattr(values, "_mask", False)):  # numpy.ma takes 10 ms to load
         raise BadInputError(f"{what} has masked entries; fill them or leave them out")
     return array.astype(float)
+
+
+def _faulty_row(rows: Any) -> str:
+    """Where a list of lists is no matrix of numbers: "; row 2 has 1 numbers and row 1 has 2"."""
+    if not (isinstance(rows, list) and rows and all(isinstance(row, list) for row in rows)):
+        return ""
+    for number, row in enumerate(rows, 1):
+        if len(row) != len(rows[0]):
+            return f"; row {number} has {len(row)} numbers and row 1 has {len(rows[0])}"
+        for entry in row:
+            if isinstance(entry, bool) or not isinstance(entry, (int, float)):
+                return f"; row {number} has {shown(entry)}"
+    return ""
 
 
 def shortened(text: str, longest: int = _LONGEST) -> str:

@@ -205,6 +205,10 @@ def _single_parts(
 ) -> dict[str, np.ndarray]:
     """W (M,), P and K by name, as many as there are, in the units of the plant."""
     parts = {name: numbers_in(name, entries[name]) for name in _DIMENSIONS if name in entries}
+    if not parts and "H" in entries:
+        raise BadInputError(
+            'H is of a game in steps; did you mean time = "discrete" for the plant?'
+        )
     if not parts:
         raise BadInputError(
             f"there is no W, P or K; a weights file holds one of them{found_in(entries)}"

@@ -1,4 +1,4 @@
-"""Functions of the state written as text, for the weights of a critic."""
+"""Functions of the state, and numbers, written as formulas. Nothing of a text is executed."""
 
 from __future__ import annotations
 
@@ -8,8 +8,9 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import casadi as ca
+import numpy as np
 
-from hfa_support.errors import BadInputError, shortened
+from hfa_support.errors import BadInputError, said_of, shortened
 
 #: What the text may call and do, and its most letters.
 _FUNCTIONS = ("sin", "cos", "tan", "tanh", "exp", "log", "sqrt", "fabs")
@@ -28,25 +29,52 @@ def features_of(text: str, states: int, names: tuple[str, ...] = ()) -> ca.Funct
     """z (n,) -> the functions of a list such as "x1**2, x1*x2, sin(alpha)".
 
     The list may hold numbers, x1 ... xn or the names of the states, + - * / **, and the functions
-    in `_FUNCTIONS`. Nothing is executed. BadInputError, one line, names anything else.
+    in `_FUNCTIONS`. BadInputError, one line, names anything else.
     """
     z = ca.SX.sym("z", states)
     symbols = {f"x{index + 1}": z[index] for index in range(states)}
     symbols |= {name: z[index] for index, name in enumerate(names)}
+    with said_of("features"):
+        try:
+            features = _expressions(text, symbols, f"x1 to x{states}")
+            return ca.Function("features", [z], [ca.densify(ca.vertcat(*features))])
+        except BadInputError:
+            raise
+        except Exception as error:  # the parser, Python's floats and CasADi each have their own
+            raise BadInputError(
+                f"{shortened(text)!r} is no list of expressions, as in 'x1**2, x1*x2'"
+            ) from error
+
+
+def number_of(text: str, parameters: Mapping[str, float]) -> float:
+    """The value of a formula such as "m*g/l" of named numbers, with what `features_of` takes.
+
+    BadInputError, one line, for anything else, and for a value that is not finite.
+    """
+    symbols = {name: ca.SX(value) for name, value in parameters.items()}
     try:
-        tree = ast.parse(f"({text[:_LONGEST]},)", mode="eval").body
-        assert isinstance(tree, ast.Tuple)
-        features = [_expression(node, symbols, states) for node in tree.elts]
-        return ca.Function("features", [z], [ca.densify(ca.vertcat(*features))])
+        (formula,) = _expressions(text, symbols, ", ".join(["numbers", *parameters]))
+        value = float(ca.evalf(formula))
     except BadInputError:
         raise
-    except Exception as error:  # the parser, Python's floats and CasADi each have their own
-        raise BadInputError(
-            f"features: {shortened(text)!r} is no list of expressions, as in 'x1**2, x1*x2'"
-        ) from error
+    except Exception as error:
+        raise BadInputError(f"{shortened(text)!r} is no number") from error
+    if not np.isfinite(value):
+        raise BadInputError(f"{shortened(text)!r} is {value}; it must be finite")
+    return value
 
 
-def _expression(node: ast.AST, symbols: Mapping[str, ca.SX], states: int) -> ca.SX:
+def _expressions(text: str, symbols: Mapping[str, ca.SX], known: str) -> list[ca.SX]:
+    """The CasADi expressions of a list of formulas.
+
+    known: the symbols, for a message
+    """
+    tree = ast.parse(f"({text[:_LONGEST]},)", mode="eval").body
+    assert isinstance(tree, ast.Tuple)
+    return [_expression(node, symbols, known) for node in tree.elts]
+
+
+def _expression(node: ast.AST, symbols: Mapping[str, ca.SX], known: str) -> ca.SX:
     """The CasADi expression of one node of the syntax tree."""
     match node:
         case ast.Constant(value=int() | float() as number) if not isinstance(number, bool):
@@ -55,12 +83,12 @@ def _expression(node: ast.AST, symbols: Mapping[str, ca.SX], states: int) -> ca.
             return symbols[name]
         case ast.BinOp(left=left, op=operation, right=right) if type(operation) in _OPERATIONS:
             combine = _OPERATIONS[type(operation)]
-            return combine(_expression(left, symbols, states), _expression(right, symbols, states))
+            return combine(_expression(left, symbols, known), _expression(right, symbols, known))
         case ast.UnaryOp(op=sign, operand=operand) if type(sign) in _SIGNS:
-            return _SIGNS[type(sign)](_expression(operand, symbols, states))
+            return _SIGNS[type(sign)](_expression(operand, symbols, known))
         case ast.Call(func=ast.Name(id=name), args=arguments) if name in _FUNCTIONS:
-            return getattr(ca, name)(*(_expression(part, symbols, states) for part in arguments))
+            return getattr(ca, name)(*(_expression(part, symbols, known) for part in arguments))
     raise BadInputError(
-        f"features: {shortened(ast.unparse(node))!r} is not known; use x1 to x{states}, "
-        f"+ - * / ** and {', '.join(_FUNCTIONS)}"
+        f"{shortened(ast.unparse(node))!r} is not known; use {known}, + - * / ** and "
+        f"{', '.join(_FUNCTIONS)}"
     )

@@ -87,27 +87,41 @@ class DiscreteGame(Shown):
             )
         return np.asarray(weights + self.discount * moved.T @ P @ moved)
 
-    def of_q_function(self, H: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """P and K that a Q-function [x; u; w]'H [x; u; w] implies, its extremum over u and w.
+    def of_q_function(self, H: np.ndarray) -> dict[str, np.ndarray]:
+        """P, K and, over (x, u, w), L that a Q-function [x; u; w]'H [x; u; w] implies: its extremum
+        over u and w.
 
         [K; -L] = H_aa⁻¹ H_ax,  P = H_xx - H_xa H_aa⁻¹ H_ax,  a = (u, w).
 
-        H: symmetric, over (x, u, w), or over (x, u)
+        H: symmetric, over (x, u, w), or over (x, u); without disturbance over (x, u)
 
-        BadInputError for another shape, and for an H that is not symmetric.
+        BadInputError for another shape, for an H that is not symmetric, and for an H_aa that is
+        singular.
         """
         n, m = self.step.B.shape
-        k = self.step.E.shape[1]
+        shapes = {"(x, u)": (n + m,) * 2}
+        if math.isfinite(self.step.delta):
+            shapes["(x, u, w)"] = (n + m + self.step.E.shape[1],) * 2
         H = checked_matrix("H", H, LARGEST)
-        if H.shape not in ((n + m, n + m), (n + m + k, n + m + k)):
+        if H.shape not in shapes.values():
+            rules = [
+                f"over {over} it must be {shape_text(shape)}" for over, shape in shapes.items()
+            ]
+            raise BadInputError(f"H is {shape_text(H.shape)}; {', '.join(rules)}")
+        asymmetry = np.abs(H - H.T)
+        if asymmetry.max() > 1e-6 * np.abs(H).max():
+            row, column = np.unravel_index(asymmetry.argmax(), H.shape)
             raise BadInputError(
-                f"H is {shape_text(H.shape)}; over (x, u, w) it must be"
-                f" {shape_text((n + m + k, n + m + k))}, over (x, u) {shape_text((n + m, n + m))}"
+                f"H is not symmetric (row {row + 1}, column {column + 1}); give (H + H')/2"
             )
-        if np.abs(H - H.T).max() > 1e-6 * np.abs(H).max():
-            raise BadInputError("H is not symmetric; give (H + H')/2")
-        gains = np.linalg.solve(H[n:, n:], H[n:, :n])
-        return H[:n, :n] - H[:n, n:] @ gains, gains[:m]
+        try:
+            gains = np.linalg.solve(H[n:, n:], H[n:, :n])
+        except np.linalg.LinAlgError as error:
+            raise BadInputError("H over the inputs is singular: it has no best input") from error
+        parts = {"P": H[:n, :n] - H[:n, n:] @ gains, "K": gains[:m]}
+        if len(H) > n + m:
+            parts["L"] = -gains[m:]
+        return parts
 
     def without_cross_weights(self) -> tuple[Game, np.ndarray]:
         """The step in v = u + F x, in which no cross weight is left, and F = R⁻¹N', (m, n).

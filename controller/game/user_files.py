@@ -13,7 +13,7 @@ import numpy as np
 from controller.game.array_file import read_arrays
 from controller.game.discrete_game import DiscreteGame
 from controller.game.zero_sum import LARGEST, Game, checked_matrix
-from hfa_support.errors import BadInputError, numbers_in, said_of, shortened
+from hfa_support.errors import BadInputError, numbers_in, said_of, shortened, shown
 from hfa_support.units import si_factor, si_unit
 
 MODEL_KEYS = ("A", "B", "E", "Q", "R", "delta")
@@ -113,6 +113,7 @@ class StoredGame(NamedTuple):
         each is left out
     provenance: where the plant comes from, as the file says it: entry -> text
     discrete: of a plant in discrete time the game whose step `game` is, else None
+    has_time: whether the file says continuous or discrete
     """
 
     game: Game
@@ -120,6 +121,7 @@ class StoredGame(NamedTuple):
     names: dict[str, tuple[str, ...]]
     provenance: dict[str, str]
     discrete: DiscreteGame | None = None
+    has_time: bool = False
 
 
 def no_defaults(parts: Mapping[str, Any], names: PlantNames) -> Defaults:
@@ -167,7 +169,14 @@ def stored_game(
             defaults = no_defaults
         game = _completed(parts, defaults(parts, plant_names), notes)
         noted = tuple(f"{path}: {note}" for note in notes)
-        return StoredGame(game, noted, names, _provenance(stored), _discrete(stored, game))
+        return StoredGame(
+            game,
+            noted,
+            names,
+            _provenance(stored),
+            _discrete(stored, game),
+            has_time="time" in stored,
+        )
 
 
 def has_all(found: dict[str, Any], *names: str) -> bool:
@@ -218,6 +227,9 @@ def is_discrete(stored: Mapping[str, Any]) -> bool:
 def _discrete(stored: Mapping[str, Any], game: Game) -> DiscreteGame | None:
     """The game in discrete time whose step this is; None in continuous time."""
     if not is_discrete(stored):
+        for key in DISCRETE_KEYS:
+            if key in stored and key != "time":
+                raise BadInputError(f'{key} belongs to a step; did you mean time = "discrete"?')
         return None
     discount = 1.0
     if "discount" in stored:
@@ -232,8 +244,10 @@ def one_number(name: str, value: Any) -> float:
 
     BadInputError where it is anything else.
     """
-    if isinstance(value, str) and value.strip().lower() in ("inf", "infinity"):
-        return math.inf
+    if isinstance(value, str):
+        if value.strip().lower() in ("inf", "infinity"):
+            return math.inf
+        raise BadInputError(f"{name} is {shown(value)}; give a number without quotes")
     numbers = numbers_in(name, value)
     if numbers.size != 1:
         raise BadInputError(f"{name} has {numbers.size} numbers; give one")

@@ -136,12 +136,11 @@ def minimum_delta_discrete(problem: DiscreteGame, progress: Progress | None = No
     return _smallest_delta(_discrete_form(problem), progress)
 
 
-def quick_discounted(step: Game) -> tuple[np.ndarray, np.ndarray]:
-    """P and K of a step without discount, neither refined nor certified: for a search.
+def quick_discrete(problem: DiscreteGame) -> tuple[np.ndarray, np.ndarray]:
+    """P and K, neither refined nor certified: for a search.
 
     NoSolutionError where there is none.
     """
-    problem = DiscreteGame(step)
     form = _discrete_form(problem)
     X = _by_schur(form)
     return form.value(X), _user_policies(problem, form, X)[0]

@@ -43,7 +43,9 @@ def solve(request: GameRequest) -> int:
         discrete = discrete_report(analysed, named.states, named.inputs, named.origin)
         show(discrete.with_data(**named.labels()), request, notes=named.warnings)
         return 0
-    report = solution_report(analyse_game(named.game, ProgressLine("solve")), *named.names)
+    with named.asking_for_time():
+        analysed_game = analyse_game(named.game, ProgressLine("solve"))
+    report = solution_report(analysed_game, *named.names)
     show(report.with_data(**named.labels()), request, notes=named.warnings)
     return 0
 

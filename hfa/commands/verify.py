@@ -133,7 +133,8 @@ def verify(request: VerifyRequest) -> int:
     for count, path in enumerate(paths):
         if len(paths) > 1:
             progress(count, len(paths))
-        verdicts[str(path)] = _check_file(path, request, named, scope, len(paths))
+        with named.asking_for_time():
+            verdicts[str(path)] = _check_file(path, request, named, scope, len(paths))
     cost = request.limit_cost
     if len(verdicts) == 1:
         (verdict,) = verdicts.values()
@@ -149,22 +150,26 @@ def verify(request: VerifyRequest) -> int:
 def _verify_discrete(
     request: VerifyRequest, named: NamedGame, problem: DiscreteGame, paths: list[Path]
 ) -> int:
-    """`verify` of one critic on a plant in discrete time; its file has W, P, K or H."""
+    """`verify` of one critic on a plant in discrete time; its file has W, P, K, L or H."""
     if len(paths) != 1:
         raise BadInputError("a plant in discrete time needs one file of --weights")
     why = "belongs to continuous time; leave it out of a plant with time = discrete"
     request.refuse(("discount", "dt", "picture"), why)
     (path,) = paths
-    critic = None
+    arrays = {}
     if path.suffix.lower() in MATRIX_FILES:
         arrays = read_arrays(path)
-        if "H" in arrays:
-            with said_of(path):
-                P, K = problem.of_q_function(arrays["H"])
-            critic = from_parts(problem.step, {"P": P, "K": K})
-    if critic is None:
+    more = {name: arrays[name] for name in ("H", "L") if name in arrays}
+    if "H" in arrays:
+        with said_of(path):
+            parts = problem.of_q_function(arrays["H"])
+            given = {name: arrays[name] for name in ("P", "K") if name in arrays}
+            critic = from_parts(problem.step, parts | given)
+            more = parts | more
+    else:
         critic = critics_in(path, problem.step, named.plant, request.reading())[-1]
-    verdict = check_discrete(problem, critic, limit=request.limit_error)
+    with said_of(path):
+        verdict = check_discrete(problem, critic, limit=request.limit_error, more=more)
     report = verdict.report(*named.names, limit_cost=request.limit_cost)
     show(report.with_data(**named.labels()), request, notes=named.warnings)
     return 0 if verdict.holds(request.limit_cost) else 1

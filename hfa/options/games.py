@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, fields, replace
 from functools import partial
 from pathlib import Path
@@ -19,7 +20,7 @@ from hfa.options.request import OfModel, Request, option
 from hfa.options.trims import OF_THE_TRIM, AircraftOptions, TrimOptions, UnitsOption
 from hfa.output import ProgressLine
 from hfa_aircraft.model import Model
-from hfa_support.errors import BadInputError, said_of
+from hfa_support.errors import BadInputError, NoSolutionError, said_of
 from hfa_support.files import MATRIX_FILES
 from hfa_support.reporting.text import numbered
 from trim.linear.linear_model import LinearModel, linearize
@@ -228,6 +229,7 @@ class PlantOptions(WeightOptions, AircraftOptions, TrimOptions):
             warnings=stored.notes,
             plant_provenance=stored.provenance,
             discrete=stored.discrete,
+            has_time=stored.has_time,
         )
 
     def refuse_of_the_aircraft(self) -> None:
@@ -259,6 +261,7 @@ class NamedGame:
 
     linear: the linear model that the game is of; None of a plant from a file or of a design.
     discrete: of a plant in discrete time the game whose step `game` is.
+    has_time: whether it is known to be in continuous or discrete time; a file may not say it.
     """
 
     game: Game
@@ -271,6 +274,23 @@ class NamedGame:
     plant_provenance: Mapping[str, str] = field(default_factory=dict)
     linear: LinearModel | None = None
     discrete: DiscreteGame | None = None
+    has_time: bool = True
+
+    @contextmanager
+    def asking_for_time(self) -> Iterator[None]:
+        """A NoSolutionError of the block asks for the time, where the file does not say it and the
+        plant has a solution in steps."""
+        from controller.riccati.discrete import solve_discrete
+
+        try:
+            yield
+        except NoSolutionError as failure:
+            question = ""
+            if not self.has_time:
+                with suppress(NoSolutionError):
+                    solve_discrete(DiscreteGame(self.game))
+                    question = '; x⁺ = A x + B u has a solution: did you mean time = "discrete"?'
+            raise NoSolutionError(f"{failure}{question}") from failure
 
     @property
     def names(

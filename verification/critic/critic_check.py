@@ -4,7 +4,7 @@ should."""
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -13,7 +13,7 @@ import numpy as np
 
 from controller.critic.critic import Critic
 from controller.game.basis import basis
-from controller.game.zero_sum import Game
+from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game, checked_matrix, shape_text
 from controller.riccati.balancing import balanced_units, in_units, spectrum
 from controller.riccati.certificate import INDEFINITENESS
 from controller.riccati.cost import SIGNLESS, FlightCost, flight_cost
@@ -27,6 +27,7 @@ from hfa_support.reporting.text import Table
 from verification.critic.critic_errors import (
     balanced_box,
     critic_errors,
+    error_check,
     matrix_errors,
     relative_error,
 )
@@ -182,26 +183,26 @@ def check_discounted(
     """
     from controller.game.discrete_game import DiscreteGame
     from controller.riccati.discrete import sampled
-    from verification.critic.diagnosis import diagnose_discounted
 
     if dt is None:
         return check_discrete(DiscreteGame(game, discount), critic, limit=limit)
-    verdict = check_discrete(DiscreteGame(sampled(game, dt), discount), critic, limit=limit)
-    diagnosis = ""
-    exact = verdict.exact
-    if not all(check.ok for check in verdict.checks if check.name.endswith("_error")):
-        diagnosis = diagnose_discounted(game, exact.P, exact.K, verdict.critic)
+    verdict = _check_of_matrices(DiscreteGame(sampled(game, dt), discount), critic, limit)
     section = verdict.sections[0]
-    return replace(
+    verdict = replace(
         verdict,
-        checks=_explained(list(verdict.checks), diagnosis),
-        diagnosis=diagnosis,
         problem=f"solution of the discounted game, discount {discount:g} a step of {dt:g} s",
         sections=(section._replace(data=section.data | {"dt": dt}),),
     )
+    return _with_diagnosis(verdict, game, "in continuous time, without discount", {})
 
 
-def check_discrete(problem: DiscreteGame, critic: Critic, *, limit: float = LIMIT) -> Verdict:
+def check_discrete(
+    problem: DiscreteGame,
+    critic: Critic,
+    *,
+    limit: float = LIMIT,
+    more: Mapping[str, np.ndarray] | None = None,
+) -> Verdict:
     """The verdict on a critic of a game in discrete time, compared with the exact solution.
 
     A critic of V or dV/dx has the policy that its P implies there, not R⁻¹B'P; a K that came
@@ -209,9 +210,41 @@ def check_discrete(problem: DiscreteGame, critic: Critic, *, limit: float = LIMI
     K itself must be stable: the exact solution of a discounted problem need not stabilize, and then
     the verdict is that it is exact, does not stabilize and fails.
 
+    more: of the critic too: L (k, n) of w = L x, H of its Q-function over (x, u, w) or (x, u)
+
     L2 gain, margins and the box of states belong to continuous time and are not checked.
     NoSolutionError where the problem has no certified solution.
     """
+    step = problem.step
+    others = {
+        "without disturbance (delta = inf)": replace(problem, step=step.with_delta(math.inf)),
+        "without discount": replace(problem, discount=1.0),
+        "without cross weights N": replace(problem, N=None),
+    }
+    verdict = _check_of_matrices(problem, critic, limit, more)
+    question = 'of x\' = A x + B u; did you mean time = "continuous"?'
+    return _with_diagnosis(verdict, step, question, others)
+
+
+def _with_diagnosis(
+    verdict: Verdict, game: Game, continuous: str, others: Mapping[str, DiscreteGame]
+) -> Verdict:
+    """The verdict; where an error is too large, with the mistake that `diagnose_discrete` names."""
+    from verification.critic.diagnosis import diagnose_discrete
+
+    if all(check.ok for check in verdict.checks if check.name.endswith("_error")):
+        return verdict
+    diagnosis = diagnose_discrete(game, verdict.exact, verdict.critic, continuous, others)
+    return replace(verdict, checks=_explained(verdict.checks, diagnosis), diagnosis=diagnosis)
+
+
+def _check_of_matrices(
+    problem: DiscreteGame,
+    critic: Critic,
+    limit: float,
+    more: Mapping[str, np.ndarray] | None = None,
+) -> Verdict:
+    """`check_discrete` without a diagnosis."""
     from controller.riccati.discrete import bellman_residual, solve_discrete
 
     exact = solve_discrete(problem)
@@ -231,6 +264,7 @@ def check_discrete(problem: DiscreteGame, critic: Critic, *, limit: float = LIMI
     errors = matrix_errors(step, "K", K, exact.K, limit)
     if P is not None and critic.P is not None:
         errors += matrix_errors(step, "P", critic.P, exact.P, limit)
+    errors += _errors_of_parts(exact, more or {}, limit)
     unstable = f"A - B K of a step has the spectral radius {radius:.7g}"
     if all(check.ok for check in errors):
         unstable += ": the exact solution of this discounted problem does not stabilize either"
@@ -258,6 +292,31 @@ def check_discrete(problem: DiscreteGame, critic: Critic, *, limit: float = LIMI
         schema="hfa.discounted-check/1",
         sections=(Section((text,), data),),
     )
+
+
+def _errors_of_parts(
+    exact: DiscreteSolution, parts: Mapping[str, np.ndarray], limit: float
+) -> tuple[Check, ...]:
+    """The errors of L, relative to |L|, and of the entries of H, relative to √(H_ii H_jj)."""
+    checks = []
+    if "L" in parts:
+        L = checked_matrix("L", parts["L"], LARGEST_CRITIC_ENTRY)
+        if L.shape != exact.disturbance_gain.shape:
+            shape = shape_text(exact.disturbance_gain.shape)
+            raise BadInputError(f"L is {shape_text(L.shape)}; on this plant it must be {shape}")
+        error = relative_error(L, exact.disturbance_gain)
+        checks.append(error_check("L_rel_error", error, limit, "L"))
+    if "H" in parts:
+        H = np.asarray(parts["H"], dtype=float)
+        right = exact.H
+        size = len(H)
+        if size < len(right):  # over (x, u): w is the worst one
+            crossed = right[:size, size:]
+            right = right[:size, :size] - crossed @ np.linalg.solve(right[size:, size:], crossed.T)
+        sizes = np.sqrt(np.abs(np.diag(right)))
+        error = float(np.max(np.abs(H - right) / np.outer(sizes, sizes)))
+        checks.append(error_check("H_entry_error", error, limit, "an entry of H"))
+    return tuple(checks)
 
 
 def _discounted_cost_lost(exact: DiscreteSolution, K: np.ndarray) -> float:

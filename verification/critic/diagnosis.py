@@ -18,8 +18,10 @@ import numpy as np
 
 from controller.critic.critic import Critic
 from controller.game.basis import basis
+from controller.game.discrete_game import DiscreteGame
 from controller.game.zero_sum import Game
 from controller.riccati.balancing import balanced_units, in_units, spectrum
+from controller.riccati.discrete import quick_discrete
 from controller.riccati.gare import solve_game
 from controller.riccati.normal_form import relative_residual
 from hfa_support.errors import BadInputError, NoSolutionError
@@ -153,16 +155,32 @@ def diagnose(
     return _of_view(game, value, others, more) or not_together or _another_root(game, P)
 
 
-def diagnose_discounted(game: Game, P: np.ndarray, K: np.ndarray, critic: Critic) -> str:
-    """The mistake of a critic whose right answer is P and K of a discounted problem: that of its
-    value, else of its gain, else that it is the answer in continuous time; or ""."""
-    value, gain = _views(game, critic, P, K)
+def diagnose_discrete(
+    game: Game,
+    exact: Exact,
+    critic: Critic,
+    continuous: str,
+    others: Mapping[str, DiscreteGame],
+) -> str:
+    """The mistake of a critic of a problem in discrete time: that of its value, else of its gain,
+    else another problem whose answer it is; or "".
+
+    game: in continuous time; of a plant that is declared discrete its matrices taken for that
+    exact: of the problem in discrete time
+    continuous: what is said of the answer of the game
+    others: what is said of its answer -> a problem in discrete time
+    """
+    value, gain = _views(game, critic, exact.P, exact.K)
     view = value or gain
     hypotheses = list(of_matrix(game, view))
     with contextlib.suppress(NoSolutionError):
-        exact = solve_game(game)
-        says = f"this is the {view.noun} in continuous time, without discount"
-        hypotheses.append(is_answer(view, Answer(exact.P, exact.K), says))
+        solution = solve_game(game)
+        answer = Answer(solution.P, solution.K)
+        hypotheses.append(is_answer(view, answer, f"this is the {view.noun} {continuous}"))
+    for says, problem in others.items():
+        with contextlib.suppress(NoSolutionError):
+            answer = Answer(*quick_discrete(problem))
+            hypotheses.append(is_answer(view, answer, f"this is the {view.noun} {says}"))
     return named(view, hypotheses, _OF_POLYNOMIALS).says
 
 

@@ -17,10 +17,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from controller.game.discrete_game import DiscreteGame
 from controller.game.zero_sum import Game
 from controller.riccati.balancing import balanced_units, in_units
 from controller.riccati.derivations import quick_solution
-from controller.riccati.discrete import quick_discounted, sampled
+from controller.riccati.discrete import quick_discrete, sampled
 from controller.riccati.smallest_delta import minimum_delta
 from hfa_support.errors import BadInputError, NoSolutionError
 from verification.critic.hypotheses import REDUNDANT, Hypothesis, View
@@ -87,8 +88,8 @@ class Family(NamedTuple):
 
 
 def families(game: Game, nearby: Nearby) -> list[Family]:
-    """The LQR, named games, and games with another delta, scheduling value, Q, R, discount or in
-    discrete time."""
+    """The LQR, named games, games with another delta, scheduling value, Q, R, discount, and in
+    discrete time: A and B taken for those of a step, or sampled."""
     lqr = game.with_delta(math.inf)
     is_game = math.isfinite(game.delta)
     size = game.delta if is_game else minimum_delta(game).value
@@ -113,6 +114,14 @@ def families(game: Game, nearby: Nearby) -> list[Family]:
         _along_log("with R", "times as large", lambda x: replace(game, R=x * game.R)),
         _along_log("with a discount of", "1/s", lambda x: discounted(game, x)),
     ]
+    members.append(
+        Family(
+            lambda noun, _: (
+                f'this is the {noun} of x⁺ = A x + B u; did you mean time = "discrete"?'
+            ),
+            lambda _: Answer(*quick_discrete(DiscreteGame(game))),
+        )
+    )
     members += _in_steps("of another game", game)
     if is_game:
         members += _in_steps("of the LQR", lqr)
@@ -185,7 +194,7 @@ def discounted(game: Game, rate: float) -> Game:
 
 def held(game: Game, step: float) -> Answer:
     """The answer with u and d held over each step, s."""
-    return Answer(*quick_discounted(sampled(game, step)))
+    return Answer(*quick_discrete(DiscreteGame(sampled(game, step))))
 
 
 def held_whole(game: Game, step: float) -> Answer:
@@ -201,7 +210,7 @@ def euler(game: Game, step: float) -> Answer:
     of_step = Game(
         A, step * game.B, step * game.E, step * game.Q, step * game.R, math.sqrt(step) * game.delta
     )
-    return Answer(*quick_discounted(of_step))
+    return Answer(*quick_discrete(DiscreteGame(of_step)))
 
 
 #: How a game in discrete time is said to be made -> its answer.

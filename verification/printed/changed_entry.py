@@ -66,7 +66,8 @@ def _positions(file: PrintedFile) -> Iterator[tuple[Position, str]]:
     for name, block in file.typed.items():
         for row, texts in enumerate(block.texts):
             for column, text in enumerate(texts):
-                if "/" not in text and (name not in ("Q", "R") or column >= row):
+                is_number = block.half_units[row, column] > 0.0
+                if is_number and (name not in ("Q", "R") or column >= row):
                     yield Position(name, row, column), text
 
 

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, get_args
 
 import numpy as np
 
-from hfa_support.errors import NoSolutionError
+from hfa_support.errors import BadInputError, NoSolutionError
 from verification.printed.changed_entry import EVIDENCE, ChangedEntry, changed_entries
 from verification.printed.comparison import Comparison, Position, change, compare, compare_answer
 from verification.printed.exact_answer import answer_of, certified_value
-from verification.printed.printed_file import PrintedFile
+from verification.printed.printed_file import TIMES, PrintedFile
 
 Class = Literal[
     "as printed",
@@ -54,11 +54,18 @@ class Classified:
 def classify(file: PrintedFile) -> Classified:
     """The class of a printed answer: the first that its digits allow.
 
-    NoSolutionError where the plant as typed has no certified answer; it names the entries
-    of the plant one of which, changed, makes the printed answer right."""
+    NoSolutionError where the plant as typed has no certified answer; it names the other time, or
+    entries of the plant one of which, changed, makes the printed answer right. BadInputError where
+    the file does not say the time; it names the one that every digit fits."""
+    if not file.has_time:
+        missing = 'time is missing; give time = "continuous" or "discrete"'
+        raise BadInputError(fitting_time(file) or missing)
     try:
         P = certified_value(file.plant)
     except NoSolutionError as failure:
+        question = fitting_time(file)
+        if question:
+            raise NoSolutionError(f"{failure}; {question}") from failure
         entries = [str(entry) for entry in changed_entries(file)]
         if not entries:
             raise
@@ -82,6 +89,21 @@ def classify(file: PrintedFile) -> Classified:
     else:
         name, reason = _by_size(file, comparison)
     return Classified(name, reason, comparison, P)
+
+
+def fitting_time(file: PrintedFile) -> str:
+    """Asks for the time with which every printed digit is right; "" where there is none."""
+    for time in TIMES:
+        plant = replace(file.plant, is_discrete=time == "discrete")
+        if "H" in file.answer and not plant.is_discrete:
+            continue
+        try:
+            outside = compare(file, plant, certified_value(plant)).outside
+        except (NoSolutionError, BadInputError):
+            continue
+        if not outside.any():
+            return f'every printed digit fits time = "{time}"; did you mean that?'
+    return ""
 
 
 def _by_digits(file: PrintedFile, comparison: Comparison) -> tuple[Class, str] | None:
@@ -201,6 +223,9 @@ def _wrong_entry(comparison: Comparison, position: Position) -> str:
 
 def _known_mistake(file: PrintedFile, P: np.ndarray) -> str:
     """The known mistake that explains the print, of a learned one most of its error; or ""."""
+    question = fitting_time(file)
+    if question:
+        return question
     before = compare(file, file.plant, P)
     norm_before = np.linalg.norm(before.printed - before.exact)
     for mistake, answer in _mistaken_answers(file, P):

@@ -4,22 +4,24 @@ from __future__ import annotations
 
 import re
 import tomllib
+from collections.abc import Mapping
 from dataclasses import dataclass
-from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from controller.critic.features import number_of
 from hfa_support.errors import BadInputError, refuse_unknown, refuse_unless_positive, said_of, shown
 from hfa_support.files import note_read
 from verification.printed.exact_answer import Plant
 
+TIMES = ("continuous", "discrete")
 #: Keys of the file, of its plant and of its printed answer.
 _KEYS = ("title", "source", "note", "time", "discount", "learned", "plant_rounded")
 _PLANT = ("A", "B", "E", "N", "Q", "R", "gamma")
 _MATRICES = ("P", "K", "L", "W", "H")
-_ANSWER = (*_MATRICES, "K_sign", "L_sign", "basis")
+_ANSWER = (*_MATRICES, "K_sign", "L_sign", "basis", "scale")
 #: How a policy may be written -> the factor from K of u = -K x, or L of w = L x, to it.
 _SIGNS = {
     "K_sign": {"u = -K x": 1.0, "u = K x": -1.0},
@@ -28,16 +30,18 @@ _SIGNS = {
 _DECIMAL = re.compile(
     r"[+-]?(\d+\.?(?P<decimals>\d*)|\.(?P<only>\d+))([eE](?P<exponent>[+-]?\d+))?"
 )
-_FRACTION = re.compile(r"[+-]?\d+/\d*[1-9]\d*")
+#: The factor that MATLAB prints above a matrix, alone or as its first line.
+_FACTOR = re.compile(r"1\.0+[eE](?P<exponent>[+-]\d+)")
+_FIRST_LINE = re.compile(rf"\s*({_FACTOR.pattern})\s*\*\s*\n")
 
 
 @dataclass(frozen=True, eq=False)
 class Block:
     """A matrix as it is printed.
 
-    texts: rows of numbers as typed
+    texts: rows of numbers as typed; a common factor is the exponent of each
     values: (rows, columns)
-    half_units: (rows, columns), half a unit of the last digit; 0 of a fraction
+    half_units: (rows, columns), half a unit of the last digit; 0 of a formula
     """
 
     texts: tuple[tuple[str, ...], ...]
@@ -65,6 +69,7 @@ class PrintedFile:
     learned: whether the answer comes out of learning or an iteration
     plant_rounded: whether the plant is printed with fewer digits than the answer was computed of
     assumption: how an incomplete plant was read; "" where it is complete
+    has_time: whether the file says continuous or discrete; else the plant is taken for continuous
     """
 
     title: str
@@ -77,6 +82,7 @@ class PrintedFile:
     learned: bool
     plant_rounded: bool
     assumption: str
+    has_time: bool = True
 
 
 def load_printed(path: Path) -> PrintedFile:
@@ -93,12 +99,23 @@ def load_printed(path: Path) -> PrintedFile:
         return _printed_file(content)
 
 
-def read_block(name: str, text: Any) -> Block:
-    """The numbers of a text: spaces, commas and & separate; lines, ; and \\\\ end rows."""
+def read_block(
+    name: str, text: Any, parameters: Mapping[str, float] | None = None, exponent: int = 0
+) -> Block:
+    """The numbers of a text: spaces, commas and & separate; lines, ; and \\\\ end rows.
+
+    parameters: what formulas such as m*g/l may name
+    exponent: of the power of ten that is the factor of all numbers, as "1.0e+04 *" in the first
+        line says it too
+    """
     if isinstance(text, int) and not isinstance(text, bool):
         text = str(text)
     if not isinstance(text, str):
         raise BadInputError(f"{name} is not a text; put its numbers in quotes, digits as printed")
+    factor = _FIRST_LINE.match(text)
+    if factor is not None:
+        text = text[factor.end() :]
+        exponent += int(factor["exponent"])
     plain = re.sub(r"[\[\]]", " ", text.replace("\N{MINUS SIGN}", "-"))
     lines = [re.split(r"[\s,&]+", line.strip(" \t,&")) for line in re.split(r"[\n;\\]+", plain)]
     rows = [line for line in lines if line != [""]]
@@ -116,26 +133,42 @@ def read_block(name: str, text: Any) -> Block:
             raise BadInputError(
                 f"{name}, row {index + 1}, has {len(row)} numbers; row 1 has {len(rows[0])}"
             )
-    numbers = [
-        [_number(f"{name}, row {index + 1}", word) for word in row]
-        for index, row in enumerate(rows)
-    ]
+    if exponent:
+        rows = _multiplied(name, rows, exponent)
+    numbers = []
+    for index, row in enumerate(rows):
+        with said_of(f"{name}, row {index + 1}"):
+            numbers.append([_number(word, parameters or {}) for word in row])
     table = np.array(numbers)
     return Block(tuple(map(tuple, rows)), table[:, :, 0], table[:, :, 1])
 
 
-def _number(where: str, word: str) -> tuple[float, float]:
-    """Value and half unit of a typed number."""
-    if _FRACTION.fullmatch(word):
-        return float(Fraction(word)), 0.0
+def _multiplied(name: str, rows: list[list[str]], exponent: int) -> list[list[str]]:
+    """The texts times a power of ten; a 0 without decimals is exact to those of the others."""
+    decimals = max(len(word.partition(".")[2]) for row in rows for word in row)
+    multiplied = []
+    for row in rows:
+        for word in row:
+            if not re.fullmatch(r"[+-]?\d*\.?\d*", word):
+                raise BadInputError(f"{name}: {shown(word)} does not go with a common factor")
+        multiplied.append(
+            [f"0e{exponent - decimals}" if word == "0" else f"{word}e{exponent}" for word in row]
+        )
+    return multiplied
+
+
+def _number(word: str, parameters: Mapping[str, float]) -> tuple[float, float]:
+    """Value and half unit of a typed number, or of a formula, which is exact."""
     match = _DECIMAL.fullmatch(word)
     if match is None:
-        raise BadInputError(f"{where}: {shown(word)} is no number")
+        if not re.search(r"[*/(A-Za-z]", _DECIMAL.sub("", word)):  # 0.1-0.2 lacks a space
+            raise BadInputError(f"{shown(word)} is no number")
+        return number_of(word, parameters), 0.0
     decimals = len(match["decimals"] or match["only"] or "")
     half = float(f"0.5e{int(match['exponent'] or 0) - decimals}")
     value = float(word)
     if not np.isfinite([value, half]).all():
-        raise BadInputError(f"{where}: {shown(word)} is too large")
+        raise BadInputError(f"{shown(word)} is too large")
     return value, half
 
 
@@ -143,19 +176,22 @@ def _printed_file(content: dict[str, Any]) -> PrintedFile:
     plant_texts = _table(content, "plant", _PLANT)
     answer_texts = _table(content, "printed", _ANSWER)
     for key in content:
-        if key not in ("plant", "printed"):
-            refuse_unknown("the file has no key", key, (*_KEYS, "plant", "printed"))
+        refuse_unknown("the file has no key", key, (*_KEYS, "parameters", "plant", "printed"))
+    parameters = _parameters(content)
     time = content.get("time")
-    if time not in ("continuous", "discrete"):
-        raise BadInputError('time is missing; give time = "continuous" or "discrete"')
-    typed = {name: read_block(name, text) for name, text in plant_texts.items()}
+    if time is not None:
+        refuse_unknown("time is", time, TIMES)
+    typed = {name: read_block(name, text, parameters) for name, text in plant_texts.items()}
     for name in ("A", "B", "Q", "R"):
         if name not in typed:
             raise BadInputError(f"the plant has no {name}")
-    assumption = _completed(typed)
+    assumption = _completed(typed, parameters)
     plant = _plant(typed, is_discrete=time == "discrete", discount=_discount(content))
+    exponent = _exponent(answer_texts.get("scale", "1.0e+00"))
     answer = {
-        name: read_block(name, answer_texts[name]) for name in _MATRICES if name in answer_texts
+        name: read_block(name, answer_texts[name], parameters, exponent)
+        for name in _MATRICES
+        if name in answer_texts
     }
     if not answer:
         raise BadInputError("nothing is printed; give P, K, L, W or H")
@@ -181,6 +217,7 @@ def _printed_file(content: dict[str, Any]) -> PrintedFile:
         learned=flags["learned"],
         plant_rounded=flags["plant_rounded"],
         assumption=assumption,
+        has_time=time is not None,
     )
 
 
@@ -193,11 +230,32 @@ def _table(content: dict[str, Any], name: str, keys: tuple[str, ...]) -> dict[st
     return table
 
 
+def _parameters(content: dict[str, Any]) -> dict[str, float]:
+    """The values of the table [parameters], each a number or a formula of those before it."""
+    if "parameters" not in content:
+        return {}
+    parameters: dict[str, float] = {}
+    texts = content["parameters"]
+    if not isinstance(texts, dict):
+        raise BadInputError('parameters is no table; give [parameters] with lines as g = "9.81"')
+    for name, text in texts.items():
+        parameters[name] = _scalar(name, read_block(name, text, parameters))
+    return parameters
+
+
+def _exponent(scale: Any) -> int:
+    """Of the power of ten that is the factor of all that is printed."""
+    match = _FACTOR.fullmatch(str(scale))
+    if match is None:
+        raise BadInputError(f'scale is {shown(scale)}; give a power of ten as "1.0e+04"')
+    return int(match["exponent"])
+
+
 def _discount(content: dict[str, Any]) -> float:
     if "discount" not in content:
         return 1.0
-    if content["time"] == "continuous":
-        raise BadInputError('discount belongs to time = "discrete"')
+    if content.get("time") != "discrete":
+        raise BadInputError('discount belongs to a step; did you mean time = "discrete"?')
     return _scalar("discount", read_block("discount", content["discount"]))
 
 
@@ -207,14 +265,14 @@ def _scalar(name: str, block: Block) -> float:
     return float(block.values[0, 0])
 
 
-def _completed(typed: dict[str, Block]) -> str:
+def _completed(typed: dict[str, Block], parameters: Mapping[str, float]) -> str:
     """One number for Q or R of several rows becomes a diagonal of it; how, in words."""
     readings = []
     for name, size in (("Q", len(typed["A"].values)), ("R", typed["B"].values.shape[1])):
         block = typed[name]
         if block.values.size == 1 and size > 1:
             number = block.texts[0][0]
-            typed[name] = read_block(name, " ".join(["diag", *([number] * size)]))
+            typed[name] = read_block(name, " ".join(["diag", *([number] * size)]), parameters)
             readings.append(f"{name} is one number where {size} x {size} are needed")
     return "; ".join(readings)
 
@@ -267,7 +325,7 @@ def _check_answer(answer: dict[str, Block], texts: dict[str, Any], plant: Plant)
     k = plant.E.shape[1]
     size = n + m + k
     if "H" in answer and not plant.is_discrete:
-        raise BadInputError('H belongs to time = "discrete"')
+        raise BadInputError('H belongs to a step; did you mean time = "discrete"?')
     if "L" in answer and not k:
         raise BadInputError("L is printed, and the plant has no E and gamma")
     shapes = {"P": (n, n), "K": (m, n), "L": (k, n), "H": (size, size)}

@@ -172,9 +172,13 @@ def test_cross_weights_and_the_q_function(delta, discount):
     problem = DiscreteGame(step, discount, 0.2 * rng.standard_normal((4, 2)))
     found = solve_discrete(problem)
     H = found.H
-    P, K = problem.of_q_function(H)
+    parts = problem.of_q_function(H)
+    P = parts["P"]
     assert pytest.approx(found.P, rel=1e-10, abs=1e-11) == P
-    assert pytest.approx(found.K, rel=1e-10, abs=1e-11) == K
+    assert pytest.approx(found.K, rel=1e-10, abs=1e-11) == parts["K"]
+    if np.isfinite(delta):
+        L = found.disturbance_gain
+        assert pytest.approx(L, rel=1e-9, abs=1e-11) == parts["L"]
     G = np.hstack([step.B, step.E]) if np.isfinite(delta) else step.B
     weights = H[4:, 4:]
     assert weights[:2, :2] == pytest.approx(step.R + discount * step.B.T @ P @ step.B)
@@ -212,3 +216,66 @@ def test_the_commands_take_a_plant_in_discrete_time():
     refused = hfa("learn", "--model", plant)
     assert refused.code == 2
     assert "is in discrete time" in refused.err
+
+
+@pytest.mark.usefixtures("folder")
+def test_h_and_l_are_judged_and_other_problems_are_named():
+    step = _game(3, delta=20.0)
+    N = 0.2 * np.random.default_rng(0).standard_normal((4, 2))
+    problem = DiscreteGame(step, 0.95, N)
+    found = solve_discrete(problem)
+    H = found.H
+    over_x_and_u = H[:6, :6] - H[:6, 6:] @ np.linalg.solve(H[6:, 6:], H[6:, :6])
+    wrong = H.copy()
+    wrong[7, 7] *= 1.01
+    plant = stored(
+        "plant.json",
+        **{name: getattr(step, name) for name in ("A", "B", "E", "Q", "R", "delta")},
+        time="discrete",
+        discount=0.95,
+        N=N,
+    )
+
+    def verdict(code=0, **parts):
+        return answer("verify", "--model", plant, "--weights", stored("c.npz", **parts), code=code)
+
+    assert verdict(H=H)["ok"]
+    assert verdict(H=over_x_and_u)["ok"]
+    assert verdict(K=found.K, L=found.disturbance_gain)["ok"]
+    assert not verdict(FAILED, H=wrong)["ok"]
+    assert not verdict(FAILED, K=found.K, L=-found.disturbance_gain)["ok"]
+    others = {
+        "without disturbance (delta = inf)": DiscreteGame(step.with_delta(np.inf), 0.95, N),
+        "without discount": DiscreteGame(step, 1.0, N),
+        "without cross weights N": DiscreteGame(step, 0.95),
+    }
+    for says, other in others.items():
+        diagnosis = verdict(FAILED, K=solve_discrete(other).K)["diagnosis"]
+        assert diagnosis == f"this is the gain {says}"
+
+
+@pytest.mark.usefixtures("folder")
+def test_a_time_that_fits_is_asked_for():
+    step = Game([[1.0, 0.1], [0.0, 0.9]], [[0.0], [0.1]], np.eye(2), np.eye(2), [[1.0]], np.inf)
+    parts = {name: getattr(step, name) for name in ("A", "B", "Q", "R")}
+    plant = stored("plant.json", **parts)
+    steps = stored("steps.json", **parts, time="discrete")
+    found = solve_discrete(DiscreteGame(step))
+    for name, matrix in (("P", found.P), ("K", found.K)):
+        critic = stored("critic.npz", **{name: matrix})
+        verdict = answer("verify", "--model", plant, "--weights", critic, code=FAILED)
+        assert verdict["diagnosis"].endswith('x⁺ = A x + B u; did you mean time = "discrete"?')
+    critic = stored("critic.npz", K=solve_game(step).K)
+    verdict = answer("verify", "--model", steps, "--weights", critic, code=FAILED)
+    assert verdict["diagnosis"].endswith('x\' = A x + B u; did you mean time = "continuous"?')
+    question = 'did you mean time = "discrete"'
+    refused = hfa("verify", "--model", plant, "--weights", stored("H.npz", H=found.H))
+    assert question in refused.err
+    for key, value in (("discount", 0.9), ("N", np.zeros((2, 1)))):
+        refused = hfa("solve", "--model", stored("other.json", **parts, **{key: value}))
+        assert f"{key} belongs to a step; {question}" in refused.err
+    # No input moves the second state, which decays in steps and grows in continuous time.
+    decays = {"A": np.diag([0.5, 0.9]), "B": [[1.0], [0.0]], "Q": np.eye(2), "R": [[1.0]]}
+    refused = hfa("solve", "--model", stored("decays.json", **decays))
+    assert refused.code == FAILED
+    assert question in refused.err

@@ -306,6 +306,44 @@ def test_numbers_of_a_text_and_their_half_units():
     assert block.roundings[0].tolist() == [5e-5, 0.0, 0.0]
 
 
+def test_formulas_of_parameters_and_a_common_factor():
+    parameters = {"m": 0.5, "g": 9.81}
+    block = read_block("A", "m*g/2 -160/3 sqrt(m**2); 1.50 -(m+1) 2", parameters)
+    expected = [[0.5 * 9.81 / 2, -160 / 3, 0.5], [1.5, -1.5, 2.0]]
+    np.testing.assert_allclose(block.values, expected, rtol=1e-15)
+    assert block.half_units[0].tolist() == [0.0, 0.0, 0.0]
+    assert block.roundings.tolist() == [[0.0, 0.0, 0.0], [0.005, 0.0, 0.0]]
+    scaled = read_block("P", "1.0e+04 *\n 1.2345 0\n 0 -0.0020")
+    assert scaled.values.tolist() == [[12345.0, 0.0], [0.0, -20.0]]
+    assert scaled.half_units == pytest.approx(0.5 * np.ones((2, 2)))
+    assert scaled.roundings.tolist() == [[0.5, 0.0], [0.0, 0.5]]
+    with pytest.raises(BadInputError, match="P: '1/3' does not go with a common factor"):
+        read_block("P", "1.0e+04 *\n 1/3")
+
+
+def test_a_plant_of_parameters_and_a_scaled_answer_are_as_printed(verdict_of):
+    text = small_case()
+    parametrized = text.replace("[plant]", '[parameters]\na = "0.8223"\n[plant]').replace(
+        "0.8223 -1.0774", "a -1.0774"
+    )
+    assert verdict_of(parametrized).classified.name == "as printed"
+    P = read_block("P", re.search(r'P = "(.*)"', small_case(9))[1]).values
+    answer = f'scale = "1.0e-03"\nP = "{printed(1e3 * P, 4)}"'
+    assert verdict_of(re.sub(r'P = ".*"\nK = ".*"', answer, text)).classified.name == "as printed"
+
+
+def test_a_time_that_every_digit_fits_is_asked_for(verdict_of):
+    question = 'every printed digit fits time = "continuous"; did you mean that?'
+    text = small_case()
+    verdict = verdict_of(text.replace('"continuous"', '"discrete"'))
+    assert verdict.classified.name == "wrong"
+    assert verdict.classified.reason == question
+    with pytest.raises(BadInputError, match=re.escape(question)):
+        verdict_of(text.replace('time = "continuous"', ""))
+    with pytest.raises(BadInputError, match='time is missing; give time = "continuous" or'):
+        verdict_of(text.replace('time = "continuous"', "").replace("0.8223", "0.7"))
+
+
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
@@ -314,7 +352,11 @@ def test_numbers_of_a_text_and_their_half_units():
         ("0.8223 -1.0774", "0.8223", "A, row 2, has 1 numbers; row 1 has 2"),
         ('R = "1"', 'R = "1"\nE = "1; 0"', "gamma is missing; a game has both E and gamma"),
         ('R = "1"', "R = 1.0", "R is not a text; put its numbers in quotes, digits as printed"),
-        ('time = "continuous"', "", 'time is missing; give time = "continuous" or "discrete"'),
+        ("0.8223", "0.1-0.2", "A, row 2: '0.1-0.2' is no number"),
+        ("0.8223", "m*g", "A, row 2: 'm' is not known; use numbers, + - * / ** and sin"),
+        ("0.8223", "1/0", "A, row 2: '1/0' is inf; it must be finite"),
+        ("[printed]", '[printed]\nscale = "4"', "scale is '4'; give a power of ten as"),
+        ('time = "continuous"', 'discount = "0.9"', "discount belongs to a step; did you mean"),
         ('Q = "1 0; 0 2"', "", "the plant has no Q"),
         ('R = "1"', 'R = "1"\nE = "1; 0"\ngamma = "-2"', "gamma is -2.0; it must be a positive"),
     ],
