@@ -206,9 +206,7 @@ def _single_parts(
     """W (M,), P and K by name, as many as there are, in the units of the plant."""
     parts = {name: numbers_in(name, entries[name]) for name in _DIMENSIONS if name in entries}
     if not parts and "H" in entries:
-        raise BadInputError(
-            'H is of a game in steps; did you mean time = "discrete" for the plant?'
-        )
+        raise BadInputError('H belongs to a plant in steps; did you mean time = "discrete"?')
     if not parts:
         raise BadInputError(
             f"there is no W, P or K; a weights file holds one of them{found_in(entries)}"

@@ -104,10 +104,8 @@ class DiscreteGame(Shown):
             shapes["(x, u, w)"] = (n + m + self.step.E.shape[1],) * 2
         H = checked_matrix("H", H, LARGEST)
         if H.shape not in shapes.values():
-            rules = [
-                f"over {over} it must be {shape_text(shape)}" for over, shape in shapes.items()
-            ]
-            raise BadInputError(f"H is {shape_text(H.shape)}; {', '.join(rules)}")
+            rules = [f"over {names} {shape_text(shape)}" for names, shape in shapes.items()]
+            raise BadInputError(f"H is {shape_text(H.shape)}; it must be {', '.join(rules)}")
         asymmetry = np.abs(H - H.T)
         if asymmetry.max() > 1e-6 * np.abs(H).max():
             row, column = np.unravel_index(asymmetry.argmax(), H.shape)

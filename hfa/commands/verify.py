@@ -159,7 +159,7 @@ def _verify_discrete(
     arrays = {}
     if path.suffix.lower() in MATRIX_FILES:
         arrays = read_arrays(path)
-    more = {name: arrays[name] for name in ("H", "L") if name in arrays}
+    more: dict[str, Any] = {name: arrays[name] for name in ("H", "L") if name in arrays}
     if "H" in arrays:
         with said_of(path):
             parts = problem.of_q_function(arrays["H"])
