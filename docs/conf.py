@@ -3,6 +3,7 @@ every build."""
 
 from __future__ import annotations
 
+import importlib
 import re
 import runpy
 import shutil
@@ -21,6 +22,9 @@ import docstrings  # noqa: E402
 from names_page import PACKAGES, names_page  # noqa: E402
 
 GENERATED = DOCS / "generated"
+MATHJAX = Path(
+    importlib.import_module("sphinx-mathjax-offline").__path__[0], "static", "mathjax", "tex-svg.js"
+)
 project = "hfa"
 author = "the authors of hfa"
 release = VERSION
@@ -29,7 +33,9 @@ source_suffix = {".md": "markdown"}
 exclude_patterns = ["_build"]
 html_theme = "furo"
 html_title = f"hfa {VERSION}"
-html_static_path = ["_static"]
+# One file has MathJax with its fonts: equations are set without a network.
+html_static_path = ["_static", str(MATHJAX)]
+mathjax_path = MATHJAX.name
 html_css_files = ["wide_tables.css"]
 myst_enable_extensions = ["dollarmath"]
 myst_heading_anchors = 4

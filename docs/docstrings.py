@@ -15,7 +15,7 @@ from sphinx.pycode import ModuleAnalyzer
 from hfa_model.parameters import FIELDS, Parameters
 
 #: "values: (N, k), all combinations": an argument or an attribute, or several, and what it is.
-_ENTRY = re.compile(r"^(?P<names>[A-Za-z]\w*(\(.*\))?(, \w+)*): +(?P<text>.*)$")
+_ENTRY = re.compile(r"^(?!Source)(?P<names>[A-Za-z]\w*(\(.*\))?(, \w+)*): +(?P<text>.*)$")
 
 
 def read(_app: Any, kind: str, name: str, value: Any, _options: Any, lines: list[str]) -> None:

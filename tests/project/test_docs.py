@@ -185,7 +185,8 @@ def test_blocks_run_and_print_what_is_shown(
     "path", [*DOCUMENTS, ROOT / "CHANGELOG.md", ROOT / "ARCHITECTURE.md"], ids=lambda p: p.stem
 )
 def test_links_lead_to_files_and_headings(path: Path) -> None:
-    for link in re.findall(r"\]\(([^)\s]+)\)", text_of(path)):
+    for title, link in re.findall(r"\[([^\]]*)\]\(([^)\s]+)\)", text_of(path)):
+        assert not title.endswith(".md"), "a link carries the title of what it leads to"
         if re.match(r"https?://", link):
             continue
         target, _, heading = link.partition("#")
