@@ -20,6 +20,7 @@ DOCS = Path(__file__).parent
 sys.path.insert(0, str(DOCS))
 import docstrings  # noqa: E402
 from names_page import PACKAGES, names_page  # noqa: E402
+from notebook_page import notebook_page  # noqa: E402
 
 GENERATED = DOCS / "generated"
 MATHJAX = Path(
@@ -36,7 +37,7 @@ html_title = f"hfa {VERSION}"
 # One file has MathJax with its fonts: equations are set without a network.
 html_static_path = ["_static", str(MATHJAX)]
 mathjax_path = MATHJAX.name
-html_css_files = ["wide_tables.css"]
+html_css_files = ["site.css"]
 myst_enable_extensions = ["dollarmath"]
 myst_heading_anchors = 4
 autodoc_typehints = "description"
@@ -59,26 +60,6 @@ def commands_page() -> str:
     for name in COMMANDS:
         parser = filled(Parser(prog=f"hfa {name}"), command_named(name), aircraft)
         parts.append(f"## hfa {name}\n\n```text\n{parser.format_help(more=True).strip()}\n```")
-    return "\n\n".join(parts) + "\n"
-
-
-def notebook_page(path: Path) -> str:
-    """An executed notebook as Markdown; its pictures become files of the same folder."""
-    import base64
-    import json
-
-    parts = []
-    for number, cell in enumerate(json.loads(path.read_text("utf-8"))["cells"]):
-        source = "".join(cell["source"])
-        parts.append(source if cell["cell_type"] == "markdown" else f"```python\n{source}\n```")
-        for output in cell.get("outputs", ()):
-            data = output.get("data", {})
-            if "image/png" in data:
-                picture = f"{path.stem}_{number}.png"
-                (GENERATED / picture).write_bytes(base64.b64decode("".join(data["image/png"])))
-                parts.append(f"![Figure drawn by the code above]({picture})")
-            elif text := "".join(output.get("text", data.get("text/plain", ""))):
-                parts.append(f"```text\n{text.rstrip()}\n```")
     return "\n\n".join(parts) + "\n"
 
 
