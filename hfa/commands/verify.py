@@ -106,6 +106,10 @@ class VerifyRequest(GameOptions, LearningOptions, ReadingOptions, OutputOptions)
         "P learned, exact, difference, and errors over time; of several critics their errors"
     )
 
+    def origin(self) -> Mapping[str, Any]:
+        """The plant; a printed answer has its own, in its file."""
+        return super().origin() if self.printed is None else {}
+
 
 @command(VerifyRequest)
 def verify(request: VerifyRequest) -> int:

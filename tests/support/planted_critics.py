@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Callable
 from dataclasses import replace
@@ -13,6 +14,7 @@ from scipy.linalg import solve_continuous_are, solve_continuous_lyapunov
 
 from controller import Game, basis
 from controller.critic.critic import Critic
+from hfa_support.errors import NoSolutionError
 from verification import from_gain, from_value, from_weights, solve_game
 from verification.critic.other_games import discounted, euler, held, held_whole
 from verification.exact_solution import Solution
@@ -374,6 +376,101 @@ UNNAMED: dict[str, tuple[str, Plant]] = {
     "no gain": ("K", lambda game: np.zeros_like(game.B.T)),
     "no value": ("P", lambda game: np.zeros_like(game.A)),
 }
+FIRST_TWO = np.array([1, 0])
+
+
+def exchanged(size: int) -> np.ndarray:
+    """The order 2, 1, 3, ..."""
+    return np.concatenate([FIRST_TWO, np.arange(2, size)])
+
+
+def second_in_degrees(game: Game) -> np.ndarray:
+    return turned(game, np.arange(len(game.A)) == 1)
+
+
+def second_flipped(game: Game) -> np.ndarray:
+    return np.where(np.arange(len(game.A)) == 1, -1.0, 1.0)
+
+
+#: Name -> (what comes, how it is made from a game of any size, the words), for tables with noise.
+OF_ANY_GAME: dict[str, tuple[str, Plant, str]] = {
+    name: NAMED[name]
+    for name in (
+        "no factor 2",
+        "weights as P",
+        "sign of P",
+        "sign of W",
+        "sign of K",
+        "half cost, P",
+        "half cost, W",
+        "half cost, K",
+        "twice, W",
+        "twice, K",
+        "thousandfold",
+        "column order",
+        "squares first",
+    )
+} | {
+    "states, P": (
+        "P",
+        lambda game: value(game)[np.ix_(*[exchanged(len(game.A))] * 2)],
+        "the states are in the order 2, 1, 3",
+    ),
+    "states, K": (
+        "K",
+        lambda game: gain(game)[:, exchanged(len(game.A))],
+        "the states are in the order 2, 1, 3",
+    ),
+    "degrees, P": ("P", second_in_degrees, "state 2 is in degrees"),
+    "degrees, W": (
+        "W",
+        lambda game: weights_of(second_in_degrees(game)),
+        "state 2 is in degrees",
+    ),
+    "degrees, K": (
+        "K",
+        lambda game: gain(game) * np.where(np.arange(len(game.A)) == 1, DEGREE, 1.0),
+        "state 2 is in degrees",
+    ),
+    "sign of a state, P": (
+        "P",
+        lambda game: value(game) * np.outer(second_flipped(game), second_flipped(game)),
+        "state 2 has the wrong sign",
+    ),
+    "sign of a state, K": (
+        "K",
+        lambda game: gain(game) * second_flipped(game),
+        "state 2 has the wrong sign",
+    ),
+}
+
+
+def random_game(rng: np.random.Generator) -> Game:
+    """A game of 3 to 6 states and 1 to 3 inputs that has a value."""
+    while True:
+        n = int(rng.integers(3, 7))
+        m = int(rng.integers(1, 4))
+        game = Game(
+            rng.normal(size=(n, n)),
+            rng.normal(size=(n, m)),
+            0.3 * rng.normal(size=(n, 2)),
+            np.diag(rng.uniform(0.2, 3.0, n)),
+            np.diag(rng.uniform(0.3, 3.0, m)),
+            float(rng.uniform(3.0, 10.0)),
+        )
+        with contextlib.suppress(NoSolutionError):
+            solved(game)
+            return game
+
+
+def noisy(kind: str, right: np.ndarray, size: float, rng: np.random.Generator) -> np.ndarray:
+    """A table of a kind with noise in parts of each entry; P stays symmetric."""
+    noise = rng.standard_normal(right.shape)
+    if kind == "P":
+        noise = np.triu(noise) + np.triu(noise, 1).T
+    return right * (1.0 + size * noise)
+
+
 _KINDS = {"W": from_weights, "P": from_value, "K": from_gain}
 
 

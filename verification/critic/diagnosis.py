@@ -1,15 +1,17 @@
 """The mistake in a wrong critic, where its numbers identify one.
 
 A mistake is named only when the critic without it, or the answer of the other game, is the exact
-one but for a small part of the error. A network is judged by its derivatives at the origin and by
-the quadratic V and linear u nearest to it over the box; neither is exact, so this part is larger.
+one but for a small part of the error (`_EXACT`). Where none is, a usual mistake may leave a larger
+part, as in a critic that was learned of noisy data (`_WITH_NOISE`). A network is judged by its
+derivatives at the origin and by the quadratic V and linear u nearest to it over the box; neither is
+exact, so that a part may be left too (`_OF_NETWORKS`).
 """
 
 from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -70,30 +72,36 @@ class Demands(NamedTuple):
 
     left: what was fitted (`Hypothesis.fitted`) -> the part of the error that may be left. Noise in
         tens of entries cannot be explained by a few numbers.
-    as_good: a cause is named before later ones that leave up to so many times less.
-    least: a smaller error asks as much as that of a polynomial.
-    clear: a cause that leaves less of what it may needs no search among other games.
+    least: a smaller error asks as much as `_EXACT`.
     """
 
     left: Mapping[str, float]
-    as_good: float
-    least: float
-    clear: float
+    least: float = 0.0
 
 
-_OF_POLYNOMIALS = Demands({"": 1e-3, "factor": 1e-3, "scales": 1e-4}, 10.0, 0.0, 0.0)
-_OF_NETWORKS = Demands({"": 0.15, "factor": 0.01, "scales": 0.03}, 1.5, 0.03, 1.0 / 3.0)
+_EXACT = Demands({"": 1e-3, "factor": 1e-3, "scales": 1e-4})
+_WITH_NOISE = Demands({"": 0.15, "factor": 0.01, "scales": 1e-4}, least=0.03)
+_OF_NETWORKS = Demands({"": 0.15, "factor": 0.01, "scales": 0.03}, least=0.03)
+#: A cause is named before later ones that leave up to so many times less.
+_AS_GOOD = 10.0
+#: A cause that leaves less of what it may needs no search among other games.
+_CLEAR = 1.0 / 3.0
 
 
 class Cause(NamedTuple):
-    """left: the part of the error that is left, of what may be left: 1 is just enough. says: ""
-    for none."""
+    """A mistake that explains an error.
 
-    left: float
+    share: the part of the error that is left, of what may be left: 1 is just enough.
+    error: what is left, of the exact matrix.
+    says: the mistake; "" for none.
+    """
+
+    share: float
+    error: float
     says: str
 
 
-_NO_CAUSE = Cause(math.inf, "")
+_NO_CAUSE = Cause(math.inf, math.inf, "")
 
 
 def error_of(view: View, matrix: np.ndarray) -> float:
@@ -106,19 +114,30 @@ def named(view: View, hypotheses: Iterable[Hypothesis], demands: Demands) -> Cau
     before = min(error_of(view, view.given), 1.0)
     if before <= ROUNDING:
         return _NO_CAUSE
+    strictness = 1.0
+    if before <= demands.least:
+        strictness = demands.left[""] / _EXACT.left[""]
     causes = []
     for hypothesis in hypotheses:
-        left = error_of(view, hypothesis.undo) / before / demands.left[hypothesis.fitted]
-        causes.append(Cause(left, hypothesis.says))
-    best = min((cause.left for cause in causes), default=math.inf)
-    enough = 1.0
-    if before <= demands.least:
-        enough = _OF_POLYNOMIALS.left[""] / demands.left[""]
-    if not best <= enough:
+        error = error_of(view, hypothesis.undo)
+        share = error / before / demands.left[hypothesis.fitted] * strictness
+        causes.append(Cause(share, error, hypothesis.says))
+    errors = [cause.error for cause in causes if cause.share <= 1.0]
+    if not errors:
         return _NO_CAUSE
-    good = max(demands.as_good * best, ROUNDING / before / demands.left[""])
-    first = next(cause for cause in causes if cause.left <= good)
-    return Cause(best, first.says)
+    good = min(_AS_GOOD * min(errors), before * _WITH_NOISE.left[""])
+    return next(cause for cause in causes if cause.error <= max(good, ROUNDING))
+
+
+def named_with_noise(view: View, hypotheses: Sequence[Hypothesis]) -> str:
+    """The hypothesis that explains most of the error, and the error that it leaves; or "".
+
+    Noise may be of every entry's own size, or of the size of all."""
+    for weighted in (view.relative(), view):
+        cause = named(weighted, hypotheses, _WITH_NOISE)
+        if cause.says:
+            return f"{cause.says}; an error of {cause.error:.2g} is left"
+    return ""
 
 
 def diagnose(
@@ -140,19 +159,15 @@ def diagnose(
         return _of_network(game, exact, critic, box, others)
     value, gain = _views(game, critic, exact.P, exact.K)
     if value is None or critic.P is None:
-        return _of_view(game, gain, others)
+        return _of_view(gain, _usual(game, gain, critic), others.of_polynomial(gain))
     P = critic.P
     apart = error_of(gain, gain.given + gain.exact - game.gain(P))
     not_together = _NOT_TOGETHER if apart > _APART else ""
     if all(check.ok for check in matrix_errors(game, "P", P, exact.P, limit)):
-        cause = named(gain, of_matrix(game, gain), _OF_POLYNOMIALS)
-        return _beyond_quadratic(critic) or cause.says or not_together
-    if relative_error(P, P.T) > limit:
-        return "P is not symmetric: the value z'Pz depends on (P + P')/2 alone"
-    more: list[Hypothesis] = []
-    if critic.weights is not None and critic.basis is not None:
-        more = list(of_weights(critic.weights, exact.P, critic.basis))
-    return _of_view(game, value, others, more) or not_together or _another_root(game, P)
+        of_gain = _of_view(gain, _usual(game, gain, critic))
+        return _beyond_quadratic(critic) or of_gain or not_together
+    of_value = _of_view(value, _usual(game, value, critic), others.of_polynomial(value))
+    return of_value or not_together or _another_root(game, P)
 
 
 def diagnose_discrete(
@@ -172,16 +187,16 @@ def diagnose_discrete(
     """
     value, gain = _views(game, critic, exact.P, exact.K)
     view = value or gain
-    hypotheses = list(of_matrix(game, view))
+    problems = []
     with contextlib.suppress(NoSolutionError):
         solution = solve_game(game)
         answer = Answer(solution.P, solution.K)
-        hypotheses.append(is_answer(view, answer, f"this is the {view.noun} {continuous}"))
+        problems.append(is_answer(view, answer, f"this is the {view.noun} {continuous}"))
     for says, problem in others.items():
         with contextlib.suppress(NoSolutionError):
             answer = Answer(*quick_discrete(problem))
-            hypotheses.append(is_answer(view, answer, f"this is the {view.noun} {says}"))
-    return named(view, hypotheses, _OF_POLYNOMIALS).says
+            problems.append(is_answer(view, answer, f"this is the {view.noun} {says}"))
+    return _of_view(view, _usual(game, view, critic), problems)
 
 
 class _Others:
@@ -196,19 +211,19 @@ class _Others:
         game must explain what the LQR leaves."""
         allowed = math.inf
         lqr = [family for family in self._families() if family.is_lqr]
-        for hypothesis in answers(view, lqr, _OF_POLYNOMIALS.left[""]):
+        for hypothesis in answers(view, lqr, _EXACT.left[""]):
             left = error_of(view, hypothesis.undo)
             if left <= _SAME * error_of(view, view.given):
                 yield hypothesis
             else:
-                allowed = left * _OF_POLYNOMIALS.left[""]
+                allowed = left * _EXACT.left[""]
         for hypothesis in self._without_lqr(view):
             if error_of(view, hypothesis.undo) <= allowed:
                 yield hypothesis
 
     def _without_lqr(self, view: View) -> Iterator[Hypothesis]:
         games: list[Family] = [family for family in self._families() if not family.is_lqr]
-        yield from answers(view, games, _OF_POLYNOMIALS.left[""])
+        yield from answers(view, games, _EXACT.left[""])
         if view.kind == "P":
             for says, answer in other_weights(self.game, view.given):
                 yield is_answer(view, answer, says)
@@ -218,10 +233,23 @@ class _Others:
         yield from answers(view, self._families(), _OF_NETWORKS.left[""])
 
 
-def _of_view(game: Game, view: View, others: _Others, more: Iterable[Hypothesis] = ()) -> str:
-    """The best of these and the usual mistakes, else of other games, which take longer; or ""."""
-    cause = named(view, [*more, *of_matrix(game, view)], _OF_POLYNOMIALS)
-    return cause.says or named(view, others.of_polynomial(view), _OF_POLYNOMIALS).says
+def _of_view(
+    view: View, usual: Sequence[Hypothesis], other_games: Iterable[Hypothesis] = ()
+) -> str:
+    """The best of the usual mistakes, else of other games, which take longer, else of the usual
+    mistakes with noise on top; or ""."""
+    cause = named(view, usual, _EXACT)
+    if not cause.says:
+        cause = named(view, other_games, _EXACT)
+    return cause.says or named_with_noise(view, usual)
+
+
+def _usual(game: Game, view: View, critic: Critic) -> list[Hypothesis]:
+    """Mistakes that a matrix shows, and of P the weights that it comes from."""
+    hypotheses = list(of_matrix(game, view))
+    if view.kind == "P" and critic.weights is not None and critic.basis is not None:
+        hypotheses += of_weights(critic.weights, view.exact, critic.basis)
+    return hypotheses
 
 
 def _views(game: Game, critic: Critic, P: np.ndarray, K: np.ndarray) -> tuple[View | None, View]:
@@ -285,9 +313,9 @@ def _of_network(game: Game, exact: Exact, critic: Critic, box: np.ndarray, other
             hypotheses += of_rows(view, "slope", _PER_DEGREE)
             hypotheses += of_columns(view, "state", 1.0 / _PER_DEGREE)
         causes.append(named(view, hypotheses, _OF_NETWORKS))
-    if min(causes).left > _OF_NETWORKS.clear:
+    if min(causes).share > _CLEAR:
         causes += _of_variants(game, exact, critic, box)
-    if min(causes).left > _OF_NETWORKS.clear:
+    if min(causes).share > _CLEAR:
         for view in over_box[judged]:
             causes.append(named(view, others.of_network(view), _OF_NETWORKS))
     if not own_policy and box_errors[0] <= NEAR and box_errors[-1] > FAR:
@@ -295,7 +323,7 @@ def _of_network(game: Game, exact: Exact, critic: Critic, box: np.ndarray, other
             f"V is near and its policy off by {box_errors[-1]:.2g}: u = -½ R⁻¹B'∂V/∂z amplifies "
             "what V hardly shows"
         )
-        causes.append(Cause(1.0, says))
+        causes.append(Cause(1.0, box_errors[0], says))
     return min(causes).says
 
 

@@ -18,8 +18,10 @@ from controller.game.zero_sum import Game
 
 #: Numbers of a critic beyond those that are fitted; fewer would agree by chance.
 REDUNDANT = 2
-#: A factor this near to a power of ten, in decades, is that power.
-_NEAR = 1e-3
+#: An entry this near to its exact value times a power of ten, relative, may have a decimal slip.
+_NEAR = 0.05
+#: An entry below this part of the largest is compared with that part.
+_SMALL = 1e-5
 _DEGREE = math.pi / 180.0
 #: A scale is one of degrees within this factor, as a logarithm.
 _DEGREE_BAND = 1.5
@@ -65,6 +67,13 @@ class View(NamedTuple):
         """How many numbers the critic has to match."""
         return int(np.count_nonzero(np.triu(self.exact) if self.kind == "P" else self.exact))
 
+    def relative(self) -> View:
+        """The same with every entry counted relative to its exact value, or to a small part of the
+        largest."""
+        sizes = np.abs(self.exact * self.weights)
+        least = _SMALL * sizes.max() or 1.0
+        return self._replace(weights=self.weights / np.maximum(sizes, least))
+
     def transposed(self) -> View:
         """The same with rows for columns."""
         return View(self.kind, self.given.T, self.exact.T, self.weights.T)
@@ -77,9 +86,10 @@ def of_weights(weights: np.ndarray, exact: np.ndarray, psi: Basis) -> Iterator[H
     quadratic = weights[: psi.quadratic_size]
     orders = {
         "": np.arange(len(quadratic)),
-        "stand column by column": np.lexsort((row, column)),
         "stand with the squares first": np.argsort(row != column, kind="stable"),
     }
+    if psi.states > 2:  # two states have the same order by columns as by rows
+        orders["stand column by column"] = np.lexsort((row, column))
     factors = {
         "": np.ones(len(quadratic)),
         "lack the factor 2 of products z_i z_j": np.where(row == column, 1.0, 2.0),
@@ -106,9 +116,13 @@ def of_weights(weights: np.ndarray, exact: np.ndarray, psi: Basis) -> Iterator[H
 
 
 def of_matrix(game: Game, view: View) -> Iterator[Hypothesis]:
-    """Sign and factor, order, signs and units of states and inputs, a wrong entry; of P the factor
-    2 beside the diagonal, of K a missing R⁻¹ and the order of its entries."""
+    """Sign and factor, order, signs and units of states and inputs, a wrong entry; of P one
+    triangle and the factor 2 beside the diagonal, of K a missing R⁻¹ and the order of its
+    entries."""
     if view.kind == "P":
+        says = "P is not symmetric: the value z'Pz depends on (P + P')/2 alone"
+        for half in (np.triu(view.given), np.tril(view.given)):
+            yield Hypothesis(says, half + half.T - np.diag(np.diag(half)))
         view = view._replace(given=(view.given + view.given.T) / 2.0)
         yield from _factors(view, "value", "V is z'Pz, without a factor 1/2")
         beside = np.where(np.eye(len(view.given), dtype=bool), 1.0, 0.5)
@@ -136,20 +150,20 @@ def _factors(view: View, noun: str, meant: str) -> Iterator[Hypothesis]:
     weights = view.weights**2
     size = float(np.sum(view.exact**2 * weights)) or 1.0
     factor = float(np.sum(view.given * view.exact * weights)) / size
-    power = _power_of_ten(factor)
+    power = _nearest_power_of_ten(factor)
     if power:
-        factor = 10.0**power
-    if power or (math.isfinite(factor) and factor != 0.0 and view.known >= 1 + REDUNDANT):
+        says = f"every entry of {view.kind} is {10.0**power:g} times the exact one"
+        yield Hypothesis(says, view.given / 10.0**power)
+    if math.isfinite(factor) and factor != 0.0 and view.known >= 1 + REDUNDANT:
         says = f"every entry of {view.kind} is {factor:.6g} times the exact one"
         yield Hypothesis(says, view.given / factor, "factor")
 
 
-def _power_of_ten(ratio: float) -> int:
-    """k where ratio is 10^k, 0 where it is none."""
+def _nearest_power_of_ten(ratio: float) -> int:
+    """k where ratio is about 10^k; 0 where it is not positive."""
     if not (math.isfinite(ratio) and ratio > 0.0):
         return 0
-    decades = math.log10(ratio)
-    return round(decades) if abs(decades - round(decades)) < _NEAR else 0
+    return round(math.log10(ratio))
 
 
 def _one_entry(view: View) -> Iterator[Hypothesis]:
@@ -162,17 +176,15 @@ def _one_entry(view: View) -> Iterator[Hypothesis]:
     if exact == 0.0:
         return
     ratio = float(view.given[row, column] / exact)
-    power = _power_of_ten(ratio)
     name = f"{view.kind}({row + 1}, {column + 1})"
-    factor = 1.0
-    if abs(ratio + 1.0) < _NEAR:
-        says = f"{name} has the wrong sign"
-        factor = -1.0
-    elif power:
-        says = f"{name} is {10.0**power:g} times the exact one: a decimal slip"
-        factor = 10.0**power
-    else:
+    power = _nearest_power_of_ten(abs(ratio))
+    factor = math.copysign(10.0**power, ratio)
+    if factor == 1.0 or not abs(ratio / factor - 1.0) < _NEAR:
         return
+    if factor == -1.0:
+        says = f"{name} has the wrong sign"
+    else:
+        says = f"{name} is {factor:g} times the exact one: a decimal slip"
     undo = view.given.copy()
     undo[row, column] /= factor
     if view.kind == "P" and row != column:

@@ -16,7 +16,18 @@ from game_files import AT_15, stored
 from game_samples import game_models
 from known_models import game_at
 from network_files import torch_file
-from planted_critics import NAMED, UNNAMED, candidate_of, gain, solved, value, weights_of
+from planted_critics import (
+    NAMED,
+    OF_ANY_GAME,
+    UNNAMED,
+    candidate_of,
+    gain,
+    noisy,
+    random_game,
+    solved,
+    value,
+    weights_of,
+)
 
 from controller import Game, basis
 from controller.critic.critic import Critic
@@ -25,7 +36,7 @@ from hfa.main import FAILED
 from verification import check_critic, from_gain, from_network, from_value, from_weights
 from verification.critic.critic_check import LIMIT
 from verification.critic.critic_errors import critic_errors
-from verification.critic.diagnosis import diagnose
+from verification.critic.diagnosis import diagnose, diagnose_discrete
 from verification.critic.network_search import search
 from verification.critic.other_games import Nearby, Scheduled
 from verification.critic.scope import Scope
@@ -107,6 +118,52 @@ def test_random_errors_get_no_cause(game: Game, plant: str, kind: str, draws: in
         wrong = right * (1.0 + size * noise)
         found.append(named(game, candidate_of(game, kind, lambda _, wrong=wrong: wrong)))
     assert sum(cause != "" for cause in found) <= FALSE_CAUSES * draws // 100, set(found)
+
+
+def named_under_noise(mistake: str, size: float, games: int, seed: int) -> int:
+    """How many tables of random games with this mistake, or "" for none, and noise get its words;
+    other games are left out, which a noisy table cannot be of."""
+    rng = np.random.default_rng(seed)
+    count = 0
+    for index in range(games):
+        game = random_game(rng)
+        kind, plant, words = OF_ANY_GAME.get(
+            mistake,
+            [("W", lambda g: weights_of(value(g)), ""), ("P", value, ""), ("K", gain, "")][
+                index % 3
+            ],
+        )
+        table = noisy(kind, plant(game), size, rng)
+        candidate = candidate_of(game, kind, lambda _, table=table: table)
+        said = diagnose_discrete(game, solved(game), candidate, "", {})
+        count += words in said if words else said == ""
+    return count
+
+
+@pytest.mark.parametrize("mistake", OF_ANY_GAME)
+def test_a_mistake_under_noise_of_1_percent_is_named(mistake: str) -> None:
+    assert named_under_noise(mistake, 0.01, 3, 0) == 3
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("mistake", OF_ANY_GAME)
+def test_a_mistake_under_noise_of_1_percent_is_named_in_95_of_100(mistake: str) -> None:
+    assert named_under_noise(mistake, 0.01, 100, 1) >= 95
+
+
+@pytest.mark.parametrize("games", [10, pytest.param(100, marks=SLOW)])
+@pytest.mark.parametrize("size", [0.003, 0.01, 0.04])
+def test_noise_alone_gets_no_cause_in_99_of_100(size: float, games: int) -> None:
+    assert named_under_noise("", size, games, 2) >= 0.99 * games
+
+
+def test_one_factor_on_everything_must_explain_99_percent(game: Game) -> None:
+    table = noisy("P", 1.3 * value(game), 1.0, np.random.default_rng(3))
+    noise = table - 1.3 * value(game)
+    for share, says in ((0.02, ""), (0.002, "every entry of P is 1.3")):
+        size = share * 0.3 / np.linalg.norm(noise) * np.linalg.norm(value(game))
+        wrong = from_value(game, 1.3 * value(game) + size * noise)
+        assert named(game, wrong).startswith(says) if says else named(game, wrong) == ""
 
 
 def test_random_errors_of_a_gain_beside_its_value_get_no_cause(game: Game) -> None:
