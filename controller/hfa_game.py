@@ -5,18 +5,19 @@ from __future__ import annotations
 import warnings
 from collections.abc import Mapping
 from pathlib import Path
-from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from controller.game.user_files import Defaults, PlantNames, file_scales, stored_game
+from controller.game.names import UNNAMED, PlantNames
+from controller.game.user_files import Defaults, file_scales, stored_game
 from controller.game.zero_sum import LARGEST, Game, checked_matrix
 from hfa_aircraft.model import Model
 from hfa_model.printed_matrices import published_data
-from hfa_model.vectors import INPUTS, LINEAR_STATES, LINEAR_UNITS
+from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, LINEAR_UNITS
 from hfa_support.errors import BadInputError, refuse_unknown
 from hfa_support.units import si_factor
+from trim.point.operating_point import at_scheduled
 
 if TYPE_CHECKING:
     from trim.linear.linear_model import LinearModel
@@ -40,16 +41,38 @@ def published_game(
     >>> hfa.published_game(model, delta=250.0).R.diagonal().tolist()
     [100.0, 400.0, 400.0, 400.0, 50.0]
     """
-    states = getattr(A, "states", LINEAR_STATES)
-    native = A.point.model.native if hasattr(A, "point") else None
-    if B is None:
-        model: Any = A
-        if not hasattr(model, "B"):
-            raise BadInputError("B is missing; give A and B, or a linear model")
-        A = model.A
-        B = model.B
     for name in changes:
         refuse_unknown("a game has no", name, ("Q", "R", "delta", "E"))
+    if B is None:
+        if not hasattr(A, "point"):
+            raise BadInputError("B is missing; give A and B, or a linear model")
+        linear: Any = A
+        return _published_game(linear.A, linear.B, plant_names(linear), linear.point.model, changes)
+    names = UNNAMED
+    if np.shape(B) == (len(LINEAR_STATES), len(INPUTS)):
+        names = PlantNames(LINEAR_STATES, INPUTS, LINEAR_UNITS, tuple(INPUT_UNITS))
+    return _published_game(A, B, names, None, changes)
+
+
+def plant_names(linear: LinearModel) -> PlantNames:
+    """What the states and inputs of a linear model are called, their units, and where it is."""
+    model = linear.point.model
+    origin = model.name
+    if _is_flexible(model):
+        origin = f"the aircraft {at_scheduled(linear.point)}, {model.title}"
+    return PlantNames(linear.states, linear.inputs, linear.state_units, linear.input_units, origin)
+
+
+def _is_flexible(model: Model) -> bool:
+    """Whether a model has the states and the inputs of the paper's aircraft."""
+    return set(LINEAR_STATES) <= set(model.linear) and tuple(model.inputs) == INPUTS
+
+
+def _published_game(
+    A: Any, B: Any, names: PlantNames, model: Model | None, changes: dict[str, Any]
+) -> Game:
+    """The game of the paper on (A, B), in the units of the model, with its changes."""
+    states = names.states
     settings = published_data()["game"]
     A = checked_matrix("A", A, LARGEST)
     E = np.eye(len(A))
@@ -58,14 +81,15 @@ def published_game(
         E = E[:, [states.index(name) for name in LINEAR_STATES]]
         Q = E @ Q @ E.T
     R = np.diag(settings["R_diag"]).astype(float)
+    native = None if model is None else model.native
     if native is not None:
         of_states = np.array([si_factor(native.unit(name)) for name in states])
-        of_inputs = np.array([si_factor(native.unit(name)) for name in INPUTS])
+        of_inputs = np.array([si_factor(native.unit(name)) for name in names.inputs])
         E = of_states[:, None] * E
         Q = Q / np.outer(of_states, of_states)
         R = R / np.outer(of_inputs, of_inputs)
     parts = {"E": E, "Q": Q, "R": R, "delta": settings["delta"]}
-    return Game(A=A, B=B, **(parts | changes))
+    return Game(A=A, B=B, names=names, **(parts | changes))
 
 
 def usual_game(model: Model, A: np.ndarray, B: np.ndarray, **changes: Any) -> Game:
@@ -74,17 +98,21 @@ def usual_game(model: Model, A: np.ndarray, B: np.ndarray, **changes: Any) -> Ga
     Of a model with the aircraft's states and inputs the paper's; else 1/nominal² on the diagonals
     of Q and R, and delta inf (no disturbance). changes: of Q, R, delta.
     """
-    if set(LINEAR_STATES) <= set(model.linear) and tuple(model.inputs) == INPUTS:
-        point = SimpleNamespace(model=model)
-        linear: Any = SimpleNamespace(A=A, B=B, states=model.linear, point=point)
-        return published_game(linear, **changes)
+    names = PlantNames(
+        model.linear,
+        tuple(model.inputs),
+        model.units(model.linear),
+        model.units(tuple(model.inputs)),
+    )
+    if _is_flexible(model):
+        return _published_game(A, B, names, model, changes)
     parts: dict[str, Any] = {
         "E": np.eye(len(A)),
         "Q": np.diag([model.signals[name].nominal ** -2.0 for name in model.linear]),
         "R": np.diag([model.signals[name].nominal ** -2.0 for name in model.inputs]),
         "delta": np.inf,
     }
-    return Game(A, B, **(parts | changes))
+    return Game(A, B, names=names, **(parts | changes))
 
 
 def load_game(path: str | Path, **changes: Any) -> Game:

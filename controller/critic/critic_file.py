@@ -17,7 +17,8 @@ from controller.critic.critic import Critic, from_parts
 from controller.critic.features import features_of
 from controller.game.array_file import UNKNOWN, read_arrays
 from controller.game.basis import Basis, basis
-from controller.game.user_files import UNNAMED, PlantNames, file_scales, found_in, words
+from controller.game.names import UNNAMED, PlantNames
+from controller.game.user_files import file_scales, found_in, words
 from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game, checked_matrix, shape_text
 from hfa_support.errors import BadInputError, numbers_in, said_of
 

@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 
 from controller.game.basis import basis
+from controller.game.names import UNNAMED, PlantNames
 from hfa_support.jsonable import jsonable
 from hfa_support.reporting.report import Report, Reported
-from hfa_support.reporting.text import RowsMade, Table, matrix_table, numbered
+from hfa_support.reporting.text import RowsMade, Table, matrix_table
 
 SCHEMA = "hfa.learning-result/1"
 #: Largest residual of a settled critic, relative to the terms that cancel in it.
@@ -59,6 +60,7 @@ class TrainingRun(Reported):
     settings: of the learner
     seed: of the data
     diagnostics: further numbers by name
+    names: of the states and inputs of the game
     """
 
     law: str
@@ -73,6 +75,7 @@ class TrainingRun(Reported):
     settings: dict[str, Any]
     seed: int
     diagnostics: dict[str, float] = field(default_factory=dict)
+    names: PlantNames = UNNAMED
 
     @property
     def P(self) -> np.ndarray:
@@ -103,27 +106,16 @@ class TrainingRun(Reported):
             return f"the residual does not settle: {last:.3g} at the end, above {SETTLED:g}"
         return "settled"
 
-    def report(
-        self,
-        states: tuple[str, ...] = (),
-        inputs: tuple[str, ...] = (),
-        origin: str = "",
-        state_units: tuple[str, ...] = (),
-        input_units: tuple[str, ...] = (),
-        *,
-        history: bool = False,
-    ) -> Report:
-        """The outcome, the data, P and K; names and units of the plant where there are any.
+    def report(self, *, history: bool = False) -> Report:
+        """The outcome, the data, P and K.
 
         data: the last weights under `W` (what `hfa verify --weights` reads); with `history` also
         all rows over time."""
         m, n = self.K.shape
-        states = states or numbered("x", n)
-        inputs = inputs or numbered("u", m)
-        of_states = state_units or ("",) * n
+        names = self.names.completed(n, m)
         weight_units: list[str] = []
-        if any(of_states):
-            weight_units = basis(self.basis, n).weight_units(of_states)
+        if any(names.state_units):
+            weight_units = basis(self.basis, n).weight_units(names.state_units)
         data = self.to_dict()
         rows_over_time = {name: data.pop(name) for name in _HISTORY}
         data["W"] = self.weights[-1].tolist()
@@ -138,15 +130,14 @@ class TrainingRun(Reported):
             f"Data: {data_rank.samples} samples, rank {data_rank.rank} of {data_rank.size},"
             f" smallest eigenvalue of Sigma {data_rank.smallest_eigenvalue:.3g},"
             f" condition {data_rank.condition:.3g}",
-            matrix_table("P", states, states, self.P),
-            matrix_table("K", inputs, states, self.K),
+            matrix_table("P", names.states, names.states, self.P),
+            matrix_table("K", names.inputs, names.states, self.K),
         ]
         if self.diagnostics:
             numbers = [(name, f"{value:.4g}") for name, value in self.diagnostics.items()]
             parts.append(Table(("number of the law", "value"), numbers))
-        where = f", on {origin}" if origin else ""
         return Report(
-            title=f"Law {self.law!r}, basis {self.basis!r}{where}: {self.outcome}",
+            title=f"Law {self.law!r}, basis {self.basis!r}, on {names.origin}: {self.outcome}",
             parts=tuple(parts),
             data=data,
             records=self._records(weight_units),
@@ -167,7 +158,7 @@ class TrainingRun(Reported):
     def to_dict(self) -> dict[str, Any]:
         """Everything as plain JSON values; a number that is not finite becomes None."""
         values = {member.name: getattr(self, member.name) for member in fields(self)}
-        del values["settling_residual"]
+        del values["settling_residual"], values["names"]
         values |= {
             "P": self.P,
             "excitation": asdict(self.excitation),

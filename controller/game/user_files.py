@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -12,6 +12,7 @@ import numpy as np
 
 from controller.game.array_file import read_arrays
 from controller.game.discrete_game import DiscreteGame
+from controller.game.names import PlantNames
 from controller.game.zero_sum import LARGEST, Game, checked_matrix
 from hfa_support.errors import BadInputError, numbers_in, said_of, shortened, shown
 from hfa_support.units import si_factor, si_unit
@@ -45,20 +46,6 @@ def words(stored: Mapping[str, Any], key: str) -> tuple[str, ...]:
         if not entry.isprintable():
             raise BadInputError(f"{key} has {shortened(ascii(entry))}, which cannot be printed")
     return tuple(entries)
-
-
-class PlantNames(NamedTuple):
-    """What a plant calls its states and inputs, and the units of the states.
-
-    () where it does not say.
-    """
-
-    states: tuple[str, ...] = ()
-    inputs: tuple[str, ...] = ()
-    state_units: tuple[str, ...] = ()
-
-
-UNNAMED = PlantNames()
 
 
 def file_scales(stored: Mapping[str, Any], plant: PlantNames) -> np.ndarray:
@@ -109,8 +96,6 @@ class StoredGame(NamedTuple):
     """The game of a file, and what to know of it.
 
     notes: entries that were not used, defaults that were taken
-    names: states, inputs and their units as the file has them, by key; a key without one name for
-        each is left out
     provenance: where the plant comes from, as the file says it: entry -> text
     discrete: of a plant in discrete time the game whose step `game` is, else None
     has_time: whether the file says continuous or discrete
@@ -118,7 +103,6 @@ class StoredGame(NamedTuple):
 
     game: Game
     notes: tuple[str, ...]
-    names: dict[str, tuple[str, ...]]
     provenance: dict[str, str]
     discrete: DiscreteGame | None = None
     has_time: bool = False
@@ -162,17 +146,14 @@ def stored_game(
         parts |= {key: value for key, value in changes.items() if value is not None}
         notes += _unused(stored)
         names = _names(stored, len(parts["A"]), parts["B"].shape[1], notes)
-        plant_names = PlantNames(
-            *(names.get(key, ()) for key in ("states", "inputs", "state_units"))
-        )
+        names = names._replace(origin=str(path))
         if is_discrete(stored):
             defaults = no_defaults
-        game = _completed(parts, defaults(parts, plant_names), notes)
+        game = replace(_completed(parts, defaults(parts, names), notes), names=names)
         noted = tuple(f"{path}: {note}" for note in notes)
         return StoredGame(
             game,
             noted,
-            names,
             _provenance(stored),
             _discrete(stored, game),
             has_time="time" in stored,
@@ -273,10 +254,8 @@ def _unused(stored: Mapping[str, Any]) -> list[str]:
     return [f"{names} not used; a model file holds {', '.join(MODEL_KEYS)}"]
 
 
-def _names(
-    stored: Mapping[str, Any], n: int, m: int, notes: list[str]
-) -> dict[str, tuple[str, ...]]:
-    """Names and units by key, of those keys that have one for each; the others are noted."""
+def _names(stored: Mapping[str, Any], n: int, m: int, notes: list[str]) -> PlantNames:
+    """Names and units that a file has one for each of; the others are noted."""
     names: dict[str, tuple[str, ...]] = {}
     for key, size in zip(NAME_KEYS, (n, m, n, m), strict=True):
         texts = words(stored, key)
@@ -288,7 +267,8 @@ def _names(
         elif key in stored:
             letter = "u" if key == "inputs" else "x"
             notes.append(f"{key} has not one name for each; they are called {letter}1 and so on")
-    return names
+    states, inputs, state_units, input_units = (names.get(key, ()) for key in NAME_KEYS)
+    return PlantNames(states, inputs, state_units, input_units)
 
 
 def _completed(parts: dict[str, Any], defaults: Defaults, notes: list[str]) -> Game:

@@ -3,26 +3,31 @@ implies."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
+from controller.game.names import UNNAMED, PlantNames
 from hfa_support.errors import BadInputError, numbers_in, shown
-from hfa_support.reporting.fields import ByValue, Shown
+from hfa_support.reporting.fields import ByValue
+from hfa_support.reporting.report import Report, Reported
+from hfa_support.reporting.text import matrix_table, numbered
 
 #: Numbers beyond this (or below its inverse) overflow when they are multiplied, and mean nothing in
 #: a model.
 LARGEST = 1e100
 #: Entries of a critic beyond this overflow when P S P is squared, and mean nothing.
 LARGEST_CRITIC_ENTRY = 1e50
+#: Larger matrices are not shown at the prompt.
+MOST_SHOWN = 12
 #: A scaled eigenvalue of a semidefinite matrix may be so far below 0.
 SEMIDEFINITE = 1e-12
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Game(ByValue, Shown):
+class Game(ByValue, Reported):
     """J = ∫ z'Qz + u'Ru - δ² d'd dt,  z' = A z + B u + E d,  u minimizes and d maximizes (paper Eq.
     15-16).
 
@@ -32,6 +37,7 @@ class Game(ByValue, Shown):
     Q: (n, n), symmetric positive semidefinite
     R: (m, m), symmetric positive definite
     delta: > 0, may be inf: no disturbance, LQR
+    names: of the states and inputs, for reports; by default x1, x2, ... and u1, u2, ...
 
     Raises BadInputError when a shape, a sign or a number is wrong.
 
@@ -47,6 +53,7 @@ class Game(ByValue, Shown):
     Q: np.ndarray
     R: np.ndarray
     delta: float
+    names: PlantNames = field(default=UNNAMED, compare=False)
 
     def __post_init__(self) -> None:
         """Check everything once, so that no solver has to."""
@@ -67,10 +74,33 @@ class Game(ByValue, Shown):
         check_definite("Q", self.Q, strictly=False)
         check_definite("R", self.R, strictly=True)
         object.__setattr__(self, "delta", _checked_delta(self.delta))
+        object.__setattr__(self, "names", self.names.completed(n, m))
 
     def __hash__(self) -> int:
         """Of a few numbers, the same for games that are equal."""
         return hash((float(self.A.sum()), float(self.B.sum()), self.delta))
+
+    def report(self) -> Report:
+        """The matrices, with the names of their rows and columns."""
+        states = self.names.states
+        inputs = self.names.inputs
+        disturbances = numbered("d", self.E.shape[1])
+        return Report(
+            title=f"Game on {self.names.origin}, delta {self.delta:.6g}:"
+            " z' = A z + B u + E d, cost z'Qz + u'Ru - delta^2 d'd",
+            parts=[
+                matrix_table(name, rows, columns, getattr(self, name))
+                for name, rows, columns in (
+                    ("A", states, states),
+                    ("B", states, inputs),
+                    ("E", states, disturbances),
+                    ("Q", states, states),
+                    ("R", inputs, inputs),
+                )
+                if len(rows) <= MOST_SHOWN and len(columns) <= MOST_SHOWN
+            ],
+            data={name: getattr(self, name) for name in ("A", "B", "E", "Q", "R", "delta")},
+        )
 
     @cached_property
     def R_inverse_B_transposed(self) -> np.ndarray:

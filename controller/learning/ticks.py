@@ -81,6 +81,7 @@ def training_run(
         settling_residual=history["settling_residual"],
         K=game.gain(P),
         excitation=excitation,
+        names=game.names,
         **rest,
     )
 

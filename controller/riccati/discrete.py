@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from controller.game.discrete_game import DiscreteGame
+from controller.game.names import PlantNames
 from controller.game.zero_sum import Game
 from controller.riccati.certificate import (
     DISAGREEMENT,
@@ -61,6 +62,11 @@ class DiscreteSolution(Shown):
     def game(self) -> Game:
         """A, B, E, Q, R, delta of one step of time."""
         return self.problem.step
+
+    @property
+    def names(self) -> PlantNames:
+        """What the states and inputs are called."""
+        return self.game.names
 
     @property
     def discount(self) -> float:

@@ -40,24 +40,18 @@ def analyse_discrete(
     return AnalysedDiscreteGame(solution, minimum_delta_discrete(problem, progress))
 
 
-def discrete_report(
-    analysed: AnalysedDiscreteGame, states: tuple[str, ...], inputs: tuple[str, ...], origin: str
-) -> Report:
+def discrete_report(analysed: AnalysedDiscreteGame) -> Report:
     """The report of a solution: P, K, the checks of its certificate and the spectral radii of
-    A - B K and of sqrt(discount) (A - B K).
-
-    analysed: the solution and the smallest delta
-    states: names of the n rows of P
-    inputs: names of the m rows of K
-    origin: what the plant is called, for the title
-    """
+    A - B K and of sqrt(discount) (A - B K)."""
     solution = analysed.solution
+    states = solution.names.states
+    inputs = solution.names.inputs
     delta = solution.game.delta
     margin = analysed.delta_min.margin(delta)
     stabilizes = "stabilizes" if solution.radius < 1.0 else "does NOT stabilize"
     eigenvalues = np.linalg.eigvals(solution.game.A - solution.game.B @ solution.K)
     return Report(
-        title=f"Exact game solution in discrete time for {origin}\n"
+        title=f"Exact game solution in discrete time for {solution.names.origin}\n"
         f"delta {delta:.6g}, smallest possible {analysed.delta_min.value:.7g}, margin {margin:.4g},"
         f" discount {solution.discount:g} a step",
         parts=(

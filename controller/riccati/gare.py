@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from controller.game.names import PlantNames
 from controller.game.zero_sum import LARGEST, Game
 from controller.riccati.balancing import spectrum
 from controller.riccati.certificate import (
@@ -26,7 +27,7 @@ from hfa_support.progress import Progress
 from hfa_support.reporting.checks import checks_block
 from hfa_support.reporting.fields import Shown
 from hfa_support.reporting.report import Report, Reported
-from hfa_support.reporting.text import Table, eigenvalue_text, matrix_table, numbered
+from hfa_support.reporting.text import Table, eigenvalue_text, matrix_table
 
 #: Games of one stack: enough to forget the cost of a call, few enough for the cache.
 TOGETHER = 256
@@ -45,6 +46,7 @@ class Solution(Reported):
     worst_case_eigenvalues: of A - S P = A - B K + E L, the flight against the worst disturbance
     abscissa_error: by which rounding of A, B and K may move the abscissa of A - B K, 1/s, to first
         order
+    names: of the states and inputs
     """
 
     P: np.ndarray
@@ -55,14 +57,15 @@ class Solution(Reported):
     closed_loop_eigenvalues: np.ndarray
     worst_case_eigenvalues: np.ndarray
     abscissa_error: float
+    names: PlantNames
 
     def report(self) -> Report:
         """P, K, the closed loop and the certificate."""
-        inputs = numbered("u", self.K.shape[0])
-        states = numbered("x", self.K.shape[1])
+        inputs = self.names.inputs
+        states = self.names.states
         poles = [value for value in self.closed_loop_eigenvalues if value.imag >= 0]
         return Report(
-            title=f"Exact game solution, delta {self.delta:.6g}",
+            title=f"Exact game solution for {self.names.origin}, delta {self.delta:.6g}",
             parts=(
                 matrix_table("P", states, states, self.P),
                 matrix_table("K", inputs, states, self.K),
@@ -120,7 +123,7 @@ def solve_game(game: Game, progress: Progress | None = None) -> Solution:
     [[3.0972]]
     """
     form = NormalForm.of(game)
-    return solution_of(form, certified(form, progress))
+    return solution_of(form, certified(form, progress), game.names)
 
 
 def certified(form: NormalForm, progress: Progress | None = None) -> Certified:
@@ -133,8 +136,8 @@ def certified(form: NormalForm, progress: Progress | None = None) -> Certified:
         raise NoSolutionError(f"{verdict}: {failure}; {smallest.advice(form.delta)}") from failure
 
 
-def solution_of(form: NormalForm, certified: Certified) -> Solution:
-    """The solution in the user's coordinates; form: that of the game."""
+def solution_of(form: NormalForm, certified: Certified, names: PlantNames) -> Solution:
+    """The solution in the user's coordinates; form and names: those of the game."""
     X = certified.X
     accurate = certified.form
     P = accurate.value(X)
@@ -149,6 +152,7 @@ def solution_of(form: NormalForm, certified: Certified) -> Solution:
         closed_loop_eigenvalues=spectrum(loop).eigenvalues,
         worst_case_eigenvalues=spectrum(accurate.A - accurate.S @ X).eigenvalues,
         abscissa_error=_abscissa_error(form, accurate, X),
+        names=names,
     )
 
 

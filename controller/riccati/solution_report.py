@@ -63,7 +63,7 @@ def analyse_game(game: Game, progress: Progress | None = None) -> AnalysedGame:
             unconfirmed = f"certified, but not confirmed in flight: {check.name}: {check.reason}"
             raise NoSolutionError(f"{unconfirmed}; {smallest.advice(game.delta)}")
     return AnalysedGame(
-        solution=solution_of(form, solved),
+        solution=solution_of(form, solved, game.names),
         delta_min=smallest,
         meaning=meaning,
         loops=loop_margins(balanced, K),
@@ -79,30 +79,24 @@ def meaning_checks(game: Game, P: np.ndarray, initial: np.ndarray) -> tuple[Chec
     return cost_check(game, P, initial), *gain_checks(game, game.gain(P))
 
 
-def solution_report(
-    found: AnalysedGame,
-    states: tuple[str, ...],
-    inputs: tuple[str, ...],
-    origin: str,
-    state_units: tuple[str, ...] = (),
-    input_units: tuple[str, ...] = (),
-) -> Report:
-    """P, K, certificate, meaning and margins; origin: what the plant is called; a unit is "" where
-    it is not known."""
-    units = state_units or ("",) * len(states), input_units or ("",) * len(inputs)
-    solution = found.solution
-    disk = found.disk
-    margin = found.delta_min.margin(solution.delta)
+def solution_report(analysed: AnalysedGame) -> Report:
+    """P, K, certificate, meaning and margins, with the names of the plant."""
+    solution = analysed.solution
+    states = solution.names.states
+    inputs = solution.names.inputs
+    units = (solution.names.state_units, solution.names.input_units)
+    disk = analysed.disk
+    margin = analysed.delta_min.margin(solution.delta)
     poles = [value for value in solution.closed_loop_eigenvalues if value.imag >= 0]
     return Report(
-        title=_title(found, origin),
+        title=_title(analysed),
         parts=(
             matrix_table("P", states, states, solution.P),
             matrix_table("K", inputs, states, solution.K),
             f"closed loop A - B K, 1/s: {', '.join(map(eigenvalue_text, poles))}",
             checks_block(solution.certificate.checks),
-            checks_block(found.meaning),
-            _margins_table(found, inputs),
+            checks_block(analysed.meaning),
+            _margins_table(analysed),
             f"All inputs at once: disk {disk.disk:.4g}, gain {disk.gain:.4g},"
             f" phase {disk.phase:.4g} deg, at {disk.frequency:.4g} rad/s",
         ),
@@ -111,10 +105,10 @@ def solution_report(
             "states": list(states),
             "inputs": list(inputs),
             **solution.to_dict(),
-            "delta_min": found.delta_min.value,
+            "delta_min": analysed.delta_min.value,
             "delta_margin": finite_or_none(margin),
-            "meaning": [check.to_dict() for check in found.meaning],
-            "loop_margins": dict(zip(inputs, map(_loop_data, found.loops), strict=True)),
+            "meaning": [check.to_dict() for check in analysed.meaning],
+            "loop_margins": dict(zip(inputs, map(_loop_data, analysed.loops), strict=True)),
             "disk_margin": _finite(disk._asdict()),
             "state_units": list(units[0]),
             "input_units": list(units[1]),
@@ -126,23 +120,24 @@ def solution_report(
     )
 
 
-def _title(found: AnalysedGame, origin: str) -> str:
-    smallest = found.delta_min
-    delta = found.solution.delta
+def _title(analysed: AnalysedGame) -> str:
+    smallest = analysed.delta_min
+    delta = analysed.solution.delta
     doubt = ""
     if smallest.uncertain:
         doubt = f" (rounding leaves it open down to {smallest.refused:.7g})"
     return (
-        f"Exact game solution for {origin}\n"
+        f"Exact game solution for {analysed.solution.names.origin}\n"
         f"delta {delta:.6g}, smallest possible {smallest.value:.7g}{doubt},"
         f" margin {smallest.margin(delta):.4g}"
     )
 
 
-def _margins_table(found: AnalysedGame, inputs: tuple[str, ...]) -> Table:
+def _margins_table(analysed: AnalysedGame) -> Table:
     """Gain, phase and disk of each input."""
+    inputs = analysed.solution.names.inputs
     rows = []
-    for name, loop in zip(inputs, found.loops, strict=True):
+    for name, loop in zip(inputs, analysed.loops, strict=True):
         gain = f"{loop.gain_low:.3g} to {loop.gain_high:.3g}"
         rows.append((name, gain, f"{loop.phase:.4g}", f"{loop.disk:.4g}"))
     return Table(("margins at the input", "gain", "phase deg", "disk"), rows)

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from controller.game.names import PlantNames
 from controller.game.zero_sum import Game
 from controller.servo.design import Design, signal_unit
 from hfa_aircraft.model import Model
@@ -86,7 +87,14 @@ class DesignModel(Shown):
         self._check_integrals()
         Q = np.diag([float(self.design.state_weights.get(name, 0.0)) for name in self.states])
         R = np.diag([float(self.design.input_weights[name]) for name in self.inputs])
-        return Game(A=self.A, B=self.B, E=self.E, Q=Q, R=R, delta=self.design.delta)
+        names = PlantNames(
+            self.states,
+            self.inputs,
+            self.state_units,
+            self.input_units,
+            f"design {self.design.name}",
+        )
+        return Game(A=self.A, B=self.B, E=self.E, Q=Q, R=R, delta=self.design.delta, names=names)
 
     def _check_integrals(self) -> None:
         """[A B; C D] of the integrated outputs has full row rank: without it the plant has a zero

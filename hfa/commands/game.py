@@ -40,12 +40,12 @@ def solve(request: GameRequest) -> int:
         from controller.riccati.discrete_report import analyse_discrete, discrete_report
 
         analysed = analyse_discrete(named.discrete, ProgressLine("solve"))
-        discrete = discrete_report(analysed, named.states, named.inputs, named.origin)
+        discrete = discrete_report(analysed)
         show(discrete.with_data(**named.labels()), request, notes=named.warnings)
         return 0
     with named.asking_for_time():
         analysed_game = analyse_game(named.game, ProgressLine("solve"))
-    report = solution_report(analysed_game, *named.names)
+    report = solution_report(analysed_game)
     show(report.with_data(**named.labels()), request, notes=named.warnings)
     return 0
 
@@ -88,9 +88,9 @@ def learn(request: LearnRequest) -> int:
         "converged": verdict.ok,
         "certificates": [check.to_dict() for check in verdict.checks],
     }
-    report = run.report(*named.names)
+    report = run.report()
     parts = (verdict.headline(), *report.parts, checks_block(verdict.checks))
     report = replace(report, parts=parts).with_data(**named.labels(), **judged)
-    whole = {**run.report(*named.names, history=True).data, **judged}
+    whole = {**run.report(history=True).data, **judged}
     show(report, request, only_in_files=whole, notes=named.warnings)
     return 0 if verdict.ok else 1

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from controller.game.basis import basis
 from controller.game.gain_schedule import load_gain_schedule
-from controller.game.user_files import UNNAMED, PlantNames
+from controller.game.names import UNNAMED, PlantNames
 from controller.servo.scheduled_controller import load_controller
 from hfa.options.argument_types import input_file, interval, number, one_of, positive
 from hfa.options.command import command
@@ -358,7 +358,7 @@ def _game(request: ProveRequest) -> int:
     if critic is not None:
         from controller.critic.critic_file import Reading, critic_in
 
-        stored = critic_in(critic, named.game, named.plant, Reading(request.basis))
+        stored = critic_in(critic, named.game, named.game.names, Reading(request.basis))
         with said_of(critic):
             proof = prove_critic(named.game, stored, family, value)
     else:
@@ -366,7 +366,8 @@ def _game(request: ProveRequest) -> int:
         proof = prove_solution(named.game, family, value, progress)
     if request.output is not None and proof.proved:
         proof.write(request.output, request.provenance)
-    report = game_report(proof.data, named.states, named.origin, str(critic or ""))
+    names = named.game.names
+    report = game_report(proof.data, names.states, names.origin, str(critic or ""))
     print_report(report, request)
     return 0 if proof.proved else 1
 

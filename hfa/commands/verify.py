@@ -142,11 +142,11 @@ def verify(request: VerifyRequest) -> int:
     cost = request.limit_cost
     if len(verdicts) == 1:
         (verdict,) = verdicts.values()
-        figure = partial(verdict_figure, verdict, *named.names)
-        report = verdict.report(*named.names, limit_cost=cost)
+        figure = partial(verdict_figure, verdict)
+        report = verdict.report(limit_cost=cost)
     else:
-        figure = partial(verdicts_figure, verdicts, named.origin)
-        report = verdicts_report(verdicts, named.origin, cost)
+        figure = partial(verdicts_figure, verdicts, named.game.names.origin)
+        report = verdicts_report(verdicts, named.game.names.origin, cost)
     show(report.with_data(**named.labels()), request, figure=figure, notes=named.warnings)
     return 0 if all(verdict.holds(cost) for verdict in verdicts.values()) else 1
 
@@ -171,10 +171,10 @@ def _verify_discrete(
             critic = from_parts(problem.step, parts | given)
             more = parts | more
     else:
-        critic = critics_in(path, problem.step, named.plant, request.reading())[-1]
+        critic = critics_in(path, problem.step, named.game.names, request.reading())[-1]
     with said_of(path):
         verdict = check_discrete(problem, critic, limit=request.limit_error, more=more)
-    report = verdict.report(*named.names, limit_cost=request.limit_cost)
+    report = verdict.report(limit_cost=request.limit_cost)
     show(report.with_data(**named.labels()), request, notes=named.warnings)
     return 0 if verdict.holds(request.limit_cost) else 1
 
@@ -191,8 +191,9 @@ def _verify_printed(request: VerifyRequest, path: Path) -> int:
 
 def _scope(request: VerifyRequest, named: NamedGame) -> Scope:
     """What critics of this game are judged on beside it: the box of states, and other games."""
-    box = ordinary_box(named.states, named.inputs, named.state_units)
-    if box is None and named.linear is not None and named.states == named.linear.states:
+    names = named.game.names
+    box = ordinary_box(names.states, names.inputs, names.state_units)
+    if box is None and named.linear is not None and names.states == named.linear.states:
         box = box_within_limits(named.linear)
     if request.at is None:
         return Scope(box)
@@ -249,7 +250,7 @@ def _check_file(
         raise BadInputError(
             f"{path}: --set activation belongs to a state dict; an ONNX file says it"
         )
-    critics = critics_in(path, game, named.plant, request.reading())
+    critics = critics_in(path, game, game.names, request.reading())
     is_history = critics[-1].time is not None
     if request.discount is not None and request.dt is not None:
         if is_history:

@@ -136,7 +136,6 @@ class LawOptions(LearningOptions, WeightOptions, ReadingOptions):
         What is not linear, a network say, keeps the control limits of the model."""
         from controller.critic.critic_file import critic_in
         from controller.flight.policies import GainPolicy, function_policy
-        from controller.game.user_files import PlantNames
         from controller.learning.certified import learned_value
         from controller.riccati.gare import solve_game
 
@@ -148,8 +147,7 @@ class LawOptions(LearningOptions, WeightOptions, ReadingOptions):
             progress = ProgressLine("learn")
             value = learned_value(game, self.law, self.seed, progress, **self.set)
             return GainPolicy(self.law, value.K)
-        plant = PlantNames(linear.states, linear.inputs, linear.state_units)
-        critic = critic_in(path, game, plant, self.reading())
+        critic = critic_in(path, game, game.names, self.reading())
         if not critic.linear:
             return function_policy(f"critic of {path}", critic.policy, linear.point)
         kind = "gain" if critic.feedback is None else "weights"

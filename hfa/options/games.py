@@ -14,7 +14,7 @@ import numpy as np
 
 from controller.game.discrete_game import DiscreteGame
 from controller.game.zero_sum import Game
-from controller.hfa_game import paper_defaults, usual_game
+from controller.hfa_game import paper_defaults, plant_names, usual_game
 from hfa.options.argument_types import input_file, number, one_of, whole
 from hfa.options.request import OfModel, Request, option
 from hfa.options.trims import OF_THE_TRIM, AircraftOptions, TrimOptions, UnitsOption
@@ -22,13 +22,10 @@ from hfa.output import ProgressLine
 from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError, NoSolutionError, said_of
 from hfa_support.files import MATRIX_FILES
-from hfa_support.reporting.text import numbered
 from trim.linear.linear_model import LinearModel, linearize
-from trim.point.operating_point import at_scheduled
 
 if TYPE_CHECKING:
     from controller.game.training_run import TrainingRun
-    from controller.game.user_files import PlantNames
 
 DEFAULT_LAW = "certified"
 
@@ -66,7 +63,8 @@ class WeightOptions(Request):
     def game_on(self, linear: LinearModel) -> Game:
         """The usual game on a linear model, with the weights that the options change."""
         changes = self.changed_weights()
-        return usual_game(linear.point.model, linear.A, linear.B, **changes)
+        game = usual_game(linear.point.model, linear.A, linear.B, **changes)
+        return replace(game, names=plant_names(linear))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -182,13 +180,9 @@ class PlantOptions(WeightOptions, AircraftOptions, TrimOptions):
         aircraft = self.flown_aircraft()
         point = self.operating_point(aircraft)
         linear = linearize(aircraft, point)
-        model = aircraft
         warnings = (*point.warnings, *linear.kinks)
-        origin = model.name
         missing = [name for name in ("Q", "R", "delta") if name not in self.changed_weights()]
-        if not self.own:
-            origin = f"the aircraft {at_scheduled(point)}, {model.title}"
-        elif missing:
+        if self.own and missing:
             taken = [f"{name} {USUAL_WEIGHTS[name]}" for name in missing]
             warnings += (f"{' and '.join(missing)} not given; taken: {', '.join(taken)}",)
         if self.design is not None:
@@ -197,35 +191,18 @@ class PlantOptions(WeightOptions, AircraftOptions, TrimOptions):
             built = design_model(aircraft, linear, self.design)
             with said_of(f"design {built.design.name}"):
                 game = replace(built.game(), **self.changed_weights())
-            names = built.states, built.inputs, built.state_units, built.input_units
-            of_design = f"design {built.design.name} of {origin}"
-            return NamedGame(game, *names, of_design, tuple(point.warnings))
-        names = linear.states, linear.inputs, linear.state_units, linear.input_units
-        return NamedGame(
-            self.game_on(linear),
-            *names,
-            origin,
-            warnings,
-            linear=linear,
-        )
+            of_design = f"design {built.design.name} of {plant_names(linear).origin}"
+            game = replace(game, names=game.names._replace(origin=of_design))
+            return NamedGame(game, tuple(point.warnings))
+        return NamedGame(self.game_on(linear), warnings, linear=linear)
 
     def _game_of_file(self, plant: Path, read: dict[str, Any] | None) -> NamedGame:
         from controller.game.user_files import stored_game
 
         self.refuse_of_the_aircraft()
         stored = stored_game(plant, found=read, defaults=paper_defaults, **self.changed_weights())
-        n, m = stored.game.B.shape
-        labels: dict[str, Any] = {
-            "states": numbered("x", n),
-            "inputs": numbered("u", m),
-            "state_units": ("",) * n,
-            "input_units": ("",) * m,
-            **stored.names,
-        }
         return NamedGame(
             stored.game,
-            **labels,
-            origin=str(plant),
             warnings=stored.notes,
             plant_provenance=stored.provenance,
             discrete=stored.discrete,
@@ -257,7 +234,7 @@ USUAL_WEIGHTS = {
 
 @dataclass(frozen=True, eq=False)
 class NamedGame:
-    """A game with the names of its states and inputs, and where it comes from.
+    """A game, and where it comes from.
 
     linear: the linear model that the game is of; None of a plant from a file or of a design.
     discrete: of a plant in discrete time the game whose step `game` is.
@@ -265,11 +242,6 @@ class NamedGame:
     """
 
     game: Game
-    states: tuple[str, ...]
-    inputs: tuple[str, ...]
-    state_units: tuple[str, ...]
-    input_units: tuple[str, ...]
-    origin: str
     warnings: tuple[str, ...] = ()
     plant_provenance: Mapping[str, str] = field(default_factory=dict)
     linear: LinearModel | None = None
@@ -292,33 +264,18 @@ class NamedGame:
                     question = '; x⁺ = A x + B u has a solution: did you mean time = "discrete"?'
             raise NoSolutionError(f"{failure}{question}") from failure
 
-    @property
-    def names(
-        self,
-    ) -> tuple[tuple[str, ...], tuple[str, ...], str, tuple[str, ...], tuple[str, ...]]:
-        """States, inputs, what the plant is called, units of states and inputs: how reports take
-        them."""
-        return self.states, self.inputs, self.origin, self.state_units, self.input_units
-
-    @property
-    def plant(self) -> PlantNames:
-        """What a file of a critic is read against."""
-        from controller.game.user_files import PlantNames
-
-        return PlantNames(self.states, self.inputs, self.state_units)
-
     def labels(self) -> dict[str, Any]:
         """What the numbers of a result are about; units are "" for a plant of the user's own."""
-        named = {
-            name: list(getattr(self, name))
-            for name in ("states", "inputs", "state_units", "input_units")
-        }
+        names = self.game.names
         delta = self.game.delta if math.isfinite(self.game.delta) else None
         origin = {"plant_provenance": dict(self.plant_provenance)} if self.plant_provenance else {}
         return {
-            "plant": self.origin,
+            "plant": names.origin,
             **origin,
-            **named,
+            "states": list(names.states),
+            "inputs": list(names.inputs),
+            "state_units": list(names.state_units),
+            "input_units": list(names.input_units),
             "delta": delta,
             "warnings": list(self.warnings),
         }

@@ -16,6 +16,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from controller.critic.critic import Critic
+from controller.game.names import PlantNames
 from controller.game.zero_sum import Game
 from controller.riccati.balancing import balanced_units
 from hfa_support.reporting.checks import Check, at_most
@@ -39,6 +40,10 @@ class Exact(Protocol):
     @property
     def disturbance_gain(self) -> np.ndarray:
         """L, (k, n)."""
+
+    @property
+    def names(self) -> PlantNames:
+        """Of the states and inputs."""
 
 
 class Box(NamedTuple):

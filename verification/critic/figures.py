@@ -27,33 +27,24 @@ _ROUNDED = 1e-12
 _LEAST_DIFFERENCE = 1e-6
 
 
-def verdict_figure(
-    verdict: Verdict,
-    states: tuple[str, ...],
-    inputs: tuple[str, ...],
-    origin: str = "the plant",
-    state_units: tuple[str, ...] = (),
-    input_units: tuple[str, ...] = (),
-) -> Figure:
+def verdict_figure(verdict: Verdict) -> Figure:
     """P learned, exact and their relative difference as heat maps (signed logarithmic scale), K
-    where there is no P; where there is a table also its errors over time.
-
-    origin: what the plant is called.
-    """
+    where there is no P; where there is a table also its errors over time."""
     table = verdict.table
+    names = verdict.exact.names
     figure = new_figure(12.0, 4.2 if table is None else 7.6)
     figure.suptitle(
-        f"Critic on {origin}, against the exact {verdict.problem}: {verdict_text(verdict.ok)}"
+        f"Critic on {names.origin}, against the exact {verdict.problem}: {verdict_text(verdict.ok)}"
     )
     grid = figure.add_gridspec(1 if table is None else 2, 3)
     if verdict.critic.P is not None:
         name = "P"
-        rows = states
+        rows = names.states
         learned = verdict.critic.P
         exact = verdict.exact.P
     else:
         name = "K"
-        rows = inputs
+        rows = names.inputs
         learned = verdict.critic.K
         exact = verdict.exact.K
     largest = float(np.abs(exact).max())
@@ -67,10 +58,10 @@ def verdict_figure(
     for index, (title, entries, size) in enumerate(maps):
         axes = figure.add_subplot(grid[0, index])
         _heat_map(figure, axes, title, entries, size)
-        axes.set_xticks(range(len(states)), states, rotation=60, ha="right", fontsize=7)
+        axes.set_xticks(range(len(names.states)), names.states, rotation=60, ha="right", fontsize=7)
         axes.set_yticks(range(len(rows)), rows, fontsize=7)
-        if state_units and size is not None:
-            units = dict.fromkeys(unit for unit in state_units)
+        if any(names.state_units) and size is not None:
+            units = dict.fromkeys(unit for unit in names.state_units)
             axes.set_xlabel(f"of states in {', '.join(units)}", fontsize=7)
     if table is not None:
         axes = figure.add_subplot(grid[1, :])

@@ -11,11 +11,10 @@ import numpy as np
 
 from controller.critic.critic import Critic
 from controller.game.training_run import settled_at
-from hfa_support.errors import BadInputError
 from hfa_support.jsonable import finite_or_none, jsonable
 from hfa_support.reporting.checks import Check, Checked, checks_block, verdict_text
 from hfa_support.reporting.report import Part, Report, Reported
-from hfa_support.reporting.text import Table, entry_rows, numbered
+from hfa_support.reporting.text import Table, entry_rows
 from verification.critic.critic_errors import Exact
 
 #: What is computed for each row of a table of critics, and the head of its column and curve.
@@ -224,39 +223,21 @@ class Verdict(Checked, Reported):
             data["graded"] |= {"limit_cost_percent": limit_cost, "ok": self.holds(limit_cost)}
         return data
 
-    def report(
-        self,
-        states: tuple[str, ...] = (),
-        inputs: tuple[str, ...] = (),
-        origin: str = "the plant",
-        state_units: tuple[str, ...] = (),
-        input_units: tuple[str, ...] = (),
-        *,
-        limit_cost: float | None = None,
-    ) -> Report:
+    def report(self, *, limit_cost: float | None = None) -> Report:
         """The verdict in the first line, every check, the sections, P and K entry by entry.
 
-        states, inputs: names, by default x1, x2, ... and u1, u2, ...
-        origin: what the plant is called.
-        state_units, input_units: "" where they are not known.
         limit_cost: percent, then decides the verdict.
         """
-        m, n = self.exact.K.shape
-        states = states or numbered("x", n)
-        inputs = inputs or numbered("u", m)
-        if (len(states), len(inputs)) != (n, m):
-            raise BadInputError(
-                f"names are given of {len(states)} states and {len(inputs)} inputs; there are {n} "
-                f"and {m}"
-            )
-        units = (state_units or ("",) * n, input_units or ("",) * m)
+        names = self.exact.names
+        axes = (names.states, names.inputs)
+        units = (names.state_units, names.input_units)
         P = self.critic.P
         values = () if P is None else (P, self.exact.P)
-        entries = entry_rows(values, (self.critic.K, self.exact.K), (states, inputs), units)
+        entries = entry_rows(values, (self.critic.K, self.exact.K), axes, units)
         records = Table(("matrix", "row", "column", "learned", "exact", "unit"), entries)
         for section in self.sections:
             records = section.records or records
-        heading = [f"Critic on {origin}, against the exact {self.problem}"]
+        heading = [f"Critic on {names.origin}, against the exact {self.problem}"]
         if self.diagnosis:
             heading.append(f"Reason: {self.diagnosis}")
         return Report(
@@ -265,10 +246,13 @@ class Verdict(Checked, Reported):
                 tuple(heading),
                 checks_block(self.checks) if self.ok else _failures(self.checks),
                 *(section.part for section in self.sections),
-                self._farthest_entries(entries, states),
+                self._farthest_entries(entries, names.states),
             ],
-            data={"state_units": list(state_units), "input_units": list(input_units)}
-            | self.data(limit_cost),
+            data={
+                "state_units": list(names.state_units),
+                "input_units": list(names.input_units),
+                **self.data(limit_cost),
+            },
             records=records,
         )
 

@@ -122,18 +122,16 @@ def angle_report(job: MainJob, angle: Angle) -> Report:
     title = f"Dihedral {angle_text(angle.dihedral)}: model, game, critic"
     if model is None:
         return Report(title, (f"No trim: {angle.reason}",), data=data)
-    origin = f"the model at dihedral {angle_text(angle.dihedral)}, {model.point.dynamics} dynamics"
-    named = model.states, model.inputs, origin, model.state_units, model.input_units
     reports = {"model": _model_report(job, angle, model)}
     if angle.solution is not None:
-        reports["solution"] = solution_report(angle.solution, *named)
+        reports["solution"] = solution_report(angle.solution)
     if angle.check is not None:
-        judged = angle.check.report(*named)
+        judged = angle.check.report()
         picture = Picture(
             f"critic-{angle.dihedral_deg:g}.png",
             f"P learned, P exact and their difference at {angle.dihedral_deg:g} deg; "
             "residual and error over time",
-            partial(verdict_figure, angle.check, *named),
+            partial(verdict_figure, angle.check),
         )
         reports["critic"] = replace(judged, parts=(*judged.parts, picture))
     parts: list[Part] = list(reports.values())

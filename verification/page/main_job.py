@@ -89,7 +89,7 @@ def with_game(angle: Angle) -> Angle:
     model = angle.model
     if model is None:
         return angle
-    game = published_game(model.A, model.B)
+    game = published_game(model)
     try:
         angle = replace(angle, solution=analyse_game(game))
         run = learn(game)

@@ -546,7 +546,7 @@ def test_a_run_of_our_own_is_a_history_that_keeps_its_time(game: Game) -> None:
     assert check.table is not None
     assert check.table.settling_time == pytest.approx(result.settling_time)
     assert told[-1] == (21, 21)
-    figure = verdict_figure(check, ("x",) * 6, ("u",) * 5)
+    figure = verdict_figure(check)
     assert [line.get_label() for line in figure.axes[-1].lines[:2]] == ["limit 1e-06", "error of P"]
     # Of the map of relative differences, rounding is pale: all colors are near the middle.
     image = next(axes for axes in figure.axes if "exact|" in axes.get_title()).images[0]

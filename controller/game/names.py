@@ -1,0 +1,50 @@
+"""What a plant calls its states and inputs, and their units."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from hfa_support.errors import BadInputError
+from hfa_support.reporting.text import numbered
+
+
+class PlantNames(NamedTuple):
+    """What a plant calls its states and inputs, and their units; () where it does not say.
+
+    states: n names
+    inputs: m names
+    state_units: n units, "" where one is not known
+    input_units: m units, "" where one is not known
+    origin: what the plant is called in a title
+    """
+
+    states: tuple[str, ...] = ()
+    inputs: tuple[str, ...] = ()
+    state_units: tuple[str, ...] = ()
+    input_units: tuple[str, ...] = ()
+    origin: str = "the plant"
+
+    def completed(self, n: int, m: int) -> PlantNames:
+        """The names of n states and m inputs: x1, x2, ..., u1, ... and "" where there are none.
+
+        Raises BadInputError where the names are of another number of states or inputs.
+        """
+        return PlantNames(
+            _as_many("states", self.states, numbered("x", n)),
+            _as_many("inputs", self.inputs, numbered("u", m)),
+            _as_many("state_units", self.state_units, ("",) * n),
+            _as_many("input_units", self.input_units, ("",) * m),
+            self.origin,
+        )
+
+
+def _as_many(key: str, texts: tuple[str, ...], usual: tuple[str, ...]) -> tuple[str, ...]:
+    """The texts, or the usual ones where there are none. BadInputError unless as many."""
+    if not texts:
+        return usual
+    if len(texts) != len(usual):
+        raise BadInputError(f"{key} has {len(texts)} entries; this plant needs {len(usual)}")
+    return tuple(texts)
+
+
+UNNAMED = PlantNames()
