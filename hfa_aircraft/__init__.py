@@ -1,6 +1,6 @@
 """What an aircraft is to every package: the declaration of a model, how it is loaded and
 converted."""
 
-import lazy_loader
+from hfa_support.public_names import public_names
 
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+__getattr__, __dir__ = public_names(__name__, __file__)

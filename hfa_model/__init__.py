@@ -1,6 +1,6 @@
 """The aircraft: three rigid panels on two hinges, seven states, five inputs, written
 symbolically."""
 
-import lazy_loader
+from hfa_support.public_names import public_names
 
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+__getattr__, __dir__ = public_names(__name__, __file__)

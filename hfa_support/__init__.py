@@ -3,9 +3,9 @@
 from importlib import import_module
 from typing import Any
 
-import lazy_loader
+from hfa_support.public_names import public_names
 
-_public, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+_public, __dir__ = public_names(__name__, __file__)
 
 
 def __getattr__(name: str) -> Any:

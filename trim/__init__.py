@@ -1,5 +1,5 @@
 """Operating points, exact linear models, modes, sweeps, and the aircraft's identification."""
 
-import lazy_loader
+from hfa_support.public_names import public_names
 
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+__getattr__, __dir__ = public_names(__name__, __file__)
