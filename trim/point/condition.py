@@ -211,8 +211,14 @@ class TrimCondition:
         return self.limits.get(name, self.model.limits[name])
 
 
-def refuse_other_units(condition: TrimCondition, model: Model) -> None:
-    """BadInputError when one of condition and model is in SI units and the other is not."""
+def refuse_unfit(condition: TrimCondition, model: Model) -> None:
+    """BadInputError for what is no condition, and when one of condition and model is in SI units
+    and the other is not."""
+    if not isinstance(condition, TrimCondition):
+        raise BadInputError(
+            f"the condition is {shown(condition)}; give a TrimCondition(model, {{name: value}}) or"
+            " level_flight(angle in rad)"
+        )
     if (condition.model.native is None) != (model.native is None):
         raise BadInputError(
             "the condition is not in the units of the model; make both of the same model"

@@ -13,7 +13,7 @@ import numpy as np
 
 from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError, NoSolutionError
-from trim.point.condition import TrimCondition, refuse_other_units, usual_condition
+from trim.point.condition import TrimCondition, refuse_unfit, usual_condition
 from trim.point.diagnosis import failure
 from trim.point.newton import newton
 from trim.point.operating_point import OperatingPoint, Status
@@ -63,7 +63,7 @@ def find_operating_point(
     >>> round(point.inputs.throttle, 2)
     40.27
     """
-    refuse_other_units(condition, model)
+    refuse_unfit(condition, model)
     problem = TrimProblem(model, condition, start)
     try:
         with np.errstate(over="raise"):

@@ -14,7 +14,7 @@ from hfa_support.errors import BadInputError, NoSolutionError, numbers_in
 from hfa_support.progress import Progress
 from trim.point.condition import (
     TrimCondition,
-    refuse_other_units,
+    refuse_unfit,
     usual_condition,
     with_first_alternatives,
 )
@@ -90,7 +90,7 @@ def trim_points(
         )
     if condition is None:
         condition = usual_condition(model)
-    refuse_other_units(condition, model)
+    refuse_unfit(condition, model)
     if compile_code is None:
         compile_code = len(values) >= COMPILE_FROM
     variables, values, condition = _resolved(variables, values, condition)

@@ -73,6 +73,11 @@ def check_critic(
     'every entry of K is 1.01 times the exact one'
     """
     refuse_unless_positive("limit", limit)
+    if not isinstance(critic, Critic):
+        raise BadInputError(
+            f"the critic is a {type(critic).__name__}; make a critic of it with from_gain(game, K),"
+            " from_value(game, P), from_weights(game, W) or from_network"
+        )
     scope = scope or Scope()
     exact = solve_game(game)
     box = scope.box or balanced_box(game)

@@ -205,6 +205,8 @@ def test_wrong_shapes_numbers_that_are_not_real_and_a_game_without_a_solution_ar
                 make(game, wrong)
     with pytest.raises(NoSolutionError, match="delta_min"):
         check_critic(game.with_delta(50.0), from_gain(game, np.zeros((5, 6))))
+    with pytest.raises(BadInputError, match="make a critic of it with from_gain"):
+        check_critic(game, np.zeros((5, 6)))  # type: ignore[arg-type]
 
 
 def test_the_report_shows_the_entries_that_are_farthest_off(game: Game) -> None:
@@ -215,8 +217,8 @@ def test_the_report_shows_the_entries_that_are_farthest_off(game: Game) -> None:
     K[3, 2] *= 1.01
     report = check_critic(game, replace(from_value(game, P), K=K, feedback=None)).report()
     for words in (
-        "\nP(x2, x5) ",
-        "\nK(u4, x3) ",
+        "\nP(alpha, dihedral) ",
+        "\nK(elevator_center, pitch) ",
         "the 3 of 51 entries that are farthest off; -o FILE has all",
     ):
         assert words in report.text()
