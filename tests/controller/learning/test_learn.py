@@ -15,8 +15,6 @@ from controller import Game, learn
 from controller.game.training_run import TrainingRun
 from controller.learning import ticks
 from controller.learning.bellman_equations import Riccati, control_root
-from hfa_model import INPUTS, LINEAR_STATES
-from hfa_model.vectors import LINEAR_UNITS
 from hfa_support import BadInputError
 from verification import check_critic, from_weights, minimum_delta
 
@@ -58,7 +56,7 @@ def test_results_are_plain_json() -> None:
     assert np.array_equal(np.array(plain["P"]), result.P)
     assert plain["settings"]["basis"] == "quadratic"
     assert plain["excitation"]["rank"] == 21
-    units = result.report(LINEAR_STATES, INPUTS, state_units=LINEAR_UNITS).data["weight_units"]
+    units = result.report().data["weight_units"]
     assert (len(units), units[:2]) == (21, ["1/((ft/s) (ft/s))", "1/((ft/s) (rad))"])
 
 
