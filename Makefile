@@ -4,7 +4,7 @@ BIN := .venv/bin
 
 STUDIES := $(patsubst studies/%/__main__.py,%,$(wildcard studies/*/__main__.py))
 
-.PHONY: report docs studies test test-all test-matrix fuzz lint bench notebooks lock clean
+.PHONY: report pictures docs studies test test-all test-matrix fuzz lint bench notebooks lock clean
 
 .venv/report: pyproject.toml requirements-report.lock
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Python 3.11 or newer is needed; set PYTHON=...")'
@@ -22,11 +22,13 @@ STUDIES := $(patsubst studies/%/__main__.py,%,$(wildcard studies/*/__main__.py))
 report: .venv/report
 	$(BIN)/hfa report -o report --claims studies/section5/results/claims.json
 
-# Every stored picture of the documents anew; page.png needs the browser Chromium.
+# Every stored picture of the documents anew; page.png needs the browser Chromium. docs/pictures/NAME has those that the
+# commands of docs/NAME.md draw.
+ILLUSTRATE = import sys; sys.path[:0] = ['tests/support', 'tests/project', '.']; import test_docs; test_docs.illustrate()
 pictures: .venv/ready
 	$(BIN)/hfa report -o report --claims studies/section5/results/claims.json
 	cp report/regeneration.png report/root_locus.png docs/pictures
-	$(BIN)/hfa verify --dihedral 15 --picture docs/pictures/verify.png
+	$(BIN)/python -c "$(ILLUSTRATE)"
 	$(BIN)/python -c "from benchmarks.report import draw, stored; draw(stored())"
 	chromium --headless --no-sandbox --hide-scrollbars --window-size=1400,900 --virtual-time-budget=10000 \
 		--screenshot=docs/pictures/page.png file://$(CURDIR)/report/report.html

@@ -30,7 +30,9 @@ def flight_figure(result: NonlinearFlight, title: str) -> Figure:
     model = result.point.model
     times = result.flight.times
     kinds = list(dict.fromkeys(each.unit for each in model.inputs.values()))
-    rows = -(-(len(model.states) + len(kinds) + 1) // 2)
+    gust = bool(np.any(result.flight.updrafts))
+    count = len(model.states) + len(kinds) + int(gust)
+    rows = -(-count // 2)
     figure = new_figure(10.0, 2.1 * rows)
     panels = figure.subplots(rows, 2, sharex=True).ravel()
     for index, (name, axes) in enumerate(zip(model.states, panels, strict=False)):
@@ -75,10 +77,7 @@ def flight_figure(result: NonlinearFlight, title: str) -> Figure:
         _limit_lines(axes, limited, limits, unit)
         axes.set_title(f"envelope: {limits_text(*limits, unit)}", **_SMALL)
         _finish(axes, f"{what}, {shown_unit(unit)}")
-    inputs, (air, *unused) = (
-        panels[len(model.states) :][: len(kinds)],
-        panels[len(model.states) + len(kinds) :],
-    )
+    inputs = panels[len(model.states) :][: len(kinds)]
     for index, (name, signal) in enumerate(model.inputs.items()):
         axes = inputs[kinds.index(signal.unit)]
         unit = signal.unit
@@ -93,21 +92,19 @@ def flight_figure(result: NonlinearFlight, title: str) -> Figure:
         axes.legend(loc="lower left", fontsize=6, ncols=2, **_ABOVE)
         _finish(axes, label)
     handles, labels = panels[0].get_legend_handles_labels()
-    if np.any(result.flight.updrafts):
+    if gust:
+        air = panels[count - 1]
         unit = model.unit(UPDRAFT)
         air.plot(times, shown_values(result.flight.updrafts, unit), color="C2")
         _finish(air, f"updraft, {shown_unit(unit)}")
-        figure.legend(
-            handles, labels, loc="outside upper center", ncols=len(labels), fontsize=8, title=title
-        )
-    else:  # the legend takes the place of the updraft
-        figure.suptitle(title, fontsize=10)
-        air.set_axis_off()
-        air.legend(handles, labels, loc="center", fontsize=9, title="still air")
-    for axes in unused:
+    figure.legend(
+        handles, labels, loc="outside upper center", ncols=len(labels), fontsize=8, title=title
+    )
+    for axes in panels[count:]:
         axes.set_axis_off()
-    for axes in panels[-2:]:
+    for axes in panels[count - 2 : count]:
         axes.set_xlabel("time, s", fontsize=8)
+        axes.tick_params(labelbottom=True)
     return figure
 
 

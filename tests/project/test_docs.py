@@ -1,11 +1,12 @@
 """The documentation is true: what it shows runs and prints what it says, its links lead somewhere.
 
-A ```python block is run; a ```text block right after it is what it prints. In a ```console block,
-lines that begin with "$ " are commands, and the lines after a command are what it prints; "# exit
-1" at the end of a command is its exit code. A line "..." matches any number of lines, and the last
-line, which names where an output comes from, may be left out. The blocks of one document run in
-order, in one folder and one namespace; blocks in other languages, or in none, are not run, and
-those marked as in ```console slow only where slow ones are asked for."""
+A ```python block is run, and saved where its first line is "# FILE.py"; a ```text block right after
+it is what it prints. In a ```console block, lines that begin with "$ " are commands, and the lines
+after a command are what it prints; "# exit 1" at the end of a command is its exit code. A line
+"..." matches any number of lines, and the last line, which names where an output comes from, may be
+left out. The blocks of one document run in order, in one folder and one namespace; blocks in other
+languages, or in none, are not run, and those marked as in ```console slow only where slow ones are
+asked for. docs/pictures/NAME has the pictures that the commands of docs/NAME.md draw."""
 
 from __future__ import annotations
 
@@ -18,8 +19,10 @@ import io
 import re
 import runpy
 import shlex
+import shutil
 import subprocess
 import sys
+import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -107,6 +110,9 @@ def _wrong(
 
 
 def _run_python(block: Block, namespace: dict[str, Any], name: str) -> tuple[str, str]:
+    file = re.match(r"# (\w+\.py)\n", block.text)
+    if file is not None:
+        Path(file[1]).write_text(block.text, encoding="utf-8")
     out = io.StringIO()
     try:
         with contextlib.redirect_stdout(out):
@@ -148,6 +154,7 @@ def _study(module: str, words: list[str]) -> Result:
     return Result(done.returncode, done.stdout, done.stderr)
 
 
+PICTURES = ROOT / "docs" / "pictures"
 DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 
 
@@ -173,12 +180,26 @@ def test_blocks_run_and_print_what_is_shown(
     path: Path, slow: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    for folder in ("examples", "studies"):
-        (tmp_path / folder).symlink_to(ROOT / folder)
     assert blocks_of(text_of(path)), "it shows nothing that can be checked"
-    assert "\n\n".join(complaints(text_of(path), name=path.name, slow=slow)) == ""
-    if path.stem == "critics":
-        assert_is_that_of_the_documents(tmp_path / "verify.png")
+    assert "\n\n".join(complaints_here(path, slow=slow)) == ""
+    for picture in (PICTURES / path.stem).glob("*.png"):
+        assert looks_like(picture, tmp_path / picture.name), "run `make pictures`"
+
+
+def complaints_here(document: Path, *, slow: bool = False) -> list[str]:
+    """What is wrong with a document, whose files and pictures are left in the current folder."""
+    for name in ("examples", "studies"):
+        Path(name).symlink_to(ROOT / name)
+    return complaints(text_of(document), name=document.name, slow=slow)
+
+
+def illustrate() -> None:
+    """Store the pictures that the documents draw."""
+    for stored in sorted(path for path in PICTURES.iterdir() if path.is_dir()):
+        with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):
+            assert complaints_here(ROOT / "docs" / f"{stored.name}.md") == []
+            for picture in stored.glob("*.png"):
+                shutil.copy(picture.name, picture)
 
 
 @pytest.mark.parametrize(
@@ -209,14 +230,16 @@ def test_the_readme_names_every_command() -> None:
     ] == []
 
 
-def assert_is_that_of_the_documents(picture: Path) -> None:
+def looks_like(picture: Path, other: Path) -> bool:
+    """Whether two pictures differ at most by the date and the edges of letters."""
     from matplotlib.image import imread
 
-    one = imread(ROOT / "docs" / "pictures" / picture.name)
-    other = imread(picture)
-    assert one.shape == other.shape
-    different = np.abs(one - other).max(axis=2) > 0.1
-    assert np.mean(different) < 0.005, "run `make pictures`"
+    pixels = imread(picture)
+    other_pixels = imread(other)
+    if pixels.shape != other_pixels.shape:
+        return False
+    different = np.abs(pixels - other_pixels).max(axis=2) > 0.1
+    return bool(np.mean(different) < 0.005)
 
 
 def test_every_public_name_is_in_an_example() -> None:
@@ -340,6 +363,12 @@ def test_a_wrong_document_is_complained_about(right: str, wrong: str, complaint:
     planted = SOUND.replace(right, wrong, 1)
     assert planted != SOUND
     assert complaint in "\n".join(complaints(planted))
+
+
+def test_an_old_picture_is_noticed() -> None:
+    modes = PICTURES / "tutorial" / "modes.png"
+    assert looks_like(modes, modes)
+    assert not looks_like(modes, PICTURES / "root_locus.png")
 
 
 def test_dots_stand_for_any_lines_and_for_nothing_else() -> None:

@@ -273,6 +273,7 @@ class Sweep(ByValue, Reported):
                 label=f"{self.variables[-1]} {value} {shown_unit(unit)}",
             )
         axes.axvline(0.0, color="gray", linewidth=0.8)
+        axes.locator_params(axis="x", nbins=6)
         axes.set_xlabel(f"real part, 1/{self.model.time_unit}")
         axes.set_ylabel(f"imaginary part, 1/{self.model.time_unit}")
         axes.grid(alpha=0.3)
