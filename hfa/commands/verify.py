@@ -36,6 +36,7 @@ from verification.critic.critic_check import (
 )
 from verification.critic.figures import verdict_figure, verdicts_figure
 from verification.critic.other_games import Nearby, Scheduled
+from verification.critic.scope import SECONDS
 from verification.critic.verdict import Verdict, verdicts_report
 from verification.hfa_box import ordinary_box
 from verification.printed.printed_verdict import check_printed
@@ -274,6 +275,9 @@ def _check_file(
         )
     if files > _MANY:
         scope = replace(scope, flights=_FEW_FLIGHTS)
-    if critics[0].network and named.linear is not None:
-        scope = replace(scope, plant=nonlinear_plant(named.linear))
+    if critics[0].network:
+        progress = ProgressLine("prove") if files == 1 else None
+        scope = replace(scope, seconds=SECONDS / files, progress=progress)
+        if named.linear is not None:
+            scope = replace(scope, plant=nonlinear_plant(named.linear))
     return check_critic(game, critics[0], limit=limit, scope=scope)

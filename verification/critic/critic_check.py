@@ -57,7 +57,7 @@ def check_critic(
 
     Checked: errors of P and K (norms and entries), of V, its slopes and both policies over a box of
     states, stability of A - B K and A - S P, P > 0, Riccati residual, L2 gain below delta. The box
-    of a network is searched, and it is flown from there.
+    of a network is searched, a bound is proved where it can be, and it is flown from there.
 
     limit: of the errors and the residual.
     scope: on what else it is judged.
@@ -89,6 +89,7 @@ def check_critic(
         checks += _value_checks(game, critic.P, exact.P, limit)
     cost_lost = lost.worst
     states = 0
+    proof = None
     sections = [_flight_section(game, critic, exact, lost)]
     if critic.network:
         from verification.critic.network_search import STARTS, findings
@@ -97,6 +98,7 @@ def check_critic(
         errors += network.errors
         checks += network.checks
         states = STARTS
+        proof = network.proof
         cost_lost = max(cost_lost, network.flown.cost_lost_flown_percent)
         sections.append(network.section)
     elif critic.origin.startswith("network"):
@@ -121,6 +123,7 @@ def check_critic(
         diagnosis,
         cost_lost,
         states,
+        proof,
         sections=(Section((f"Box of states: {box.about}",), {"box": box.to_dict()}), *sections),
         table=table,
     )

@@ -1,12 +1,14 @@
 """A critic that is a nonlinear function of the state: its errors searched over a box of states, and
 flown from there.
 
-What a search or a flight finds is a lower bound of the largest error, cost or gain.
+What a search or a flight finds is a lower bound of the largest error, cost or gain; a proof gives
+an upper bound of the error.
 """
 
 from __future__ import annotations
 
 import math
+import time
 import warnings
 from collections.abc import Callable
 from typing import TYPE_CHECKING, NamedTuple
@@ -21,6 +23,7 @@ from hfa_support.native.bound import BoundFunction
 from hfa_support.reporting.checks import Check, at_most
 from verification.critic.about_trim import NonlinearPlant
 from verification.critic.critic_errors import SMALL, Exact, error_check
+from verification.critic.network_bound import Proof, prove
 from verification.critic.verdict import Section
 
 if TYPE_CHECKING:
@@ -43,6 +46,10 @@ DOUBLINGS = 4
 #: Newton steps to a rest point, and its largest distance, in boxes.
 _NEWTON_STEPS = 30
 _FARTHEST_REST = 100.0
+#: How often a search begins again at a state that a proof came upon.
+_SEARCHES = 3
+#: Of a policy that is not exact this much more than the largest error found is to be proved.
+_MARGIN = 1.25
 _NOUNS = {"value": "V", "gradient": "a slope of V", "policy": "the policy"}
 
 
@@ -80,6 +87,7 @@ class Findings(NamedTuple):
 
     errors: list[Check]
     checks: list[Check]
+    proof: Proof | None
     flown: Flown
     section: Section
 
@@ -87,19 +95,59 @@ class Findings(NamedTuple):
 def findings(
     game: Game, critic: Critic, exact: Exact, b: np.ndarray, limit: float, scope: Scope
 ) -> Findings:
-    """Search a network over the box |z_i| <= b_i; fly it from there, if its linear loop is
-    stable."""
-    origin, worst = search(game, critic, exact, b)
+    """Search a network over the box |z_i| <= b_i, prove a bound, and fly it from there, if its
+    linear loop is stable."""
+    origin, worst, proof = _searched_and_proved(game, critic, exact, b, limit, scope)
     errors = search_checks(critic, origin, worst, limit)
     checks = list(errors)
     flown = Flown()
     if spectrum(game.A - game.B @ critic.K).abscissa < 0.0:
         flown = fly(game, critic, exact, b, scope.flights, scope.plant)
         checks.append(rest_check(flown.rest_point, b, limit))
-    return Findings(errors, checks, flown, network_section(critic, b, worst, flown))
+    section = network_section(critic, b, worst, proof, flown)
+    return Findings(errors, checks, proof, flown, section)
 
 
-# The search.
+# The search and the proof.
+
+
+def _searched_and_proved(
+    game: Game, critic: Critic, exact: Exact, b: np.ndarray, limit: float, scope: Scope
+) -> tuple[float, tuple[Found, ...], Proof | None]:
+    """What `search` finds, and a proof: of the limit for all errors where no larger one is found,
+    else of `_MARGIN` times what the policy is off.
+
+    A larger error that the proof comes upon is searched from there.
+    """
+    z = ca.SX.sym("z", len(b))
+    names, errors = _errors(game, critic, exact, b, z)
+    end = time.monotonic() + scope.seconds
+    origin, found = search(game, critic, exact, b)
+    proof = None
+    for _ in range(_SEARCHES if scope.seconds else 0):
+        largest = {item.name: item.error for item in found}
+        what = "error"
+        bound = limit
+        if max(largest.values()) > limit:
+            what = "error of the policy"
+            errors = errors[[index for index, name in enumerate(names) if name == "policy"]]
+            names = ["policy"] * errors.numel()
+            if largest["policy"] > limit:
+                bound = _rounded_up(_MARGIN * largest["policy"])
+        function = ca.Function("errors", [z], [errors])
+        proof = prove(what, function, b, bound, end - time.monotonic(), scope.progress)
+        if proof is None or proof.beyond is None:
+            break
+        origin, found = search(game, critic, exact, b, proof.beyond)
+    return origin, found, proof
+
+
+def _rounded_up(number: float) -> float:
+    """To two digits."""
+    if not math.isfinite(number):
+        return number
+    digit = 10.0 ** (math.floor(math.log10(number)) - 1)
+    return float(f"{math.ceil(number / digit) * digit:.2g}")
 
 
 def search_checks(
@@ -115,21 +163,23 @@ def search_checks(
 
 
 def search(
-    game: Game, critic: Critic, exact: Exact, b: np.ndarray
+    game: Game, critic: Critic, exact: Exact, b: np.ndarray, also: np.ndarray | None = None
 ) -> tuple[float, tuple[Found, ...]]:
     """The largest error at the origin, and those found over the box |z_i| <= b_i: of V, of any
     dV/dz_i, of any input.
 
     Each is relative to the largest of the exact V, dV/dz_i or u_i in the box; V but for its
     constant, on which no policy depends. L-BFGS-B climbs each error from the `CLIMBS` worst corners
-    and the `CLIMBS` worst others of `STARTS` states. All errors are compared at all states that any
-    climb reaches.
+    and the `CLIMBS` worst others of `STARTS` states, and from the state `also` (n,). All errors are
+    compared at all states that any climb reaches.
     """
     z = ca.SX.sym("z", len(b))
     names, errors = _errors(game, critic, exact, b, z)
     values = ca.Function("values", [z], [errors])
     climb = _climber(values, errors, z, b)
     starts = _starts(np.ones(len(b)), STARTS, seed=0)
+    if also is not None:
+        starts = np.vstack([starts, also / b])
     ends = []
     for sampled, unit in zip(np.array(values((b * starts).T)), np.eye(len(names)), strict=True):
         sizes = np.where(np.isfinite(sampled), np.abs(sampled), math.inf)
@@ -139,7 +189,7 @@ def search(
             continue
         corners = order[order % 2 == 0][:CLIMBS]
         inside = order[order % 2 == 1][:CLIMBS]
-        for index in (order[0], *corners, *inside):
+        for index in (order[0], *corners, *inside, *range(STARTS, len(starts))):
             ends.append(climb(np.copysign(unit, sampled[index]), starts[index]))
     reached = b * np.array(ends)
     sizes = _sizes(values(reached.T))
@@ -391,9 +441,10 @@ def _reach(loop: _Loop, b: np.ndarray) -> float:
 
 
 def network_section(
-    critic: Critic, b: np.ndarray, found: tuple[Found, ...], flown: Flown
+    critic: Critic, b: np.ndarray, found: tuple[Found, ...], proof: Proof | None, flown: Flown
 ) -> Section:
-    """What was read of a network, one value to compare with one's own, and what was found."""
+    """What was read of a network, one value to compare with one's own, what was found and
+    proved."""
     outputs = [name for name in ("V", "gradient", "policy") if name in critic.network]
     if "V" in outputs:
         outputs.remove("gradient")  # its derivative
@@ -411,6 +462,10 @@ def network_section(
         f"{name}({_row(b)}) = {_row(value)}; compare it with your own",
         f"Largest errors in the box (searched, {STARTS} starts; not a bound): {errors}",
     ]
+    if proof is not None:
+        lines.append(
+            f"Proved: no {proof.what} above {proof.error:.3g} {proof.where} ({proof.boxes} boxes)"
+        )
     data = {
         "output": output,
         "precision": critic.precision,
@@ -418,6 +473,7 @@ def network_section(
         "origin": critic.origin,
         "starts": STARTS,
         "searched": [item._asdict() for item in found],
+        "proved": None if proof is None else proof._asdict(),
         "at": b,
         "value_at": value,
         **flown._asdict(),

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from hfa_support.progress import Progress
 from verification.critic.critic_errors import Box
 
 if TYPE_CHECKING:
@@ -13,6 +14,8 @@ if TYPE_CHECKING:
 
 #: From how many starts a network is flown.
 FLIGHTS = 100
+#: How long to look for a proof of the errors of a network.
+SECONDS = 20.0
 
 
 @dataclass(frozen=True)
@@ -24,9 +27,13 @@ class Scope:
     nearby: other games, to recognize a critic that was learned on one of them.
     plant: the nonlinear plant about its trim, on which a network is flown too.
     flights: from how many starts a network is flown.
+    seconds: for a proof of the largest error of a network; 0 for none.
+    progress: of the proof, called with the seconds that it took and may take.
     """
 
     box: Box | None = None
     nearby: Nearby | None = None
     plant: NonlinearPlant | None = None
     flights: int = FLIGHTS
+    seconds: float = SECONDS
+    progress: Progress | None = None

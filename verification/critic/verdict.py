@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -16,6 +16,9 @@ from hfa_support.reporting.checks import Check, Checked, checks_block, verdict_t
 from hfa_support.reporting.report import Part, Report, Reported
 from hfa_support.reporting.text import Table, entry_rows
 from verification.critic.critic_errors import Exact
+
+if TYPE_CHECKING:
+    from verification.critic.network_bound import Proof
 
 #: What is computed for each row of a table of critics, and the head of its column and curve.
 COLUMNS = {
@@ -117,6 +120,7 @@ class Verdict(Checked, Reported):
     diagnosis: the mistake recognized, or "".
     cost_lost: against the optimum, at most, percent.
     searched: how many states were searched, where the errors over the box are no bounds; else 0.
+    proof: what is proved of them all the same.
     problem: what the exact solution is of.
     schema: of the JSON.
     sections: what else was found.
@@ -130,6 +134,7 @@ class Verdict(Checked, Reported):
     diagnosis: str = ""
     cost_lost: float = 0.0
     searched: int = 0
+    proof: Proof | None = None
     problem: str = "game solution"
     schema: str = "hfa.critic-check/1"
     sections: tuple[Section, ...] = field(default_factory=tuple)
@@ -192,10 +197,17 @@ class Verdict(Checked, Reported):
 
     def _exactness(self, failed: Sequence[Check]) -> str:
         wrong = next((check for check in failed if check.kind == "error"), None)
+        proof = self.proof
         if wrong is not None:
-            return f"not exact ({wrong.reason.partition(':')[0]})"
+            reason = wrong.reason.partition(":")[0]
+            if proof is not None and proof.fraction and self.limit < proof.error < 1.0:
+                reason = f"policy proved within {proof.error:g} {proof.where}"
+            return f"not exact ({reason})"
+        if proof is not None and proof.fraction == 1.0:
+            return f"no error above {self.limit:g} {proof.where}, proved"
         if self.searched:
-            return f"no error above {self.limit:g} found at {self.searched} states"
+            words = f"no error above {self.limit:g} found at {self.searched} states"
+            return words if proof is None else f"{words}, proved {proof.where}"
         return f"exact within {self.limit:g}"
 
     def to_dict(self) -> dict[str, Any]:

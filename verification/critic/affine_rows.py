@@ -1,0 +1,188 @@
+"""A CasADi function as affine rows, without rounding, between nodes that are not affine."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from fractions import Fraction
+from typing import NamedTuple
+
+import casadi as ca
+
+#: A variable -> its coefficient. Variable 0 is the constant 1, then come the inputs and the nodes.
+Row = Mapping[int, Fraction]
+#: Larger functions are not read.
+_INSTRUCTIONS = 100_000
+_NODES = 2_000
+_LARGEST_POWER = 8
+#: Of a product of polynomials that is written as monomials.
+_LARGEST_DEGREE = 4
+_ONE = Fraction(1)
+#: Operations s a + t b of their first and last argument: (s, t).
+_LINEAR = {
+    ca.OP_ADD: (1, 1),
+    ca.OP_SUB: (1, -1),
+    ca.OP_NEG: (-1, 0),
+    ca.OP_TWICE: (2, 0),
+}
+
+
+class NotReadError(Exception):
+    """The function has another operation, or is too large."""
+
+
+class Node(NamedTuple):
+    """What is not affine.
+
+    kind: "tanh", "relu" (max(t, 0)), "square" or "product".
+    rows: of its one or two arguments.
+    level: 1 more than the highest of the nodes in its rows.
+    """
+
+    kind: str
+    rows: tuple[Row, ...]
+    level: int
+
+
+def affine_rows(function: ca.Function) -> tuple[list[Row], list[Node]]:
+    """The row of each output of x -> y, and the nodes in them.
+
+    Products of polynomials of the inputs, up to a degree, are combinations of monomials, each a
+    node: what two polynomials have in common cancels. NotReadError where the function has
+    operations other than +, -, *, division by a constant, powers, tanh, min and max.
+    """
+    if function.n_instructions() > _INSTRUCTIONS:
+        raise NotReadError
+    reader = _Reader(function.numel_in(0))
+    work: dict[int, Row] = {}
+    outputs: dict[int, Row] = {}
+    for index in range(function.n_instructions()):
+        operation = function.instruction_id(index)
+        sources = function.instruction_input(index)
+        target, *entry = function.instruction_output(index)
+        if operation == ca.OP_CONST:
+            work[target] = _plus({}, {0: _ONE}, Fraction(function.instruction_constant(index)))
+        elif operation == ca.OP_INPUT:
+            work[target] = {1 + sources[1]: _ONE}
+        elif operation == ca.OP_OUTPUT:
+            outputs[entry[0]] = work[sources[0]]
+        else:
+            work[target] = reader.result(operation, work[sources[0]], work[sources[-1]])
+    return [outputs[index] for index in sorted(outputs)], reader.nodes
+
+
+def _plus(a: Row, b: Row, factor: Fraction = _ONE) -> Row:
+    """a + factor b."""
+    total = dict(a)
+    for variable, coefficient in b.items():
+        change = factor * coefficient
+        new = total[variable] + change if variable in total else change
+        total[variable] = new
+        if not new:
+            del total[variable]
+    return total
+
+
+class _Reader:
+    """Makes rows of rows, and nodes where they are not affine."""
+
+    def __init__(self, inputs: int) -> None:
+        self.nodes: list[Node] = []
+        self._first_node = 1 + inputs
+        self._known: dict[tuple[str, frozenset[tuple[int, Fraction]]], int] = {}
+        self._powers: dict[int, tuple[int, ...]] = {0: ()}
+        self._powers |= {variable: (variable,) for variable in range(1, self._first_node)}
+        self._monomials = {powers: variable for variable, powers in self._powers.items()}
+
+    def result(self, operation: int, first: Row, last: Row) -> Row:
+        if operation in _LINEAR:
+            of_first, of_last = _LINEAR[operation]
+            return _plus(_plus({}, first, Fraction(of_first)), last, Fraction(of_last))
+        if operation == ca.OP_TANH:
+            return {self._node("tanh", first): _ONE}
+        if operation == ca.OP_FMAX:  # max(a, b) = b + max(a - b, 0)
+            return _plus(last, self._relu(_plus(first, last, -_ONE)))
+        if operation == ca.OP_FMIN:  # min(a, b) = b - max(b - a, 0)
+            return _plus(last, self._relu(_plus(last, first, -_ONE)), -_ONE)
+        if operation in (ca.OP_MUL, ca.OP_SQ):
+            return self._product(first, last)
+        if operation == ca.OP_DIV and set(last) == {0}:
+            return _plus({}, first, 1 / last[0])
+        if operation == ca.OP_CONSTPOW and set(last) == {0}:
+            return self._power(first, last[0])
+        raise NotReadError
+
+    def _relu(self, row: Row) -> Row:
+        """max(t, 0), as t + max(-t, 0) where that is a node already."""
+        opposite = self._known.get(_key("relu", _plus({}, row, -_ONE)))
+        if opposite is not None:
+            return _plus(row, {opposite: _ONE})
+        return {self._node("relu", row): _ONE}
+
+    def _power(self, row: Row, power: Fraction) -> Row:
+        if power.denominator != 1 or not 1 <= power <= _LARGEST_POWER:
+            raise NotReadError
+        result = row
+        for _ in range(1, int(power)):
+            result = self._product(result, row)
+        return result
+
+    def _product(self, first: Row, last: Row) -> Row:
+        for row, other in ((first, last), (last, first)):
+            if set(row) <= {0}:
+                return _plus({}, other, row.get(0, Fraction(0)))
+        if self._degree(first) + self._degree(last) <= _LARGEST_DEGREE:
+            return self._polynomial(first, last)
+        if first == last:
+            return {self._node("square", first): _ONE}
+        return {self._node("product", first, last): _ONE}
+
+    def _degree(self, row: Row) -> float:
+        """Of a polynomial of the inputs; inf for what is none."""
+        if not row.keys() <= self._powers.keys():
+            return math.inf
+        return max(len(self._powers[variable]) for variable in row)
+
+    def _polynomial(self, first: Row, last: Row) -> Row:
+        """The product of two polynomials of the inputs."""
+        total: dict[int, Fraction] = {}
+        for left, factor in first.items():
+            for right, other_factor in last.items():
+                powers = sorted(self._powers[left] + self._powers[right])
+                monomial = self._monomial(tuple(powers))
+                total[monomial] = total.get(monomial, Fraction(0)) + factor * other_factor
+        return {monomial: factor for monomial, factor in total.items() if factor}
+
+    def _monomial(self, powers: tuple[int, ...]) -> int:
+        """The variable of a product of inputs."""
+        if powers not in self._monomials:
+            before = {self._monomial(powers[:-1]): _ONE}
+            last = {powers[-1]: _ONE}
+            rows = (before,) if before == last else (before, last)
+            variable = self._node("square" if before == last else "product", *rows)
+            self._monomials[powers] = variable
+            self._powers[variable] = powers
+        return self._monomials[powers]
+
+    def _node(self, kind: str, *rows: Row) -> int:
+        """The variable of a node, which may be there already."""
+        key = _key(kind, rows[0])
+        if len(rows) == 1 and key in self._known:
+            return self._known[key]
+        if len(self.nodes) == _NODES:
+            raise NotReadError
+        levels = [
+            self.nodes[variable - self._first_node].level
+            for row in rows
+            for variable in row
+            if variable >= self._first_node
+        ]
+        variable = self._first_node + len(self.nodes)
+        self.nodes.append(Node(kind, rows, 1 + max(levels, default=0)))
+        if len(rows) == 1:
+            self._known[key] = variable
+        return variable
+
+
+def _key(kind: str, row: Row) -> tuple[str, frozenset[tuple[int, Fraction]]]:
+    return kind, frozenset(row.items())

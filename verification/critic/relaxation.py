@@ -1,0 +1,297 @@
+"""Bounds of a function over boxes of its inputs by linear relaxation, rounding included.
+
+Over a box each node v of `affine_rows` lies between two parallel lines, v = Σ α t + c ± ρ, t the
+rows of its arguments. Put in from the last node to the first, they leave each output as a row of
+the inputs, e = l'y + l0 ± r (DeepZ: Singh et al., NeurIPS 2018; CROWN: Zhang et al., NeurIPS 2018).
+
+Rounding. In doubles, a sum of N products in any order is off by at most γ_N = N u / (1 - N u) times
+the sum of their sizes, u = 2⁻⁵³ (Higham, Accuracy and Stability of Numerical Algorithms, Section
+3.1); the double of a coefficient is within u of the rational. What a node with the coefficient M
+brings into a row is, by size, at most |M| (Σ |α| S + |c|), S = Σ |w_j| max |v_j| over the row w of
+its argument. So ρ is taken larger by γ (Σ |α| S + |c|), every row begins with r = γ S of its own,
+and γ is that of four times as many terms and nodes as there are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from itertools import groupby
+from typing import NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from verification.critic.affine_rows import Row, affine_rows
+
+#: Largest error of `_tanh`: exp(-r), r <= 5/8, by 16 terms is within 5 u, or 1.05e-15 of itself;
+#: six squarings make 7.4e-14 of it, and (1 - E) / (1 + E) at most half of that, and 3 u.
+_TANH_ERROR = 1e-13
+#: Beyond it tanh is 1 to within 1e-17.
+_SATURATED = 20.0
+#: A few roundings of one number, relative.
+_ROUNDING = 1e-15
+#: More than all underflows together.
+_TINY = 1e-290
+#: Numbers in the largest array, about.
+_LARGEST_ARRAY = 2**20
+_MOST_BOXES = 256
+
+
+class Lines(NamedTuple):
+    """v = Σ slopes t + constant ± radius, |v| <= size: (boxes, nodes) each."""
+
+    slopes: tuple[np.ndarray, ...]
+    constant: np.ndarray
+    radius: np.ndarray
+    size: np.ndarray
+
+
+def _tanh(t: np.ndarray) -> np.ndarray:
+    """tanh t within `_TANH_ERROR`, of operations that IEEE 754 rounds correctly."""
+    r = np.minimum(np.abs(t), _SATURATED) / 32.0
+    power = np.ones_like(r)  # exp(-r), then exp(-2 |t|)
+    for k in range(16, 0, -1):
+        power = 1.0 - r / k * power
+    for _ in range(6):
+        power = power * power
+    return np.copysign((1.0 - power) / (1.0 + power), t)
+
+
+def _tanh_lines(low: np.ndarray, high: np.ndarray) -> Lines:
+    """Parallel to the chord."""
+    at_low = _tanh(low)
+    at_high = _tanh(high)
+    slope = np.clip((at_high - at_low) / np.maximum(high - low, _TINY), 0.0, 1.0)
+    at_ends = (at_low - slope * low, at_high - slope * high)
+    top = _highest_above(slope, low, high, np.maximum(*at_ends))
+    bottom = -_highest_above(slope, -high, -low, -np.minimum(*at_ends))
+    constant = 0.5 * (top + bottom)
+    size = np.maximum(np.abs(low), np.abs(high))
+    radius = np.maximum(top - constant, constant - bottom)
+    radius += 2.0 * _TANH_ERROR + 10.0 * _ROUNDING * size
+    return Lines((slope,), constant, radius, np.minimum(size, 1.0))
+
+
+def _highest_above(
+    slope: np.ndarray, low: np.ndarray, high: np.ndarray, at_ends: np.ndarray
+) -> np.ndarray:
+    """A bound of g(t) = tanh t - slope t over [low, high], but for the rounding of g itself.
+
+    at_ends: the larger of g(low) and g(high).
+
+    g is convex for t < 0, so highest at an end. For t > 0 it is concave, so below its tangent at
+    any p: p is where the slopes are equal, as far as that can be computed.
+    """
+    begin = np.maximum(low, 0.0)
+    end = np.maximum(high, begin)
+    equal = np.arctanh(np.minimum(np.sqrt(1.0 - slope), 1.0 - _ROUNDING))
+    p = np.clip(equal, begin, end)
+    at_p = _tanh(p)
+    rise = 1.0 - at_p * at_p - slope
+    above = np.maximum(
+        np.maximum(rise + 4.0 * _TANH_ERROR, 0.0) * (end - p),
+        np.maximum(4.0 * _TANH_ERROR - rise, 0.0) * (p - begin),
+    )
+    concave = at_p - slope * p + above
+    return np.where(high <= 0.0, at_ends, np.maximum(concave, at_ends))
+
+
+def _relu_lines(low: np.ndarray, high: np.ndarray) -> Lines:
+    """Parallel to the chord; max(t, 0) - slope t is highest at an end and lowest, 0, at t = 0."""
+    crosses = (low < 0.0) & (high > 0.0)
+    slope = np.where(crosses, high / np.maximum(high - low, _TINY), low >= 0.0)
+    slope = np.clip(slope, 0.0, 1.0)
+    top = np.where(crosses, np.maximum(-slope * low, (1.0 - slope) * high), 0.0)
+    half = 0.5 * (1.0 + _ROUNDING) * top
+    return Lines((slope,), half, half, np.maximum(high, 0.0))
+
+
+def _square_lines(low: np.ndarray, high: np.ndarray) -> Lines:
+    """t² = 2 m t - m² + (t - m)², for any m."""
+    middle = 0.5 * (low + high)
+    width = np.maximum(high - middle, middle - low)
+    half = 0.5 * width * width
+    radius = half + 4.0 * _ROUNDING * (half + middle * middle)
+    size = np.maximum(low * low, high * high)
+    return Lines((2.0 * middle,), half - middle * middle, radius, size)
+
+
+def _product_lines(
+    low: np.ndarray, high: np.ndarray, other_low: np.ndarray, other_high: np.ndarray
+) -> Lines:
+    """s t = n s + m t - m n + (s - m) (t - n), for any m and n."""
+    m = 0.5 * (low + high)
+    n = 0.5 * (other_low + other_high)
+    rest = np.maximum(high - m, m - low) * np.maximum(other_high - n, n - other_low)
+    radius = rest + 4.0 * _ROUNDING * (rest + np.abs(m * n))
+    size = np.maximum(np.abs(low), np.abs(high))
+    other_size = np.maximum(np.abs(other_low), np.abs(other_high))
+    return Lines((n, m), -m * n, radius, size * other_size)
+
+
+_LINES: Mapping[str, Callable[..., Lines]] = {
+    "tanh": _tanh_lines,
+    "relu": _relu_lines,
+    "square": _square_lines,
+    "product": _product_lines,
+}
+
+
+class _Group(NamedTuple):
+    """Nodes of one kind and level: the variables from `first` on.
+
+    matrices: of each argument the rows, (nodes, first).
+    """
+
+    kind: str
+    first: int
+    matrices: tuple[np.ndarray, ...]
+
+
+class _Affine(NamedTuple):
+    """Rows of the inputs: (boxes, rows, ...).
+
+    spreads: of each group, which part of the radius each node is; None where it is in no row.
+    """
+
+    slopes: np.ndarray
+    constant: np.ndarray
+    radius: np.ndarray
+    spreads: list[np.ndarray | None]
+
+
+class Bounds(NamedTuple):
+    """Of the output that is largest over each box, |e_i|.
+
+    highest: (boxes,), no |e_i| is larger; nan where there is no bound.
+    lowest: (boxes,), |e_i| is at least that at the corner (boxes, n).
+    corner: (boxes, n).
+    gaps: (boxes, n), what each input contributes to the width of the bound.
+    """
+
+    highest: np.ndarray
+    lowest: np.ndarray
+    corner: np.ndarray
+    gaps: np.ndarray
+
+
+class Relaxation:
+    """Bounds of the outputs of a function y (n,) -> e; NotReadError as `affine_rows`.
+
+    boxes: how many to bound at once.
+    """
+
+    def __init__(self, function: ca.Function) -> None:
+        self._inputs = function.numel_in(0)
+        rows, nodes = affine_rows(function)
+        first = 1 + self._inputs
+        order = sorted(range(len(nodes)), key=lambda k: (nodes[k].level, nodes[k].kind))
+        places = dict(zip(range(first), range(first), strict=True))
+        places |= {first + k: first + place for place, k in enumerate(order)}
+        self._groups: list[_Group] = []
+        ordered = [nodes[k] for k in order]
+        for (_, kind), group in groupby(ordered, lambda node: (node.level, node.kind)):
+            arguments = zip(*(node.rows for node in group), strict=True)
+            matrices = tuple(_matrix(argument, places, first) for argument in arguments)
+            self._groups.append(_Group(kind, first, matrices))
+            first += len(matrices[0])
+        self._rows = _matrix(rows, places, first)
+        self._gamma = 4.0 * (first + len(self._groups) + 50) * 2.0**-53
+        widest = max((len(group.matrices[0]) for group in self._groups), default=1)
+        self.boxes = int(np.clip(_LARGEST_ARRAY // widest**2, 1, _MOST_BOXES))
+
+    def over(self, centres: np.ndarray, half_widths: np.ndarray) -> Bounds:
+        """The bounds over the boxes centres ± half_widths, (boxes, n) each."""
+        with np.errstate(all="ignore"):  # what is not finite is not bounded
+            return self._over(centres, half_widths)
+
+    def _over(self, centres: np.ndarray, half_widths: np.ndarray) -> Bounds:
+        count = len(centres)
+        sizes = np.ones((count, self._rows.shape[1]))
+        sizes[:, 1 : 1 + self._inputs] = np.abs(centres) + half_widths
+        lines: list[Lines] = []
+        shares = []  # (boxes, nodes, n): what each input contributes to the width of an argument
+        for group in self._groups:
+            ends: list[np.ndarray] = []
+            share = 0.0
+            for matrix in group.matrices:
+                affine = self._back(matrix, sizes, lines)
+                middle, radius = self._range(affine, centres, half_widths)
+                ends += [middle - radius, middle + radius]
+                reach = np.abs(affine.slopes) * half_widths[:, None, :]
+                share = share + reach / (radius[..., None] + _TINY)
+            line = self._rounded(_LINES[group.kind](*ends), group, sizes)
+            infinite = ~np.isfinite(sum(np.abs(end) for end in ends))
+            line.radius[infinite] = np.inf
+            lines.append(line)
+            shares.append(share)
+            last = group.first + line.size.shape[1]
+            sizes[:, group.first : last] = (1.0 + self._gamma) * line.size
+        affine = self._back(self._rows, sizes, lines)
+        middle, radius = self._range(affine, centres, half_widths)
+        boxes = np.arange(count)
+        worst = np.argmax(np.abs(middle) + radius, axis=1)
+        gaps = np.zeros_like(centres)
+        for spread, share in zip(affine.spreads, shares, strict=True):
+            if spread is not None:
+                gaps += np.einsum("bk,bkn->bn", spread[boxes, worst], share)
+        slopes = affine.slopes[boxes, worst]
+        height = np.abs(middle)[boxes, worst]
+        reach = np.sum(np.abs(slopes) * half_widths, axis=1)
+        rest = radius[boxes, worst] - reach
+        away = np.sign(slopes) * np.where(middle[boxes, worst] < 0.0, -1.0, 1.0)[:, None]
+        corner = centres + away * half_widths
+        return Bounds(height + reach + rest, height + reach - rest, corner, gaps)
+
+    def _rounded(self, line: Lines, group: _Group, sizes: np.ndarray) -> Lines:
+        """The lines, with the radius of what they bring into rows."""
+        rounding = np.abs(line.constant)
+        for slope, matrix in zip(line.slopes, group.matrices, strict=True):
+            rounding = rounding + np.abs(slope) * (sizes[:, : group.first] @ np.abs(matrix).T)
+        return line._replace(radius=line.radius + self._gamma * rounding + _TINY)
+
+    def _back(self, matrix: np.ndarray, sizes: np.ndarray, lines: list[Lines]) -> _Affine:
+        """Rows (rows, variables) of the inputs alone."""
+        rows = matrix[None]
+        radius = self._gamma * (sizes[:, : matrix.shape[1]] @ np.abs(matrix).T)
+        spreads: list[np.ndarray | None] = [None] * len(lines)
+        for index in range(len(lines) - 1, -1, -1):
+            group = self._groups[index]
+            line = lines[index]
+            coefficients = rows[:, :, group.first :]
+            rows = rows[:, :, : group.first]
+            if not coefficients.any():
+                continue
+            spread = np.abs(coefficients) * line.radius[:, None, :]
+            spreads[index] = spread
+            radius = radius + spread.sum(axis=2)
+            for slope, arguments in zip(line.slopes, group.matrices, strict=True):
+                rows = rows + _times(coefficients * slope[:, None, :], arguments)
+            rows[:, :, 0] += np.matmul(coefficients, line.constant[:, :, None])[:, :, 0]
+        rows = np.broadcast_to(rows, (len(sizes), *rows.shape[1:]))
+        return _Affine(rows[:, :, 1:], rows[:, :, 0], (1.0 + self._gamma) * radius, spreads)
+
+    def _range(
+        self, affine: _Affine, centres: np.ndarray, half_widths: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """The middle and the half width of the ranges of rows over the boxes: (boxes, rows)."""
+        middle = affine.constant + np.matmul(affine.slopes, centres[:, :, None])[:, :, 0]
+        sizes = np.abs(affine.slopes)
+        radius = affine.radius + np.matmul(sizes, half_widths[:, :, None])[:, :, 0]
+        terms = np.abs(affine.constant) + np.matmul(sizes, np.abs(centres)[:, :, None])[:, :, 0]
+        return middle, radius + self._gamma * (terms + radius) + _TINY
+
+
+def _matrix(rows: list[Row] | tuple[Row, ...], places: Mapping[int, int], width: int) -> np.ndarray:
+    """The rows, (rows, width), their variables at their places."""
+    matrix = np.zeros((len(rows), width))
+    for index, row in enumerate(rows):
+        for variable, coefficient in row.items():
+            matrix[index, places[variable]] = float(coefficient)
+    return matrix
+
+
+def _times(stack: np.ndarray, matrix: np.ndarray) -> np.ndarray:
+    """stack @ matrix, as one product of matrices."""
+    boxes, rows, inner = stack.shape
+    return (stack.reshape(boxes * rows, inner) @ matrix).reshape(boxes, rows, -1)
