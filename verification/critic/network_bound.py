@@ -13,6 +13,9 @@ from hfa_support.progress import Progress
 from verification.critic.affine_rows import NotReadError
 from verification.critic.relaxation import Relaxation
 
+#: Boxes that are bounded and halved before the next are chosen.
+_BATCH = 1024
+
 
 class Proof(NamedTuple):
     """What is proved of the errors of a network.
@@ -70,7 +73,7 @@ def prove(
             progress(min(elapsed, seconds), seconds, f"proved on {fraction:.2g} times the box")
         if elapsed >= seconds:
             return Proof(what, limit, fraction, count)
-        batch = min(relaxation.boxes, len(centres))
+        batch = min(_BATCH, len(centres))
         order = np.argpartition(distances, batch - 1)
         bounds = relaxation.over(centres[order[:batch]], half_widths[order[:batch]])
         count += batch

@@ -32,8 +32,8 @@ _SATURATED = 20.0
 _ROUNDING = 1e-15
 #: More than all underflows together.
 _TINY = 1e-290
-#: Numbers in the largest array, about.
-_LARGEST_ARRAY = 2**20
+#: Numbers in the largest array, about; more do not fit into the cache.
+_LARGEST_ARRAY = 2**17
 _MOST_BOXES = 256
 
 
@@ -176,10 +176,7 @@ class Bounds(NamedTuple):
 
 
 class Relaxation:
-    """Bounds of the outputs of a function y (n,) -> e; NotReadError as `affine_rows`.
-
-    boxes: how many to bound at once.
-    """
+    """Bounds of the outputs of a function y (n,) -> e; NotReadError as `affine_rows`."""
 
     def __init__(self, function: ca.Function) -> None:
         self._inputs = function.numel_in(0)
@@ -198,12 +195,16 @@ class Relaxation:
         self._rows = _matrix(rows, places, first)
         self._gamma = 4.0 * (first + len(self._groups) + 50) * 2.0**-53
         widest = max((len(group.matrices[0]) for group in self._groups), default=1)
-        self.boxes = int(np.clip(_LARGEST_ARRAY // widest**2, 1, _MOST_BOXES))
+        self._at_once = int(np.clip(_LARGEST_ARRAY // widest**2, 1, _MOST_BOXES))
 
     def over(self, centres: np.ndarray, half_widths: np.ndarray) -> Bounds:
         """The bounds over the boxes centres ± half_widths, (boxes, n) each."""
+        parts = []
         with np.errstate(all="ignore"):  # what is not finite is not bounded
-            return self._over(centres, half_widths)
+            for first in range(0, len(centres), self._at_once):
+                some = slice(first, first + self._at_once)
+                parts.append(self._over(centres[some], half_widths[some]))
+        return Bounds(*map(np.concatenate, zip(*parts, strict=True)))
 
     def _over(self, centres: np.ndarray, half_widths: np.ndarray) -> Bounds:
         count = len(centres)
