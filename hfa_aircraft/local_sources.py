@@ -22,17 +22,19 @@ _OWN_PACKAGES = {
 def hash_of_sources(file: Path, package: str = "") -> str:
     """SHA-256 of a Python file that was executed; with local modules that it imports, of all files.
 
-    Local are the modules that lie beside or below the file, and not in an installed package. Those
-    that they import count too.
+    Local are the modules in the folder of the file, or below the folder of the outermost package
+    that it belongs to, and not those of an installed package. Those that they import count too.
     file: what was executed
     package: its package, for relative imports
     """
-    sources = _local_sources(file.resolve(), package, file.resolve().parent, {})
+    outer_packages = package.count(".")
+    folder = file.resolve().parents[outer_packages]
+    sources = _local_sources(file.resolve(), package, folder, {})
     if len(sources) == 1:
         return hashlib.sha256(sources[file.resolve()]).hexdigest()
     whole = hashlib.sha256()
     for path in sorted(sources):
-        whole.update(path.relative_to(file.resolve().parent).as_posix().encode() + b"\0")
+        whole.update(path.relative_to(folder).as_posix().encode() + b"\0")
         whole.update(hashlib.sha256(sources[path]).digest())
     return whole.hexdigest()
 

@@ -110,10 +110,12 @@ class Model:
         if not self.states:
             raise BadInputError(f"{self.name} declares no states; a model needs at least one")
         for kind in ("steady", "linear"):
-            object.__setattr__(self, kind, tuple(getattr(self, kind)) or tuple(self.states))
+            names = _names(f"{self.name}: {kind}", getattr(self, kind))
+            object.__setattr__(self, kind, names or tuple(self.states))
         self._check_names()
         for name, value in self.trim.items():
-            if not math.isfinite(value):
+            refuse_unknown(f"{self.name}: trim imposes the unknown variable", name, self.holdable)
+            if not is_finite(value):
                 raise BadInputError(f"{self.name}: trim imposes {name} = {value}; give a number")
 
     def _check_signals(self) -> None:
@@ -141,16 +143,26 @@ class Model:
         """Refuse names that are not declared."""
         schedule = [self.schedule] if self.schedule else []
         schedulable = [*self.states, *self.inputs, *self.parameters]
+        in_modes = self._names_of_groups("modes")
+        in_parts = self._names_of_groups("parts")
         for meaning, names, declared in (
             ("steady names the unknown state", self.steady, self.states),
             ("linear names the unknown state", self.linear, self.states),
-            ("trim imposes the unknown variable", self.trim, self.holdable),
+            ("replaced names the unknown state", self.replaced, self.states),
+            ("replaced names the unknown output", self.replaced.values(), self.outputs),
             ("schedule is the unknown variable", schedule, schedulable),
-            ("modes names the unknown state", _all_of(self.modes), self.states),
-            ("parts names the unknown linear state", _all_of(self.parts), self.linear),
+            ("modes names the unknown state", in_modes, self.states),
+            ("parts names the unknown linear state", in_parts, self.linear),
         ):
             for name in names:
                 refuse_unknown(f"{self.name}: {meaning}", name, declared)
+
+    def _names_of_groups(self, kind: str) -> list[str]:
+        """The names of all groups of `modes` or `parts`."""
+        names: list[str] = []
+        for group, members in getattr(self, kind).items():
+            names += _names(f"{self.name}: {kind} {shown(group)}", members)
+        return names
 
     def __repr__(self) -> str:
         counts = (
@@ -403,9 +415,11 @@ def _is_identifier(name: Any) -> bool:
     return name.isidentifier() and name.isascii() and name[0] != "_"
 
 
-def _all_of(groups: Mapping[str, Sequence[str]]) -> list[str]:
-    """The names of all groups."""
-    return [name for group in groups.values() for name in group]
+def _names(what: str, names: Any) -> tuple[str, ...]:
+    """Names in a tuple. BadInputError for one text, which is no tuple of names, and for others."""
+    if isinstance(names, str) or not isinstance(names, Sequence):
+        raise BadInputError(f"{what} is {shown(names)}; give a tuple of names")
+    return tuple(names)
 
 
 def _check_signal(where: str, signal: Signal) -> None:

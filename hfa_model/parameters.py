@@ -13,7 +13,7 @@ from typing import Any, Generic, NamedTuple
 import numpy as np
 
 from hfa_model.vectors import T
-from hfa_support.errors import BadInputError
+from hfa_support.errors import BadInputError, refuse_unless_whole
 from hfa_support.files import write_text
 from hfa_support.provenance import Change
 from hfa_support.reporting.fields import ByValue
@@ -279,10 +279,8 @@ def sample_parameters(parameters: ParameterSet, count: int, seed: int) -> tuple[
             "samples need parameters with their covariance, such as the parameters.toml of"
             " `python -m studies.identification`"
         )
-    if count < 1 or seed < 0:
-        raise BadInputError(
-            f"count is {count} and seed is {seed}; give at least one sample and no negative seed"
-        )
+    refuse_unless_whole("count", count, 1)
+    refuse_unless_whole("seed", seed, 0)
     columns = [Parameters._fields.index(name) for name in parameters.identified]
     table = np.tile(np.array(parameters.values, dtype=float), (count, 1))
     center = table[0, columns]

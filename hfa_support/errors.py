@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from numbers import Integral
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -63,6 +64,12 @@ def refuse_unless_positive(what: str, value: float, unit: str = "") -> None:
     if not (is_finite(value) and value > 0.0):
         text = f"{value}{unit}" if isinstance(value, float) else shown(value)
         raise BadInputError(f"{what} is {text}; it must be a positive number")
+
+
+def refuse_unless_whole(what: str, value: object, least: int) -> None:
+    """BadInputError unless the value is a whole number from `least` on."""
+    if not isinstance(value, Integral) or int(value) < least:
+        raise BadInputError(f"{what} is {shown(value)}; give a whole number from {least}")
 
 
 def pair_of(what: str, ends: Any) -> tuple[float, float]:

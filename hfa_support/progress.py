@@ -52,4 +52,6 @@ def say_aside(text: str, end: str = "\n") -> None:
 def drop(stream: TextIO) -> None:
     """Discard the buffered text of a stream, so that nothing fails when the process ends."""
     with contextlib.suppress(AttributeError, io.UnsupportedOperation):
-        os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+        descriptor = stream.fileno()
+        os.close(descriptor)  # so that a process may open another, however few it may have
+        os.dup2(os.open(os.devnull, os.O_WRONLY), descriptor)

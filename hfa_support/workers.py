@@ -98,14 +98,21 @@ def _processes(count: int) -> Iterator[Run]:
     of_thread = threading.local()
 
     def start() -> None:
-        of_thread.connection, end = context.Pipe()
-        child = context.Process(target=_serve, args=(end,), daemon=True)
-        with _signals_held():
-            child.start()
+        try:
+            of_thread.connection, end = context.Pipe()
+            child = context.Process(target=_serve, args=(end,), daemon=True)
+            with _signals_held():
+                child.start()
+        except OSError as error:  # too many files are open, or too many processes run
+            raise BadInputError(
+                f"no worker can be started ({error.strerror}); take fewer workers"
+            ) from error
         children.append(child)
         end.close()
 
     def call(function: Callable[..., Any], *arguments: Any) -> Any:
+        if not hasattr(of_thread, "connection"):
+            start()
         try:
             of_thread.connection.send((function, arguments))
             result, error = of_thread.connection.recv()
@@ -115,7 +122,7 @@ def _processes(count: int) -> Iterator[Run]:
             raise error
         return result
 
-    pool = ThreadPoolExecutor(count, initializer=start)
+    pool = ThreadPoolExecutor(count)
     try:
         yield lambda function, tasks: _run_in(pool, count, partial(call, function), tasks)
     finally:

@@ -10,7 +10,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from hfa_support.errors import BadInputError, refuse_unless_positive
+from hfa_support.errors import BadInputError, refuse_unless_positive, refuse_unless_whole
 
 #: Time scales of turbulence, in ticks: shorter ones a noise that is held for a tick cannot make,
 #: longer ones leave the air as it was to rounding.
@@ -127,8 +127,7 @@ class Dryden(Gust):
                 f"the gust's scale is {self.scale:g} ft; at {self.speed:g} ft/s and ticks of"
                 f" {self.interval:g} s it must lie between {low:.4g} and {high:.4g} ft"
             )
-        if self.seed < 0:
-            raise BadInputError(f"the gust's seed is {self.seed}; give a whole number from 0")
+        refuse_unless_whole("the gust's seed", self.seed, 0)
 
     def updraft(self, t: Any, memory: ca.SX, held: ca.SX) -> Any:
         """sigma sqrt(τ) (x1 + √3 τ x2) in the states of `memory_rate`."""

@@ -25,7 +25,7 @@ from controller.flight.simulation import CompiledLoop
 from hfa_aircraft.layout import components
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import VECTORS
-from hfa_support.errors import BadInputError
+from hfa_support.errors import BadInputError, refuse_unless_whole
 from hfa_support.native.bound import cached_per_thread
 from hfa_support.reporting.fields import Shown
 from trim.limits import Limits
@@ -79,10 +79,8 @@ class MonteCarlo(Shown):
 
     def __post_init__(self) -> None:
         """Check everything before the simulation."""
-        if not (self.members >= 1 and self.seed >= 0):
-            raise BadInputError(
-                f"members is {self.members} and seed {self.seed}; give at least 1 and 0"
-            )
+        refuse_unless_whole("members", self.members, 1)
+        refuse_unless_whole("seed", self.seed, 0)
         object.__setattr__(self, "scenario", self.scenario.on(self.model))
         for name in ("reference", "disturbance", "noise"):
             if not hasattr(getattr(self.scenario, name), "to_dict"):

@@ -10,7 +10,7 @@ import numpy as np
 from controller.game.basis import Basis
 from controller.game.training_run import Excitation
 from controller.game.zero_sum import LARGEST, Game, checked_matrix
-from hfa_support.errors import BadInputError
+from hfa_support.errors import BadInputError, numbers_in, refuse_unless_whole
 from hfa_support.reporting.fields import Shown
 
 #: Singular values of the unit regressors below this fraction of the largest count as zero. Rounding
@@ -85,7 +85,7 @@ class Stack(Shown):
 def record(game: Game, states: np.ndarray) -> Stack:
     """The stack F_j = A z_j at given states (N, n): what noise-free derivatives of the plant
     give."""
-    states = np.asarray(states, dtype=float)
+    states = numbers_in("recorded states", states)
     if states.ndim != 2 or states.shape[1] != game.A.shape[0]:
         raise BadInputError(
             f"recorded states are {states.shape}; they must be (N, {game.A.shape[0]})"
@@ -103,8 +103,10 @@ def random_pool(game: Game, count: int, seed: int, half_widths: np.ndarray | Non
     >>> random_pool(game, 100, seed=1).states.shape
     (100, 1)
     """
+    refuse_unless_whole("count", count, 1)
+    refuse_unless_whole("seed", seed, 0)
     n = game.A.shape[0]
-    widths = natural_spread(game) if half_widths is None else np.asarray(half_widths, dtype=float)
+    widths = natural_spread(game) if half_widths is None else numbers_in("the box", half_widths)
     if widths.shape != (n,) or not np.all((widths > 0.0) & np.isfinite(widths)):
         raise BadInputError(f"the box needs {n} positive half-widths, not {widths.tolist()}")
     return record(game, np.random.default_rng(seed).uniform(-widths, widths, (count, n)))

@@ -44,3 +44,23 @@ def test_installed_modules_do_not_count(tmp_path: Path) -> None:
 
     expected = hashlib.sha256(alone.read_bytes()).hexdigest()
     assert load_model(f"{alone}:PLANT").source[1] == expected
+
+
+def test_a_changed_module_of_an_outer_package_is_another_model(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.syspath_prepend(str(tmp_path))
+    inner = tmp_path / "outer_of_plant" / "models"
+    inner.mkdir(parents=True)
+    (inner.parent / "__init__.py").touch()
+    (inner / "__init__.py").touch()
+    common = inner.parent / "common.py"
+    common.write_text("gain = 2.0\n")
+    (inner / "plant.py").write_text(MODEL.format(helper="..common"))
+    hashes = []
+    for content in ("gain = 2.0\n", "gain = 2.0\n", "gain = 3.0\n"):
+        common.write_text(content)
+        hashes.append(load_model("outer_of_plant.models.plant:PLANT").source[1])
+    for name in [name for name in sys.modules if name.startswith("outer_of_plant")]:
+        sys.modules.pop(name)
+    assert hashes[0] == hashes[1] != hashes[2]

@@ -61,6 +61,20 @@ def test_a_worker_that_dies_ends_the_job_in_one_line() -> None:
     assert _gone()
 
 
+def test_where_no_more_files_may_be_open_no_worker_is_started() -> None:
+    resource = pytest.importorskip("resource")
+    limits = resource.getrlimit(resource.RLIMIT_NOFILE)
+    next_descriptor = os.dup(0)
+    os.close(next_descriptor)
+    with open_workers(2) as run:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (next_descriptor + 1, limits[1]))
+        try:
+            with pytest.raises(BadInputError, match=r"\(Too many open files\); take fewer workers"):
+                list(run(_square, [(0, (0,))]))
+        finally:
+            resource.setrlimit(resource.RLIMIT_NOFILE, limits)
+
+
 @pytest.mark.slow
 def test_a_task_that_kills_the_workers_of_a_cluster_is_one_line() -> None:
     dask = pytest.importorskip("dask")

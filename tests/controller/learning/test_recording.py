@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from learning_samples import PUBLISHED, QUADRATIC, build, published, stable_game
@@ -27,6 +29,15 @@ def test_random_pool_stays_in_its_box_and_follows_its_seed() -> None:
     assert np.array_equal(pool.states, random_pool(game, 300, 2, np.array([2.0, 0.1])).states)
     assert not np.array_equal(pool.states, random_pool(game, 300, 3, np.array([2.0, 0.1])).states)
     assert pool.drifts == pytest.approx(pool.states @ game.A.T, rel=1e-13)
+
+
+def test_a_list_that_contains_itself_is_refused() -> None:
+    """NumPy follows it as a seed until the stack of the process ends."""
+    endless: list[Any] = []
+    endless.append(endless)
+    for count, seed, box in ((endless, 0, None), (9, endless, None), (9, 0, endless)):
+        with pytest.raises(BadInputError, match=r"is \[\[...\]\]|rows of real numbers"):
+            random_pool(stable_game(), count, seed, box)
 
 
 def test_natural_spread_changes_with_the_units_of_the_states() -> None:
