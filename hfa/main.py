@@ -31,6 +31,9 @@ FAILURES = (BadInputError, NoSolutionError, OverflowError, UnicodeError, MemoryE
 #: Fields of requests: files that a command writes; what names the model.
 _WRITTEN = ("output", "picture")
 _OF_THE_MODEL = ("aircraft", "dynamics", "parameters", "units")
+#: Megabytes of address space that any command needs. OpenBLAS asks for its memory while it is
+#: loaded, again and again where there is too little, and no signal ends that.
+_ADDRESS_SPACE = 384
 #: Of warnings of the libraries that compute.
 _MOST_NOTES = 5
 
@@ -175,6 +178,7 @@ def _run(words: list[str], find: Callable[[list[str]], tuple[Command, str, list[
     """Make the request that the words state, and answer it."""
     from hfa_support.files import inputs_kept
 
+    _refuse_small_address_space()
     with contextlib.ExitStack() as around:
         around.enter_context(inputs_kept())
         try:
@@ -186,6 +190,21 @@ def _run(words: list[str], find: Callable[[list[str]], tuple[Command, str, list[
         if request.quiet:
             around.enter_context(contextlib.redirect_stderr(io.StringIO()))
         return command.run(request)
+
+
+def _refuse_small_address_space() -> None:
+    """BadInputError where the process may have less than `_ADDRESS_SPACE`."""
+    try:
+        import resource
+    except ImportError:  # Windows has no such limit
+        return
+    allowed, _ = resource.getrlimit(resource.RLIMIT_AS)
+    megabytes = allowed // 2**20
+    if allowed != resource.RLIM_INFINITY and megabytes < _ADDRESS_SPACE:
+        raise BadInputError(
+            f"this process may have {megabytes} MB of address space (ulimit -v) and needs"
+            f" {_ADDRESS_SPACE}; allow more"
+        )
 
 
 def _request(command: Command, program: str, words: list[str]) -> Request:

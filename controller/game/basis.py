@@ -49,14 +49,30 @@ class Basis(Shown):
     def _upper(self) -> tuple[np.ndarray, np.ndarray]:
         return np.triu_indices(self.states)
 
+    @cached_property
+    def _factors(self) -> tuple[np.ndarray, np.ndarray]:
+        """The states that each monomial has, (M, most), and their powers; 0 of those that fill a
+        row."""
+        most = int(np.count_nonzero(self.exponents, axis=1).max())
+        factors = np.argsort(self.exponents == 0, axis=1, kind="stable")[:, :most]
+        return factors, np.take_along_axis(self.exponents, factors, axis=1)
+
     def psi(self, z: np.ndarray) -> np.ndarray:
         """ψ(z): (..., n) -> (..., M)."""
-        return np.asarray(np.prod(z[..., None, :] ** self.exponents, axis=-1))
+        factors, powers = self._factors
+        return np.asarray(np.prod(z[..., factors] ** powers, axis=-1))
 
     def gradient(self, z: np.ndarray) -> np.ndarray:
         """∂ψ/∂z: (..., n) -> (..., M, n)."""
-        lowered = np.maximum(self.exponents[:, None, :] - np.eye(self.states, dtype=int), 0)
-        return np.asarray(self.exponents * np.prod(z[..., None, None, :] ** lowered, axis=-1))
+        factors, powers = self._factors
+        slopes = np.zeros((*z.shape[:-1], self.size, self.states))
+        rows = np.arange(self.size)
+        for column in range(factors.shape[1]):
+            lowered = powers.copy()
+            lowered[:, column] = np.maximum(powers[:, column] - 1, 0)
+            slope = powers[:, column] * np.prod(z[..., factors] ** lowered, axis=-1)
+            slopes[..., rows, factors[:, column]] += slope
+        return slopes
 
     def matrix(self, weights: np.ndarray) -> np.ndarray:
         """P of the quadratic part z'Pz of W'ψ(z): P_ii = W, P_ij = W/2; (n, n) symmetric."""

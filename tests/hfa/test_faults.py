@@ -156,6 +156,15 @@ def test_a_result_that_the_disk_has_no_room_for_is_not_there(
     assert [path.name for path in small_disk.iterdir()] == ["full"]
 
 
+def test_too_little_address_space_is_one_line(tmp_path: Path) -> None:
+    """OpenBLAS would wait for memory while it is loaded, where no signal reaches Python."""
+    done = shell('ulimit -v 204800; exec "$0" "$@"', "solve", "--dihedral", "15", folder=tmp_path)
+    assert (done.returncode, done.stdout) == (BAD_INPUT, "")
+    assert done.stderr == (
+        "hfa: this process may have 200 MB of address space (ulimit -v) and needs 384; allow more\n"
+    )
+
+
 def test_too_little_memory_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("trim.sweeps.points._settled_together", lambda *_, **__: np.empty(10**15))
     assert_refused(hfa("sweep", "--dihedral", "0:5:1"), 2, "not enough memory")
