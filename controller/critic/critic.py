@@ -7,7 +7,7 @@ as a network. So each can be judged, flown and exported.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -68,12 +68,17 @@ class Critic(Shown):
             return True
         return self.basis.size == self.basis.quadratic_size
 
+    @property
+    def symbols(self) -> ca.SX:
+        """New symbols z (n,) for its functions, as `symbols_for` makes them."""
+        return symbols_for(self.network.values(), self.K.shape[1])
+
     @cached_property
     def policy(self) -> ca.Function:
         """z (n,) -> u (m,)."""
         if "policy" in self.network:
             return self.network["policy"]
-        z = ca.SX.sym("z", self.K.shape[1])
+        z = self.symbols
         if self.network:
             assert self.gradient is not None
             assert self.feedback is not None
@@ -102,7 +107,7 @@ class Critic(Shown):
             return self.network["gradient"]
         if self.value is None:
             return None
-        z = ca.SX.sym("z", self.K.shape[1])
+        z = self.symbols
         return ca.Function("gradient", [z], [ca.densify(ca.gradient(self.value(z), z))])
 
     def _beyond_quadratic(self, z: ca.SX) -> ca.SX:
@@ -284,9 +289,20 @@ def from_functions(
     )
 
 
+def symbols_for(functions: Iterable[ca.Function], n: int) -> ca.SX:
+    """New symbols z (n,): scalars (SX), or one matrix (MX) where a function is a graph of matrices,
+    as a wide network is, which would take a minute and a gigabyte as scalars.
+
+    Annotations say SX for both: what is computed here with one is computed with the other.
+    """
+    if all(function.is_a("SXFunction") for function in functions):
+        return ca.SX.sym("z", n)
+    return ca.MX.sym("z", n)  # type: ignore[return-value]
+
+
 def _derivative_at_0(expression: ca.SX, z: ca.SX) -> np.ndarray:
     """∂expression/∂z at z = 0, (k, n), one reverse sweep a row."""
-    weights = ca.SX.sym("w", expression.numel())
+    weights = type(z).sym("w", expression.numel())
     rows = ca.Function("rows", [z, weights], [ca.jtimes(expression, z, weights, True)])
     each_row = rows(np.zeros((z.numel(), expression.numel())), np.eye(expression.numel()))
     return np.array(each_row).T

@@ -170,15 +170,18 @@ def critics_over_time(
 
 
 def is_network(path: Path) -> bool:
-    """Whether a file is one of a network: by its suffix, or an .npz whose arrays are named like
-    layers."""
-    if path.suffix.lower() != ".npz":
-        return path.suffix.lower() in NETWORK_FILES
+    """Whether a file is one of a network: by its suffix, or an .npz or .json whose arrays are named
+    like layers."""
+    suffix = path.suffix.lower()
     try:
-        with zipfile.ZipFile(path) as archive:
-            return any(re.search(r"(^|\.)weight\.npy$", name) for name in archive.namelist())
+        if suffix == ".npz":
+            with zipfile.ZipFile(path) as archive:
+                return any(re.search(r"(^|\.)weight\.npy$", name) for name in archive.namelist())
+        if suffix == ".json":
+            return any(re.search(r"(^|\.)weight$", name) for name in read_arrays(path))
     except Exception:  # damaged in whatever way: who reads its arrays names the fault
         return False
+    return suffix in NETWORK_FILES
 
 
 def _entries(path: str | Path) -> dict[str, Any]:

@@ -11,8 +11,9 @@ import casadi as ca
 import numpy as np
 
 from controller.critic.activations import COMMON
-from controller.critic.critic import Critic, from_functions, from_weights
+from controller.critic.critic import Critic, from_functions, from_weights, symbols_for
 from controller.critic.network_file import NetworkFile, network_in
+from controller.critic.q_function import policy_of
 from controller.game.basis import Basis, basis
 from controller.game.zero_sum import Game
 from hfa_support.errors import BadInputError, said_of, shortened
@@ -33,6 +34,8 @@ def from_network(
     """The critic that a network is: of a file, as `network_in` reads it, or a CasADi Function of
     the state.
 
+    A network of the state and the input is a Q; its policy is judged, as `policy_of` finds it.
+
     network: which part of a file is what, as "value", "V=value" or "V=value,policy=actor"; without
         a name of `OUTPUTS` the number of outputs decides.
     activation: between the layers of a state dict.
@@ -49,7 +52,7 @@ def from_network(
     >>> hfa.from_network(game, V).P.diagonal().tolist()
     [3.0, 3.0, 3.0, 3.0, 3.0, 3.0]
     """
-    n = len(game.A)
+    n, m = game.B.shape
     scales = np.ones(n) if scale is None else np.asarray(scale, dtype=float)
     if scales.shape != (n,) or not np.all(np.isfinite(scales) & (scales != 0.0)):
         raise BadInputError(f"scale needs {n} numbers other than 0, one for each state")
@@ -59,7 +62,7 @@ def from_network(
         return _of_states(game, stored, scales, "network", {})
     count = functions.size if isinstance(functions, Basis) else functions.numel_out(0)
     parts = _parts(network)
-    stored = network_in(source, n, activation, parts, count)
+    stored = network_in(source, n, activation, parts, count, m)
     origin = f"network {Path(source).name}: {stored.chain}"
     with said_of(source):
         if stored.on_basis is not None:
@@ -81,13 +84,19 @@ def _of_states(
     origin: str,
     variants: Mapping[str, Callable[[], Critic]],
 ) -> Critic:
-    """The critic of a network that takes the states."""
+    """The critic of a network that takes the states, or of a Q the states and inputs."""
     n, m = game.B.shape
-    sizes = {name: function.numel_out(0) for name, function in stored.functions.items()}
-    kinds = _kinds(sizes, n, m)
-    z = ca.SX.sym("z", n)
-    outputs = {}
+    functions = {}
     for name, function in stored.functions.items():
+        if function.numel_in(0) == n + m:
+            origin = f"{origin} = Q(x, u), u from dQ/du = 0"
+            function = policy_of(function, n)
+        functions[name] = function
+    sizes = {name: function.numel_out(0) for name, function in functions.items()}
+    kinds = _kinds(sizes, n, m)
+    z = symbols_for(functions.values(), n)
+    outputs = {}
+    for name, function in functions.items():
         numbers = ca.vec(function(ca.DM(scales) * z))
         if kinds[name] == "V+policy":
             outputs["V"] = numbers[0]

@@ -1,4 +1,4 @@
-"""Feed-forward networks in files: ONNX graphs, and state dicts of linear layers.
+"""Feed-forward networks in files: ONNX graphs, and state dicts of linear layers and LayerNorms.
 
 Nothing is guessed. A state dict does not say in which order its layers run: that is the order of
 the file where the format keeps it (torch), else the only order that the numbers in the names and
@@ -9,7 +9,7 @@ what was trained. Weights keep the digits of the file; all arithmetic is in doub
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from itertools import islice, pairwise
 from pathlib import Path
 from typing import NamedTuple
@@ -18,7 +18,8 @@ import casadi as ca
 import numpy as np
 
 from controller.critic.activations import ACTIVATIONS
-from controller.critic.onnx_graph import check_width, function_of, graph_functions
+from controller.critic.onnx_graph import check_width, graph_functions, normalized
+from controller.critic.products import Products
 from controller.critic.tensors import LARGEST_FILE, checked_tensors, tensors_in
 from hfa_support.errors import BadInputError, refuse_unknown, said_of, shortened
 from hfa_support.files import regular_file
@@ -27,19 +28,36 @@ from hfa_support.files import regular_file
 _ORDERED = (".pt", ".pth", ".pkl", ".zip")
 #: Kinds of names that may be ordered by their widths; of more the search could take long.
 _MOST_KINDS = 8
+#: Added to the variance by torch's LayerNorm; a state dict does not hold it.
+_EPSILON = 1e-5
 
 
 class Layer(NamedTuple):
-    """y = weight x + bias.
+    """y = weight x + bias; of a LayerNorm y_i = weight_i (x_i - mean) / deviation + bias_i.
 
     name: in the file, without ".weight".
-    weight: (k, n).
+    weight: (k, n), of a LayerNorm (k,).
     bias: (k,).
     """
 
     name: str
     weight: np.ndarray
     bias: np.ndarray
+
+    @property
+    def is_linear(self) -> bool:
+        """Whether it is no LayerNorm."""
+        return self.weight.ndim == 2
+
+    @property
+    def inputs(self) -> int:
+        """How many numbers it takes."""
+        return self.weight.shape[-1]
+
+    @property
+    def outputs(self) -> int:
+        """How many numbers it gives."""
+        return len(self.weight)
 
 
 class NetworkFile(NamedTuple):
@@ -64,15 +82,17 @@ def network_in(
     activation: str | None = None,
     parts: Mapping[str, str] | None = None,
     features: int = 0,
+    inputs: int = 0,
 ) -> NetworkFile:
     """The network in a file.
 
-    states: its inputs.
+    states: of the plant, which it takes.
     activation: one of `ACTIVATIONS`, between the layers of a state dict; after a comma that of its
         output.
     parts: what is asked for -> which tensors, by a word in their names or more with + between them,
         or which output of an ONNX graph.
     features: size of the basis; a single layer of as many inputs acts on the basis.
+    inputs: of the plant, which a Q takes behind the states.
 
     BadInputError, one line that names the file.
     """
@@ -82,12 +102,12 @@ def network_in(
     with said_of(path):
         try:
             if suffix == ".onnx":
-                functions, precision, chain = graph_functions(path, states, parts)
+                functions, precision, chain = graph_functions(path, states, inputs, parts)
                 return NetworkFile(functions, chain, precision)
             content = regular_file(path, LARGEST_FILE).read_bytes()
             tensors, precision = checked_tensors(tensors_in(content, suffix))
             networks = {
-                name: _layers(_selected(tensors, part), states, suffix in _ORDERED)
+                name: _layers(_selected(tensors, part), (states, states + inputs), suffix)
                 for name, part in parts.items()
             }
         except OSError as error:
@@ -98,13 +118,15 @@ def network_in(
             reason = shortened(str(error).partition("\n")[0])
             raise BadInputError(f"it is damaged or no network ({reason})") from error
         first = next(iter(networks.values()))
-        if len(first) == 1 and first[0].weight.shape[1] == features:
+        if len(first) == 1 and first[0].inputs == features:
             return NetworkFile({}, f"{features} functions -> 1", precision, first[0])
         functions = {}
         chains = []
         for name, layers in networks.items():
-            functions[name] = _composed(layers, states, activation)
-            chains.append(_chain(name, layers, activation))
+            check_width(layers[0].inputs, states, inputs)
+            steps = _with_activations(layers, activation)
+            functions[name] = _composed(steps)
+            chains.append(_chain(name, steps))
         return NetworkFile(functions, "; ".join(chains), precision)
 
 
@@ -129,27 +151,31 @@ def _roots(tensors: Mapping[str, np.ndarray]) -> str:
     return shortened(", ".join(dict.fromkeys(stems)), 200)
 
 
-def _layers(tensors: Mapping[str, np.ndarray], states: int, ordered: bool) -> list[Layer]:
-    """The linear layers in the order in which they run.
+def _layers(tensors: Mapping[str, np.ndarray], widths: Collection[int], suffix: str) -> list[Layer]:
+    """The layers in the order in which they run.
 
-    ordered: whether the file keeps the order in which they were saved.
+    widths: how many inputs the first may have.
+    suffix: of the file.
     """
     layers = []
     for name, array in tensors.items():
         if name.rpartition(".")[2] == "bias" and name.removesuffix("bias") + "weight" in tensors:
             continue
         stem = name.removesuffix("weight")
-        bias = tensors.get(f"{stem}bias", np.zeros(len(array) if array.ndim else 0))
-        is_linear = name.endswith("weight") and array.ndim == 2 and bias.shape == array.shape[:1]
-        if not is_linear:
-            raise _no_chain(f"{name}", array, "is no weight or bias of a linear layer", tensors)
+        bias = tensors.get(f"{stem}bias")
+        if bias is None and array.ndim == 2:
+            bias = np.zeros(len(array))
+        is_layer = name.endswith("weight") and array.ndim in (1, 2)
+        if not is_layer or bias is None or bias.shape != array.shape[:1]:
+            reason = "is no weight or bias of a linear layer or a LayerNorm"
+            raise _no_chain(name, array, reason, tensors)
         layers.append(Layer(stem.removesuffix("."), array, bias))
-    layers = _as_saved(layers) if ordered else _only_order(layers, states)
+    if not any(layer.is_linear for layer in layers):
+        raise BadInputError("it holds no linear layer")
+    layers = _as_saved(layers) if suffix in _ORDERED else _only_order(layers, widths)
     for before, layer in pairwise(layers):
-        width = len(before.weight)
-        taken = layer.weight.shape[1]
-        if width != taken:
-            reason = f"takes {taken} numbers, the layer before gives {width}"
+        if before.outputs != layer.inputs:
+            reason = f"takes {layer.inputs} numbers, the layer before gives {before.outputs}"
             name = f"{layer.name}.weight".removeprefix(".")
             raise _no_chain(name, layer.weight, reason, tensors)
     return layers
@@ -188,7 +214,7 @@ def _as_saved(layers: list[Layer]) -> list[Layer]:
     return layers
 
 
-def _only_order(layers: list[Layer], states: int) -> list[Layer]:
+def _only_order(layers: list[Layer], widths: Collection[int]) -> list[Layer]:
     """The only order in which each layer takes what the one before gives, and the numbers in the
     names of one kind increase.
 
@@ -206,7 +232,7 @@ def _only_order(layers: list[Layer], states: int) -> list[Layer]:
             f"its layers ({names} ...) have {len(by_kind)} different names, which do not tell in "
             "which order they run; number them, or name one network by --network"
         )
-    orders = list(islice(_orders(tuple(by_kind.values()), states), 2))
+    orders = list(islice(_orders(tuple(by_kind.values()), widths), 2))
     if len(orders) == 2:
         raise BadInputError(
             f"its layers ({names}) fit together in more than one order, and this format does not "
@@ -215,34 +241,87 @@ def _only_order(layers: list[Layer], states: int) -> list[Layer]:
     return orders[0] if orders else as_numbered
 
 
-def _orders(groups: tuple[list[Layer], ...], width: int) -> Iterator[list[Layer]]:
-    """Every order of the layers, of each group from its first on, that begins with `width`
-    inputs."""
+def _orders(groups: tuple[list[Layer], ...], widths: Collection[int]) -> Iterator[list[Layer]]:
+    """Every order of the layers, of each group from its first on, that begins with one of the
+    widths."""
     if not any(groups):
         yield []
     for index, group in enumerate(groups):
-        if group and group[0].weight.shape[1] == width:
+        if group and group[0].inputs in widths:
             remaining = (*groups[:index], group[1:], *groups[index + 1 :])
-            for order in _orders(remaining, len(group[0].weight)):
+            for order in _orders(remaining, (group[0].outputs,)):
                 yield [group[0], *order]
 
 
-def _composed(layers: list[Layer], states: int, activation: str | None) -> ca.Function:
-    """x (states,) -> the output of the last layer."""
-    check_width(layers[0].weight.shape[1], states)
+def _with_activations(layers: list[Layer], activation: str | None) -> list[tuple[Layer, str]]:
+    """Each layer and the name of the function behind it, "" for none."""
     between, last = _activations(layers, activation)
-    x = ca.SX.sym("x", states)
+    names = [""] * len(layers)
+    if between:
+        for index in _activated(layers):
+            names[index] = between
+    names[-1] = last or names[-1]
+    return list(zip(layers, names, strict=True))
+
+
+def _activated(layers: list[Layer]) -> list[int]:
+    """Behind which layers the activation is: once between two linear layers.
+
+    BadInputError where the names do not tell whether that is before or behind a LayerNorm.
+    """
+    linear = [index for index, layer in enumerate(layers) if layer.is_linear]
+    open_places = [
+        index
+        for index, (before, layer) in enumerate(pairwise(layers))
+        if not _follows(before, layer)
+    ]
+    activated = []
+    for first, second in pairwise(linear):
+        places = [index for index in open_places if first <= index < second]
+        if second == first + 1:
+            places = [first]
+        if len(places) != 1:
+            raise _unknown_place(layers[first + 1])
+        activated += places
+    for index in open_places:
+        if index < linear[0] or index >= linear[-1]:
+            raise _unknown_place(layers[index] if index < linear[0] else layers[index + 1])
+    return activated
+
+
+def _unknown_place(norm: Layer) -> BadInputError:
+    return BadInputError(
+        "the names of its layers do not tell whether the activation is before or behind the "
+        f"LayerNorm {shortened(norm.name)!r}; export the network to ONNX"
+    )
+
+
+def _follows(before: Layer, layer: Layer) -> bool:
+    """Whether the numbers in their names leave no place between them: in a torch.nn.Sequential an
+    activation takes a number too."""
+    numbers = _numbers(before)
+    numbers[-1:] = [number + 1 for number in numbers[-1:]]
+    return _kind(before) == _kind(layer) and numbers == _numbers(layer)
+
+
+def _composed(steps: list[tuple[Layer, str]]) -> ca.Function:
+    """x -> the output of the last layer."""
+    x = ca.SX.sym("x", steps[0][0].inputs)
+    products = Products(x)
     h = np.fromiter(ca.vertsplit(x), object)
-    for index, layer in enumerate(layers):
-        if index and between:
-            h = ACTIVATIONS[between](h)
-        h = layer.weight @ h + layer.bias
-    return function_of(x, ACTIVATIONS[last](h) if last else h)
+    for layer, activation in steps:
+        if layer.is_linear:
+            h = products.times(layer.weight, h) + layer.bias
+        else:
+            h = normalized(h, (0,), _EPSILON) * layer.weight + layer.bias
+        if activation:
+            h = ACTIVATIONS[activation](h)
+    return products.function(h)
 
 
 def _activations(layers: list[Layer], activation: str | None) -> tuple[str, str]:
     """The names of the activation between the layers and of that of the output; "" for none."""
-    if len(layers) > 1 and activation is None:
+    if activation is None and sum(layer.is_linear for layer in layers) > 1:
         raise BadInputError(
             "a state dict does not say what is between its layers; give "
             f"--set activation={'|'.join(ACTIVATIONS)}"
@@ -253,15 +332,18 @@ def _activations(layers: list[Layer], activation: str | None) -> tuple[str, str]
     return between, last
 
 
-def _chain(name: str, layers: list[Layer], activation: str | None) -> str:
+def _chain(name: str, steps: list[tuple[Layer, str]]) -> str:
     """The layers in their order, with their names: "6 -> tanh 64 -> 1 (layers 0, 2)"."""
-    between, last = _activations(layers, activation)
-    steps = [str(layers[0].weight.shape[1])]
-    for layer in layers[:-1]:
-        steps.append(f"{between} {len(layer.weight)}".strip())
-    steps.append(f"{last} {len(layers[-1].weight)}".strip())
-    names = ", ".join(layer.name for layer in layers if layer.name)
-    chain = " -> ".join(steps)
+    words = [str(steps[0][0].inputs)]
+    for layer, activation in steps:
+        if layer.is_linear:
+            words.append(f"{activation} {layer.outputs}".strip())
+        else:
+            words.append(f"LayerNorm {layer.outputs} (epsilon {_EPSILON:g})")
+            if activation:
+                words.append(f"{activation} {layer.outputs}")
+    names = ", ".join(layer.name for layer, _ in steps if layer.name)
+    chain = " -> ".join(words)
     if name:
         chain = f"{name} {chain}"
     return f"{chain} (layers {shortened(names, 80)})" if names else chain

@@ -12,12 +12,15 @@ import casadi as ca
 import numpy as np
 
 from controller.critic.activations import ACTIVATIONS, on_entries
+from controller.critic.products import Products
 from controller.critic.tensors import LARGEST_FILE, LARGEST_NETWORK, checked_tensors
 from hfa_support.errors import BadInputError, said_of, shortened
 from hfa_support.files import regular_file
 
 #: The oldest ONNX operator set that is read.
 OLDEST_OPSET = 9
+#: Numbers that depend on the state, in one graph.
+_MOST_SCALARS = 200_000
 
 
 def _divided(a: Any, b: Any) -> Any:
@@ -29,14 +32,15 @@ def _divided(a: Any, b: Any) -> Any:
 
 
 def _gemm(
-    a: Any,
-    b: Any,
+    times: Callable[[np.ndarray, np.ndarray], np.ndarray],
+    a: np.ndarray,
+    b: np.ndarray,
     c: Any = 0.0,
     **how: float,
 ) -> Any:
     first = a.T if how.get("transA") else a
     second = b.T if how.get("transB") else b
-    return how.get("alpha", 1.0) * (first @ second) + how.get("beta", 1.0) * c
+    return how.get("alpha", 1.0) * times(first, second) + how.get("beta", 1.0) * c
 
 
 def _reshape(x: np.ndarray, shape: np.ndarray, allowzero: int = 0) -> np.ndarray:
@@ -90,7 +94,7 @@ def _cast(x: np.ndarray, to: int, **_: Any) -> np.ndarray:
     return x
 
 
-def _normalized(x: np.ndarray, axes: tuple[int, ...], epsilon: float) -> np.ndarray:
+def normalized(x: np.ndarray, axes: tuple[int, ...], epsilon: float) -> np.ndarray:
     """(x - mean) / sqrt(variance + epsilon) over the axes."""
     centred = x - np.mean(x, axis=axes, keepdims=True)
     variance = np.mean(centred**2, axis=axes, keepdims=True)
@@ -106,7 +110,7 @@ def _layer_norm(
     stash_type: int = 1,
 ) -> np.ndarray:
     axes = tuple(range(axis % x.ndim, x.ndim))
-    return _normalized(x, axes, epsilon) * scale + bias
+    return normalized(x, axes, epsilon) * scale + bias
 
 
 def _batch_norm(
@@ -134,16 +138,14 @@ def _chained(function: Callable[[Any, Any], Any]) -> Callable[..., np.ndarray]:
     return combined
 
 
-#: ONNX operators: inputs, then attributes by name.
-OPERATORS: Mapping[str, Callable[..., Any]] = {
+#: ONNX operators but the products: inputs, then attributes by name.
+_OPERATORS: Mapping[str, Callable[..., Any]] = {
     "Add": lambda a, b: a + b,
     "Sub": lambda a, b: a - b,
     "Mul": lambda a, b: a * b,
     "Div": _divided,
     "Neg": lambda a: -a,
     "Sum": lambda *terms: sum(terms[1:], terms[0]),
-    "MatMul": lambda a, b: a @ b,
-    "Gemm": _gemm,
     "Tanh": ACTIVATIONS["tanh"],
     "Relu": ACTIVATIONS["relu"],
     "LeakyRelu": ACTIVATIONS["leaky_relu"],
@@ -190,13 +192,15 @@ _ARRANGING |= {"Cast", "Dropout", "Transpose"}
 
 
 def graph_functions(
-    path: Path, states: int, outputs: Mapping[str, str]
+    path: Path, states: int, inputs: int, outputs: Mapping[str, str]
 ) -> tuple[dict[str, ca.Function], str, str]:
     """The functions of a graph, the precision of its weights, and its operators as one line.
 
     path: of the file; weights beside it are read from files of its folder.
+    states, inputs: of the plant.
     outputs: what is asked for -> the name of an output of the graph; "" for all of them.
-    Functions: what was asked for, or the name of the output -> x (states,) -> its numbers.
+    Functions: what was asked for, or the name of the output -> x (states,), of a Q
+        (states + inputs,) -> its numbers.
     """
     try:
         import onnx
@@ -215,40 +219,82 @@ def graph_functions(
     arrays: dict[str, Any]
     initializers = {tensor.name: tensor for tensor in graph.initializer}
     arrays, precision = _constants(onnx, initializers, path.parent)
-    x = ca.SX.sym("x", states)
-    name, shape = _input_of(graph, set(arrays), states)
-    arrays[name] = np.fromiter(ca.vertsplit(x), object).reshape(shape)
-    steps = [str(states)]
+    shapes = _inputs_of(graph, set(arrays), states, inputs)
+    width = sum(shape[-1] for shape in shapes.values())
+    x = ca.SX.sym("x", width)
+    entries = np.fromiter(ca.vertsplit(x), object)
+    for name, shape in shapes.items():
+        arrays[name] = entries[: shape[-1]].reshape(shape)
+        entries = entries[shape[-1] :]
+    products = Products(x)
+    operators: dict[str, Callable[..., Any]] = {
+        "MatMul": products.times,
+        "Gemm": partial(_gemm, products.times),
+        **_OPERATORS,
+    }
+    steps = [" and ".join(str(shape[-1]) for shape in shapes.values())]
+    scalars = 0
+    constants = 0
     for node in graph.node:
-        result, node_precision = _evaluated(onnx, node, arrays)
-        if sum(array.size for array in arrays.values()) + result.size > LARGEST_NETWORK:
-            raise BadInputError(f"it has more than {LARGEST_NETWORK} numbers")
+        result, node_precision = _evaluated(onnx, operators, node, arrays)
+        if result.dtype == object:
+            scalars += result.size
+        else:
+            constants += result.size
+        if scalars > _MOST_SCALARS or constants > LARGEST_NETWORK:
+            raise BadInputError(
+                f"it computes more than {_MOST_SCALARS} numbers of one state, or more than "
+                f"{LARGEST_NETWORK} constants"
+            )
         arrays[node.output[0]] = result
         precision = min(precision, node_precision)  # float32 before float64
         if node.op_type not in _ARRANGING and result.dtype == object:
             steps.append(f"{node.op_type} {result.size}")
-    return _outputs_of(graph, arrays, x, outputs), precision, " -> ".join(steps)
+    return _outputs_of(graph, arrays, products, outputs), precision, " -> ".join(steps)
 
 
-def _input_of(graph: Any, constants: set[str], states: int) -> tuple[str, tuple[int, ...]]:
-    """The name and the shape of the one input; BadInputError where it is not one row of states."""
-    inputs = [item for item in graph.input if item.name not in constants]
-    if len(inputs) != 1 or not graph.output:
+def _inputs_of(
+    graph: Any, constants: set[str], states: int, inputs: int
+) -> dict[str, tuple[int, ...]]:
+    """The name and the shape of each input: the state, or of a Q the state and the input of the
+    plant, in one row or in two.
+
+    BadInputError for anything else.
+    """
+    shapes = {}
+    for item in graph.input:
+        if item.name not in constants:
+            axes = item.type.tensor_type.shape.dim
+            shapes[item.name] = [axis.dim_value for axis in axes]  # 0 where it is open
+    if len(shapes) not in (1, 2) or not graph.output:
         raise BadInputError(
-            f"it has {len(inputs)} inputs and {len(graph.output)} outputs; a critic takes the "
-            "state alone"
+            f"it has {len(shapes)} inputs and {len(graph.output)} outputs; a critic takes the "
+            "state alone, a Q the state and the input"
         )
-    sizes = [axis.dim_value for axis in inputs[0].type.tensor_type.shape.dim]  # 0 where it is open
-    if len(sizes) not in (1, 2) or (len(sizes) == 2 and sizes[0] > 1):
-        raise BadInputError(f"its input has the shape {sizes}; it must be one row of states")
-    check_width(sizes[-1] or states, states)
-    return inputs[0].name, (1, states)[-len(sizes) :]
+    rows = {}
+    for (name, sizes), width in zip(shapes.items(), (states, inputs), strict=False):
+        if len(sizes) not in (1, 2) or (len(sizes) == 2 and sizes[0] > 1):
+            raise BadInputError(f"its input has the shape {sizes}; it must be one row of states")
+        columns = sizes[-1] or width
+        if len(shapes) == 1:
+            check_width(columns, states, inputs)
+        elif columns != width:
+            raise BadInputError(
+                f"its input {shortened(name)!r} has {columns} numbers; a Q takes {states} states, "
+                f"then {inputs} inputs"
+            )
+        rows[name] = (1, columns)[-len(sizes) :]
+    return rows
 
 
-def check_width(inputs: int, states: int) -> None:
-    """BadInputError where a network does not take the states of the plant."""
-    if inputs != states:
-        raise BadInputError(f"the network has {inputs} inputs and the plant {states} states")
+def check_width(width: int, states: int, inputs: int) -> None:
+    """BadInputError where a network takes neither the states of the plant nor, as a Q does, its
+    states and inputs."""
+    if width not in (states, states + inputs):
+        raise BadInputError(
+            f"the network has {width} inputs and the plant {states} states; a Q of them and the "
+            f"{inputs} inputs of the plant has {states + inputs}"
+        )
 
 
 def _constants(
@@ -277,20 +323,25 @@ def _external(onnx: Any, tensor: Any, folder: Path | None) -> np.ndarray:
         raise BadInputError(
             "its data are in another folder; export the weights inside (torch: external_data=False)"
         )
-    content = regular_file(folder / location, LARGEST_FILE).read_bytes()
+    path = regular_file(folder / location, LARGEST_FILE)
     dtype = np.dtype(onnx.helper.tensor_dtype_to_np_dtype(tensor.data_type))
     count = math.prod(tensor.dims)
-    values = np.frombuffer(content, dtype, count, int(entries.get("offset", 0)))
+    values = np.fromfile(path, dtype, count, offset=int(entries.get("offset", 0)))
     return values.reshape(tuple(tensor.dims))
 
 
-def _evaluated(onnx: Any, node: Any, arrays: Mapping[str, Any]) -> tuple[np.ndarray, str]:
+def _evaluated(
+    onnx: Any,
+    operators: Mapping[str, Callable[..., Any]],
+    node: Any,
+    arrays: Mapping[str, Any],
+) -> tuple[np.ndarray, str]:
     """The first output of a node, and the precision of a constant that it holds."""
     name = node.op_type
     if node.domain not in ("", "ai.onnx"):
         name = f"{node.domain}.{name}"
-    if name not in OPERATORS:
-        raise BadInputError(f"operator {shortened(name)} is not known; use {', '.join(OPERATORS)}")
+    if name not in operators:
+        raise BadInputError(f"operator {shortened(name)} is not known; use {', '.join(operators)}")
     attributes = {item.name: onnx.helper.get_attribute_value(item) for item in node.attribute}
     if "approximate" in attributes:
         attributes["approximate"] = attributes["approximate"].decode()
@@ -298,11 +349,11 @@ def _evaluated(onnx: Any, node: Any, arrays: Mapping[str, Any]) -> tuple[np.ndar
     if name == "Constant" and "value" in attributes:
         attributes, precision = _constants(onnx, attributes)
     inputs = [arrays[item] if item else None for item in node.input]
-    return np.asarray(OPERATORS[name](*inputs, **attributes)), precision
+    return np.asarray(operators[name](*inputs, **attributes)), precision
 
 
 def _outputs_of(
-    graph: Any, arrays: Mapping[str, Any], x: ca.SX, outputs: Mapping[str, str]
+    graph: Any, arrays: Mapping[str, Any], products: Products, outputs: Mapping[str, str]
 ) -> dict[str, ca.Function]:
     names = [item.name for item in graph.output]
     functions = {}
@@ -314,10 +365,5 @@ def _outputs_of(
                     f"{shortened(', '.join(names))}"
                 )
             key = kind if output or len(names) == 1 else name
-            functions[key] = function_of(x, arrays[name])
+            functions[key] = products.function(arrays[name])
     return functions
-
-
-def function_of(x: ca.SX, outputs: np.ndarray) -> ca.Function:
-    """x -> the entries of an array of CasADi scalars, (k,)."""
-    return ca.Function("network", [x], [ca.vertcat(*map(ca.SX, np.ravel(outputs).tolist()))])

@@ -1,5 +1,5 @@
-"""Tensors of state dicts: torch's files, safetensors and .npz, read without torch and without
-running anything."""
+"""Tensors of state dicts: torch's files, safetensors, .npz and .json, read without torch and
+without running anything."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from typing import Any
 
 import numpy as np
 
-from hfa_support.errors import BadInputError, shortened
+from hfa_support.errors import BadInputError, numbers_in, shortened
 
-#: Bytes of a file, and numbers in it: derivatives are symbolic.
-LARGEST_FILE = 2**24
-LARGEST_NETWORK = 200_000
+#: Bytes of a file, and numbers in it: three layers of 1024 x 1024.
+LARGEST_FILE = 2**26
+LARGEST_NETWORK = 2**22
 #: Of safetensors and of torch. Integers (counters of batches) are read, and refused where they
 #: would be weights.
 _TYPES = {
@@ -40,6 +40,8 @@ def tensors_in(content: bytes, suffix: str) -> dict[str, np.ndarray]:
             return {name: arrays[name] for name in arrays.files}
     if suffix == ".safetensors":
         return _safetensors(content)
+    if suffix == ".json":
+        return {name: numbers_in(name, rows) for name, rows in json.loads(content).items()}
     if content[:2] != b"PK":
         raise BadInputError(
             "it is not what torch.save writes since torch 1.6; save state_dict() with it again"
@@ -54,7 +56,7 @@ def checked_tensors(tensors: Mapping[str, np.ndarray]) -> tuple[dict[str, np.nda
     """
     for name, array in tensors.items():
         is_float = array.dtype.kind == "f"
-        if not (array.dtype.kind == "i" or (is_float and array.dtype.itemsize >= 4)):
+        if not (array.dtype.kind in "ib" or (is_float and array.dtype.itemsize >= 4)):
             raise BadInputError(
                 f"tensor {shortened(name)!r} is {array.dtype}; give weights as float32 or float64"
             )

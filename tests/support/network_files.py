@@ -12,6 +12,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from controller.critic.network_file import network_in
+from hfa_support import BadInputError
+
+#: z'Pz: x P, times x, summed.
+QUADRATIC = [("MatMul", "x P", "h"), ("Mul", "x h", "terms"), ("MatMul", "terms ones", "y")]
+ONES = np.ones((6, 1))
 _STORAGE = {"float32": b"FloatStorage", "float64": b"DoubleStorage", "float16": b"HalfStorage"}
 
 
@@ -100,3 +106,30 @@ def safetensors_file(path: Path | str, tensors: Mapping[str, Any]) -> str:
     said = json.dumps(header).encode()
     Path(path).write_bytes(struct.pack("<Q", len(said)) + said + body)
     return str(path)
+
+
+def square_layers(*names: str) -> dict[str, np.ndarray]:
+    """Layers 6-6-...-1 with these names; the widths fit in any order of all but the last."""
+    rng = np.random.default_rng(4)
+    layers = {f"{name}.weight": rng.normal(size=(6, 6)) for name in names[:-1]}
+    return layers | {f"{names[-1]}.weight": np.ones((1, 6))}
+
+
+def two_layers(name: str, outputs: int = 1) -> dict[str, np.ndarray]:
+    """Linear layers 6-4-k of a network with this name."""
+    rng = np.random.default_rng(0)
+    weights = {f"{name}.0": rng.normal(size=(4, 6)), f"{name}.2": rng.normal(size=(outputs, 4))}
+    return {
+        f"{key}.{kind}": W if kind == "weight" else W[:, 0]
+        for key, W in weights.items()
+        for kind in ("weight", "bias")
+    }
+
+
+def refusal(path: str | Path, **how: Any) -> str:
+    """The one line with which a network's file is refused."""
+    with pytest.raises(BadInputError) as caught:
+        network_in(path, 6, **how)
+    assert str(caught.value).startswith(f"{path}: ")
+    assert "\n" not in str(caught.value)
+    return str(caught.value)

@@ -364,7 +364,7 @@ def nearest_linear(game: Game, critic: Critic, box: np.ndarray) -> Answer:
     what is constant and, of V, linear."""
     n = len(box)
     z = np.random.default_rng(2).uniform(-1.0, 1.0, (_SAMPLES, n))
-    symbols = ca.SX.sym("z", n)
+    symbols = critic.symbols
     names = [name for name in ("V", "gradient", "policy") if name in critic.network]
     outputs = ca.vertcat(*(critic.network[name](symbols) for name in names))
     samples = np.array(ca.Function("samples", [symbols], [outputs])((z * box).T)).T

@@ -173,7 +173,7 @@ def search(
     and the `CLIMBS` worst others of `STARTS` states, and from the state `also` (n,). All errors are
     compared at all states that any climb reaches.
     """
-    z = ca.SX.sym("z", len(b))
+    z = critic.symbols
     names, errors = _errors(game, critic, exact, b, z)
     values = ca.Function("values", [z], [errors])
     climb = _climber(values, errors, z, b)
@@ -212,7 +212,7 @@ def _climber(
     """(weights, y) -> where weights'errors(b y), |y_i| <= 1, is largest on the way up from y."""
     from scipy.optimize import minimize
 
-    w = ca.SX.sym("w", errors.numel())
+    w = type(z).sym("w", errors.numel())
     slopes = ca.Function("slopes", [z, w], [ca.jtimes(errors, z, w, True)])
 
     def climb(weights: np.ndarray, start: np.ndarray) -> np.ndarray:
@@ -275,20 +275,19 @@ class _Loop:
         self._P = exact.P
         self._time = time
         self.rest = rest_point(z, rates, b)
-        self._bound = self._slopes_of(ca.SX(0.0))
+        self._bound = self._slopes_of(0.0)
 
     def with_cost(self, running: Callable[[ca.SX], ca.SX]) -> _Loop:
         """The same loop with a cost; running(z) is 0 at rest."""
         self._bound = self._slopes_of(running(self._z))
         return self
 
-    def _slopes_of(self, running: ca.SX) -> BoundFunction:
-        y = ca.vertcat(self._z, ca.SX.sym("cost"))
+    def _slopes_of(self, running: ca.SX | float) -> BoundFunction:
         slopes = ca.densify(ca.vertcat(self._rates, running))
-        return BoundFunction(ca.Function("slopes", [y], [slopes]))
+        return BoundFunction(ca.Function("slopes", [self._z], [slopes]))
 
     def _slopes(self, y: np.ndarray, _: float) -> np.ndarray:
-        self._bound.inputs[0][:] = y
+        self._bound.inputs[0][:] = y[:-1]
         self._bound()
         return self._bound.results[0]
 
@@ -359,7 +358,7 @@ def fly(
     plant: NonlinearPlant | None = None,
 ) -> Flown:
     """Fly a network whose linear loop is stable from the box |z_i| <= b_i."""
-    z = ca.SX.sym("z", len(b))
+    z = critic.symbols
     u = critic.policy(z)
     time = DECAY / abs(spectrum(game.A - game.B @ exact.K).abscissa)
     losses = flown_losses(game, critic, exact, b, flights)
@@ -395,7 +394,7 @@ def flown_losses(
         return np.full(flights, math.inf)
     change = critic.K - exact.K
     after = solve_continuous_lyapunov(linear.T, -change.T @ game.R @ change)
-    z = ca.SX.sym("z", len(b))
+    z = critic.symbols
     u = critic.policy(z)
     time = DECAY / abs(spectrum(game.A - game.B @ exact.K).abscissa)
     loop = _Loop(z, ca.DM(A) @ z + ca.DM(game.B) @ u, exact, time, b)

@@ -1,0 +1,77 @@
+"""The policy of a Q(x, u) that is quadratic in u: the u at which its slope in u is 0."""
+
+from __future__ import annotations
+
+import math
+
+import casadi as ca
+import numpy as np
+
+from hfa_support.errors import BadInputError
+
+_ELSE = (
+    "export the policy u(x) that was trained with it and name that (of an actor in the same file: "
+    "--network policy=NAME)"
+)
+
+
+def policy_of(Q: ca.Function, states: int) -> ca.Function:
+    """x (n,) -> u (m,) with ∂Q/∂u = 0; where ∂²Q/∂u² is not definite as at x = 0, not a number.
+
+    Q: (x, u) (n + m,) -> 1.
+    states: n.
+
+    BadInputError unless Q is one polynomial of degree 2 in u, whose coefficients may depend on x in
+    any way, and ∂²Q/∂u² is definite at x = 0.
+    """
+    if Q.numel_out(0) != 1:
+        raise BadInputError(f"a network of (x, u) gives {Q.numel_out(0)} numbers; a Q is one")
+    if _degree(Q.expand(), states) > 2.0:
+        raise BadInputError(f"its Q(x, u) is not quadratic in u; {_ELSE}")
+    x = ca.SX.sym("x", states)
+    u = ca.SX.sym("u", Q.numel_in(0) - states)
+    curvature, slope = ca.hessian(Q(ca.vertcat(x, u)), u)
+    curvature = ca.densify(curvature)
+    slope = ca.densify(ca.substitute(slope, u, ca.DM.zeros(u.shape)))
+    at_origin = np.array(ca.Function("curvature", [x], [curvature])(np.zeros(states)))
+    eigenvalues = np.linalg.eigvalsh(at_origin)
+    sign = np.sign(eigenvalues[0])
+    if sign == 0.0 or np.any(np.sign(eigenvalues) != sign):
+        raise BadInputError(f"its Q(x, u) has no smallest or largest value over u; {_ELSE}")
+    root = ca.chol(sign * curvature)
+    policy = -ca.solve(root, ca.solve(root.T, sign * slope))
+    return ca.Function("policy", [x], [policy])
+
+
+def _degree(Q: ca.Function, states: int) -> float:
+    """The largest degree in u of a graph of scalars; infinite where it may be no polynomial in u.
+
+    Degrees are added in a product and the larger one counts in a sum, so nothing that cancels is
+    seen.
+    """
+    degrees = np.zeros(Q.sz_w())
+    largest = 0.0
+    for index in range(Q.n_instructions()):
+        operation = Q.instruction_id(index)
+        inputs = Q.instruction_input(index)
+        outputs = Q.instruction_output(index)
+        if operation == ca.OP_OUTPUT:
+            largest = max(largest, degrees[inputs[0]])
+        elif operation == ca.OP_INPUT:
+            degrees[outputs[0]] = float(inputs[1] >= states)
+        elif operation == ca.OP_CONST:
+            degrees[outputs[0]] = 0.0
+        else:
+            degrees[outputs[0]] = _degree_of(operation, [degrees[i] for i in inputs])
+    return float(largest)
+
+
+def _degree_of(operation: int, degrees: list[float]) -> float:
+    """The degree of the result of an operation on polynomials of these degrees."""
+    if operation in (ca.OP_ADD, ca.OP_SUB, ca.OP_NEG, ca.OP_TWICE):
+        return max(degrees)
+    if operation in (ca.OP_MUL, ca.OP_SQ):
+        return 2.0 * degrees[0] if operation == ca.OP_SQ else sum(degrees)
+    if operation == ca.OP_DIV and degrees[1] == 0.0:
+        return degrees[0]
+    return math.inf if any(degrees) else 0.0

@@ -1,0 +1,17 @@
+"""Functions of the states that a user lists as a basis."""
+
+from __future__ import annotations
+
+import pytest
+
+from controller.critic.features import features_of
+from hfa_support import BadInputError
+
+
+@pytest.mark.parametrize(
+    "text", ["__import__('os')", "x7", "x1.real", "x1 if x1 else x2", "[x1]", "x1**", ""]
+)
+def test_what_is_no_basis_is_refused_and_not_run(text: str) -> None:
+    with pytest.raises(BadInputError, match="features") as caught:
+        features_of(text, 6)
+    assert "\n" not in str(caught.value)
