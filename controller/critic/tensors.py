@@ -93,14 +93,14 @@ def _dtype(kind: str) -> str:
 def _view(
     storage: np.ndarray, offset: int, size: tuple[int, ...], stride: tuple[int, ...], *_: Any
 ) -> np.ndarray:
-    """torch._utils._rebuild_tensor_v2: the numbers of a storage at offset + Σ index stride;
-    IndexError beyond it."""
-    if math.prod(size) > storage.size:
+    """torch._utils._rebuild_tensor_v2: the numbers of a storage at offset + Σ index stride."""
+    steps = zip(size, stride, strict=True)
+    last = offset + sum((count - 1) * step for count, step in steps)
+    is_inside = 0 <= offset <= last < storage.size and min(stride, default=0) >= 0
+    if math.prod(size) > storage.size or not is_inside:
         raise BadInputError(f"a tensor of shape {size} is larger than its storage")
-    positions = np.full(size, offset)
-    for index, step in zip(np.indices(size), stride, strict=True):
-        positions = positions + index * step
-    return storage[positions]
+    strides = [step * storage.itemsize for step in stride]
+    return np.lib.stride_tricks.as_strided(storage[offset:], size, strides, writeable=False)
 
 
 #: All that a pickle may call.

@@ -27,10 +27,11 @@ def onnx_file(
     constants: Mapping[str, Any],
     outputs: int = 1,
     states: int = 6,
+    inputs: int = 0,
     opset: int = 20,
 ) -> str:
-    """A graph from "x" (1, states) to "y" (1, outputs). nodes: (operator, inputs, output,
-    attributes)."""
+    """A graph from "x" (1, states), and "u" (1, inputs) where there are any, to "y" (1, outputs).
+    nodes: (operator, inputs, output, attributes)."""
     onnx = pytest.importorskip("onnx", reason="the package onnx is not installed")
     kinds = {
         "float32": onnx.TensorProto.FLOAT,
@@ -48,7 +49,11 @@ def onnx_file(
             for operator, inputs, output, *more in nodes
         ],
         "critic",
-        [onnx.helper.make_tensor_value_info("x", kind, [1, states])],
+        [
+            onnx.helper.make_tensor_value_info(name, kind, [1, width])
+            for name, width in {"x": states, "u": inputs}.items()
+            if width
+        ],
         [onnx.helper.make_tensor_value_info("y", kind, [1, outputs])],
         [onnx.numpy_helper.from_array(each, name) for name, each in found.items()],
     )

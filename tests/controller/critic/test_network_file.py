@@ -7,6 +7,7 @@ import json
 import os
 import pickle
 import zipfile
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ import pytest
 from network_files import refusal, safetensors_file, square_layers, torch_file, two_layers
 
 from controller import Game
+from controller.critic.critic_file import Reading, critic_in
 from controller.critic.network import from_network
 from controller.critic.network_file import network_in
 from hfa_support import BadInputError
@@ -96,6 +98,114 @@ def test_a_module_declared_in_another_order_than_its_numbers_is_refused(game: Ga
         from_network(game, path, activation="tanh")
 
 
+def test_layers_in_json_are_those_of_an_npz(game: Game) -> None:
+    layers = square_layers("0", "2", "10")
+    Path("sorted.json").write_text(
+        json.dumps({name: layers[name].tolist() for name in sorted(layers)}), encoding="utf-8"
+    )
+    critic = critic_in("sorted.json", game, reading=Reading(activation="tanh"))
+    expected = from_network(game, torch_file("a.pt", layers), activation="tanh")
+    assert np.array_equal(critic.K, expected.K)
+    assert critic.origin.endswith("6 -> tanh 6 -> tanh 6 -> 1 (layers 0, 2, 10)")
+    Path("letters.json").write_text(
+        json.dumps({name: rows.tolist() for name, rows in square_layers("b", "a", "c").items()}),
+        encoding="utf-8",
+    )
+    assert "fit together in more than one order" in refusal("letters.json", activation="tanh")
+
+
+# LayerNorm.
+
+
+def with_norm(first: str, norm: str, last: str) -> dict[str, np.ndarray]:
+    """6 -> 4, LayerNorm, 4 -> 1."""
+    rng = np.random.default_rng(6)
+    shapes = {f"{first}.weight": (4, 6), f"{first}.bias": (4,), f"{norm}.weight": (4,)}
+    shapes |= {f"{norm}.bias": (4,), f"{last}.weight": (1, 4), f"{last}.bias": (1,)}
+    return {name: rng.normal(size=shape) for name, shape in shapes.items()}
+
+
+def normal(h: np.ndarray) -> np.ndarray:
+    return (h - h.mean()) / np.sqrt(h.var() + 1e-5)
+
+
+@pytest.mark.parametrize(
+    ("places", "before", "chain"),
+    [
+        ("013", False, "6 -> 4 -> LayerNorm 4 (epsilon 1e-05) -> tanh 4 -> 1"),
+        ("023", True, "6 -> tanh 4 -> LayerNorm 4 (epsilon 1e-05) -> 1"),
+    ],
+)
+def test_a_layer_norm_is_where_the_numbers_of_its_neighbours_leave_it(
+    places: str, before: bool, chain: str
+) -> None:
+    """In a torch.nn.Sequential the activation takes the number that is missing."""
+    tensors = with_norm(*places)
+    A, a, scale, shift, B, b = tensors.values()
+    for path in (torch_file("a.pt", tensors), safetensors_file("a.safetensors", tensors)):
+        stored = network_in(path, 6, "tanh")
+        assert stored.chain == f"{chain} (layers {', '.join(places)})"
+        for x in X:
+            h = A @ x + a
+            h = normal(np.tanh(h)) * scale + shift if before else np.tanh(normal(h) * scale + shift)
+            assert float(stored.functions[""](x)) == pytest.approx((B @ h + b).item(), rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    "names", [("0", "2", "4"), ("0", "1", "2"), ("fc1", "ln1", "out"), ("net.0", "norm.0", "net.2")]
+)
+def test_a_layer_norm_whose_place_the_names_do_not_tell_is_refused(
+    names: tuple[str, str, str],
+) -> None:
+    message = refusal(torch_file("a.pt", with_norm(*names)), activation="tanh")
+    assert f"before or behind the LayerNorm '{names[1]}'; export the network to ONNX" in message
+
+
+def test_a_layer_norm_of_the_states_or_of_the_output_needs_no_gap() -> None:
+    rng = np.random.default_rng(7)
+    A = rng.normal(size=(4, 6))
+    norms = {"0.weight": rng.normal(size=6), "0.bias": rng.normal(size=6)}
+    norms |= {"1.weight": A, "2.weight": np.ones(4), "2.bias": np.zeros(4)}
+    stored = network_in(torch_file("a.pt", norms), 6)
+    h = normal(X[0]) * norms["0.weight"] + norms["0.bias"]
+    assert np.array(stored.functions[""](X[0])).ravel() == pytest.approx(normal(A @ h), rel=1e-12)
+    apart = {name.replace("0.", "input."): array for name, array in norms.items()}
+    assert "LayerNorm 'input'" in refusal(torch_file("b.pt", apart), activation="tanh")
+
+
+def test_a_batch_norm_is_no_layer_norm() -> None:
+    tensors = with_norm("0", "1", "3") | {"1.running_mean": np.zeros(4)}
+    assert "'1.running_mean' (4,) is no weight" in refusal(
+        torch_file("a.pt", tensors), activation="tanh"
+    )
+
+
+# Wide layers.
+
+
+def test_wide_layers_stay_matrices_and_have_their_slopes(game: Game) -> None:
+    rng = np.random.default_rng(8)
+    sizes = (6, 150, 150, 1)
+    layers = {
+        f"{2 * index}.weight": rng.normal(size=(k, n)) / np.sqrt(n)
+        for index, (n, k) in enumerate(pairwise(sizes))
+    }
+    critic = from_network(game, torch_file("wide.pt", layers), activation="tanh")
+    assert critic.value is not None
+    assert critic.gradient is not None
+    assert critic.value.is_a("MXFunction")
+    A, B, C = layers.values()
+    first = np.tanh(A @ X[0])
+    second = np.tanh(B @ first)
+    assert float(critic.value(X[0])) == pytest.approx((C @ second).item(), rel=1e-12)
+    slopes = (C * (1 - second**2)) @ (B * (1 - first**2)) @ A
+    assert np.array(critic.gradient(X[0])).ravel() == pytest.approx(slopes.ravel(), rel=1e-11)
+    assert critic.P is not None
+    step = 1e-5 * np.hstack([np.eye(6), -np.eye(6)])
+    ends = np.array(critic.gradient(step))
+    assert pytest.approx((ends[:, :6] - ends[:, 6:]) / 4e-5, abs=1e-9) == critic.P
+
+
 # Names, and several networks in one file.
 
 
@@ -156,6 +266,22 @@ def test_a_pickle_that_would_run_code_is_refused_and_nothing_runs(packed: bool) 
         assert not Path("executed").exists()
     pickle.loads(content)  # as torch.load without weights_only
     assert Path("executed").exists()
+
+
+@pytest.mark.parametrize("stride", [60, -6])
+def test_a_tensor_beyond_its_storage_is_refused(stride: int) -> None:
+    """4 rows of 6 numbers, 60 numbers apart, of which the file has 24."""
+    torch_file("a.pt", {"weight": np.ones((4, 6))})
+    with zipfile.ZipFile("a.pt") as archive:
+        members = {name: archive.read(name) for name in archive.namelist()}
+    strides = b"(J\x06\0\0\0J\x01\0\0\0t"
+    assert members["critic/data.pkl"].count(strides) == 1
+    longer = b"(J" + stride.to_bytes(4, "little", signed=True) + b"J\x01\0\0\0t"
+    members["critic/data.pkl"] = members["critic/data.pkl"].replace(strides, longer)
+    with zipfile.ZipFile("a.pt", "w") as archive:
+        for name, content in members.items():
+            archive.writestr(name, content)
+    assert "a tensor of shape (4, 6) is larger than its storage" in refusal("a.pt")
 
 
 def test_wrong_state_dicts_are_refused() -> None:
