@@ -119,12 +119,13 @@ def _searched_and_proved(
 
     A larger error that the proof comes upon is searched from there.
     """
-    z = ca.SX.sym("z", len(b))
+    z = critic.symbols
     names, errors = _errors(game, critic, exact, b, z)
     end = time.monotonic() + scope.seconds
     origin, found = search(game, critic, exact, b)
     proof = None
-    for _ in range(_SEARCHES if scope.seconds else 0):
+    is_wide = not isinstance(z, ca.SX)  # too many operations to be bounded one by one
+    for _ in range(0 if is_wide or not scope.seconds else _SEARCHES):
         largest = {item.name: item.error for item in found}
         what = "error"
         bound = limit
