@@ -17,8 +17,8 @@ predefined_time=15`. Run it with .venv/bin/python; it prints
 import numpy as np
 
 import controller
+import hfa
 import hfa_model
-import trim
 import verification
 
 TICK, SHARE = 0.05, 0.1
@@ -57,9 +57,9 @@ class DampedPolicyIteration:
         return {"time": TICK * tick, "weights": memory["weights"]}
 
 
-aircraft = hfa_model.aircraft()
-model = trim.level_model(aircraft, 5 * hfa_model.DEGREE)
-game = controller.published_game(model)
+aircraft = hfa.aircraft()
+model = hfa.level_model(aircraft, 5 * hfa_model.DEGREE)
+game = hfa.published_game(model)
 run = controller.run(DampedPolicyIteration(game, controller.random_pool(game, 60, seed=0)))
 history = controller.critics_over_time(game, run.history["time"], W=run.history["weights"])
 check = verification.check_history(game, history)

@@ -24,17 +24,16 @@ are rather too wide than too narrow. Run it with .venv/bin/python; it prints
 
 import numpy as np
 
-import hfa_model
-from hfa_model import default_parameters
-from trim import entry_bands, find_operating_point, level_flight, linearize, modes_of
+import hfa
+from trim import entry_bands, modes_of
 
-shipped = default_parameters()
+shipped = hfa.default_parameters()
 for dynamics in ("published", "newton"):
     aircraft, condition = (
-        hfa_model.aircraft(dynamics, shipped.values),
-        level_flight(np.radians(10.0)),
+        hfa.aircraft(dynamics, shipped.values),
+        hfa.level_flight(np.radians(10.0)),
     )
-    model = linearize(aircraft, find_operating_point(aircraft, condition))
+    model = hfa.linearize(aircraft, hfa.find_operating_point(aircraft, condition))
     bands = entry_bands(shipped, condition, model)
     print(dynamics)
     for i in np.argsort(-bands.A, axis=None)[:3]:
