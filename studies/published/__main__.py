@@ -23,7 +23,7 @@ from verification.printed.printed_verdict import check_printed
 SOURCES = Path(__file__).parent / "sources"
 PAGE = Path(__file__).parents[2] / "docs" / "published.md"
 
-_HEADER = ("file", "source", "plant", "printed", "verdict")
+HEADER = ("file", "source", "plant", "printed", "verdict")
 _HEAD = """# Printed answers of others
 
 `python -m studies.published` judges answers that papers, manuals and repositories print beside
@@ -44,7 +44,7 @@ as printed: all 20 entries
 To add a row, copy a file of the folder and paste the numbers, digit by digit, of a text that is
 open in front of you. `source` says where it is: repository, path and commit, or address and date.
 `note` says what was worked out, such as entries of A from printed masses. Then run
-`python -m studies.published`. A text that does not say of which plant its answer is stays out.
+`python -m studies.published`. A text that prints an answer without its plant stays out.
 """
 
 
@@ -104,7 +104,7 @@ def page_of(rows: list[Row]) -> str:
     """docs/published.md: how many answers have each verdict, then all of them."""
     counts = Counter(row.verdict.partition(":")[0] for row in rows)
     classes = Table(("verdict", "files"), counts.most_common())
-    table = Table(_HEADER, [*rows, *rows_of_the_paper()])
+    table = Table(HEADER, [*rows, *rows_of_the_paper()])
     return "\n".join([_HEAD, markdown_table(classes), "", markdown_table(table), ""])
 
 
