@@ -33,7 +33,8 @@ def test_the_page_has_every_file_and_says_its_source() -> None:
     assert page_of(rows) == page, STALE
     for row, path in zip(rows, PATHS, strict=True):
         file = load_printed(path)
-        assert file.title and file.source
+        assert file.title
+        assert file.source
         assert row.source == f"{file.title}; {file.source}", STALE
 
 
