@@ -58,9 +58,7 @@ class Reading:
         return basis(self.basis or "quadratic", states)
 
 
-def critics_in(
-    path: str | Path, game: Game, plant: PlantNames = UNNAMED, reading: Reading | None = None
-) -> tuple[Critic, ...]:
+def critics_in(path: str | Path, game: Game, reading: Reading | None = None) -> tuple[Critic, ...]:
     """The critic in a file, or of a file with times one critic for each, with its `time`.
 
     A file is a network (`is_network`), or holds W (also `weights`), P or K (also `gains`), as many
@@ -74,7 +72,7 @@ def critics_in(
     if is_network(Path(path)):
         from controller.critic.network import from_network
 
-        functions = reading.functions(len(game.A), plant.states)
+        functions = reading.functions(len(game.A), game.names.states)
         critic = from_network(
             game,
             path,
@@ -91,21 +89,19 @@ def critics_in(
         # Beside the rows over time a file may hold the last of them under its own name.
         over_time = entries | {own: entries[key] for key, own in _ALIASES.items() if key in entries}
         if "time" in over_time and any(name in over_time for name in _DIMENSIONS):
-            rows = _rows_over_time(over_time, game, plant, reading)
+            rows = _rows_over_time(over_time, game, reading)
             if rows is not None:
                 return rows
-        functions = reading.functions(len(game.A), plant.states)
-        parts = _single_parts(entries, plant, functions)
+        functions = reading.functions(len(game.A), game.names.states)
+        parts = _single_parts(entries, game.names, functions)
         if reading.lists_functions and "W" not in parts:
             raise BadInputError("a list of --basis belongs to weights W; there are none")
         return (from_parts(game, parts, functions),)
 
 
-def critic_in(
-    path: str | Path, game: Game, plant: PlantNames = UNNAMED, reading: Reading | None = None
-) -> Critic:
+def critic_in(path: str | Path, game: Game, reading: Reading | None = None) -> Critic:
     """The one critic of a file, of a history the last row. BadInputError, one line."""
-    return critics_in(path, game, plant, reading)[-1]
+    return critics_in(path, game, reading)[-1]
 
 
 def stored_parts(
@@ -246,7 +242,7 @@ def _in_plant_units(
 
 
 def _rows_over_time(
-    entries: Mapping[str, Any], game: Game, plant: PlantNames, reading: Reading
+    entries: Mapping[str, Any], game: Game, reading: Reading
 ) -> tuple[Critic, ...] | None:
     """The critics of a history; None where beside its times the file holds the last row alone."""
     if reading.lists_functions:
@@ -265,7 +261,7 @@ def _rows_over_time(
     }
     if all(array.shape == sizes[name] for name, array in rows.items()):
         return None
-    rows = _in_plant_units(rows, file_scales(entries, plant), psi)
+    rows = _in_plant_units(rows, file_scales(entries, game.names), psi)
     return critics_over_time(game, times, psi.name, **rows)
 
 

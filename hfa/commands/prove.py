@@ -358,7 +358,7 @@ def _game(request: ProveRequest) -> int:
     if critic is not None:
         from controller.critic.critic_file import Reading, critic_in
 
-        stored = critic_in(critic, named.game, named.game.names, Reading(request.basis))
+        stored = critic_in(critic, named.game, Reading(request.basis))
         with said_of(critic):
             proof = prove_critic(named.game, stored, family, value)
     else:

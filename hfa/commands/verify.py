@@ -172,7 +172,7 @@ def _verify_discrete(
             critic = from_parts(problem.step, parts | given)
             more = parts | more
     else:
-        critic = critics_in(path, problem.step, named.game.names, request.reading())[-1]
+        critic = critics_in(path, problem.step, request.reading())[-1]
     with said_of(path):
         verdict = check_discrete(problem, critic, limit=request.limit_error, more=more)
     report = verdict.report(limit_cost=request.limit_cost)
@@ -251,7 +251,7 @@ def _check_file(
         raise BadInputError(
             f"{path}: --set activation belongs to a state dict; an ONNX file says it"
         )
-    critics = critics_in(path, game, game.names, request.reading())
+    critics = critics_in(path, game, request.reading())
     is_history = critics[-1].time is not None
     if request.discount is not None and request.dt is not None:
         if is_history:

@@ -147,7 +147,7 @@ class LawOptions(LearningOptions, WeightOptions, ReadingOptions):
             progress = ProgressLine("learn")
             value = learned_value(game, self.law, self.seed, progress, **self.set)
             return GainPolicy(self.law, value.K)
-        critic = critic_in(path, game, game.names, self.reading())
+        critic = critic_in(path, game, self.reading())
         if not critic.linear:
             return function_policy(f"critic of {path}", critic.policy, linear.point)
         kind = "gain" if critic.feedback is None else "weights"
