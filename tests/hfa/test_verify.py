@@ -168,7 +168,7 @@ def test_a_printed_answer_has_its_class_and_exit_code(tmp_path: Path) -> None:
 def test_bad_input_of_a_printed_answer_is_one_line(tmp_path: Path) -> None:
     file = tmp_path / "printed.toml"
     file.write_text('time = "continuous"\n[plant]\nA = "0 1; 0 x"\n[printed]\nK = "1 2"\n')
-    assert_refused(hfa("verify", "--printed", str(file)), BAD_INPUT, "A, row 2: 'x' is no number")
+    assert_refused(hfa("verify", "--printed", str(file)), BAD_INPUT, "A, row 2: 'x' is not known")
     assert_refused(
         hfa("verify", "--printed", str(file), "--dihedral", "5"),
         BAD_INPUT,
