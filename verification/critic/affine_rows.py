@@ -61,7 +61,10 @@ def affine_rows(function: ca.Function) -> tuple[list[Row], list[Node]]:
         sources = function.instruction_input(index)
         target, *entry = function.instruction_output(index)
         if operation == ca.OP_CONST:
-            work[target] = _plus({}, {0: _ONE}, Fraction(function.instruction_constant(index)))
+            constant = function.instruction_constant(index)
+            if not math.isfinite(constant):
+                raise NotReadError
+            work[target] = _plus({}, {0: _ONE}, Fraction(constant))
         elif operation == ca.OP_INPUT:
             work[target] = {1 + sources[1]: _ONE}
         elif operation == ca.OP_OUTPUT:
@@ -97,7 +100,8 @@ class _Reader:
     def result(self, operation: int, first: Row, last: Row) -> Row:
         if operation in _LINEAR:
             of_first, of_last = _LINEAR[operation]
-            return _plus(_plus({}, first, Fraction(of_first)), last, Fraction(of_last))
+            scaled = first if of_first == 1 else _plus({}, first, Fraction(of_first))
+            return _plus(scaled, last, Fraction(of_last)) if of_last else scaled
         if operation == ca.OP_TANH:
             return {self._node("tanh", first): _ONE}
         if operation == ca.OP_FMAX:  # max(a, b) = b + max(a - b, 0)

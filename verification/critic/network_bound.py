@@ -59,7 +59,7 @@ def prove(
     scaled = ca.Function("errors", [y], [ca.densify(errors(ca.DM(b) * y))])
     try:
         relaxation = Relaxation(scaled)
-    except NotReadError:
+    except (NotReadError, OverflowError):  # a coefficient that is no double
         return None
     begin = time.monotonic()
     centres = np.zeros((1, len(b)))

@@ -14,7 +14,7 @@ and γ is that of four times as many terms and nodes as there are.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import groupby
 from typing import NamedTuple
 
@@ -137,27 +137,29 @@ _LINES: Mapping[str, Callable[..., Lines]] = {
 }
 
 
-class _Group(NamedTuple):
-    """Nodes of one kind and level: the variables from `first` on.
+#: Coefficients by groups of variables: (..., rows, variables) each. Group 0, the constant 1 and the
+#: inputs, is there always; others where they are not all 0.
+_Blocks = dict[int, np.ndarray]
 
-    matrices: of each argument the rows, (nodes, first).
-    """
+
+class _Group(NamedTuple):
+    """Nodes of one kind and level; the rows of each argument."""
 
     kind: str
-    first: int
-    matrices: tuple[np.ndarray, ...]
+    arguments: tuple[_Blocks, ...]
 
 
 class _Affine(NamedTuple):
     """Rows of the inputs: (boxes, rows, ...).
 
-    spreads: of each group, which part of the radius each node is; None where it is in no row.
+    spreads: of each group, which part of the radius each node is; those that are in no row are
+        missing.
     """
 
     slopes: np.ndarray
     constant: np.ndarray
     radius: np.ndarray
-    spreads: list[np.ndarray | None]
+    spreads: _Blocks
 
 
 class Bounds(NamedTuple):
@@ -179,23 +181,23 @@ class Relaxation:
     """Bounds of the outputs of a function y (n,) -> e; NotReadError as `affine_rows`."""
 
     def __init__(self, function: ca.Function) -> None:
-        self._inputs = function.numel_in(0)
         rows, nodes = affine_rows(function)
-        first = 1 + self._inputs
-        order = sorted(range(len(nodes)), key=lambda k: (nodes[k].level, nodes[k].kind))
-        places = dict(zip(range(first), range(first), strict=True))
-        places |= {first + k: first + place for place, k in enumerate(order)}
+        first = 1 + function.numel_in(0)
+        places = {variable: (0, variable) for variable in range(first)}
+        widths = [first]
         self._groups: list[_Group] = []
-        ordered = [nodes[k] for k in order]
-        for (_, kind), group in groupby(ordered, lambda node: (node.level, node.kind)):
-            arguments = zip(*(node.rows for node in group), strict=True)
-            matrices = tuple(_matrix(argument, places, first) for argument in arguments)
-            self._groups.append(_Group(kind, first, matrices))
-            first += len(matrices[0])
-        self._rows = _matrix(rows, places, first)
-        self._gamma = 4.0 * (first + len(self._groups) + 50) * 2.0**-53
-        widest = max((len(group.matrices[0]) for group in self._groups), default=1)
-        self._at_once = int(np.clip(_LARGEST_ARRAY // widest**2, 1, _MOST_BOXES))
+        order = sorted(range(len(nodes)), key=lambda k: (nodes[k].level, nodes[k].kind))
+        for (_, kind), members in groupby(order, lambda k: (nodes[k].level, nodes[k].kind)):
+            indices = list(members)
+            arguments = zip(*(nodes[k].rows for k in indices), strict=True)
+            blocks = tuple(_blocks(argument, places, widths) for argument in arguments)
+            self._groups.append(_Group(kind, blocks))
+            group = len(widths)
+            places |= {first + k: (group, place) for place, k in enumerate(indices)}
+            widths.append(len(indices))
+        self._rows = _blocks(rows, places, widths)
+        self._gamma = 4.0 * (sum(widths) + len(widths) + 50) * 2.0**-53
+        self._at_once = int(np.clip(_LARGEST_ARRAY // max(widths) ** 2, 1, _MOST_BOXES))
 
     def over(self, centres: np.ndarray, half_widths: np.ndarray) -> Bounds:
         """The bounds over the boxes centres ± half_widths, (boxes, n) each."""
@@ -208,15 +210,14 @@ class Relaxation:
 
     def _over(self, centres: np.ndarray, half_widths: np.ndarray) -> Bounds:
         count = len(centres)
-        sizes = np.ones((count, self._rows.shape[1]))
-        sizes[:, 1 : 1 + self._inputs] = np.abs(centres) + half_widths
+        sizes = [np.hstack([np.ones((count, 1)), np.abs(centres) + half_widths])]
         lines: list[Lines] = []
         shares = []  # (boxes, nodes, n): what each input contributes to the width of an argument
         for group in self._groups:
             ends: list[np.ndarray] = []
             share = 0.0
-            for matrix in group.matrices:
-                affine = self._back(matrix, sizes, lines)
+            for argument in group.arguments:
+                affine = self._back(argument, sizes, lines)
                 middle, radius = self._range(affine, centres, half_widths)
                 ends += [middle - radius, middle + radius]
                 reach = np.abs(affine.slopes) * half_widths[:, None, :]
@@ -226,16 +227,14 @@ class Relaxation:
             line.radius[infinite] = np.inf
             lines.append(line)
             shares.append(share)
-            last = group.first + line.size.shape[1]
-            sizes[:, group.first : last] = (1.0 + self._gamma) * line.size
+            sizes.append((1.0 + self._gamma) * line.size)
         affine = self._back(self._rows, sizes, lines)
         middle, radius = self._range(affine, centres, half_widths)
         boxes = np.arange(count)
         worst = np.argmax(np.abs(middle) + radius, axis=1)
         gaps = np.zeros_like(centres)
-        for spread, share in zip(affine.spreads, shares, strict=True):
-            if spread is not None:
-                gaps += np.einsum("bk,bkn->bn", spread[boxes, worst], share)
+        for number, spread in affine.spreads.items():
+            gaps += np.einsum("bk,bkn->bn", spread[boxes, worst], shares[number - 1])
         slopes = affine.slopes[boxes, worst]
         height = np.abs(middle)[boxes, worst]
         reach = np.sum(np.abs(slopes) * half_widths, axis=1)
@@ -244,33 +243,33 @@ class Relaxation:
         corner = centres + away * half_widths
         return Bounds(height + reach + rest, height + reach - rest, corner, gaps)
 
-    def _rounded(self, line: Lines, group: _Group, sizes: np.ndarray) -> Lines:
+    def _rounded(self, line: Lines, group: _Group, sizes: list[np.ndarray]) -> Lines:
         """The lines, with the radius of what they bring into rows."""
         rounding = np.abs(line.constant)
-        for slope, matrix in zip(line.slopes, group.matrices, strict=True):
-            rounding = rounding + np.abs(slope) * (sizes[:, : group.first] @ np.abs(matrix).T)
+        for slope, argument in zip(line.slopes, group.arguments, strict=True):
+            rounding = rounding + np.abs(slope) * _sizes_of(argument, sizes)
         return line._replace(radius=line.radius + self._gamma * rounding + _TINY)
 
-    def _back(self, matrix: np.ndarray, sizes: np.ndarray, lines: list[Lines]) -> _Affine:
-        """Rows (rows, variables) of the inputs alone."""
-        rows = matrix[None]
-        radius = self._gamma * (sizes[:, : matrix.shape[1]] @ np.abs(matrix).T)
-        spreads: list[np.ndarray | None] = [None] * len(lines)
-        for index in range(len(lines) - 1, -1, -1):
-            group = self._groups[index]
-            line = lines[index]
-            coefficients = rows[:, :, group.first :]
-            rows = rows[:, :, : group.first]
-            if not coefficients.any():
+    def _back(self, blocks: _Blocks, sizes: list[np.ndarray], lines: list[Lines]) -> _Affine:
+        """Rows of the inputs alone, of rows of all variables."""
+        rows = {group: block[None] for group, block in blocks.items()}
+        radius = self._gamma * _sizes_of(blocks, sizes)
+        spreads: _Blocks = {}
+        for group in range(len(lines), 0, -1):
+            if group not in rows:
                 continue
-            spread = np.abs(coefficients) * line.radius[:, None, :]
-            spreads[index] = spread
-            radius = radius + spread.sum(axis=2)
-            for slope, arguments in zip(line.slopes, group.matrices, strict=True):
-                rows = rows + _times(coefficients * slope[:, None, :], arguments)
-            rows[:, :, 0] += np.matmul(coefficients, line.constant[:, :, None])[:, :, 0]
-        rows = np.broadcast_to(rows, (len(sizes), *rows.shape[1:]))
-        return _Affine(rows[:, :, 1:], rows[:, :, 0], (1.0 + self._gamma) * radius, spreads)
+            line = lines[group - 1]
+            coefficients = rows.pop(group)
+            spreads[group] = np.abs(coefficients) * line.radius[:, None, :]
+            radius = radius + spreads[group].sum(axis=2)
+            for slope, argument in zip(line.slopes, self._groups[group - 1].arguments, strict=True):
+                scaled = coefficients * slope[:, None, :]
+                for before, block in argument.items():
+                    part = _times(scaled, block)
+                    rows[before] = rows[before] + part if before in rows else part
+            rows[0][:, :, 0] += np.matmul(coefficients, line.constant[:, :, None])[:, :, 0]
+        inputs = np.broadcast_to(rows[0], (len(radius), *rows[0].shape[1:]))
+        return _Affine(inputs[:, :, 1:], inputs[:, :, 0], (1.0 + self._gamma) * radius, spreads)
 
     def _range(
         self, affine: _Affine, centres: np.ndarray, half_widths: np.ndarray
@@ -283,13 +282,25 @@ class Relaxation:
         return middle, radius + self._gamma * (terms + radius) + _TINY
 
 
-def _matrix(rows: list[Row] | tuple[Row, ...], places: Mapping[int, int], width: int) -> np.ndarray:
-    """The rows, (rows, width), their variables at their places."""
-    matrix = np.zeros((len(rows), width))
-    for index, row in enumerate(rows):
+def _blocks(
+    rows: Iterable[Row], places: Mapping[int, tuple[int, int]], widths: Sequence[int]
+) -> _Blocks:
+    """The rows, whose variables are at these places of groups with these widths."""
+    listed = list(rows)
+    blocks = {0: np.zeros((len(listed), widths[0]))}
+    for index, row in enumerate(listed):
         for variable, coefficient in row.items():
-            matrix[index, places[variable]] = float(coefficient)
-    return matrix
+            group, place = places[variable]
+            if group not in blocks:
+                blocks[group] = np.zeros((len(listed), widths[group]))
+            blocks[group][index, place] = float(coefficient)
+    return blocks
+
+
+def _sizes_of(blocks: _Blocks, sizes: Sequence[np.ndarray]) -> np.ndarray:
+    """Σ |w_j| |v_j| of each row, (boxes, rows), of the sizes |v_j| of the variables."""
+    terms = [sizes[group] @ np.abs(block).T for group, block in blocks.items()]
+    return np.sum(terms, axis=0)
 
 
 def _times(stack: np.ndarray, matrix: np.ndarray) -> np.ndarray:
