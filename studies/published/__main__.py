@@ -24,6 +24,8 @@ SOURCES = Path(__file__).parent / "sources"
 PAGE = Path(__file__).parents[2] / "docs" / "published.md"
 
 HEADER = ("file", "source", "plant", "printed", "verdict")
+#: How the verdict begins where every digit is right.
+RIGHT = "as printed"
 _HEAD = """# Printed answers of others
 
 `python -m studies.published` judges answers that papers, manuals and repositories print beside
@@ -74,7 +76,7 @@ def row_of(path: Path) -> Row:
         verdict = check_printed(path).report().title
     except NoSolutionError as error:
         verdict = f"no exact answer: {error}"
-    if file.note and not verdict.startswith("as printed"):
+    if file.note and not verdict.startswith(RIGHT):
         verdict = f"{verdict} ({file.note})"
     source = f"{file.title}; {file.source}"
     return Row(path.stem, source, _plant_text(file), ", ".join(file.answer), verdict)
@@ -101,11 +103,18 @@ def rows_of_the_paper() -> list[Row]:
 
 
 def page_of(rows: list[Row]) -> str:
-    """docs/published.md: how many answers have each verdict, then all of them."""
+    """docs/published.md: how many answers have each verdict, then those that are not as printed."""
     counts = Counter(row.verdict.partition(":")[0] for row in rows)
-    classes = Table(("verdict", "files"), counts.most_common())
-    table = Table(HEADER, [*rows, *rows_of_the_paper()])
-    return "\n".join([_HEAD, markdown_table(classes), "", markdown_table(table), ""])
+    others = [row for row in rows if not row.verdict.startswith(RIGHT)]
+    right = [row for row in rows if row.verdict.startswith(RIGHT)]
+    parts = [_HEAD, markdown_table(Table(("verdict", "files"), counts.most_common()))]
+    for title, group in (
+        ("Not as printed", others),
+        ("As printed", right),
+        ("The aircraft of the paper", rows_of_the_paper()),
+    ):
+        parts += [f"\n## {title}\n", markdown_table(Table(HEADER, group))]
+    return "\n".join(parts) + "\n"
 
 
 def _plant_text(file: PrintedFile) -> str:
