@@ -126,11 +126,11 @@ def test_an_output_that_is_out_of_date_is_noticed() -> None:
 
 
 def test_a_picture_that_is_out_of_date_is_noticed() -> None:
-    figure = "from matplotlib.figure import Figure\nfigure = Figure()\nfigure.subplots().set_title({!r})\nfigure"
-    drawn = print_figure(ran(figure.format("now"), {})[1], bbox_inches="tight", base64=True)
+    figure = "from matplotlib.figure import Figure\nfigure = Figure()\nfigure.subplots().set_facecolor({!r})\nfigure"
+    drawn = print_figure(ran(figure.format("white"), {})[1], bbox_inches="tight", base64=True)
     picture = [{"output_type": "execute_result", "data": {"image/png": drawn}}]
-    assert complaints([(figure.format("now"), picture)]) == []
+    assert complaints([(figure.format("white"), picture)]) == []
     for outputs in (picture, []):
-        assert complaints([(figure.format("before all that"), outputs)]) == [
+        assert complaints([(figure.format("red"), outputs)]) == [
             "cell 1 draws another picture than the stored one"
         ]
