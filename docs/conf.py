@@ -27,7 +27,7 @@ MATHJAX = Path(
     importlib.import_module("sphinx-mathjax-offline").__path__[0], "static", "mathjax", "tex-svg.js"
 )
 project = "hfa"
-author = "the authors of hfa"
+author = project_copyright = "the authors of hfa"
 release = VERSION
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.viewcode", "sphinx.ext.mathjax"]
 source_suffix = {".md": "markdown"}

@@ -46,8 +46,9 @@ class ActuatorFault:
 
 @dataclass(frozen=True)
 class ActuatorBank:
-    """m actuators: c = sat(U0 + u, lowest, highest) - U0 of the commanded deviation u, and
+    """m actuators, which follow the commanded deviation u within limits of position and rate.
 
+    c = sat(U0 + u, lowest, highest) - U0
     order 1:  a' = sat((λ c - a) ω, ±rate)
     order 2:  a' = sat(v, ±rate),  v' = ω² (λ c - a) - 2 ζ ω v,  a within its limits
 

@@ -1,12 +1,13 @@
 """The documentation is true: what it shows runs and prints what it says, its links lead somewhere.
 
 A ```python block is run, and saved where its first line is "# FILE.py"; a ```text block right after
-it is what it prints. In a ```console block, lines that begin with "$ " are commands, and the lines
-after a command are what it prints; "# exit 1" at the end of a command is its exit code. A line
-"..." matches any number of lines, and the last line, which names where an output comes from, may be
-left out. The blocks of one document run in order, in one folder and one namespace; blocks in other
-languages, or in none, are not run, and those marked as in ```console slow only where slow ones are
-asked for. docs/pictures/NAME has the pictures that the commands of docs/NAME.md draw."""
+it is what it prints. In a ```console block, lines that begin with "$ " are commands, which go on
+after a backslash, and the lines after a command are what it prints; "# exit 1" at the end of a
+command is its exit code. A line "..." matches any number of lines, and the last line, which names
+where an output comes from, may be left out. The blocks of one document run in order, in one folder
+and one namespace; blocks in other languages, or in none, are not run, and those marked as in
+```console slow only where slow ones are asked for. docs/pictures/NAME has the pictures that the
+commands of docs/NAME.md draw."""
 
 from __future__ import annotations
 
@@ -39,7 +40,7 @@ SOURCE = re.compile(
     r"\n*^hfa \d+\.\d+\.\d+, \d{4}-\d\d-\d\d.*(\nnot the identified aircraft: .*)?$", re.M
 )
 _FENCE = re.compile(r"^```(\w*)( slow)?\n(.*?)^```$", re.M | re.S)
-_COMMAND = re.compile(r"^\$ (.*?)(?:\s+# exit (\d+))?\n((?:(?!\$ ).*\n)*)", re.M)
+_COMMAND = re.compile(r"^\$ ((?:.*\\\n)*.*?)(?:\s+# exit (\d+))?\n((?:(?!\$ ).*\n)*)", re.M)
 
 
 class Block(NamedTuple):
@@ -124,7 +125,7 @@ def _run_python(block: Block, namespace: dict[str, Any], name: str) -> tuple[str
 
 
 def _wrong_with(command: str, code: int, expected: str) -> str:
-    words = shlex.split(command)
+    words = shlex.split(command.replace("\\\n", " "))
     if words[0] == "make":
         targets = re.findall(r"^([\w-]+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.M)
         return "\n".join(
@@ -332,7 +333,8 @@ $ hfa --version
 ...
 $ hfa --version
 ...
-$ hfa trim --dihedral abc  # exit 2
+$ hfa trim \\
+    --dihedral abc  # exit 2
 hfa: --dihedral is 'abc'; give a finite number
 ```
 """
