@@ -69,9 +69,37 @@ def names_page(package: str) -> str:
     names = names_of(package)
     rows = [_row(home_of(package, name), name) for name in names]
     entries = [_entry(package, name) for name in names if home_of(package, name) == package]
+    returned = [
+        _class_entry(f"{kind.__module__}.{kind.__qualname__}", kind) for kind in results()[package]
+    ]
     table = ".. list-table::\n   :class: names\n\n" + "".join(rows)
-    body = "\n".join([table, *entries])
-    return f"# `{package}`: {PACKAGES[package]}\n\n```{{eval-rst}}\n{body}```\n"
+    parts = [f"# `{package}`: {PACKAGES[package]}", _restructured([table, *entries])]
+    if returned:
+        parts += ["## Results", _restructured(returned)]
+    return "\n\n".join(parts)
+
+
+def _restructured(parts: list[str]) -> str:
+    return "```{eval-rst}\n" + "\n".join(parts) + "```\n"
+
+
+@cache
+def results() -> dict[str, list[type]]:
+    """Package -> the classes that its functions return and that have no public name."""
+    known = [value_of(package, name) for package in PACKAGES for name in names_of(package)]
+    found: dict[str, list[type]] = {package: [] for package in PACKAGES}
+    for package in PACKAGES:
+        for name in names_of(package):
+            function = inspect.unwrap(value_of(package, name))
+            if not inspect.isfunction(function):
+                continue
+            for word in re.findall(r"\w+", str(function.__annotations__.get("return", ""))):
+                kind = function.__globals__.get(word)
+                ours = isinstance(kind, type) and kind.__module__.split(".")[0] in PACKAGES
+                if ours and kind not in known:
+                    found[package].append(kind)
+                    known.append(kind)
+    return found
 
 
 def _row(package: str, name: str) -> str:
@@ -98,11 +126,15 @@ def _text(package: str, name: str) -> list[str]:
 def _entry(package: str, name: str) -> str:
     value = value_of(package, name)
     if isinstance(value, type):
-        for base in value.__mro__:
-            if base.__module__.partition(".")[0] in PACKAGES:
-                describe_attributes(base)
-        return f".. autoclass:: {package}.{name}\n   :members:\n   :undoc-members:\n"
+        return _class_entry(f"{package}.{name}", value)
     if inspect.isroutine(value):
         return f".. autofunction:: {package}.{name}\n"
     lines = "\n".join(f"   {line}" for line in escaped(_text(package, name)))
     return f".. py:data:: {package}.{name}\n\n{lines}\n"
+
+
+def _class_entry(name: str, owner: type) -> str:
+    for base in owner.__mro__:
+        if base.__module__.partition(".")[0] in PACKAGES:
+            describe_attributes(base)
+    return f".. autoclass:: {name}\n   :members:\n   :undoc-members:\n"

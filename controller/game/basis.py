@@ -24,8 +24,10 @@ PAPER_STATES = ("speed", "alpha", "pitch", "pitch_rate", "dihedral", "dihedral_r
 class Basis(Shown):
     """ψ_m(z) = Π_i z_i^exponents[m, i], V(z) = W'ψ(z) (paper Section 3.2).
 
-    exponents: (M, n) nonnegative integers; the first n(n+1)/2 rows are z_i z_j for i <= j, row by
-    row."""
+    name: what it is called
+    exponents: (M, n), nonnegative integers; the first n(n+1)/2 rows are z_i z_j for i <= j, row by
+        row
+    """
 
     name: str
     exponents: np.ndarray

@@ -128,6 +128,7 @@ class Design:
     """The design model is the linear model with `inputs` alone, their actuators, and e' = y for
     `integrals`.
 
+    name: of a shipped design or its file
     inputs: all of the model unless given
     actuators: input -> actuator; an input without one acts at once
     integrals: outputs

@@ -29,10 +29,17 @@ class DesignModel(Shown):
     """z' = A z + B u + E w,  y = C z + D u + noise,  of `design` about the operating point of
     `model`.
 
-    z: the states of the linear model, then actuator positions and rates, integrals (`states`). A:
-    (n, n). B: (n, m). E: (n, k), the columns of each disturbance times the root of its intensity.
-    C: (p, n), D: (p, m) of the sensors. Units: those of the linear model; an integral has its
-    output's times s."""
+    design: what is designed
+    model: the linear model of the aircraft
+    A: (n, n)
+    B: (n, m)
+    E: (n, k), the columns of each disturbance times the root of its intensity
+    C: (p, n), of the sensors
+    D: (p, m), of the sensors
+
+    z are the states of the linear model, then actuator positions and rates, then integrals
+    (`states`). Units are those of the linear model; an integral has its output's times s.
+    """
 
     design: Design
     model: LinearModel

@@ -335,9 +335,17 @@ def _check_rank(name: str, matrix: np.ndarray, kind: str, needed: str) -> None:
 class OutputFeedback(Shown):
     """x̂' = Ak x̂ + Bk y,  u = Ck x̂ + Dk y, and what certifies it.
 
-    X, Y: (n, n), stabilizing solutions of the control and the filter equation. coupling: ρ(X Y) /
-    δ², below 1. checks: of the two equations' certificates, the coupling, the closed loop and the
-    second derivation."""
+    Ak: (n, n)
+    Bk: (n, p)
+    Ck: (m, n)
+    Dk: (m, p)
+    X: (n, n), stabilizing solution of the control equation
+    Y: (n, n), stabilizing solution of the filter equation
+    delta: of the plant's game
+    coupling: ρ(X Y) / δ², below 1
+    checks: of the two equations' certificates, the coupling, the closed loop and the second
+        derivation
+    """
 
     Ak: np.ndarray
     Bk: np.ndarray
@@ -352,8 +360,14 @@ class OutputFeedback(Shown):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class StateFeedback(Shown):
-    """u = -K x with the stabilizing solution P, the worst disturbance w = L x, and what certifies
-    them."""
+    """u = -K x, the worst disturbance w = L x, and what certifies them.
+
+    P: (n, n), the stabilizing solution
+    K: (m, n)
+    disturbance_gain: L, (k, n)
+    delta: of the plant's game
+    checks: of the certificate and the closed loop
+    """
 
     P: np.ndarray
     K: np.ndarray

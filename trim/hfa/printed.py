@@ -41,8 +41,15 @@ MOST_HALF_UNITS = (1.0, 2.0, 3.0)
 
 @dataclass(frozen=True)
 class EntryRow:
-    """One entry of A or B: what the paper prints, what was computed, half a unit of the last
-    printed digit."""
+    """One entry of A or B.
+
+    matrix: "A" or "B"
+    row: name of a state
+    column: name of a state or an input
+    printed: what the paper prints
+    computed: what the model has
+    half_unit: half a unit of the last printed digit
+    """
 
     matrix: str
     row: str
@@ -215,9 +222,15 @@ def entries_records(entries: Mapping[float, Iterable[EntryRow]]) -> Table:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Bands(ByValue, Reported):
-    """Half widths of the bands of a linear model's entries, A (6, 6) and B (6, 5), in their units:
-    two standard errors, propagated from the rounding of the print through the parameters and the
-    trim. The equations are taken as they are: `docs/validation.md` says where they were tested."""
+    """Half widths of the bands of a linear model's entries, in their units.
+
+    A: (6, 6)
+    B: (6, 5)
+
+    They are two standard errors, propagated from the rounding of the print through the parameters
+    and the trim. The equations are taken as they are: `docs/validation.md` says where they were
+    tested.
+    """
 
     A: np.ndarray
     B: np.ndarray

@@ -75,6 +75,7 @@ _PRECISION = 256
 class Verified:
     """A statement that is proved.
 
+    statement: what is proved, every field of which the checker has interpreted
     boxes: how many boxes prove it
     written: version, command and date in the file, which nothing verifies
     """

@@ -40,7 +40,12 @@ _DIGITS = 55
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Proof(Reported):
-    """A statement, what proves it, and the result as JSON has it."""
+    """A statement and what proves it.
+
+    statement: what is proved
+    witness: what the checker needs to prove it again
+    data: the result as JSON has it
+    """
 
     statement: Statement
     witness: Content
