@@ -31,9 +31,8 @@ _HEAD = """# Printed answers of others
 `python -m studies.published` judges answers that papers, manuals and repositories print beside
 their plant, and writes this page. Each row is a file of
 [studies/published/sources](../studies/published/sources), which names the text that was opened; its
-numbers are copied as they stand there. A verdict is about digits, and
-[critics.md](critics.md#a-printed-answer) defines it. That an answer belongs to another plant says
-nothing about how it came there.
+numbers are copied as they stand there. [Each verdict](critics.md#a-printed-answer) is about digits:
+that an answer belongs to another plant says nothing about how it came there.
 
 One file alone:
 
