@@ -1,28 +1,26 @@
-"""The search for one entry of the plant with which the printed answer is right."""
+"""The search for one entry of the plant with which the printed answer is right.
+
+Every text that one slip of the pen makes of an entry is tried, entry after entry: the plants with
+its values are solved together, roughly, and those whose digits are right again, with a certificate.
+"""
 
 from __future__ import annotations
 
-import math
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
 from hfa_support.errors import BadInputError, NoSolutionError
-from verification.printed.comparison import Comparison, Position, change, compare
-from verification.printed.exact_answer import Plant, certified_value, quick_value
+from verification.printed.comparison import Position, change, compare, in_signs
+from verification.printed.exact_answer import answer_of, certified_value, rough_values
 from verification.printed.printed_file import PrintedFile
 
-#: Steps of Gauss-Newton from a start, and the relative step that ends them.
-_STEPS = 12
-_SETTLED = 1e-13
-#: Where a step promises to remove less than this part of the misfit, no better value is near.
-_STATIONARY = 1e-3
-#: A step may change the entry by this factor of its size.
-_LONGEST_STEP = 3.0
-#: Least evidence for a name: entries beside the worst must be off too.
-EVIDENCE = 1.0
+#: A rough answer is right to this part of the largest entry of its block.
+_ROUGH = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,17 +46,37 @@ class ChangedEntry:
         return f"{self.position} = {self.value}, not {self.typed} ({self.slip})"
 
 
+class _Edit(NamedTuple):
+    """A text with which the rough answer has every printed digit.
+
+    slip: what made the typed text of it
+    value: of the text
+    lowest: of the values near it that do the same, to first order
+    highest: of them
+    """
+
+    text: str
+    slip: str
+    value: float
+    lowest: float
+    highest: float
+
+
 def changed_entries(file: PrintedFile) -> list[ChangedEntry]:
     """Every interval of one entry of A, B, E, N, Q, R or gamma that makes all digits right and
     holds an edit of the typed text. More than one: the answer does not decide between them."""
     entries = []
     for position, text in _positions(file):
-        edits = dict(_edits(text))
-        for lowest, highest in _intervals(file, position):
-            entry = _edit_within(file, position, text, edits, (lowest, highest))
+        for edits in _by_interval(_fitting(file, position, text)):
+            entry = _likeliest(file, position, text, edits)
             if entry is not None:
                 entries.append(entry)
     return entries
+
+
+def edits_tried(file: PrintedFile) -> int:
+    """How many values of entries the search tries."""
+    return sum(len(_edits(text)) for _, text in _positions(file))
 
 
 def _positions(file: PrintedFile) -> Iterator[tuple[Position, str]]:
@@ -71,134 +89,78 @@ def _positions(file: PrintedFile) -> Iterator[tuple[Position, str]]:
                     yield Position(name, row, column), text
 
 
-def _intervals(file: PrintedFile, position: Position) -> list[tuple[float, float]]:
-    """Disjoint intervals of the entry, found from four starts."""
-    typed = _entry(file.plant, position)
-    starts = (typed, -typed, 10.0 * typed, typed / 10.0) if typed else (0.0,)
-    intervals: list[tuple[float, float]] = []
-    for start in starts:
-        value = _least_squares(file, position, start)
-        interval = None if value is None else _interval(file, position, value)
-        if interval is None:
-            continue
-        lowest, highest = interval
-        if all(highest < before[0] or lowest > before[1] for before in intervals):
-            intervals.append(interval)
-    return intervals
+def _fitting(file: PrintedFile, position: Position, text: str) -> list[_Edit]:
+    """The edits of a text with which the rough answer has every printed digit."""
+    slips = _edits(text)
+    values = np.array([float(edit) for edit in slips])
+    blocks = file.answer.values()
+    printed = np.concatenate([block.values.ravel() for block in blocks])
+    allowed = np.concatenate(
+        [(block.half_units + _ROUGH * np.abs(block.values).max()).ravel() for block in blocks]
+    )
+    plants = file.plant.stacked(*position, values)
+    with np.errstate(all="ignore"):
+        P = rough_values(plants)
+        misfits = printed - in_signs(file, answer_of(plants, P))
+        fits = (np.abs(misfits) <= allowed).all(axis=-1)
+    edits = []
+    for index, (edit, slip) in enumerate(slips.items()):
+        if fits[index]:
+            plant = file.plant.with_entry(*position, values[index])
+            slopes = change(file, plant, P[index], position)
+            moves = slopes != 0.0
+            centers = values[index] + misfits[index][moves] / slopes[moves]
+            widths = allowed[moves] / np.abs(slopes[moves])
+            lowest = float((centers - widths).max(initial=-np.inf))
+            highest = float((centers + widths).min(initial=np.inf))
+            edits.append(_Edit(edit, slip, values[index], lowest, highest))
+    return edits
 
 
-def _least_squares(file: PrintedFile, position: Position, start: float) -> float | None:
-    """The entry at the least Σ ((printed - exact)/h)², by Gauss-Newton; None where the plant has no
-    answer, and where the least leaves the numbers outside their digits."""
-    value = start
-    for _ in range(_STEPS):
-        try:
-            comparison, slopes = _linear(file, position, value)
-        except NoSolutionError:
-            return None
-        scaled = slopes / np.maximum(comparison.allowed, 1e-300)
-        misfit = (comparison.printed - comparison.exact) / np.maximum(comparison.allowed, 1e-300)
-        square = float(scaled @ scaled)
-        if not (math.isfinite(square) and square > 0.0):
-            return None
-        reduction = float(scaled @ misfit) ** 2 / square
-        before = float(misfit @ misfit)
-        if reduction < _STATIONARY * before and before - reduction > len(misfit):
-            return None
-        step = float(scaled @ misfit) / square
-        longest = _LONGEST_STEP * max(abs(value), abs(start), 1.0)
-        step = min(max(step, -longest), longest)
-        value += step
-        if abs(step) <= _SETTLED * abs(value) or abs(step) * math.sqrt(square) < 1e-3:
-            return value
-    return value
+def _by_interval(edits: list[_Edit]) -> list[list[_Edit]]:
+    """The same, those together whose intervals overlap."""
+    groups: list[list[_Edit]] = []
+    for edit in sorted(edits, key=lambda edit: edit.lowest):
+        if groups and edit.lowest <= max(before.highest for before in groups[-1]):
+            groups[-1].append(edit)
+        else:
+            groups.append([edit])
+    return groups
 
 
-def _interval(file: PrintedFile, position: Position, value: float) -> tuple[float, float] | None:
-    """Values near this one with which every |printed - exact| is allowed; None where none is."""
-    for _ in range(2):
-        try:
-            comparison, slopes = _linear(file, position, value)
-        except NoSolutionError:
-            return None
-        misfit = comparison.printed - comparison.exact
-        moves = slopes != 0.0
-        if (np.abs(misfit[~moves]) > comparison.allowed[~moves]).any() or not moves.any():
-            return None
-        centers = misfit[moves] / slopes[moves]
-        widths = comparison.allowed[moves] / np.abs(slopes[moves])
-        lowest = float((centers - widths).max())
-        highest = float((centers + widths).min())
-        if lowest > highest:
-            return None
-        interval = (value + lowest, value + highest)
-        value += (lowest + highest) / 2.0
-    try:
-        middle = _with(file.plant, position, value)
-        confirmed = not compare(file, middle, quick_value(middle)).outside.any()
-    except NoSolutionError:
-        return None
-    return interval if confirmed else None
-
-
-def _linear(file: PrintedFile, position: Position, value: float) -> tuple[Comparison, np.ndarray]:
-    """The comparison at a value of the entry, and the derivatives of the exact numbers."""
-    plant = _with(file.plant, position, value)
-    P = quick_value(plant)
-    try:
-        return compare(file, plant, P), change(file, plant, P, position)
-    except np.linalg.LinAlgError as error:
-        raise NoSolutionError("the policies are not unique") from error
-
-
-def _edit_within(
-    file: PrintedFile,
-    position: Position,
-    text: str,
-    edits: dict[str, str],
-    interval: tuple[float, float],
+def _likeliest(
+    file: PrintedFile, position: Position, text: str, edits: list[_Edit]
 ) -> ChangedEntry | None:
-    """The edit nearest to the middle that a certified solve confirms; None where there is none."""
-    lowest, highest = interval
-    within = [edit for edit in edits if lowest <= float(edit) <= highest]
+    """Of the edits in an interval the likeliest that a certified answer confirms, of these the one
+    nearest to the middle; None where there is none."""
+    lowest = min(edit.lowest for edit in edits)
+    highest = max(edit.highest for edit in edits)
     middle = (lowest + highest) / 2.0
-    for edit in sorted(within, key=lambda word: abs(float(word) - middle)):
-        plant = _with(file.plant, position, float(edit))
+    order = [_SIGN, *_SLIPS]
+    for edit in sorted(edits, key=lambda edit: (order.index(edit.slip), abs(edit.value - middle))):
+        plant = file.plant.with_entry(*position, edit.value)
         try:
             confirmed = not compare(file, plant, certified_value(plant)).outside.any()
         except (NoSolutionError, BadInputError):
             continue
         if confirmed:
-            return ChangedEntry(position, text, lowest, highest, edit, edits[edit])
+            return ChangedEntry(position, text, lowest, highest, edit.text, edit.slip)
     return None
 
 
-def _entry(plant: Plant, position: Position) -> float:
-    if position.block == "gamma":
-        return plant.gamma
-    return float(getattr(plant, position.block)[position.row, position.column])
-
-
-def _with(plant: Plant, position: Position, value: float) -> Plant:
-    return plant.with_entry(position.block, position.row, position.column, value)
-
-
-def _edits(text: str) -> Iterator[tuple[str, str]]:
-    """Texts that one slip away became this one, and the slip: the likely ones last, which win."""
+def _edits(text: str) -> dict[str, str]:
+    """Texts that one slip made this one of -> the slip, the likeliest where there are several."""
     match = re.fullmatch(r"([+-]?)([\d.]+)(.*)", text)
-    if match is None:
-        return
+    assert match is not None
     sign, digits, exponent = match.groups()
-    typed = float(text)
-    for edited, slip in _edited_digits(digits):
-        if not edited.strip("."):
-            continue
-        word = f"{sign}{_without_leading_zeros(edited)}{exponent}"
-        if float(word) != typed:
-            yield word, slip
-    if typed:
-        opposite = "" if sign == "-" else "-"
-        yield f"{opposite}{digits}{exponent}", "the sign"
+    opposite = "" if sign == "-" else "-"
+    slips = {f"{opposite}{digits}{exponent}": _SIGN}
+    for slip, digits_before in _SLIPS.items():
+        for before in digits_before(digits):
+            if before.strip("."):
+                word = f"{sign}{_without_leading_zeros(before)}{exponent}"
+                slips.setdefault(word, slip)
+    return {word: slip for word, slip in slips.items() if float(word) != float(text)}
 
 
 def _without_leading_zeros(digits: str) -> str:
@@ -209,33 +171,53 @@ def _without_leading_zeros(digits: str) -> str:
     return stripped
 
 
-def _edited_digits(digits: str) -> Iterator[tuple[str, str]]:
+def _without_one(digits: str) -> Iterator[str]:
+    for index in _places(digits):
+        yield digits[:index] + digits[index + 1 :]
+
+
+def _with_one_more(digits: str) -> Iterator[str]:
     for index in range(len(digits) + 1):
         for digit in "0123456789":
-            yield f"{digits[:index]}{digit}{digits[index:]}", "a digit is missing"
-    for index, old in enumerate(digits):
-        if old == ".":
-            continue
-        yield digits[:index] + digits[index + 1 :], "a digit too many"
+            yield f"{digits[:index]}{digit}{digits[index:]}"
+
+
+def _with_another(digits: str) -> Iterator[str]:
+    for index in _places(digits):
         for digit in "0123456789":
-            yield f"{digits[:index]}{digit}{digits[index + 1 :]}", "another digit"
+            yield f"{digits[:index]}{digit}{digits[index + 1 :]}"
+
+
+def _with_neighbours_interchanged(digits: str) -> Iterator[str]:
+    places = _places(digits)
+    for first, second in pairwise(places):
+        swapped = list(digits)
+        swapped[first] = digits[second]
+        swapped[second] = digits[first]
+        yield "".join(swapped)
+
+
+def _with_the_point_elsewhere(digits: str) -> Iterator[str]:
+    """The point anywhere among the digits, or one place beyond them."""
     plain = digits.replace(".", "")
-    point = digits.find(".") if "." in digits else len(digits)
+    yield f"0.0{plain}"
     for moved in range(len(plain) + 1):
-        if moved != point:
-            yield f"{plain[:moved]}.{plain[moved:]}", "the decimal point"
-    padded = plain + "0"
-    if point == len(plain):
-        yield padded, "the decimal point"
-    yield (
-        f"0.0{plain}" if point == 0 or digits.startswith("0.") else f"0.{plain}",
-        "the decimal point",
-    )
-    for first in range(len(plain) - 1):
-        swapped = list(plain)
-        swapped[first] = plain[first + 1]
-        swapped[first + 1] = plain[first]
-        word = "".join(swapped)
-        if "." in digits:
-            word = f"{word[:point]}.{word[point:]}"
-        yield word, "digits interchanged"
+        yield f"{plain[:moved]}.{plain[moved:]}"
+    yield f"{plain}0"
+
+
+def _places(digits: str) -> list[int]:
+    """Where the digits are, without the point."""
+    return [index for index, digit in enumerate(digits) if digit != "."]
+
+
+_SIGN = "the sign"
+#: Slips of the pen -> the digits that it made these of. The fewer ways a slip has, the likelier is
+#: each of them: those come first, after the sign.
+_SLIPS: Mapping[str, Callable[[str], Iterator[str]]] = {
+    "digits interchanged": _with_neighbours_interchanged,
+    "a digit too many": _without_one,
+    "the decimal point": _with_the_point_elsewhere,
+    "a digit is missing": _with_one_more,
+    "another digit": _with_another,
+}

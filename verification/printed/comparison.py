@@ -77,14 +77,13 @@ class Comparison:
             self.relative(block) for block in {position.block for position in self.positions}
         )
 
-    def evidence(self) -> float:
-        """Σ log₁₀ max(1, r) over the positions, without its largest term: what a second entry
-        says."""
+    def evidence(self) -> np.ndarray:
+        """log₁₀ max(1, r) of every position with its errors r, the largest first."""
         terms: dict[Position, float] = {}
         for position, error in zip(self.positions, self.errors, strict=True):
             upper = _mirrored(position)
             terms[upper] = max(terms.get(upper, 0.0), float(np.log10(max(1.0, error))))
-        return sum(terms.values()) - max(terms.values())
+        return np.array(sorted(terms.values(), reverse=True))
 
 
 def compare(file: PrintedFile, plant: Plant, P: np.ndarray) -> Comparison:
@@ -117,10 +116,14 @@ def change(file: PrintedFile, plant: Plant, P: np.ndarray, position: Position) -
 
 
 def in_signs(file: PrintedFile, answer: Mapping[str, np.ndarray]) -> np.ndarray:
-    """The entries of the printed blocks in one row, in the signs of the print, (N,)."""
-    return np.concatenate(
-        [file.signs.get(name, 1.0) * answer[name].ravel() for name in file.answer]
-    )
+    """The entries of the printed blocks in one row, in the signs of the print, (N,); of a stack of
+    answers a row each."""
+    rows = []
+    for name in file.answer:
+        matrix = answer[name]
+        row = matrix.reshape(*matrix.shape[:-2], -1)
+        rows.append(file.signs.get(name, 1.0) * row)
+    return np.concatenate(rows, axis=-1)
 
 
 def _mirrored(position: Position) -> Position:

@@ -13,14 +13,14 @@ import numpy as np
 
 from controller.game.discrete_game import DiscreteGame
 from controller.game.zero_sum import Game
+from controller.riccati.derivations import largest
 from controller.riccati.discrete import solve_discrete
 from controller.riccati.gare import solve_game
-from hfa_support.errors import NoSolutionError
 
-#: Newton steps after the Schur form of `quick_value`.
-_REFINEMENTS = 1
-#: Eigenvalues this close to the edge of stability do not count as stable.
-_EDGE = 1e-12
+#: Most doublings of the horizon for a rough value.
+_DOUBLINGS = 30
+#: A correction of this part of the value is rounding.
+_SETTLED = 1e-14
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,22 +51,22 @@ class Plant:
     @cached_property
     def G(self) -> np.ndarray:
         """[B E], (n, m + k)."""
-        return np.hstack([self.B, self.E])
+        return np.concatenate([self.B, self.E], axis=-1)
 
     @cached_property
     def S(self) -> np.ndarray:
         """[N 0], (n, m + k)."""
-        return np.hstack([self.N, np.zeros_like(self.E)])
+        return np.concatenate([self.N, np.zeros_like(self.E)], axis=-1)
 
     @cached_property
     def W(self) -> np.ndarray:
         """blkdiag(R, -γ² I), (m + k, m + k)."""
-        m = len(self.R)
-        weights = np.zeros((self.G.shape[1],) * 2)
-        weights[:m, :m] = self.R
-        k = self.E.shape[1]
+        m = self.R.shape[-1]
+        k = self.E.shape[-1]
+        weights = np.zeros((*self.R.shape[:-2], m + k, m + k))
+        weights[..., :m, :m] = self.R
         if k:
-            weights[m:, m:] = -(self.gamma**2) * np.eye(k)
+            weights[..., m:, m:] = -(self.gamma**2) * np.eye(k)
         return weights
 
     def game(self) -> Game | DiscreteGame:
@@ -74,12 +74,11 @@ class Plant:
         E = self.E
         if not E.shape[1]:
             E = np.zeros((len(self.A), 1))
+        game = Game(self.A, self.B, E, self.Q, self.R, self.gamma)
         if self.is_discrete:
-            step = Game(self.A, self.B, E, self.Q, self.R, self.gamma)
-            return DiscreteGame(step, self.discount, self.N)
+            return DiscreteGame(game, self.discount, self.N)
         feed = np.linalg.solve(self.R, self.N.T)
-        Q = self.Q - self.N @ feed
-        return Game(self.A - self.B @ feed, self.B, E, Q, self.R, self.gamma)
+        return replace(game, A=self.A - self.B @ feed, Q=self.Q - self.N @ feed)
 
     def with_entry(self, name: str, row: int, column: int, value: float) -> Plant:
         """The plant with another entry; of Q and R its mirror too."""
@@ -92,6 +91,20 @@ class Plant:
         changes: dict[str, Any] = {name: matrix}
         return replace(self, **changes)
 
+    def stacked(self, name: str, row: int, column: int, values: np.ndarray) -> Plant:
+        """Plants with these values, (N,), in place of an entry: every matrix is (N, ...)."""
+        fields: dict[str, Any] = {}
+        for key in "ABENQR":
+            matrix = getattr(self, key)
+            fields[key] = np.broadcast_to(matrix, (len(values), *matrix.shape)).copy()
+        if name == "gamma":
+            fields["gamma"] = values[:, None, None]
+        else:
+            fields[name][:, row, column] = values
+        if name in ("Q", "R"):
+            fields[name][:, column, row] = values
+        return replace(self, **fields)
+
 
 def certified_value(plant: Plant) -> np.ndarray:
     """P, (n, n), by two derivations. NoSolutionError where there is none."""
@@ -101,56 +114,78 @@ def certified_value(plant: Plant) -> np.ndarray:
     return solve_game(game).P
 
 
-def quick_value(plant: Plant) -> np.ndarray:
-    """P, (n, n), refined and with a stable loop, but not certified: for a search.
+def rough_values(plants: Plant) -> np.ndarray:
+    """P of a stack of plants, (N, n, n), untested: some number or nan where there is none.
 
-    NoSolutionError where there is none."""
-    from scipy.linalg import solve_continuous_are, solve_discrete_are
+    M = (I + S P)⁻¹:  A <- A M A,  S <- S + A M S A',  P <- P + A'P M A: each pass doubles the
+    horizon. A plant in continuous time is one in discrete time by Cayley's transformation.
+    Source: Chu, Fan, Lin and Wang, Int. J. Control 77 (2004), 767-788; in continuous time Chu, Fan
+    and Lin, Linear Algebra and its Applications 396 (2005), 55-80."""
+    G = plants.G
+    identity = np.eye(plants.A.shape[-1])
+    with np.errstate(all="ignore"):
+        inverse = _inverses(plants.W)
+        A = plants.A - G @ inverse @ plants.S.mT
+        S = G @ inverse @ G.mT
+        P = plants.Q - plants.S @ inverse @ plants.S.mT
+        if plants.is_discrete:
+            A = math.sqrt(plants.discount) * A
+            S = plants.discount * S
+        else:
+            rate = np.linalg.norm(A, axis=(-2, -1), keepdims=True)
+            shifted = _inverses(A - rate * identity)
+            mixed = _inverses((A - rate * identity).mT + P @ shifted @ S)
+            A = identity + 2.0 * rate * mixed.mT
+            S = 2.0 * rate * shifted @ S @ mixed
+            P = 2.0 * rate * mixed @ P @ shifted
+        for _ in range(_DOUBLINGS):
+            M = _inverses(identity + S @ P)
+            increase = A.mT @ P @ M @ A
+            S = S + A @ M @ S @ A.mT
+            P = P + (increase + increase.mT) / 2.0
+            A = A @ M @ A
+            if not (largest(increase) > _SETTLED * largest(P)).any():
+                break
+    return P
 
-    root = math.sqrt(plant.discount)
+
+def _inverses(matrices: np.ndarray) -> np.ndarray:
+    """The inverse of each, nan where it is singular: that must not stop the others."""
     try:
-        with np.errstate(all="ignore"), warnings.catch_warnings(action="ignore"):
-            if plant.is_discrete:
-                P = solve_discrete_are(root * plant.A, root * plant.G, plant.Q, plant.W, s=plant.S)
-            else:
-                P = solve_continuous_are(plant.A, plant.G, plant.Q, plant.W, s=plant.S)
-            for _ in range(_REFINEMENTS):
-                P = P + _lyapunov(plant, _loop(plant, P), _residual(plant, P))
-            eigenvalues = np.linalg.eigvals(_loop(plant, P))
-    except (np.linalg.LinAlgError, ValueError) as error:
-        raise NoSolutionError("no stable subspace") from error
-    edge = root * np.abs(eigenvalues).max() - 1.0 if plant.is_discrete else eigenvalues.real.max()
-    if not edge < -_EDGE:
-        raise NoSolutionError("the loop is not stable")
-    return np.asarray(P)
+        return np.linalg.inv(matrices)
+    except np.linalg.LinAlgError:
+        singular = np.linalg.slogdet(matrices)[0] == 0.0
+        return np.linalg.inv(np.where(singular[..., None, None], np.nan, matrices))
 
 
 def policies(plant: Plant, P: np.ndarray) -> np.ndarray:
     """[K; -L], (m + k, n), of u = -K x and w = L x."""
     G = plant.G
     if plant.is_discrete:
-        weights = plant.W + plant.discount * G.T @ P @ G
-        return np.linalg.solve(weights, plant.discount * G.T @ P @ plant.A + plant.S.T)
-    return np.linalg.solve(plant.W, G.T @ P + plant.S.T)
+        weights = plant.W + plant.discount * G.mT @ P @ G
+        return _inverses(weights) @ (plant.discount * G.mT @ P @ plant.A + plant.S.mT)
+    return _inverses(plant.W) @ (G.mT @ P + plant.S.mT)
 
 
 def answer_of(plant: Plant, P: np.ndarray) -> dict[str, np.ndarray]:
-    """P, K, L, W and, in discrete time, H of the value x'P x."""
+    """P, K, L, W and, in discrete time, H of the value x'P x; of a stack of plants a stack each."""
     gains = policies(plant, P)
-    m = len(plant.R)
-    answer = {"P": P, "K": gains[:m], "L": -gains[m:], "W": weights_of(P)}
+    m = plant.R.shape[-1]
+    answer = {"P": P, "K": gains[..., :m, :], "L": -gains[..., m:, :], "W": weights_of(P)}
     if plant.is_discrete:
-        moved = np.hstack([plant.A, plant.G])
-        weights = np.block([[plant.Q, plant.S], [plant.S.T, plant.W]])
-        answer["H"] = weights + plant.discount * moved.T @ P @ moved
+        moved = np.concatenate([plant.A, plant.G], axis=-1)
+        of_state = np.concatenate([plant.Q, plant.S], axis=-1)
+        of_policies = np.concatenate([plant.S.mT, plant.W], axis=-1)
+        weights = np.concatenate([of_state, of_policies], axis=-2)
+        answer["H"] = weights + plant.discount * moved.mT @ P @ moved
     return answer
 
 
 def weights_of(P: np.ndarray) -> np.ndarray:
     """W, (1, n(n+1)/2), with x'P x = W'(x1², x1 x2, ..., xn²)."""
-    row, column = np.triu_indices(len(P))
+    row, column = np.triu_indices(P.shape[-1])
     factors = np.where(row == column, 1.0, 2.0)
-    return (factors * P[row, column])[None, :]
+    return (factors * P[..., row, column])[..., None, :]
 
 
 def answer_change(
@@ -190,21 +225,6 @@ def answer_change(
         weights = np.block([[unit.Q, unit.S], [unit.S.T, dW]])
         change["H"] = weights + plant.discount * (crossed + crossed.T + step.T @ dP @ step)
     return change
-
-
-def _loop(plant: Plant, P: np.ndarray) -> np.ndarray:
-    """A - B K + E L, (n, n)."""
-    return np.asarray(plant.A - plant.G @ policies(plant, P))
-
-
-def _residual(plant: Plant, P: np.ndarray) -> np.ndarray:
-    """What is left of the Riccati equation at P, (n, n)."""
-    gains = policies(plant, P)
-    F = plant.A - plant.G @ gains
-    cost = plant.Q - plant.S @ gains - gains.T @ plant.S.T + gains.T @ plant.W @ gains
-    if plant.is_discrete:
-        return np.asarray(cost + plant.discount * F.T @ P @ F - P)
-    return np.asarray(cost + F.T @ P + P @ F)
 
 
 def _lyapunov(plant: Plant, F: np.ndarray, right: np.ndarray) -> np.ndarray:
