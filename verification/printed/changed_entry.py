@@ -109,11 +109,12 @@ def _fitting(file: PrintedFile, position: Position, text: str) -> list[_Edit]:
             plant = file.plant.with_entry(*position, values[index])
             slopes = change(file, plant, P[index], position)
             moves = slopes != 0.0
-            centers = values[index] + misfits[index][moves] / slopes[moves]
-            widths = allowed[moves] / np.abs(slopes[moves])
-            lowest = float((centers - widths).max(initial=-np.inf))
-            highest = float((centers + widths).min(initial=np.inf))
-            edits.append(_Edit(edit, slip, values[index], lowest, highest))
+            if moves.any():  # else the answer says nothing of this entry
+                centers = values[index] + misfits[index][moves] / slopes[moves]
+                widths = allowed[moves] / np.abs(slopes[moves])
+                lowest = float((centers - widths).max())
+                highest = float((centers + widths).min())
+                edits.append(_Edit(edit, slip, values[index], lowest, highest))
     return edits
 
 

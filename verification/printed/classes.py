@@ -28,8 +28,8 @@ Class = Literal[
     "wrong",
 ]
 CLASSES: tuple[str, ...] = get_args(Class)
-#: An answer this far off is of another problem, which the file does not name. A convention: 88
-#: sources are off by less than 0.03 %, or by more than 80 %.
+#: An answer this far off is of another problem, which the file does not name. A convention: those
+#: of 88 sources that nothing explains are off by less than 0.03 %, or by more than 80 %.
 _FAR = 0.5
 #: Least evidence for a changed entry of the plant: entries beside the worst must be off too.
 _EVIDENCE = 1.0
@@ -231,9 +231,10 @@ def _wrong_entry(file: PrintedFile, comparison: Comparison, wrong: Position) -> 
     position = next(position for position in outside if position.block == wrong.block)
     index = comparison.positions.index(position)
     printed = file.answer[position.block].texts[position.row][position.column]
+    exact = comparison.exact[index]
     unit = 2.0 * comparison.half_units[index] or 1e-12  # a formula has none
-    decimals = max(0, 2 - math.floor(math.log10(unit)))
-    return f"{position} is printed {printed}, exact {comparison.exact[index]:.{decimals}f}"
+    digits = math.ceil(math.log10(max(abs(exact) / unit, 1.0))) + 2
+    return f"{position} is printed {printed}, exact {exact:.{digits}g}"
 
 
 def _known_mistake(file: PrintedFile, P: np.ndarray, comparison: Comparison) -> str:
