@@ -3,6 +3,7 @@ true cause."""
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import replace
 
@@ -148,6 +149,25 @@ def test_a_mode_that_the_input_barely_reaches_is_solved_with_a_bound_on_its_pole
         <= data["closed_loop_abscissa_error"]
         <= 1e-14 / reach
     )
+
+
+def test_the_bound_of_a_pole_is_the_largest_change_that_rounding_can_make() -> None:
+    """To first order, over all signs of the changes of A and K (twice n ε, for two coordinates) and
+    of B (n ε); the closed loop has real poles."""
+    B = np.array([[0.0], [1.0]])
+    game = Game([[-3.0, 2.0], [0.7, 1.0]], B, np.zeros((2, 1)), np.eye(2), [[1.0]], math.inf)
+    found = solve_game(game)
+    assert not found.closed_loop_eigenvalues.imag.any()
+    step = 1e-8
+    largest = 0.0
+    for signs in itertools.product((-2.0 * step, 2.0 * step), repeat=8):
+        A = game.A * (1.0 + 2.0 * np.reshape(signs[:4], (2, 2)))
+        K = found.K * (1.0 + 2.0 * np.reshape(signs[4:6], (1, 2)))
+        changed = np.linalg.eigvals(A - B * (1.0 + np.reshape(signs[6:], (2, 1))) @ K)
+        moved = abs(changed.real.max() - found.closed_loop_eigenvalues[-1].real)
+        largest = max(largest, float(moved))
+    roundings = found.abscissa_error / np.finfo(float).eps
+    assert roundings == pytest.approx(largest / step, rel=0.05)  # itself rounded to a whole number
 
 
 @pytest.mark.parametrize("reach", [0.0, 1e-15])
