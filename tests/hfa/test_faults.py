@@ -141,6 +141,8 @@ def test_a_job_that_filled_the_disk_goes_on_when_there_is_room(
     [
         pytest.param("learn --dihedral 15 -o a.npz", 4, marks=pytest.mark.slow),
         pytest.param("trim --dihedral 15 --picture a.png", 4, marks=pytest.mark.slow),
+        # room for the data, not for the picture
+        pytest.param("trim --dihedral 15 -o a.json --picture a.png", 24, marks=pytest.mark.slow),
         ("export --dihedral 15 -o folder", 12),  # room for the header, not for the rest
     ],
 )

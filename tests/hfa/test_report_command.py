@@ -11,7 +11,7 @@ import pytest
 from cli import Result, assert_refused, hfa
 from project import ROOT
 
-from hfa.main import DONE, FAILED
+from hfa.main import BAD_INPUT, DONE, FAILED
 from hfa_model import default_parameters
 from hfa_support.provenance import parameter_hash
 from verification.page.job_report import plotly_script
@@ -97,6 +97,14 @@ def test_the_largest_page_holds_at_most_three_megabytes_of_data(tmp_path: Path) 
     html = page.read_text(encoding="utf-8")
     assert html.count('<section class="point"') == MOST_SWEPT + 1
     assert len(html) - len(plotly_script()) < 3 * MEGABYTE
+
+
+@pytest.mark.slow
+def test_a_folder_that_cannot_hold_the_numbers_gets_no_pictures(tmp_path: Path) -> None:
+    (tmp_path / "numbers.json").mkdir()
+    words = ("--dihedral", "15", "--sweep", "15", "-o", str(tmp_path))
+    assert_refused(hfa("report", *words), BAD_INPUT, "it is a folder")
+    assert [path.name for path in tmp_path.iterdir()] == ["numbers.json"]
 
 
 def test_an_angle_without_a_trim_is_on_the_page_with_its_reason(tmp_path: Path) -> None:

@@ -15,6 +15,7 @@ from hfa_aircraft.model import Model
 from hfa_model import STATES, Input, Parameters, State
 from hfa_model.kinematics import center_height, outer_height
 from hfa_model.outputs import moment_of, outputs_of
+from hfa_support import BadInputError
 from trim import find_operating_point, level_flight
 
 
@@ -141,3 +142,19 @@ def test_an_updraft_raises_the_angle_through_the_air_alone(published_aircraft: M
     assert still["angle_of_attack"] == point.states.alpha
     assert rising["load_factor"] > still["load_factor"]
     assert rising["gamma"] == still["gamma"]
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "message"),
+    [
+        ("speed", 0.0, "speed is 0 ft/s; it must be positive"),
+        ("altitude", 1e6, "altitude"),
+        ("dihedral", np.pi / 2, "dihedral is 90 deg; it must be above -90 and below 90 deg"),
+    ],
+)
+def test_loads_out_of_range_are_refused(name: str, value: float, message: str) -> None:
+    model = hfa_model.aircraft()
+    point = find_operating_point(model, level_flight(0.1))
+    state = State(*point.states)._replace(**{name: value})
+    with pytest.raises(BadInputError, match=message):
+        hfa_model.loads(model, state, point.inputs)
