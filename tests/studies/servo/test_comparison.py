@@ -203,3 +203,21 @@ def test_the_lags_of_the_air_reach_the_servo_and_make_its_loop_unstable() -> Non
     assert margins("published", 5.0, servo, 1) == pytest.approx((-0.133, 1.63), abs=6e-3)
     assert margins("newton", 15.0, servo, 1) == pytest.approx((-0.101, 1.07), abs=6e-3)
     assert margins("unsteady", 15.0, servo, 1)[0] == pytest.approx(0.048, abs=6e-4)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("bandwidth", "degrees", "damping"), [(10.0, 13.0, 0.37), (2.0, 20.0, 0.334)]
+)
+def test_the_servo_stands_actuators_down_to_this_damping(
+    published_aircraft: Model, bandwidth: float, degrees: float, damping: float
+) -> None:
+    controller = designed_servo(published_aircraft)
+    model = model_at(degrees)
+
+    def abscissa(share: float) -> float:
+        acting = dict.fromkeys(controller.inputs, Actuator(2, bandwidth, damping=share * damping))
+        plant = servo_plant(published_aircraft, model, controller, acting)
+        return servo_loop(plant, controller).abscissa
+
+    assert abscissa(0.99) > 0.0 > abscissa(1.01)

@@ -8,6 +8,7 @@ import math
 import re
 from dataclasses import replace
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -18,6 +19,7 @@ from random_points import RATE_SCALES
 
 import hfa_model
 from hfa_aircraft.model import Model
+from hfa_aircraft.signals import Signal
 from hfa_support import Report
 from trim import (
     OperatingPoint,
@@ -232,3 +234,19 @@ def test_lift_is_across_each_panel_carries_the_weight_and_is_drawn_to_scale(
     assert f"{1 / scale:.3g} lbf to the foot" in axes.get_title()
     label = f"{loads.hinge_moment:.1f} ft lbf" if degrees else "0.0 ft lbf"
     assert [each.get_text() for each in axes.texts].count(label) == 2
+
+
+def test_a_trim_that_the_equations_do_not_determine_is_told_from_one_that_they_do() -> None:
+    """a' = a b and b' = u - b: at b = 0 any a balances, as any norm of a quaternion does."""
+
+    def equations(x: Any, u: Any, p: Any, w: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+        return {"a": x.a * x.b, "b": u.u - x.b}, {}
+
+    states = {"a": Signal(start=0.8), "b": Signal()}
+    model = Model("cart", states, {"u": Signal()}, equations, trim={"u": 0.0})
+    free = TrimCondition(model, {"u": 0.0})
+    held = TrimCondition(model, {"a": 0.8})
+    _, report = reported(model, free)
+    assert "their Jacobian is singular here, along a; hold one of these" in report.text()
+    _, report = reported(model, held)
+    assert "singular" not in report.text()

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from flint import arb, arb_mat
 from proof_cases import PROOFS, certificate, content, exact_loop, forge, model_of
 
 import hfa_model
@@ -16,6 +17,7 @@ from hfa_support import BadInputError
 from trim import release
 from trim.hfa.level_flight import LEVEL_FLIGHT
 from verification import Family, check_certificate, prove_schedule
+from verification.proof.arithmetic.balls import TaylorModel
 from verification.proof.checker import trims
 from verification.proof.checker.reading import Fields
 from verification.proof.checker.statement import content_of, read_statement
@@ -129,3 +131,15 @@ def test_where_alpha_is_free_the_derivative_follows_the_pitch_with_it(
     slopes = np.array([[float(entry.mid()) for entry in row] for row in found[0].tolist()])
     scale = np.abs(differences).max()
     np.testing.assert_allclose(slopes, differences, rtol=1e-3, atol=1e-3 * scale)
+
+
+def test_the_root_lies_where_newton_s_step_leads() -> None:
+    """Of x² = 2 about 1.4: sqrt(2) - 1.4 is enclosed, though 0 and the mirror image are not."""
+    radius = arb("0.1")
+    at_center = TaylorModel(arb_mat([[arb("1.4") ** 2 - 2]]))
+    slope = TaylorModel(arb_mat([[2 * (arb("1.4") + arb(0, radius))]]))
+    offset = trims.root_offsets(at_center, slope, [radius])[0, 0]
+    assert offset.contains(arb(2).sqrt() - arb("1.4"))
+    assert offset > 0
+    with pytest.raises(Rejected, match="a root of the equations is not proved to exist"):
+        trims.root_offsets(at_center, slope, [arb("0.014")])
