@@ -4,6 +4,8 @@ certified."""
 from __future__ import annotations
 
 import math
+import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -91,6 +93,7 @@ def design_controller(
         except NoSolutionError as error:
             where = f"{by} {model.describe(by, value)}"
             raise NoSolutionError(f"design {design.name} at {where}: {error}") from error
+    _warn_of_kinks(linear_models)
     trimmed_at = [linear.point.values[by] for linear in linear_models]
     limit = "gamma_min" if design.shaping else "delta_min"
     rows = [
@@ -116,6 +119,17 @@ def design_controller(
         about={"delta": finite_or_none(design.delta), "angles": rows},
         model=model,
     )
+
+
+def _warn_of_kinks(linear_models: Sequence[LinearModel]) -> None:
+    """UserWarning where entries of A and B are means of two slopes: the first, and how many are."""
+    kinked = [linear for linear in linear_models if linear.kinks]
+    if kinked:
+        first = kinked[0]
+        model = first.point.model
+        where = model.describe(model.schedule, first.point.values[model.schedule])
+        count = f"{len(kinked)} of {len(linear_models)} places"
+        warnings.warn(f"{first.kinks[0]} ({count}, the first at {where})", stacklevel=3)
 
 
 def controller_at(model: Model, linear: LinearModel, design: Design) -> LinearController:
