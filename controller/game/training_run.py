@@ -61,6 +61,7 @@ class TrainingRun(Reported):
     seed: of the data
     diagnostics: further numbers by name
     names: of the states and inputs of the game
+    clock: the unit of `times`: s, or iterations
     """
 
     law: str
@@ -76,6 +77,7 @@ class TrainingRun(Reported):
     seed: int
     diagnostics: dict[str, float] = field(default_factory=dict)
     names: PlantNames = UNNAMED
+    clock: str = "s"
 
     @property
     def P(self) -> np.ndarray:
@@ -124,7 +126,9 @@ class TrainingRun(Reported):
         if history:
             data |= rows_over_time
         data_rank = self.excitation
-        settled = f"{self.settling_time:.4g} s" if math.isfinite(self.settling_time) else "not"
+        settled = "not"
+        if math.isfinite(self.settling_time):
+            settled = f"{self.settling_time:.4g} {self.clock}"
         parts: list[Any] = [
             f"Residual settled: {settled}; last residual {self.residual_norm[-1]:.3g}",
             f"Data: {data_rank.samples} samples, rank {data_rank.rank} of {data_rank.size},"
@@ -153,7 +157,7 @@ class TrainingRun(Reported):
             len(self.times),
             lambda i: (self.times[i], *(column[i] for column in residuals), *self.weights[i]),
         )
-        return Table(("time [s]", "residual_norm", "law_residual_norm", *columns), rows)
+        return Table((f"time [{self.clock}]", "residual_norm", "law_residual_norm", *columns), rows)
 
     def to_dict(self) -> dict[str, Any]:
         """Everything as plain JSON values; a number that is not finite becomes None."""

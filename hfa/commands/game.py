@@ -4,12 +4,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from hfa.options.command import command
-from hfa.options.games import GameOptions, LearningOptions
+from hfa.options.games import GameOptions, LearningOptions, NamedGame
 from hfa.options.trims import OutputOptions
 from hfa.output import ProgressLine, show
+
+if TYPE_CHECKING:
+    from controller.game.discrete_game import DiscreteGame
+    from controller.game.training_run import TrainingRun
+    from verification.critic.verdict import Verdict
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -74,19 +79,46 @@ def learn(request: LearnRequest) -> int:
     """Learn the value and the gain of the game with a critic; the weights go to a file for `hfa
     verify`.
 
-    What was learned is compared with the exact solution. Exit code 1 when a check does not hold.
+    What was learned is compared with the exact solution. A plant in discrete time is learned by
+    Q-learning from recorded steps. Exit code 1 when a check does not hold.
     """
     from controller.critic.critic import from_weights
-    from hfa_support.reporting.checks import checks_block
     from verification.critic.critic_check import check_critic
 
-    named = request.game()
+    named = request.game(may_be_discrete=True)
+    if named.discrete is not None:
+        return _learn_steps(request, named, named.discrete)
     run = request.learned(named.game)
     critic = from_weights(named.game, run.weights[-1], run.basis)
-    verdict = check_critic(named.game, critic, run=run)
+    return _show_learned(request, named, run, check_critic(named.game, critic, run=run))
+
+
+def _learn_steps(request: LearnRequest, named: NamedGame, problem: DiscreteGame) -> int:
+    """`learn` of a plant in discrete time: Q-learning."""
+    from controller.critic.critic import from_parts
+    from controller.learning.q_learning import learn_steps
+    from verification.critic.critic_check import check_discrete
+
+    request.refuse(("law", "set"), "belongs to continuous time; leave it out of time = discrete")
+    run, H = learn_steps(problem, request.seed, progress=ProgressLine("learn"))
+    critic = from_parts(problem.step, {"P": run.P, "K": run.K})
+    verdict = check_discrete(problem, critic, more={"H": H})
+    return _show_learned(request, named, run, verdict, H=H.tolist())
+
+
+def _show_learned(
+    request: LearnRequest, named: NamedGame, run: TrainingRun, verdict: Verdict, **more: Any
+) -> int:
+    """Report what was learned and how it was judged; the exit code.
+
+    more: entries of the data
+    """
+    from hfa_support.reporting.checks import checks_block
+
     judged = {
         "converged": verdict.ok,
         "certificates": [check.to_dict() for check in verdict.checks],
+        **more,
     }
     report = run.report()
     parts = (verdict.headline(), *report.parts, checks_block(verdict.checks))

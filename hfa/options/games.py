@@ -171,7 +171,7 @@ class PlantOptions(WeightOptions, AircraftOptions, TrimOptions):
             named = self._game_of_file(self.plant, read)
             if named.discrete is not None and not may_be_discrete:
                 raise BadInputError(
-                    f"{self.plant} is in discrete time; only hfa solve and hfa verify --weights"
+                    f"{self.plant} is in discrete time; hfa solve, learn and verify --weights"
                     " take it"
                 )
             return named

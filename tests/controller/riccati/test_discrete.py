@@ -213,7 +213,10 @@ def test_the_commands_take_a_plant_in_discrete_time():
         assert answer("verify", "--model", plant, "--weights", critic)["ok"] is True
     wrong = stored("wrong.npz", K=1.01 * found.K)
     assert answer("verify", "--model", plant, "--weights", wrong, code=FAILED)["ok"] is False
-    refused = hfa("learn", "--model", plant)
+    learned = hfa("learn", "--model", plant, "-o", "learned.npz")
+    assert learned.code == 0, learned.err
+    assert answer("verify", "--model", plant, "--weights", "learned.npz")["ok"] is True
+    refused = hfa("verify", "--model", plant)
     assert refused.code == 2
     assert "is in discrete time" in refused.err
 

@@ -1,0 +1,305 @@
+"""Q-learning in discrete time from recorded steps: by value iteration, then policy iteration.
+
+Nothing of A, B and E is read: each step (x, u, w, x⁺) gives one equation that is linear in the
+weights H of Q(x, u, w) = [x; u; w]'H [x; u; w]. Source: Al-Tamimi, Lewis and Abu-Khalaf, Automatica
+43 (2007), 473-481; Lagoudakis and Parr, J. Machine Learning Research 4 (2003), 1107-1149."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from controller.game.basis import Basis, basis
+from controller.game.discrete_game import DiscreteGame
+from controller.game.training_run import SETTLED, TrainingRun
+from controller.game.zero_sum import LARGEST, LARGEST_CRITIC_ENTRY, checked_matrix
+from controller.learning.recording import excitation, natural_spread, rank, refuse_poor, unit_rows
+from hfa_support.errors import BadInputError, NoSolutionError
+from hfa_support.progress import Progress
+from hfa_support.reporting.fields import Shown
+
+#: Value iteration pauses after 1, 2, 4, ... passes, so many times, to try policy iteration.
+PAUSES = 12
+#: Policy iterations of a try; each squares the error until rounding stops it.
+MOST_POLICIES = 12
+#: Recorded steps for each weight of H.
+STEPS_PER_WEIGHT = 3
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Steps(Shown):
+    """N recorded steps of a plant.
+
+    states: x, (N, n)
+    inputs: u, (N, m)
+    disturbances: w, (N, k), as measured; k = 0 without disturbance
+    next_states: x⁺, (N, n)
+
+    Raises BadInputError for a wrong shape and for a number that is not finite.
+    """
+
+    states: np.ndarray
+    inputs: np.ndarray
+    disturbances: np.ndarray
+    next_states: np.ndarray
+
+    def __post_init__(self) -> None:
+        """Check the arrays once and make them read-only."""
+        for name in ("states", "inputs", "disturbances", "next_states"):
+            matrix = checked_matrix(f"recorded {name}", getattr(self, name), LARGEST)
+            object.__setattr__(self, name, matrix)
+            if len(matrix) != len(self.states):
+                raise BadInputError(
+                    f"there are {len(matrix)} recorded {name} and {len(self.states)} states"
+                )
+
+    @property
+    def together(self) -> np.ndarray:
+        """(x, u, w), (N, n + m + k)."""
+        return np.hstack([self.states, self.inputs, self.disturbances])
+
+
+def random_steps(problem: DiscreteGame, seed: int) -> Steps:
+    """Steps from random states, with random inputs and disturbances that move them as far and cost
+    no more."""
+    step = problem.step
+    E = step.E if np.isfinite(step.delta) else step.E[:, :0]
+    spread = natural_spread(step)
+    cost = float(np.diag(step.Q) @ spread**2) or 1.0
+    widths = [spread]
+    for matrix, prices in ((step.B, np.diag(step.R)), (E, np.full(E.shape[1], step.delta**2))):
+        reach = np.abs(matrix / spread[:, None]).max(axis=0)
+        farthest = 1.0 / np.where(reach > 0.0, reach, 1.0)
+        widths.append(np.minimum(farthest, np.sqrt(cost / prices)))
+    sizes = np.concatenate(widths)
+    count = STEPS_PER_WEIGHT * len(sizes) * (len(sizes) + 1) // 2
+    together = np.random.default_rng(seed).uniform(-sizes, sizes, (count, len(sizes)))
+    n, m = step.B.shape
+    states, inputs, disturbances = np.split(together, [n, n + m], axis=1)
+    next_states = states @ step.A.T + inputs @ step.B.T + disturbances @ E.T
+    return Steps(states, inputs, disturbances, next_states)
+
+
+class Learned(NamedTuple):
+    """A training run, and H, (n + m + k, n + m + k), at its end."""
+
+    run: TrainingRun
+    H: np.ndarray
+
+
+def learn_steps(
+    problem: DiscreteGame,
+    seed: int = 0,
+    *,
+    steps: Steps | None = None,
+    progress: Progress | None = None,
+) -> Learned:
+    """Learn the Q-function of a game in discrete time, of which only the cost is read.
+
+    steps: recorded; by default `random_steps`
+    progress: called with the pauses of value iteration
+
+    Value iteration H <- cost + α extremum of H at x⁺ starts from 0. Policy iteration, which squares
+    the error, is tried at its pauses, and counts where it settles at a policy that stabilizes the
+    linear fit of the steps. BadInputError for steps that do not determine H; NoSolutionError where
+    the disturbance gains more than it pays for, or nothing settles.
+    """
+    recorded = random_steps(problem, seed) if steps is None else steps
+    learner = _QLearner.of(problem, recorded)
+    H = None
+    iterations = 0
+    rows = []
+    for pause in range(PAUSES):
+        if progress is not None:
+            progress(pause, PAUSES, f"{iterations} iterations")
+        for _ in range(2**pause):
+            H = learner.value_iteration(H)
+        iterations += 2**pause
+        assert H is not None
+        before = H
+        rows.append((iterations, H))
+        with suppress(BadInputError, np.linalg.LinAlgError):
+            for _ in range(MOST_POLICIES):
+                after = learner.policy_iteration(before)
+                iterations += 1
+                rows.append((iterations, after))
+                if learner.is_settled(before, after):
+                    return Learned(_training_run(learner, rows, seed), after)
+                before = after
+    raise NoSolutionError(
+        f"Q-learning does not settle in {iterations} iterations: the plant may have no stabilizing"
+        " policy, delta be too small, or a step move the state too far; `hfa solve` says which"
+    )
+
+
+class _Residual(NamedTuple):
+    """What is left of Bellman's equation: relative to the cost, and to the terms that cancel."""
+
+    of_cost: float
+    of_terms: float
+
+
+@dataclass(frozen=True, eq=False)
+class _QLearner:
+    """The equations of recorded steps.
+
+    cost: (s, s), of x, u and w at a step
+    scales: (s,), root mean square of each column of (x, u, w)
+    features: (N, M), products of the columns, scaled
+    costs: (N,), of each step
+    inverse: (M, N), weights = inverse · values is the least squares of features · weights = values
+    """
+
+    problem: DiscreteGame
+    steps: Steps
+    cost: np.ndarray
+    scales: np.ndarray
+    features: np.ndarray
+    costs: np.ndarray
+    inverse: np.ndarray
+
+    @classmethod
+    def of(cls, problem: DiscreteGame, steps: Steps) -> _QLearner:
+        together = steps.together
+        cost = problem.q_function(np.zeros_like(problem.step.A))
+        if together.shape[1] != len(cost):
+            raise BadInputError(
+                f"the steps have {together.shape[1]} columns of x, u and w; the game has"
+                f" {len(cost)}"
+            )
+        scales = np.sqrt(np.mean(together**2, axis=0))
+        if not scales.all():
+            raise BadInputError("a column of x, u and w is 0 in every step; record it moving")
+        features = _products(together / scales)
+        refuse_poor(rank(unit_rows(features)), features.shape[1], "the recorded steps")
+        costs = np.einsum("ji,ik,jk->j", together, cost, together)
+        return cls(problem, steps, cost, scales, features, costs, np.linalg.pinv(features))
+
+    @cached_property
+    def psi(self) -> Basis:
+        """Of (x, u, w)."""
+        return basis("quadratic", len(self.cost))
+
+    @cached_property
+    def _of_costs(self) -> np.ndarray:
+        """The weights of the costs alone, (M,)."""
+        return self.inverse @ self.costs
+
+    @cached_property
+    def _of_next_states(self) -> np.ndarray:
+        """Weights of x'P x -> weights of α x⁺'P x⁺, (M, n(n+1)/2)."""
+        return self.problem.discount * self.inverse @ _products(self.steps.next_states)
+
+    def _H(self, weights: np.ndarray) -> np.ndarray:
+        """In the units of the steps."""
+        return self.psi.matrix(weights) / np.outer(self.scales, self.scales)
+
+    def value_iteration(self, H: np.ndarray | None) -> np.ndarray:
+        """One step more of the horizon; None: the first.
+
+        NoSolutionError where w gains more than it pays for, and where the value grows without end.
+        """
+        weights = self._of_costs
+        if H is not None:
+            P = self.problem.of_q_function(H)["P"]
+            weights = weights + self._of_next_states @ _weights(P)
+        H = self._H(weights)
+        if not np.abs(H).max() <= LARGEST_CRITIC_ENTRY:
+            raise NoSolutionError(
+                "Q-learning does not settle: the value grows without end, no policy stabilizes the"
+                " plant"
+            )
+        if not self.has_saddle(H):
+            raise NoSolutionError(
+                f"at delta = {self.problem.step.delta:g} the disturbance gains more than it pays"
+                " for; ask for a larger delta (`hfa solve` names the smallest)"
+            )
+        return H
+
+    def policy_iteration(self, H: np.ndarray) -> np.ndarray:
+        """The Q-function of the policies of H: weights = inverse (costs + α next features ·
+        weights)."""
+        parts = self.problem.of_q_function(H)
+        policy = np.vstack([-parts["K"], *([parts["L"]] if "L" in parts else [])])
+        after = self.steps.next_states
+        moved = _products(np.hstack([after, after @ policy.T]) / self.scales)
+        equations = np.eye(self.psi.size) - self.problem.discount * self.inverse @ moved
+        return self._H(np.linalg.solve(equations, self._of_costs))
+
+    def has_saddle(self, H: np.ndarray) -> bool:
+        """Whether Q has a minimum over u and a maximum over w."""
+        n, m = self.problem.step.B.shape
+        scaled = H * np.outer(self.scales, self.scales)
+        of_inputs = np.linalg.eigvalsh(scaled[n : n + m, n : n + m])
+        of_disturbances = np.linalg.eigvalsh(scaled[n + m :, n + m :])
+        return bool((of_inputs > 0.0).all() and (of_disturbances < 0.0).all())
+
+    def residual(self, H: np.ndarray) -> _Residual:
+        """Of Bellman's equation over all steps."""
+        together = self.steps.together
+        values = np.einsum("ji,ik,jk->j", together, H, together)
+        moved = self.steps.next_states
+        P = self.problem.of_q_function(H)["P"]
+        after = self.problem.discount * np.einsum("ji,ik,jk->j", moved, P, moved)
+        error = np.linalg.norm(values - self.costs - after)
+        terms = np.abs(values) + np.abs(self.costs) + np.abs(after)
+        return _Residual(
+            float(error / np.linalg.norm(self.costs)), float(error / np.linalg.norm(terms))
+        )
+
+    def is_settled(self, before: np.ndarray, after: np.ndarray) -> bool:
+        """Whether a policy iteration changes nothing, and its policies stabilize the linear fit of
+        the steps."""
+        squares = np.outer(self.scales, self.scales)
+        states = slice(len(self.problem.step.A))
+        change = np.abs((after - before) * squares)[states, states].max()
+        size = np.abs(after * squares)[states, states].max()
+        if not (change <= SETTLED * size and self.has_saddle(after)):
+            return False
+        n, m = self.problem.step.B.shape
+        together = self.steps.together / self.scales
+        fit = np.linalg.lstsq(together, self.steps.next_states, rcond=None)[0].T / self.scales
+        parts = self.problem.of_q_function(after)
+        loop = fit[:, :n] - fit[:, n : n + m] @ parts["K"]
+        loops = [loop]
+        if "L" in parts:
+            loops.append(loop + fit[:, n + m :] @ parts["L"])
+        root = np.sqrt(self.problem.discount)
+        return all(root * np.abs(np.linalg.eigvals(matrix)).max() < 1.0 for matrix in loops)
+
+
+def _products(z: np.ndarray) -> np.ndarray:
+    """z_i z_j for i <= j, row by row, (N, s(s+1)/2)."""
+    row, column = np.triu_indices(z.shape[1])
+    return z[:, row] * z[:, column]
+
+
+def _weights(P: np.ndarray) -> np.ndarray:
+    """W with x'P x = W'(x1², x1 x2, ..., xn²)."""
+    row, column = np.triu_indices(len(P))
+    return np.where(row == column, 1.0, 2.0) * P[row, column]
+
+
+def _training_run(learner: _QLearner, rows: list[tuple[int, np.ndarray]], seed: int) -> TrainingRun:
+    """rows: number of iterations, and H."""
+    residuals = [learner.residual(H) for _, H in rows]
+    parts = [learner.problem.of_q_function(H) for _, H in rows]
+    of_cost = np.array([residual.of_cost for residual in residuals])
+    return TrainingRun(
+        law="Q-learning",
+        basis="quadratic",
+        times=np.array([float(iterations) for iterations, _ in rows]),
+        weights=np.array([_weights(part["P"]) for part in parts]),
+        residual_norm=of_cost,
+        law_residual_norm=of_cost,
+        settling_residual=np.array([residual.of_terms for residual in residuals]),
+        K=parts[-1]["K"],
+        excitation=excitation(learner.features, learner.features),
+        settings={"samples": len(learner.costs)},
+        seed=seed,
+        clock="iterations",
+    )

@@ -1,0 +1,66 @@
+"""Q-learning from recorded steps: the exact value, and what is refused."""
+
+import numpy as np
+import pytest
+
+from controller import Game
+from controller.game.discrete_game import DiscreteGame
+from controller.learning.q_learning import Steps, learn_steps, random_steps
+from controller.riccati.discrete import minimum_delta_discrete, solve_discrete
+from hfa_support import BadInputError, NoSolutionError
+
+
+def _problem(seed: int, delta: float = np.inf, discount: float = 0.97) -> DiscreteGame:
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(2, 6))
+    A, B, E = (rng.standard_normal((n, size)) for size in (n, 2, 1))
+    step = Game(1.3 * A / np.abs(np.linalg.eigvals(A)).max(), B, E, np.eye(n), np.eye(2), delta)
+    return DiscreteGame(step, discount, 0.1 * rng.standard_normal((n, 2)))
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("margin", [np.inf, 1.1])
+def test_the_exact_q_function_is_learned_from_any_start(seed, margin):
+    problem = _problem(seed)
+    if np.isfinite(margin):
+        problem = _problem(seed, margin * minimum_delta_discrete(problem).value)
+    exact = solve_discrete(problem)
+    run, H = learn_steps(problem, seed)
+    assert np.abs(run.P - exact.P).max() <= 1e-9 * np.abs(exact.P).max()
+    assert np.abs(H - exact.H).max() <= 1e-9 * np.abs(exact.H).max()
+    assert run.settled
+
+
+def test_noise_in_the_steps_moves_the_gain_by_its_size():
+    problem = _problem(1)
+    steps = random_steps(problem, 0)
+    noise = 1e-3 * np.random.default_rng(5).standard_normal(steps.next_states.shape)
+    noisy = Steps(
+        steps.states,
+        steps.inputs,
+        steps.disturbances,
+        steps.next_states * (1.0 + noise),
+    )
+    run, _ = learn_steps(problem, steps=noisy)
+    exact = solve_discrete(problem)
+    error = np.linalg.norm(run.K - exact.K) / np.linalg.norm(exact.K)
+    assert 1e-6 < error < 0.05
+
+
+def test_what_has_no_value_and_poor_steps_are_refused():
+    problem = _problem(2)
+    smallest = minimum_delta_discrete(problem).value
+    with pytest.raises(NoSolutionError, match="delta"):
+        learn_steps(_problem(2, 0.9 * smallest))
+    unreached = DiscreteGame(Game([[1.2]], [[0.0]], [[1.0]], [[1.0]], [[1.0]], np.inf))
+    with pytest.raises(NoSolutionError, match="does not settle"):
+        learn_steps(unreached)
+    steps = random_steps(problem, 0)
+    parts = [steps.states, 0.0 * steps.inputs, steps.disturbances, steps.next_states]
+    with pytest.raises(BadInputError, match="is 0 in every step"):
+        learn_steps(problem, steps=Steps(*parts))
+    parts[1] = steps.states[:, :2]
+    with pytest.raises(BadInputError, match="the recorded steps has rank"):
+        learn_steps(problem, steps=Steps(*parts))
+    with pytest.raises(BadInputError, match="recorded inputs and"):
+        Steps(steps.states, steps.inputs[:3], steps.disturbances, steps.next_states)
