@@ -301,5 +301,6 @@ def _training_run(learner: _QLearner, rows: list[tuple[int, np.ndarray]], seed: 
         excitation=excitation(learner.features, learner.features),
         settings={"samples": len(learner.costs)},
         seed=seed,
+        names=learner.problem.step.names,
         clock="iterations",
     )

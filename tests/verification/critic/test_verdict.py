@@ -133,3 +133,11 @@ def test_a_network_is_flown_within_the_limits_of_the_controls() -> None:
     held = np.array(plant.rates(z, plant.highest))
     assert np.array(plant.closed(z, u)) == pytest.approx(held, rel=1e-12)
     assert np.array(plant.closed(z, 0.0 * u)) == pytest.approx(0.0, abs=1e-8)
+
+
+def test_a_verdict_in_discrete_time_is_printed() -> None:
+    game = Game([[0.9]], [[1.0]], [[1.0]], [[1.0]], [[1.0]], np.inf)
+    exact = solve_discounted(game, 0.9)
+    verdict = check_discounted(game, from_value(game, exact.P), 0.9)
+    assert str(verdict).startswith("PASS: exact within 1e-06, stabilizing")
+    assert "A - B K" in str(check_discounted(game, from_gain(game, [[-1.0]]), 0.9))
