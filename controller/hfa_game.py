@@ -32,7 +32,11 @@ def published_game(
 ) -> Game:
     """The game of paper Section 5.1 on (A, B) or on a linear model: its Q, R, delta and E = I.
 
-    changes: of Q, R, delta, E. A linear model with more than the paper's six states has weight 0
+    A: (n, n), or a linear model
+    B: (n, m), where A is a matrix
+    changes: of Q, R, delta, E
+
+    A linear model with more than the paper's six states has weight 0
     and no disturbance on the others; with anything else than six states and five inputs Q and R
     must be given. Of a linear model in SI units it is the same game: Q, R and E are converted.
 

@@ -339,7 +339,11 @@ class Model:
     ) -> Linearization:
         """f, y and their derivatives, exact to rounding.
 
-        x: (n,). u: (m,).
+        x: (n,)
+        u: (m,)
+        outputs: names
+        disturbances: names
+
         FloatingPointError where one is not finite.
         """
         bound = bound_linearized(self.layout, tuple(outputs), tuple(disturbances))

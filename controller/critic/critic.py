@@ -127,7 +127,13 @@ class Critic(Shown):
 
 
 def from_gain(game: Game, K: np.ndarray, time: float | None = None) -> Critic:
-    """The policy u = -K z. BadInputError when K has another shape than B', or is complex.
+    """The policy u = -K z.
+
+    game: that the critic should solve
+    K: (m, n)
+    time: s, of a critic of a history
+
+    BadInputError when K has another shape than B', or is complex.
 
     >>> import hfa
     >>> game = hfa.Game([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]], delta=2.0)
@@ -138,7 +144,13 @@ def from_gain(game: Game, K: np.ndarray, time: float | None = None) -> Critic:
 
 
 def from_value(game: Game, P: np.ndarray, time: float | None = None) -> Critic:
-    """V = z'Pz, u = -R⁻¹B'P z. BadInputError when P has another shape than A, or is complex.
+    """V = z'Pz, u = -R⁻¹B'P z.
+
+    game: that the critic should solve
+    P: (n, n)
+    time: s, of a critic of a history
+
+    BadInputError when P has another shape than A, or is complex.
 
     >>> import hfa
     >>> game = hfa.Game([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]], delta=2.0)
@@ -164,7 +176,12 @@ def from_weights(
 ) -> Critic:
     """V = W'ψ(z) + constant, u = -½ R⁻¹B' (∂ψ/∂z)'W (paper Eq. 28).
 
-    functions: a basis, its name, or a CasADi Function z (n,) -> ψ(z) (M,).
+    game: that the critic should solve
+    weights: W, (M,)
+    functions: a basis, its name, or a CasADi Function z (n,) -> ψ(z) (M,)
+    constant: V(0)
+    precision: of the numbers in its file
+    time: s, of a critic of a history
 
     BadInputError when W has another length than the basis, or is complex.
 

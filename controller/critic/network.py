@@ -36,6 +36,8 @@ def from_network(
 
     A network of the state and the input is a Q; its policy is judged, as `policy_of` finds it.
 
+    game: that the critic should solve
+    source: the file, or the Function
     network: which part of a file is what, as "value", "V=value" or "V=value,policy=actor"; without
         a name of `OUTPUTS` the number of outputs decides.
     activation: between the layers of a state dict.

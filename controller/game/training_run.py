@@ -111,8 +111,8 @@ class TrainingRun(Reported):
     def report(self, *, history: bool = False) -> Report:
         """The outcome, the data, P and K.
 
-        data: the last weights under `W` (what `hfa verify --weights` reads); with `history` also
-        all rows over time."""
+        Its data has the last weights under `W` (what `hfa verify --weights` reads); with `history`
+        also all rows over time."""
         m, n = self.K.shape
         names = self.names.completed(n, m)
         weight_units: list[str] = []

@@ -519,11 +519,15 @@ def learn(
     progress: Progress | None = None,
     **options: Any,
 ) -> TrainingRun:
-    """Learn the value z'Pz and the gain K of a game with the certified law (a law of your own:
+    """The value z'Pz and the gain K of a game, learned with the certified law (a law of your own:
     `run`).
 
-    pool: recorded samples (z, F) to learn from; by default states drawn with `seed`. options:
-    `CertifiedSettings`. progress is called with (fraction done, 1, residual).
+    game: which game
+    law: "certified"
+    seed: of the samples
+    pool: recorded samples (z, F) to learn from; by default states drawn with `seed`
+    progress: called with (fraction done, 1, residual)
+    options: fields of `CertifiedSettings`
 
     Whether what was learned is right the judge says (`verification.check_critic`), who knows A.
     Raises BadInputError for an unknown law or option and for data that cannot determine the

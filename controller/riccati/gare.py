@@ -110,11 +110,15 @@ class GameBatch(Shown):
 
 
 def solve_game(game: Game, progress: Progress | None = None) -> Solution:
-    """A'P + P A + Q - P S P = 0,  K = R⁻¹B'P,  L = δ⁻²E'P,  S = B R⁻¹ B' - δ⁻²E E' (paper Section
-    3.1).
+    """The exact solution of a game, with its certificate (paper Section 3.1):
+
+    A'P + P A + Q - P S P = 0,  K = R⁻¹B'P,  L = δ⁻²E'P,  S = B R⁻¹ B' - δ⁻²E E'
+
+    game: which game
+    progress: called by the search for delta_min, where there is no solution
 
     Raises NoSolutionError with one line: the mode that rules out a solution at any delta, or the
-    test of the certificate that failed together with delta_min, whose search calls `progress`.
+    test of the certificate that failed together with delta_min.
     Source: Basar and Bernhard, H-infinity Optimal Control, Theorem 4.11.
 
     >>> import hfa

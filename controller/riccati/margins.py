@@ -48,9 +48,11 @@ class DiskMargin(NamedTuple):
     """All inputs at once: each may be multiplied by its own factor f = (2 + αε)/(2 - αε), |ε| < 1
     complex.
 
-    disk: α.  Real f lies in (1/gain, gain), gain = (2 + α)/(2 - α); pure phase within `phase` = 2
-    arctan(α/2). frequency: where the margin is smallest.  A lower bound: the true margin may be a
-    little larger."""
+    disk: α, a lower bound: the true margin may be a little larger
+    gain: (2 + α)/(2 - α); a real f lies in (1/gain, gain)
+    phase: 2 arctan(α/2), deg, for f of pure phase
+    frequency: rad/s, where the margin is smallest
+    """
 
     disk: float
     gain: float
@@ -194,7 +196,10 @@ def _of_game(game: Game, K: np.ndarray) -> tuple[Response, np.ndarray]:
 def disk_margin(game: Game, K: np.ndarray) -> DiskMargin:
     """α = 1 / max_ω μ(S(jω) - I/2), μ over independent complex factors, bounded above by D-scaling.
 
-    K: (m, n).  μ(M) <= min_D σ_max(D M D⁻¹), D diagonal: convex in log D, minimised at each peak of
+    game: the plant
+    K: (m, n)
+
+    μ(M) <= min_D σ_max(D M D⁻¹), D diagonal: convex in log D, minimised at each peak of
     a frequency grid until the highest peak has been minimised.  Raises NoSolutionError when A - B K
     is not Hurwitz. Source: Seiler, Packard and Gahinet, IEEE Control Systems Magazine 40 (2020),
     78-95."""

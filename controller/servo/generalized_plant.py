@@ -385,7 +385,7 @@ def solve_plant(plant: GeneralizedPlant, delta: float) -> OutputFeedback | State
     B1'X + B2 Ck - Bk C2, R = D12'D12, V = D21 D21'. Source: Doyle, Glover, Khargonekar, Francis,
     IEEE Trans. Automatic Control 34 (1989), 831-847, Theorem 3.
 
-    Conditions: δ above what D11 lets past every controller, X >= 0 and Y >= 0 stabilize, ρ(XY) <
+    It takes δ above what D11 lets past every controller, X >= 0 and Y >= 0 stabilize, ρ(XY) <
     δ². NoSolutionError names the one that fails with delta_min, the mode that violates an
     assumption, or the check."""
     check_modes(plant)

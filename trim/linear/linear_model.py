@@ -464,6 +464,8 @@ def linearize(
     """A = ∂f/∂X, B = ∂f/∂U, C = ∂y/∂X, D = ∂y/∂U, E = ∂f/∂w, F = ∂y/∂w at (X0, U0) at w = 0, by
     algorithmic differentiation (exact to rounding); at a kink the means of two slopes.
 
+    model: the aircraft
+    point: its operating point
     full: all states; otherwise the model's linear states, of the HFA the paper's six (Section 2.2).
     outputs: names of outputs or of states; None for the states of the model.
     disturbances: names; None for the first one where outputs are asked for, else for none.
@@ -508,8 +510,12 @@ def linearize(
 
 
 def level_model(model: Model, scheduled: float) -> LinearModel:
-    """A, B at the model's own trim with this value of its scheduling variable, of the HFA the
-    paper's level flight with this dihedral, rad. TrimError when there is no such trim.
+    """The linear model at the model's own trim, of the HFA the paper's level flight.
+
+    model: the aircraft
+    scheduled: value of its scheduling variable, of the HFA the dihedral, rad
+
+    TrimError when there is no such trim.
 
     >>> import hfa
     >>> hfa.level_model(hfa.aircraft(), 0.2).states

@@ -53,7 +53,10 @@ def find_operating_point(
     the model's own trim (continuation), then from `STARTS` other points between the limits;
     `started` of the result is then the number of the point that led there.
 
-    start: a neighbouring point to begin from; else where the declaration begins.
+    model: the aircraft
+    condition: what is imposed and what is free
+    start: a neighbouring point to begin from; else where the declaration begins
+
     Raises TrimError when the equations cannot be balanced within the limits, BadInputError when the
     condition is not well posed or its numbers, with the model's, overflow. Source: Stevens,
     Lewis, Johnson, Aircraft Control and Simulation, Section 3.6.

@@ -73,7 +73,7 @@ def trim_points(
     raising.
 
     variables: one a column of values: what is imposed in place of the condition's values, rates
-    too, or a parameter in place of the model's
+        too, or a parameter in place of the model's
     values: (N, number of variables)
     condition: the model's own trim unless given
     start: where the search begins at each point

@@ -483,11 +483,13 @@ def sweep(
     """Trim and linearize at every point of the product of the given values, or, when `listed`, at
     every row of these columns: a `SweepPlan` run in memory.
 
-    grid: trim variable or parameter of the model -> values that are held, in its units.
+    model: the aircraft
+    grid: trim variable or parameter of the model -> values that are held, in its units
     condition: what the other variables do, the model's own trim unless given; the grid overrides
         it.
-    start: where the search begins at each point.
-    progress: called with (points done, points in all).
+    start: where the search begins at each point
+    listed: whether the values of the grid are columns, a row a point
+    progress: called with (points done, points in all)
 
     A point that has no trim becomes a row with its reason. BadInputError when a name is unknown, a
     value lies outside its limits, or the grid is empty or has more than `MOST_POINTS` points.

@@ -55,12 +55,15 @@ def check_critic(
 ) -> Verdict:
     """The verdict on a critic, compared with the exact solution of its game.
 
-    Checked: errors of P and K (norms and entries), of V, its slopes and both policies over a box of
-    states, stability of A - B K and A - S P, P > 0, Riccati residual, L2 gain below delta. The box
-    of a network is searched, a bound is proved where it can be, and it is flown from there.
+    It checks the errors of P and K (norms and entries), of V, its slopes and both policies over a
+    box of states, stability of A - B K and A - S P, P > 0, the Riccati residual, and an L2 gain
+    below delta. The box of a network is searched, a bound is proved where it can be, and it is
+    flown from there.
 
-    limit: of the errors and the residual.
-    scope: on what else it is judged.
+    game: that it should solve
+    critic: what is judged
+    limit: of the errors and the residual
+    scope: on what else it is judged
     run: the training run that the critic is the end of: the rank of its data is checked, and the
         time when it settles where it promises one.
 

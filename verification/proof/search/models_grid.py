@@ -93,9 +93,9 @@ def prove_models(
     from `low` on, every step is the longest that is proved to keep every error, at every scheduling
     value between two breakpoints, below the tolerance.
 
-    data: the breakpoints; A (g, n, n), B, inputs_offset (g, m), K (g, m, n) there; error: the
-    bounds of `ModelsStatement`. Breakpoints are ends of cells of 1/16 of a step, or less.
-    NoSolutionError when no step is fine enough."""
+    `data` of the result has the breakpoints, A (g, n, n), B, inputs_offset (g, m), K (g, m, n)
+    there, and as `error` the bounds of `ModelsStatement`. Breakpoints are ends of cells
+    of 1/16 of a step, or less. NoSolutionError when no step is fine enough."""
     if not low < high:
         raise BadInputError(f"the interval goes from {low:g} to {high:g}; give the lower end first")
     grid = GridSearch(family, low, high, tolerance)

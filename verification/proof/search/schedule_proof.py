@@ -93,6 +93,7 @@ def prove_schedule(
     loop: controller and actuators, or gains u = -K x
     moving: also prove how fast the scheduling value may move
     file: the certificate, which is written on the way
+
     Raises NoSolutionError where a scheduling value has no trim, BadInputError when the controller
     or the model does not reach.
     """

@@ -303,10 +303,11 @@ def prove_solution(
     """The stabilizing solution, enclosed, of the model of a family at a scheduling value or of a
     game given by its matrices.
 
-    data: P, the printed one; relative_radius: the exact solution lies within it, Frobenius, also
-    for every parameter that reads as the same decimal where the game is the aircraft's. Proved: P >
-    0, A - S P and A - B K Hurwitz, delta above the proved bracket of delta_min. NoSolutionError
-    when the game has no value, or when it cannot be enclosed."""
+    `data` of the result has P, the printed one, and `relative_radius`, within which the exact
+    solution lies (Frobenius), also for every parameter that reads as the same decimal where the
+    game is the aircraft's. Proved are P > 0, A - S P and A - B K Hurwitz, delta above the proved
+    bracket of delta_min. NoSolutionError when the game has no value, or when it cannot be
+    enclosed."""
     _tell(progress, "solving in doubles")
     P = solve_game(game).P
     _tell(progress, "enclosing the linear model")
