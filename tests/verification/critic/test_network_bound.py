@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from fractions import Fraction
+from itertools import product
 from pathlib import Path
 
 import casadi as ca
@@ -13,8 +14,14 @@ import pytest
 from controller import Game
 from controller.hfa_game import ORDINARY_DEVIATIONS
 from verification import Scope, check_critic, from_network, solve_game
-from verification.critic.network_bound import Proof, prove
-from verification.critic.relaxation import Relaxation
+from verification.critic.network_bound import Proof, _halves, prove
+from verification.critic.relaxation import (
+    _LINES as LINES,
+    _TANH_ERROR,
+    Relaxation,
+    _tanh,
+    _tanh_lines,
+)
 from verification.critic.verdict import Verdict
 from verification.hfa_box import ordinary_box
 
@@ -89,8 +96,6 @@ def test_rounding_is_in_the_bound() -> None:
 
 
 def test_the_enclosure_of_tanh_holds_at_every_scale() -> None:
-    from verification.critic.relaxation import _TANH_ERROR, _tanh, _tanh_lines
-
     rng = np.random.default_rng(2)
     t = np.concatenate([10.0 ** rng.uniform(-12.0, 3.0, 4000), np.linspace(0.0, 25.0, 4000)])
     exact = np.tanh(t.astype(np.longdouble))
@@ -102,6 +107,41 @@ def test_the_enclosure_of_tanh_holds_at_every_scale() -> None:
         t = np.clip(ends[0] + part * (ends[1] - ends[0]), *ends)
         between = np.abs(np.tanh(t) - lines.slopes[0] * t - lines.constant)
         assert np.all(between <= lines.radius)
+
+
+@pytest.mark.parametrize("kind", LINES)
+def test_every_node_is_between_its_lines_to_the_ends(kind: str) -> None:
+    """At both ends, at 0 and between; half of them come within 10 % of a line."""
+    of = {
+        "tanh": np.tanh,
+        "relu": lambda t: np.maximum(t, 0.0),
+        "square": lambda t: t * t,
+        "product": lambda s, t: s * t,
+    }
+    rng = np.random.default_rng(3)
+    arguments = 2 if kind == "product" else 1
+    ends = [np.sort(rng.normal(size=(2, 3000)), axis=0) for _ in range(arguments)]
+    lines = LINES[kind](*(end for pair in ends for end in pair))
+    largest = np.zeros(3000)
+    for parts in product(np.linspace(0.0, 1.0, 21), repeat=arguments):
+        t = [
+            np.clip(low + part * (high - low), low, high)
+            for part, (low, high) in zip(parts, ends, strict=True)
+        ]
+        along = sum(slope * argument for slope, argument in zip(lines.slopes, t, strict=True))
+        off = np.abs(of[kind](*t) - along - lines.constant)
+        assert np.all(off <= lines.radius + 1e-15)
+        assert np.all(np.abs(of[kind](*t)) <= lines.size * (1.0 + 1e-14))
+        largest = np.maximum(largest, off / np.maximum(lines.radius, 1e-12))
+    assert np.median(largest[lines.radius > 1e-9]) > 0.9
+
+
+def test_halves_are_the_box() -> None:
+    centres = np.array([[0.0, 0.5], [0.25, 0.0]])
+    half_widths = np.array([[1.0, 0.5], [0.25, 1.0]])
+    parts, widths = _halves(centres, half_widths, np.array([[0.0, 2.0], [np.nan, 0.0]]))
+    assert np.array_equal(parts, [[0.0, 0.25], [0.25, -0.5], [0.0, 0.75], [0.25, 0.5]])
+    assert np.array_equal(widths, [[1.0, 0.25], [0.25, 0.5], [1.0, 0.25], [0.25, 0.5]])
 
 
 # Right policies are proved.
@@ -185,15 +225,30 @@ def test_a_fraction_ends_before_the_first_error() -> None:
     assert proof.beyond is not None
     assert proof.fraction <= 0.6
     assert float(function(proof.beyond)) > largest
+    assert Proof("error", 0.1, 0.96875, 1).where == "on 0.96 times the box"
     proof = prove("error", function, np.ones(2), 2.0, 2.0)
     assert proof == Proof("error", 2.0, 1.0, proof.boxes if proof else 0)
 
 
+def test_where_there_is_no_bound_nothing_is_proved() -> None:
+    """An error that is 1 at 0 and the limit, and one beyond all doubles."""
+    y = ca.SX.sym("y", 2)
+    squares = ca.tanh(y[0]) ** 2 + ca.tanh(y[1]) ** 2
+    proof = prove("error", ca.Function("f", [y], [1.0 - 0.1 * squares]), np.ones(2), 1.0, 0.5)
+    assert proof is not None
+    assert proof.beyond is None
+    assert proof.fraction == 0.0
+    huge = ca.Function("f", [y], [(1e200 * ca.tanh(y[0])) ** 2 * 1e-200])
+    proof = prove("error", huge, np.ones(2), 1e299, 0.2)
+    assert proof is not None
+    assert proof.fraction < 1.0
+
+
+@pytest.mark.slow
 def test_a_trained_network_is_proved_within_its_error(game: Game) -> None:
-    """The stored policy of 6-32-32-5; the part of the box is never rounded up."""
+    """The stored policy of 6-32-32-5."""
     critic = from_network(game, TRAINED / "policy.npz", activation="tanh", scale=1.0 / BOX)
     verdict = check_critic(game, critic, scope=Scope(box=ordinary_box(), flights=1))
     line = "FAIL: not exact (policy proved within 0.051 in the box), stabilizing"
     assert verdict.headline().startswith(line)
     assert 0.04 < verdict.value_of("searched_policy_error") < 0.051
-    assert Proof("error", 0.1, 0.96875, 1).where == "on 0.96 times the box"
