@@ -69,6 +69,11 @@ class Critic(Shown):
         return self.basis.size == self.basis.quadratic_size
 
     @property
+    def wide(self) -> bool:
+        """Whether it is a network whose functions are graphs of matrices."""
+        return not isinstance(self.symbols, ca.SX)
+
+    @property
     def symbols(self) -> ca.SX:
         """New symbols z (n,) for its functions, as `symbols_for` makes them."""
         return symbols_for(self.network.values(), self.K.shape[1])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from functools import partial
+from functools import partial, reduce
 from pathlib import Path
 from typing import Any
 
@@ -50,6 +50,10 @@ def _reshape(x: np.ndarray, shape: np.ndarray, allowzero: int = 0) -> np.ndarray
     return x.reshape(sizes)
 
 
+def _expanded(x: np.ndarray, sizes: np.ndarray) -> np.ndarray:
+    return np.broadcast_to(x, np.broadcast_shapes(x.shape, tuple(map(int, sizes))))
+
+
 def _slice(
     x: np.ndarray, starts: Any, ends: Any, axes: Any = None, steps: Any = None
 ) -> np.ndarray:
@@ -62,7 +66,7 @@ def _slice(
 
 
 def _reduced(
-    reduce: Callable[..., Any],
+    combine: Callable[..., Any],
     x: np.ndarray,
     axes: Any = None,
     keepdims: int = 1,
@@ -71,8 +75,8 @@ def _reduced(
     if axes is None or not np.size(axes):
         if noop_with_empty_axes:
             return x
-        return reduce(x, axis=None, keepdims=bool(keepdims))
-    return reduce(x, axis=tuple(map(int, np.ravel(axes))), keepdims=bool(keepdims))
+        return combine(x, axis=None, keepdims=bool(keepdims))
+    return combine(x, axis=tuple(map(int, np.ravel(axes))), keepdims=bool(keepdims))
 
 
 def _clip(x: np.ndarray, low: Any = None, high: Any = None, **ends: float) -> np.ndarray:
@@ -118,7 +122,33 @@ def _batch_norm(
 ) -> np.ndarray:
     if how.get("training_mode"):
         raise BadInputError("its BatchNormalization is in training mode; export it after eval()")
+    if x.ndim != 2:
+        raise BadInputError(f"its BatchNormalization is of {x.ndim} axes; only of rows is it read")
     return (x - mean) / np.sqrt(variance + how.get("epsilon", 1e-5)) * scale + bias
+
+
+def _dropout(x: np.ndarray, ratio: Any = None, training: Any = False, **_: Any) -> np.ndarray:
+    if training:
+        raise BadInputError("its Dropout is in training mode; export it after eval()")
+    return x
+
+
+def _softmax(x: np.ndarray, axis: int = -1) -> np.ndarray:
+    largest = _LARGER.reduce(x, axis=axis, keepdims=True)  # exp of what is left is at most 1
+    powers = on_entries(ca.exp)(x - largest)
+    return powers / np.sum(powers, axis=axis, keepdims=True)
+
+
+def _hard_sigmoid(x: np.ndarray, alpha: float = 0.2, beta: float = 0.5) -> np.ndarray:
+    return _clip(alpha * x + beta, 0.0, 1.0)
+
+
+def _prelu(x: np.ndarray, slope: np.ndarray) -> np.ndarray:
+    return _LARGER(x, 0.0) + slope * _SMALLER(x, 0.0)
+
+
+def _celu(x: np.ndarray, alpha: float = 1.0) -> np.ndarray:
+    return _LARGER(x, 0.0) + alpha * on_entries(ca.expm1)(_SMALLER(x, 0.0) / alpha)
 
 
 def _chosen(condition: Any, value: Any, otherwise: Any) -> Any:
@@ -127,17 +157,8 @@ def _chosen(condition: Any, value: Any, otherwise: Any) -> Any:
     return value if condition else otherwise
 
 
-def _chained(function: Callable[[Any, Any], Any]) -> Callable[..., np.ndarray]:
-    """The function of two arrays, entry by entry, over any number of arrays."""
-
-    def combined(first: np.ndarray, *others: np.ndarray) -> np.ndarray:
-        for array in others:
-            first = np.frompyfunc(function, 2, 1)(first, array)
-        return np.asarray(first)
-
-    return combined
-
-
+_LARGER = np.frompyfunc(ca.fmax, 2, 1)
+_SMALLER = np.frompyfunc(ca.fmin, 2, 1)
 #: ONNX operators but the products: inputs, then attributes by name.
 _OPERATORS: Mapping[str, Callable[..., Any]] = {
     "Add": lambda a, b: a + b,
@@ -154,6 +175,12 @@ _OPERATORS: Mapping[str, Callable[..., Any]] = {
     "Elu": ACTIVATIONS["elu"],
     "Selu": ACTIVATIONS["selu"],
     "Gelu": ACTIVATIONS["gelu"],
+    "PRelu": _prelu,
+    "Celu": _celu,
+    "HardSigmoid": _hard_sigmoid,
+    "HardSwish": lambda x: x * _hard_sigmoid(x, 1.0 / 6.0),
+    "Mish": lambda x: x * on_entries(ca.tanh)(ACTIVATIONS["softplus"](x)),
+    "Softmax": _softmax,
     "Sin": ACTIVATIONS["sin"],
     "Cos": on_entries(ca.cos),
     "Erf": on_entries(ca.erf),
@@ -161,11 +188,15 @@ _OPERATORS: Mapping[str, Callable[..., Any]] = {
     "Log": on_entries(ca.log),
     "Sqrt": on_entries(ca.sqrt),
     "Abs": on_entries(ca.fabs),
+    "Reciprocal": lambda a: 1.0 / a,
     "Clip": _clip,
-    "Min": _chained(ca.fmin),
-    "Max": _chained(ca.fmax),
+    "Min": lambda *arrays: reduce(_SMALLER, arrays),
+    "Max": lambda *arrays: reduce(_LARGER, arrays),
     "Greater": np.frompyfunc(lambda a, b: a > b, 2, 1),
+    "GreaterOrEqual": np.frompyfunc(lambda a, b: a >= b, 2, 1),
+    "Equal": np.frompyfunc(lambda a, b: a == b, 2, 1),
     "Less": np.frompyfunc(lambda a, b: a < b, 2, 1),
+    "LessOrEqual": np.frompyfunc(lambda a, b: a <= b, 2, 1),
     "Where": np.frompyfunc(_chosen, 3, 1),
     "LayerNormalization": _layer_norm,
     "BatchNormalization": _batch_norm,
@@ -177,12 +208,16 @@ _OPERATORS: Mapping[str, Callable[..., Any]] = {
     "Transpose": lambda a, perm=None: a.transpose(perm),
     "ReduceSum": partial(_reduced, np.sum),
     "ReduceMean": partial(_reduced, np.mean),
+    "Trilu": lambda x, k=0, upper=1: (np.triu if upper else np.tril)(x, int(k)),
     "Concat": lambda *parts, axis: np.concatenate(parts, axis=axis),
     "Slice": _slice,
     "Gather": lambda x, places, axis=0: np.take(x, np.asarray(places, dtype=int), axis=axis),
     "Shape": lambda x: np.array(x.shape),
     "Identity": lambda a: a,
-    "Dropout": lambda a, *_, **__: a,
+    "ConstantOfShape": lambda sizes, value=0.0: np.full(tuple(map(int, sizes)), value),
+    "EyeLike": lambda x, k=0, **_: np.eye(*x.shape, k=k),
+    "Expand": _expanded,
+    "Dropout": _dropout,
     "Cast": _cast,
     "Constant": lambda **values: np.array(next(iter(values.values()))),
 }
@@ -346,10 +381,13 @@ def _evaluated(
     if "approximate" in attributes:
         attributes["approximate"] = attributes["approximate"].decode()
     precision = "float64"
-    if name == "Constant" and "value" in attributes:
+    if name in ("Constant", "ConstantOfShape") and "value" in attributes:
         attributes, precision = _constants(onnx, attributes)
     inputs = [arrays[item] if item else None for item in node.input]
-    return np.asarray(operators[name](*inputs, **attributes)), precision
+    result = np.asarray(operators[name](*inputs, **attributes))
+    if result.dtype == object and not any(isinstance(entry, ca.SX) for entry in result.flat):
+        result = np.array(result.tolist())
+    return result, precision
 
 
 def _outputs_of(

@@ -33,14 +33,16 @@ if TYPE_CHECKING:
 STARTS = 1000
 #: From how many corners and how many others a search climbs.
 CLIMBS = 3
+#: From how many starts a wide network is flown: a policy of it takes 2 to 20 ms.
+_WIDE_FLIGHTS = 2
 #: A flight ends when the exact loop has decayed to exp(-`DECAY`).
 DECAY = 5.0
 #: Steps of LSODA in a flight, at most.
 STEPS = 1000
 #: A flight has returned where V* has come down to this part.
 RETURNED = 0.05
-#: From how many starts the largest box is sought, among 2^-`DOUBLINGS` ... 2^`DOUBLINGS` times the
-#: box.
+#: From how many starts at most the largest box is sought, among 2^-`DOUBLINGS` ...
+#: 2^`DOUBLINGS` times the box.
 FEW = 6
 DOUBLINGS = 4
 #: Newton steps to a rest point, and its largest distance, in boxes.
@@ -102,7 +104,8 @@ def findings(
     checks = list(errors)
     flown = Flown()
     if spectrum(game.A - game.B @ critic.K).abscissa < 0.0:
-        flown = fly(game, critic, exact, b, scope.flights, scope.plant)
+        flights = min(scope.flights, _WIDE_FLIGHTS) if critic.wide else scope.flights
+        flown = fly(game, critic, exact, b, flights, scope.plant)
         checks.append(rest_check(flown.rest_point, b, limit))
     section = network_section(critic, b, worst, proof, flown)
     return Findings(errors, checks, proof, flown, section)
@@ -124,8 +127,8 @@ def _searched_and_proved(
     end = time.monotonic() + scope.seconds
     origin, found = search(game, critic, exact, b)
     proof = None
-    is_wide = not isinstance(z, ca.SX)  # too many operations to be bounded one by one
-    for _ in range(0 if is_wide or not scope.seconds else _SEARCHES):
+    seconds = 0.0 if critic.wide else scope.seconds  # its operations are bounded one by one
+    for _ in range(_SEARCHES if seconds else 0):
         largest = {item.name: item.error for item in found}
         what = "error"
         bound = limit
@@ -171,13 +174,14 @@ def search(
 
     Each is relative to the largest of the exact V, dV/dz_i or u_i in the box; V but for its
     constant, on which no policy depends. L-BFGS-B climbs each error from the `CLIMBS` worst corners
-    and the `CLIMBS` worst others of `STARTS` states, and from the state `also` (n,). All errors are
-    compared at all states that any climb reaches.
+    and the `CLIMBS` worst others of `STARTS` states, of a wide network from the worst state alone,
+    and from the state `also` (n,). All errors are compared at all states that any climb reaches.
     """
     z = critic.symbols
     names, errors = _errors(game, critic, exact, b, z)
     values = ca.Function("values", [z], [errors])
-    climb = _climber(values, errors, z, b)
+    climb = _climber(errors, z, b)
+    climbs = 0 if critic.wide else CLIMBS
     starts = _starts(np.ones(len(b)), STARTS, seed=0)
     if also is not None:
         starts = np.vstack([starts, also / b])
@@ -188,8 +192,8 @@ def search(
         ends.append(starts[order[0]])
         if not math.isfinite(sizes[order[0]]):
             continue
-        corners = order[order % 2 == 0][:CLIMBS]
-        inside = order[order % 2 == 1][:CLIMBS]
+        corners = order[order % 2 == 0][:climbs]
+        inside = order[order % 2 == 1][:climbs]
         for index in (order[0], *corners, *inside, *range(STARTS, len(starts))):
             ends.append(climb(np.copysign(unit, sampled[index]), starts[index]))
     reached = b * np.array(ends)
@@ -208,18 +212,19 @@ def _sizes(values: ca.DM) -> np.ndarray:
 
 
 def _climber(
-    values: ca.Function, errors: ca.SX, z: ca.SX, b: np.ndarray
+    errors: ca.SX, z: ca.SX, b: np.ndarray
 ) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
     """(weights, y) -> where weights'errors(b y), |y_i| <= 1, is largest on the way up from y."""
     from scipy.optimize import minimize
 
     w = type(z).sym("w", errors.numel())
-    slopes = ca.Function("slopes", [z, w], [ca.jtimes(errors, z, w, True)])
+    weighted = ca.dot(w, errors)
+    ascent = ca.Function("ascent", [z, w], [weighted, ca.gradient(weighted, z)])
 
     def climb(weights: np.ndarray, start: np.ndarray) -> np.ndarray:
         def descent(y: np.ndarray) -> tuple[float, np.ndarray]:
-            value = -float(weights @ np.array(values(b * y)).ravel())
-            return value, -np.array(slopes(b * y, weights)).ravel() * b
+            value, slope = ascent(b * y, weights)
+            return -float(value), -np.array(slope).ravel() * b
 
         bounds = [(-1.0, 1.0)] * len(b)
         end = minimize(
@@ -364,10 +369,12 @@ def fly(
     time = DECAY / abs(spectrum(game.A - game.B @ exact.K).abscissa)
     losses = flown_losses(game, critic, exact, b, flights)
     linear = _Loop(z, ca.DM(game.A) @ z + ca.DM(game.B) @ u, exact, time, b)
-    reached = [_reach(linear, b)]
+    few = min(FEW, flights)
+    reached = [_reach(linear, b, few)]
     if plant is not None:
         for policy in (u, -ca.DM(exact.K) @ z):
-            reached.append(_reach(_Loop(z, plant.closed(z, policy), exact, time, b), b))
+            nonlinear = _Loop(z, plant.closed(z, policy), exact, time, b)
+            reached.append(_reach(nonlinear, b, few))
     return Flown(
         flights,
         float(losses.max()),
@@ -418,12 +425,12 @@ def flown_losses(
     return np.array(losses)
 
 
-def _reach(loop: _Loop, b: np.ndarray) -> float:
+def _reach(loop: _Loop, b: np.ndarray, few: int) -> float:
     """The largest of 2^-k ... 2^k times the box, k = `DOUBLINGS`, such that a flight returns from
-    `FEW` starts in it and in each smaller one tried; 0 for none."""
+    so few starts in it and in each smaller one tried; 0 for none."""
 
     def returns(size: float) -> bool:
-        return all(loop.returned(start) is not None for start in size * _starts(b, FEW))
+        return all(loop.returned(start) is not None for start in size * _starts(b, few))
 
     size = 1.0
     if returns(size):
@@ -501,5 +508,6 @@ def _flown_lines(flown: Flown) -> list[str]:
             f", {flown.reach_nonlinear:g} times on the nonlinear one within the limits of its "
             f"controls (the exact policy {flown.reach_nonlinear_exact:g})"
         )
-    lines.append(f"Returns to rest from {reach} ({FEW} starts each, doubled up to {2**DOUBLINGS})")
+    few = min(FEW, flown.flights)
+    lines.append(f"Returns to rest from {reach} ({few} starts each, doubled up to {2**DOUBLINGS})")
     return lines
