@@ -215,7 +215,7 @@ _OPERATORS: Mapping[str, Callable[..., Any]] = {
     "Shape": lambda x: np.array(x.shape),
     "Identity": lambda a: a,
     "ConstantOfShape": lambda sizes, value=0.0: np.full(tuple(map(int, sizes)), value),
-    "EyeLike": lambda x, k=0, **_: np.eye(*x.shape, k=k),
+    "EyeLike": lambda x, k=0, **_: np.eye(len(x), x.shape[1], k),
     "Expand": _expanded,
     "Dropout": _dropout,
     "Cast": _cast,
