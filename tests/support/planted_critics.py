@@ -376,12 +376,13 @@ UNNAMED: dict[str, tuple[str, Plant]] = {
     "no gain": ("K", lambda game: np.zeros_like(game.B.T)),
     "no value": ("P", lambda game: np.zeros_like(game.A)),
 }
-FIRST_TWO = np.array([1, 0])
 
 
 def exchanged(size: int) -> np.ndarray:
     """The order 2, 1, 3, ..."""
-    return np.concatenate([FIRST_TWO, np.arange(2, size)])
+    order = np.arange(size)
+    order[:2] = [1, 0]
+    return order
 
 
 def second_in_degrees(game: Game) -> np.ndarray:

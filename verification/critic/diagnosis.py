@@ -111,7 +111,7 @@ def error_of(view: View, matrix: np.ndarray) -> float:
 
 def named(view: View, hypotheses: Iterable[Hypothesis], demands: Demands) -> Cause:
     """The hypothesis that explains most of the error, of those that are about as good the first."""
-    before = min(error_of(view, view.given), 1.0)
+    before = min(error_of(view, view.judged), 1.0)
     if before <= ROUNDING:
         return _NO_CAUSE
     strictness = 1.0
@@ -161,7 +161,7 @@ def diagnose(
     if value is None or critic.P is None:
         return _of_view(gain, _usual(game, gain, critic), others.of_polynomial(gain))
     P = critic.P
-    apart = error_of(gain, gain.given + gain.exact - game.gain(P))
+    apart = error_of(gain, gain.judged + gain.exact - game.gain(P))
     not_together = _NOT_TOGETHER if apart > _APART else ""
     if all(check.ok for check in matrix_errors(game, "P", P, exact.P, limit)):
         of_gain = _of_view(gain, _usual(game, gain, critic))
@@ -213,7 +213,7 @@ class _Others:
         lqr = [family for family in self._families() if family.is_lqr]
         for hypothesis in answers(view, lqr, _EXACT.left[""]):
             left = error_of(view, hypothesis.undo)
-            if left <= _SAME * error_of(view, view.given):
+            if left <= _SAME * error_of(view, view.judged):
                 yield hypothesis
             else:
                 allowed = left * _EXACT.left[""]
@@ -225,7 +225,7 @@ class _Others:
         games: list[Family] = [family for family in self._families() if not family.is_lqr]
         yield from answers(view, games, _EXACT.left[""])
         if view.kind == "P":
-            for says, answer in other_weights(self.game, view.given):
+            for says, answer in other_weights(self.game, view.judged):
                 yield is_answer(view, answer, says)
 
     def of_network(self, view: View) -> Iterator[Hypothesis]:
@@ -296,8 +296,8 @@ def _of_network(game: Game, exact: Exact, critic: Critic, box: np.ndarray, other
     own_policy = "policy" in critic.network
     at_origin = _network_views(exact, Answer(critic.P, critic.K), critic, box)
     over_box = _network_views(exact, nearest_linear(game, critic, box), critic, box)
-    origin_errors = [error_of(view, view.given) for view in at_origin]
-    box_errors = [error_of(view, view.given) for view in over_box]
+    origin_errors = [error_of(view, view.judged) for view in at_origin]
+    box_errors = [error_of(view, view.judged) for view in over_box]
     judged_errors = [origin_errors[0]]
     if own_policy:
         judged_errors.append(origin_errors[-1])

@@ -48,12 +48,13 @@ class View(NamedTuple):
     """A matrix of the critic beside the exact one.
 
     kind: "P" or "K".
-    given, exact: (k, n).
+    judged: (k, n), of the critic.
+    exact: (k, n).
     weights: (k, n), of the entries in an error.
     """
 
     kind: str
-    given: np.ndarray
+    judged: np.ndarray
     exact: np.ndarray
     weights: np.ndarray
 
@@ -76,7 +77,7 @@ class View(NamedTuple):
 
     def transposed(self) -> View:
         """The same with rows for columns."""
-        return View(self.kind, self.given.T, self.exact.T, self.weights.T)
+        return View(self.kind, self.judged.T, self.exact.T, self.weights.T)
 
 
 def of_weights(weights: np.ndarray, exact: np.ndarray, psi: Basis) -> Iterator[Hypothesis]:
@@ -121,16 +122,16 @@ def of_matrix(game: Game, view: View) -> Iterator[Hypothesis]:
     entries."""
     if view.kind == "P":
         says = "P is not symmetric: the value z'Pz depends on (P + P')/2 alone"
-        for half in (np.triu(view.given), np.tril(view.given)):
+        for half in (np.triu(view.judged), np.tril(view.judged)):
             yield Hypothesis(says, half + half.T - np.diag(np.diag(half)))
-        view = view._replace(given=(view.given + view.given.T) / 2.0)
+        view = view._replace(judged=(view.judged + view.judged.T) / 2.0)
         yield from _factors(view, "value", "V is z'Pz, without a factor 1/2")
-        beside = np.where(np.eye(len(view.given), dtype=bool), 1.0, 0.5)
+        beside = np.where(np.eye(len(view.judged), dtype=bool), 1.0, 0.5)
         says = "P has entries beside the diagonal of twice their size: they are W / 2"
-        yield Hypothesis(says, view.given * beside)
+        yield Hypothesis(says, view.judged * beside)
         yield from of_sides(view, "state")
     else:
-        K = view.given
+        K = view.judged
         yield from _factors(view, "gain", "the policy is u = -K z")
         if K.shape[0] == K.shape[1]:
             yield Hypothesis("K is transposed", K.T)
@@ -146,17 +147,17 @@ def of_matrix(game: Game, view: View) -> Iterator[Hypothesis]:
 def _factors(view: View, noun: str, meant: str) -> Iterator[Hypothesis]:
     """All entries times one number."""
     for mistake, factor in _FACTORS.items():
-        yield Hypothesis(f"the {noun} {mistake}: {meant}", factor * view.given)
+        yield Hypothesis(f"the {noun} {mistake}: {meant}", factor * view.judged)
     weights = view.weights**2
     size = float(np.sum(view.exact**2 * weights)) or 1.0
-    factor = float(np.sum(view.given * view.exact * weights)) / size
+    factor = float(np.sum(view.judged * view.exact * weights)) / size
     power = _nearest_power_of_ten(factor)
     if power:
         says = f"every entry of {view.kind} is {10.0**power:g} times the exact one"
-        yield Hypothesis(says, view.given / 10.0**power)
+        yield Hypothesis(says, view.judged / 10.0**power)
     if math.isfinite(factor) and factor != 0.0 and view.known >= 1 + REDUNDANT:
         says = f"every entry of {view.kind} is {factor:.6g} times the exact one"
-        yield Hypothesis(says, view.given / factor, "factor")
+        yield Hypothesis(says, view.judged / factor, "factor")
 
 
 def _nearest_power_of_ten(ratio: float) -> int:
@@ -170,12 +171,12 @@ def _one_entry(view: View) -> Iterator[Hypothesis]:
     """The sign or a decimal slip of the entry that is farthest off, of P with its mirror image."""
     if view.known < 1 + REDUNDANT:
         return
-    errors = np.abs(view.given - view.exact) * view.weights
+    errors = np.abs(view.judged - view.exact) * view.weights
     row, column = np.unravel_index(int(np.argmax(errors)), errors.shape)
     exact = view.exact[row, column]
     if exact == 0.0:
         return
-    ratio = float(view.given[row, column] / exact)
+    ratio = float(view.judged[row, column] / exact)
     name = f"{view.kind}({row + 1}, {column + 1})"
     power = _nearest_power_of_ten(abs(ratio))
     factor = math.copysign(10.0**power, ratio)
@@ -185,7 +186,7 @@ def _one_entry(view: View) -> Iterator[Hypothesis]:
         says = f"{name} has the wrong sign"
     else:
         says = f"{name} is {factor:g} times the exact one: a decimal slip"
-    undo = view.given.copy()
+    undo = view.judged.copy()
     undo[row, column] /= factor
     if view.kind == "P" and row != column:
         undo[column, row] /= factor
@@ -197,16 +198,16 @@ def of_rows(view: View, noun: str, degree: float) -> Iterator[Hypothesis]:
 
     degree: what a row is multiplied by where its quantity is in degrees.
     """
-    size = len(view.given)
+    size = len(view.judged)
     with np.errstate(all="ignore"):
-        away = np.sum(((view.given[:, None] - view.exact) * view.weights) ** 2, axis=-1)
+        away = np.sum(((view.judged[:, None] - view.exact) * view.weights) ** 2, axis=-1)
         weights = view.weights**2
-        factors = np.sum(view.given * view.exact * weights, axis=1)
+        factors = np.sum(view.judged * view.exact * weights, axis=1)
         factors /= np.sum(view.exact**2 * weights, axis=1)
     order = _best_order(away)
-    yield Hypothesis(_order_says(noun, order), np.eye(size)[order].T @ view.given)
+    yield Hypothesis(_order_says(noun, order), np.eye(size)[order].T @ view.judged)
     for says, divisors, fitted in _scales(view, noun, factors, degree):
-        yield Hypothesis(says, view.given / divisors[:, None], fitted)
+        yield Hypothesis(says, view.judged / divisors[:, None], fitted)
 
 
 def of_columns(view: View, noun: str, degree: float) -> Iterator[Hypothesis]:
@@ -218,25 +219,25 @@ def of_columns(view: View, noun: str, degree: float) -> Iterator[Hypothesis]:
 def of_sides(view: View, noun: str) -> Iterator[Hypothesis]:
     """Order, signs, degrees and scales of the states, of which a symmetric matrix has rows and
     columns."""
-    size = len(view.given)
+    size = len(view.judged)
     with np.errstate(all="ignore"):
-        rows = np.sort(view.given)[:, None]
+        rows = np.sort(view.judged)[:, None]
         exact_rows = np.sort(view.exact)[None]
         apart = np.abs(rows - exact_rows) / (np.abs(rows) + np.abs(exact_rows))
         factors = _symmetric_factors(view)
     order = _best_order(np.sum(np.nan_to_num(apart), axis=-1))
     back = np.eye(size)[order].T
-    yield Hypothesis(_order_says(noun, order), back @ view.given @ back.T)
+    yield Hypothesis(_order_says(noun, order), back @ view.judged @ back.T)
     for says, divisors, fitted in _scales(view, noun, factors, _DEGREE):
-        yield Hypothesis(says, view.given / np.outer(divisors, divisors), fitted)
+        yield Hypothesis(says, view.judged / np.outer(divisors, divisors), fitted)
 
 
 def _symmetric_factors(view: View) -> np.ndarray:
     """t (n,) with given_ij about t_i t_j exact_ij: from the diagonal, then each by least squares
     with the others as they are."""
     P = view.exact
-    signs = np.sign(view.given * P)[int(np.argmax(np.diag(P)))]
-    factors = np.sqrt(np.abs(np.diag(view.given) / np.diag(P)))
+    signs = np.sign(view.judged * P)[int(np.argmax(np.diag(P)))]
+    factors = np.sqrt(np.abs(np.diag(view.judged) / np.diag(P)))
     factors = np.where(signs < 0.0, -factors, factors)
     if 2 * np.count_nonzero(factors < 0.0) > len(factors):
         factors = -factors
@@ -244,7 +245,7 @@ def _symmetric_factors(view: View) -> np.ndarray:
         for index in range(len(factors)):
             line = P[index] * factors
             weighted = line * view.weights[index] ** 2
-            factors[index] = view.given[index] @ weighted / (line @ weighted)
+            factors[index] = view.judged[index] @ weighted / (line @ weighted)
     return factors
 
 

@@ -226,7 +226,7 @@ def is_answer(view: View, answer: Answer, says: str) -> Hypothesis:
     that."""
     matrix = answer.P if view.kind == "P" else answer.K
     assert matrix is not None
-    return Hypothesis(says, view.given - matrix + view.exact)
+    return Hypothesis(says, view.judged - matrix + view.exact)
 
 
 def answers(view: View, candidates: list[Family], explained: float) -> Iterator[Hypothesis]:
@@ -318,7 +318,7 @@ def _nearest(view: View, family: Family, explained: float) -> float | None:
                 answer = family.answer(parameter)
                 matrix = answer.P if view.kind == "P" else answer.K
                 assert matrix is not None
-                away = (matrix - view.given) * view.weights
+                away = (matrix - view.judged) * view.weights
                 return np.ravel(away / np.linalg.norm(matrix * view.weights))
         except (NoSolutionError, BadInputError, ValueError, ArithmeticError):  # no such game
             return None
@@ -330,7 +330,7 @@ def _nearest(view: View, family: Family, explained: float) -> float | None:
     if not sizes:
         return None
     begin = min(sizes, key=lambda start: sizes[start])
-    nowhere = np.full(view.given.size, _NO_GAME * max(sizes[begin], ROUNDING))
+    nowhere = np.full(view.judged.size, _NO_GAME * max(sizes[begin], ROUNDING))
 
     def residuals(parameter: np.ndarray) -> np.ndarray:
         away = difference(float(parameter[0]))

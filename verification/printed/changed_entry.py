@@ -108,14 +108,19 @@ def _fitting(file: PrintedFile, position: Position, text: str) -> list[_Edit]:
         if fits[index]:
             plant = file.plant.with_entry(*position, values[index])
             slopes = change(file, plant, P[index], position)
-            moves = slopes != 0.0
-            if moves.any():  # else the answer says nothing of this entry
-                centers = values[index] + misfits[index][moves] / slopes[moves]
-                widths = allowed[moves] / np.abs(slopes[moves])
-                lowest = float((centers - widths).max())
-                highest = float((centers + widths).min())
-                edits.append(_Edit(edit, slip, values[index], lowest, highest))
+            if slopes.any():  # else the answer says nothing of this entry
+                lowest, highest = _moves(misfits[index], slopes, allowed)
+                value = float(values[index])
+                edits.append(_Edit(edit, slip, value, value + lowest, value + highest))
     return edits
+
+
+def _moves(misfits: np.ndarray, slopes: np.ndarray, allowed: np.ndarray) -> tuple[float, float]:
+    """The least and the largest x with |misfits - slopes x| <= allowed."""
+    depends = slopes != 0.0
+    centers = misfits[depends] / slopes[depends]
+    widths = allowed[depends] / np.abs(slopes[depends])
+    return float((centers - widths).max()), float((centers + widths).min())
 
 
 def _by_interval(edits: list[_Edit]) -> list[list[_Edit]]:

@@ -120,6 +120,10 @@ def test_random_errors_get_no_cause(game: Game, plant: str, kind: str, draws: in
     assert sum(cause != "" for cause in found) <= FALSE_CAUSES * draws // 100, set(found)
 
 
+#: Right tables, by turns.
+RIGHT = (("W", lambda game: weights_of(value(game)), ""), ("P", value, ""), ("K", gain, ""))
+
+
 def named_under_noise(mistake: str, size: float, games: int, seed: int) -> int:
     """How many tables of random games with this mistake, or "" for none, and noise get its words;
     other games are left out, which a noisy table cannot be of."""
@@ -127,16 +131,14 @@ def named_under_noise(mistake: str, size: float, games: int, seed: int) -> int:
     count = 0
     for index in range(games):
         game = random_game(rng)
-        kind, plant, words = OF_ANY_GAME.get(
-            mistake,
-            [("W", lambda g: weights_of(value(g)), ""), ("P", value, ""), ("K", gain, "")][
-                index % 3
-            ],
-        )
+        kind, plant, words = OF_ANY_GAME.get(mistake, RIGHT[index % 3])
         table = noisy(kind, plant(game), size, rng)
         candidate = candidate_of(game, kind, lambda _, table=table: table)
         said = diagnose_discrete(game, solved(game), candidate, "", {})
-        count += words in said if words else said == ""
+        if words:
+            count += words in said
+        else:
+            count += said == ""
     return count
 
 
