@@ -25,6 +25,7 @@ RESULTS = (
     ("trim.sweeps.sweep", "SweepData"),
     ("trim.sweeps.sweep_store", "StoredSweepData"),
     ("verification.printed.printed_verdict", "PrintedData"),
+    ("controller.flight.step_flight", "StepFlightData"),
 )
 #: Parts that only formats.toml refers to.
 PARTS = (("hfa_support.provenance", "Provenance"),)

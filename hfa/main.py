@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 FAILURES = (BadInputError, NoSolutionError, OverflowError, UnicodeError, MemoryError, OSError)
 #: Fields of requests: files that a command writes; what names the model.
 _WRITTEN = ("output", "picture")
-_OF_THE_MODEL = ("aircraft", "dynamics", "parameters", "units")
+_OF_THE_MODEL = ("aircraft", "steps", "dynamics", "parameters", "units")
 #: Megabytes of address space that any command needs. OpenBLAS asks for its memory while it is
 #: loaded, again and again where there is too little, and no signal ends that.
 _ADDRESS_SPACE = 384

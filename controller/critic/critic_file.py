@@ -17,6 +17,7 @@ from controller.critic.critic import Critic, from_parts
 from controller.critic.features import features_of
 from controller.game.array_file import UNKNOWN, read_arrays
 from controller.game.basis import Basis, basis
+from controller.game.discrete_game import DiscreteGame
 from controller.game.names import UNNAMED, PlantNames
 from controller.game.user_files import file_scales, found_in, words
 from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game, checked_matrix, shape_text
@@ -102,6 +103,25 @@ def critics_in(path: str | Path, game: Game, reading: Reading | None = None) -> 
 def critic_in(path: str | Path, game: Game, reading: Reading | None = None) -> Critic:
     """The one critic of a file, of a history the last row. BadInputError, one line."""
     return critics_in(path, game, reading)[-1]
+
+
+def critic_of_steps(
+    path: str | Path, problem: DiscreteGame, reading: Reading | None = None
+) -> tuple[Critic, dict[str, Any]]:
+    """The one critic of a file on a plant in discrete time, and L and H, where the file has them.
+
+    P, K and L follow from H where the file does not have them. BadInputError, one line.
+    """
+    entries = {} if is_network(Path(path)) else _entries(path)
+    if "H" not in entries:
+        more = {"L": entries["L"]} if "L" in entries else {}
+        return critic_in(path, problem.step, reading), more
+    with said_of(path):
+        parts = problem.of_q_function(entries["H"])
+        parts |= {name: entries[name] for name in ("P", "K", "L") if name in entries}
+        critic = from_parts(problem.step, {name: parts[name] for name in ("P", "K")})
+    more = {name: parts[name] for name in ("L",) if name in parts}
+    return critic, more | {"H": entries["H"]}
 
 
 def stored_parts(

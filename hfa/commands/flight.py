@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
-from hfa.options.argument_types import whole
+import numpy as np
+
+from controller.critic.critic_file import critic_of_steps
+from hfa.options.argument_types import input_file, whole
 from hfa.options.command import command
+from hfa.options.critics import ReadingOptions
 from hfa.options.flights import FlightOptions
 from hfa.options.request import option
 from hfa.options.trims import (
@@ -19,8 +25,10 @@ from hfa.options.trims import (
 )
 from hfa.output import ProgressLine, print_report, show
 from hfa_support.errors import BadInputError
+from hfa_support.files import MATRIX_FILES
 
 _MOST_MEMBERS = 10_000_000
+_MOST_STEPS = 1_000_000
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -35,6 +43,18 @@ class FlyRequest(FlightOptions, OneTrimOptions, WorkersOptions, OutputOptions):
     )
     output: Path | None = output_option(".zarr", purpose=" (members)")
     picture: Path | None = picture_option("the flight")
+    steps: Path | None = option(
+        "a plant of your own in discrete time, flown from --initial for --duration steps by the "
+        "game's policy or --weights",
+        "FILE",
+        input_file(*MATRIX_FILES),
+        names="--model",
+        rare=True,
+    )
+
+    def origin(self) -> Mapping[str, Any]:
+        """The file of the plant, or the aircraft."""
+        return super().origin() if self.steps is None else {"model": str(self.steps)}
 
 
 @command(FlyRequest)
@@ -46,7 +66,11 @@ def fly(request: FlyRequest) -> int:
     scheduling variable a --command of it is followed along its trims. --samples N flies N members:
     --error and --noise are standard deviations, --turbulence is drawn anew; member k is
     decided by --seed and k alone. Exit code 1 when a state leaves its envelope, an input its
-    control limits, or an oscillation does not decay."""
+    control limits, or an oscillation does not decay.
+
+    --model FILE flies a plant in discrete time."""
+    if request.steps is not None:
+        return _fly_steps(request, request.steps)
     if request.samples is not None:
         return _fly_members(request)
     from controller.flight.flight_figure import flight_figure
@@ -69,6 +93,41 @@ def fly(request: FlyRequest) -> int:
         points=[flight.point],
     )
     return 0 if result.within_limits else 1
+
+
+def _fly_steps(request: FlyRequest, path: Path) -> int:
+    """The flight of --model; the exit code, 1 when it does not decay."""
+    from controller.flight.step_flight import fly_steps
+    from controller.game.user_files import stored_game
+    from controller.riccati.discrete import solve_discrete
+    from verification.critic.critic_check import discrete_critic
+
+    used = {"steps", "initial", "duration", "weights", *ReadingOptions.declared()}
+    others = request.typed - used - {*OutputOptions.declared()} | (request.typed & {"picture"})
+    request.refuse(sorted(others), "belongs to an aircraft; leave it out with --model")
+    stored = stored_game(path)
+    problem = stored.discrete
+    assert problem is not None
+    if not request.initial:
+        raise BadInputError("--model flies from a state; add --initial NAME=VALUE")
+    duration = request.duration
+    assert duration is not None
+    if not (duration == int(duration) and 1 <= duration <= _MOST_STEPS):
+        raise BadInputError(
+            f"--duration is {duration:g}; give a whole number of steps from 1 to {_MOST_STEPS}"
+        )
+    if request.weights is None:
+        K = solve_discrete(problem).K
+        policy = "the game's policy"
+    else:
+        critic, _ = critic_of_steps(request.weights, problem, request.reading())
+        K = discrete_critic(problem, critic).K
+        policy = f"the policy of {request.weights}"
+    start = np.array([request.initial.get(name, 0.0) for name in request.model.states])
+    flight = fly_steps(problem, K, policy, start, int(duration))
+    report = flight.report().with_data(warnings=list(stored.notes))
+    show(report, request, notes=stored.notes)
+    return 0 if flight.radius < 1.0 else 1
 
 
 def _fly_members(request: FlyRequest) -> int:

@@ -10,9 +10,8 @@ from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
-from controller.critic.critic import from_parts, from_weights
-from controller.critic.critic_file import NETWORK_FILES, critics_in, is_network
-from controller.game.array_file import read_arrays
+from controller.critic.critic import from_weights
+from controller.critic.critic_file import NETWORK_FILES, critic_of_steps, critics_in, is_network
 from controller.game.discrete_game import DiscreteGame
 from controller.game.zero_sum import Game
 from hfa.options.argument_types import input_file, positive
@@ -161,18 +160,7 @@ def _verify_discrete(
     why = "belongs to continuous time; leave it out of a plant with time = discrete"
     request.refuse(("discount", "dt", "picture"), why)
     (path,) = paths
-    arrays = {}
-    if path.suffix.lower() in MATRIX_FILES:
-        arrays = read_arrays(path)
-    more: dict[str, Any] = {name: arrays[name] for name in ("H", "L") if name in arrays}
-    if "H" in arrays:
-        with said_of(path):
-            parts = problem.of_q_function(arrays["H"])
-            given = {name: arrays[name] for name in ("P", "K") if name in arrays}
-            critic = from_parts(problem.step, parts | given)
-            more = parts | more
-    else:
-        critic = critics_in(path, problem.step, request.reading())[-1]
+    critic, more = critic_of_steps(path, problem, request.reading())
     with said_of(path):
         verdict = check_discrete(problem, critic, limit=request.limit_error, more=more)
     report = verdict.report(limit_cost=request.limit_cost)

@@ -237,6 +237,16 @@ def check_discrete(
     return _with_diagnosis(verdict, step, question, others)
 
 
+def discrete_critic(problem: DiscreteGame, critic: Critic) -> Critic:
+    """The critic with the policy that its P implies in discrete time; with its own where it has
+    one."""
+    if critic.P is None or critic.feedback is None:
+        return critic
+    with np.errstate(all="ignore"):
+        K = problem.policies((critic.P + critic.P.T) / 2.0)[0]
+    return replace(critic, K=K, feedback=None)
+
+
 def _with_diagnosis(
     verdict: Verdict, game: Game, continuous: str, others: Mapping[str, DiscreteGame]
 ) -> Verdict:
@@ -263,10 +273,7 @@ def _check_of_matrices(
         raise BadInputError("the critic has numbers that are too large or not finite")
     step = problem.step
     P = None if critic.P is None else (critic.P + critic.P.T) / 2.0
-    if P is not None and critic.feedback is not None:
-        with np.errstate(all="ignore"):
-            K = problem.policies(P)[0]
-        critic = replace(critic, K=K, feedback=None)
+    critic = discrete_critic(problem, critic)
     K = critic.K
     radius = math.inf
     if np.isfinite(K).all():
