@@ -22,7 +22,7 @@ from controller.critic.network_file import network_in
 from hfa_support import BadInputError
 
 HERE = Path(__file__).parent
-TORCH = json.loads((HERE / "torch_2_13.json").read_text(encoding="utf-8"))
+TORCH = json.loads((HERE / "torch_2_13.json").read_text(encoding="utf-8"))["state_dict"]
 X = np.random.default_rng(0).normal(size=(7, 6))
 pytestmark = pytest.mark.usefixtures("folder")
 

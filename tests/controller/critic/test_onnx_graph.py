@@ -16,13 +16,17 @@ from controller.critic.network_file import network_in
 
 RNG = np.random.default_rng(0)
 X = RNG.normal(size=(7, 6)).astype("float32")
+TRAINING = {"ratio": np.array(0.5, "float32"), "training": np.array(True)}
 pytestmark = pytest.mark.usefixtures("folder")
 
 
 #: Operators, some with attributes.
 _OPERATORS: list[tuple[str, dict[str, Any]]] = [
     *((name, {}) for name in ("Tanh", "Relu", "LeakyRelu", "Sigmoid", "Softplus", "Elu", "Gelu")),
+    *((name, {}) for name in ("Celu", "HardSigmoid", "HardSwish", "Mish", "Softmax", "Reciprocal")),
     ("Elu", {"alpha": 0.7}),
+    ("Celu", {"alpha": 0.7}),
+    ("Softmax", {"axis": 0}),
     ("LeakyRelu", {"alpha": 0.2}),
     ("Gelu", {"approximate": "tanh"}),
     ("Transpose", {"perm": [0, 1]}),
@@ -91,6 +95,33 @@ def test_normalizations_choices_and_limits_are_those_of_onnx_runtime() -> None:
         ("MatMul", "same rest", "y"),
     ]
     assert_as_onnx_runtime(onnx_file("norms.onnx", nodes, constants), rel=1e-5, abs=1e-5)
+
+
+def test_triangles_comparisons_and_repeated_rows_are_those_of_onnx_runtime() -> None:
+    """As torch writes tril, eye, where and expand."""
+    rng = np.random.default_rng(6)
+    shapes = {"W": (6, 9), "slope": (9,), "rest": (9, 1), "flat": ()}
+    constants = {name: rng.normal(size=shape).astype("float32") for name, shape in shapes.items()}
+    constants |= {"square": np.array([1, 3, 3]), "row": np.array([1, 9]), "sizes": np.array([3, 3])}
+    nodes: list[tuple[Any, ...]] = [
+        ("MatMul", "x W", "m"),
+        ("PRelu", "m slope", "p"),
+        ("Reshape", "p square", "s"),
+        ("Trilu", "s", "t", {"upper": 0}),
+        ("ConstantOfShape", "sizes", "zeros"),
+        ("EyeLike", "zeros", "eye"),
+        ("Equal", "eye zeros", "off"),
+        ("Where", "off t s", "w"),
+        ("GreaterOrEqual", "w s", "same"),
+        ("Where", "same w eye", "v"),
+        ("LessOrEqual", "v flat", "below"),
+        ("Where", "below t v", "k"),
+        ("Expand", "flat square", "e"),
+        ("Add", "k e", "a"),
+        ("Reshape", "a row", "r"),
+        ("MatMul", "r rest", "y"),
+    ]
+    assert_as_onnx_runtime(onnx_file("square.onnx", nodes, constants), rel=1e-5, abs=1e-5)
 
 
 @pytest.mark.parametrize("opset", [9, 11, 13, 20])
@@ -174,6 +205,7 @@ def test_wrong_graphs_are_refused() -> None:
     not_a_number = {"P": np.full((6, 6), np.nan, "float32")}
     for said, nodes, numbers, states in (
         ("has 10 inputs and the plant 6 states", [("MatMul", "x P", "y")], ten, 10),
+        ("Dropout is in training mode", [("Dropout", "x ratio training", "y")], TRAINING, 6),
         ("operator Loop is not known", [("Loop", "x", "y")], constants, 6),
         ("is float16; give weights as float32", QUADRATIC, half, 6),
         ("not finite", QUADRATIC, constants | not_a_number, 6),

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import json
+from pathlib import Path
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -9,12 +12,27 @@ from network_files import onnx_file, refusal, torch_file
 
 from controller import Game
 from controller.critic.network import from_network
+from controller.critic.network_file import network_in
 from controller.critic.q_function import policy_of
 from hfa_support import BadInputError
 
+HERE = Path(__file__).parent
 RNG = np.random.default_rng(9)
 X = RNG.normal(size=(5, 6))
 pytestmark = pytest.mark.usefixtures("folder")
+
+
+def test_what_torch_exports_by_default_is_read_and_has_its_policy(game: Game) -> None:
+    pytest.importorskip("onnx", reason="the package onnx is not installed")
+    expected = json.loads((HERE / "torch_2_13.json").read_text(encoding="utf-8"))["q"]
+    path = HERE / "torch_2_13_q.onnx"
+    (Q,) = network_in(path, 6, inputs=5).functions.values()
+    critic = from_network(game, path)
+    for row, x in enumerate(expected["x"]):
+        xu = np.array([*x, *expected["u"][row]])
+        assert float(Q(xu)) == pytest.approx(expected["Q"][row], rel=1e-12)
+        policy = np.array(critic.policy(x)).ravel()
+        assert policy == pytest.approx(expected["mu"][row], rel=1e-11)
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
