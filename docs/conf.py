@@ -50,6 +50,7 @@ nitpick_ignore_regex = [("py:(class|obj|data)", ".*")]
 autodoc_member_order = "bysource"
 # Names in backquotes are links where they have an entry.
 default_role = "py:obj"
+smartquotes_action = "D"
 suppress_warnings = ["misc.highlighting_failure"]
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 from hfa.formats import formats
@@ -31,9 +32,8 @@ def formats_page() -> str:
     parts = [_HEAD]
     for name in outputs:
         what = definitions[name]
-        parts.append(
-            f"## {what['title']}\n\n`{what['properties']['schema']['const']}`\n\n{_keys(what)}\n"
-        )
+        title = re.sub(r"--[\w-]+", r"`\g<0>`", what["title"])
+        parts.append(f"## {title}\n\n`{what['properties']['schema']['const']}`\n\n{_keys(what)}\n")
     shared = [name for name in definitions if name not in outputs]
     rows = [
         (name, _kind(definitions[name]), definitions[name].get("description", ""))

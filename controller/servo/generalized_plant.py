@@ -125,8 +125,8 @@ class _Side(NamedTuple):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class GeneralizedPlant(Shown):
-    """The plant of the module's equations; without C2 every state is measured and nothing else
-    (state feedback).
+    """x' = A x + B1 w + B2 u,  z = C1 x + D11 w + D12 u,  y = C2 x + D21 w + D22 u; without C2
+    every state is measured and nothing else (state feedback).
 
     A: (n, n)
     B1: (n, k)

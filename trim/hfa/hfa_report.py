@@ -200,8 +200,10 @@ def scale_text(model: Model, scale: float) -> str:
 
 
 def trim_figure(aircraft: Model, point: OperatingPoint) -> Figure:
-    """Forces to one scale, stated in the picture; angles and lengths true; the hinge moments in
-    words."""
+    """The aircraft from the front in a trim, as a figure.
+
+    Forces are to one scale, stated in the picture; angles and lengths are true; the hinge moments
+    are in words."""
     panels = panels_from_the_front(aircraft, point)
     span, x = hfa_model.parameters_of(aircraft).panel_span, point.states
     force = unit_of(aircraft, "lbf")

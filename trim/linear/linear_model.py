@@ -461,8 +461,10 @@ def linearize(
     outputs: tuple[str, ...] | None = None,
     disturbances: tuple[str, ...] | None = None,
 ) -> LinearModel:
-    """A = ∂f/∂X, B = ∂f/∂U, C = ∂y/∂X, D = ∂y/∂U, E = ∂f/∂w, F = ∂y/∂w at (X0, U0) at w = 0, by
-    algorithmic differentiation (exact to rounding); at a kink the means of two slopes.
+    """The linear model at an operating point, exact to rounding.
+
+    A = ∂f/∂X, B = ∂f/∂U, C = ∂y/∂X, D = ∂y/∂U, E = ∂f/∂w, F = ∂y/∂w at (X0, U0) and w = 0, by
+    algorithmic differentiation; at a kink the means of two slopes.
 
     model: the aircraft
     point: its operating point
