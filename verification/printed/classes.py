@@ -226,13 +226,13 @@ def _asymmetric_block(file: PrintedFile) -> str:
 
 
 def _wrong_entry(file: PrintedFile, comparison: Comparison, wrong: Position) -> str:
-    """The entry and what it is, with two digits more than are printed."""
+    """The entry and what it is, to two digits finer than what counts as right."""
     outside = [comparison.positions[index] for index in np.flatnonzero(comparison.outside)]
     position = next(position for position in outside if position.block == wrong.block)
     index = comparison.positions.index(position)
     printed = file.answer[position.block].texts[position.row][position.column]
     exact = comparison.exact[index]
-    unit = 2.0 * comparison.half_units[index] or 1e-12  # a formula has none
+    unit = 2.0 * comparison.allowed[index] or 1e-12  # a formula of an answer that is 0 has none
     digits = math.ceil(math.log10(max(abs(exact) / unit, 1.0))) + 2
     return f"{position} is printed {printed}, exact {exact:.{digits}g}"
 
