@@ -1,0 +1,51 @@
+"""Alternatives of a model in what a trim imposes."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from hfa_aircraft.model import Model
+from hfa_aircraft.signals import Signal
+from trim.point.condition import with_first_alternatives, without_alternatives
+
+
+def equations(x: Any, u: Any, p: Any, w: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+    return {"speed": u.thrust - x.speed}, {"knots": 2.0 * x.speed, "mach": x.speed / 100.0}
+
+
+MODEL = Model(
+    "dart",
+    {"speed": Signal()},
+    {"thrust": Signal()},
+    equations,
+    outputs={"knots": Signal(), "mach": Signal()},
+    alternatives=(("speed", "knots", "mach"),),
+    begin=lambda imposed: {
+        "speed": imposed.get("knots", 0.0) / 2.0 + imposed.get("mach", 0.0) * 100.0
+    },
+)
+
+
+@pytest.mark.parametrize(
+    ("imposed", "in_terms_of_speed"),
+    [
+        ({"knots": 6.0, "thrust": 1.0}, {"speed": 3.0, "thrust": 1.0}),
+        ({"mach": 0.5}, {"speed": 50.0}),
+        ({"speed": 7.0}, {"speed": 7.0}),
+        ({"knots": 6.0, "mach": 0.5}, {"knots": 6.0, "mach": 0.5}),  # they may contradict
+        ({"speed": 7.0, "mach": 0.5}, {"speed": 7.0, "mach": 0.5}),
+        ({"thrust": 1.0}, {"thrust": 1.0}),
+    ],
+)
+def test_the_first_alternative_takes_the_place_of_one_other(
+    imposed: dict[str, float], in_terms_of_speed: dict[str, float]
+) -> None:
+    assert with_first_alternatives(MODEL, imposed) == in_terms_of_speed
+
+
+def test_to_impose_an_alternative_sets_the_others_free() -> None:
+    imposed = {"speed": 7.0, "thrust": 1.0}
+    assert without_alternatives(MODEL, imposed, ["mach"]) == {"thrust": 1.0}
+    assert without_alternatives(MODEL, imposed, ["thrust"]) == imposed
