@@ -107,6 +107,7 @@ def test_what_was_read_is_shown_with_one_value(game: Game) -> None:
     )
     row = ", ".join(f"{number:.4g}" for number in BOX)
     assert f"V({row}) = {value_there:.4g}; compare it with your own" in said.out
+    assert "linearized exactly at the origin, V(0) = 0\n" in said.out
 
 
 def test_the_published_weights_of_gops() -> None:
