@@ -16,7 +16,7 @@ from controller.riccati.discrete import (
 )
 from hfa.main import FAILED
 from hfa_support import BadInputError, NoSolutionError
-from verification import solve_discounted, solve_game
+from verification import minimum_delta, solve_discounted, solve_game
 
 
 def _game(seed: int = 0, n: int = 4, delta: float = 20.0) -> Game:
@@ -282,3 +282,30 @@ def test_a_time_that_fits_is_asked_for():
     refused = hfa("solve", "--model", stored("decays.json", **decays))
     assert refused.code == FAILED
     assert question in refused.err
+
+
+@pytest.mark.parametrize("seed", [2, 5])
+def test_inputs_that_cost_nearly_nothing_are_solved(seed):
+    """Value iteration needs twice the digits there: I + B R⁻¹B'P is nearly singular."""
+    rng = np.random.default_rng(seed)
+    A = rng.standard_normal((3, 3))
+    B = rng.standard_normal((3, 1))
+    A = 0.9 * A / np.abs(np.linalg.eigvals(A)).max()
+    step = Game(A, B, np.eye(3)[:, :1], np.eye(3), [[1e-13]], np.inf)
+    found = solve_discrete(DiscreteGame(step))
+    loop = A - B @ found.K
+    value = sum(
+        np.linalg.matrix_power(loop, k).T @ np.linalg.matrix_power(loop, k) for k in range(400)
+    )
+    assert pytest.approx(value, rel=1e-9, abs=1e-9) == found.P
+
+
+def test_the_smallest_delta_of_fast_sampling_is_that_of_continuous_time():
+    """Times √dt, the size of a step's cost. A test that fails for want of digits is no proof that
+    there is no value."""
+    rng = np.random.default_rng(2)
+    A, B, E = (rng.standard_normal((4, size)) for size in (4, 1, 1))
+    game = Game(A, B, E, np.eye(4), [[1.0]], 10.0)
+    smallest = minimum_delta_discrete(DiscreteGame(sampled(game, 1e-3)))
+    assert not smallest.uncertain
+    assert smallest.value == pytest.approx(1e-3**0.5 * minimum_delta(game).value, rel=5e-3)
