@@ -125,11 +125,11 @@ def _searched_and_proved(
     z = critic.symbols
     names, errors = _errors(game, critic, exact, b, z)
     end = time.monotonic() + scope.seconds
-    origin, found = search(game, critic, exact, b)
+    origin, worst = search(game, critic, exact, b)
     proof = None
     seconds = 0.0 if critic.wide else scope.seconds  # its operations are bounded one by one
     for _ in range(_SEARCHES if seconds else 0):
-        largest = {item.name: item.error for item in found}
+        largest = {item.name: item.error for item in worst}
         what = "error"
         bound = limit
         if max(largest.values()) > limit:
@@ -142,8 +142,8 @@ def _searched_and_proved(
         proof = prove(what, function, b, bound, end - time.monotonic(), scope.progress)
         if proof is None or proof.beyond is None:
             break
-        origin, found = search(game, critic, exact, b, proof.beyond)
-    return origin, found, proof
+        origin, worst = search(game, critic, exact, b, proof.beyond)
+    return origin, worst, proof
 
 
 def _rounded_up(number: float) -> float:

@@ -183,19 +183,19 @@ class Relaxation:
     def __init__(self, function: ca.Function) -> None:
         rows, nodes = affine_rows(function)
         first = 1 + function.numel_in(0)
-        places = {variable: (0, variable) for variable in range(first)}
+        positions = {variable: (0, variable) for variable in range(first)}
         widths = [first]
         self._groups: list[_Group] = []
         order = sorted(range(len(nodes)), key=lambda k: (nodes[k].level, nodes[k].kind))
         for (_, kind), members in groupby(order, lambda k: (nodes[k].level, nodes[k].kind)):
             indices = list(members)
             arguments = zip(*(nodes[k].rows for k in indices), strict=True)
-            blocks = tuple(_blocks(argument, places, widths) for argument in arguments)
+            blocks = tuple(_blocks(argument, positions, widths) for argument in arguments)
             self._groups.append(_Group(kind, blocks))
             group = len(widths)
-            places |= {first + k: (group, place) for place, k in enumerate(indices)}
+            positions |= {first + k: (group, column) for column, k in enumerate(indices)}
             widths.append(len(indices))
-        self._rows = _blocks(rows, places, widths)
+        self._rows = _blocks(rows, positions, widths)
         self._gamma = 4.0 * (sum(widths) + len(widths) + 50) * 2.0**-53
         self._at_once = int(np.clip(_LARGEST_ARRAY // max(widths) ** 2, 1, _MOST_BOXES))
 
@@ -204,8 +204,8 @@ class Relaxation:
         parts = []
         with np.errstate(all="ignore"):  # what is not finite is not bounded
             for first in range(0, len(centres), self._at_once):
-                some = slice(first, first + self._at_once)
-                parts.append(self._over(centres[some], half_widths[some]))
+                batch = slice(first, first + self._at_once)
+                parts.append(self._over(centres[batch], half_widths[batch]))
         return Bounds(*map(np.concatenate, zip(*parts, strict=True)))
 
     def _over(self, centres: np.ndarray, half_widths: np.ndarray) -> Bounds:
@@ -283,17 +283,17 @@ class Relaxation:
 
 
 def _blocks(
-    rows: Iterable[Row], places: Mapping[int, tuple[int, int]], widths: Sequence[int]
+    rows: Iterable[Row], positions: Mapping[int, tuple[int, int]], widths: Sequence[int]
 ) -> _Blocks:
-    """The rows, whose variables are at these places of groups with these widths."""
+    """The rows, whose variables are at these positions, (group, column); widths: of the groups."""
     listed = list(rows)
     blocks = {0: np.zeros((len(listed), widths[0]))}
     for index, row in enumerate(listed):
         for variable, coefficient in row.items():
-            group, place = places[variable]
+            group, column = positions[variable]
             if group not in blocks:
                 blocks[group] = np.zeros((len(listed), widths[group]))
-            blocks[group][index, place] = float(coefficient)
+            blocks[group][index, column] = float(coefficient)
     return blocks
 
 
