@@ -302,7 +302,8 @@ def _of_network(game: Game, exact: Exact, critic: Critic, box: np.ndarray, other
     if own_policy:
         judged_errors.append(origin_errors[-1])
     if max(judged_errors) <= SMALL:
-        if box_errors[-1] <= SMALL:
+        has_constant = np.any(np.array(critic.policy(np.zeros(len(box)))))
+        if has_constant and box_errors[-1] <= SMALL:
             return "it is right but for a constant in u"
         return "it is right at the origin and wrong away from it"
     judged = slice(None) if own_policy else slice(-1)  # a K that follows from P is not judged

@@ -6,6 +6,7 @@ import json
 import pickle
 import re
 import zipfile
+from dataclasses import replace
 from pathlib import Path
 
 import casadi as ca
@@ -92,6 +93,14 @@ def test_an_almost_linear_tanh_network_passes(game: Game) -> None:
     ):
         with pytest.raises(BadInputError, match=re.escape(said)):
             from_network(game, path, activation=activation)
+
+
+def test_a_small_error_without_a_constant_is_called_no_constant(game: Game) -> None:
+    """The same with e = 4e-4: off by 2.6e-6 in the box, and u(0) = 0."""
+    tensors = {"0.weight": 4e-4 * np.eye(6), "2.weight": -gain(game) / 4e-4}
+    critic = from_network(game, torch_file("actor.pth", tensors), activation="tanh")
+    verdict = check_critic(game, critic, scope=replace(on_the_box(1), seconds=0.0))
+    assert verdict.diagnosis == "it is right at the origin and wrong away from it"
 
 
 def test_what_was_read_is_shown_with_one_value(game: Game) -> None:
