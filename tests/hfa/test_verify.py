@@ -159,7 +159,7 @@ def test_a_printed_answer_has_its_class_and_exit_code(tmp_path: Path) -> None:
     file.write_text(right.replace('K = "1.0000 2.0000"', 'K = "1.0000 2.0010"'))
     result = hfa("verify", "--printed", str(file))
     assert result.code == FAILED
-    assert result.out.startswith("one entry of the answer: K12 is printed 2.001, exact 2\n")
+    assert result.out.startswith("one entry of the answer: K12 is printed 2.0010, exact 2\n")
     data = answer("verify", "--printed", str(file), code=FAILED)
     assert data["verdict"] == "one entry of the answer"
     assert data["entries"][-1]["half_unit"] == 5e-5
