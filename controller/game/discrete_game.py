@@ -137,8 +137,8 @@ class DiscreteGame(Shown):
         values, vectors = np.linalg.eigh(weights / np.outer(safe, safe))
         root = sizes[:, None] * (vectors * np.sqrt(values.clip(0.0)))
         basis, _ = np.linalg.qr(root[n:].T, mode="complete")
-        kept = root[:n] @ basis[:, len(step.R) :]
-        Q = kept @ kept.T
+        root_beyond_u = root[:n] @ basis[:, len(step.R) :]
+        Q = root_beyond_u @ root_beyond_u.T
         return (
             Game(step.A - step.B @ F, step.B, step.E, (Q + Q.T) / 2.0, step.R, step.delta),
             F,
