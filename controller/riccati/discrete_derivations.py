@@ -86,9 +86,13 @@ def refined(form: NormalForm, X: np.ndarray) -> np.ndarray:
 
 
 def by_symplectic_pencil(form: NormalForm) -> np.ndarray:
-    """First derivation. Source: Arnold and Laub, Proc. IEEE 72 (1984), as implemented in SciPy."""
+    """First derivation; 0 where nothing is paid for and A decays.
+
+    Source: Arnold and Laub, Proc. IEEE 72 (1984), as implemented in SciPy."""
     from scipy.linalg import solve_discrete_are
 
+    if not form.Q.any() and np.abs(np.linalg.eigvals(form.A)).max() < 1.0:
+        return np.zeros_like(form.A)
     G = np.hstack([form.B, form.E])
     try:
         with np.errstate(all="ignore"), warnings.catch_warnings(action="ignore"):

@@ -161,7 +161,8 @@ def _number(word: str, parameters: Mapping[str, float]) -> tuple[float, float]:
     """Value and half unit of a typed number, or of a formula, which is exact."""
     match = _DECIMAL.fullmatch(word)
     if match is None:
-        if not re.search(r"[*/(A-Za-z]", _DECIMAL.sub("", word)):  # 0.1-0.2 lacks a space
+        lacks_space = not re.search(r"[*/(A-Za-z]", _DECIMAL.sub("", word))  # 0.1-0.2
+        if lacks_space or re.search(r"(?<!\w)\d+[xXoObB_]", word):
             raise BadInputError(f"{shown(word)} is no number")
         return number_of(word, parameters), 0.0
     decimals = len(match["decimals"] or match["only"] or "")

@@ -188,6 +188,13 @@ def test_cross_weights_and_the_q_function(delta, discount):
     assert pytest.approx(value - crossed.T @ np.linalg.solve(weights, crossed), rel=1e-10) == P
 
 
+def test_where_nothing_is_paid_for_the_value_is_0():
+    step = Game([[0.5, 1.0], [0.0, 0.9]], np.eye(2), np.eye(2), np.zeros((2, 2)), np.eye(2), 1.0)
+    found = solve_discounted(step, 1.0)
+    assert not found.P.any()
+    assert minimum_delta_discrete(DiscreteGame(step)).value == 0.0
+
+
 def test_bad_cross_weights_are_refused():
     step = _game()
     with pytest.raises(BadInputError, match="N is 2 x 4; with this B it must be 4 x 2"):

@@ -351,6 +351,7 @@ def test_a_time_that_every_digit_fits_is_asked_for(verdict_of):
         ("0.8223 -1.0774", "0.8223", "A, row 2, has 1 numbers; row 1 has 2"),
         ('R = "1"', 'R = "1"\nE = "1; 0"', "gamma is missing; a game has both E and gamma"),
         ('R = "1"', "R = 1.0", "R is not a text; put its numbers in quotes, digits as printed"),
+        ("0.8223", "0x82", "A, row 2: '0x82' is no number"),
         ("0.8223", "0.1-0.2", "A, row 2: '0.1-0.2' is no number"),
         ("0.8223", "m*g", "A, row 2: 'm' is not known; use numbers, + - * / ** and sin"),
         ("0.8223", "1/0", "A, row 2: '1/0' is inf; it must be finite"),
