@@ -283,13 +283,14 @@ def _obstacle(form: NormalForm, failure: str) -> str:
         mode = f"mode with eigenvalue {value.real:.4g}"
         if value.imag:
             mode += f" ± {abs(value.imag):.4g}i"
-        if abs(value) >= 1.0 - RANK and dependence(form.A, value, form.B.T, size) <= RANK:
+        if abs(value) < 1.0 - RANK:
+            continue
+        if dependence(form.A, value, form.B.T, size) <= RANK:
             return (
                 f"no input reaches the {mode} of sqrt(discount) A, which does not decay; change B"
                 " or lower the discount"
             )
-        on_circle = abs(abs(value) - 1.0) <= RANK
-        if on_circle and dependence(form.A.T, value, form.Q, size) <= RANK:
+        if dependence(form.A.T, value, form.Q, size) <= RANK:
             return f"the {mode} of sqrt(discount) A costs nothing; give Q weight on it"
     return (
         f"the game without disturbance (delta = inf) is not certified: {failure}; check the"

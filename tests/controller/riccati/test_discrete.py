@@ -140,9 +140,10 @@ def test_without_disturbance_nobody_is_advised_to_raise_delta():
     unreached = Game([[1.2]], [[0.0]], [[1.0]], [[1.0]], [[1.0]], np.inf)
     with pytest.raises(NoSolutionError, match=r"no input reaches the mode with eigenvalue 1\.2 of"):
         solve_discounted(unreached, 1.0)
-    undamped = Game([[1.0]], [[1.0]], [[1.0]], [[0.0]], [[1.0]], np.inf)
-    with pytest.raises(NoSolutionError, match="costs nothing; give Q weight on it"):
-        solve_discounted(undamped, 1.0)
+    for pole in (1.0, 1.5):
+        unpaid = Game([[pole]], [[1.0]], [[1.0]], [[0.0]], [[1.0]], np.inf)
+        with pytest.raises(NoSolutionError, match="costs nothing; give Q weight on it"):
+            solve_discounted(unpaid, 1.0)
 
 
 def test_the_smallest_delta_of_one_state_in_closed_form():
