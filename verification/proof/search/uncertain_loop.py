@@ -7,6 +7,8 @@ What has to hold is an inequality of matrices, linear in H and X, at the ends of
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 from flint import arb
 
@@ -157,7 +159,10 @@ def _largest_margin(
         constraints.append(form - margin * np.eye(size) >> 0)
     problem = cp.Problem(cp.Maximize(margin), constraints)
     try:
-        problem.solve(solver=cp.CLARABEL)
+        with warnings.catch_warnings():
+            # An inaccurate solution is a candidate too: the checker decides.
+            warnings.filterwarnings("ignore", "Solution may be inaccurate", UserWarning)
+            problem.solve(solver=cp.CLARABEL)
     except cp.error.SolverError:
         return None
     if margin.value is None or not margin.value > 0.0:
