@@ -185,6 +185,8 @@ def _run(step: Callable[[], Any], simulator: Any) -> None:
             if missing is None:
                 raise
             simulator[missing[1]] = 0.0
+            # An initialisation that is cut short leaves the time step at 0.
+            simulator.set_dt(1.0 / _RATE)
         else:
             return
     raise RuntimeError("too many properties are missing")

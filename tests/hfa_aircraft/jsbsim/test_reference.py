@@ -15,7 +15,7 @@ pytestmark = pytest.mark.skipif(
 #: fuel tanks JSBSim leaves out while nothing burns: other tests, or none, know them.
 OTHERS = {
     *("F450", "J246", "L410", "Pterosaur", "Submarine_Scout", "ZLT-NT", "ah1s", "blank", "c172x"),
-    *("c310", "dr1", "f16", "f22", "fokker50", "p51d", "weather-balloon", "x24b"),
+    *("c310", "f16", "f22", "fokker50", "p51d", "weather-balloon", "x24b"),
 }
 #: Propellers that have not settled after two minutes.
 SLOW = {"Short_S23": 1e-3, "wrightFlyer1903": 1e-7}
@@ -34,7 +34,7 @@ ALL = (
         "DHC6",
     ),
     *("F4N", "F80C", "J3Cub", "L17", "MD11", "OV10", "SGS", "Short_S23", "Shuttle", "T37", "T38"),
-    *("X15", "XB-70", "ball", "ballx", "c172p", "c172r", "c182", "f104", "f15", "fokker100"),
+    *("X15", "XB-70", "ball", "ballx", "c172p", "c172r", "c182", "dr1", "f104", "f15", "fokker100"),
     *("global5000", "minisgs", "mk82", "pa28", "paraglider", "pc7", "pogo-jsbsim", "sgs126"),
     *("sgs233", "t6texan2", "wrightFlyer1903"),
 )
