@@ -485,6 +485,7 @@ def test_the_command_line_takes_an_own_model(tmp_path: Path) -> None:
     )
     assert {mode["name"] for mode in again["modes"]} == {*MODES, "engine"}
     assert again["state_units"][1:3] == ["rad", "rad"]
+    assert "dihedral_deg" not in again
     assert again["provenance"]["model"].startswith("examples/f16.py:F16 (SHA-256 ")
     store = str(tmp_path / "sweep.zarr")
     held = ("--hold", "speed=400:600:50", "--hold", "xcg=.3,.35")

@@ -236,7 +236,7 @@ class Block(NamedTuple):
 class LinearModelData(Result):
     """A linear model as data; angles in radians.
 
-    dihedral_deg: dihedral angle, degrees; null of other models than the HFA.
+    dihedral_deg: of the HFA the dihedral angle, degrees.
     scheduled: of other models the scheduling variable.
     dynamics: published or newton, or the name of another model.
     operating_point: X0, U0 and residuals.
@@ -274,7 +274,7 @@ class LinearModelData(Result):
     schema = "hfa.linear-model/1"
     made_by = "hfa linearize"
 
-    dihedral_deg: float
+    dihedral_deg: float | None = None
     scheduled: Mapping[str, float] | None = None
     dynamics: str
     operating_point: PointData

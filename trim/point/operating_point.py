@@ -271,7 +271,4 @@ def scheduled_data(point: OperatingPoint) -> dict[str, Any]:
     name = point.model.schedule
     if name == "dihedral":
         return {"dihedral_deg": in_degrees(point.states.dihedral)}
-    return {
-        "dihedral_deg": None,
-        "scheduled": {name: point.values[name]} if name in point.values else {},
-    }
+    return {"scheduled": {name: point.values[name]} if name in point.values else {}}

@@ -29,7 +29,7 @@ _NEAR_COLUMNS = ("nearest limit", "limit", "margin", "unit", "of its range", "ve
 class TrimData(Result):
     """A trim as data; angles in radians.
 
-    dihedral_deg: dihedral angle, degrees; null of other models than the HFA.
+    dihedral_deg: of the HFA the dihedral angle, degrees.
     scheduled: of other models the scheduling variable.
     dynamics: published or newton, or the name of another model.
     operating_point: X0, U0 and residuals.
@@ -56,7 +56,7 @@ class TrimData(Result):
     schema = "hfa.trim/1"
     made_by = "hfa trim"
 
-    dihedral_deg: float
+    dihedral_deg: float | None = None
     scheduled: Mapping[str, float] | None = None
     dynamics: str
     operating_point: PointData
