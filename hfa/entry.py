@@ -40,9 +40,11 @@ def _end(number: int, _: object) -> None:
     """
     code = _ENDING[signal.Signals(number).name]
     try:
+        # While that module loads it has no such function yet, and there is nothing to remove.
         files = sys.modules.get("hfa_support.files")
-        if files is not None:
-            files.remove_unfinished()
+        remove_unfinished = getattr(files, "remove_unfinished", None)
+        if remove_unfinished is not None:
+            remove_unfinished()
         if sys.stderr is not None:
             os.write(
                 sys.stderr.fileno(),

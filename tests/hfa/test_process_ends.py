@@ -204,7 +204,7 @@ def test_a_run_that_is_ended_leaves_no_worker_and_no_temporary_folder(
         assert list((tmp_path / "temporary").iterdir()) == []
 
 
-#: A process that gets a signal while it loads the command, or in a destructor, where Python drops
+#: A process that gets a signal while it loads a module, or in a destructor, where Python drops
 #: exceptions.
 EDGE = """
 import os, signal, sys, time
@@ -214,7 +214,7 @@ class Signalled:
         os.kill(os.getpid(), signal.{name})
 class Finder:
     def find_spec(name, *_):
-        if name == "hfa.main":
+        if name == "{module}":
             {where}
             time.sleep(20)
 signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -223,15 +223,22 @@ sys.exit(entry.main())
 """
 
 
-@pytest.mark.parametrize("where", ["os.kill(os.getpid(), signal.{name})", "Signalled()"])
+@pytest.mark.parametrize(
+    ("module", "where"),
+    [
+        ("hfa.main", "os.kill(os.getpid(), signal.{name})"),
+        ("hfa.main", "Signalled()"),
+        ("tomllib", "os.kill(os.getpid(), signal.{name})"),  # hfa_support.files is half loaded
+    ],
+)
 @pytest.mark.parametrize(
     ("name", "code", "said"),
     [("SIGINT", INTERRUPTED, "hfa: interrupted\n"), ("SIGTERM", TERMINATED, "hfa: terminated\n")],
 )
 def test_a_signal_ends_the_run_wherever_it_comes(
-    where: str, name: str, code: int, said: str
+    module: str, where: str, name: str, code: int, said: str
 ) -> None:
-    program = EDGE.format(name=name, where=where.format(name=name))
+    program = EDGE.format(name=name, module=module, where=where.format(name=name))
     done = subprocess.run(
         [sys.executable, "-c", program], capture_output=True, text=True, timeout=15
     )
