@@ -237,11 +237,11 @@ def claims_table(setting: Setting, results: Sequence[dict[str, Any]]) -> dict[st
 
 
 def _failed(flight: Mapping[str, Any]) -> bool:
-    """Whether a law of this project lost the aircraft, or its learning was not certified."""
-    status = flight["metrics"].get("learning", {}).get("facts", {}).get("status", "converged")
-    return flight["law"] in OWN and (
-        flight["metrics"]["lost_at"] is not None or status != "converged"
-    )
+    """Whether a law of this project lost the aircraft, or the judge refuses what it learned."""
+    if flight["law"] not in OWN:
+        return False
+    facts = flight["metrics"].get("learning", {}).get("facts", {})
+    return flight["metrics"]["lost_at"] is not None or not facts.get("certified", True)
 
 
 def counts_text(table: Mapping[str, Any]) -> str:

@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -40,7 +40,7 @@ from studies.section5.metrics import Critic, flight_metrics, learning_metrics, r
 from studies.update_law.integral_rl import baseline_weights, learn_by_integrals
 from studies.update_law.published_law import PublishedSettings, published_law
 from trim.hfa.printed import regenerate
-from verification import solve_game
+from verification import check_critic, from_weights, solve_game
 from verification.exact_solution import Solution
 
 #: The two aircraft of Section 5.1, degrees of dihedral.
@@ -399,15 +399,31 @@ def _published(
     return CriticPolicy(name, law, drift, held=learns, start=law.start()["weights"]), told
 
 
+class _Training(NamedTuple):
+    """A training run for the flights of one case.
+
+    run: with its weights over time
+    gains: (N, m, n), the gain of each tick
+    certified_from: s, when a learned gain takes over from the baseline
+    certified: whether the judge accepts the last weights as the critic of the game or LQ problem
+        that is learned
+    """
+
+    run: TrainingRun
+    gains: np.ndarray
+    certified_from: float
+    certified: bool
+
+
 @lru_cache(maxsize=4)
-def _plan(
-    setting: Setting, case: PaperCase, law: str, predefined_time: float
-) -> tuple[TrainingRun, np.ndarray, float]:
-    """A learning run, its gains tick by tick and when they are certified; flights that differ in
-    the plant or in noise share it."""
+def _train(setting: Setting, case: PaperCase, law: str, predefined_time: float) -> _Training:
+    """The training run of a law; flights that differ in the plant or in noise share it."""
     configuration = setting.configuration
     critic = setting.configuration.critic
+    target = case.game
     if law == "irl":
+        if configuration.irl.form == "lqr":
+            target = case.game.with_delta(np.inf)
         chosen = vars(configuration.irl) | {"initial_weights": baseline_weights(case.game)}
         learned = learn_by_integrals(case.game, critic.seed, **chosen)
     else:
@@ -415,16 +431,18 @@ def _plan(
         chosen |= {"predefined_time": predefined_time, "tick": configuration.flight.tick}
         chosen |= {"initial_weights": configuration.published_as_printed.initial_weight}
         learned = learn(case.game, law, critic.seed, pool=recorded_pool(setting, case), **chosen)
-    return learned, *certified_gains(case.game, learned, configuration.flight.tick)
+    gains, certified_from = certified_gains(case.game, learned, configuration.flight.tick)
+    last_critic = from_weights(target, learned.weights[-1], learned.basis)
+    verdict = check_critic(target, last_critic, run=learned)
+    return _Training(learned, gains, certified_from, verdict.ok)
 
 
 def _learned(
     setting: Setting, case: PaperCase, law: str, predefined_time: float, reference: Waveform
 ) -> tuple[Policy, Learned]:
     """K(t) from a learning run during the flight; a baseline is used until K(t) is certified."""
-    learned, gains, first = _plan(
-        setting, case, "irl" if law == INTEGRAL else "certified", predefined_time
-    )
+    learner = "irl" if law == INTEGRAL else "certified"
+    learned, gains, first, certified = _train(setting, case, learner, predefined_time)
     tick = setting.configuration.flight.tick
     F = feedforward(case, reference)
     begun = tick * np.arange(len(gains)) >= first - 1e-9
@@ -438,7 +456,8 @@ def _learned(
             np.searchsorted(learned.times, tick * np.arange(len(memory)) + 1e-9, side="right") - 1
         )
         rows = np.clip(rows, 0, len(learned.times) - 1)
-        facts = {"status": learned.outcome, "learned_from": first} | learned.diagnostics
+        facts = {"status": learned.outcome, "certified": certified, "learned_from": first}
+        facts |= learned.diagnostics
         functions: Basis = basis(learned.basis, _N)
         return Critic(functions, learned.weights[rows], learned.residual_norm[rows], facts)
 
