@@ -20,8 +20,9 @@ from matplotlib.figure import Figure
 from matplotlib.image import imread
 from project import ROOT
 
+SLOW = ("a_flight", "a_network", "f16_critics")
 NOTEBOOKS = [
-    pytest.param(path, id=path.stem, marks=[pytest.mark.slow] * (path.stem == "a_network"))
+    pytest.param(path, id=path.stem, marks=[pytest.mark.slow] if path.stem in SLOW else [])
     for path in sorted((ROOT / "examples").glob("*.ipynb"))
 ]
 Output = dict[str, Any]
