@@ -279,7 +279,7 @@ def test_the_command_flies_and_sums_up(tmp_path: Path) -> None:
 
 # Gains over the dihedral.
 
-SCHEDULE = ("fly", "--dihedral", "5", "--command", "dihedral=1:10", "--duration", "16")
+SCHEDULE = ("fly", "--dihedral", "5", "--command", "dihedral=1:6", "--duration", "6")
 
 
 def test_gains_of_a_file_are_flown_along_the_trims_of_the_command() -> None:
@@ -295,7 +295,7 @@ def test_gains_of_a_file_are_flown_along_the_trims_of_the_command() -> None:
     for name in ("paper.npz", "gains.json", "stacked.mat", "one.json"):
         result = hfa(*SCHEDULE, "--controller", name, "-o", "flown.json")
         assert (result.code, result.err) == (0, "")
-        assert f"law gains of {name}\nstayed within limits: 16 s" in result.out
+        assert f"law gains of {name}\nstayed within limits: 6 s" in result.out
         data = json.loads(Path("flown.json").read_text("utf-8"))
         finals[name] = np.array(data["history"]["states"][-1])
     np.testing.assert_allclose(data["policy"]["K"], K[:1])

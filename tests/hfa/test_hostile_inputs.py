@@ -17,7 +17,7 @@ from hfa.options.command import Command
 #: Warnings are what the command makes of them, as they are for its users.
 pytestmark = pytest.mark.filterwarnings("default")
 #: Inputs of each way in, and the number of the first of them.
-INPUTS = int(os.environ.get("HOSTILE_INPUTS", "2"))
+INPUTS = int(os.environ.get("HOSTILE_INPUTS", "1"))
 FIRST = int(os.environ.get("HOSTILE_FIRST", "0"))
 
 

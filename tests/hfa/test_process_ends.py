@@ -179,7 +179,9 @@ proc = pytest.mark.skipif(
         pytest.param(
             "sweep", signal.SIGTERM, TERMINATED, "hfa: terminated\n", marks=pytest.mark.slow
         ),
-        ("sweep", signal.SIGINT, INTERRUPTED, "hfa: interrupted\n"),
+        pytest.param(
+            "sweep", signal.SIGINT, INTERRUPTED, "hfa: interrupted\n", marks=pytest.mark.slow
+        ),
         pytest.param(
             "sweep", signal.SIGHUP, TERMINATED, "hfa: terminated\n", marks=pytest.mark.slow
         ),

@@ -43,8 +43,8 @@ from verification import check_critic, from_weights, solve_game
     ("predefined_time", "tick", "start"),
     [
         (0.5, 0.1, 100.0),
-        (60.0, 0.1, 100.0),
-        (10.0, 0.01, 100.0),
+        pytest.param(60.0, 0.1, 100.0, marks=pytest.mark.slow),
+        pytest.param(10.0, 0.01, 100.0, marks=pytest.mark.slow),
         (1.0, 0.3, 100.0),
         pytest.param(10.0, 0.01, 0.0, marks=pytest.mark.slow),
         *(
@@ -129,7 +129,7 @@ def test_at_every_dihedral_angle_with_both_equations(dynamics: str, degrees: int
 # The law.
 
 
-@pytest.mark.parametrize("name", PUBLISHED)
+@pytest.mark.parametrize("name", [PUBLISHED[0], pytest.param(PUBLISHED[1], marks=pytest.mark.slow)])
 @pytest.mark.parametrize("start", [100.0, -3.0])
 def test_residual_follows_the_scalar_law_at_every_tick(name: str, start: float) -> None:
     game, _ = published(name)
@@ -209,7 +209,7 @@ def test_learning_reads_the_recorded_data_and_not_A() -> None:
 
 
 @pytest.mark.parametrize("name", PUBLISHED)
-@pytest.mark.parametrize("duration", [5.0, 20.0])
+@pytest.mark.parametrize("duration", [5.0, pytest.param(20.0, marks=pytest.mark.slow)])
 def test_one_probing_flight_is_enough(name: str, duration: float) -> None:
     game, exact = published(name)
     for seed in range(2):
@@ -223,7 +223,7 @@ def test_no_riccati_solver_is_called(monkeypatch: pytest.MonkeyPatch) -> None:
     assert learn(published(PUBLISHED[0])[0], tick=0.2).settled
 
 
-@pytest.mark.parametrize("noise", [1e-4, 1e-2])
+@pytest.mark.parametrize("noise", [1e-4, pytest.param(1e-2, marks=pytest.mark.slow)])
 def test_noisy_derivatives_give_a_stabilizing_gain_that_the_judge_refuses(noise: float) -> None:
     for name in PUBLISHED:
         game, exact = published(name)
@@ -309,7 +309,9 @@ def test_near_the_edge_a_truncated_pseudo_inverse_points_elsewhere() -> None:
     assert np.median(qr_errors) < 0.02
 
 
-@pytest.mark.parametrize("margin", [1e-1, 1e-4, 1e-8, 1e-12])
+@pytest.mark.parametrize(
+    "margin", [1e-1, *(pytest.param(x, marks=pytest.mark.slow) for x in (1e-4, 1e-8)), 1e-12]
+)
 def test_starts_at_the_edge_of_stability_end_at_the_solution(margin: float) -> None:
     for seed in range(4):
         game, exact = published(PUBLISHED[seed % 2])
@@ -351,7 +353,7 @@ def test_without_the_discount_at_the_edge_an_answer_is_lost_or_refused(
 # No solution, and bad requests.
 
 
-@pytest.mark.parametrize("name", PUBLISHED)
+@pytest.mark.parametrize("name", [PUBLISHED[0], pytest.param(PUBLISHED[1], marks=pytest.mark.slow)])
 def test_too_small_a_delta_is_refused_with_the_smallest_one(name: str) -> None:
     game, _ = published(name)
     with pytest.raises(

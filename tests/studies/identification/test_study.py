@@ -15,6 +15,7 @@ from studies.identification.__main__ import identification
 from studies.identification.parameters import ALTERNATIVES
 
 
+@pytest.mark.slow
 def test_it_writes_the_committed_parameters(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

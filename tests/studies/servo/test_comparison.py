@@ -37,6 +37,7 @@ def errors(flight: ServoFlight) -> tuple[float, float]:
     return float(np.degrees(angle.rms)), acceleration.rms
 
 
+@pytest.mark.slow
 def test_a_case_is_flown_kept_and_resumed(
     tmp_path: Path,
     published_aircraft: Model,

@@ -238,7 +238,9 @@ def game_in(state: float, of_input: float = 1.0) -> Game:
     return Game(A * u[:, None] / u, np.diag(u / v), np.diag(u), *weights, 5.0)
 
 
-@pytest.mark.parametrize(("state", "of_input"), [(1e-8, 1e3), (1e8, 1e-3)])
+@pytest.mark.parametrize(
+    ("state", "of_input"), [(1e-8, 1e3), pytest.param(1e8, 1e-3, marks=pytest.mark.slow)]
+)
 def test_a_wrong_part_of_the_gain_or_entry_of_the_value_is_seen(
     state: float, of_input: float
 ) -> None:

@@ -106,7 +106,7 @@ SMALL = Game([[0.0, 1.0], [-1.0, -1.0]], [[0.0], [1.0]], np.eye(2), np.eye(2), [
 
 @pytest.mark.parametrize("draws", [2, pytest.param(100, marks=SLOW)])
 @pytest.mark.parametrize("kind", ["W", "P", "K"])
-@pytest.mark.parametrize("plant", ["aircraft", "small"])
+@pytest.mark.parametrize("plant", ["aircraft", pytest.param("small", marks=SLOW)])
 def test_random_errors_get_no_cause(game: Game, plant: str, kind: str, draws: int) -> None:
     game = game if plant == "aircraft" else SMALL
     right = {"W": weights_of(value(game)), "P": value(game), "K": gain(game)}[kind]
@@ -180,10 +180,10 @@ def test_random_errors_of_a_gain_beside_its_value_get_no_cause(game: Game) -> No
     ("kind", "dynamics", "degrees", "other"),
     [
         ("P", "published", 15.0, 12.3),
-        ("K", "published", 15.0, 12.3),
+        pytest.param("K", "published", 15.0, 12.3, marks=SLOW),
         ("K", "newton", 0.0, 0.5),
         pytest.param("K", "newton", 2.0, 1.0, marks=SLOW),
-        ("K", "newton", 15.0, 15.1),
+        pytest.param("K", "newton", 15.0, 15.1, marks=SLOW),
     ],
 )
 def test_a_critic_of_another_angle_is_named_with_its_angle(
@@ -202,7 +202,7 @@ def test_a_noisy_gain_is_not_taken_for_that_of_another_angle(game: Game) -> None
     assert named(game, from_gain(game, gain(game) * (1.0 + 0.01 * noise)), game_at) == ""
 
 
-@pytest.mark.parametrize("degrees", [5, 15])
+@pytest.mark.parametrize("degrees", [5, pytest.param(15, marks=SLOW)])
 def test_a_critic_of_the_printed_matrices_is_named(game: Game, degrees: int) -> None:
     """Where their rounding alone makes the difference, it has its cause all the same."""
     printed = game_models()[f"published-{degrees}"]

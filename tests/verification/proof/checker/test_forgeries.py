@@ -338,11 +338,11 @@ def assert_refused(made: Content, kind: str, path: Path) -> None:
 def test_some_forgeries_of_every_kind_are_refused(tmp_path: Path) -> None:
     everything = forgeries()
     assert len(everything) > 2000
-    drawn = np.random.default_rng(7).permutation(len(everything))[:90]
-    assert {everything[number][0] for number in drawn} == set(PROOFS)
-    for number in drawn:
-        kind, *_ = everything[number]
-        assert_refused(forged(*everything[number]), kind, tmp_path / "forged.json")
+    rng = np.random.default_rng(7)
+    for kind in PROOFS:
+        of_kind = [forgery for forgery in everything if forgery[0] == kind]
+        for number in rng.permutation(len(of_kind))[:4]:
+            assert_refused(forged(*of_kind[number]), kind, tmp_path / "forged.json")
 
 
 @pytest.mark.slow
