@@ -196,6 +196,13 @@ def _actuator(component: Element, properties: Properties) -> Any:
     width = component.value_of("deadband_width", 0.0)
     if width:
         value = _beyond(value, width)
+    play = component.value_of("hysteresis_width", 0.0)
+    if play:
+        note = (
+            f"{component.where}: no hysteresis; in JSBSim the actuator may rest {0.5 * play:g} away"
+        )
+        if note not in properties.notes:
+            properties.notes.append(note)
     return value + component.value_of("bias", 0.0)
 
 

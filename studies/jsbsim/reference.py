@@ -74,6 +74,7 @@ _MEASURED = {
     "left_aileron": "fcs/left-aileron-pos-rad",
     "aileron": "fcs/aileron-pos-rad",
     "rudder": "fcs/rudder-pos-rad",
+    "throttle": "fcs/throttle-pos-norm",
     "weight": "inertia/weight-lbs",
     "fbx": "forces/fbx-aero-lbs",
     "fby": "forces/fby-aero-lbs",

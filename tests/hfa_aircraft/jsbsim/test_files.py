@@ -223,6 +223,23 @@ def test_a_component_stands_where_its_input_holds_it(tmp_path, component, positi
         assert outputs["elevator_position"] == pytest.approx(position, abs=1e-14)
 
 
+def test_an_actuator_with_hysteresis_rests_at_its_input_and_a_note_says_so(tmp_path):
+    actuator = (
+        '<actuator name="e"> <input>fcs/elevator-cmd-norm</input> <lag>60</lag>'
+        " <hysteresis_width>0.05</hysteresis_width> <output>fcs/elevator-pos-rad</output>"
+        " </actuator>"
+    )
+    start = CONTROL.index('  <pure_gain name="Elevator')
+    end = CONTROL.index('  <pure_gain name="Aileron')
+    model = model_of(tmp_path, glider(control=CONTROL[:start] + actuator + CONTROL[end:]))
+    u = [0.3 if name == "elevator" else 0.0 for name in model.inputs]
+    outputs = model.outputs_at([120.0, 0.1, *[0.0] * 7, 1000.0], u)
+    assert outputs["elevator_position"] == pytest.approx(0.3, abs=1e-14)
+    notes = [note for note in model.notes if "hysteresis" in note]
+    assert len(notes) == 1
+    assert "the actuator may rest 0.025 away" in notes[0]
+
+
 def test_the_surface_is_the_input_where_the_stick_acts_through_an_integrator(tmp_path):
     pid = (
         '<pid name="e"> <input>fcs/elevator-cmd-norm</input> <kp>1</kp> <ki>0.1</ki> <clipto>'
