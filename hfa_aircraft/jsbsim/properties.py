@@ -129,13 +129,15 @@ class Properties:
         return writer.value
 
     def read_or(self, name: str, default: Any, where: str) -> Any:
-        """What a system sets; the default where none does, or where that depends on its past."""
+        """What a system sets; the default where none does, or where that depends on its past: then
+        every reader gets the default."""
         if self.writer(name) is None:
             return default
         try:
             return self.read(name, where)
         except LoopError as error:
             self.notes.append(f"{error}; {plain(name)} is left as it begins")
+            self.replace(name, default)
             return default
 
     def read_centered(self, name: str, commands: ca.SX) -> Any:
