@@ -37,7 +37,7 @@ def shell(text: str, *words: str, folder: Path) -> subprocess.CompletedProcess[s
     )
 
 
-@pytest.mark.parametrize("lost", ["2>&-", "2>/dev/full"])
+@pytest.mark.parametrize("lost", [pytest.param("2>&-", marks=pytest.mark.slow), "2>/dev/full"])
 def test_a_refusal_that_nobody_can_read_is_its_exit_code(tmp_path: Path, lost: str) -> None:
     done = shell(f'exec "$0" "$@" {lost}', "trim", "--dihedral", "abc", folder=tmp_path)
     assert (done.returncode, done.stdout, done.stderr) == (BAD_INPUT, "", "")

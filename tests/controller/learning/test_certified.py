@@ -93,7 +93,7 @@ def test_richer_bases_learn_that_the_value_is_quadratic(name: str) -> None:
 
 
 @pytest.mark.parametrize("games", [4, pytest.param(24, marks=pytest.mark.slow)])
-@pytest.mark.parametrize("scaled", [False, True])
+@pytest.mark.parametrize("scaled", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_random_games_are_solved_or_refused_rightly(scaled: bool, games: int) -> None:
     rng = np.random.default_rng(5)
     solved = refused = 0

@@ -18,7 +18,9 @@ def _problem(seed: int, delta: float = np.inf, discount: float = 0.97) -> Discre
     return DiscreteGame(step, discount, 0.1 * rng.standard_normal((n, 2)))
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize(
+    "seed", [0, 1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (2, 3))]
+)
 @pytest.mark.parametrize("margin", [np.inf, 1.1])
 def test_the_exact_q_function_is_learned_from_any_start(seed, margin):
     problem = _problem(seed)

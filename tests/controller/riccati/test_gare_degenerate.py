@@ -77,7 +77,7 @@ def test_Q_of_every_rank(rank: int) -> None:
     assert np.linalg.matrix_rank(solve_game(game).P) == 4
 
 
-@pytest.mark.parametrize("delta", [math.inf, 20.0])
+@pytest.mark.parametrize("delta", [pytest.param(math.inf, marks=pytest.mark.slow), 20.0])
 def test_an_undamped_mode_that_Q_sees_is_solved_and_one_that_it_does_not_is_named(
     delta: float,
 ) -> None:

@@ -189,7 +189,9 @@ def test_what_u_adds_to_y_at_once_changes_nothing() -> None:
         np.testing.assert_allclose(one, other, atol=1e-9 * np.abs(other).max())
 
 
-@pytest.mark.parametrize("part", ["Ak", "Bk", "Ck", "Dk"])
+@pytest.mark.parametrize(
+    "part", ["Ak", *(pytest.param(x, marks=pytest.mark.slow) for x in ("Bk", "Ck", "Dk"))]
+)
 def test_a_planted_error_in_the_controller_is_seen(
     monkeypatch: pytest.MonkeyPatch, part: str
 ) -> None:

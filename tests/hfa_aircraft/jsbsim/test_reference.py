@@ -117,7 +117,9 @@ def misses(name, count):
     return worst
 
 
-@pytest.mark.parametrize("name", ["737", "c182", "DHC6", "sgs126"])
+@pytest.mark.parametrize(
+    "name", ["737", "c182", pytest.param("DHC6", marks=pytest.mark.slow), "sgs126"]
+)
 def test_a_jet_propellers_and_a_glider_accelerate_as_in_jsbsim(name):
     linear, rotation, thrust, turning = misses(name, 2)
     assert linear < 1e-12
@@ -137,7 +139,7 @@ def test_all_aircraft_accelerate_as_in_jsbsim(name):
     assert turning < max(1e-9, 10.0 * tolerance)
 
 
-@pytest.mark.parametrize("name", ["f16", "X15"])
+@pytest.mark.parametrize("name", [pytest.param("f16", marks=pytest.mark.slow), "X15"])
 def test_where_the_surface_is_the_input_forces_are_those_at_jsbsims_surfaces(name):
     model = read_model(f"jsbsim:{name}")
     points = random_points(model, 2)

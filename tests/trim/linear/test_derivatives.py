@@ -112,7 +112,7 @@ def test_one_wrong_entry_is_seen_in_its_row(
     assert np.delete(typical, at_row).min() >= 1.8
 
 
-@pytest.mark.parametrize("ground_drag", [False, True])
+@pytest.mark.parametrize("ground_drag", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_derivatives_equal_high_order_differences(aircraft: Model, ground_drag: bool) -> None:
     """Of eighth order: an error of 1e-10 of the largest entry of a row would show."""
     weights = {1: 4 / 5, 2: -1 / 5, 3: 4 / 105, 4: -1 / 280}
