@@ -239,14 +239,19 @@ def game_in(state: float, of_input: float = 1.0) -> Game:
 
 
 @pytest.mark.parametrize(
-    ("state", "of_input"), [(1e-8, 1e3), pytest.param(1e8, 1e-3, marks=pytest.mark.slow)]
+    ("state", "of_input", "factors"),
+    [
+        (1e-8, 1e3, [1.0 + 1e-4]),
+        pytest.param(1e-8, 1e3, [-1.0, 0.0], marks=pytest.mark.slow),
+        pytest.param(1e8, 1e-3, [-1.0, 0.0, 1.0 + 1e-4], marks=pytest.mark.slow),
+    ],
 )
 def test_a_wrong_part_of_the_gain_or_entry_of_the_value_is_seen(
-    state: float, of_input: float
+    state: float, of_input: float, factors: list[float]
 ) -> None:
     game = game_in(state, of_input)
     assert check_critic(game, from_gain(game, gain(game))).ok
-    for factor in (-1.0, 0.0, 1.0 + 1e-4):
+    for factor in factors:
         for change in ([1.0, factor], [factor, 1.0], [[1.0], [factor]], [[factor], [1.0]]):
             assert failed(game, from_gain(game, gain(game) * change)) >= {
                 "K_balanced_error",
