@@ -139,9 +139,9 @@ def _selected(tensors: Mapping[str, np.ndarray], part: str) -> dict[str, np.ndar
         if not words or any(word in f".{name}." for word in words)
     }
     if not chosen:
-        raise BadInputError(
-            f"it holds no tensors called {shortened(part)!r}; its tensors are in {_roots(tensors)}"
-        )
+        where = _roots(tensors)
+        advice = f"its tensors are in {where}" if where else "it is one network; name no part of it"
+        raise BadInputError(f"it holds no tensors called {shortened(part)!r}; {advice}")
     return chosen
 
 

@@ -107,6 +107,8 @@ def test_layers_in_json_are_those_of_an_npz(game: Game) -> None:
     expected = from_network(game, torch_file("a.pt", layers), activation="tanh")
     assert np.array_equal(critic.K, expected.K)
     assert critic.origin.endswith("6 -> tanh 6 -> tanh 6 -> 1 (layers 0, 2, 10)")
+    with pytest.raises(BadInputError, match="called 'policy'; it is one network"):
+        from_network(game, "a.pt", network="policy", activation="tanh")
     Path("letters.json").write_text(
         json.dumps({name: rows.tolist() for name, rows in square_layers("b", "a", "c").items()}),
         encoding="utf-8",
