@@ -22,81 +22,25 @@ _SMALL: dict[str, Any] = {"loc": "right", "fontsize": 6, "pad": 2}
 
 
 def flight_figure(result: NonlinearFlight, title: str) -> Figure:
-    """Every state, absolute: nonlinear, linear prediction, reference; the inputs, a panel a unit;
-    the updraft if there is one.
-
-    Where the air moves, alpha through it besides.
-    """
+    """The picture of a flight over time: a panel a state, a panel of the inputs in each unit, and
+    the updraft where there is one."""
     model = result.point.model
-    times = result.flight.times
-    kinds = list(dict.fromkeys(each.unit for each in model.inputs.values()))
-    gust = bool(np.any(result.flight.updrafts))
-    count = len(model.states) + len(kinds) + int(gust)
+    input_units = list(dict.fromkeys(signal.unit for signal in model.inputs.values()))
+    has_updraft = bool(np.any(result.flight.updrafts))
+    count = len(model.states) + len(input_units) + int(has_updraft)
     rows = -(-count // 2)
     figure = new_figure(10.0, 2.1 * rows)
     panels = figure.subplots(rows, 2, sharex=True).ravel()
-    for index, (name, axes) in enumerate(zip(model.states, panels, strict=False)):
-        unit = model.unit(name)
-        if name in model.linear:
-            row = model.linear.index(name)
-            reference = result.states[:, index] - result.flight.errors[:, row]
-            axes.plot(
-                times,
-                shown_values(reference, unit),
-                ":",
-                color="black",
-                linewidth=1.0,
-                label="reference",
-            )
-        if result.predicted is not None:
-            predicted = result.predicted.states[:, index] + result.point.states[index]
-            axes.plot(
-                result.predicted.times,
-                shown_values(predicted, unit),
-                "--",
-                color="C1",
-                label="linear",
-            )
-        axes.plot(
-            times,
-            shown_values(result.states[:, index], unit),
-            color="C0",
-            linewidth=1.2,
-            label="nonlinear",
-        )
-        limited = result.states[:, index]
-        what = name
-        if name == ALPHA and result.flight.winds and flown_through_air(model):
-            limited = result.angles_of_attack
-            what = "alpha over ground"
-            axes.plot(
-                times, shown_values(limited, unit), color="C2", linewidth=1.2, label=ANGLE_OF_ATTACK
-            )
-            axes.legend([axes.lines[-1]], [ANGLE_OF_ATTACK], fontsize=6, loc="lower left", **_ABOVE)
-        limits = float(result.envelope.lowest[index]), float(result.envelope.highest[index])
-        _limit_lines(axes, limited, limits, unit)
-        axes.set_title(f"envelope: {limits_text(*limits, unit)}", **_SMALL)
-        _finish(axes, f"{what}, {shown_unit(unit)}")
-    inputs = panels[len(model.states) :][: len(kinds)]
-    for index, (name, signal) in enumerate(model.inputs.items()):
-        axes = inputs[kinds.index(signal.unit)]
-        unit = signal.unit
-        limits = (signal.min, signal.max)
-        label = f"{name}: {limits_text(*limits, unit)}"
-        axes.plot(times, shown_values(result.inputs[:, index], unit), label=label, linewidth=1.0)
-        _limit_lines(axes, result.inputs[:, index], limits, unit)
-    for axes, unit in zip(inputs, kinds, strict=True):
-        names = [name for name, signal in model.inputs.items() if signal.unit == unit]
-        label = names[0] if len(names) == 1 else "deflections" if unit == "rad" else "inputs"
-        label += "" if unit == "1" else f", {shown_unit(unit)}"
-        axes.legend(loc="lower left", fontsize=6, ncols=2, **_ABOVE)
-        _finish(axes, label)
-    handles, labels = panels[0].get_legend_handles_labels()
-    if gust:
+    for index, axes in enumerate(panels[: len(model.states)]):
+        _draw_state(axes, result, index)
+    for unit, axes in zip(input_units, panels[len(model.states) :], strict=False):
+        _draw_inputs(axes, result, unit)
+    if has_updraft:
         air = panels[count - 1]
         unit = model.unit(UPDRAFT)
-        air.plot(times, shown_values(result.flight.updrafts, unit), color="C2")
+        air.plot(result.flight.times, shown_values(result.flight.updrafts, unit), color="C2")
         _finish(air, f"updraft, {shown_unit(unit)}")
+    handles, labels = panels[0].get_legend_handles_labels()
     figure.legend(
         handles, labels, loc="outside upper center", ncols=len(labels), fontsize=8, title=title
     )
@@ -106,6 +50,76 @@ def flight_figure(result: NonlinearFlight, title: str) -> Figure:
         axes.set_xlabel("time, s", fontsize=8)
         axes.tick_params(labelbottom=True)
     return figure
+
+
+def _draw_state(axes: Axes, result: NonlinearFlight, index: int) -> None:
+    """The state of that number, absolute: its reference, the linear prediction, the nonlinear
+    flight, and its envelope; where the air moves, alpha through it too."""
+    model = result.point.model
+    name = tuple(model.states)[index]
+    unit = model.unit(name)
+    times = result.flight.times
+    flown = result.states[:, index]
+    if name in model.linear:
+        reference = flown - result.flight.errors[:, model.linear.index(name)]
+        axes.plot(
+            times,
+            shown_values(reference, unit),
+            ":",
+            color="black",
+            linewidth=1.0,
+            label="reference",
+        )
+    if result.predicted is not None:
+        predicted = result.predicted.states[:, index] + result.point.states[index]
+        axes.plot(
+            result.predicted.times,
+            shown_values(predicted, unit),
+            "--",
+            color="C1",
+            label="linear",
+        )
+    axes.plot(times, shown_values(flown, unit), color="C0", linewidth=1.2, label="nonlinear")
+    limited = flown
+    label = name
+    if name == ALPHA and result.flight.winds and flown_through_air(model):
+        limited = result.angles_of_attack
+        label = "alpha over ground"
+        (through_air,) = axes.plot(
+            times, shown_values(limited, unit), color="C2", linewidth=1.2, label=ANGLE_OF_ATTACK
+        )
+        axes.legend([through_air], [ANGLE_OF_ATTACK], fontsize=6, loc="lower left", **_ABOVE)
+    limits = (float(result.envelope.lowest[index]), float(result.envelope.highest[index]))
+    _limit_lines(axes, limited, limits, unit)
+    axes.set_title(f"envelope: {limits_text(*limits, unit)}", **_SMALL)
+    _finish(axes, f"{label}, {shown_unit(unit)}")
+
+
+def _draw_inputs(axes: Axes, result: NonlinearFlight, unit: str) -> None:
+    """The inputs in one unit, with their limits."""
+    inputs = result.point.model.inputs
+    names = [name for name, signal in inputs.items() if signal.unit == unit]
+    for index, (name, signal) in enumerate(inputs.items()):
+        if signal.unit != unit:
+            continue
+        values = result.inputs[:, index]
+        limits = (signal.min, signal.max)
+        axes.plot(
+            result.flight.times,
+            shown_values(values, unit),
+            label=f"{name}: {limits_text(*limits, unit)}",
+            linewidth=1.0,
+        )
+        _limit_lines(axes, values, limits, unit)
+    label = "inputs"
+    if len(names) == 1:
+        label = names[0]
+    elif unit == "rad":
+        label = "deflections"
+    if unit != "1":
+        label += f", {shown_unit(unit)}"
+    axes.legend(loc="lower left", fontsize=6, ncols=2, **_ABOVE)
+    _finish(axes, label)
 
 
 def _limit_lines(axes: Axes, limited: np.ndarray, limits: tuple[float, float], unit: str) -> None:

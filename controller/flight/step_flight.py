@@ -69,8 +69,7 @@ class StepFlight(Reported):
 
     def data(self) -> StepFlightData:
         """As data."""
-        n, m = self.problem.step.B.shape
-        names = self.problem.step.names.completed(n, m)
+        names = self.problem.step.names
         return StepFlightData(
             plant=names.origin,
             policy=self.policy,

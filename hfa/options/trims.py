@@ -168,7 +168,7 @@ def step_model(path: Path) -> Model:
             " --aircraft FILE.py:NAME"
         )
     step = problem.step
-    names = step.names.completed(*step.B.shape)
+    names = step.names
 
     def equations(x: Any, u: Any, p: Any, w: Any) -> tuple[Mapping[str, Any], Mapping[str, Any]]:
         rates = {}
