@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -71,6 +72,8 @@ def show(
 
             save(figure(), request.picture, request.provenance.text())
     print_report(printed or report, request, notes=notes)
+    if request.output is not None:
+        say_aside(f"wrote {request.output}")
     if request.picture is not None and figure is not None:
         say_aside(f"wrote {request.picture}")
 
@@ -108,15 +111,23 @@ def print_report(
     points: trims whose warnings are data and notes too."""
     report, notes = _with_warnings(report, notes, points)
     report = stated(report, request)
-    say(report.json() if request.json else report.text(_in_color()))
+    say(report.json() if request.json else report.text(_in_color(), _width()))
     say_notes(notes)
+
+
+def _on_terminal() -> bool:
+    return sys.stdout is not None and sys.stdout.isatty()
 
 
 def _in_color() -> bool:
     """Whether output is a terminal whose user does not refuse colors (no-color.org)."""
-    on_terminal = sys.stdout is not None and sys.stdout.isatty()
     plain = os.environ.get("NO_COLOR") or os.environ.get("TERM") == "dumb"
-    return on_terminal and not plain
+    return _on_terminal() and not plain
+
+
+def _width() -> int | None:
+    """Characters that a line of the terminal holds; None where the output is a file or a pipe."""
+    return shutil.get_terminal_size().columns if _on_terminal() else None
 
 
 @contextmanager

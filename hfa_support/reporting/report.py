@@ -12,7 +12,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from hfa_support.reporting.text import Cell, Table, columns, printable
+from hfa_support.reporting.text import Cell, Table, columns, printable, wrapped
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -77,12 +77,17 @@ class Report:
         """The same report with more data."""
         return replace(self, data={**self.data, **more})
 
-    def text(self, color: bool = False) -> str:
-        """For a terminal: parts with an empty line between them, without pictures; color: of cells
-        with a tone."""
-        shown = [_text(part, color) for part in self.parts if not isinstance(part, Picture)]
+    def text(self, color: bool = False, width: int | None = None) -> str:
+        """For a terminal: parts with an empty line between them, without pictures.
+
+        color: of cells with a tone
+        width: of the terminal, in characters; None for lines as long as they are
+        """
+        shown = [_text(part, color, width) for part in self.parts if not isinstance(part, Picture)]
         notes = (f"Note: {note}" for note in self.notes)
-        title, *after = (printable(text) for text in (self.title, *notes, self.source))
+        title, *after = (
+            wrapped(printable(text), width) for text in (self.title, *notes, self.source)
+        )
         return "\n\n".join(filter(None, [title, *shown, *after]))
 
     def markdown(self, level: int = 1) -> str:
@@ -145,16 +150,14 @@ class Reported:
         return self.report()._repr_html_()
 
 
-def _text(part: Any, color: bool) -> str:
+def _text(part: Any, color: bool, width: int | None) -> str:
     if isinstance(part, Report):
-        return part.text(color)
+        return part.text(color, width)
     if isinstance(part, Table):
-        return columns(*part, color)
-    return (
-        printable(part)
-        if isinstance(part, str)
-        else "\n".join(_text(entry, color) for entry in part)
-    )
+        return columns(*part, color, width)
+    if isinstance(part, str):
+        return wrapped(printable(part), width)
+    return "\n".join(_text(entry, color, width) for entry in part)
 
 
 def _markdown(part: Any, level: int) -> str:

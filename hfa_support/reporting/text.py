@@ -18,6 +18,10 @@ _MOST = 1e7
 TONES = {"good": "32", "near": "33", "far": "35", "bad": "31"}
 
 
+#: Between two columns.
+_GAP = "  "
+
+
 class Table(NamedTuple):
     """A header and its rows: what a CSV file and a terminal table have in common."""
 
@@ -169,20 +173,65 @@ def four_decimals(value: float) -> str:
     return "0.0000" if text == "-0.0000" else text
 
 
-def columns(header: tuple[str, ...], rows: Sequence[tuple[Any, ...]], color: bool = False) -> str:
+def columns(
+    header: tuple[str, ...],
+    rows: Sequence[tuple[Any, ...]],
+    color: bool = False,
+    width: int | None = None,
+) -> str:
     """Rows of cells in aligned columns: the first to the left, the others to the right; cells with
-    a tone in color."""
-    table = [[printable(str(cell), lines=False) for cell in row] for row in (header, *rows)]
-    widths = [max(len(row[i]) for row in table) for i in range(len(header))]
-    lines = []
-    for row, cells in zip(table, (header, *rows), strict=True):
-        aligned = [text.rjust(width) for text, width in zip(row, widths, strict=True)]
-        aligned[0] = row[0].ljust(widths[0])
-        if color:
-            tones = [TONES.get(getattr(cell, "tone", ""), "") for cell in cells]
-            aligned = [
-                f"\033[{tone}m{text}\033[0m" if tone else text
-                for tone, text in zip(tones, aligned, strict=True)
-            ]
-        lines.append("  ".join(aligned).rstrip())
-    return "\n".join(lines)
+    a tone in color.
+
+    width: of the terminal, in characters. Columns that do not fit follow in blocks below, each with
+    the first column again; a cell is never broken.
+    """
+    cells = (header, *rows)
+    texts = [[printable(str(cell), lines=False) for cell in row] for row in cells]
+    widths = [max(len(row[i]) for row in texts) for i in range(len(header))]
+    blocks = []
+    for shown in _columns_that_fit(widths, width):
+        lines = []
+        for row, row_cells in zip(texts, cells, strict=True):
+            aligned = [_aligned(row[i], widths[i], first=i == 0) for i in shown]
+            if color:
+                tones = [TONES.get(getattr(row_cells[i], "tone", ""), "") for i in shown]
+                aligned = [_colored(*pair) for pair in zip(aligned, tones, strict=True)]
+            lines.append(_GAP.join(aligned).rstrip())
+        blocks.append("\n".join(lines))
+    return "\n\n".join(blocks)
+
+
+def _columns_that_fit(widths: list[int], width: int | None) -> list[list[int]]:
+    """The numbers of the columns of each block: the first column, and as many others as fit."""
+    if width is None or not widths:
+        return [[*range(len(widths))]]
+    blocks = [[0]]
+    used = widths[0]
+    for i in range(1, len(widths)):
+        needed = len(_GAP) + widths[i]
+        if used + needed > width and len(blocks[-1]) > 1:
+            blocks.append([0])
+            used = widths[0]
+        blocks[-1].append(i)
+        used += needed
+    return blocks
+
+
+def _aligned(text: str, width: int, first: bool) -> str:
+    return text.ljust(width) if first else text.rjust(width)
+
+
+def _colored(text: str, tone: str) -> str:
+    return f"\033[{tone}m{text}\033[0m" if tone else text
+
+
+def wrapped(text: str, width: int | None) -> str:
+    """The lines of a paragraph, broken between words where they are longer than the terminal."""
+    if width is None:
+        return text
+    import textwrap
+
+    return "\n".join(
+        textwrap.fill(line, width, break_long_words=False, break_on_hyphens=False)
+        for line in text.split("\n")
+    )

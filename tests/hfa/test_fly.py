@@ -39,7 +39,7 @@ def test_the_command_says_that_a_flight_held_and_writes_it() -> None:
         "lift_slope=0.99",
     )
     result = hfa(*words, "-o", "flight.json")
-    assert (result.code, result.err) == (0, "")
+    assert (result.code, result.err) == (0, "wrote flight.json\n")
     assert "stayed within limits: 1 s inside the envelope and the control limits" in result.out
     data = json.loads(Path("flight.json").read_text(encoding="utf-8"))
     assert data["schema"] == "hfa.flight/1"
@@ -294,7 +294,7 @@ def test_gains_of_a_file_are_flown_along_the_trims_of_the_command() -> None:
     finals = {}
     for name in ("paper.npz", "gains.json", "stacked.mat", "one.json"):
         result = hfa(*SCHEDULE, "--controller", name, "-o", "flown.json")
-        assert (result.code, result.err) == (0, "")
+        assert (result.code, result.err) == (0, "wrote flown.json\n")
         assert f"law gains of {name}\nstayed within limits: 6 s" in result.out
         data = json.loads(Path("flown.json").read_text("utf-8"))
         finals[name] = np.array(data["history"]["states"][-1])

@@ -101,6 +101,7 @@ def test_a_terminal_gets_colors(
 ) -> None:
     monkeypatch.delenv("NO_COLOR", raising=False)
     monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setenv("COLUMNS", "400")
     for name, value in environment.items():
         monkeypatch.setenv(name, value)
     shown = hfa(*TRIM, out=Terminal()).out
@@ -108,6 +109,19 @@ def test_a_terminal_gets_colors(
     assert bool(COLOR.search(shown)) == colored
     assert not COLOR.search(plain + hfa(*TRIM, "--json", out=Terminal()).out)
     assert COLOR.sub("", shown).split() == plain.split()
+
+
+@pytest.mark.parametrize("command", [TRIM, ("linearize", "--dihedral", "10")])
+def test_tables_fit_a_terminal_of_80_columns(
+    command: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("NO_COLOR", "1")
+    monkeypatch.setenv("COLUMNS", "80")
+    shown = hfa(*command, out=Terminal()).out
+    plain = hfa(*command).out
+    assert max(map(len, plain.splitlines())) > 80
+    assert max(map(len, shown.splitlines())) <= 80
+    assert {*plain.split()} == {*shown.split()}  # no number and no name is broken
 
 
 def test_what_takes_more_than_a_minute_is_announced_once(

@@ -29,7 +29,7 @@ def test_a_doublet_without_a_law_is_written_and_drawn() -> None:
     result = hfa(
         "fly", "--aircraft", NAVION, *doublet, "-o", "flight.json", "--picture", "flight.png"
     )
-    assert (result.code, result.err) == (0, "wrote flight.png\n")
+    assert (result.code, result.err) == (0, "wrote flight.json\nwrote flight.png\n")
     assert result.out.startswith(
         "Flight, Navion, speed 176 ft/s, law none\nstayed within limits: 4 s"
     )

@@ -9,10 +9,12 @@ import pytest
 
 from hfa_support.reporting.text import (
     angle_text,
+    columns,
     degrees,
     in_degrees,
     matrix_table,
     shown_value,
+    wrapped,
 )
 
 
@@ -37,3 +39,21 @@ def test_radians_become_degrees() -> None:
 def test_a_matrix_is_not_hidden_by_its_decimals(largest: float, cells: tuple[str, ...]) -> None:
     table = matrix_table("K", ("u1",), ("x1", "x2"), np.array([[largest, largest / 2.0]]))
     assert table.rows == [("u1", *cells)]
+
+
+def test_columns_that_do_not_fit_follow_below_with_the_first_one_again() -> None:
+    header = ("mode", "eigenvalue", "damping")
+    rows = [("phugoid", "-69.4807 ± 10.2273i", "0.4125")]
+    shown = columns(header, rows, width=30).split("\n\n")
+    assert shown == [
+        "mode              eigenvalue\nphugoid  -69.4807 ± 10.2273i",
+        "mode     damping\nphugoid   0.4125",
+    ]
+    assert columns(header, rows, width=80).count("\n") == 1
+    assert columns(header, rows, width=5).count("-69.4807 ± 10.2273i") == 1
+
+
+def test_a_paragraph_is_broken_between_words_alone() -> None:
+    text = "the unknowns speed_of_sound and alpha\nbind"
+    assert wrapped(text, 14) == "the unknowns\nspeed_of_sound\nand alpha\nbind"
+    assert wrapped(text, None) == text
