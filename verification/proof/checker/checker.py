@@ -26,9 +26,10 @@ from hfa_support.errors import BadInputError, NoSolutionError, on_one_line
 from hfa_support.files import read_json
 from hfa_support.progress import Progress, told
 from verification.proof.arithmetic.balls import TaylorModel, matrix
+from verification.proof.checker.covering import covering
 from verification.proof.checker.loop import actuated_loop, between, closed_loop
 from verification.proof.checker.modes import check_motion, check_pieces, least_and_most
-from verification.proof.checker.reading import Fields
+from verification.proof.checker.reading import Fields, Rejected
 from verification.proof.checker.riccati import (
     Solution,
     check_axis,
@@ -47,12 +48,7 @@ from verification.proof.checker.statement import (
     loop_size,
     read_statement,
 )
-from verification.proof.checker.trims import (
-    LinearModelBox,
-    Rejected,
-    check_branches,
-    linear_model_on,
-)
+from verification.proof.checker.trims import LinearModelBox, check_branches, linear_model_on
 from verification.proof.checker.witness import (
     GameWitness,
     Line,
@@ -218,26 +214,26 @@ def _loop_bounds(
 
 
 def _check_runs(name: str, runs: Sequence[Run], bounds: Sequence[Run], size: int) -> None:
-    """The bounds that boxes prove are those of the runs, or better."""
+    """The bounds that boxes prove are those of the runs, or better; a run of 0 to all is open."""
     for run in runs:
-        from_below = [bound for bound in bounds if bound.least >= run.least]
-        from_above = [bound for bound in bounds if bound.most <= run.most]
-        proved = run.least == 0 or _cover(from_below, run.low, run.high)
-        proved = proved and (run.most == size or _cover(from_above, run.low, run.high))
-        if not proved:
-            raise Rejected(
-                f"the boxes of {name} do not prove {run.least} to {run.most} unstable modes from "
-                f"{run.low} to {run.high}"
-            )
+        ends = [(run.low, run.high)]
+        if run.least > 0:
+            enough = [bound for bound in bounds if bound.least >= run.least]
+            what = f"the boxes of {name} with {run.least} or more unstable modes"
+            covering(what, ends, enough, _ends_of_run)
+        if run.most < size:
+            enough = [bound for bound in bounds if bound.most <= run.most]
+            what = f"the boxes of {name} with at most {run.most} unstable modes"
+            covering(what, ends, enough, _ends_of_run)
 
 
-def _cover(boxes: Sequence[Run | TrimBox], low: float, high: float) -> bool:
-    """Every value from low to high lies in a box."""
-    reached = low
-    for box in sorted(boxes, key=lambda box: box.low):
-        if box.low <= reached:
-            reached = max(reached, box.high)
-    return bool(boxes) and reached >= high
+def _ends_of_run(run: Run) -> list[tuple[float, float]]:
+    return [(run.low, run.high)]
+
+
+def _ends_of_cell(cell: tuple[TrimBox, Any]) -> list[tuple[float, float]]:
+    trim, _ = cell
+    return [(trim.low, trim.high)]
 
 
 def _check_scheduled_rate(
@@ -246,10 +242,11 @@ def _check_scheduled_rate(
     """V' = ζ'(F'P + P F + η' dP/dη) ζ < 0 for both signs of the largest η', hence for all
     between."""
     flight = statement.flight
-    if not _cover([trim for trim, _ in motion.boxes], flight.low, flight.high):
-        raise Rejected("the boxes of the motion do not cover the interval")
+    boxes = covering(
+        "the boxes of the motion", [(flight.low, flight.high)], motion.boxes, _ends_of_cell
+    )
     linear_models = []
-    for trim, turn in told(motion.boxes, progress):
+    for trim, turn in told(boxes, progress):
         linear = _linear_model(statement, trim)
         loop = closed_loop(linear, flight.model, statement.controller, statement.actuators)
         P = between(motion.breakpoints, motion.P, trim.low, trim.high)
@@ -317,10 +314,9 @@ def check_models(
 ) -> int:
     """Everywhere between the breakpoints the interpolation errors are at most those claimed."""
     flight = statement.flight
-    if not _cover([trim for trim, _ in witness.cells], flight.low, flight.high):
-        raise Rejected("the cells do not cover the interval")
+    cells = covering("the cells", [(flight.low, flight.high)], witness.cells, _ends_of_cell)
     linear_models = []
-    for trim, box in told(witness.cells, progress):
+    for trim, box in told(cells, progress):
         linear = linear_model_on(flight, trim)
         exact = solution_on(statement.weights, linear.A, linear.B, box, lowest=1)
         for name, most in interpolation_errors(statement, linear, exact).items():
@@ -328,7 +324,7 @@ def check_models(
                 raise Rejected(f"the error of {name} from {trim.low} on may be larger")
         linear_models.append(linear)
     check_branches(flight, linear_models)
-    return len(witness.cells)
+    return len(cells)
 
 
 def interpolation_errors(

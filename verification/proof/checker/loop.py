@@ -18,13 +18,14 @@ from flint import arb, arb_mat
 
 from hfa_aircraft.model import Model
 from verification.proof.arithmetic.balls import TaylorModel, matrix
+from verification.proof.checker.reading import Rejected
 from verification.proof.checker.statement import (
     Actuators,
     Controller,
     FixedActuators,
     UncertainActuators,
 )
-from verification.proof.checker.trims import LinearModelBox, Rejected
+from verification.proof.checker.trims import LinearModelBox
 
 
 @dataclass(frozen=True, eq=False)

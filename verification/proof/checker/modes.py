@@ -17,9 +17,10 @@ from verification.proof.arithmetic.balls import (
     matrix,
     pivots,
 )
+from verification.proof.checker.covering import covering
 from verification.proof.checker.loop import LoopBox
+from verification.proof.checker.reading import Rejected
 from verification.proof.checker.statement import UncertainActuators
-from verification.proof.checker.trims import Rejected
 from verification.proof.checker.witness import Line, Piece
 
 
@@ -91,12 +92,7 @@ def check_pieces(loop: LoopBox, actuators: UncertainActuators, pieces: list[Piec
         2 ζ'H ζ' + q'X_1 q - d'X_1 d + z'X_2 z - e'X_2 e < 0,   H > 0,  X_1, X_2 >= 0 diagonal.
 
     The left side is convex in ω: the ends of a piece decide. Rejected unless proved."""
-    ends = [actuators.bandwidth[0]]
-    for piece in pieces:
-        ends += piece.bandwidth
-    ends.append(actuators.bandwidth[1])
-    if ends != sorted(ends) or ends[::2] != ends[1::2]:
-        raise Rejected("the pieces do not cover the bandwidths once")
+    pieces = covering("the pieces", [actuators.bandwidth], pieces, lambda piece: [piece.bandwidth])
     least, most = map(arb, actuators.effectiveness)
     n = loop.G.nrows()
     a = loop.G.ncols()

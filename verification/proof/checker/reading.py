@@ -22,6 +22,10 @@ class Malformed(NoSolutionError):
     """A certificate holds an entry that it cannot hold."""
 
 
+class Rejected(NoSolutionError):
+    """The witness of a certificate does not prove its statement."""
+
+
 def require(holds: bool, where: str, value: Any = None) -> None:
     """Malformed, with the name of the entry, unless it holds."""
     if not holds:

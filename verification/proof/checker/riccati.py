@@ -18,8 +18,9 @@ from flint import acb, acb_mat, arb, arb_mat
 
 from verification.proof.arithmetic.balls import TaylorModel, doubles, matrix, norm, symmetric
 from verification.proof.checker.modes import eigenvalue_signs, modes_right_of
+from verification.proof.checker.reading import Rejected
 from verification.proof.checker.statement import Weights
-from verification.proof.checker.trims import Rejected, root_offsets
+from verification.proof.checker.trims import root_offsets
 from verification.proof.checker.witness import SolutionBox
 
 

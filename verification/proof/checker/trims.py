@@ -7,6 +7,7 @@ e = w - ŵ, if |C F(ŵ)| + |I - C F_w| < 1 in units of the radii, there is one a
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import zip_longest
@@ -15,15 +16,12 @@ from typing import Any
 import numpy as np
 from flint import arb, arb_mat
 
-from hfa_support.errors import NoSolutionError
 from verification.proof.arithmetic.balls import READING, TaylorModel, matrix, norm, symmetric
 from verification.proof.arithmetic.steady_flight import LinearParts, SteadyFlight, steady_flight
+from verification.proof.checker.covering import covering
+from verification.proof.checker.reading import Rejected
 from verification.proof.checker.statement import SAME_TRIM, Flight, StatedTrim
 from verification.proof.checker.witness import TrimBox
-
-
-class Rejected(NoSolutionError):
-    """The witness of a certificate does not prove its statement."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,19 +164,43 @@ def stacked(rows: list[list[Any]], columns: int = 1) -> TaylorModel:
     return TaylorModel(*(arb_mat(len(rows), len(rows[0]), list(part)) for part in together))
 
 
-def check_branches(flight: Flight, boxes: Iterable[LinearModelBox]) -> None:
-    """Every stated trim is one, and the trims of every box lie on the branch of a stated one.
+def check_branches(flight: Flight, boxes: Sequence[LinearModelBox]) -> None:
+    """Every stated trim is one, and the boxes from it to the next stated trim, at least one, are on
+    its branch.
 
     Two boxes are on one branch if at a common scheduling value the trim of one lies where the
     other has no other trim than its own. Rejected unless proved."""
-    connected = [_stated_trim(flight, trim) for trim in flight.trims]
-    for box in sorted(boxes, key=lambda box: (box.trim.low, box.trim.high)):
+    starts = [trim.breakpoint for trim in flight.trims]
+    ascending = sorted(boxes, key=lambda box: (box.trim.low, box.trim.high))
+    if ascending and not (starts and starts[0] <= ascending[0].trim.low):
+        raise Rejected("there are trims below the first stated one; no branch is stated of them")
+    for stated, following in zip(flight.trims, [*starts[1:], math.inf], strict=True):
+        own = [box for box in ascending if stated.breakpoint <= box.trim.low < following]
+        _check_branch(_stated_trim(flight, stated), own, following)
+
+
+def _check_branch(
+    stated: LinearModelBox, boxes: Sequence[LinearModelBox], following: float
+) -> None:
+    """The boxes, ascending, begin at a stated trim, are on its branch and end below the following
+    stated trim."""
+    start = stated.trim.low
+    covering(
+        "the trims of the boxes",
+        [(start, start)],
+        boxes,
+        lambda box: [(box.trim.low, box.trim.high)],
+    )
+    connected = [stated]
+    for box in boxes:
         connected = [before for before in connected if before.trim.high >= box.trim.low]
         if not any(_is_same(box, before) for before in connected):
             raise Rejected(
-                f"the trims from {box.trim.low} on are not proved to be on the branch of a stated "
-                "trim"
+                f"the trims from {box.trim.low} on are not proved to be on the branch of the trim "
+                f"stated at {start}"
             )
+        if box.trim.high >= following:
+            raise Rejected(f"another branch is stated at {following}, within a box of this one")
         connected.append(box)
 
 

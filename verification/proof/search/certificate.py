@@ -20,13 +20,13 @@ from hfa_support.provenance import Provenance
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.version import VERSION
 from verification.proof.checker.checker import SCHEMA, check_certificate, sealed
+from verification.proof.checker.reading import Rejected
 from verification.proof.checker.statement import (
     KINDS,
     ScheduleStatement,
     Statement,
     content_of,
 )
-from verification.proof.checker.trims import Rejected
 from verification.proof.search.report import proof_report
 
 Content = dict[str, Any]

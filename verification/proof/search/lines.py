@@ -11,7 +11,7 @@ from flint import arb_mat
 
 from verification.proof.arithmetic.balls import TaylorModel, doubles
 from verification.proof.checker.modes import least_and_most, modes_right_of
-from verification.proof.checker.trims import Rejected
+from verification.proof.checker.reading import Rejected
 from verification.proof.checker.witness import Line
 
 #: Eigenvectors are taken for dependent when their condition number is larger.

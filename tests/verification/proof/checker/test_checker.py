@@ -19,9 +19,8 @@ from trim.hfa.level_flight import LEVEL_FLIGHT
 from verification import Family, check_certificate, prove_schedule
 from verification.proof.arithmetic.balls import TaylorModel
 from verification.proof.checker import trims
-from verification.proof.checker.reading import Fields
+from verification.proof.checker.reading import Fields, Rejected
 from verification.proof.checker.statement import content_of, read_statement
-from verification.proof.checker.trims import Rejected
 from verification.proof.checker.witness import TrimBox
 from verification.proof.search.report import checked_report
 
@@ -54,7 +53,7 @@ def test_what_no_box_proves_is_refused_unless_it_is_said_to_be_open(
     boxes = own["witness"]["motion"]["boxes"] if name == "motion" else own["witness"][name]
     last = boxes.pop()["range"]
     path = tmp_path / "short.json"
-    with pytest.raises(Rejected, match=r"do not (prove|cover)"):
+    with pytest.raises(Rejected, match="do not cover"):
         check_certificate(forge(path, own))
     if name == "motion":
         return
@@ -79,7 +78,7 @@ def test_bounds_of_the_number_of_modes_are_verified(tmp_path: Path) -> None:
     for index, bounds in ((0, [3, 3]), (0, [1, 1]), (1, [3, 3]), (1, [2, 2]), (2, [2, 2])):
         forged = copy.deepcopy(own)
         forged["statement"]["modes"][index][2:] = bounds
-        with pytest.raises(Rejected, match="the boxes of modes do not prove"):
+        with pytest.raises(Rejected, match=r"the boxes of modes with .* do not cover"):
             check_certificate(forge(tmp_path / "forged.json", forged))
 
 

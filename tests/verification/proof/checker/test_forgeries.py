@@ -29,8 +29,7 @@ from proof_cases import (
 from controller import Game
 from hfa_support import BadInputError
 from verification import Family, check_certificate, prove_schedule, prove_solution
-from verification.proof.checker.reading import Malformed
-from verification.proof.checker.trims import Rejected
+from verification.proof.checker.reading import Malformed, Rejected
 from verification.proof.search.loops import loop_of_gains
 
 Content = dict[str, Any]
@@ -456,7 +455,7 @@ NAMED: dict[str, tuple[str, Change, str]] = {
     "a piece left out": (
         "actuators",
         put([2.0, 10.0], *LOOP, "pieces", 0, "bandwidth"),
-        "the pieces do not cover the bandwidths once",
+        "the pieces do not cover 1.8 to 10: there is none at 1.8 to 2",
     ),
     "H not symmetric": (
         "rate",

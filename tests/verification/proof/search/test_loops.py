@@ -24,7 +24,7 @@ from trim import linearize
 from verification import Family, check_certificate, prove_schedule, solve_game
 from verification.proof.arithmetic.balls import doubles
 from verification.proof.checker.loop import closed_loop
-from verification.proof.checker.trims import Rejected
+from verification.proof.checker.reading import Rejected
 from verification.proof.search.family import Box, TrimSearch
 from verification.proof.search.loops import loop_of_gains, loop_of_servo
 from verification.proof.search.report import checked_report

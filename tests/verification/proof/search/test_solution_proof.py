@@ -21,8 +21,8 @@ from controller.riccati.smallest_delta import DeltaMin
 from hfa_support import BadInputError, NoSolutionError
 from verification import check_certificate, minimum_delta, prove_critic, prove_solution, solve_game
 from verification.proof.arithmetic.balls import TaylorModel, matrix, norm
+from verification.proof.checker.reading import Rejected
 from verification.proof.checker.riccati import solution_on
-from verification.proof.checker.trims import Rejected
 from verification.proof.search.report import checked_report
 from verification.proof.search.solution_proof import ExactGame, prove_delta_min
 
