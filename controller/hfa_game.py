@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from controller.game.names import UNNAMED, PlantNames
+from controller.game.linear_game import nominal_weights
+from controller.game.names import UNNAMED, PlantNames, names_of_linear
 from controller.game.user_files import Defaults, file_scales, stored_game
 from controller.game.zero_sum import LARGEST, Game, checked_matrix
 from hfa_aircraft.model import Model
@@ -41,8 +42,8 @@ def published_game(
     must be given. Of a linear model in SI units it is the same game: Q, R and E are converted.
 
     >>> import hfa
-    >>> model = hfa.level_model(hfa.aircraft(), 0.2)
-    >>> hfa.published_game(model, delta=250.0).R.diagonal().tolist()
+    >>> model = hfa.paper.level_model(hfa.aircraft(), 0.2)
+    >>> hfa.paper.published_game(model, delta=250.0).R.diagonal().tolist()
     [100.0, 400.0, 400.0, 400.0, 50.0]
     """
     for name in changes:
@@ -64,7 +65,7 @@ def plant_names(linear: LinearModel) -> PlantNames:
     origin = model.name
     if _is_flexible(model):
         origin = f"the aircraft {at_scheduled(linear.point)}, {model.title}"
-    return PlantNames(linear.states, linear.inputs, linear.state_units, linear.input_units, origin)
+    return names_of_linear(linear)._replace(origin=origin)
 
 
 def _is_flexible(model: Model) -> bool:
@@ -112,8 +113,8 @@ def usual_game(model: Model, A: np.ndarray, B: np.ndarray, **changes: Any) -> Ga
         return _published_game(A, B, names, model, changes)
     parts: dict[str, Any] = {
         "E": np.eye(len(A)),
-        "Q": np.diag([model.signals[name].nominal ** -2.0 for name in model.linear]),
-        "R": np.diag([model.signals[name].nominal ** -2.0 for name in model.inputs]),
+        "Q": nominal_weights(model, model.linear),
+        "R": nominal_weights(model, model.inputs),
         "delta": np.inf,
     }
     return Game(A, B, names=names, **(parts | changes))

@@ -20,6 +20,7 @@ ROOT = Path(__file__).parent.parent
 #: the first page.
 PACKAGES = {
     "hfa": "what a script needs",
+    "hfa.paper": "the paper's level flight, game and parameters",
     "hfa_aircraft": "aircraft as models",
     "hfa_support": "errors and reports",
     "hfa_model": "the flexible aircraft",
@@ -31,10 +32,17 @@ PACKAGES = {
 
 def names_of(package: str) -> list[str]:
     """The public names of a package, from its stub; those that most examples use first."""
-    stub = ast.parse((ROOT / package / "__init__.pyi").read_text("utf-8"))
-    imports = [statement for statement in stub.body if isinstance(statement, ast.ImportFrom)]
-    names = [alias.asname or alias.name for statement in imports for alias in statement.names]
-    return sorted(names, key=lambda name: -users()[name])
+    names = [
+        alias.asname or alias.name for statement in imports_of(package) for alias in statement.names
+    ]
+    public = [name for name in names if not name.startswith("_")]
+    return sorted(public, key=lambda name: -users()[name])
+
+
+def imports_of(package: str) -> list[ast.ImportFrom]:
+    """The imports of names, not of modules, in the stub of a package."""
+    stub = ast.parse((ROOT / package.replace(".", "/") / "__init__.pyi").read_text("utf-8"))
+    return [entry for entry in stub.body if isinstance(entry, ast.ImportFrom) and entry.module]
 
 
 @cache
@@ -113,12 +121,10 @@ def _text(package: str, name: str) -> list[str]:
     value = value_of(package, name)
     if isinstance(value, type) or inspect.isroutine(value):
         return (inspect.getdoc(value) or "").splitlines()
-    stub = ast.parse((ROOT / package / "__init__.pyi").read_text("utf-8"))
     module = next(
         f"{package}.{statement.module}"
-        for statement in stub.body
-        if isinstance(statement, ast.ImportFrom)
-        and name in (alias.name for alias in statement.names)
+        for statement in imports_of(package)
+        if name in (alias.name for alias in statement.names)
     )
     return ModuleAnalyzer.for_module(module).find_attr_docs().get(("", name), [])
 

@@ -22,7 +22,7 @@ import numpy as np
 import hfa
 
 aircraft = hfa.aircraft()
-point = hfa.find_operating_point(aircraft, hfa.level_flight(np.radians(10.0)))
+point = hfa.find_operating_point(aircraft, hfa.paper.level_flight(np.radians(10.0)))
 plant = hfa.linearize(aircraft, point).to_control()
 
 degree = np.radians(1.0)
@@ -32,7 +32,7 @@ K, _, poles = control.lqr(plant, np.diag(large_x**-2.0), np.diag(large_u**-2.0))
 print(f"slowest closed-loop pole {max(poles.real):.4f} 1/s")
 
 faster = hfa.find_operating_point(
-    aircraft, hfa.level_flight(np.radians(10.0), speed=69.0), start=point
+    aircraft, hfa.paper.level_flight(np.radians(10.0), speed=69.0), start=point
 )
 x_d = np.array(
     [getattr(faster.states, name) - getattr(point.states, name) for name in plant.state_labels]
@@ -58,6 +58,6 @@ for name, row in zip(plant.input_labels, u, strict=True):
     print(f"largest {name:15} {np.abs(shown).max():6.2f} {unit}")
 
 for degrees in (5.0, 15.0):
-    other = hfa.level_model(aircraft, np.radians(degrees))
+    other = hfa.paper.level_model(aircraft, np.radians(degrees))
     abscissa = max(np.linalg.eigvals(other.A - other.B @ K).real)
     print(f"the same gain at {degrees:g} deg: slowest pole {abscissa:+.4f} 1/s")

@@ -58,8 +58,8 @@ class DampedPolicyIteration:
 
 
 aircraft = hfa.aircraft()
-model = hfa.level_model(aircraft, 5 * hfa_model.DEGREE)
-game = hfa.published_game(model)
+model = hfa.paper.level_model(aircraft, 5 * hfa_model.DEGREE)
+game = hfa.paper.published_game(model)
 run = controller.run(DampedPolicyIteration(game, controller.random_pool(game, 60, seed=0)))
 history = controller.critics_over_time(game, run.history["time"], W=run.history["weights"])
 check = verification.check_history(game, history)

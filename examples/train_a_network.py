@@ -27,8 +27,8 @@ ACTIVATIONS = {
 
 def game_at(degrees: float) -> hfa.Game:
     """The paper's game on the aircraft at this dihedral angle."""
-    model = hfa.level_model(hfa.aircraft(), np.radians(degrees))
-    return hfa.published_game(model)
+    model = hfa.paper.level_model(hfa.aircraft(), np.radians(degrees))
+    return hfa.paper.published_game(model)
 
 
 def fit(

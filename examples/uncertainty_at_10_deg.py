@@ -27,11 +27,11 @@ import numpy as np
 import hfa
 from trim import entry_bands, modes_of
 
-shipped = hfa.default_parameters()
+shipped = hfa.paper.default_parameters()
 for dynamics in ("published", "newton"):
     aircraft, condition = (
         hfa.aircraft(dynamics, shipped.values),
-        hfa.level_flight(np.radians(10.0)),
+        hfa.paper.level_flight(np.radians(10.0)),
     )
     model = hfa.linearize(aircraft, hfa.find_operating_point(aircraft, condition))
     bands = entry_bands(shipped, condition, model)

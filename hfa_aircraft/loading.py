@@ -19,6 +19,10 @@ def load_model(text: str) -> Model:
     JSBSim, `jsbsim:NAME` or `FILE.xml`, which is read.
 
     BadInputError names the file and its fault.
+
+    >>> import hfa
+    >>> list(hfa.load_model("examples/navion.py:NAVION").inputs)
+    ['thrust', 'elevator', 'aileron', 'rudder']
     """
     if text.startswith("jsbsim:") or text.endswith(".xml"):
         from hfa_aircraft.jsbsim.reader import read_model

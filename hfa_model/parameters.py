@@ -170,7 +170,7 @@ def default_parameters() -> ParameterSet:
     writes their file.
 
     >>> import hfa
-    >>> round(hfa.default_parameters().values.panel_mass, 2)  # slug
+    >>> round(hfa.paper.default_parameters().values.panel_mass, 2)  # slug
     9.33
     """
     return load_parameters("identified")

@@ -19,14 +19,20 @@ def public_names(package: str, file: str) -> tuple[Callable[[str], Any], Callabl
     """
 
     @cache
-    def modules() -> dict[str, str]:
-        """Public name -> the module that defines it."""
+    def modules() -> dict[str, tuple[str, str]]:
+        """Public name -> the module that defines it, and its name there; "" where it is a module
+        itself."""
         stub = ast.parse(Path(file).with_suffix(".pyi").read_text("utf-8"))
         modules = {}
         for statement in stub.body:
             if isinstance(statement, ast.ImportFrom):
+                dots = "." * statement.level
                 for alias in statement.names:
-                    modules[alias.name] = "." * statement.level + str(statement.module)
+                    public = alias.asname or alias.name
+                    if statement.module is None:
+                        modules[public] = (dots + alias.name, "")
+                    else:
+                        modules[public] = (dots + statement.module, alias.name)
         return modules
 
     def get(name: str) -> Any:
@@ -37,6 +43,8 @@ def public_names(package: str, file: str) -> tuple[Callable[[str], Any], Callabl
             near = difflib.get_close_matches(name, modules(), n=1)
             advice = f"; did you mean {near[0]}?" if near else ""
             raise AttributeError(f"module {package!r} has no attribute {name!r}{advice}")
-        return getattr(import_module(modules()[name], package), name)
+        module_name, name_there = modules()[name]
+        module = import_module(module_name, package)
+        return getattr(module, name_there) if name_there else module
 
     return get, lambda: list(modules())

@@ -48,7 +48,7 @@ def from_network(
 
     >>> import casadi as ca
     >>> import hfa
-    >>> game = hfa.published_game(hfa.level_model(hfa.aircraft(), 0.2))
+    >>> game = hfa.paper.published_game(hfa.paper.level_model(hfa.aircraft(), 0.2))
     >>> z = ca.SX.sym("z", 6)
     >>> V = ca.Function("V", [z], [3 * ca.sumsqr(z)])
     >>> hfa.from_network(game, V).P.diagonal().tolist()

@@ -75,8 +75,8 @@ def fly(
     >>> import hfa
     >>> from controller import GainPolicy, Scenario, flight_envelope, fly
     >>> model = hfa.aircraft()
-    >>> point = hfa.find_operating_point(model, hfa.level_flight(0.2))
-    >>> K = hfa.solve_game(hfa.published_game(hfa.linearize(model, point))).K
+    >>> point = hfa.find_operating_point(model, hfa.paper.level_flight(0.2))
+    >>> K = hfa.solve_game(hfa.paper.published_game(hfa.linearize(model, point))).K
     >>> second = Scenario(duration=1.0)
     >>> envelope = flight_envelope(model, point)
     >>> fly(model, point, GainPolicy("exact", K), second, envelope).states.shape

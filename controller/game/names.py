@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from hfa_support.errors import BadInputError
 from hfa_support.reporting.text import numbered
+from trim.point.operating_point import at_scheduled
+
+if TYPE_CHECKING:
+    from trim.linear.linear_model import LinearModel
 
 
 class PlantNames(NamedTuple):
@@ -48,3 +52,9 @@ def _as_many(key: str, texts: tuple[str, ...], usual: tuple[str, ...]) -> tuple[
 
 
 UNNAMED = PlantNames()
+
+
+def names_of_linear(linear: LinearModel) -> PlantNames:
+    """What the states and inputs of a linear model are called, their units, and where it is."""
+    origin = f"{linear.point.called} {at_scheduled(linear.point)}".rstrip()
+    return PlantNames(linear.states, linear.inputs, linear.state_units, linear.input_units, origin)

@@ -29,7 +29,7 @@ def level_flight(
     held: what is imposed in place of the paper's values, in rad, ft, s.
 
     >>> import hfa
-    >>> hfa.level_flight(0.2, speed=70.0).free
+    >>> hfa.paper.level_flight(0.2, speed=70.0).free
     ('throttle', 'aileron_outer', 'elevator_center', 'elevator_outer')
     """
     model = LEVEL_FLIGHT.model

@@ -335,8 +335,8 @@ def entry_bands(parameters: ParameterSet, condition: TrimCondition, model: Linea
 
     >>> import hfa
     >>> from trim import entry_bands
-    >>> model = hfa.level_model(hfa.aircraft(), 0.2)
-    >>> entry_bands(hfa.default_parameters(), hfa.level_flight(0.2), model).A.shape
+    >>> model = hfa.paper.level_model(hfa.aircraft(), 0.2)
+    >>> entry_bands(hfa.paper.default_parameters(), hfa.paper.level_flight(0.2), model).A.shape
     (6, 6)
     """
     if model.states != LINEAR_STATES:

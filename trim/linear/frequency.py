@@ -52,10 +52,18 @@ def zeros_of(model: LinearModel) -> np.ndarray:
 
 
 def bode_figure(model: LinearModel) -> Figure:
+    """The Bode plots of a model on a figure of their own, as `draw_bode` draws them."""
+    return draw_bode(model, new_figure(6.0, 5.2))
+
+
+def draw_bode(model: LinearModel, figure: Figure) -> Figure:
     """Magnitude in dB above phase in degrees, a panel an output and a line an input.
 
     At most six outputs that an input reaches are drawn; the others are named below. The frequencies
-    are those of `bode_frequencies`. BadInputError where no input reaches an output."""
+    are those of `bode_frequencies`. BadInputError where no input reaches an output.
+
+    figure: an empty one, which gets its size here; returned
+    """
     from matplotlib.ticker import MaxNLocator
 
     if not model.inputs:
@@ -73,7 +81,7 @@ def bode_figure(model: LinearModel) -> Figure:
     drawn = reached[:_MOST_PANELS]
     columns = min(len(drawn), 3)
     lines = -(-len(drawn) // columns)
-    figure = new_figure(max(6.0, 3.6 * columns), 4.6 * lines + 0.6)
+    figure.set_size_inches(max(6.0, 3.6 * columns), 4.6 * lines + 0.6)
     axes = figure.subplots(
         2 * lines, columns, sharex=True, squeeze=False, height_ratios=[3, 2] * lines
     )

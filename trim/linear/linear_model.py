@@ -16,7 +16,7 @@ from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Matrix, Result, Roots, Vector
 from hfa_support.reporting.text import Table, degrees, matrix_table
 from trim.linear.kinks import with_means_at_kinks
-from trim.linear.modes import Mode, modes_of, modes_table
+from trim.linear.modes import Mode, fastest_first, modes_of, modes_table
 from trim.linear.transfer import Transfer
 from trim.point.condition import usual_condition
 from trim.point.operating_point import OperatingPoint, PointData, at_scheduled, scheduled_data
@@ -177,6 +177,21 @@ class LinearModel(ByValue, Reported):
 
         return control.frequency_response(self.to_control(), omega)
 
+    def poles(self) -> np.ndarray:
+        """The eigenvalues of A, (n,) complex, 1/s, fastest first."""
+        return np.asarray(fastest_first(np.linalg.eigvals(self.A)))
+
+    def bode(self) -> np.ndarray:
+        """Draw the Bode plots of the inputs in a figure of pyplot; returns its Axes.
+
+        BadInputError where no input reaches an output.
+        """
+        from matplotlib import pyplot
+
+        from trim.linear.frequency import draw_bode
+
+        return np.array(draw_bode(self, pyplot.figure(layout="constrained")).axes)
+
     def report(self) -> Report:
         """A, B, offsets and modes."""
         return linear_model_report(self)
@@ -193,6 +208,37 @@ class LinearModel(ByValue, Reported):
             states=list(self.states),
             inputs=list(self.inputs),
             outputs=list(self.outputs),
+        )
+
+    def to_xarray(self) -> Any:
+        """The same model as an `xarray.Dataset`: A, B, C, D, the offsets X0, U0 and Y0, with names
+        and units. Needs xarray."""
+        import xarray
+
+        states = ("state", list(self.states), {"units": list(self.state_units)})
+        inputs = ("input", list(self.inputs), {"units": list(self.input_units)})
+        outputs = (
+            "output",
+            list(self.outputs),
+            {"units": list(self.point.model.units(self.outputs))},
+        )
+        return xarray.Dataset(
+            {
+                "A": (("rate", "state"), self.A),
+                "B": (("rate", "input"), self.B),
+                "C": (("output", "state"), self.C),
+                "D": (("output", "input"), self.D),
+                "X0": ("state", self.state_offsets),
+                "U0": ("input", self.input_offsets),
+                "Y0": ("output", self.output_offsets),
+            },
+            coords={
+                "state": states,
+                "input": inputs,
+                "output": outputs,
+                "rate": ("rate", list(self.states)),
+            },
+            attrs={"model": self.point.called},
         )
 
 
@@ -475,7 +521,7 @@ def linearize(
     BadInputError when the point is of another model, or a name is unknown.
 
     >>> import hfa
-    >>> point = hfa.find_operating_point(hfa.aircraft(), hfa.level_flight(0.2))
+    >>> point = hfa.find_operating_point(hfa.aircraft(), hfa.paper.level_flight(0.2))
     >>> hfa.linearize(hfa.aircraft(), point).A.shape
     (6, 6)
     """
@@ -520,7 +566,7 @@ def level_model(model: Model, scheduled: float) -> LinearModel:
     TrimError when there is no such trim.
 
     >>> import hfa
-    >>> hfa.level_model(hfa.aircraft(), 0.2).states
+    >>> hfa.paper.level_model(hfa.aircraft(), 0.2).states
     ('speed', 'alpha', 'pitch', 'pitch_rate', 'dihedral', 'dihedral_rate')
     """
     condition = usual_condition(model).at(hold={model.schedule: scheduled})

@@ -216,8 +216,8 @@ def refuse_unfit(condition: TrimCondition, model: Model) -> None:
     and the other is not."""
     if not isinstance(condition, TrimCondition):
         raise BadInputError(
-            f"the condition is {shown(condition)}; give a TrimCondition(model, {{name: value}}) or"
-            " level_flight(angle in rad)"
+            f"the condition is {shown(condition)}; give a TrimCondition(model, {{name: value}}), or"
+            " hold={name: value}"
         )
     if (condition.model.native is None) != (model.native is None):
         raise BadInputError(

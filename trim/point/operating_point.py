@@ -11,7 +11,7 @@ from typing import Any
 
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import record
-from hfa_support.errors import BadInputError, shortened
+from hfa_support.errors import BadInputError, refuse_unknown, shortened
 from hfa_support.files import read_json, write_text
 from hfa_support.jsonable import json_text
 from hfa_support.reporting.report import Report, Reported
@@ -117,6 +117,18 @@ class OperatingPoint(Reported):
             self.states, self.inputs, list(self.model.replaced.values())
         )
         return {**self.states._asdict(), **self.inputs._asdict(), **replacing}
+
+    def __getitem__(self, name: str) -> float:
+        """The value of a state, an input or an output, in the units of the model.
+
+        BadInputError when the model has no such name.
+        """
+        model = self.model
+        known = (*model.states, *model.inputs, *model.outputs)
+        refuse_unknown("unknown variable", name, known)
+        if name in model.outputs:
+            return model.outputs_at(self.states, self.inputs, (name,))[name]
+        return self.values[name]
 
     @property
     def dynamics(self) -> str:

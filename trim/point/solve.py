@@ -4,7 +4,7 @@ outnumber equations."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache
 from typing import Any
 
@@ -13,7 +13,7 @@ import numpy as np
 
 from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError, NoSolutionError
-from trim.point.condition import TrimCondition, refuse_unfit, usual_condition
+from trim.point.condition import TrimCondition, refuse_unfit, release, usual_condition
 from trim.point.diagnosis import failure
 from trim.point.newton import newton
 from trim.point.operating_point import OperatingPoint, Status
@@ -42,7 +42,12 @@ class TrimError(NoSolutionError):
 
 
 def find_operating_point(
-    model: Model, condition: TrimCondition, start: OperatingPoint | None = None
+    model: Model,
+    condition: TrimCondition | None = None,
+    start: OperatingPoint | None = None,
+    *,
+    hold: Mapping[str, float] | None = None,
+    free: Sequence[str] = (),
 ) -> OperatingPoint:
     """The state and input with f(X, U) = imposed rates and y(X, U) = imposed outputs, every
     residual within `BALANCE` of its scale, within the limits.
@@ -54,19 +59,26 @@ def find_operating_point(
     `started` of the result is then the number of the point that led there.
 
     model: the aircraft
-    condition: what is imposed and what is free
+    condition: what is imposed and what is free; the model's own trim unless given
     start: a neighbouring point to begin from; else where the declaration begins
+    hold: variable, output or rate (speed_dot) -> value that it is held at, in the model's units
+    free: variables that are set free; a rate (h_dot) that is not balanced
 
     Raises TrimError when the equations cannot be balanced within the limits, BadInputError when the
     condition is not well posed or its numbers, with the model's, overflow. Source: Stevens,
     Lewis, Johnson, Aircraft Control and Simulation, Section 3.6.
 
     >>> import hfa
-    >>> point = hfa.find_operating_point(hfa.aircraft(), hfa.level_flight(0.2))
-    >>> round(point.inputs.throttle, 2)
+    >>> point = hfa.find_operating_point(hfa.aircraft(), hold={"dihedral": 0.2})
+    >>> round(point["throttle"], 2)
     40.27
     """
+    if condition is None:
+        condition = usual_condition(model)
     refuse_unfit(condition, model)
+    if hold or free:
+        free = (free,) if isinstance(free, str) else tuple(free)
+        condition = release(condition, hold=hold, free=free)
     problem = TrimProblem(model, condition, start)
     try:
         with np.errstate(over="raise"):

@@ -42,6 +42,8 @@ if TYPE_CHECKING:
 MOST_POINTS = 1_000_000
 #: Points of a chunk in which kinks are looked for where the sweep runs as machine code.
 LOOKED_AT = 2_000
+#: Width and height of the root locus.
+_LOCUS_INCHES = (10.0, 5.2)
 #: A mode is slow when it never has a larger share of the fastest eigenvalue.
 _SLOW = 0.15
 #: A longer sweep prints its first and last rows only.
@@ -228,18 +230,28 @@ class Sweep(ByValue, Reported):
         return warnings
 
     def figure(self) -> Figure:
-        """The root locus over the last variable: one color a mode, the slow ones enlarged; both
-        ends marked.
+        """The root locus on a figure of its own, as `plot` draws it."""
+        return self._draw_locus(new_figure(*_LOCUS_INCHES))
 
-        BadInputError when no point has a trim: there is nothing to draw.
+    def plot(self) -> np.ndarray:
+        """Draw the root locus over the last variable in a figure of pyplot; returns its Axes.
+
+        One color a mode, the slow ones enlarged; both ends marked. BadInputError when no point has
+        a trim: there is nothing to draw.
         """
+        from matplotlib import pyplot
+
+        figure = pyplot.figure(figsize=_LOCUS_INCHES, layout="constrained")
+        return np.array(self._draw_locus(figure).axes)
+
+    def _draw_locus(self, figure: Figure) -> Figure:
+        """The root locus, drawn on an empty figure."""
         if not self.mode_names:
             raise BadInputError("no point of the sweep has a trim: there is no root locus to draw")
         slow = self.slow
         parts = [("all modes", np.ones(len(slow), dtype=bool))]
         if slow.any() and not slow.all():
             parts.append(("the slow modes", slow))
-        figure = new_figure(10.0, 5.2)
         panels = figure.subplots(1, len(parts), squeeze=False)[0]
         for axes, (title, columns) in zip(panels, parts, strict=True):
             self._draw(axes, columns)

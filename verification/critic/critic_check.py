@@ -70,7 +70,7 @@ def check_critic(
     NoSolutionError when the game itself has no certified solution to compare with.
 
     >>> import hfa
-    >>> game = hfa.published_game(hfa.level_model(hfa.aircraft(), 0.2))
+    >>> game = hfa.paper.published_game(hfa.paper.level_model(hfa.aircraft(), 0.2))
     >>> K = hfa.solve_game(game).K
     >>> hfa.check_critic(game, hfa.from_gain(game, 1.01 * K)).diagnosis
     'every entry of K is 1.01 times the exact one'

@@ -6,6 +6,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+import matplotlib.pyplot as pyplot
 import numpy as np
 import pytest
 from known_models import model_at, released_simulation
@@ -283,3 +284,16 @@ def test_four_columns_of_the_released_simulation_come_out_with_drag_over_ground(
     assert (
         through_the_air["updraft_outer"] <= 4e-9
     )  # to first order a wind from below changes no speed in level flight
+
+
+def test_poles_plots_and_arrays_of_a_linear_model_by_method() -> None:
+    linear = model_at(15.0)
+    upper = [pole for pole in linear.poles() if pole.imag >= 0.0]
+    assert upper == pytest.approx([mode.eigenvalue for mode in linear.modes], abs=1e-12)
+    axes = linear.bode()
+    assert axes[0].get_title() == "speed, ft/s"
+    pyplot.close(axes[0].figure)
+    dataset = linear.to_xarray()
+    assert float(dataset.A.sel(rate="speed", state="pitch")) == linear.A[0, 2]
+    assert float(dataset.U0.sel(input="throttle")) == linear.point["throttle"]
+    assert dataset.state.attrs["units"][:2] == ["ft/s", "rad"]

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from random_points import INPUT_SCALES, RATE_SCALES
 
+import hfa
 import hfa_model
 from hfa_aircraft.model import Model
 from hfa_model import STATES, Input, State
@@ -21,6 +22,7 @@ from trim import (
     level_flight,
     release,
 )
+from trim.point.condition import usual_condition
 from trim.sweeps.points import BEYOND_LIMITS, TRIMMED, trim_points
 
 BASE = level_flight(float(np.radians(15.0)))
@@ -343,3 +345,24 @@ def test_limits_that_hold_only_together_are_checked(strong: Model) -> None:
         TrimError, match=r"pitch would have to be 64\.8 deg, it must lie between -60 deg and 60 deg"
     ):
         find_operating_point(strong, both, lifted)
+
+
+def test_without_a_condition_the_model_flies_its_own_trim() -> None:
+    model = hfa.aircraft()
+    assert (
+        hfa.find_operating_point(model).values
+        == hfa.find_operating_point(model, usual_condition(model)).values
+    )
+
+
+def test_what_is_held_and_freed_by_name_is_what_the_command_holds_and_frees() -> None:
+    model = hfa.aircraft()
+    point = hfa.find_operating_point(
+        model, hold={"speed": 70.0, "aileron_center": 0.01}, free="dihedral_dot"
+    )
+    assert (point["speed"], point["aileron_center"]) == (70.0, 0.01)
+    assert "dihedral" not in point.residuals
+    with pytest.raises(BadInputError, match="unknown trim variable 'sped'"):
+        hfa.find_operating_point(model, hold={"sped": 70.0})
+    with pytest.raises(BadInputError, match="unknown variable 'sped'; choose from speed"):
+        point["sped"]

@@ -1,0 +1,75 @@
+"""The game on a linear model, with its names: weights by name, or as matrices."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from controller.game.names import names_of_linear
+from controller.game.zero_sum import Game
+from hfa_support.errors import BadInputError, refuse_unknown, shown
+
+if TYPE_CHECKING:
+    from hfa_aircraft.model import Model
+    from trim.linear.linear_model import LinearModel
+
+
+def game(
+    linear: LinearModel,
+    Q: np.ndarray | Mapping[str, float] | None = None,
+    R: np.ndarray | Mapping[str, float] | None = None,
+    delta: float = np.inf,
+    E: np.ndarray | None = None,
+) -> Game:
+    """J = ∫ z'Qz + u'Ru - δ² d'd dt on z' = A z + B u + E d, with the names of the linear model.
+
+    linear: A and B, and its names and units
+    Q: (n, n), or state -> its weight, 0 for states that are not named; 1/nominal² on the diagonal
+        unless given
+    R: (m, m), or input -> its weight, of every input; 1/nominal² on the diagonal unless given
+    delta: > 0; inf for LQR, without a disturbance
+    E: (n, k), how the disturbance acts; unless given that of the model's own disturbances, and the
+        identity where it has none
+
+    Raises BadInputError when a name is unknown, a weight is missing, or a matrix does not fit.
+
+    >>> import hfa
+    >>> model = hfa.aircraft()
+    >>> linear = hfa.linearize(model, hfa.find_operating_point(model))
+    >>> hfa.game(linear, Q={"speed": 0.01}).Q.diagonal().tolist()
+    [0.01, 0.0, 0.0, 0.0, 0.0, 0.0]
+    """
+    if E is None:
+        E = linear.E if linear.disturbances else np.eye(len(linear.A))
+    return Game(
+        A=linear.A,
+        B=linear.B,
+        E=E,
+        Q=_weights("Q", Q, linear, linear.states),
+        R=_weights("R", R, linear, linear.inputs),
+        delta=delta,
+        names=names_of_linear(linear),
+    )
+
+
+def nominal_weights(model: Model, names: Iterable[str]) -> np.ndarray:
+    """diag(1/nominal²) of these states or inputs: a deviation of its nominal size costs 1."""
+    return np.diag([model.signals[name].nominal ** -2.0 for name in names])
+
+
+def _weights(matrix: str, given: Any, linear: LinearModel, names: tuple[str, ...]) -> np.ndarray:
+    """The weights of these states or inputs as a matrix, 1/nominal² where none are given."""
+    if given is None:
+        return nominal_weights(linear.point.model, names)
+    if not isinstance(given, Mapping):
+        return np.asarray(given)
+    for name, weight in given.items():
+        refuse_unknown(f"{matrix} weights an unknown name", name, names)
+        if not isinstance(weight, (int, float, np.number)):
+            raise BadInputError(f"{matrix} of {name} is {shown(weight)}; give a number")
+    missing = [name for name in names if name not in given]
+    if matrix == "R" and missing:
+        raise BadInputError(f"R has no weight on {', '.join(missing)}; each input needs one")
+    return np.diag([float(given.get(name, 0.0)) for name in names])

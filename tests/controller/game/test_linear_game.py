@@ -1,0 +1,53 @@
+"""The game on a linear model: names kept, weights by name."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import hfa
+from hfa_support.errors import BadInputError
+from trim import LinearModel
+
+
+@pytest.fixture(scope="module")
+def linear() -> LinearModel:
+    model = hfa.aircraft()
+    return hfa.linearize(model, hfa.find_operating_point(model, hold={"dihedral": 0.2}))
+
+
+def test_weights_by_name_are_diagonals_and_the_names_stay(linear: LinearModel) -> None:
+    weights = dict.fromkeys(linear.inputs, 2.0)
+    game = hfa.game(linear, Q={"speed": 0.01, "pitch": 3.0}, R=weights, delta=250.0)
+    assert game.Q.diagonal().tolist() == [0.01, 0.0, 3.0, 0.0, 0.0, 0.0]
+    assert np.array_equal(game.R, 2.0 * np.eye(5))
+    assert (game.names.states, game.names.inputs) == (linear.states, linear.inputs)
+    assert "dihedral 11.4592 deg" in game.names.origin
+    assert np.array_equal(game.E, np.eye(6))
+
+
+def test_without_weights_a_nominal_deviation_costs_one(linear: LinearModel) -> None:
+    nominal = np.array([linear.point.model.states[name].nominal for name in linear.states])
+    assert np.diag(hfa.game(linear).Q) * nominal**2 == pytest.approx(np.ones(6), rel=1e-15)
+
+
+def test_the_disturbances_of_the_model_are_those_of_the_game() -> None:
+    model = hfa.aircraft()
+    linear = hfa.linearize(model, hfa.find_operating_point(model), outputs=("speed",))
+    assert np.array_equal(hfa.game(linear).E, linear.E)
+
+
+@pytest.mark.parametrize(
+    ("weights", "words"),
+    [
+        ({"Q": {"sped": 1.0}}, "Q weights an unknown name 'sped'; choose from speed"),
+        ({"Q": {"speed": "1"}}, "Q of speed is '1'; give a number"),
+        ({"R": {"throttle": 1.0}}, "R has no weight on aileron_center"),
+        ({"Q": np.eye(5)}, "Q is 5 x 5"),
+    ],
+)
+def test_a_weight_that_does_not_fit_is_named(
+    linear: LinearModel, weights: dict[str, object], words: str
+) -> None:
+    with pytest.raises(BadInputError, match=words):
+        hfa.game(linear, **weights)
