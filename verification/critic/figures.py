@@ -18,10 +18,8 @@ if TYPE_CHECKING:
 
 #: Entries below this share of the largest are drawn on a linear scale.
 _LINEAR_SHARE = 1e-4
-#: A logarithmic axis has no 0: errors below this are drawn here.
-_FLOOR = 1e-17
-#: Below this an error is rounding, whose size differs from machine to machine: then the axis begins
-#: at `_FLOOR`.
+#: Below this an error is rounding, whose size differs from machine to machine: it is drawn here, at
+#: the lower end of the axis.
 _ROUNDED = 1e-12
 #: The color scale of relative differences reaches at least so far, so that rounding stays pale.
 _LEAST_DIFFERENCE = 1e-6
@@ -50,6 +48,7 @@ def verdict_figure(verdict: Verdict) -> Figure:
     largest = float(np.abs(exact).max())
     with np.errstate(divide="ignore", invalid="ignore"):  # none where the exact entry is 0
         relative = np.ma.masked_invalid((learned - exact) / np.abs(exact))
+    relative[np.abs(relative) < _ROUNDED] = 0.0
     maps = (
         (f"{name} learned", learned, largest),
         (f"{name} exact", exact, largest),
@@ -97,12 +96,13 @@ def _draw_errors(
 ) -> None:
     shown = {label: values for label, values in curves.items() if not np.all(np.isnan(values))}
     for (label, values), style in zip(shown.items(), ("-", "--", "-.", ":"), strict=False):
-        axes.semilogy(times, np.maximum(values, _FLOOR), style, label=label)
+        axes.semilogy(times, np.maximum(values, _ROUNDED), style, label=label)
     if predefined_time is not None:
         label = f"T_w = {predefined_time:g} s"
         axes.axvline(predefined_time, color="black", linestyle=":", label=label)
     if any(np.nanmin(values, initial=np.inf) < _ROUNDED for values in shown.values()):
-        axes.set_ylim(bottom=_FLOOR)
+        axes.set_ylim(bottom=_ROUNDED)
+        axes.text(0.0, 0.0, " rounding", transform=axes.transAxes, va="bottom", fontsize=7)
     axes.set_xlabel("time, s")
     axes.set_ylabel("relative size")
     axes.grid(alpha=0.3)

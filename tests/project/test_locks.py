@@ -1,0 +1,51 @@
+"""The locked versions install on every Python that the project promises."""
+
+from __future__ import annotations
+
+import importlib.metadata
+
+import pytest
+from packaging.markers import default_environment
+from packaging.requirements import Requirement
+from packaging.specifiers import SpecifierSet
+from project import ROOT
+
+PYTHONS = ("3.11.0", "3.12.0", "3.13.0", "3.14.0")
+
+
+def pins(lock: str) -> list[Requirement]:
+    lines = (ROOT / lock).read_text("utf-8").splitlines()
+    return [Requirement(line) for line in lines if line]
+
+
+def without(pythons: str) -> list[str]:
+    """The promised versions that a Requires-Python excludes."""
+    return [python for python in PYTHONS if not SpecifierSet(pythons).contains(python)]
+
+
+@pytest.mark.parametrize("lock", ["requirements.lock", "requirements-report.lock"])
+def test_what_is_locked_installs_on_every_promised_python(lock: str) -> None:
+    """Of each pinned distribution that is installed here in the locked version."""
+    excluded = {}
+    compared = 0
+    for pin in pins(lock):
+        if pin.marker and not pin.marker.evaluate(dict(default_environment())):
+            continue
+        try:
+            installed = importlib.metadata.distribution(pin.name)
+        except importlib.metadata.PackageNotFoundError:
+            continue
+        if installed.version not in pin.specifier:
+            continue
+        compared += 1
+        missing = without(installed.metadata.get("Requires-Python", ""))
+        if missing:
+            excluded[str(pin)] = missing
+    assert compared >= 10
+    assert excluded == {}
+
+
+def test_a_pin_that_needs_a_later_patch_is_seen() -> None:
+    assert without(">=3.11.5") == ["3.11.0"]
+    assert without(">=3.9") == []
+    assert without("<3.14") == ["3.14.0"]
