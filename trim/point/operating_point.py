@@ -9,6 +9,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from hfa_aircraft.degrees import notes_on_degrees
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import record
 from hfa_support.errors import BadInputError, refuse_unknown, shortened
@@ -143,7 +144,11 @@ class OperatingPoint(Reported):
     @property
     def warnings(self) -> list[str]:
         """What a user should know before trusting a model at this point."""
-        return [*self.model.notes, *beyond_range(self.model, self.states._asdict())]
+        return [
+            *self.model.notes,
+            *notes_on_degrees(self.model),
+            *beyond_range(self.model, self.states._asdict()),
+        ]
 
     def refuse_other(self, model: Model) -> None:
         """BadInputError when the point was trimmed with another model, or other dynamics."""

@@ -1,0 +1,61 @@
+"""Signals in degrees whose sine, cosine or tangent the equations take as if they were radians."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import casadi as ca
+
+from hfa_aircraft.layout import Layout, components
+from hfa_aircraft.model import Model
+
+#: Operations of CasADi that take an angle in radians, by the name that a user writes.
+_OF_ANGLES = {ca.OP_SIN: "sin", ca.OP_COS: "cos", ca.OP_TAN: "tan"}
+#: Operations whose result is in the unit of what they take.
+_KEEP_THE_UNIT = (ca.OP_ASSIGN, ca.OP_NEG, ca.OP_ADD, ca.OP_SUB)
+
+
+def notes_on_degrees(model: Model) -> list[str]:
+    """A sentence for each signal that is declared in deg and whose sine, cosine or tangent the
+    equations take: they get the declared unit, so that the angle is wrong by 180/π.
+
+    Sums and differences of such signals count too; what is multiplied first has been converted.
+    """
+    model = model.native or model
+    names = tuple(name for name, signal in model.signals.items() if signal.unit == "deg")
+    if not names:
+        return []
+    return [
+        f"the equations take the {function} of {name}, which is declared in deg: they get degrees;"
+        f" declare it in rad (reports show degrees), or convert it"
+        for name, function in _angles_in_degrees(model.layout, names)
+    ]
+
+
+@lru_cache(maxsize=16)
+def _angles_in_degrees(layout: Layout, names: tuple[str, ...]) -> tuple[tuple[str, str], ...]:
+    """(signal, function) of every sine, cosine and tangent of the signals with these names."""
+    vectors = layout.symbols("x", "u", "p")
+    f, y = layout.expressions([components(vector) for vector in vectors], layout.names[4])
+    program = ca.Function("equations", vectors, [f, y])
+    found: dict[tuple[str, str], None] = {}
+    #: Place in memory -> the signals in degrees that its value is a sum of.
+    in_degrees: dict[int, tuple[str, ...]] = {}
+    for number in range(program.n_instructions()):
+        operation = program.instruction_id(number)
+        taken = program.instruction_input(number)
+        if operation == ca.OP_OUTPUT:
+            continue
+        place = program.instruction_output(number)[0]
+        signals: tuple[str, ...] = ()
+        if operation == ca.OP_INPUT:
+            vector, entry = taken
+            name = layout.names[vector][entry]
+            signals = (name,) if name in names else ()
+        elif operation in _KEEP_THE_UNIT:
+            signals = tuple(name for index in taken for name in in_degrees.get(index, ()))
+        elif operation in _OF_ANGLES:
+            for name in in_degrees.get(taken[0], ()):
+                found[name, _OF_ANGLES[operation]] = None
+        in_degrees[place] = signals
+    return tuple(found)

@@ -1,0 +1,50 @@
+"""Sines of signals in degrees are noticed."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import casadi as ca
+import pytest
+
+import hfa
+from hfa import Model, Signal
+from hfa_aircraft.degrees import notes_on_degrees
+from hfa_aircraft.units import in_si
+
+
+def pendulum(torque: Any) -> Model:
+    """A pendulum whose angle is declared in degrees; `torque` of the angle moves it."""
+
+    def equations(x: Any, u: Any, _p: Any, _w: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+        rates = {"angle": x.rate, "rate": u.moment - torque(x.angle) - x.rate}
+        return rates, {"height": x.angle * 0.1}
+
+    return Model(
+        "pendulum",
+        states={"angle": Signal("deg"), "rate": Signal("deg/s")},
+        inputs={"moment": Signal("1")},
+        outputs={"height": Signal("ft")},
+        equations=equations,
+        trim={"angle": 10.0},
+    )
+
+
+@pytest.mark.parametrize(
+    ("torque", "function"),
+    [
+        (ca.sin, "sin"),
+        (lambda angle: ca.cos(-angle + 90.0), "cos"),
+        (lambda angle: angle - ca.tan(angle), "tan"),
+    ],
+)
+def test_a_sine_of_degrees_is_named(torque: Any, function: str) -> None:
+    model = pendulum(torque)
+    (note,) = notes_on_degrees(model)
+    assert note.startswith(f"the equations take the {function} of angle, which is declared in deg")
+    assert notes_on_degrees(in_si(model)) == [note]
+    assert note in hfa.find_operating_point(model, free="angle_dot").warnings
+
+
+def test_an_angle_that_was_converted_is_right() -> None:
+    assert notes_on_degrees(pendulum(lambda angle: ca.sin(angle * ca.pi / 180))) == []
