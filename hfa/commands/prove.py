@@ -172,11 +172,12 @@ def prove(request: ProveRequest) -> int:
     schedule: at every dihedral of LOW:HIGH the trim exists within its limits and the scheduled gain
     makes the loop Hurwitz, with --bandwidth through all actuators of intervals, also delayed and of
     less effect. solution: the game has one stabilizing solution within a radius of P, its value;
-    with a bracket of delta_min. critic FILE: the distance of W, P or K in a file from the exact
-    solution, from below and from above. models: the fewest linear models between which A, B, the
-    inputs and the exact K are interpolated within --limit-error. -o FILE.json writes a certificate;
-    --check FILE verifies it. Exit 0: proved. Exit 1: refuted, or left open. Needs python-flint,
-    with --bandwidth also cvxpy (`pip install .[proof]`)."""
+    with a bracket of delta_min. critic FILE: whether the gain in a file stabilizes, and the
+    distance of its W, P or K from the exact solution, from below and from above. models: the fewest
+    linear models between which A, B, the inputs and the exact K are interpolated within
+    --limit-error. -o FILE.json writes a certificate; --check FILE verifies it. Exit 0: proved. Exit
+    1: refuted, or left open. Needs python-flint, with --bandwidth also cvxpy (`pip install
+    .[proof]`)."""
     from verification.proof.arithmetic import flint_or_refusal
 
     flint_or_refusal()
@@ -364,7 +365,7 @@ def _game(request: ProveRequest) -> int:
     else:
         progress = ProgressLine("prove")
         proof = prove_solution(named.game, family, value, progress)
-    if request.output is not None and proof.proved:
+    if request.output is not None and proof.witness:
         proof.write(request.output, request.provenance)
     names = named.game.names
     report = game_report(proof.data, names.states, names.origin, str(critic or ""))

@@ -60,7 +60,7 @@ from verification.proof.checker.witness import (
     TrimBox,
 )
 
-SCHEMA = "hfa.certificate/7"
+SCHEMA = "hfa.certificate/8"
 #: What a file holds beside the statement and the witness, none of which is claimed.
 _CLOSING = ("digest", "provenance", "checksum")
 #: Bits of a midpoint.

@@ -295,7 +295,8 @@ class ScheduleStatement:
 
     loop: unstable modes of the loop, runs from `low` to `high` without gaps; 0 to all is open
     modes: of the aircraft alone, likewise
-    decay_rate: every eigenvalue lies left of -decay_rate where the loop has no unstable mode, 1/s
+    decay_rate: every eigenvalue lies left of -decay_rate in the runs of the loop whose most is 0,
+        1/s; 0 if there is no such run
     scheduled_rate: the loop stays stable while the scheduling value moves this fast, per s; or none
     """
 
@@ -325,6 +326,8 @@ class ScheduleStatement:
         loop = _read_runs(entries, "loop", flight, size)
         modes = _read_runs(entries, "modes", flight, len(model.linear))
         decay_rate = entries.number("decay_rate", least=0.0)
+        hurwitz = any(run.most == 0 for run in loop)
+        require(hurwitz or decay_rate == 0.0, "decay_rate", decay_rate)
         scheduled_rate = None
         if entries.has("scheduled_rate"):
             scheduled_rate = entries.number("scheduled_rate", above=0.0)
@@ -342,7 +345,7 @@ class GameStatement:
     decimals: `distances` and `loop` hold for every number that reads as these doubles; else, and
         `delta_min` and `modes` always, for the doubles alone
     critic: K (m, n), and P (n, n) or W (weights, 1) if it has them
-    distances: name of the critic's part -> bounds of |X - X*| / |X*| (Frobenius)
+    distances: name of each of the critic's parts -> bounds of |X - X*| / |X*| (Frobenius)
     loop: least and most unstable modes of A - B K with the critic's K
     delta_min: the game has no value at the first and a value at the second; or none
     modes: least and most unstable modes of A, with delta_min
@@ -379,12 +382,8 @@ class GameStatement:
         require(model is not None or not decimals, "decimals", decimals)
         critic = _read_critic(entries.fields("critic"), n, m)
         stated = entries.fields("distances")
-        distances = {}
-        for name in critic:
-            if stated.has(name):
-                distances[name] = stated.pair(name, least=0.0)
+        distances = {name: stated.pair(name, least=0.0) for name in critic}
         stated.close()
-        require(bool(distances), "distances")
         loop = _read_bounds(entries, "loop", n)
         delta_min = None
         modes = None
@@ -400,7 +399,7 @@ class GameStatement:
 class ModelsStatement:
     """Linear models at breakpoints, between which they are interpolated linearly.
 
-    breakpoints: (g,), increasing
+    breakpoints: (g,), increasing, from one end of the flight to the other
     A: (g, n, n)
     B: (g, n, m)
     inputs: (g, m, 1), of the trims
@@ -426,6 +425,8 @@ class ModelsStatement:
         m = len(model.inputs)
         weights = Weights.read(entries.fields("weights"), n, m)
         breakpoints = entries.increasing("breakpoints")
+        ends = (breakpoints[0], breakpoints[-1])
+        require(ends == (flight.low, flight.high), "breakpoints", list(ends))
         g = len(breakpoints)
         tables = {
             "A": entries.array("A", g, n, n),

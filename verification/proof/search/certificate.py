@@ -23,6 +23,7 @@ from verification.proof.checker.checker import SCHEMA, check_certificate, sealed
 from verification.proof.checker.reading import Rejected
 from verification.proof.checker.statement import (
     KINDS,
+    ModelsStatement,
     ScheduleStatement,
     Statement,
     content_of,
@@ -44,7 +45,7 @@ class Proof(Reported):
 
     statement: what is proved
     witness: what the checker needs to prove it again
-    data: the result as JSON has it
+    data: the result as JSON has it, with `proved`, but of models
     """
 
     statement: Statement
@@ -58,8 +59,8 @@ class Proof(Reported):
 
     @property
     def proved(self) -> bool:
-        """All that was asked; of distances and grids whatever was found is."""
-        return bool(self.data.get("proved", True))
+        """All that was asked; a grid of models is one that is proved, or none is found."""
+        return isinstance(self.statement, ModelsStatement) or bool(self.data["proved"])
 
     def report(self) -> Report:
         """What is proved, in words, tables and data."""

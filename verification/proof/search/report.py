@@ -212,7 +212,8 @@ def _loop_sentences(statement: ScheduleStatement, stable: bool, data: Content) -
     if len(flight.trims) != 1:
         starts = ", ".join(f"{trim.breakpoint:.10g}" for trim in flight.trims[:4])
         lines.append(f"open: whether the trims from {starts or 'any value'} on are one branch")
-    if not isinstance(statement.actuators, UncertainActuators):
+    hurwitz = any(run.most == 0 for run in statement.loop)
+    if hurwitz and not isinstance(statement.actuators, UncertainActuators):
         lines.append(f"decay rate where the loop is Hurwitz: {statement.decay_rate:.6g} 1/s")
     if "boxes" in data.get("loop", {}):
         counts = [data[name]["boxes"] for name in ("loop", "modes")]
@@ -263,12 +264,24 @@ def game_report(
     origin: whose game it is, for the title
     file: of the critic, for the title
     """
-    verdict = "Proved" if data.get("proved", True) else "Left open"
     if data["statement"] == "critic":
-        title = f"{verdict}: the distance of {file} from the exact solution of the game of {origin}"
+        verdict = _stabilizing(data["closed_loop_hurwitz"], f"the gain of {file}")
+        title = f"{verdict}; its distance from the exact solution of the game of {origin}"
         return Report(title, _critic_parts(data), data=data)
+    verdict = "Proved" if data["proved"] else "Left open"
     title = f"{verdict}: the solution of the game of {origin}"
     return Report(title, _solution_parts(data, states), data=data)
+
+
+def _stabilizing(hurwitz: bool | None, gain: str) -> str:
+    """Whether a gain stabilizes, as a headline.
+
+    hurwitz: what is proved of A - B K; None: nothing
+    gain: whose it is, in words
+    """
+    if hurwitz is None:
+        return f"Left open: whether {gain} stabilizes"
+    return f"Proved: {gain} stabilizes" if hurwitz else f"Refuted: {gain} does not stabilize"
 
 
 def _critic_parts(data: Content) -> list[Part]:
@@ -387,6 +400,7 @@ def checked_report(verified: Verified) -> Report:
         parts += _game_parts(statement, data)
         lines += _weights_said(statement.weights)
         data["game"] = content["weights"]
+        data["proved"] = data["closed_loop_hurwitz"] is True
         what = "the exact game, the plant of a file"
         if isinstance(statement.plant, Flight):
             unit = statement.plant.model.schedule_unit
@@ -398,16 +412,28 @@ def checked_report(verified: Verified) -> Report:
         parts.append(Table(("error between the breakpoints, at most", "bound"), rows))
         lines += _weights_said(statement.weights)
         data |= {"error": dict(statement.errors), "nodes": len(statement.breakpoints)}
+        data["proved"] = True
         data["game"] = content["weights"]
         what = f"linear interpolation of {len(statement.breakpoints)} models, "
         what += _interval(statement.flight)
-    data.setdefault("proved", True)
     origin = "written by hfa {version} on {date}: {command}".format(**verified.written)
     parts += ["\n".join(lines), origin]
-    verdict = "Verified, proved"
-    if not data["proved"]:
-        verdict = "Verified, but not proved on the whole interval"
-    return Report(f"{verdict}: {what}, {verified.boxes} boxes", parts, data=data)
+    title = f"{_checked_verdict(statement, data)}: {what}, {verified.boxes} boxes"
+    return Report(title, parts, data=data)
+
+
+def _checked_verdict(statement: Statement, data: Content) -> str:
+    """The first words about a statement that was verified: proved, refuted, or what is open.
+
+    data: of the report, with `proved`
+    """
+    if data["proved"]:
+        return "Verified, proved"
+    if not isinstance(statement, GameStatement):
+        return "Verified, but not proved on the whole interval"
+    if data["closed_loop_hurwitz"] is None:
+        return "Verified, but whether the critic's gain stabilizes is open"
+    return "Verified, refuted, the critic's gain does not stabilize"
 
 
 def _interval(flight: Flight) -> str:
@@ -513,7 +539,9 @@ def _game_parts(statement: GameStatement, data: Content) -> list[Part]:
         data["delta_min_at_most"] = at_most
         data["unstable_modes_between"] = list(statement.modes)
         lines.append(f"delta_min is above {above:.10g}, at most {at_most:.10g}")
-        lines.append(f"A has {_count(Run(0.0, 0.0, *statement.modes))} unstable modes")
+        modes = Run(0.0, 0.0, *statement.modes)
+        count = "" if modes.least == modes.most else "open: the number between them; "
+        lines.append(f"{count}A has {_count(modes)} unstable modes")
     if statement.decimals:
         lines.append("the distances hold for every number that reads as the same doubles")
     if isinstance(statement.plant, Plant):

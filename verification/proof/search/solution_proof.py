@@ -315,9 +315,12 @@ def prove_solution(
     _tell(progress, "enclosing the solution")
     exact.solution()
     box, solution = exact.solution(decimals=True)
-    radius = float(critic_distances({"P": P}, solution)["P"][1]) * (1.0 + _SHARP)
     A, B = exact.wide
     K = doubles(gain_matrix(exact.weights, B).parts[0] * matrix(P))
+    critic = {"K": K, "P": P}
+    distances = {}
+    for name, (_, most) in critic_distances(critic, solution).items():
+        distances[name] = (0.0, float(most) * (1.0 + _SHARP))
     loop, loop_lines = bounds_of_modes(A - B * matrix(K))
     modes, mode_lines = bounds_of_modes(exact.doubles[0])
     bracket = prove_delta_min(exact, minimum_delta(game), progress)
@@ -327,7 +330,7 @@ def prove_solution(
         "statement": "solution",
         "proved": proved,
         "P": P,
-        "relative_radius": radius,
+        "relative_radius": distances["P"][1],
         "positive_definite": True,
         "worst_case_hurwitz": True,
         "closed_loop_hurwitz": loop == (0, 0),
@@ -337,8 +340,6 @@ def prove_solution(
         "unstable_modes": modes[0] if modes[0] == modes[1] else None,
         "unstable_modes_between": list(modes),
     }
-    critic = {"K": K, "P": P}
-    distances = {"P": (0.0, radius)}
     decimals = exact.trim is not None
     statement = GameStatement(exact.plant, exact.weights, decimals, critic, distances, loop)
     if bracket is None or not proved:
@@ -365,7 +366,7 @@ def prove_critic(
     scheduling_value: float | None = None,
 ) -> Proof:
     """How far W, P and K of a critic are from the exact ones, and whether its gain makes A - B K
-    Hurwitz.
+    Hurwitz; `proved` if it does.
 
     BadInputError for a network, about which nothing is proved."""
     if critic.network:
@@ -398,6 +399,7 @@ def prove_critic(
     data = {
         "schema": SCHEMA,
         "statement": "critic",
+        "proved": hurwitz is True,
         "distances": {
             name: {"at_least": low, "at_most": high} for name, (low, high) in bounds.items()
         },

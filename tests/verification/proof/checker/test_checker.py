@@ -58,6 +58,10 @@ def test_what_no_box_proves_is_refused_unless_it_is_said_to_be_open(
     if name == "motion":
         return
     own["statement"][name] = [[last[0], last[1], 0, 6]]
+    if name == "loop":  # nothing is proved Hurwitz, and nothing decays
+        with pytest.raises(Rejected, match="decay_rate"):
+            check_certificate(forge(path, own))
+        own["statement"]["decay_rate"] = 0.0
     report = checked_report(check_certificate(forge(path, own)))
     whole = name == "modes"  # a count that is open is no less a proof of the loop
     assert report.data["proved"] is whole

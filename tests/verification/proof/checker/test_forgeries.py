@@ -455,7 +455,7 @@ NAMED: dict[str, tuple[str, Change, str]] = {
     "a piece left out": (
         "actuators",
         put([2.0, 10.0], *LOOP, "pieces", 0, "bandwidth"),
-        "the pieces do not cover 1.8 to 10: there is none at 1.8 to 2",
+        "the pieces do not cover 1.8 to 10: nothing is proved at 1.8 to 2",
     ),
     "H not symmetric": (
         "rate",

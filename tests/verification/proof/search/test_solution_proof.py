@@ -159,14 +159,15 @@ def test_a_gain_that_does_not_stabilize_is_certified_so_and_one_on_the_axis_is_n
         proof.data["distances"]["K"]["at_least"] <= 1.0 <= proof.data["distances"]["K"]["at_most"]
     )
     proof.write(tmp_path / "critic.json", ORIGIN)
-    assert (
-        checked_report(check_certificate(tmp_path / "critic.json")).data["closed_loop_hurwitz"]
-        is False
-    )
+    checked = checked_report(check_certificate(tmp_path / "critic.json"))
+    assert (checked.data["closed_loop_hurwitz"], checked.data["proved"]) == (False, False)
+    assert checked.title.startswith("Verified, refuted, the critic's gain does not stabilize")
+    assert proof.report().title.startswith("Refuted: the gain of it does not stabilize")
     game = Game(A=ONE, B=ONE, E=ONE, Q=ONE, R=ONE, delta=np.inf)
     proof = prove_critic(game, from_gain(game, ONE))
     assert proof.data["closed_loop_hurwitz"] is None
     proof.write(tmp_path / "critic.json", ORIGIN)
     checked = checked_report(check_certificate(tmp_path / "critic.json"))
-    assert checked.data["closed_loop_hurwitz"] is None
+    assert (checked.data["closed_loop_hurwitz"], checked.data["proved"]) == (None, False)
+    assert checked.title.startswith("Verified, but whether the critic's gain stabilizes is open")
     assert "open: whether A - B K with this gain is Hurwitz" in checked.text()
