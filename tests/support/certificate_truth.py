@@ -1,0 +1,241 @@
+"""Whether what a certificate claims is true, in doubles and by another way than the checker's: at
+some scheduling values, by trims, eigenvalues and solutions of games."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import product
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from proof_cases import between, delayed_abscissa, loop_in_doubles, model_of
+
+import hfa_model
+from controller import Game, basis
+from hfa_aircraft.model import Model
+from hfa_support import NoSolutionError
+from trim import OperatingPoint, TrimCondition, find_operating_point, linearize
+from verification import solve_game
+
+Content = dict[str, Any]
+#: Rounding of doubles beside what a certificate states to all digits.
+ROUNDING = 1e-6
+#: Nearer to the smallest delta, relative, a solution in doubles is not certified.
+NEAR = 1e-4
+
+
+def what_is_false(statement: Content, kind: str) -> list[str]:
+    """The claims that do not hold; of a certificate that is accepted there must be none."""
+    if "errors" in statement:
+        return list(_false_of_models(statement, kind))
+    if "critic" in statement:
+        return list(_false_of_game(statement, kind))
+    return list(_false_of_schedule(statement, kind))
+
+
+class FlightInDoubles:
+    """The trims of a statement's flight."""
+
+    def __init__(self, flight: Content, kind: str) -> None:
+        model = model_of(kind) or hfa_model.aircraft(flight["dynamics"])
+        self.flight = flight
+        self.model: Model = model.with_parameters(**flight["parameters"])
+
+    def point(self, value: float) -> OperatingPoint:
+        """The trim at a scheduling value."""
+        scheduled = self.model.schedule
+        in_model_unit = np.radians(value) if self.model.schedule_unit == "deg" else value
+        if scheduled in self.model.parameters:
+            model = self.model.with_parameters(**{scheduled: in_model_unit})
+            return find_operating_point(model, TrimCondition(model, self.flight["imposed"]))
+        imposed = self.flight["imposed"] | {scheduled: in_model_unit}
+        return find_operating_point(self.model, TrimCondition(self.model, imposed))
+
+    def values(self) -> list[float]:
+        return np.linspace(*self.flight["range"], 5).tolist()
+
+    def linear(self, value: float) -> tuple[np.ndarray, np.ndarray]:
+        """A and B at a scheduling value."""
+        point = self.point(value)
+        model = linearize(point.model, point)
+        return np.array(model.A), np.array(model.B)
+
+    def named(self, value: float) -> dict[str, float]:
+        """The values of the trim."""
+        return dict(self.point(value).values)
+
+    def what_is_false(self) -> Iterator[str]:
+        if not self.flight["trims"]:
+            yield "no trim is stated"
+        for trim in self.flight["trims"]:
+            found = self.named(trim["breakpoint"])
+            for name, value in trim["unknowns"].items():
+                if abs(found[name] - value) > 2e-6 * self.model.signals[name].nominal:
+                    yield f"the trim's {name} is {found[name]}"
+        for value in self.values():
+            found = self.named(value)
+            for name, (least, most) in self.flight["limits"].items():
+                slack = ROUNDING * self.model.signals[name].nominal
+                if name in found and not least - slack <= found[name] <= most + slack:
+                    yield f"{name} is {found[name]} at {value}"
+
+
+def _false_of_schedule(statement: Content, kind: str) -> Iterator[str]:
+    flight = FlightInDoubles(statement["flight"], kind)
+    yield from flight.what_is_false()
+    for value in flight.values():
+        A, B = flight.linear(value)
+        yield from _false_counts("modes", statement["modes"], np.linalg.eigvals(A), value)
+        if "uncertain_actuators" in statement:
+            abscissae = list(_abscissae(statement, A, B, value))
+            least = next(run for run in statement["loop"] if run[0] <= value <= run[1])[3]
+            if least == 0 and max(abscissae) >= 0.0:
+                yield f"the loop at {value} grows by {max(abscissae)}"
+            continue
+        eigenvalues = np.linalg.eigvals(_closed_loop(statement, flight.model, A, B, value))
+        yield from _false_counts("loop", statement["loop"], eigenvalues, value)
+        proved = all(run[3] == 0 for run in statement["loop"] if run[0] <= value <= run[1])
+        if proved and eigenvalues.real.max() > -statement["decay_rate"]:
+            yield f"decay rate {-eigenvalues.real.max()} at {value}"
+
+
+def _false_counts(
+    name: str, runs: list[list[float]], eigenvalues: np.ndarray, value: float
+) -> Iterator[str]:
+    count = int((eigenvalues.real > 0.0).sum())
+    here = [run for run in runs if run[0] <= value <= run[1]]
+    if not here:
+        yield f"nothing is said of {name} at {value}"
+    if not any(least <= count <= most for _, _, least, most in here):
+        yield f"{name}: {count} unstable modes at {value}"
+
+
+def _loop_of(statement: Content) -> SimpleNamespace:
+    """Controller and actuators as `loop_in_doubles` takes them."""
+    numbers = {
+        name: np.array(entry) if name in ("breakpoints", *"ABCD") else entry
+        for name, entry in statement["controller"].items()
+    }
+    k = numbers["states"]
+    g = len(numbers["breakpoints"])
+    shapes = {"A": (k, k), "B": (k, -1), "C": (-1, k), "D": (len(numbers["inputs"]), -1)}
+    for name, shape in shapes.items():
+        sides = [0 if side < 0 else side for side in shape] if numbers[name].size == 0 else shape
+        numbers[name] = numbers[name].reshape(g, *sides)
+    if k == 0:
+        numbers["B"] = np.zeros((g, 0, len(numbers["measurements"])))
+        numbers["C"] = np.zeros((g, len(numbers["inputs"]), 0))
+    actuators = statement.get("fixed_actuators") or statement.get("uncertain_actuators")
+    held = None
+    if actuators is not None:
+        held = SimpleNamespace(
+            **{name: np.array(entry) for name, entry in actuators.items() if name != "order"},
+            order=tuple(int(order) for order in actuators["order"]),
+        )
+    return SimpleNamespace(controller=SimpleNamespace(**numbers), actuators=held)
+
+
+def _closed_loop(
+    statement: Content, model: Model, A: np.ndarray, B: np.ndarray, value: float
+) -> np.ndarray:
+    """Without actuators or with fixed ones."""
+    loop = _loop_of(statement)
+    if loop.actuators is None:
+        controller = loop.controller
+        places = [model.linear.index(name) for name in controller.measurements]
+        moved = B[:, [tuple(model.inputs).index(name) for name in controller.inputs]]
+        tables = (getattr(controller, name) for name in "ABCD")
+        A_c, B_c, C_c, D_c = (between(controller.breakpoints, each, value) for each in tables)
+        y = np.eye(len(A))[places]
+        return np.block([[A + moved @ D_c @ y, moved @ C_c], [B_c @ y, A_c]])
+    parts = loop_in_doubles(loop, A, B, value)
+    bandwidths = np.zeros(len(parts.base))
+    second = 0
+    for i, order in enumerate(loop.actuators.order):
+        bandwidths[len(A) + i] = loop.actuators.bandwidth[i]
+        if order == 2:
+            bandwidths[len(A) + len(loop.actuators.order) + second] = loop.actuators.bandwidth[i]
+            second += 1
+    arriving = loop.actuators.effectiveness[:, None] * parts.U
+    return parts.base + bandwidths[:, None] * (parts.lag + parts.G @ arriving)
+
+
+def _abscissae(statement: Content, A: np.ndarray, B: np.ndarray, value: float) -> Iterator[float]:
+    """At the corners of what is uncertain."""
+    actuators = statement["uncertain_actuators"]
+    loop = _loop_of(statement)
+    count = len(loop.controller.inputs)
+    lates = (0.0, actuators["delay"])
+    for w, share, late in product(actuators["bandwidth"], actuators["effectiveness"], lates):
+        yield delayed_abscissa(loop, A, B, w, share * np.ones(count), late, value)
+
+
+def _false_of_game(statement: Content, kind: str) -> Iterator[str]:
+    if "plant" in statement:
+        A = np.array(statement["plant"]["A"])
+        B = np.array(statement["plant"]["B"])
+    else:
+        flight = FlightInDoubles(statement["flight"], kind)
+        yield from flight.what_is_false()
+        A, B = flight.linear(statement["flight"]["range"][0])
+    weights = {name: np.array(statement["weights"][name]) for name in "QRE"}
+    game = Game(A=A, B=B, delta=float(statement["weights"]["delta"]), **weights)
+    exact = solve_game(game)
+    critic = {name: np.array(values) for name, values in statement["critic"].items()}
+    targets = {"K": exact.K, "P": exact.P}
+    if "W" in critic:
+        W = basis("quadratic", len(A)).weights(exact.P)
+        targets["W"] = np.pad(W, (0, len(critic["W"]) - len(W)))[:, None]
+    for name, values in critic.items():
+        size = np.linalg.norm(targets[name])
+        distance = np.linalg.norm(values - targets[name]) / size
+        least, most = statement["distances"].get(name, (np.inf, -np.inf))
+        if not least - ROUNDING <= distance <= most + ROUNDING:
+            yield f"the distance of {name} is {distance}"
+    loop = np.linalg.eigvals(A - B @ critic["K"])
+    yield from _false_counts("loop", [[0.0, 0.0, *statement["loop"]]], loop, 0.0)
+    if "delta_min" in statement:
+        yield from _false_counts(
+            "modes", [[0.0, 0.0, *statement["modes"]]], np.linalg.eigvals(A), 0.0
+        )
+        for delta, has_value in zip(statement["delta_min"], (False, True), strict=True):
+            if _has_value(game.with_delta(delta * (1 + (NEAR if has_value else -NEAR)))):
+                if not has_value:
+                    yield f"there is a value at {delta}"
+            elif has_value:
+                yield f"there is no value at {delta}"
+
+
+def _has_value(game: Game) -> bool:
+    try:
+        solve_game(game)
+    except NoSolutionError:
+        return False
+    return True
+
+
+def _false_of_models(statement: Content, kind: str) -> Iterator[str]:
+    flight = FlightInDoubles(statement["flight"], kind)
+    yield from flight.what_is_false()
+    weights = {name: np.array(statement["weights"][name]) for name in "QRE"}
+    places = statement["breakpoints"]
+    ends = flight.flight["range"]
+    if [places[0], places[-1]] != ends:
+        yield "the breakpoints are not those of the interval"
+    names = tuple(flight.model.inputs)
+    nominal = np.array([flight.model.signals[name].nominal for name in names])
+    for value in flight.values():
+        A, B = flight.linear(value)
+        found = flight.named(value)
+        K = solve_game(Game(A=A, B=B, delta=float(statement["weights"]["delta"]), **weights)).K
+        for name, exact in (("A", A), ("B", B), ("K", K)):
+            table = between(places, statement[name], value)
+            error = np.linalg.norm(exact - table) / np.linalg.norm(exact)
+            if error > statement["errors"][name] + ROUNDING:
+                yield f"the error of {name} is {error} at {value}"
+        table = between(places, statement["inputs"], value).ravel()
+        inputs = np.array([found[name] for name in names])
+        error = np.linalg.norm((inputs - table) / nominal)
+        if error > statement["errors"]["inputs"] + ROUNDING:
+            yield f"the error of the inputs is {error} at {value}"
