@@ -19,6 +19,8 @@ from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game, shape_text
 from hfa_support.errors import BadInputError, numbers_in
 from hfa_support.reporting.fields import Shown
 
+#: What a network may give: V, ∂V/∂z, u.
+FUNCTIONS = ("V", "gradient", "policy")
 #: W and P of one critic may differ by this part, which is what printing six digits leaves.
 TOGETHER = 1e-6
 
@@ -39,6 +41,8 @@ class Critic(Shown):
     network: "V", "gradient" (∂V/∂z), "policy" -> CasADi Function of z, as many as the network has;
         empty for matrices and polynomials.
     variants: what may have been read wrongly -> the critic that is read otherwise.
+    implies_policy: whether the policy of the network follows from its V or ∂V/∂z.
+    is_layer: whether it is the one layer of a network that acts on a basis.
     """
 
     K: np.ndarray
@@ -52,6 +56,17 @@ class Critic(Shown):
     time: float | None = None
     network: Mapping[str, ca.Function] = field(default_factory=dict)
     variants: Mapping[str, Callable[[], Critic]] = field(default_factory=dict)
+    implies_policy: bool = False
+    is_layer: bool = False
+
+    @property
+    def is_quadratic(self) -> bool:
+        """Whether V is z'Pz + constant and nothing else."""
+        if self.network:
+            return False
+        if self.weights is None or self.basis is None:
+            return True
+        return not self.weights[self.basis.quadratic_size :].any()
 
     @property
     def finite(self) -> bool:
@@ -70,8 +85,9 @@ class Critic(Shown):
 
     @property
     def wide(self) -> bool:
-        """Whether it is a network whose functions are graphs of matrices."""
-        return not isinstance(self.symbols, ca.SX)
+        """Whether it is a network whose V, else slopes, else policy is a graph of matrices."""
+        first = next((self.network[name] for name in FUNCTIONS if name in self.network), None)
+        return first is not None and not first.is_a("SXFunction")
 
     @property
     def symbols(self) -> ca.SX:

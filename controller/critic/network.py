@@ -128,7 +128,7 @@ def _on_basis(
     if isinstance(functions, Basis):
         weights = weights * functions.scaling(scales)
     critic = from_weights(game, weights, functions, float(layer.bias[0]), stored.precision)
-    return replace(critic, origin=origin)
+    return replace(critic, origin=origin, is_layer=True)
 
 
 def _parts(network: str) -> dict[str, str]:

@@ -100,7 +100,7 @@ def _fly_steps(request: FlyRequest, path: Path) -> int:
     from controller.flight.step_flight import fly_steps
     from controller.game.user_files import stored_game
     from controller.riccati.discrete import solve_discrete
-    from verification.critic.critic_check import discrete_critic
+    from verification.critic.implied_policy import discrete_critic
 
     used = {"steps", "initial", "duration", "weights", *ReadingOptions.declared()}
     others = request.typed - used - {*OutputOptions.declared()} | (request.typed & {"picture"})

@@ -97,7 +97,7 @@ def _learn_steps(request: LearnRequest, named: NamedGame, problem: DiscreteGame)
     """`learn` of a plant in discrete time: Q-learning."""
     from controller.critic.critic import from_parts
     from controller.learning.q_learning import learn_steps
-    from verification.critic.critic_check import check_discrete
+    from verification.critic.discrete_check import check_discrete
 
     request.refuse(("law", "set"), "belongs to continuous time; leave it out of time = discrete")
     run, H = learn_steps(problem, request.seed, progress=ProgressLine("learn"))

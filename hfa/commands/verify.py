@@ -25,17 +25,11 @@ from hfa_model.printed_matrices import published_models
 from hfa_support.errors import BadInputError, refuse_unknown, said_of
 from hfa_support.files import MATRIX_FILES, note_read
 from verification.critic.about_trim import box_within_limits, nonlinear_plant
-from verification.critic.critic_check import (
-    LIMIT,
-    Scope,
-    check_critic,
-    check_discounted,
-    check_discrete,
-    check_history,
-)
+from verification.critic.critic_check import check_critic, check_history
+from verification.critic.discrete_check import check_discounted, check_discrete
 from verification.critic.figures import verdict_figure, verdicts_figure
 from verification.critic.other_games import Nearby, Scheduled
-from verification.critic.scope import SECONDS
+from verification.critic.scope import LIMIT, SECONDS, Scope
 from verification.critic.verdict import Verdict, verdicts_report
 from verification.hfa_box import ordinary_box
 from verification.printed.printed_verdict import check_printed
@@ -161,8 +155,9 @@ def _verify_discrete(
     request.refuse(("discount", "dt", "picture"), why)
     (path,) = paths
     critic, more = critic_of_steps(path, problem, request.reading())
+    scope = Scope(progress=ProgressLine("prove"))
     with said_of(path):
-        verdict = check_discrete(problem, critic, limit=request.limit_error, more=more)
+        verdict = check_discrete(problem, critic, limit=request.limit_error, more=more, scope=scope)
     report = verdict.report(limit_cost=request.limit_cost)
     show(report.with_data(**named.labels()), request, notes=named.warnings)
     return 0 if verdict.holds(request.limit_cost) else 1
@@ -246,7 +241,10 @@ def _check_file(
             raise BadInputError(
                 f"{path}: --discount judges one critic and this is over time; give one row of it"
             )
-        return check_discounted(game, critics[0], request.discount, request.dt, limit=limit)
+        scope = replace(scope, progress=ProgressLine("prove"))
+        return check_discounted(
+            game, critics[0], request.discount, request.dt, limit=limit, scope=scope
+        )
     if is_history:
         with said_of(path):
             return check_history(

@@ -4,7 +4,7 @@ should."""
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -13,7 +13,7 @@ import numpy as np
 
 from controller.critic.critic import Critic
 from controller.game.basis import basis
-from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game, checked_matrix, shape_text
+from controller.game.zero_sum import Game
 from controller.riccati.balancing import balanced_units, in_units, spectrum
 from controller.riccati.certificate import INDEFINITENESS
 from controller.riccati.cost import SIGNLESS, FlightCost, flight_cost
@@ -27,20 +27,14 @@ from hfa_support.reporting.text import Table
 from verification.critic.critic_errors import (
     balanced_box,
     critic_errors,
-    error_check,
-    matrix_errors,
     relative_error,
 )
-from verification.critic.scope import Scope
-from verification.critic.verdict import ErrorTable, Section, Verdict
+from verification.critic.scope import LIMIT, Scope
+from verification.critic.verdict import ErrorTable, Section, Verdict, explained
 
 if TYPE_CHECKING:
-    from controller.game.discrete_game import DiscreteGame
     from controller.game.training_run import TrainingRun
-    from controller.riccati.discrete import DiscreteSolution
 
-#: Default limit of the errors of P, K, V, its slopes and the policies, and of the Riccati residual.
-LIMIT = 1e-6
 #: Relative Riccati residual, in balanced units, below which a run counts as settled.
 SETTLED = 1e-9
 
@@ -95,24 +89,25 @@ def check_critic(
     proof = None
     sections = [_flight_section(game, critic, exact, lost)]
     if critic.network:
+        from verification.critic.network_flights import InTime
         from verification.critic.network_search import STARTS, findings
 
-        network = findings(game, critic, exact, box.half_widths, limit, scope)
+        network = findings(InTime(game, exact), critic, exact, box.half_widths, limit, scope)
         errors += network.errors
         checks += network.checks
         states = STARTS
         proof = network.proof
         cost_lost = max(cost_lost, network.flown.cost_lost_flown_percent)
         sections.append(network.section)
-    elif critic.origin.startswith("network"):
+    elif critic.is_layer:
         sections.append(_polynomial_section(critic))
     diagnosis = ""
     table = None
     if run is not None:
         table = _run_table(game, run, exact)
-        run_checks = _run_checks(run, table)
-        checks += run_checks
-        diagnosis = run_checks[0].reason
+        rank = _rank_check(run)
+        checks += [rank, *_time_checks(table)]
+        diagnosis = rank.reason
     if not diagnosis and critic.finite and not all(check.ok for check in errors):
         from verification.critic.diagnosis import diagnose
 
@@ -121,7 +116,7 @@ def check_critic(
     return Verdict(
         critic,
         exact,
-        _explained(checks, diagnosis),
+        explained(checks, diagnosis),
         limit,
         diagnosis,
         cost_lost,
@@ -174,188 +169,9 @@ def check_history(
     times = np.array([critic.time for critic in critics], dtype=float)
     columns = {name: np.array([row[name] for row in rows]) for name in rows[0]}
     table = ErrorTable(times, columns, "largest_error", limit, predefined_time)
-    checks = verdict.checks
-    if predefined_time is not None:
-        reason = f"{table.sentence}; T_w is {predefined_time:g} s"
-        settling = table.settling_time
-        check = at_most("settling_time", settling, predefined_time, reason, kind="data")
-        checks = (*checks, check)
+    checks = (*verdict.checks, *_time_checks(table))
     sections = (*verdict.sections, table.section())
     return replace(verdict, checks=checks, sections=sections, table=table)
-
-
-def check_discounted(
-    game: Game, critic: Critic, discount: float, dt: float | None = None, *, limit: float = LIMIT
-) -> Verdict:
-    """`check_discrete` on a game in continuous time, sampled with u and w held over each step.
-
-    x⁺ = A x + B u + E w,  J = Σ γᵏ (x'Qx + u'Ru - δ² w'w) dt. Without dt (s) the game is one of a
-    step already.
-    """
-    from controller.game.discrete_game import DiscreteGame
-    from controller.riccati.discrete import sampled
-
-    if dt is None:
-        return check_discrete(DiscreteGame(game, discount), critic, limit=limit)
-    verdict = _check_of_matrices(DiscreteGame(sampled(game, dt), discount), critic, limit)
-    section = verdict.sections[0]
-    verdict = replace(
-        verdict,
-        problem=f"solution of the discounted game, discount {discount:g} a step of {dt:g} s",
-        sections=(section._replace(data=section.data | {"dt": dt}),),
-    )
-    return _with_diagnosis(verdict, game, "in continuous time, without discount", {})
-
-
-def check_discrete(
-    problem: DiscreteGame,
-    critic: Critic,
-    *,
-    limit: float = LIMIT,
-    more: Mapping[str, np.ndarray] | None = None,
-) -> Verdict:
-    """The verdict on a critic of a game in discrete time, compared with the exact solution.
-
-    A critic of V or dV/dx has the policy that its P implies there, not R⁻¹B'P; a K that came
-    without P is compared alone. Both √α (A - B K), on which the discounted cost depends, and A - B
-    K itself must be stable: the exact solution of a discounted problem need not stabilize, and then
-    the verdict is that it is exact, does not stabilize and fails.
-
-    more: of the critic too: L (k, n) of w = L x, H of its Q-function over (x, u, w) or (x, u)
-
-    L2 gain, margins and the box of states belong to continuous time and are not checked.
-    NoSolutionError where the problem has no certified solution.
-    """
-    step = problem.step
-    others = {
-        "without disturbance (delta = inf)": replace(problem, step=step.with_delta(math.inf)),
-        "without discount": replace(problem, discount=1.0),
-        "without cross weights N": replace(problem, N=None),
-    }
-    verdict = _check_of_matrices(problem, critic, limit, more)
-    question = 'of x\' = A x + B u; did you mean time = "continuous"?'
-    return _with_diagnosis(verdict, step, question, others)
-
-
-def discrete_critic(problem: DiscreteGame, critic: Critic) -> Critic:
-    """The critic with the policy that its P implies in discrete time; with its own where it has
-    one."""
-    if critic.P is None or critic.feedback is None:
-        return critic
-    with np.errstate(all="ignore"):
-        K = problem.policies((critic.P + critic.P.T) / 2.0)[0]
-    return replace(critic, K=K, feedback=None)
-
-
-def _with_diagnosis(
-    verdict: Verdict, game: Game, continuous: str, others: Mapping[str, DiscreteGame]
-) -> Verdict:
-    """The verdict; where an error is too large, with the mistake that `diagnose_discrete` names."""
-    from verification.critic.diagnosis import diagnose_discrete
-
-    if all(check.ok for check in verdict.checks if check.name.endswith("_error")):
-        return verdict
-    diagnosis = diagnose_discrete(game, verdict.exact, verdict.critic, continuous, others)
-    return replace(verdict, checks=_explained(verdict.checks, diagnosis), diagnosis=diagnosis)
-
-
-def _check_of_matrices(
-    problem: DiscreteGame,
-    critic: Critic,
-    limit: float,
-    more: Mapping[str, np.ndarray] | None = None,
-) -> Verdict:
-    """`check_discrete` without a diagnosis."""
-    from controller.riccati.discrete import bellman_residual, solve_discrete
-
-    exact = solve_discrete(problem)
-    if not critic.finite:
-        raise BadInputError("the critic has numbers that are too large or not finite")
-    step = problem.step
-    P = None if critic.P is None else (critic.P + critic.P.T) / 2.0
-    critic = discrete_critic(problem, critic)
-    K = critic.K
-    radius = math.inf
-    if np.isfinite(K).all():
-        radius = float(np.abs(np.linalg.eigvals(step.A - step.B @ K)).max())
-    discounted_radius = math.sqrt(problem.discount) * radius
-    errors = matrix_errors(step, "K", K, exact.K, limit)
-    if P is not None and critic.P is not None:
-        errors += matrix_errors(step, "P", critic.P, exact.P, limit)
-    errors += _errors_of_parts(exact, more or {}, limit)
-    unstable = f"A - B K of a step has the spectral radius {radius:.7g}"
-    if all(check.ok for check in errors):
-        unstable += ": the exact solution of this discounted problem does not stabilize either"
-    unpaid = f"sqrt(discount) (A - B K) has the spectral radius {discounted_radius:.7g}"
-    checks = [
-        *errors,
-        below("control_loop_radius", radius, 1.0, unstable, kind="stability"),
-        below("discounted_loop_radius", discounted_radius, 1.0, unpaid, kind="cost"),
-    ]
-    if P is not None:
-        residual = bellman_residual(problem, P)
-        reason = f"Bellman's equation is left with a residual of {residual:.2g}"
-        checks.append(at_most("bellman_residual", residual, limit, reason, kind="error"))
-    lost = _discounted_cost_lost(exact, K)
-    text = "L2 gain, margins and the box of states belong to continuous time and are not checked"
-    data = {"discount": problem.discount, "cost_lost_worst_percent": lost}
-    return Verdict(
-        critic,
-        exact,
-        tuple(checks),
-        limit,
-        "",
-        lost,
-        problem=f"solution of the game in discrete time, discount {problem.discount:g} a step",
-        schema="hfa.discounted-check/1",
-        sections=(Section((text,), data),),
-    )
-
-
-def _errors_of_parts(
-    exact: DiscreteSolution, parts: Mapping[str, np.ndarray], limit: float
-) -> tuple[Check, ...]:
-    """The errors of L, relative to |L|, and of the entries of H, relative to √(H_ii H_jj)."""
-    checks = []
-    if "L" in parts:
-        L = checked_matrix("L", parts["L"], LARGEST_CRITIC_ENTRY)
-        if L.shape != exact.disturbance_gain.shape:
-            shape = shape_text(exact.disturbance_gain.shape)
-            raise BadInputError(f"L is {shape_text(L.shape)}; on this plant it must be {shape}")
-        error = relative_error(L, exact.disturbance_gain)
-        checks.append(error_check("L_rel_error", error, limit, "L"))
-    if "H" in parts:
-        H = np.asarray(parts["H"], dtype=float)
-        right = exact.H
-        size = len(H)
-        if size < len(right):  # over (x, u): w is the worst one
-            crossed = right[:size, size:]
-            right = right[:size, :size] - crossed @ np.linalg.solve(right[size:, size:], crossed.T)
-        sizes = np.sqrt(np.abs(np.diag(right)))
-        error = float(np.max(np.abs(H - right) / np.outer(sizes, sizes)))
-        checks.append(error_check("H_entry_error", error, limit, "an entry of H"))
-    return tuple(checks)
-
-
-def _discounted_cost_lost(exact: DiscreteSolution, K: np.ndarray) -> float:
-    """Percent that u = -K x costs more than the optimum from the worst start, under the exact w = L
-    x.
-
-    Largest of x'Dx / x'P*x: D = γ F'D F + (K - K*)'(R + γ B'P*B)(K - K*), F = A - B K + E L*.
-    """
-    from scipy.linalg import eigh, solve_discrete_lyapunov
-
-    step = exact.game
-    away = K - exact.K
-    F = math.sqrt(exact.discount) * (step.A - step.B @ K + step.E @ exact.disturbance_gain)
-    if not np.isfinite(F).all() or np.abs(np.linalg.eigvals(F)).max() >= 1.0:
-        return math.inf
-    price = step.R + exact.discount * step.B.T @ exact.P @ step.B
-    D = solve_discrete_lyapunov(F.T, away.T @ price @ away)
-    try:
-        return max(100.0 * float(eigh((D + D.T) / 2.0, exact.P, eigvals_only=True)[-1]), 0.0)
-    except np.linalg.LinAlgError:  # a state that costs nothing
-        return math.inf if D.any() else 0.0
 
 
 def _flight_cost(game: Game, exact: Solution, K: np.ndarray) -> FlightCost:
@@ -420,17 +236,6 @@ def _smallest_eigenvalue(P: np.ndarray) -> float:
     return float(np.linalg.eigvalsh((P + P.T) / 2.0)[0] / np.abs(P).max()) if np.any(P) else 0.0
 
 
-def _explained(checks: Sequence[Check], diagnosis: str) -> tuple[Check, ...]:
-    """The checks; the first that failed carries the diagnosis, where a reader looks first."""
-    explained = list(checks)
-    for index, check in enumerate(checks):
-        if not check.ok:
-            if diagnosis not in check.reason:
-                explained[index] = check._replace(reason=f"{check.reason}: {diagnosis}")
-            break
-    return tuple(explained)
-
-
 def _run_table(game: Game, run: TrainingRun, exact: Solution) -> ErrorTable:
     """The errors of P(t) of a training run, computed anew from its weights."""
     psi = basis(run.basis, len(game.A))
@@ -452,20 +257,23 @@ def _run_table(game: Game, run: TrainingRun, exact: Solution) -> ErrorTable:
     return ErrorTable(run.times, errors, "riccati_residual", SETTLED, promised)
 
 
-def _run_checks(run: TrainingRun, table: ErrorTable) -> list[Check]:
-    """Whether the data determine the weights, and the settling time of a run that promises one."""
+def _rank_check(run: TrainingRun) -> Check:
+    """Whether the data of a run determine its weights."""
     rank = run.excitation
     poor = (
         f"the data have rank {rank.rank} of {rank.size}: whatever their residual, they do not "
         "determine the weights"
     )
-    checks = [at_least("data_rank", rank.rank, rank.size, poor, kind="data")]
+    return at_least("data_rank", rank.rank, rank.size, poor, kind="data")
+
+
+def _time_checks(table: ErrorTable) -> list[Check]:
+    """The settling time of a history or a run that promises one."""
     promised = table.predefined_time
-    if promised is not None:
-        reason = f"{table.sentence}; T_w is {promised:g} s"
-        settled = table.settling_time
-        checks.append(at_most("settling_time", settled, promised, reason, kind="data"))
-    return checks
+    if promised is None:
+        return []
+    reason = f"{table.sentence}; T_w is {promised:g} s"
+    return [at_most("settling_time", table.settling_time, promised, reason, kind="data")]
 
 
 def _flight_section(game: Game, critic: Critic, exact: Solution, lost: FlightCost) -> Section:

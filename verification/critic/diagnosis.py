@@ -11,14 +11,14 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import lru_cache
 from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
 
-from controller.critic.critic import Critic
+from controller.critic.critic import FUNCTIONS, Critic
 from controller.game.basis import basis
 from controller.game.discrete_game import DiscreteGame
 from controller.game.zero_sum import Game
@@ -156,7 +156,7 @@ def diagnose(
     """
     others = _Others(game, nearby or Nearby())
     if critic.network and box is not None:
-        return _of_network(game, exact, critic, box, others)
+        return _of_network(game, exact, critic, box, others.of_network)
     value, gain = _views(game, critic, exact.P, exact.K)
     if value is None or critic.P is None:
         return _of_view(gain, _usual(game, gain, critic), others.of_polynomial(gain))
@@ -176,6 +176,7 @@ def diagnose_discrete(
     critic: Critic,
     continuous: str,
     others: Mapping[str, DiscreteGame],
+    box: np.ndarray,
 ) -> str:
     """The mistake of a critic of a problem in discrete time: that of its value, else of its gain,
     else another problem whose answer it is; or "".
@@ -184,19 +185,24 @@ def diagnose_discrete(
     exact: of the problem in discrete time
     continuous: what is said of the answer of the game
     others: what is said of its answer -> a problem in discrete time
+    box: (n,), half widths of the box of states, of a network
     """
+
+    def problems(view: View) -> Iterator[Hypothesis]:
+        with contextlib.suppress(NoSolutionError):
+            solution = solve_game(game)
+            answer = Answer(solution.P, solution.K)
+            yield is_answer(view, answer, f"this is the {view.noun} {continuous}")
+        for says, problem in others.items():
+            with contextlib.suppress(NoSolutionError):
+                answer = Answer(*quick_discrete(problem))
+                yield is_answer(view, answer, f"this is the {view.noun} {says}")
+
+    if critic.network:
+        return _of_network(game, exact, critic, box, problems)
     value, gain = _views(game, critic, exact.P, exact.K)
     view = value or gain
-    problems = []
-    with contextlib.suppress(NoSolutionError):
-        solution = solve_game(game)
-        answer = Answer(solution.P, solution.K)
-        problems.append(is_answer(view, answer, f"this is the {view.noun} {continuous}"))
-    for says, problem in others.items():
-        with contextlib.suppress(NoSolutionError):
-            answer = Answer(*quick_discrete(problem))
-            problems.append(is_answer(view, answer, f"this is the {view.noun} {says}"))
-    return _of_view(view, _usual(game, view, critic), problems)
+    return _of_view(view, _usual(game, view, critic), problems(view))
 
 
 class _Others:
@@ -291,9 +297,18 @@ def _another_root(game: Game, P: np.ndarray) -> str:
 # Networks.
 
 
-def _of_network(game: Game, exact: Exact, critic: Critic, box: np.ndarray, others: _Others) -> str:
-    """The mistake that explains most, of the network at the origin or over the box."""
-    own_policy = "policy" in critic.network
+def _of_network(
+    game: Game,
+    exact: Exact,
+    critic: Critic,
+    box: np.ndarray,
+    others: Callable[[View], Iterator[Hypothesis]],
+) -> str:
+    """The mistake that explains most, of the network at the origin or over the box.
+
+    others: of a view the answers of other games.
+    """
+    own_policy = "policy" in critic.network and not critic.implies_policy
     at_origin = _network_views(exact, Answer(critic.P, critic.K), critic, box)
     over_box = _network_views(exact, nearest_linear(game, critic, box), critic, box)
     origin_errors = [error_of(view, view.judged) for view in at_origin]
@@ -318,11 +333,12 @@ def _of_network(game: Game, exact: Exact, critic: Critic, box: np.ndarray, other
         causes += _of_variants(game, exact, critic, box)
     if min(causes).share > _CLEAR:
         for view in over_box[judged]:
-            causes.append(named(view, others.of_network(view), _OF_NETWORKS))
+            causes.append(named(view, others(view), _OF_NETWORKS))
     if not own_policy and box_errors[0] <= NEAR and box_errors[-1] > FAR:
+        rule = "the step that it implies" if critic.implies_policy else "u = -½ R⁻¹B'∂V/∂z"
         says = (
-            f"V is near and its policy off by {box_errors[-1]:.2g}: u = -½ R⁻¹B'∂V/∂z amplifies "
-            "what V hardly shows"
+            f"V is near and its policy off by {box_errors[-1]:.2g}: {rule} amplifies what V hardly "
+            "shows"
         )
         causes.append(Cause(1.0, box_errors[0], says))
     return min(causes).says
@@ -366,7 +382,7 @@ def nearest_linear(game: Game, critic: Critic, box: np.ndarray) -> Answer:
     n = len(box)
     z = np.random.default_rng(2).uniform(-1.0, 1.0, (_SAMPLES, n))
     symbols = critic.symbols
-    names = [name for name in ("V", "gradient", "policy") if name in critic.network]
+    names = [name for name in FUNCTIONS if name in critic.network]
     outputs = ca.vertcat(*(critic.network[name](symbols) for name in names))
     samples = np.array(ca.Function("samples", [symbols], [outputs])((z * box).T)).T
     samples = np.nan_to_num(samples, posinf=0.0, neginf=0.0)

@@ -20,11 +20,12 @@ _BATCH = 1024
 class Proof(NamedTuple):
     """What is proved of the errors of a network.
 
-    what: "error" of V, its slopes and the policy, or "error of the policy".
+    what: "error" of V, its slopes and the policy, "error of the policy", "of V and its slopes".
     error: none is larger, relative as searched, ...
     fraction: ... at any state |z_i| <= fraction b_i of the box; 0 where nothing is proved.
     boxes: into how many the box was divided.
     beyond: a state (n,) where one is larger, which ended the proof; None where there is none.
+    is_of_all: whether it is of all errors that are compared.
     """
 
     what: str
@@ -32,6 +33,7 @@ class Proof(NamedTuple):
     fraction: float
     boxes: int
     beyond: np.ndarray | None = None
+    is_of_all: bool = True
 
     @property
     def where(self) -> str:

@@ -12,6 +12,8 @@ if TYPE_CHECKING:
     from verification.critic.about_trim import NonlinearPlant
     from verification.critic.other_games import Nearby
 
+#: Default limit of the errors of P, K, V, its slopes and the policies, and of the residual.
+LIMIT = 1e-6
 #: From how many starts a network is flown.
 FLIGHTS = 100
 #: How long to look for a proof of the errors of a network.

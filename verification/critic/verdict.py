@@ -180,7 +180,7 @@ class Verdict(Checked, Reported):
             decided = f" by {failed[0].name}"
         line = f"{verdict_text(self.holds(limit_cost))}{decided}: {self._exactness(failed)}"
         facts = ["stabilizing" if self.stabilizing else "not stabilizing"]
-        rests = [check.reason for check in failed if check.name == "rest_point"]
+        rests = [check.reason for check in failed if check.kind == "rest"]
         if math.isinf(self.cost_lost):
             facts += ["cost without bound", *rests]
         elif self.cost_lost < ROUNDING:
@@ -203,11 +203,13 @@ class Verdict(Checked, Reported):
             if proof is not None and proof.fraction and self.limit < proof.error < 1.0:
                 reason = f"policy proved within {proof.error:g} {proof.where}"
             return f"not exact ({reason})"
-        if proof is not None and proof.fraction == 1.0:
+        if proof is not None and proof.is_of_all and proof.fraction == 1.0:
             return f"no error above {self.limit:g} {proof.where}, proved"
         if self.searched:
             words = f"no error above {self.limit:g} found at {self.searched} states"
-            return words if proof is None else f"{words}, proved {proof.where}"
+            if proof is None:
+                return words
+            return f"{words}, {'' if proof.is_of_all else 'V '}proved {proof.where}"
         return f"exact within {self.limit:g}"
 
     def to_dict(self) -> dict[str, Any]:
@@ -306,6 +308,17 @@ class Verdict(Checked, Reported):
         if not sizes.any():
             which = f"the first {most} of {len(candidates)} entries; all differ by rounding only"
         return (table, f"{which}; -o FILE has all")
+
+
+def explained(checks: Sequence[Check], diagnosis: str) -> tuple[Check, ...]:
+    """The checks; the first that failed carries the diagnosis, where a reader looks first."""
+    with_reason = list(checks)
+    for index, check in enumerate(checks):
+        if not check.ok:
+            if diagnosis not in check.reason:
+                with_reason[index] = check._replace(reason=f"{check.reason}: {diagnosis}")
+            break
+    return tuple(with_reason)
 
 
 def verdicts_report(

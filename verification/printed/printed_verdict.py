@@ -16,7 +16,8 @@ from hfa_support.errors import said_of
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Result
 from hfa_support.reporting.text import Table
-from verification.critic.critic_check import check_critic, check_discrete
+from verification.critic.critic_check import check_critic
+from verification.critic.discrete_check import check_discrete
 from verification.printed.classes import Class, Classified, classify
 from verification.printed.comparison import Comparison
 from verification.printed.exact_answer import policies

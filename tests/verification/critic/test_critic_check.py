@@ -31,9 +31,10 @@ from verification import (
     from_weights,
     solve_discounted,
 )
-from verification.critic.critic_check import LIMIT, check_discounted
 from verification.critic.critic_errors import box_errors, matrix_errors
+from verification.critic.discrete_check import check_discounted
 from verification.critic.figures import verdict_figure
+from verification.critic.scope import LIMIT
 from verification.hfa_box import ordinary_box
 
 QUADRATIC = basis("quadratic", 6)

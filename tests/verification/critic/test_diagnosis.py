@@ -36,7 +36,7 @@ from verification import check_critic, from_gain, from_network, from_value, from
 from verification.critic.critic_check import LIMIT
 from verification.critic.critic_errors import critic_errors
 from verification.critic.diagnosis import diagnose, diagnose_discrete
-from verification.critic.network_search import search
+from verification.critic.network_search import Comparison, search
 from verification.critic.other_games import Nearby, Scheduled
 from verification.critic.scope import Scope
 from verification.hfa_box import ordinary_box
@@ -139,7 +139,7 @@ def named_under_noise(mistake: str, size: float, games: int, seed: int) -> int:
         kind, plant, words = OF_ANY_GAME.get(mistake, RIGHT[index % 3])
         table = noisy(kind, plant(game), size, rng)
         candidate = candidate_of(game, kind, lambda _, table=table: table)
-        said = diagnose_discrete(game, solved(game), candidate, "", {})
+        said = diagnose_discrete(game, solved(game), candidate, "", {}, np.ones(len(game.A)))
         if words:
             count += words in said
         else:
@@ -395,7 +395,10 @@ def test_the_search_finds_what_a_grid_finds(game: Game, name: str, points: int) 
     if critic.value is not None:
         exact_V = ca.bilin(ca.DM(exact.P), at, at)
         errors["value"] = (critic.value(at) - critic.constant - exact_V) / (b @ np.abs(exact.P) @ b)
-    found = {each.name: each.error for each in search(game, critic, exact, b)[1]}
+    found = {
+        each.name: each.error
+        for each in search(Comparison(critic, exact, np.sqrt(np.diag(game.R)), b))[1]
+    }
     for kind, error in errors.items():
         on_grid = np.array(ca.Function(kind, [at], [error])(z))
         assert found[kind] * (1.0 + 1e-9) >= np.abs(on_grid).max()

@@ -13,7 +13,7 @@ from planted_critics import gain, value
 from controller import Game
 from controller.hfa_game import ORDINARY_DEVIATIONS
 from verification import check_critic, from_network, solve_game
-from verification.critic.network_search import search
+from verification.critic.network_search import Comparison, search
 from verification.critic.scope import Scope
 from verification.hfa_box import ordinary_box
 
@@ -61,8 +61,8 @@ def test_a_value_that_is_not_a_number_somewhere_fails(game: Game) -> None:
     constants |= {"half": np.array(2.5), "zero": np.array(1e-30)}
     path = onnx_file("nan.onnx", [*nodes, ("Mul", "r zero", "n"), ("Add", "V n", "y")], constants)
     critic = from_network(game, path)
-    exact = solve_game(game)
-    found = {each.name: each.error for each in search(game, critic, exact, BOX)[1]}
+    beside = Comparison(critic, solve_game(game), np.sqrt(np.diag(game.R)), BOX)
+    found = {each.name: each.error for each in search(beside)[1]}
     assert found["value"] == math.inf
 
 

@@ -27,8 +27,8 @@ from verification import (
     solve_game,
 )
 from verification.critic.about_trim import nonlinear_plant
-from verification.critic.critic_check import check_discounted
-from verification.critic.network_search import search
+from verification.critic.discrete_check import check_discounted
+from verification.critic.network_search import Comparison, search
 from verification.hfa_box import ordinary_box
 
 pytestmark = pytest.mark.usefixtures("folder")
@@ -115,7 +115,7 @@ def test_all_errors_are_compared_at_the_states_that_any_search_reaches(game: Gam
     critic = from_network(game, torch_file("v.pt", layers), activation="softplus")
     assert critic.value is not None
     exact = solve_game(game)
-    _, found = search(game, critic, exact, BOX)
+    _, found = search(Comparison(critic, exact, np.sqrt(np.diag(game.R)), BOX))
     errors = {item.name: item.error for item in found}
     size = BOX @ np.abs(exact.P) @ BOX
     for state in (*(item.at for item in found), *z):

@@ -1,0 +1,225 @@
+"""Networks and other values that are not quadratic, judged on plants in discrete time."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import casadi as ca
+import numpy as np
+import pytest
+from cli import answer, hfa
+from game_files import stored
+from game_samples import failed_names
+from network_files import torch_file
+
+from controller import Game, basis
+from controller.critic.critic import Critic, from_functions, from_parts
+from controller.game.discrete_game import DiscreteGame
+from controller.riccati.discrete import DiscreteSolution, solve_discrete
+from hfa.main import DONE, FAILED
+from verification import Scope, from_gain, from_network, from_value, from_weights
+from verification.critic.critic_errors import Box
+from verification.critic.discrete_check import check_discounted, check_discrete
+from verification.critic.implied_policy import discrete_critic, policy_of_next
+from verification.critic.network_flights import InSteps, flown_losses
+
+pytestmark = pytest.mark.usefixtures("folder")
+A = np.array([[1.02, 0.1], [0.1, 1.0]])
+B = np.array([[0.0], [0.1]])
+BOX = np.array([0.5, 0.2])
+SCOPE = Scope(Box(BOX, "planted"), flights=20, seconds=5.0)
+Z = ca.SX.sym("z", 2)
+
+
+def problem_of(delta: float = 20.0, discount: float = 1.0, N: float = 0.0) -> DiscreteGame:
+    step = Game(A, B, 0.1 * np.eye(2), np.eye(2), np.eye(1), delta)
+    return DiscreteGame(step, discount, np.full((2, 1), N))
+
+
+def exact_of(problem: DiscreteGame) -> DiscreteSolution:
+    return solve_discrete(problem)
+
+
+def critic_of(problem: DiscreteGame, **outputs: ca.SX) -> Critic:
+    return from_functions(problem.step, Z, outputs, "planted")
+
+
+def exact_value(problem: DiscreteGame) -> ca.SX:
+    return ca.bilin(ca.DM(exact_of(problem).P), Z, Z)
+
+
+def exact_policy(problem: DiscreteGame) -> ca.SX:
+    return -ca.DM(exact_of(problem).K) @ Z
+
+
+PROBLEMS = {
+    "game": problem_of(),
+    "LQR": problem_of(delta=np.inf),
+    "discounted": problem_of(discount=0.98),
+    "cross weights": problem_of(N=0.3),
+}
+
+
+@pytest.mark.parametrize("name", PROBLEMS)
+def test_exact_networks_of_v_its_slopes_and_u_pass(name: str) -> None:
+    problem = PROBLEMS[name]
+    V = exact_value(problem)
+    for outputs in (
+        {"V": V + 3.0},
+        {"gradient": ca.gradient(V, Z)},
+        {"policy": exact_policy(problem)},
+        {"V": V, "policy": exact_policy(problem)},
+    ):
+        verdict = check_discrete(problem, critic_of(problem, **outputs), scope=SCOPE)
+        assert verdict.ok, failed_names(verdict.checks)
+        assert verdict.proof is not None
+        assert verdict.proof.fraction == 1.0
+        assert verdict.proof.is_of_all == ("policy" in outputs)
+        assert "searched_policy_error" in [check.name for check in verdict.checks]
+
+
+def test_a_policy_that_saturates_is_exact_at_the_origin_alone_and_fails() -> None:
+    """u = -1e-3 tanh(1e3 K x): K is exact, and from (0.01, 0) the loop diverges."""
+    problem = problem_of()
+    u = -1e-3 * ca.tanh(1e3 * ca.DM(exact_of(problem).K) @ Z)
+    verdict = check_discrete(problem, critic_of(problem, policy=u), scope=SCOPE)
+    assert verdict.K_rel_error < 1e-12
+    assert failed_names(verdict.checks) == {"searched_policy_error"}
+    assert verdict.to_dict()["network"]["reach"] == 0.0
+    assert "cost without bound" in verdict.headline()
+    assert verdict.diagnosis == "it is right at the origin and wrong away from it"
+
+
+def test_a_constant_in_u_is_off_at_the_origin_and_rests_off_trim() -> None:
+    problem = problem_of()
+    exact = exact_of(problem)
+    verdict = check_discrete(
+        problem, critic_of(problem, policy=exact_policy(problem) + 0.2), scope=SCOPE
+    )
+    assert failed_names(verdict.checks) == {"origin_error", "searched_policy_error", "rest_point"}
+    rest = np.linalg.solve(np.eye(2) - A + B @ exact.K, 0.2 * B[:, 0])
+    assert verdict.to_dict()["network"]["rest_point"] == pytest.approx(rest, rel=1e-9)
+    assert verdict.diagnosis == "it is right but for a constant in u"
+
+
+@pytest.mark.parametrize("name", PROBLEMS)
+def test_a_value_that_is_wrong_away_from_the_origin_fails(name: str) -> None:
+    problem = PROBLEMS[name]
+    V = exact_value(problem)
+    size = float(BOX @ np.abs(exact_of(problem).P) @ BOX)
+    verdict = check_discrete(
+        problem, critic_of(problem, V=V + 0.5 * V**2 / size), scope=replace(SCOPE, flights=4)
+    )
+    assert verdict.P_rel_error < 1e-12
+    assert {"searched_value_error", "searched_gradient_error", "searched_policy_error"} == (
+        failed_names(verdict.checks)
+    )
+
+
+def test_weights_beyond_the_quadratic_ones_count_in_discrete_time() -> None:
+    problem = problem_of()
+    functions = basis("quadratic+quartic", 2)
+    weights = functions.weights(exact_of(problem).P)
+    right = from_weights(problem.step, weights, functions)
+    assert check_discrete(problem, right).ok
+    weights[-1] = 50.0
+    wrong = from_weights(problem.step, weights, functions)
+    verdict = check_discrete(problem, wrong, scope=SCOPE)
+    assert "searched_value_error" in failed_names(verdict.checks)
+
+
+def test_the_implied_policy_is_the_best_of_one_step_and_the_value_behind_it() -> None:
+    """Compared with a grid of u, at the worst w of each, on a value that is not quadratic."""
+    problem = problem_of(delta=20.0, discount=0.95, N=0.2)
+    step = problem.step
+    P = exact_of(problem).P
+    value = ca.bilin(ca.DM(P), Z, Z) + 2e4 * Z[0] ** 4
+    V = ca.Function("V", [Z], [value])
+    critic = discrete_critic(problem, critic_of(problem, V=value))
+    u = ca.SX.sym("u")
+    w = ca.SX.sym("w", 2)
+    x = np.array([0.4, -0.3])
+    after = ca.DM(A) @ x + ca.DM(B) @ u + ca.DM(step.E) @ w
+    paid = float(x @ step.Q @ x) + 2.0 * float(x @ problem.N[:, 0]) * u + u**2
+    Q = paid - step.delta**2 * ca.sumsqr(w) + 0.95 * V(after)
+    slopes = ca.Function("slopes", [ca.vertcat(u, w)], [ca.gradient(Q, ca.vertcat(u, w))])
+    worst = ca.rootfinder("worst", "newton", {"x": w, "p": u, "g": ca.gradient(Q, w)})
+    cost = ca.Function("cost", [u, w], [Q])
+    best = float(critic.policy(x))
+    costs = [float(cost(best + d, worst(x0=[0, 0], p=best + d)["x"])) for d in (-1e-3, 0.0, 1e-3)]
+    assert costs[1] < min(costs[0], costs[2])
+    at_saddle = np.append(best, np.array(worst(x0=[0, 0], p=best)["x"]))
+    assert np.abs(np.array(slopes(at_saddle))).max() < 1e-8
+    assert abs(best + (critic.K @ x).item()) > 0.05  # far from the linearized policy
+
+
+def test_a_policy_that_is_not_found_is_no_number() -> None:
+    """The slope of V jumps where the next state has x1 = 0, and the saddle lies on the jump."""
+    problem = problem_of(delta=np.inf)
+    exact = exact_of(problem)
+    slope = ca.Function("slope", [Z], [1e3 * ca.sign(Z[1]) * ca.vertcat(0.0, 1.0)])
+    policy = policy_of_next(problem, slope, exact.K, exact.disturbance_gain)
+    assert np.isnan(np.array(policy([0.1, 0.0]))).all()
+
+
+def test_the_cost_in_flight_is_that_of_the_linear_loop_where_the_network_is_linear() -> None:
+    problem = problem_of(discount=0.97)
+    exact = exact_of(problem)
+    K = 1.2 * exact.K
+    critic = critic_of(problem, policy=-ca.DM(K) @ Z)
+    axis = InSteps(exact)
+    remaining = axis.remaining_cost(K)
+    assert remaining is not None
+    losses = flown_losses(axis, critic, exact, BOX, 10)
+    starts = np.random.default_rng(1).uniform(-1.0, 1.0, (10, 2))
+    starts[::2] = np.sign(starts[::2])
+    for loss, start in zip(losses, starts * BOX, strict=True):
+        lost = 100.0 * float(start @ remaining @ start) / float(start @ exact.P @ start)
+        assert loss == pytest.approx(lost, rel=1e-6)
+    linear = check_discrete(problem, from_gain(problem.step, K))
+    assert losses.max() <= linear.cost_lost * (1.0 + 1e-6)
+
+
+def test_a_network_of_a_discounted_game_is_searched_and_flown(game: Game) -> None:
+    """Exact weights in a state dict pass; the same behind a tanh that saturates do not."""
+    from verification import solve_discounted
+
+    K = solve_discounted(game, 0.99, 0.01).K
+    right = from_network(game, torch_file("right.pt", {"weight": -K}))
+    verdict = check_discounted(game, right, 0.99, 0.01)
+    assert verdict.ok, failed_names(verdict.checks)
+    layers = {"0.weight": 1e3 * K, "2.weight": -1e-3 * np.eye(5)}
+    bent = from_network(game, torch_file("bent.pt", layers), activation="tanh")
+    verdict = check_discounted(game, bent, 0.99, 0.01, scope=Scope(seconds=1.0, flights=2))
+    assert verdict.K_rel_error < 1e-9
+    assert "searched_policy_error" in failed_names(verdict.checks)
+
+
+def test_the_command_says_how_a_network_was_read_on_a_discrete_plant() -> None:
+    problem = problem_of()
+    exact = exact_of(problem)
+    step = problem.step
+    plant = {name: getattr(step, name).tolist() for name in "ABEQR"} | {"delta": step.delta}
+    path = stored("plant.json", time="discrete", **plant)
+    words = ("verify", "--model", path, "--network", "policy=", "--weights")
+    right = hfa(*words, torch_file("right.pt", {"weight": -exact.K}))
+    assert right.code == DONE
+    assert right.out.startswith("PASS: no error above 1e-06 in the box, proved, stabilizing")
+    assert "Read: network right.pt: policy 2 -> 1" in right.out
+    shifted = torch_file("shifted.pt", {"weight": -exact.K, "bias": np.array([0.2])})
+    wrong = answer(*words, shifted, code=FAILED)
+    assert wrong["network"]["rest_point"][0] > 0.01
+    assert wrong["schema"] == "hfa.discounted-check/1"
+
+
+def test_a_linear_critic_in_discrete_time_is_judged_as_before() -> None:
+    problem = problem_of()
+    exact = exact_of(problem)
+    for critic in (
+        from_value(problem.step, exact.P),
+        from_gain(problem.step, exact.K),
+        from_parts(problem.step, {"P": exact.P, "K": exact.K}),
+    ):
+        verdict = check_discrete(problem, critic)
+        assert verdict.ok
+        assert verdict.searched == 0

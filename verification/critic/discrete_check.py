@@ -1,0 +1,229 @@
+"""A critic of a game in discrete time against its exact solution."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from controller.critic.critic import Critic
+from controller.game.discrete_game import DiscreteGame
+from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game, checked_matrix, shape_text
+from controller.riccati.discrete import (
+    DiscreteSolution,
+    bellman_residual,
+    sampled,
+    solve_discrete,
+)
+from hfa_support.errors import BadInputError, refuse_unless_positive
+from hfa_support.reporting.checks import Check, at_most, below
+from verification.critic.critic_errors import (
+    balanced_box,
+    error_check,
+    matrix_errors,
+    relative_error,
+)
+from verification.critic.implied_policy import discrete_critic
+from verification.critic.scope import LIMIT, Scope
+from verification.critic.verdict import Section, Verdict, explained
+
+#: (the exact solution, the critic, half widths of the box (n,)) -> its mistake, or "".
+Diagnose = Callable[[DiscreteSolution, Critic, np.ndarray], str]
+
+
+def check_discounted(
+    game: Game,
+    critic: Critic,
+    discount: float,
+    dt: float | None = None,
+    *,
+    limit: float = LIMIT,
+    scope: Scope | None = None,
+) -> Verdict:
+    """`check_discrete` on a game in continuous time, sampled with u and w held over each step.
+
+    x⁺ = A x + B u + E w,  J = Σ γᵏ (x'Qx + u'Ru - δ² w'w) dt. Without dt (s) the game is one of a
+    step already.
+    """
+    from verification.critic.diagnosis import diagnose_discrete
+
+    if dt is None:
+        return check_discrete(DiscreteGame(game, discount), critic, limit=limit, scope=scope)
+
+    def diagnose(exact: DiscreteSolution, critic: Critic, box: np.ndarray) -> str:
+        says = "in continuous time, without discount"
+        return diagnose_discrete(game, exact, critic, says, {}, box)
+
+    problem = DiscreteGame(sampled(game, dt), discount)
+    verdict = _judged(problem, critic, limit, scope or Scope(), diagnose)
+    section = verdict.sections[0]
+    return replace(
+        verdict,
+        problem=f"solution of the discounted game, discount {discount:g} a step of {dt:g} s",
+        sections=(section._replace(data=section.data | {"dt": dt}), *verdict.sections[1:]),
+    )
+
+
+def check_discrete(
+    problem: DiscreteGame,
+    critic: Critic,
+    *,
+    limit: float = LIMIT,
+    more: Mapping[str, np.ndarray] | None = None,
+    scope: Scope | None = None,
+) -> Verdict:
+    """The verdict on a critic of a game in discrete time, compared with the exact solution.
+
+    A critic of V or dV/dx has the policy that it implies there, not R⁻¹B'P; a K that came without P
+    is compared alone. Both √α (A - B K), on which the discounted cost depends, and A - B K itself
+    must be stable: the exact solution of a discounted problem need not stabilize, and then the
+    verdict is that it is exact, does not stabilize and fails. A network, or a value that is not
+    quadratic, is also searched over a box of states and flown from there.
+
+    more: of the critic too: L (k, n) of w = L x, H of its Q-function over (x, u, w) or (x, u)
+    scope: on what else it is judged
+
+    L2 gain and margins belong to continuous time and are not checked. NoSolutionError where the
+    problem has no certified solution.
+    """
+    from verification.critic.diagnosis import diagnose_discrete
+
+    step = problem.step
+    others = {
+        "without disturbance (delta = inf)": replace(problem, step=step.with_delta(math.inf)),
+        "without discount": replace(problem, discount=1.0),
+        "without cross weights N": replace(problem, N=None),
+    }
+
+    def diagnose(exact: DiscreteSolution, critic: Critic, box: np.ndarray) -> str:
+        question = 'of x\' = A x + B u; did you mean time = "continuous"?'
+        return diagnose_discrete(step, exact, critic, question, others, box)
+
+    return _judged(problem, critic, limit, scope or Scope(), diagnose, more)
+
+
+def _judged(
+    problem: DiscreteGame,
+    critic: Critic,
+    limit: float,
+    scope: Scope,
+    diagnose: Diagnose,
+    more: Mapping[str, np.ndarray] | None = None,
+) -> Verdict:
+    """`check_discrete`."""
+    refuse_unless_positive("limit", limit)
+    exact = solve_discrete(problem)
+    if not critic.finite:
+        raise BadInputError("the critic has numbers that are too large or not finite")
+    step = problem.step
+    box = scope.box or balanced_box(step)
+    critic = discrete_critic(problem, critic)
+    errors = list(matrix_errors(step, "K", critic.K, exact.K, limit))
+    if critic.P is not None:
+        errors += matrix_errors(step, "P", critic.P, exact.P, limit)
+    errors += _errors_of_parts(exact, more or {}, limit)
+    checks = [*errors, *_loop_checks(problem, critic.K, all(check.ok for check in errors))]
+    if critic.P is not None:
+        residual = bellman_residual(problem, (critic.P + critic.P.T) / 2.0)
+        reason = f"Bellman's equation is left with a residual of {residual:.2g}"
+        checks.append(at_most("bellman_residual", residual, limit, reason, kind="error"))
+    lost = discounted_cost_lost(exact, critic.K)
+    text = "L2 gain, margins and the box of states belong to continuous time and are not checked"
+    data = {"discount": problem.discount, "cost_lost_worst_percent": lost}
+    sections = [Section((text,), data)]
+    states = 0
+    proof = None
+    if critic.network:
+        from verification.critic.network_flights import InSteps
+        from verification.critic.network_search import STARTS, findings
+
+        network = findings(InSteps(exact), critic, exact, box.half_widths, limit, scope)
+        errors += network.errors
+        checks += network.checks
+        states = STARTS
+        proof = network.proof
+        lost = max(lost, network.flown.cost_lost_flown_percent)
+        where = f"Box of states: {box.about}"
+        text = "L2 gain and margins belong to continuous time and are not checked"
+        sections = [Section((where, text), data | {"box": box.to_dict()}), network.section]
+    diagnosis = ""
+    if not all(check.ok for check in errors):
+        diagnosis = diagnose(exact, critic, box.half_widths)
+    return Verdict(
+        critic,
+        exact,
+        explained(checks, diagnosis),
+        limit,
+        diagnosis,
+        lost,
+        states,
+        proof,
+        problem=f"solution of the game in discrete time, discount {problem.discount:g} a step",
+        schema="hfa.discounted-check/1",
+        sections=tuple(sections),
+    )
+
+
+def _loop_checks(problem: DiscreteGame, K: np.ndarray, is_exact: bool) -> list[Check]:
+    """Whether A - B K is stable, and √α (A - B K), on which the cost depends."""
+    step = problem.step
+    radius = math.inf
+    if np.isfinite(K).all():
+        radius = float(np.abs(np.linalg.eigvals(step.A - step.B @ K)).max())
+    discounted_radius = math.sqrt(problem.discount) * radius
+    unstable = f"A - B K of a step has the spectral radius {radius:.7g}"
+    if is_exact:
+        unstable += ": the exact solution of this discounted problem does not stabilize either"
+    unpaid = f"sqrt(discount) (A - B K) has the spectral radius {discounted_radius:.7g}"
+    return [
+        below("control_loop_radius", radius, 1.0, unstable, kind="stability"),
+        below("discounted_loop_radius", discounted_radius, 1.0, unpaid, kind="cost"),
+    ]
+
+
+def _errors_of_parts(
+    exact: DiscreteSolution, parts: Mapping[str, np.ndarray], limit: float
+) -> tuple[Check, ...]:
+    """The errors of L, relative to |L|, and of the entries of H, relative to √(H_ii H_jj)."""
+    checks = []
+    if "L" in parts:
+        L = checked_matrix("L", parts["L"], LARGEST_CRITIC_ENTRY)
+        if L.shape != exact.disturbance_gain.shape:
+            shape = shape_text(exact.disturbance_gain.shape)
+            raise BadInputError(f"L is {shape_text(L.shape)}; on this plant it must be {shape}")
+        error = relative_error(L, exact.disturbance_gain)
+        checks.append(error_check("L_rel_error", error, limit, "L"))
+    if "H" in parts:
+        H = np.asarray(parts["H"], dtype=float)
+        right = exact.H
+        size = len(H)
+        if size < len(right):  # over (x, u): w is the worst one
+            crossed = right[:size, size:]
+            right = right[:size, :size] - crossed @ np.linalg.solve(right[size:, size:], crossed.T)
+        sizes = np.sqrt(np.abs(np.diag(right)))
+        error = float(np.max(np.abs(H - right) / np.outer(sizes, sizes)))
+        checks.append(error_check("H_entry_error", error, limit, "an entry of H"))
+    return tuple(checks)
+
+
+def discounted_cost_lost(exact: DiscreteSolution, K: np.ndarray) -> float:
+    """Percent that u = -K x costs more than the optimum from the worst start, under the exact w = L
+    x.
+
+    Largest of x'Dx / x'P*x: D = γ F'D F + (K - K*)'(R + γ B'P*B)(K - K*), F = A - B K + E L*.
+    """
+    from scipy.linalg import eigh, solve_discrete_lyapunov
+
+    step = exact.game
+    away = K - exact.K
+    F = math.sqrt(exact.discount) * (step.A - step.B @ K + step.E @ exact.disturbance_gain)
+    if not np.isfinite(F).all() or np.abs(np.linalg.eigvals(F)).max() >= 1.0:
+        return math.inf
+    price = step.R + exact.discount * step.B.T @ exact.P @ step.B
+    D = solve_discrete_lyapunov(F.T, away.T @ price @ away)
+    try:
+        return max(100.0 * float(eigh((D + D.T) / 2.0, exact.P, eigvals_only=True)[-1]), 0.0)
+    except np.linalg.LinAlgError:  # a state that costs nothing
+        return math.inf if D.any() else 0.0

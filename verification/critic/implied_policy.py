@@ -1,0 +1,93 @@
+"""The policy that a value implies in discrete time: it is best for one step and the value behind
+it."""
+
+from __future__ import annotations
+
+import math
+import sys
+from dataclasses import replace
+
+import casadi as ca
+import numpy as np
+
+from controller.critic.critic import Critic, symbols_for
+from controller.game.discrete_game import DiscreteGame
+from controller.riccati.balancing import balanced_units
+
+#: Of Newton's method: its most steps, and what may be left of the slope, relative to its terms.
+_STEPS = 20
+_LEFT = 1e-9
+
+
+def discrete_critic(problem: DiscreteGame, critic: Critic) -> Critic:
+    """The critic with the policy that its value implies in discrete time; with its own where it has
+    one.
+
+    A value that is not quadratic, of a network or of more weights, becomes a network of V and u.
+    """
+    if critic.P is None or critic.feedback is None:
+        return critic
+    P = critic.P
+    if not critic.network:
+        P = (P + P.T) / 2.0
+    with np.errstate(all="ignore"):
+        K, L = problem.policies(P)
+    critic = replace(critic, K=K)
+    network = dict(critic.network)
+    if critic.is_quadratic or not critic.finite:
+        return replace(critic, feedback=None)
+    if not network:
+        assert critic.value is not None
+        network["V"] = critic.value
+        assert critic.gradient is not None
+        network["gradient"] = critic.gradient
+    assert critic.gradient is not None
+    network["policy"] = policy_of_next(problem, critic.gradient, K, L)
+    return replace(critic, feedback=None, network=network, implies_policy=True)
+
+
+def policy_of_next(
+    problem: DiscreteGame, gradient: ca.Function, K: np.ndarray, L: np.ndarray
+) -> ca.Function:
+    """x (n,) -> u (m,), the saddle of x'Qx + 2 x'Nu + u'Ru - δ² w'w + α V(A x + B u + E w) over u
+    and w; not numbers where Newton's method does not settle.
+
+    With g = ∂V/∂x at the next state, R u + N'x + ½ α B'g = 0 and -δ² w + ½ α E'g = 0. The method
+    begins at u = -K x, w = L x.
+
+    problem: in discrete time
+    gradient: x (n,) -> ∂V/∂x (n,)
+    K, L: (m, n), (k, n), of the quadratic part of V
+    """
+    step = problem.step
+    n, m = step.B.shape
+    gains = -K
+    columns = step.B
+    price = step.R
+    cross = problem.N.T
+    if math.isfinite(step.delta):  # w is divided by delta
+        k = step.E.shape[1]
+        gains = np.vstack([gains, step.delta * L])
+        columns = np.hstack([columns, step.E / step.delta])
+        price = np.block([[price, np.zeros((m, k))], [np.zeros((k, m)), -np.eye(k)]])
+        cross = np.vstack([cross, np.zeros((k, n))])
+    sizes = np.abs(gains) @ balanced_units(step)
+    sizes = np.where(sizes > 0.0, sizes, 1.0)
+    x = symbols_for([gradient], n)
+    scaled = symbols_for([gradient], len(gains))
+    a = ca.DM(sizes) * scaled
+    paid = ca.DM(price) @ a
+    crossed = ca.DM(cross) @ x
+    after = ca.DM(step.A) @ x + ca.DM(columns) @ a
+    valued = 0.5 * problem.discount * (ca.DM(columns).T @ gradient(after))
+    units = ca.DM(np.abs(np.diag(price)) * sizes)
+    slope = ca.densify((paid + crossed + valued) / units)
+    terms = (ca.fabs(paid) + ca.fabs(crossed) + ca.fabs(valued)) / units
+    left = ca.mmax(ca.fabs(slope)) / ca.fmax(ca.mmax(terms), sys.float_info.min)
+    options = {"max_iter": _STEPS, "error_on_fail": False}
+    root = ca.rootfinder("root", "newton", {"x": scaled, "p": x, "g": slope}, options)
+    state = ca.MX.sym("x", n)
+    found = root(x0=ca.DM(gains / sizes[:, None]) @ state, p=state)["x"]
+    is_found = ca.Function("left", [x, scaled], [left])(state, found) <= _LEFT
+    u = ca.DM(sizes[:m]) * found[:m]
+    return ca.Function("policy", [state], [ca.if_else(is_found, 1.0, math.nan) * u])

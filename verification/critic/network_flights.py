@@ -1,0 +1,422 @@
+"""Flights of a policy that is a nonlinear function of the state, in continuous time and in steps.
+
+What a flight finds is a lower bound of the largest cost, and of the smallest box from which a loop
+does not return.
+"""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Callable
+from typing import TYPE_CHECKING, NamedTuple, Protocol
+
+import casadi as ca
+import numpy as np
+
+from controller.critic.critic import Critic, symbols_for
+from controller.game.zero_sum import Game
+from controller.riccati.balancing import spectrum
+from hfa_support.native.bound import BoundFunction
+from hfa_support.reporting.checks import Check, at_most
+from verification.critic.critic_errors import Exact
+
+if TYPE_CHECKING:
+    from controller.riccati.discrete import DiscreteSolution
+    from verification.critic.about_trim import NonlinearPlant
+
+#: From how many starts a wide network is flown: a policy of it takes 2 to 20 ms.
+_WIDE_FLIGHTS = 2
+#: A flight ends when the exact loop has decayed to exp(-`DECAY`).
+DECAY = 5.0
+#: Steps of LSODA in a flight, at most, and steps of a discrete loop.
+STEPS = 1000
+_MOST_STEPS = 20_000
+#: A flight has returned where V* has come down to this part.
+RETURNED = 0.05
+#: From how many starts at most the largest box is sought, among 2^-`DOUBLINGS` ...
+#: 2^`DOUBLINGS` times the box.
+FEW = 6
+DOUBLINGS = 4
+#: Newton steps to a rest point, and its largest distance, in boxes.
+_NEWTON_STEPS = 30
+_FARTHEST_REST = 100.0
+
+Expression = Callable[[ca.SX], ca.SX]
+
+
+class Flown(NamedTuple):
+    """What flights of a network from the box showed; the names are those of the JSON.
+
+    flights: from how many starts; 0 where the linear loop is unstable.
+    cost_lost_flown_percent: beyond V*, at most.
+    cost_lost_flown_mean_percent: on average.
+    rest_point: (n,), where the linear loop comes to rest; None for nowhere.
+    reach: the largest multiple of the box from which it returns, on the linear plant.
+    reach_nonlinear: on the nonlinear plant; None without one.
+    reach_nonlinear_exact: there, of the exact policy.
+    """
+
+    flights: int = 0
+    cost_lost_flown_percent: float = math.inf
+    cost_lost_flown_mean_percent: float = math.inf
+    rest_point: np.ndarray | None = None
+    reach: float = 0.0
+    reach_nonlinear: float | None = None
+    reach_nonlinear_exact: float | None = None
+
+
+class Loop(Protocol):
+    """A plant under a policy."""
+
+    @property
+    def rest(self) -> np.ndarray | None:
+        """Where it comes to rest near z = 0, (n,); None for nowhere."""
+
+    def returned(self, start: np.ndarray) -> tuple[np.ndarray, float] | None:
+        """The end less the rest point, (n,), and the cost; None where V* about the rest point has
+        not come down."""
+
+
+class TimeAxis(Protocol):
+    """The plant of a critic, in continuous time or in steps: what a policy does on it.
+
+    With w = L* z, the worst disturbance of the exact policies, a policy u costs J - V* = the sum
+    over time of (u - u*)' `price` (u - u*).
+    """
+
+    @property
+    def price(self) -> np.ndarray:
+        """(m, m), of u - u*."""
+
+    def is_stable(self, K: np.ndarray) -> bool:
+        """Whether A - B K is stable."""
+
+    def remaining_cost(self, K: np.ndarray) -> np.ndarray | None:
+        """X (n, n): under w = L* z, u = -K z costs z'Xz more than V*; None where that loop is not
+        stable."""
+
+    def loop(self, policy: ca.Function, b: np.ndarray) -> Loop:
+        """Without disturbance."""
+
+    def worst_loop(self, policy: ca.Function, b: np.ndarray) -> Loop:
+        """Under w = L* z; its cost is that of u - u*, less what is left of it at rest."""
+
+
+class InTime:
+    """z' = A z + B u + E d, on which J - V* = ∫ (u - u*)'R (u - u*) dt."""
+
+    def __init__(self, game: Game, exact: Exact) -> None:
+        self._game = game
+        self._exact = exact
+        self._worst = game.A + game.E @ exact.disturbance_gain
+        #: Length of a flight, s.
+        self.duration = DECAY / abs(spectrum(game.A - game.B @ exact.K).abscissa)
+        self.price = game.R
+
+    def is_stable(self, K: np.ndarray) -> bool:
+        """Whether A - B K is Hurwitz."""
+        return bool(spectrum(self._game.A - self._game.B @ K).abscissa < 0.0)
+
+    def remaining_cost(self, K: np.ndarray) -> np.ndarray | None:
+        """X of F'X + X F + (K - K*)'R (K - K*) = 0, F = A + E L* - B K."""
+        from scipy.linalg import solve_continuous_lyapunov
+
+        linear = self._worst - self._game.B @ K
+        if spectrum(linear).abscissa >= 0.0:
+            return None
+        change = K - self._exact.K
+        return np.asarray(solve_continuous_lyapunov(linear.T, -change.T @ self.price @ change))
+
+    def loop(self, policy: ca.Function, b: np.ndarray) -> Loop:
+        """Without disturbance."""
+        z = symbols_for([policy], len(b))
+        rates = ca.DM(self._game.A) @ z + ca.DM(self._game.B) @ policy(z)
+        return _FlowLoop(z, rates, self._exact, self.duration, b)
+
+    def worst_loop(self, policy: ca.Function, b: np.ndarray) -> Loop:
+        """Under d = L* z."""
+        z = symbols_for([policy], len(b))
+        rates = ca.DM(self._worst) @ z + ca.DM(self._game.B) @ policy(z)
+        loop = _FlowLoop(z, rates, self._exact, self.duration, b)
+        if loop.rest is None:
+            return loop
+        return loop.with_cost(_cost_of(policy, self._exact.K, self.price, loop.rest))
+
+
+class InSteps:
+    """x⁺ = A x + B u + E w, on which J - V* = Σ αᵏ (u - u*)'(R + α B'P*B)(u - u*)."""
+
+    def __init__(self, exact: DiscreteSolution) -> None:
+        step = exact.game
+        self._exact = exact
+        self._worst = step.A + step.E @ exact.disturbance_gain
+        self.price = step.R + exact.discount * step.B.T @ exact.P @ step.B
+        decay = -math.log(min(max(exact.radius, 1e-3), 1.0 - 1e-12))
+        #: Steps of a flight.
+        self.steps = min(math.ceil(DECAY / decay), _MOST_STEPS)
+
+    def is_stable(self, K: np.ndarray) -> bool:
+        """Whether A - B K has its eigenvalues within the unit circle."""
+        return _radius(self._exact.game.A - self._exact.game.B @ K) < 1.0
+
+    def remaining_cost(self, K: np.ndarray) -> np.ndarray | None:
+        """X = α F'X F + (K - K*)'(R + α B'P*B)(K - K*), F = A + E L* - B K."""
+        from scipy.linalg import solve_discrete_lyapunov
+
+        moved = math.sqrt(self._exact.discount) * (self._worst - self._exact.game.B @ K)
+        if not np.isfinite(moved).all() or _radius(moved) >= 1.0:
+            return None
+        change = K - self._exact.K
+        return np.asarray(solve_discrete_lyapunov(moved.T, change.T @ self.price @ change))
+
+    def loop(self, policy: ca.Function, b: np.ndarray) -> Loop:
+        """Without disturbance."""
+        return self._loop_of(self._exact.game.A, policy, b, 0.0 * self.price)
+
+    def worst_loop(self, policy: ca.Function, b: np.ndarray) -> Loop:
+        """Under w = L* x."""
+        return self._loop_of(self._worst, policy, b, self.price)
+
+    def _loop_of(
+        self, A: np.ndarray, policy: ca.Function, b: np.ndarray, price: np.ndarray
+    ) -> Loop:
+        x = symbols_for([policy], len(b))
+        B = self._exact.game.B
+        after = ca.DM(A) @ x + ca.DM(B) @ policy(x)
+        rest = rest_point(x, after - x, b)
+        paid = type(x)(0.0)
+        if rest is not None:
+            paid = _cost_of(policy, self._exact.K, price, rest)(x)
+        by_exact = np.linalg.matrix_power(A - B @ self._exact.K, self.steps)
+        discount = self._exact.discount
+        return _StepLoop((x, after, paid), self._exact.P, (discount, self.steps), rest, by_exact)
+
+
+def _radius(matrix: np.ndarray) -> float:
+    return float(np.abs(np.linalg.eigvals(matrix)).max())
+
+
+def _cost_of(policy: ca.Function, K: np.ndarray, price: np.ndarray, rest: np.ndarray) -> Expression:
+    """z -> (u - u*)' price (u - u*), u - u* less its value at the rest point."""
+    at_rest = np.array(policy(rest)).ravel() + K @ rest
+
+    def cost(z: ca.SX) -> ca.SX:
+        away = policy(z) + ca.DM(K) @ z - ca.DM(at_rest)
+        return ca.bilin(ca.DM(price), away, away)
+
+    return cost
+
+
+class _FlowLoop:
+    """z' = rates(z) and cost' = running(z), CasADi expressions of z (n,), integrated by LSODA.
+
+    rest: where it comes to rest near z = 0, None for nowhere.
+    """
+
+    def __init__(self, z: ca.SX, rates: ca.SX, exact: Exact, time: float, b: np.ndarray) -> None:
+        self._z = z
+        self._rates = rates
+        self._P = exact.P
+        self._time = time
+        self.rest = rest_point(z, rates, b)
+        self._bound = self._slopes_of(0.0)
+
+    def with_cost(self, running: Expression) -> _FlowLoop:
+        """The same loop with a cost; running(z) is 0 at rest."""
+        self._bound = self._slopes_of(running(self._z))
+        return self
+
+    def _slopes_of(self, running: ca.SX | float) -> BoundFunction:
+        slopes = ca.densify(ca.vertcat(self._rates, running))
+        return BoundFunction(ca.Function("slopes", [self._z], [slopes]))
+
+    def _slopes(self, y: np.ndarray, _: float) -> np.ndarray:
+        self._bound.inputs[0][:] = y[:-1]
+        self._bound()
+        return self._bound.results[0]
+
+    def returned(self, start: np.ndarray) -> tuple[np.ndarray, float] | None:
+        """The end, less the rest point, and the cost; None where V* about the rest point has not
+        come down to `RETURNED`."""
+        from scipy.integrate import odeint
+
+        if self.rest is None:
+            return None
+        tolerances = {"rtol": 1e-7, "atol": 1e-9 * np.abs(start).max(), "mxstep": STEPS}
+        with (
+            np.errstate(all="ignore"),
+            warnings.catch_warnings(action="ignore"),
+        ):  # of LSODA, where it gives up
+            (_, end), outcome = odeint(
+                self._slopes,
+                np.append(start, 0.0),
+                [0.0, self._time],
+                full_output=True,
+                **tolerances,
+            )
+        if outcome["message"] != "Integration successful." or not np.all(np.isfinite(end)):
+            return None
+        z = end[:-1] - self.rest
+        begin = start - self.rest
+        if z @ self._P @ z > RETURNED * (begin @ self._P @ begin):
+            return None
+        return z, float(end[-1])
+
+
+class _StepLoop:
+    """x⁺ = after(x), which costs αᵏ paid(x) in step k.
+
+    expressions: x, after and paid, of CasADi.
+    P: (n, n), of V*.
+    sums: α, and the steps of a flight.
+    rest: where it comes to rest near x = 0; None for nowhere.
+    by_exact: (n, n), where the exact loop is after as many steps.
+    """
+
+    def __init__(
+        self,
+        expressions: tuple[ca.SX, ca.SX, ca.SX],
+        P: np.ndarray,
+        sums: tuple[float, int],
+        rest: np.ndarray | None,
+        by_exact: np.ndarray,
+    ) -> None:
+        x, after, paid = expressions
+        discount, steps = sums
+        cost = type(x).sym("cost", 2)  # the sum so far, and αᵏ
+        total = ca.vertcat(cost[0] + cost[1] * paid, discount * cost[1])
+        before = ca.vertcat(x, cost)
+        step = ca.Function("step", [before], [ca.densify(ca.vertcat(after, total))])
+        self._steps = step.fold(steps)
+        self._P = P
+        self._by_exact = by_exact
+        self.rest = rest
+
+    def returned(self, start: np.ndarray) -> tuple[np.ndarray, float] | None:
+        """The end less the rest point, and the cost.
+
+        None where V* about the rest point has come down neither to `RETURNED` nor to twice what
+        the exact policy leaves, which after the most steps may be more.
+        """
+        if self.rest is None:
+            return None
+        end = np.array(self._steps(np.concatenate([start, [0.0, 1.0]]))).ravel()
+        if not np.all(np.isfinite(end)):
+            return None
+        x = end[:-2] - self.rest
+        begin = start - self.rest
+        by_exact = self._by_exact @ begin
+        allowed = max(RETURNED * (begin @ self._P @ begin), 2.0 * (by_exact @ self._P @ by_exact))
+        if x @ self._P @ x > allowed:
+            return None
+        return x, float(end[-2])
+
+
+def rest_point(z: ca.SX, rates: ca.SX, b: np.ndarray) -> np.ndarray | None:
+    """z (n,) with rates(z) = 0 near 0, by Newton; None where there is none within
+    `_FARTHEST_REST` boxes."""
+    step = ca.Function("step", [z], [rates, ca.jacobian(rates, z)])
+    point = np.zeros(len(b))
+    for _ in range(_NEWTON_STEPS):
+        rate, jacobian = (np.array(part) for part in step(point))
+        if not (np.all(np.isfinite(rate)) and np.all(np.isfinite(jacobian))):
+            return None
+        try:
+            change = np.linalg.solve(jacobian, rate.ravel())
+        except np.linalg.LinAlgError:
+            return None
+        point = point - change
+        if np.any(np.abs(point) > _FARTHEST_REST * b):
+            return None
+        if np.all(np.abs(change) <= 1e-12 * b):
+            return point
+    return None
+
+
+def rest_check(rest: np.ndarray | None, b: np.ndarray, limit: float) -> Check:
+    """Whether the loop comes to rest at trim."""
+    if rest is None:
+        return at_most("rest_point", math.inf, limit, "no rest point near trim", kind="rest")
+    distance = float((np.abs(rest) / b).max())
+    reason = f"rests off trim ({distance:.2g} boxes)"
+    return at_most("rest_point", distance, limit, reason, kind="rest")
+
+
+def fly(
+    axis: TimeAxis,
+    critic: Critic,
+    exact: Exact,
+    b: np.ndarray,
+    flights: int,
+    plant: NonlinearPlant | None = None,
+) -> Flown:
+    """Fly a network from the box |z_i| <= b_i, if its linear loop is stable.
+
+    plant: of a critic in continuous time, on which it is flown too.
+    """
+    if not axis.is_stable(critic.K):
+        return Flown()
+    if critic.wide:
+        flights = min(flights, _WIDE_FLIGHTS)
+    losses = flown_losses(axis, critic, exact, b, flights)
+    few = min(FEW, flights)
+    loop = axis.loop(critic.policy, b)
+    reached = [_reach(loop, b, few)]
+    if plant is not None:
+        assert isinstance(axis, InTime)
+        z = critic.symbols
+        for policy in (critic.policy(z), -ca.DM(exact.K) @ z):
+            nonlinear = _FlowLoop(z, plant.closed(z, policy), exact, axis.duration, b)
+            reached.append(_reach(nonlinear, b, few))
+    return Flown(flights, float(losses.max()), float(losses.mean()), loop.rest, *reached)
+
+
+def flown_losses(
+    axis: TimeAxis, critic: Critic, exact: Exact, b: np.ndarray, flights: int
+) -> np.ndarray:
+    """Percent of V* that u(z) costs more than u* from each start in the box: (flights,); all inf
+    where it does not return from one.
+
+    It is flown under the worst disturbance of the exact policies (`TimeAxis`). What comes after the
+    end is that of the linear loop. A policy that rests off trim is judged by its way to the rest
+    point: its u - u* there is taken off.
+    """
+    remaining = axis.remaining_cost(critic.K)
+    if remaining is None:
+        return np.full(flights, math.inf)
+    loop = axis.worst_loop(critic.policy, b)
+    losses = []
+    for start in starts_in(b, flights):
+        end = loop.returned(start)
+        if end is None:
+            return np.full(flights, math.inf)
+        cost = end[1] + end[0] @ remaining @ end[0]
+        losses.append(max(100.0 * float(cost / (start @ exact.P @ start)), 0.0))
+    return np.array(losses)
+
+
+def starts_in(b: np.ndarray, count: int, seed: int = 1) -> np.ndarray:
+    """States of the box |z_i| <= b_i, every other one a corner: (count, n)."""
+    starts = np.random.default_rng(seed).uniform(-1.0, 1.0, (count, len(b)))
+    starts[::2] = np.sign(starts[::2])
+    return starts * b
+
+
+def _reach(loop: Loop, b: np.ndarray, few: int) -> float:
+    """The largest of 2^-k ... 2^k times the box, k = `DOUBLINGS`, such that a flight returns from
+    so few starts in it and in each smaller one tried; 0 for none."""
+
+    def returns(size: float) -> bool:
+        return all(loop.returned(start) is not None for start in size * starts_in(b, few))
+
+    size = 1.0
+    if returns(size):
+        while size < 2.0**DOUBLINGS and returns(2.0 * size):
+            size *= 2.0
+        return size
+    while size > 2.0**-DOUBLINGS:
+        size /= 2.0
+        if returns(size):
+            return size
+    return 0.0
