@@ -96,7 +96,7 @@ def _template(plan: MonteCarlo) -> Any:
     import xarray
 
     attributes_of_store = {
-        "schema": "hfa.monte-carlo-store/2",
+        "schema": "hfa.monte-carlo-store/3",
         "errors": list(errors),
         "left": list(limited_names(model, plan.scenario.moving_air)),
         "error_states": list(model.linear),

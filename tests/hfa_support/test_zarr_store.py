@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import json
 import os
+import pickle
 import shutil
 import signal
 import subprocess
@@ -234,3 +235,168 @@ def test_a_store_appears_whole_and_takes_no_folder_beside_it(
     assert [path.name for path in tmp_path.iterdir()] == [".a.zarr.my-backup-202612"]
     fill_store(row_job(), tmp_path / "a.zarr")
     assert {path.name for path in tmp_path.iterdir()} == {".a.zarr.my-backup-202612", "a.zarr"}
+
+
+# Stores from strangers.
+
+
+def change_metadata(path: Path, file: str, *changes: tuple[tuple[str | int, ...], Any]) -> None:
+    """Write other values at places of the JSON that describes a store or an array."""
+    content = json.loads((path / file).read_text())
+    for keys, value in changes:
+        holder = content
+        for key in keys[:-1]:
+            holder = holder[key]
+        holder[keys[-1]] = value
+    (path / file).write_text(json.dumps(content))
+
+
+OTHER_METADATA: dict[str, tuple[tuple[str | int, ...], Any]] = {
+    "byte order": (("codecs", 0, "configuration", "endian"), "big"),
+    "no checksum": (("codecs",), [{"name": "bytes", "configuration": {"endian": "little"}}]),
+    "a filter": (("codecs", 0), {"name": "numcodecs.pickle", "configuration": {}}),
+    "type": (("data_type",), "float32"),
+    "chunks": (("chunk_grid", "configuration", "chunk_shape"), [2, 2]),
+    "names of chunks": (("chunk_key_encoding",), {"name": "v2"}),
+    "fill value": (("fill_value",), 0.0),
+    "shape": (("shape",), [ROWS, 3]),
+    "axes": (("dimension_names",), ["row", "other"]),
+    "format": (("zarr_format",), 2),
+    "transformers": (("storage_transformers",), [{"name": "x"}]),
+    "no attributes": (("attributes",), None),
+}
+
+
+@pytest.mark.parametrize("what", OTHER_METADATA)
+def test_another_description_of_an_array_is_refused(path: Path, what: str) -> None:
+    """With "big" every number was read in the wrong byte order and none was missing."""
+    change_metadata(path, "square/zarr.json", OTHER_METADATA[what])
+    with pytest.raises(BadInputError, match="damaged or was made elsewhere"):
+        fill_store(row_job(), path, resume=True)
+
+
+def of_format_2(path: Path, job: RowJob) -> None:
+    """A store of Zarr's format 2 whose chunks are to be unpickled, with the job's attributes."""
+    path.mkdir()
+    (path / ".zgroup").write_text('{"zarr_format": 2}')
+    attributes = {**job.template.attrs, "toolchain": zarr_store.VERSION}
+    (path / ".zattrs").write_text(json.dumps(attributes))
+    (path / "square").mkdir()
+    description = {
+        "zarr_format": 2,
+        "shape": [ROWS, 2],
+        "chunks": [CHUNK, 2],
+        "dtype": "|O",
+        "fill_value": None,
+        "order": "C",
+        "compressor": None,
+        "filters": [{"id": "pickle", "protocol": 5}],
+    }
+    (path / "square" / ".zarray").write_text(json.dumps(description))
+    (path / "square" / "0.0").write_bytes(RUNS)
+
+
+class Runs:
+    """What makes a folder when it is unpickled."""
+
+    def __reduce__(self) -> tuple[Any, tuple[str]]:
+        return os.mkdir, ("code-was-run",)
+
+
+RUNS = pickle.dumps(Runs())
+
+
+def test_nothing_in_a_store_of_another_format_is_run(
+    path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    theirs = tmp_path / "theirs.zarr"
+    of_format_2(theirs, row_job())
+    with pytest.raises(BadInputError, match="is not a test store of this version"):
+        fill_store(row_job(), theirs, resume=True)
+    shutil.copy(path / "zarr.json", theirs)
+    with pytest.raises(BadInputError, match=r"\.zattrs' is not as this test makes it"):
+        fill_store(row_job(), theirs, resume=True)
+    shutil.copytree(theirs / "square", path / "more")
+    with pytest.raises(BadInputError, match="'more' is not as this test makes it"):
+        fill_store(row_job(), path, resume=True)
+    shutil.rmtree(path / "more")
+    shutil.copy(theirs / "square" / ".zarray", path / "square")
+    with pytest.raises(BadInputError, match=r"'square/\.zarray' is not as this test makes it"):
+        fill_store(row_job(), path, resume=True)
+    assert not (tmp_path / "code-was-run").exists()
+
+
+def test_a_link_out_of_a_store_is_refused(path: Path, tmp_path: Path) -> None:
+    (path / "square" / "c").rename(tmp_path / "elsewhere")
+    (path / "square" / "c").symlink_to(tmp_path / "elsewhere")
+    with pytest.raises(BadInputError, match="'square/c' is not as this test makes it"):
+        fill_store(row_job(), path, resume=True)
+
+
+@pytest.mark.parametrize("what", ["another job", "another chunk", "another array", "its checksum"])
+def test_a_chunk_that_is_of_something_else_is_computed_again(
+    made: Path, path: Path, tmp_path: Path, what: str
+) -> None:
+    """Whole chunks with a right CRC-32C."""
+    other = tmp_path / "other.zarr"
+    if what == "another job":
+        fill_store(row_job(seed=1, function=other_numbers), other)
+        for file in ("square/c/1/0", "empty/c/1", "pole/c/1", "checksum/c/1/0"):
+            shutil.copy(other / file, path / file)
+    elif what == "another chunk":
+        for file in ("square/c/{}/0", "empty/c/{}", "pole/c/{}", "checksum/c/{}/0"):
+            shutil.copy(path / file.format(0), path / file.format(1))
+    elif what == "another array":
+        shutil.copy(path / "square/c/0/0", path / "square/c/1/0")
+    else:
+        shutil.copy(path / "checksum/c/0/0", path / "checksum/c/1/0")
+    with pytest.warns(UserWarning, match="1 of 4 chunks were damaged"):
+        assert resumed(path) == [(3, 4), (4, 4)]
+    assert contents(path) == contents(made)
+
+
+def other_numbers(start: int, stop: int) -> Mapping[str, np.ndarray]:
+    return {name: 2.0 * values for name, values in numbers(start, stop).items()}
+
+
+def refusal(path: Path) -> str:
+    """Why the store is not continued; nothing is left to compute in one that is."""
+    try:
+        assert resumed(path) == []
+    except BadInputError as error:
+        return str(error)
+    return ""
+
+
+@pytest.mark.parametrize(
+    "count", [20, pytest.param(500, marks=[pytest.mark.slow])], ids=["some", "many"]
+)
+def test_random_changes_of_the_metadata_are_refused_in_one_line(
+    made: Path, path: Path, count: int
+) -> None:
+    """Bytes of any file that describes something: another byte, a part left out, JSON of another
+    kind."""
+    random = np.random.default_rng(8)
+    files = sorted(made.rglob("zarr.json"))
+    refused = 0
+    for _ in range(count):
+        file = files[int(random.integers(len(files)))]
+        own = file.read_bytes()
+        content = bytearray(own)
+        kind = int(random.integers(3))
+        at = int(random.integers(len(content)))
+        if kind == 0:
+            content[at] ^= 1 << int(random.integers(8))
+        elif kind == 1:
+            del content[at : at + int(random.integers(1, 40))]
+        else:
+            content = bytearray(random.choice([b"[]", b"null", b"{}", b"[" * 9000, b'"x"', b""]))
+        target = path / file.relative_to(made)
+        target.write_bytes(bytes(content))
+        reason = refusal(path)
+        assert "\n" not in reason
+        refused += bool(reason)
+        target.write_bytes(own)
+    assert refused > 0.8 * count
+    assert contents(path) == contents(made)

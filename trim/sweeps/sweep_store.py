@@ -95,7 +95,7 @@ def _template(plan: SweepPlan) -> Any:
         varied = {"long_name": "what is varied", "units": unit}
         coordinates[name] = array_of_rows((_POINT,), (plan.count,), np.nan, chunk, varied)
     attributes = {
-        "schema": "hfa.sweep-store/2",
+        "schema": "hfa.sweep-store/3",
         **plan.varied,
         "states": list(states),
         "state_units": list(model.units(states)),

@@ -387,7 +387,7 @@ def test_a_store_has_names_and_units(tmp_path: Path, parameters: Parameters) -> 
     counts = stored_sweep_report(plan, dataset, tmp_path).data["counts"]
     assert counts == {"missing": 0, "trimmed": 4, "beyond limits": 0, "no trim": 0}
     attributes = zarr.open_group(str(tmp_path / "a.zarr"), mode="r").attrs
-    assert (attributes["schema"], attributes["state_units"][0]) == ("hfa.sweep-store/2", "ft/s")
+    assert (attributes["schema"], attributes["state_units"][0]) == ("hfa.sweep-store/3", "ft/s")
     assert attributes["variables"] == ["dihedral", "speed"]
     assert attributes["variable_units"] == ["rad", "ft/s"]
     assert attributes["status"] == ["trimmed", "beyond limits", "no trim"]
