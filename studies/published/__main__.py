@@ -15,7 +15,7 @@ from hfa.output import ProgressLine
 from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.files import write_text
 from hfa_support.reporting.report import markdown_table
-from hfa_support.reporting.text import Table, columns
+from hfa_support.reporting.text import Table
 from verification import regenerate_all
 from verification.printed.printed_file import PrintedFile, load_printed
 from verification.printed.printed_verdict import check_printed
@@ -23,18 +23,12 @@ from verification.printed.printed_verdict import check_printed
 SOURCES = Path(__file__).parent / "sources"
 PAGE = Path(__file__).parents[2] / "docs" / "published.md"
 
-HEADER = ("file", "source", "plant", "printed", "verdict")
+HEADER = ("file", "verdict", "text", "plant")
 #: How the verdict begins where every digit is right.
 RIGHT = "as printed"
 _HEAD = """# Printed answers of others
 
-`python -m studies.published` judges answers that papers, manuals and repositories print beside
-their plant, and writes this page. Each row is a file of
-[studies/published/sources](../studies/published/sources), which names the text that was opened; its
-numbers are copied as they stand there. [Each verdict](critics.md#a-printed-answer) is about digits:
-that an answer belongs to another plant says nothing about how it came there.
-
-One file alone:
+Judge an answer that a paper, a manual or a repository prints beside its plant:
 
 ```console
 $ hfa verify --printed studies/published/sources/radp_suspension.toml
@@ -42,10 +36,12 @@ as printed: all 20 entries
 ...
 ```
 
-To add a row, copy a file of the folder and paste the numbers, digit by digit, of a text that is
-open in front of you. `source` says where it is: repository, path and commit, or address and date.
-`note` says what was worked out, such as entries of A from printed masses. Then run
-`python -m studies.published`. A text that prints an answer without its plant stays out.
+[Each verdict](critics.md#a-printed-answer) is about digits: that an answer belongs to another plant
+says nothing about how it came there. Each row is a file of
+[studies/published/sources](../studies/published/sources), which names the text that was opened
+(repository, path and commit, or address and date), what was worked out, and the numbers, digit by
+digit. `python -m studies.published` judges all files and writes this page. A text that prints an
+answer without its plant stays out.
 """
 
 
@@ -53,17 +49,15 @@ class Row(NamedTuple):
     """An answer judged.
 
     name: of its file
-    source: title, and where it is printed
-    plant: its time and its sizes
-    printed: the names of the blocks
     verdict: one line, its class before the colon
+    text: the title of the text that prints it
+    plant: its time, its numbers of states, inputs and disturbances
     """
 
     name: str
-    source: str
-    plant: str
-    printed: str
     verdict: str
+    text: str
+    plant: str
 
 
 def row_of(path: Path) -> Row:
@@ -75,10 +69,7 @@ def row_of(path: Path) -> Row:
         verdict = check_printed(path).report().title
     except NoSolutionError as error:
         verdict = f"no exact answer: {error}"
-    if file.note and not verdict.startswith(RIGHT):
-        verdict = f"{verdict} ({file.note})"
-    source = f"{file.title}; {file.source}"
-    return Row(path.stem, source, _plant_text(file), ", ".join(file.answer), verdict)
+    return Row(path.stem, verdict, file.title, _plant_text(file))
 
 
 def rows_of_the_paper() -> list[Row]:
@@ -91,11 +82,10 @@ def rows_of_the_paper() -> list[Row]:
         rows.append(
             Row(
                 name="`hfa regenerate`",
-                source=f"Zhang, Ma, Zhang, Wu 2026, flexible aircraft at {angle}; Section 5.1",
-                plant="continuous, 6 states, 5 inputs, 6 disturbances",
-                printed="A, B",
-                verdict=f"{right} of {len(errors)} entries as regenerated, the farthest"
+                verdict=f"{right} of {len(errors)} entries of A and B as regenerated, the farthest"
                 f" {max(errors):.2f} half units off; the paper prints no P, K or W",
+                text=f"Zhang, Ma, Zhang, Wu 2026, flexible aircraft at {angle}; Section 5.1",
+                plant="continuous 6, 5, 6",
             )
         )
     return rows
@@ -106,7 +96,11 @@ def page_of(rows: list[Row]) -> str:
     counts = Counter(row.verdict.partition(":")[0] for row in rows)
     others = [row for row in rows if not row.verdict.startswith(RIGHT)]
     right = [row for row in rows if row.verdict.startswith(RIGHT)]
-    parts = [_HEAD, markdown_table(Table(("verdict", "files"), counts.most_common()))]
+    parts = [
+        _HEAD,
+        markdown_table(Table(("verdict", "files"), counts.most_common())),
+        "\nPlant: numbers of states, inputs and disturbances.",
+    ]
     for title, group in (
         ("Not as printed", others),
         ("As printed", right),
@@ -120,13 +114,9 @@ def _plant_text(file: PrintedFile) -> str:
     plant = file.plant
     states, inputs = plant.B.shape
     disturbances = plant.E.shape[1]
-    parts = ["discrete" if plant.is_discrete else "continuous"]
-    for count, noun in ((states, "state"), (inputs, "input"), (disturbances, "disturbance")):
-        if count:
-            parts.append(f"{count} {noun}{'s' if count > 1 else ''}")
-    if plant.discount != 1.0:
-        parts.append(f"discount {plant.discount:g}")
-    return ", ".join(parts)
+    time = "discrete" if plant.is_discrete else "continuous"
+    text = f"{time} {states}, {inputs}, {disturbances}"
+    return text if plant.discount == 1.0 else f"{text}, discount {plant.discount:g}"
 
 
 def main() -> None:
@@ -139,8 +129,8 @@ def main() -> None:
         rows.append(row_of(path))
         progress(count, len(paths))
     write_text(PAGE, page_of(rows))
-    shown = [(row.name, row.plant, row.printed, row.verdict) for row in rows]
-    print(columns(("file", "plant", "printed", "verdict"), shown))
+    for row in rows:
+        print(f"{row.name}: {row.verdict}")
 
 
 if __name__ == "__main__":
